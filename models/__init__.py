@@ -1,0 +1,1 @@
+"""What exists: geometry, materials, hardware presets and scenarios. Imports nothing of ours."""
