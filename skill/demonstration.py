@@ -84,9 +84,7 @@ def validate_samples(samples: pd.DataFrame, where: str) -> None:
         raise ValueError(f"{where}: found {len(samples)} samples, expected at least 2")
     for column in COLUMNS:
         if not pd.api.types.is_numeric_dtype(samples[column]):
-            raise ValueError(
-                f"{where}: column '{column}' has type {samples[column].dtype}, expected numbers"
-            )
+            raise ValueError(f"{where}: column '{column}' has type {samples[column].dtype}, expected numbers")
         bad = np.flatnonzero(~np.isfinite(samples[column].to_numpy(dtype=float)))
         if bad.size:
             raise ValueError(
@@ -95,9 +93,7 @@ def validate_samples(samples: pd.DataFrame, where: str) -> None:
             )
     steps = np.diff(samples["time"].to_numpy(dtype=float))
     if np.any(steps <= 0):
-        raise ValueError(
-            f"{where}: column 'time' does not increase after row {int(np.argmax(steps <= 0))}"
-        )
+        raise ValueError(f"{where}: column 'time' does not increase after row {int(np.argmax(steps <= 0))}")
     axis = samples[["ax", "ay", "az"]].to_numpy(dtype=float)
     off = np.abs(np.linalg.norm(axis, axis=1) - 1.0)
     if off.max() > 1e-6:
@@ -132,9 +128,7 @@ def write_demonstration(demonstration: Demonstration, path: Path) -> None:
         "duration_s": demonstration.duration,
         **demonstration.metadata,
     }
-    table = pa.Table.from_pandas(
-        demonstration.samples[list(COLUMNS)].astype(float), preserve_index=False
-    )
+    table = pa.Table.from_pandas(demonstration.samples[list(COLUMNS)].astype(float), preserve_index=False)
     table = table.replace_schema_metadata(
         {**(table.schema.metadata or {}), b"demonstration": json.dumps(header).encode()}
     )
