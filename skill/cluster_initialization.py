@@ -1,0 +1,48 @@
+"""Where the competition starts: a first, too fine, partition of the samples."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.cluster import kmeans_plusplus
+
+from skill.expectation_maximization import CovariancePrior
+from skill.gaussian_components import Array, GaussianComponents
+
+PHASE_BINS = 25
+"""Slices of normalised time that start the competition when the phase of each sample is known."""
+
+
+def seed_centres(Z: Array, M: int, random_state: np.random.RandomState) -> Array:
+    """``M`` k-means++ seeds (M, d), not improved by k-means, which would flatten elongated clusters."""
+    centres, _ = kmeans_plusplus(Z, M, random_state=random_state)
+    return np.asarray(centres, dtype=float)
+
+
+def nearest_centre(Z: Array, centres: Array, block: int = 8192) -> NDArray[np.intp]:
+    """Index of the Euclidean-nearest centre of each sample, shape (N,)."""
+    labels = np.empty(len(Z), dtype=np.intp)
+    half_norms = 0.5 * np.einsum("md,md->m", centres, centres)
+    for start in range(0, len(Z), block):
+        labels[start : start + block] = np.argmin(half_norms - Z[start : start + block] @ centres.T, axis=1)
+    return labels
+
+
+def phase_bins(phase: Array, bins: int = PHASE_BINS) -> NDArray[np.intp]:
+    """Slice of normalised time of each sample: floor(bins * phase), phase in [0, 1]."""
+    return np.minimum((bins * phase).astype(np.intp), bins - 1)
+
+
+def components_of_partition(
+    Z: Array, labels: NDArray[np.intp], prior: CovariancePrior, *, evidence: float
+) -> GaussianComponents:
+    """One Gaussian for each label that occurs: share, mean and regularised covariance of its samples."""
+    _, labels = np.unique(labels, return_inverse=True)
+    counts = np.bincount(labels).astype(float)
+    order = np.argsort(labels, kind="stable")
+    members = np.split(order, np.cumsum(counts.astype(np.intp))[:-1])
+    means = np.stack([Z[rows].mean(axis=0) for rows in members])
+    covariances = np.stack(
+        [(Z[rows] - mean).T @ (Z[rows] - mean) / len(rows) for rows, mean in zip(members, means, strict=True)]
+    )
+    return GaussianComponents(counts / counts.sum(), means, prior.apply(covariances, evidence * counts))
