@@ -170,7 +170,8 @@ class RawFeatures(TransformerMixin, BaseEstimator):
         if measured.ndim != 2 or measured.shape[1] != len(MEASURED):
             raise ValueError(
                 f"{type(self).__name__}: measurements have shape {measured.shape},"
-                f" expected (n, {len(MEASURED)}): the columns {', '.join(MEASURED)}; reshape a single sample with X.reshape(1, -1)"
+                f" expected (n, {len(MEASURED)}): the columns {', '.join(MEASURED)};"
+                " reshape a single sample with X.reshape(1, -1)"
             )
         _require_finite(measured, MEASURED, type(self).__name__)
         return measured
