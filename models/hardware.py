@@ -1,0 +1,89 @@
+"""Hardware parameters, in SI units, each with its source; presets instead of blended numbers.
+
+Sources: [paper] the source paper; [driver] defaults published for the device in open haptics frameworks; [sheet] a
+manufacturer's published figure; [choice] chosen here for a plausible laboratory rig.
+"""
+
+
+import math
+from dataclasses import dataclass, field
+
+
+@dataclass
+class HapticDevice:
+    """A six-degree-of-freedom force-feedback device (defaults: the paper's PHANToM Premium 1.5)."""
+
+    name: str = "paper"
+    workspace_radius: float = 0.10  # in units of m [driver]
+    position_resolution: float = 0.03e-3  # in units of m [sheet]
+    angle_resolution: float = 5.0e-5  # in units of rad [choice]
+    peak_force: float = 22.0  # in units of N [paper]
+    sustained_force: float = 3.0  # in units of N [paper]
+    peak_torque: float = 0.670  # in units of N m [paper]
+    sustained_torque: float = 0.104  # in units of N m [paper]
+    thermal_time_constant: float = 10.0  # in units of s; the window of the sustained limit [choice]
+    servo_period: float = 1e-3  # in units of s [sheet]
+
+
+DEVICE_PRESETS: dict[str, HapticDevice] = {
+    "paper": HapticDevice(),
+    "premium_1_5_6dof": HapticDevice(
+        name="premium_1_5_6dof",
+        peak_force=4.0,  # [driver]
+        sustained_force=3.0,  # [paper]
+        peak_torque=0.188,  # [driver]
+        sustained_torque=0.104,  # [paper]
+    ),
+}
+
+
+@dataclass
+class StepperMotor:
+    """A hybrid stepper behind a reduction gear, seen at the gear's output; it holds like a magnetic spring."""
+
+    step_angle: float = math.radians(0.18)  # in units of rad [paper]
+    holding_torque: float = 2.0  # in units of N m, at the output [choice]
+    stiffness: float = 640.0  # in units of N m/rad; (pi/2) T_h / step, the magnetic spring at small angles
+    damping: float = 1.2  # in units of N m s/rad [choice]
+    reflected_inertia: float = 1.0e-3  # in units of kg m^2 [choice]
+    max_step_rate: float = 400.0  # in units of steps/s [choice]
+
+
+@dataclass
+class DcMotor:
+    """A small DC motor on a lead screw, under a speed loop with a current limit."""
+
+    resistance: float = 2.3  # in units of ohm [choice]
+    inductance: float = 0.24e-3  # in units of H [choice]
+    torque_constant: float = 0.0235  # in units of N m/A, and V s/rad [choice]
+    rotor_inertia: float = 1.0e-6  # in units of kg m^2 [choice]
+    viscous_friction: float = 2.0e-6  # in units of N m s/rad [choice]
+    coulomb_friction: float = 1.0e-3  # in units of N m [choice]
+    screw_lead: float = 5.0e-3  # in units of m/turn [choice]
+    screw_efficiency: float = 0.85  # forward, ball screw [choice]
+    supply_voltage: float = 12.0  # in units of V [choice]
+    current_limit: float = 1.0  # in units of A [choice]
+    speed_kp: float = 0.05  # in units of V s/rad [choice]
+    speed_ki: float = 2.0  # in units of V/rad [choice]
+
+    @property
+    def ratio(self) -> float:
+        """Motor angle over carriage travel, in rad/m."""
+        return 2.0 * math.pi / self.screw_lead
+
+
+@dataclass
+class WrenchSensor:
+    """A six-axis force/torque sensor of the Mini45 class."""
+
+    force_range: list[float] = field(default_factory=lambda: [145.0, 145.0, 290.0])  # N [sheet]
+    torque_range: list[float] = field(default_factory=lambda: [5.0, 5.0, 5.0])  # N m [sheet]
+    force_noise: list[float] = field(default_factory=lambda: [0.02, 0.02, 0.05])  # N, one sigma [sheet]
+    torque_noise: list[float] = field(default_factory=lambda: [5e-4, 5e-4, 5e-4])  # N m [sheet]
+    force_bias: float = 0.05  # in units of N; sigma of what is left after taring [choice]
+    torque_bias: float = 1e-3  # in units of N m; sigma of what is left after taring [choice]
+    force_quantum: float = 1.0 / 16.0  # in units of N [sheet]
+    torque_quantum: float = 1.0 / 752.0  # in units of N m [sheet]
+    bandwidth: float = 100.0  # in units of Hz; first-order low-pass [choice]
+    period: float = 1e-3  # in units of s [choice]
+    height: float = 0.080  # in units of m; from the peg's tip to the sensor [choice]

@@ -1,0 +1,320 @@
+"""The one configuration tree: what a YAML file may say, in SI units.
+
+A scenario with ranges is *resolved* by a seed into a concrete one, which is stored beside every result, so that any
+demonstration or rig trial can be made again from its own record.
+"""
+
+
+import copy
+import math
+from dataclasses import dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+
+from models.bore import facet_sagitta, minimum_facets
+from models.hardware import DEVICE_PRESETS, DcMotor, StepperMotor, WrenchSensor
+
+SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
+
+
+@dataclass
+class Geometry:
+    """The peg and the hole, and how finely they are meshed."""
+
+    peg_radius: float = 0.010  # in units of m
+    peg_length: float = 0.060  # in units of m
+    hole_radius: float = 0.01005  # in units of m
+    hole_depth: float = 0.025  # in units of m
+    chamfer: float = 0.0005  # in units of m, at 45 degrees
+    facets: int = 64  # of the bore and of the peg
+    block_radius: float = 0.030  # in units of m
+    floor: float = 0.010  # in units of m, below the bore
+
+    @property
+    def clearance(self) -> float:
+        """Radial clearance R - r, in m."""
+        return self.hole_radius - self.peg_radius
+
+
+@dataclass
+class Contact:
+    """The hydroelastic contact model."""
+
+    time_step: float = 1e-3  # in units of s
+    modulus: float = 1e9  # in units of Pa, of the compliant peg
+    dissipation: float = 1.0  # in units of s/m, Hunt-Crossley
+    friction: float = 0.2
+    approximation: str = "lagged"
+
+
+@dataclass
+class Start:
+    """Where the peg starts; the tilt is drawn from the range unless it is given."""
+
+    height: float = 0.003  # in units of m, of the tip above the mouth
+    tilt_range: float = math.radians(3.4)  # in units of rad, uniform on each axis
+    offset_range: float = 0.0  # in units of m, uniform on each axis; felt in the `free` fixture only
+    tilt: list[float] | None = None  # in units of rad, about x and y of the hole
+    offset: list[float] | None = None  # in units of m, along x and y of the hole
+
+
+@dataclass
+class Coupling:
+    """The virtual coupling between probe and peg, and the stiff guide of the virtual fixture."""
+
+    stiffness: float = 2000.0  # in units of N/m
+    damping: float = 60.0  # in units of N s/m
+    angular_stiffness: float = 300.0  # in units of N m/rad
+    angular_damping: float = 1.7  # in units of N m s/rad
+    guide_stiffness: float = 5.0e4  # in units of N/m
+    guide_damping: float = 200.0  # in units of N s/m
+    peg_mass: float = 1.0  # in units of kg, of the virtual peg
+    peg_inertia: float = 5.0e-3  # in units of kg m^2, about its tip
+    force_scale: float = 0.4  # rendered over virtual force
+    torque_scale: float = 0.02  # rendered over virtual torque
+
+
+@dataclass
+class Operator:
+    """The simulated person; ranges of personal parameters are drawn by `resolve_scenario`."""
+
+    habit: str = "expert"  # see HABITS
+    sight_delay: float = 0.16  # in units of s
+    sight_noise: float = math.radians(0.15)  # in units of rad, one sigma
+    sight_bias: list[float] | None = None  # in units of rad; drawn from sight_bias_sigma unless given
+    sight_bias_sigma: float = math.radians(0.25)  # in units of rad
+    dead_zone: float = math.radians(0.1)  # in units of rad; seen tilts below it are let be
+    align_gain: float = 1.2  # in units of 1/s, turning rate over seen tilt
+    align_rate: float = math.radians(3.0)  # in units of rad/s, fastest turn
+    touch_gain: float = 3.0  # in units of rad/s per N m of felt moment
+    insertion_speed: float = 0.018  # in units of m/s, unhindered
+    comfortable_force: float = 3.5  # in units of N, felt; the speed falls to zero at this push
+    patience: float = 1e9  # in units of s of hindered pushing, after which the peg is pulled out again
+    decision_period: float = 0.02  # in units of s
+    tremor: float = 0.02e-3  # in units of m, amplitude along the axis
+    tremor_angle: float = math.radians(0.01)  # in units of rad, amplitude
+    tremor_frequency: float = 9.0  # in units of Hz
+    personal_spread: float = 0.15  # one sigma of the logarithm of the factor on gains, speed, force and delay
+
+
+@dataclass
+class Recorder:
+    """How a demonstration is sampled, and when it ends."""
+
+    period: float = 0.02  # in units of s
+    time_limit: float = 12.0  # in units of s
+    rough_force: float = 60.0  # in units of N; more lateral force makes a demonstration a bad one
+
+
+@dataclass
+class Rig:
+    """The 3-DOF rig's mechanics."""
+
+    pivot_height: float = 0.0  # in units of m, of the gimbal's axes above the mouth (negative: below)
+    carriage_friction: float = 5.0  # in units of N s/m
+
+
+@dataclass
+class Controller:
+    """The on-line estimator and controller, and the guards round them."""
+
+    period: float = 0.02  # in units of s
+    gain: float = 1.0  # on the learnt corrections
+    max_turn_rate: float = math.radians(12.0)  # in units of rad/s
+    max_feed_speed: float = 0.030  # in units of m/s
+    force_limit: float = 60.0  # in units of N, any direction; above it the peg is backed off
+    retract_speed: float = 0.010  # in units of m/s
+    belief_memory: float = 0.7  # how much of the state's last probability survives one period
+
+
+@dataclass
+class Trial:
+    """When a rig trial ends."""
+
+    time_limit: float = 10.0  # in units of s
+    full_depth_margin: float = 0.3e-3  # in units of m, short of the bottom of the bore
+
+
+@dataclass
+class Scenario:
+    """Everything that decides a run."""
+
+    seed: int = 0
+    geometry: Geometry = field(default_factory=Geometry)
+    contact: Contact = field(default_factory=Contact)
+    start: Start = field(default_factory=Start)
+    device: str = "paper"
+    coupling: Coupling = field(default_factory=Coupling)
+    fixture: str = "rig"
+    operator: Operator = field(default_factory=Operator)
+    recorder: Recorder = field(default_factory=Recorder)
+    rig: Rig = field(default_factory=Rig)
+    stepper: StepperMotor = field(default_factory=StepperMotor)
+    feed: DcMotor = field(default_factory=DcMotor)
+    sensor: WrenchSensor = field(default_factory=WrenchSensor)
+    controller: Controller = field(default_factory=Controller)
+    trial: Trial = field(default_factory=Trial)
+
+    @property
+    def full_depth(self) -> float:
+        """Depth in m at which the peg counts as inserted."""
+        return self.geometry.hole_depth - self.trial.full_depth_margin
+
+
+FIXTURES = ("free", "rig", "axial")
+HABITS: dict[str, dict[str, float]] = {
+    # A habit multiplies personal parameters; the bad ones fail, or are rough, for the reason their name says.
+    "expert": {},
+    "novice": {"sight_bias_sigma": 1.6, "align_gain": 0.7, "insertion_speed": 0.7},
+    "blind": {"align_gain": 0.0, "touch_gain": 0.0, "comfortable_force": 1.5},
+    "slams": {"insertion_speed": 3.0, "comfortable_force": 5.0, "touch_gain": 0.3},
+    "gives_up": {"align_gain": 0.15, "touch_gain": 0.0, "patience": 1e-9},
+    "overcorrects": {"align_gain": 6.0, "align_rate": 4.0, "sight_delay": 2.0, "touch_gain": 0.0},
+}
+"""Factors on the operator's parameters, by habit."""
+
+
+def load_scenario(name: str | Path = "nominal") -> Scenario:
+    """Reads a scenario: the name of one in ``models/scenarios``, or the path of a YAML file.
+
+    Raises:
+        ValueError: naming the file and the fault (unknown key, wrong type, impossible geometry).
+    """
+    path = Path(name)
+    if path.suffix != ".yaml":
+        path = SCENARIO_FOLDER / f"{name}.yaml"
+    if not path.is_file():
+        known = sorted(p.stem for p in SCENARIO_FOLDER.glob("*.yaml"))
+        raise ValueError(f"scenario {path}: no such file; expected a YAML file or one of {known}")
+    try:
+        scenario = yaml_load_typed(schema=Scenario, filename=str(path), defaults=Scenario())
+    except Exception as error:  # Drake raises several kinds, none of which names the file
+        raise ValueError(f"scenario {path}: {error}") from error
+    validate_scenario(scenario, str(path))
+    return scenario
+
+
+def dump_scenario(scenario: Scenario) -> str:
+    """The whole tree as YAML text."""
+    return str(yaml_dump_typed(scenario, schema=Scenario))
+
+
+def parse_scenario(text: str, where: str) -> Scenario:
+    """Reads back what `dump_scenario` wrote; ``where`` names the source in errors."""
+    try:
+        scenario: Scenario = yaml_load_typed(schema=Scenario, data=text, defaults=Scenario())
+    except Exception as error:
+        raise ValueError(f"{where}: {error}") from error
+    validate_scenario(scenario, where)
+    return scenario
+
+
+def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
+    """Raises a ValueError that names ``where``, the field, what was found and what was expected."""
+    _require_finite(scenario, where)
+    g = scenario.geometry
+
+    def require(condition: bool, name: str, found: Any, expected: str) -> None:
+        if not condition:
+            raise ValueError(f"{where}: {name} is {found}, expected {expected}")
+
+    require(g.peg_radius > 0, "geometry.peg_radius", f"{g.peg_radius} m", "> 0")
+    require(
+        g.clearance > 0,
+        "geometry clearance (hole_radius - peg_radius)",
+        f"{1e3 * g.clearance:.4g} mm",
+        "> 0: the hole must be wider than the peg",
+    )
+    require(
+        0 <= g.chamfer < g.hole_depth, "geometry.chamfer", f"{g.chamfer} m", "at least 0 and below hole_depth"
+    )
+    require(
+        g.peg_length > g.hole_depth, "geometry.peg_length", f"{g.peg_length} m", f"> hole_depth {g.hole_depth}"
+    )
+    require(
+        g.block_radius > g.hole_radius + g.chamfer,
+        "geometry.block_radius",
+        f"{g.block_radius} m",
+        "> hole_radius + chamfer",
+    )
+    require(g.floor > 0, "geometry.floor", f"{g.floor} m", "> 0")
+    needed = minimum_facets(g.hole_radius, g.clearance)
+    sagitta = facet_sagitta(g.hole_radius, max(g.facets, 3))
+    require(
+        g.facets >= needed,
+        "geometry.facets",
+        f"{g.facets} (sagitta {1e6 * sagitta:.1f} um)",
+        f"at least {needed}, so that the sagitta is below a quarter of the clearance"
+        f" ({1e6 * g.clearance / 4:.1f} um)",
+    )
+    require(scenario.contact.time_step > 0, "contact.time_step", scenario.contact.time_step, "> 0")
+    require(scenario.contact.friction >= 0, "contact.friction", scenario.contact.friction, ">= 0")
+    require(scenario.contact.modulus > 0, "contact.modulus", scenario.contact.modulus, "> 0")
+    require(
+        scenario.device in DEVICE_PRESETS, "device", repr(scenario.device), f"one of {sorted(DEVICE_PRESETS)}"
+    )
+    require(scenario.fixture in FIXTURES, "fixture", repr(scenario.fixture), f"one of {FIXTURES}")
+    require(
+        scenario.operator.habit in HABITS, "operator.habit", repr(scenario.operator.habit), f"one of {sorted(HABITS)}"
+    )
+    largest = math.acos(min(1.0, g.peg_radius / g.hole_radius))
+    for name, value in zip("xy", scenario.start.tilt or [], strict=False):
+        require(
+            abs(value) < largest,
+            f"start.tilt about {name}",
+            f"{math.degrees(value):.3g} deg",
+            f"below {math.degrees(largest):.3g} deg, the largest tilt at which this peg enters this hole",
+        )
+    step, period = scenario.contact.time_step, scenario.recorder.period
+    for name, value in (("recorder.period", period), ("controller.period", scenario.controller.period)):
+        require(
+            value > 0 and abs(value / step - round(value / step)) < 1e-6,
+            name,
+            f"{value} s",
+            f"a multiple of contact.time_step {step} s",
+        )
+
+
+def _require_finite(node: Any, where: str, path: str = "") -> None:
+    for f in fields(node):
+        value, name = getattr(node, f.name), f"{path}{f.name}"
+        if is_dataclass(value):
+            _require_finite(value, where, f"{name}.")
+            continue
+        for number in value if isinstance(value, list) else [value]:
+            if isinstance(number, float) and not math.isfinite(number):
+                raise ValueError(f"{where}: {name} is {number}, expected a finite number")
+
+
+DEMONSTRATION_STREAM, TRIAL_STREAM = 1, 2
+
+
+def resolve_scenario(scenario: Scenario, *, seed: int, stream: int) -> Scenario:
+    """Draws every range of ``scenario`` with ``seed``: the start, and the operator's person.
+
+    Args:
+        scenario: with ranges; it is not changed.
+        seed: any non-negative integer.
+        stream: `DEMONSTRATION_STREAM` or `TRIAL_STREAM`; equal seeds in different streams share no draw.
+    """
+    rng = np.random.default_rng([stream, seed])
+    resolved = copy.deepcopy(scenario)
+    resolved.seed = int(np.random.SeedSequence([stream, seed]).generate_state(1)[0] >> 1)
+    start, person = resolved.start, resolved.operator
+    tilt = rng.uniform(-1.0, 1.0, 2) * start.tilt_range
+    offset = rng.uniform(-1.0, 1.0, 2) * start.offset_range
+    start.tilt = [float(v) for v in tilt] if start.tilt is None else start.tilt
+    start.offset = [float(v) for v in offset] if start.offset is None else start.offset
+    for name, factor in HABITS[person.habit].items():
+        setattr(person, name, getattr(person, name) * factor)
+    bias = rng.normal(0.0, 1.0, 2) * person.sight_bias_sigma
+    person.sight_bias = [float(v) for v in bias] if person.sight_bias is None else person.sight_bias
+    for name in ("align_gain", "align_rate", "insertion_speed", "comfortable_force", "sight_delay", "touch_gain"):
+        own = float(np.exp(person.personal_spread * rng.normal()))
+        setattr(person, name, getattr(person, name) * own)
+    person.personal_spread = 0.0
+    validate_scenario(resolved, f"scenario resolved with seed {seed}")
+    return resolved

@@ -1,0 +1,179 @@
+"""The hydroelastic plant of either scene: a compliant peg, a rigid bore, and what carries them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    Cylinder,
+    InMemoryMesh,
+    Mesh,
+    ProximityProperties,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    PdControllerGains,
+    RigidBody,
+    SpatialInertia,
+    UnitInertia,
+    WeldJoint,
+)
+from pydrake.systems.framework import DiagramBuilder
+
+import models
+from models.bore import make_bore
+from models.scenario import Geometry, Scenario
+
+STEEL = 7850.0  # in units of kg/m^3
+ALUMINIUM = 2700.0  # in units of kg/m^3
+PEG_COLOUR = np.array([0.93, 0.60, 0.22, 1.0])
+BLOCK_COLOUR = np.array([0.62, 0.66, 0.70, 1.0])
+CUT_FRACTION = 0.25  # of the ring left out of the block's picture, so that the bore can be seen
+
+
+@dataclass(frozen=True)
+class ContactPlant:
+    """A finalised plant and the parts of it that others ask for."""
+
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    peg: RigidBody
+    block: RigidBody
+
+
+def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
+    """A free peg of the coupling's virtual mass, its centre of mass at the tip, over a fixed block; no gravity."""
+    plant, scene_graph = _add_plant(builder, scenario)
+    coupling = scenario.coupling
+    radius = math.sqrt(2.5 * coupling.peg_inertia / coupling.peg_mass)  # a sphere with this inertia
+    peg = plant.AddRigidBody(
+        "peg",
+        plant.AddModelInstance("peg"),
+        SpatialInertia(coupling.peg_mass, np.zeros(3), UnitInertia.SolidSphere(radius)),
+    )
+    block = plant.AddRigidBody("block", plant.AddModelInstance("hole"), _block_inertia(scenario.geometry))
+    plant.WeldFrames(plant.world_frame(), block.body_frame())
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    return _finish(plant, scene_graph, scenario, peg, block)
+
+
+def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
+    """The rig: a carriage on a screw, sensor and peg; a gimbal of two stepper axes and the block."""
+    plant, scene_graph = _add_plant(builder, scenario)
+    parser = Parser(plant)
+    folder = Path(models.__file__).parent
+    parser.package_map().AddPackageXml(str(folder / "package.xml"))
+    parser.AddModelsFromUrl("package://haptic_skill_models/rig.sdf")
+    feed, gimbal = plant.GetModelInstanceByName("feed"), plant.GetModelInstanceByName("gimbal")
+    g = scenario.geometry
+
+    peg = plant.AddRigidBody("peg", feed, _cylinder_inertia(STEEL, g.peg_radius, 0.0, g.peg_length))
+    carriage = plant.GetBodyByName("carriage", feed)
+    mount = plant.AddFrame(
+        FixedOffsetFrame("sensor_mount", peg.body_frame(), RigidTransform([0, 0, scenario.sensor.height]))
+    )
+    # The reaction of this weld, at the mount, is what the force/torque sensor feels.
+    plant.AddJoint(WeldJoint("sensor", carriage.body_frame(), mount, RigidTransform()))
+
+    pivot = RigidTransform([0.0, 0.0, scenario.rig.pivot_height])
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base", gimbal), pivot)
+    block = plant.AddRigidBody("block", gimbal, _block_inertia(g))
+    plant.WeldFrames(plant.GetFrameByName("yaw_ring", gimbal), block.body_frame(), pivot.inverse())
+
+    stepper = scenario.stepper
+    for name in ("pitch", "yaw"):
+        joint = plant.GetJointByName(name, gimbal)
+        axis = plant.AddJointActuator(name, joint, stepper.holding_torque)
+        axis.set_default_rotor_inertia(stepper.reflected_inertia)
+        axis.set_default_gear_ratio(1.0)
+        axis.set_controller_gains(PdControllerGains(p=stepper.stiffness, d=stepper.damping))
+    joint = plant.GetJointByName("feed", feed)
+    joint.set_default_damping(scenario.rig.carriage_friction)
+    screw = plant.AddJointActuator("feed", joint)
+    screw.set_default_rotor_inertia(scenario.feed.rotor_inertia)
+    screw.set_default_gear_ratio(scenario.feed.ratio)
+    return _finish(plant, scene_graph, scenario, peg, block)
+
+
+def _add_plant(builder: DiagramBuilder, scenario: Scenario) -> tuple[MultibodyPlant, SceneGraph]:
+    # Strict hydroelastic contact: the default falls back to point contact, in which the bore is its convex hull.
+    config = MultibodyPlantConfig(
+        time_step=scenario.contact.time_step,
+        contact_model="hydroelastic",
+        discrete_contact_approximation=scenario.contact.approximation,
+    )
+    plant, scene_graph = AddMultibodyPlant(config, builder)
+    return plant, scene_graph
+
+
+def _cylinder_inertia(density: float, radius: float, bottom: float, top: float) -> SpatialInertia:
+    """Of a solid cylinder along z, about the body's origin."""
+    length = top - bottom
+    mass = density * math.pi * radius**2 * length
+    centre = np.array([0.0, 0.0, 0.5 * (bottom + top)])
+    central = SpatialInertia(mass, np.zeros(3), UnitInertia.SolidCylinder(radius, length, [0, 0, 1]))
+    return central.Shift(-centre)
+
+
+def _block_inertia(g: Geometry) -> SpatialInertia:
+    return _cylinder_inertia(ALUMINIUM, g.block_radius, -g.hole_depth - g.floor, 0.0)
+
+
+def _finish(
+    plant: MultibodyPlant, scene_graph: SceneGraph, scenario: Scenario, peg: RigidBody, block: RigidBody
+) -> ContactPlant:
+    g, contact = scenario.geometry, scenario.contact
+    friction = CoulombFriction(contact.friction, contact.friction)
+
+    rigid = ProximityProperties()
+    AddRigidHydroelasticProperties(rigid)
+    AddContactMaterial(friction=friction, properties=rigid)
+    plant.RegisterCollisionGeometry(block, RigidTransform(), _bore_mesh(g, None), "bore", rigid)
+
+    compliant = ProximityProperties()
+    # Drake cuts a cylinder into ceil(2 pi r / hint) facets; the factor guards against rounding up to one more.
+    hint = 2.0 * math.pi * g.peg_radius / g.facets * (1.0 + 1e-6)
+    AddCompliantHydroelasticProperties(
+        resolution_hint=hint, hydroelastic_modulus=contact.modulus, properties=compliant
+    )
+    AddContactMaterial(dissipation=contact.dissipation, friction=friction, properties=compliant)
+    X_PC = RigidTransform([0.0, 0.0, 0.5 * g.peg_length])
+    shape = Cylinder(g.peg_radius, g.peg_length)
+    plant.RegisterCollisionGeometry(peg, X_PC, shape, "peg", compliant)
+
+    plant.RegisterVisualGeometry(peg, X_PC, shape, "peg_picture", PEG_COLOUR)
+    kept = (0, round(g.facets * (1.0 - CUT_FRACTION)))
+    plant.RegisterVisualGeometry(
+        block, RigidTransform(), _bore_mesh(g, kept), "block_picture", BLOCK_COLOUR
+    )
+    plant.Finalize()
+    return ContactPlant(plant, scene_graph, peg, block)
+
+
+def _bore_mesh(g: Geometry, sector: tuple[int, int] | None) -> Mesh:
+    mesh = make_bore(
+        radius=g.hole_radius,
+        depth=g.hole_depth,
+        chamfer=g.chamfer,
+        facets=g.facets,
+        block_radius=g.block_radius,
+        floor=g.floor,
+        sector=sector,
+    )
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(mesh.to_obj(), ".obj", "bore.obj")))

@@ -1,0 +1,58 @@
+"""One demonstration: build the virtual environment, simulate it, judge and return what was recorded."""
+
+from __future__ import annotations
+
+import importlib.metadata
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, EventStatus
+
+from models.scenario import Scenario, dump_scenario
+from skill.demonstration import Demonstration
+from systems.demonstration_recorder import DemonstrationRecorder
+from systems.virtual_environment import MakeVirtualEnvironment
+
+
+def versions() -> dict[str, str]:
+    """Of everything that a result depends on."""
+    return {name: importlib.metadata.version(name) for name in ("haptic-skill", "drake", "numpy")}
+
+
+def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Demonstration:
+    """Simulates a resolved scenario until the peg is in, the operator gives up, or the time is over."""
+    environment = MakeVirtualEnvironment(scenario, meshcat=meshcat)
+    simulator = Simulator(environment.diagram)
+    environment.set_start(simulator.get_mutable_context())
+    full_depth = scenario.full_depth
+    withdrawn = 2.0 * scenario.start.height
+
+    def monitor(context: Context) -> EventStatus:
+        height = environment.peg_pose(context).translation()[2]
+        if not np.isfinite(height):
+            return EventStatus.ReachedTermination(environment.diagram, "diverged")
+        if -height >= full_depth:
+            return EventStatus.ReachedTermination(environment.diagram, "inserted")
+        if height > withdrawn:
+            return EventStatus.ReachedTermination(environment.diagram, "given up")
+        return EventStatus.DidNothing()
+
+    simulator.set_monitor(monitor)
+    status = simulator.AdvanceTo(scenario.recorder.time_limit)
+    samples = DemonstrationRecorder.samples(environment.log, simulator.get_context())
+    outcome = status.message() if status.system() is not None else "time over"
+    lateral = float(np.hypot(samples["fx"], samples["fy"]).max())
+    if outcome == "inserted" and lateral > scenario.recorder.rough_force:
+        outcome = "inserted roughly"
+    return Demonstration(
+        samples=samples,
+        good=outcome == "inserted",
+        outcome=outcome,
+        metadata={
+            "seed": scenario.seed,
+            "habit": scenario.operator.habit,
+            "scenario": dump_scenario(scenario),
+            "versions": versions(),
+        },
+    )

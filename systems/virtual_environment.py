@@ -1,0 +1,114 @@
+"""The virtual environment: operator, haptic device, virtual coupling, peg and hole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import VectorLogSink
+
+from models.hardware import DEVICE_PRESETS
+from models.scenario import Scenario
+from systems.body_pose import BodyPose
+from systems.contact_plant import AddVirtualPlant, ContactPlant
+from systems.demonstration_recorder import DemonstrationRecorder
+from systems.haptic_device import HapticDevice
+from systems.haptic_proxy import HapticProxy
+from systems.rotation import from_rotation_vector
+from systems.simulated_operator import SimulatedOperator
+from systems.virtual_fixture import MakeFixture, VirtualFixture
+from systems.visualization import AddVisualization
+
+
+@dataclass(frozen=True)
+class VirtualEnvironment:
+    """A built diagram and the parts that a run reads."""
+
+    diagram: Diagram
+    contact: ContactPlant
+    log: VectorLogSink
+    X_HP_start: RigidTransform
+
+    def set_start(self, context: Context) -> None:
+        """Puts the peg at the scenario's start; ``context`` is the diagram's."""
+        plant = self.contact.plant
+        plant.SetFreeBodyPose(plant.GetMyMutableContextFromRoot(context), self.contact.peg, self.X_HP_start)
+
+    def peg_pose(self, context: Context) -> RigidTransform:
+        """X_HP in the diagram's ``context``."""
+        plant = self.contact.plant
+        return self.contact.peg.EvalPoseInWorld(plant.GetMyContextFromRoot(context))
+
+
+def start_pose(scenario: Scenario) -> RigidTransform:
+    """X_HP of a resolved scenario's start: the tilted axis passes the mouth's centre at the scenario's offset."""
+    tilt, offset = scenario.start.tilt, scenario.start.offset
+    if tilt is None or offset is None:
+        raise ValueError("scenario.start is not resolved: tilt or offset is missing; use resolve_scenario first")
+    R_HP = from_rotation_vector(np.array([*tilt, 0.0]))
+    return RigidTransform(R_HP, np.array([*offset, 0.0]) + scenario.start.height * R_HP.col(2))
+
+
+def MakeVirtualEnvironment(
+    scenario: Scenario, *, fixture: VirtualFixture | None = None, meshcat: Meshcat | None = None
+) -> VirtualEnvironment:
+    """Builds the diagram of a resolved scenario; it simulates nothing.
+
+    Args:
+        scenario: resolved (see `resolve_scenario`).
+        fixture: a user's own; by default the one that the scenario names.
+        meshcat: where to draw; None draws nothing.
+    """
+    builder = DiagramBuilder()
+    contact = AddVirtualPlant(builder, scenario)
+    plant, peg = contact.plant, contact.peg
+    X_HP_start = start_pose(scenario)
+    start = scenario.start
+    operator = builder.AddNamedSystem(
+        "operator",
+        SimulatedOperator(
+            operator=scenario.operator,
+            seed=scenario.seed,
+            start_height=start.height,
+            tilt=start.tilt or [0.0, 0.0],
+            offset=start.offset or [0.0, 0.0],
+        ),
+    )
+    device = builder.AddNamedSystem(
+        "haptic_device", HapticDevice(parameters=DEVICE_PRESETS[scenario.device], X_HD_start=X_HP_start)
+    )
+    proxy = builder.AddNamedSystem(
+        "haptic_proxy",
+        HapticProxy(
+            coupling=scenario.coupling,
+            fixture=fixture if fixture is not None else MakeFixture(scenario.fixture),
+            peg=peg.index(),
+        ),
+    )
+    recorder, log = DemonstrationRecorder.AddToBuilder(
+        builder=builder, period=scenario.recorder.period, X_HP_start=X_HP_start
+    )
+    sight = builder.AddNamedSystem("sight", BodyPose(peg.index()))
+    peg_state = plant.get_state_output_port(peg.model_instance())
+    contact_wrench = plant.get_generalized_contact_forces_output_port(peg.model_instance())
+
+    builder.Connect(plant.get_body_poses_output_port(), sight.GetInputPort("body_poses"))
+    builder.Connect(sight.GetOutputPort("pose"), operator.GetInputPort("peg_pose"))
+    builder.Connect(device.GetOutputPort("rendered_wrench"), operator.GetInputPort("rendered_wrench"))
+    builder.Connect(operator.GetOutputPort("hand_pose"), device.GetInputPort("hand_pose"))
+    builder.Connect(proxy.GetOutputPort("probe_wrench"), device.GetInputPort("virtual_wrench"))
+    builder.Connect(device.GetOutputPort("probe_pose"), proxy.GetInputPort("probe_pose"))
+    builder.Connect(device.GetOutputPort("probe_velocity"), proxy.GetInputPort("probe_velocity"))
+    builder.Connect(peg_state, proxy.GetInputPort("peg_state"))
+    builder.Connect(proxy.GetOutputPort("peg_forces"), plant.get_applied_spatial_force_input_port())
+    builder.Connect(peg_state, recorder.GetInputPort("peg_state"))
+    builder.Connect(contact_wrench, recorder.GetInputPort("contact_wrench"))
+    builder.Connect(device.GetOutputPort("probe_pose"), recorder.GetInputPort("probe_pose"))
+    if meshcat is not None:
+        AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
+    diagram = builder.Build()
+    diagram.set_name("virtual_environment")
+    return VirtualEnvironment(diagram, contact, log, X_HP_start)

@@ -1,0 +1,44 @@
+"""What a person sees: the millimetre scene, cut open, with its contact forces."""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Role
+from pydrake.multibody.meshcat import ContactVisualizer, ContactVisualizerParams
+from pydrake.systems.framework import DiagramBuilder
+
+from systems.contact_plant import ContactPlant
+
+CAMERA = np.array([0.085, -0.105, 0.055])  # in units of m, in W; it looks at TARGET
+TARGET = np.array([0.0, 0.0, -0.004])
+NEWTONS_PER_METRE = 1500.0  # of a contact arrow
+
+
+def AddVisualization(*, builder: DiagramBuilder, contact: ContactPlant, meshcat: Meshcat) -> None:
+    """Draws the bodies and the contact forces of a plant into ``meshcat``, and aims the camera."""
+    MeshcatVisualizer.AddToBuilder(
+        builder,
+        contact.scene_graph,
+        meshcat,
+        MeshcatVisualizerParams(role=Role.kIllustration, prefix="visualizer", publish_period=1 / 64),
+    )
+    ContactVisualizer.AddToBuilder(
+        builder,
+        contact.plant,
+        meshcat,
+        ContactVisualizerParams(
+            publish_period=1 / 64,
+            newtons_per_meter=NEWTONS_PER_METRE,
+            newton_meters_per_meter=50.0,
+            radius=0.0006,
+            force_threshold=0.2,
+        ),
+    )
+    aim_camera(meshcat)
+
+
+def aim_camera(meshcat: Meshcat) -> None:
+    """Puts the camera where the cut of the block opens, and takes the metre-sized grid away."""
+    meshcat.SetCameraPose(camera_in_world=CAMERA, target_in_world=TARGET)
+    meshcat.SetProperty("/Grid", "visible", False)
+    meshcat.SetProperty("/Axes", "visible", False)
