@@ -86,7 +86,6 @@ def compete(
     prior: CovariancePrior,
     schedule: Schedule,
     *,
-    evidence: float,
     least_cardinality: float,
     max_iter: int,
     tol: float,
@@ -98,8 +97,7 @@ def compete(
         components: the first, too many, Gaussians.
         prior: regularisation of the covariances.
         schedule: strength of the competition for each iteration.
-        evidence: independent samples a sample counts for, in (0, 1].
-        least_cardinality: clusters with fewer independent samples than this vanish.
+        least_cardinality: clusters of a smaller cardinality vanish.
         max_iter: largest number of iterations.
         tol: stop when no centre moves by more than this (in units of Z) in three iterations without a death.
 
@@ -114,8 +112,8 @@ def compete(
         result = sweep(Z, components, eta=eta, cardinalities=cardinalities, fuzzy=True)
         history.append(len(components), eta, result.log_likelihood)
         moved = float(np.abs(result.means - components.means).max())
-        components = updated(result, prior, evidence)
-        keep = survivors(evidence * result.cardinalities, least_cardinality)
+        components = updated(result, prior)
+        keep = survivors(result.cardinalities, least_cardinality)
         cardinalities = result.cardinalities[keep]
         if keep.all():
             calm = calm + 1 if moved < tol else 0

@@ -9,9 +9,6 @@ from sklearn.cluster import kmeans_plusplus
 from skill.expectation_maximization import CovariancePrior
 from skill.gaussian_components import Array, GaussianComponents
 
-PHASE_BINS = 25
-"""Slices of normalised time that start the competition when the phase of each sample is known."""
-
 
 def seed_centres(Z: Array, M: int, random_state: np.random.RandomState) -> Array:
     """``M`` k-means++ seeds (M, d), not improved by k-means, which would flatten elongated clusters."""
@@ -28,14 +25,12 @@ def nearest_centre(Z: Array, centres: Array, block: int = 8192) -> NDArray[np.in
     return labels
 
 
-def phase_bins(phase: Array, bins: int = PHASE_BINS) -> NDArray[np.intp]:
-    """Slice of normalised time of each sample: floor(bins * phase), phase in [0, 1]."""
-    return np.minimum((bins * phase).astype(np.intp), bins - 1)
+def phase_slices(phase: Array, slices: int) -> NDArray[np.intp]:
+    """Slice of normalised time of each sample: floor(slices * phase), phase in [0, 1]."""
+    return np.minimum((slices * phase).astype(np.intp), slices - 1)
 
 
-def components_of_partition(
-    Z: Array, labels: NDArray[np.intp], prior: CovariancePrior, *, evidence: float
-) -> GaussianComponents:
+def components_of_partition(Z: Array, labels: NDArray[np.intp], prior: CovariancePrior) -> GaussianComponents:
     """One Gaussian for each label that occurs: share, mean and regularised covariance of its samples."""
     _, labels = np.unique(labels, return_inverse=True)
     counts = np.bincount(labels).astype(float)
@@ -45,4 +40,4 @@ def components_of_partition(
     covariances = np.stack(
         [(Z[rows] - mean).T @ (Z[rows] - mean) / len(rows) for rows, mean in zip(members, means, strict=True)]
     )
-    return GaussianComponents(counts / counts.sum(), means, prior.apply(covariances, evidence * counts))
+    return GaussianComponents(counts / counts.sum(), means, prior.apply(covariances, counts))

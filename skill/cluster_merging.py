@@ -1,12 +1,13 @@
-"""Merging of Gaussian components by the Bayesian information criterion.
+"""Merging of Gaussian components, from too many down to one.
 
 The pair whose merger costs the least likelihood (Runnalls, "Kullback-Leibler approach to Gaussian mixture
-reduction", IEEE Trans. AES 43(3), 2007) is merged, the mixture is polished by a few steps of EM, and so on
-down to a single component; the mixture of the least criterion on the way is kept. Starting from too many
-components this finds their number without a restart for each.
+reduction", IEEE Trans. AES 43(3), 2007) is merged, the mixture is polished by a few steps of EM, and so on.
+This gives a good mixture of every number of components without a restart for each.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,44 +64,46 @@ def merge_closest(components: GaussianComponents) -> GaussianComponents:
     )
 
 
-def bayesian_information_criterion(
-    log_likelihood: float, M: int, T: int, N: int, evidence: float = 1.0
-) -> float:
-    """-2 log L + K log n for n = evidence N independent samples, log L scaled to n, K = M T + M - 1."""
-    return -2.0 * evidence * log_likelihood + (M * T + M - 1) * float(np.log(max(evidence * N, 2.0)))
+@dataclass(frozen=True)
+class Mixture:
+    """Gaussian components and the log-likelihood (nats) of the samples under them."""
+
+    components: GaussianComponents
+    log_likelihood: float
 
 
-def merge_by_bic(
-    Z: Array,
-    components: GaussianComponents,
-    prior: CovariancePrior,
-    *,
-    evidence: float,
-    em_steps: int = 10,
-) -> tuple[GaussianComponents, list[tuple[int, float]]]:
-    """Merges down to one component; returns the mixture of least criterion and (M, criterion) along the way.
+def merge_path(
+    Z: Array, components: GaussianComponents, prior: CovariancePrior, *, em_steps: int = 10
+) -> list[Mixture]:
+    """Merges down to one component, polishing after each merger.
 
     Args:
         Z: samples, shape (N, d).
         components: where to start.
         prior: regularisation of the covariances.
-        evidence: independent samples a sample counts for, in (0, 1].
         em_steps: EM steps after each merger, at most.
+
+    Returns:
+        The polished mixture of every number of components on the way, from the most to a single one.
     """
-    N = len(Z)
-    T = prior.parameters
     # A step of EM that gains less than a hundredth of one component's penalty cannot change the choice.
-    tol = 0.005 * T * float(np.log(max(evidence * N, 2.0)))
-    best, least = components, np.inf
-    path: list[tuple[int, float]] = []
+    tol = 0.005 * prior.parameters * float(np.log(len(Z)))
+    path: list[Mixture] = []
     while True:
         components, log_likelihood, _ = expectation_maximization(
-            Z, components, prior, evidence=evidence, max_iter=em_steps, tol=tol
+            Z, components, prior, max_iter=em_steps, tol=tol
         )
-        criterion = bayesian_information_criterion(log_likelihood, len(components), T, N, evidence)
-        path.append((len(components), criterion))
-        if criterion < least:
-            best, least = components, criterion
+        path.append(Mixture(components, log_likelihood))
         if len(components) == 1:
-            return best, path
+            return path
         components = merge_closest(components)
+
+
+def best_of_each_number(paths: list[list[Mixture]]) -> dict[int, Mixture]:
+    """Of several paths, the likeliest mixture of each number of components, the most components first."""
+    best: dict[int, Mixture] = {}
+    for mixture in (mixture for path in paths for mixture in path):
+        M = len(mixture.components)
+        if M not in best or mixture.log_likelihood > best[M].log_likelihood:
+            best[M] = mixture
+    return dict(sorted(best.items(), reverse=True))

@@ -30,7 +30,7 @@ class CovariancePrior:
     """What every covariance is pulled towards, in the channels' (standardised) units.
 
     Attributes:
-        count: nu, independent samples the prior counts for.
+        count: nu, how many samples the prior counts for.
         variance: g, mean variance of the channels; the prior of M clusters is 0.1 g M^(-2/d) I, a tenth
             of the
             variance a cluster has when M of them tile the data.
@@ -44,7 +44,7 @@ class CovariancePrior:
     diagonal: bool
 
     def apply(self, covariances: Array, counts: Array) -> Array:
-        """Regularises sample covariances (M, d, d) that rest on ``counts`` (M,) independent samples."""
+        """Regularises sample covariances (M, d, d) that rest on ``counts`` (M,) samples."""
         M, d = covariances.shape[:2]
         return shrunk_covariances(
             covariances,
@@ -136,12 +136,12 @@ def sweep(
     return Sweep(totals, weight_sums, means, covariances, log_likelihood)
 
 
-def updated(components: Sweep, prior: CovariancePrior, evidence: float) -> GaussianComponents:
-    """The Gaussians that a sweep implies; ``evidence``: independent samples a sample counts for."""
+def updated(result: Sweep, prior: CovariancePrior) -> GaussianComponents:
+    """The Gaussians that a sweep implies."""
     return GaussianComponents(
-        weights=components.cardinalities / components.cardinalities.sum(),
-        means=components.means,
-        covariances=prior.apply(components.covariances, evidence * components.weight_sums),
+        weights=result.cardinalities / result.cardinalities.sum(),
+        means=result.means,
+        covariances=prior.apply(result.covariances, result.weight_sums),
     )
 
 
@@ -156,19 +156,17 @@ def expectation_maximization(
     components: GaussianComponents,
     prior: CovariancePrior,
     *,
-    evidence: float,
     max_iter: int,
     tol: float,
 ) -> tuple[GaussianComponents, float, bool]:
-    """Ordinary EM; components left without a single independent sample are dropped.
+    """Ordinary EM; components left without a single sample are dropped.
 
     Args:
         Z: samples, shape (N, d).
         components: where to start.
         prior: regularisation of the covariances.
-        evidence: independent samples a sample counts for, in (0, 1].
         max_iter: largest number of passes.
-        tol: stop when a pass gains less than this, in nats of effective log-likelihood.
+        tol: stop when a pass gains less than this, in nats of log-likelihood.
 
     Returns:
         The components, the log-likelihood of the samples under the components of the last pass but one (those
@@ -181,11 +179,11 @@ def expectation_maximization(
         evaluated = components
         result = sweep(Z, components)
         log_likelihood = result.log_likelihood
-        if evidence * (log_likelihood - previous) < tol:
+        if log_likelihood - previous < tol:
             return evaluated, log_likelihood, True
         previous = log_likelihood
-        components = updated(result, prior, evidence)
-        alive = evidence * result.cardinalities >= 1.0
+        components = updated(result, prior)
+        alive = result.cardinalities >= 1.0
         if not alive.all() and alive.any():
             components = retained(components, alive)
             previous = -np.inf
