@@ -1,4 +1,4 @@
-"""Checks of the parameters and fit arguments of `CompetitiveAgglomeration`; every message names the remedy."""
+"""Checks of the parameters and fit arguments of `CompetitiveAgglomeration`; messages name the remedy."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ def checked_groups(groups: ArrayLike | None, N: int) -> NDArray[np.intp] | None:
     names, index = np.unique(given, return_inverse=True)
     if len(names) < 2:
         warnings.warn(
-            "groups names a single demonstration, so its samples count as independent and the number of states"
-            " will grow with the sampling rate: give two or more demonstrations",
+            "groups names a single demonstration, so its samples count as independent and the number of"
+            " states will grow with the sampling rate: give two or more demonstrations",
             UserWarning,
             stacklevel=3,
         )
