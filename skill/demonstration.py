@@ -20,9 +20,6 @@ rx ry rz    rad    the operator's action: rotation vector of the probe over the 
 
 from __future__ import annotations
 
-import json
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,8 +27,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
+
+from skill.tables import read_table, validate_table, write_table
 
 CHANNELS = (
     *("x", "y", "z", "fx", "fy", "fz", "mx", "my", "mz"),
@@ -55,7 +52,7 @@ class Demonstration:
         samples: DataFrame with exactly the columns ``COLUMNS``, float64, one row a sample, time increasing.
         good: whether the demonstration reached full depth gently enough to be imitated.
         outcome: in a word or two, what happened ("inserted", "jammed", ...).
-        metadata: everything needed to make it again (seed, resolved scenario, versions).
+        metadata: everything needed to make it again (seed, resolved scenario, geometry, versions).
     """
 
     samples: pd.DataFrame
@@ -74,89 +71,35 @@ class Demonstration:
 
 def validate_samples(samples: pd.DataFrame, where: str) -> None:
     """Raises a ValueError that names ``where``, what was found and what was expected."""
-    missing = [c for c in COLUMNS if c not in samples.columns]
-    unknown = [c for c in samples.columns if c not in COLUMNS]
-    if missing or unknown:
-        raise ValueError(
-            f"{where}: missing columns {missing}, unknown columns {unknown}; expected exactly {list(COLUMNS)}"
-        )
-    if len(samples) < 2:
-        raise ValueError(f"{where}: found {len(samples)} samples, expected at least 2")
-    for column in COLUMNS:
-        if not pd.api.types.is_numeric_dtype(samples[column]):
-            raise ValueError(f"{where}: column '{column}' has type {samples[column].dtype}, expected numbers")
-        bad = np.flatnonzero(~np.isfinite(samples[column].to_numpy(dtype=float)))
-        if bad.size:
-            raise ValueError(
-                f"{where}: column '{column}' is not finite in row {bad[0]}"
-                f" ({bad.size} such rows); expected finite numbers"
-            )
-    steps = np.diff(samples["time"].to_numpy(dtype=float))
-    if np.any(steps <= 0):
-        raise ValueError(f"{where}: column 'time' does not increase after row {int(np.argmax(steps <= 0))}")
-    axis = samples[["ax", "ay", "az"]].to_numpy(dtype=float)
-    off = np.abs(np.linalg.norm(axis, axis=1) - 1.0)
+    validate_table(samples, COLUMNS, where)
+    length = np.linalg.norm(samples[["ax", "ay", "az"]].to_numpy(dtype=float), axis=1)
+    off = np.abs(length - 1.0)
     if off.max() > 1e-6:
+        row = int(off.argmax())
         raise ValueError(
-            f"{where}: columns ax, ay, az are not a unit axis in row {int(off.argmax())}"
-            f" (length off by {off.max():.2g}); expected length 1"
+            f"{where}: columns ax, ay, az have length {length[row]:.6g} in row {row}, expected a unit axis"
         )
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Writes ``data`` under a temporary name in the same folder and renames it: whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
 
 
 def write_demonstration(demonstration: Demonstration, path: Path) -> None:
-    """One Parquet file; the metadata travel in its footer, so that they cannot be parted."""
+    """One Parquet file, written whole or not at all."""
     header = {
-        "format_version": FORMAT_VERSION,
         "good": demonstration.good,
         "outcome": demonstration.outcome,
         "duration_s": demonstration.duration,
         **demonstration.metadata,
     }
-    table = pa.Table.from_pandas(demonstration.samples[list(COLUMNS)].astype(float), preserve_index=False)
-    table = table.replace_schema_metadata(
-        {**(table.schema.metadata or {}), b"demonstration": json.dumps(header).encode()}
+    write_table(
+        demonstration.samples, COLUMNS, path, kind="demonstration", version=FORMAT_VERSION, header=header
     )
-    sink = pa.BufferOutputStream()
-    pq.write_table(table, sink)
-    write_atomically(path, sink.getvalue().to_pybytes())
 
 
 def read_demonstration(path: Path) -> Demonstration:
     """Reads and validates one file; every fault is a ValueError that names the file."""
-    try:
-        table = pq.read_table(path)
-    except FileNotFoundError:
-        raise ValueError(f"{path}: no such demonstration file") from None
-    except (pa.ArrowInvalid, OSError) as error:
-        raise ValueError(f"{path}: not a complete Parquet file ({error})") from error
-    raw = (table.schema.metadata or {}).get(b"demonstration")
-    if raw is None:
-        raise ValueError(f"{path}: no 'demonstration' metadata; expected a file of this program")
-    header = json.loads(raw)
-    version = header.pop("format_version", None)
-    if version != FORMAT_VERSION:
-        raise ValueError(f"{path}: format version {version}, expected {FORMAT_VERSION}")
-    samples = table.to_pandas()
+    samples, header = read_table(path, COLUMNS, kind="demonstration", version=FORMAT_VERSION)
     validate_samples(samples, str(path))
-    good = bool(header.pop("good"))
-    outcome = str(header.pop("outcome"))
-    header.pop("duration_s", None)
+    good, outcome = bool(header.pop("good")), str(header.pop("outcome"))
+    header.pop("duration_s")
     return Demonstration(samples=samples, good=good, outcome=outcome, metadata=header)
 
 
