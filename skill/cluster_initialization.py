@@ -41,3 +41,17 @@ def components_of_partition(Z: Array, labels: NDArray[np.intp], prior: Covarianc
         [(Z[rows] - mean).T @ (Z[rows] - mean) / len(rows) for rows, mean in zip(members, means, strict=True)]
     )
     return GaussianComponents(counts / counts.sum(), means, prior.apply(covariances, counts))
+
+
+def components_at_centres(Z: Array, centres: Array, prior: CovariancePrior) -> GaussianComponents:
+    """Gaussians at the given centres (M, d), each with the spread about it of the samples nearest to it."""
+    M, d = centres.shape
+    labels = nearest_centre(Z, centres)
+    counts = np.bincount(labels, minlength=M).astype(float)
+    covariances = np.zeros((M, d, d))
+    for i in np.flatnonzero(counts):
+        offsets = Z[labels == i] - centres[i]
+        covariances[i] = offsets.T @ offsets / counts[i]
+    # A centre without samples keeps the weight of one, so that it may still win some.
+    weights = np.maximum(counts, 1.0)
+    return GaussianComponents(weights / weights.sum(), centres, prior.apply(covariances, counts))

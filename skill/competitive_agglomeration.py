@@ -14,7 +14,13 @@ from sklearn.utils.validation import validate_data
 from threadpoolctl import threadpool_limits
 
 from skill.cluster_competition import History, Schedule, compete, exponential_schedule, ramp_schedule
-from skill.cluster_initialization import components_of_partition, nearest_centre, phase_slices, seed_centres
+from skill.cluster_initialization import (
+    components_at_centres,
+    components_of_partition,
+    nearest_centre,
+    phase_slices,
+    seed_centres,
+)
 from skill.cluster_merging import Mixture, best_of_each_number, merge_path
 from skill.clustering_arguments import check_parameters, checked_groups, checked_phase
 from skill.effective_sample_size import design_effect
@@ -217,8 +223,8 @@ class CompetitiveAgglomeration(GaussianStates):
         N = len(Z)
         prior = self._prior(Z, data.scale)
         starts = [
-            self._start(Z, labels, prior, with_phase=phase is not None)
-            for labels in self._first_partitions(Z, data, phase, random_state)
+            self._start(Z, components, prior, with_phase=phase is not None)
+            for components in self._first_components(Z, data, prior, phase, random_state)
         ]
         T = prior.parameters
         tau = 1.0
@@ -279,17 +285,22 @@ class CompetitiveAgglomeration(GaussianStates):
             diagonal=self.covariance_type == "diag",
         )
 
-    def _first_partitions(
-        self, Z: Array, data: _Standardised, phase: Array | None, random_state: np.random.RandomState
-    ) -> list[NDArray[np.intp]]:
-        """One partition for each start."""
+    def _first_components(
+        self,
+        Z: Array,
+        data: _Standardised,
+        prior: CovariancePrior,
+        phase: Array | None,
+        random_state: np.random.RandomState,
+    ) -> list[GaussianComponents]:
+        """Where each start begins."""
         N, d = Z.shape
         if not isinstance(self.init, str):
             given = np.asarray(self.init)
             if given.shape == (N,):
-                return [np.unique(given, return_inverse=True)[1]]
+                return [components_of_partition(Z, np.unique(given, return_inverse=True)[1], prior)]
             if given.ndim == 2 and given.shape[1] == d and len(given) >= 1:
-                return [nearest_centre(Z, (given - data.shift) / data.scale)]
+                return [components_at_centres(Z, (given - data.shift) / data.scale, prior)]
             raise ValueError(
                 f"init has shape {given.shape}, expected centres (M, {d}) or labels ({N},), or 'auto'"
             )
@@ -299,8 +310,10 @@ class CompetitiveAgglomeration(GaussianStates):
             raise ValueError("init='phase' needs phase: pass fit(X, phase=...) or use init='k-means++'")
         if phase is not None and self.init != "k-means++":
             slices = {max(1, round(most / SLICE_RATIO**r)): None for r in range(n_init)}
-            return [phase_slices(phase, m) for m in slices]
-        return [nearest_centre(Z, seed_centres(Z, most, random_state)) for _ in range(n_init)]
+            partitions = [phase_slices(phase, m) for m in slices]
+        else:
+            partitions = [nearest_centre(Z, seed_centres(Z, most, random_state)) for _ in range(n_init)]
+        return [components_of_partition(Z, labels, prior) for labels in partitions]
 
     def _schedule(self, *, with_phase: bool) -> Schedule:
         published = self.distance != "fmle" or self.bias == "literal"
@@ -310,10 +323,9 @@ class CompetitiveAgglomeration(GaussianStates):
         return ramp_schedule(eta0, self.tau, self.rise, self.decay)
 
     def _start(
-        self, Z: Array, labels: NDArray[np.intp], prior: CovariancePrior, *, with_phase: bool
+        self, Z: Array, components: GaussianComponents, prior: CovariancePrior, *, with_phase: bool
     ) -> _Start:
-        """Competition and merging from one partition."""
-        components = components_of_partition(Z, labels, prior)
+        """Competition and merging from one beginning."""
         schedule = self._schedule(with_phase=with_phase)
         if self.distance == "fmle" and self.bias == "posterior":
             least = max(5.0, prior.parameters / 2) if self.min_cardinality is None else self.min_cardinality

@@ -123,7 +123,7 @@ def compete_for_prototypes(
 ) -> Competition:
     """The published algorithm with the schedule and the deaths of its author's program.
 
-    Clusters die when fewer samples than one (in the first half of the iterations) or ``least_count`` (in the
+    Once the competition has started, clusters die when fewer samples than one (in the first half of the iterations) or ``least_count`` (in the
     second) are nearest to them. It rests when the number has not changed and the centres moved by less than
     ``tol`` in all.
 
@@ -146,7 +146,9 @@ def compete_for_prototypes(
         history.append(len(components), eta, float("nan"))
         U = competitive_memberships(log_d2, U if k >= FUZZY_ITERATIONS else None, eta)
         counts = np.bincount(np.argmin(log_d2, axis=1), minlength=len(components))
-        keep = counts >= (1 if k < max_iter // 2 else least_count)
+        keep = counts >= (1 if k < max_iter / 2 else least_count)
+        if k < FUZZY_ITERATIONS:
+            keep[:] = True
         if not keep.any():
             keep[int(np.argmax(counts))] = True
         U = U[:, keep]
