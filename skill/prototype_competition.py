@@ -123,9 +123,9 @@ def compete_for_prototypes(
 ) -> Competition:
     """The published algorithm with the schedule and the deaths of its author's program.
 
-    Once the competition has started, clusters die when fewer samples than one (in the first half of the iterations) or ``least_count`` (in the
-    second) are nearest to them. It rests when the number has not changed and the centres moved by less than
-    ``tol`` in all.
+    Once the competition has started, clusters die when fewer samples than one (in the first half of the
+    iterations) or ``least_count`` (in the second) are nearest to them. It rests when the number has not
+    changed and the centres moved by less than ``tol`` in all.
 
     Args:
         Z: samples, shape (N, d).

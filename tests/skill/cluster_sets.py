@@ -1,0 +1,163 @@
+"""Labelled sets on which clusterings are judged; every generator takes a seed and returns (X, y).
+
+Seeds 0 to 4 are for development and seeds from 100 on for judgement.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from sklearn.datasets import load_iris, load_wine
+
+Samples = NDArray[np.float64]
+Labels = NDArray[np.intp]
+
+
+def gaussian_mixture(rng, counts, means, covariances):
+    """Shuffled samples of Gaussians with the given counts."""
+    X = np.vstack(
+        [
+            rng.multivariate_normal(mean, covariance, n)
+            for n, mean, covariance in zip(counts, means, covariances, strict=True)
+        ]
+    )
+    y = np.repeat(np.arange(len(counts)), counts)
+    order = rng.permutation(len(X))
+    return X[order], y[order]
+
+
+def ellipse(major, minor, degrees):
+    """Covariance (2, 2) of an ellipse with the given standard deviations and direction."""
+    t = np.deg2rad(degrees)
+    R = np.array([[np.cos(t), -np.sin(t)], [np.sin(t), np.cos(t)]])
+    return R @ np.diag([major**2, minor**2]) @ R.T
+
+
+def spheres(seed) -> tuple[Samples, Labels]:
+    """Four spherical clusters of different size and density, after Frigui and Krishnapuram 1997, figure 1."""
+    return gaussian_mixture(
+        np.random.default_rng(seed),
+        [60, 220, 250, 45],
+        [(25, 78), (74, 74), (25, 24), (78, 24)],
+        [np.eye(2) * variance for variance in (16, 100, 81, 7)],
+    )
+
+
+def ellipses(seed) -> tuple[Samples, Labels]:
+    """Six ellipsoids, 1,100 points, after Frigui and Krishnapuram 1997, figure 2."""
+    shapes = [(8.5, 4, 35), (9, 4, -40), (7, 6.5, 0), (11.5, 3.5, 72), (2.6, 2.6, 0), (5, 5, 0)]
+    return gaussian_mixture(
+        np.random.default_rng(seed),
+        [220, 180, 180, 280, 70, 170],
+        [(25, 75), (74, 76), (49, 50), (25, 30), (48, 14), (78, 20)],
+        [ellipse(*shape) for shape in shapes],
+    )
+
+
+def overlapping(seed, N=1000) -> tuple[Samples, Labels]:
+    """Four overlapping Gaussians, two with the same mean, after Figueiredo and Jain 2002."""
+    rng = np.random.default_rng(seed)
+    return gaussian_mixture(
+        rng,
+        rng.multinomial(N, [0.3, 0.3, 0.3, 0.1]),
+        [(-4, -4), (-4, -4), (2, 2), (-1, -6)],
+        [[[1, 0.5], [0.5, 1]], [[6, -2], [-2, 6]], [[2, -1], [-1, 2]], [[0.125, 0], [0, 0.125]]],
+    )
+
+
+def separated(seed, c=2.0, N=3000, d=14, K=6) -> tuple[Samples, Labels]:
+    """K full Gaussians with log-uniform spectra, their centres c-separated in the sense of Dasgupta."""
+    rng = np.random.default_rng(seed)
+    covariances = []
+    for _ in range(K):
+        Q, _ = np.linalg.qr(rng.normal(size=(d, d)))
+        covariances.append(Q @ np.diag(np.exp(rng.uniform(np.log(0.05), 0, d))) @ Q.T)
+    traces = [np.trace(F) for F in covariances]
+    means: list[Samples] = []
+    spread = 1.0
+    while len(means) < K:
+        mean = rng.normal(size=d) * spread * np.sqrt(max(traces)) * c / np.sqrt(2 * d)
+        new = len(means)
+        if all(
+            np.linalg.norm(mean - other) >= c * np.sqrt(max(traces[i], traces[new]))
+            for i, other in enumerate(means)
+        ):
+            means.append(mean)
+        else:
+            spread *= 1.02
+    shares = np.maximum(rng.dirichlet(np.full(K, 3.0)), 0.04)
+    return gaussian_mixture(rng, rng.multinomial(N, shares / shares.sum()), means, covariances)
+
+
+def insertion(seed, N=3000, T=30) -> tuple[Samples, Labels]:
+    """T demonstrations of an insertion in 14 channels and six contact states that are not Gaussian.
+
+    Position (mm), force (N), moment (N mm), axis, angle and its change (rad). Within a demonstration the
+    offset, the axis and the initial angle hardly change, the moment is r x F, and free motion has almost no
+    force. More samples mean a higher sampling rate, not more demonstrations.
+    """
+    rng = np.random.default_rng(seed)
+    shares = np.array([0.22, 0.16, 0.18, 0.12, 0.26, 0.06])
+    X, y = [], []
+    for _ in range(T):
+        counts = np.maximum(4, np.round(N // T * shares * rng.uniform(0.7, 1.3, 6))).astype(int)
+        offset = rng.normal(0, 1.0, 2)
+        axis = rng.normal(size=3) * [1, 1, 0.15]
+        axis /= np.linalg.norm(axis)
+        tilt = abs(rng.normal(0.10, 0.02))
+        for state, n in enumerate(counts):
+            position, force, angle = _visit(state, np.linspace(0, 1, n), offset, tilt)
+            force = force + rng.normal(0, 0.15 if state else 0.01, force.shape)
+            lever = np.array([0, 0, 15.0]) + rng.normal(0, 0.2, (n, 3))
+            moment = np.cross(lever, force)
+            axes = axis + rng.normal(0, 0.02, (n, 3))
+            axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+            angle = angle + rng.normal(0, 0.002, n)
+            change = np.diff(angle, prepend=angle[0] + rng.normal(0, 0.003))
+            position = position + rng.normal(0, 0.03, position.shape)
+            X.append(np.column_stack([position, force, moment, axes, angle, change]))
+            y.append(np.full(n, state))
+    return np.vstack(X), np.concatenate(y)
+
+
+def _visit(state, u, offset, tilt):
+    """Position, force and angle during one state, u in [0, 1] being the progress through it."""
+    a, b = offset
+    one = np.ones_like(u)
+    if state == 0:  # free approach
+        return np.c_[a * (1 - 0.2 * u), b * (1 - 0.2 * u), 30 - 28 * u], np.zeros((len(u), 3)), tilt * one
+    if state == 1:  # sliding on the face
+        position = np.c_[a * (0.8 - 0.3 * u), b * (0.8 - 0.3 * u), 2 * one]
+        return position, np.c_[0.3 * a * one, 0.3 * b * one, 4 + 1.5 * np.sin(6 * u)], tilt * (1 - 0.1 * u)
+    if state == 2:  # on the chamfer
+        position = np.c_[a * (0.5 - 0.4 * u), b * (0.5 - 0.4 * u), 2 - 1.0 * u]
+        force = np.c_[1.6 * a * (1 - 0.3 * u), 1.6 * b * (1 - 0.3 * u), 2.0 + 0.3 * u]
+        return position, force, tilt * (0.9 - 0.4 * u)
+    if state == 3:  # two-point contact
+        position = np.c_[a * 0.1 * one, b * 0.1 * one, 1 - 0.5 * u]
+        return position, np.c_[2.5 * np.sign(a) * one, 0.4 * b * one, 7 + u], tilt * (0.5 - 0.1 * u)
+    if state == 4:  # insertion
+        position = np.c_[a * 0.03 * one, b * 0.03 * one, 0.5 - 20 * u]
+        return position, np.c_[0.5 * a * one, 0.5 * b * one, 1.2 + 0.8 * u], tilt * (0.4 - 0.38 * u)
+    position = np.c_[a * 0.03 * one, b * 0.03 * one, -19.5 * one]  # on the bottom
+    return position, np.c_[0.1 * a * one, 0.1 * b * one, 12 * one], tilt * 0.02 * one
+
+
+def demonstrations_and_phase(y: Labels) -> tuple[Labels, Samples]:
+    """Demonstration and normalised time in [0, 1) of each row of `insertion`."""
+    starts = np.r_[0, np.flatnonzero((y[:-1] == 5) & (y[1:] == 0)) + 1, len(y)]
+    groups = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    phase = np.concatenate([np.arange(n) / n for n in np.diff(starts)])
+    return groups, phase
+
+
+def iris(seed=None) -> tuple[Samples, Labels]:
+    """Fisher's iris, standardised."""
+    X, y = load_iris(return_X_y=True)
+    return (X - X.mean(0)) / X.std(0), y
+
+
+def wine(seed=None) -> tuple[Samples, Labels]:
+    """Wine recognition, standardised."""
+    X, y = load_wine(return_X_y=True)
+    return (X - X.mean(0)) / X.std(0), y
