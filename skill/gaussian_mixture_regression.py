@@ -1,0 +1,111 @@
+"""Gaussian mixture regression: outputs from inputs by conditioning the Gaussians of their joint distribution.
+
+With means m, covariances C split into inputs x and outputs y, and weights p, component k predicts
+
+    y_k(x) = m_y + C_yx C_xx^-1 (x - m_x),    V_k = C_yy - C_yx C_xx^-1 C_xy,
+
+and the mixture weighs the components by h_k(x) ~ p_k N(x | m_x, C_xx). It needs nothing but the Gaussians
+that the clustering has found already.
+
+Source: Ghahramani and Jordan, "Supervised learning from incomplete data via an EM approach", NIPS 6, 1994.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import LinAlgError, cholesky, solve_triangular
+from scipy.special import logsumexp
+
+Array = NDArray[np.float64]
+
+# Queries beyond this are taken for it, so that their squared distances are numbers still.
+FARTHEST = 1e100
+
+
+def gmr_predict(
+    means: ArrayLike,
+    covariances: ArrayLike,
+    weights: ArrayLike,
+    X: ArrayLike,
+    input_channels: Sequence[int],
+    output_channels: Sequence[int],
+) -> Array:
+    """Conditional mean of the output channels.
+
+    Args:
+        means: (M, d).
+        covariances: (M, d, d), positive definite on the input channels.
+        weights: (M,), non-negative, not all zero.
+        X: (n, a), values of the input channels.
+        input_channels: the a channels of ``X``, as indices into d.
+        output_channels: the b channels to predict.
+
+    Returns:
+        (n, b).
+
+    Raises:
+        ValueError: if shapes disagree, channels overlap or a covariance is not positive definite.
+    """
+    mean, _ = gmr_moments(means, covariances, weights, X, input_channels, output_channels)
+    return mean
+
+
+def gmr_moments(
+    means: ArrayLike,
+    covariances: ArrayLike,
+    weights: ArrayLike,
+    X: ArrayLike,
+    input_channels: Sequence[int],
+    output_channels: Sequence[int],
+) -> tuple[Array, Array]:
+    """Conditional mean (n, b) and variance (n, b) of the outputs; arguments as for ``gmr_predict``."""
+    m, C = np.asarray(means, dtype=float), np.asarray(covariances, dtype=float)
+    p, queries = np.asarray(weights, dtype=float), np.asarray(X, dtype=float)
+    a, b = np.asarray(input_channels, dtype=np.intp), np.asarray(output_channels, dtype=np.intp)
+    _check_shapes(m, C, p, queries, a, b)
+    queries = queries.clip(-FARTHEST, FARTHEST)
+    n, M = len(queries), len(m)
+    log_h = np.empty((n, M))
+    y = np.empty((n, M, len(b)))
+    variance = np.empty((M, len(b)))
+    for k in range(M):
+        try:
+            L = cholesky(C[k][np.ix_(a, a)], lower=True)
+        except LinAlgError:
+            raise ValueError(
+                f"covariance {k} is not positive definite on the input channels;"
+                " fit the Gaussians with a greater covariance floor"
+            ) from None
+        whitened = solve_triangular(L, (queries - m[k, a]).T, lower=True)
+        gain = solve_triangular(L, C[k][np.ix_(a, b)], lower=True)
+        y[:, k] = m[k, b] + whitened.T @ gain
+        variance[k] = C[k][b, b] - (gain**2).sum(axis=0)
+        with np.errstate(divide="ignore"):  # a component of weight zero takes no part
+            log_h[:, k] = np.log(p[k]) - np.log(np.diag(L)).sum() - 0.5 * (whitened**2).sum(axis=0)
+    h = np.exp(log_h - logsumexp(log_h, axis=1, keepdims=True))
+    mean = np.einsum("nk,nkb->nb", h, y)
+    # Law of total variance: the mean of the variances and the variance of the means.
+    spread = np.einsum("nk,nkb->nb", h, (y - mean[:, None, :]) ** 2)
+    return mean, h @ variance.clip(0.0) + spread
+
+
+def _check_shapes(m: Array, C: Array, p: Array, X: Array, a: NDArray[np.intp], b: NDArray[np.intp]) -> None:
+    if m.ndim != 2 or C.shape != (*m.shape, m.shape[1]) or p.shape != m.shape[:1]:
+        raise ValueError(
+            f"means {m.shape}, covariances {C.shape}, weights {p.shape}; expected (M, d), (M, d, d), (M,)"
+        )
+    if X.ndim != 2 or X.shape[1] != len(a):
+        raise ValueError(f"X has shape {X.shape}; expected (n, {len(a)}), one column an input channel")
+    if not np.isfinite(X).all():
+        raise ValueError("X has NaN or infinite values; drop these rows")
+    channels = np.concatenate([a, b])
+    if len(np.unique(channels)) < len(channels) or channels.min() < 0 or channels.max() >= m.shape[1]:
+        raise ValueError(
+            f"input channels {a.tolist()} and output channels {b.tolist()}; expected distinct indices"
+            f" from 0 to {m.shape[1] - 1}"
+        )
+    if p.min() < 0 or not p.sum() > 0:
+        raise ValueError("weights must be non-negative and not all zero")
