@@ -91,7 +91,7 @@ class Operator:
     align_rate: float = math.radians(3.0)  # in units of rad/s, fastest turn
     touch_gain: float = 3.0  # in units of rad/s per N m of felt moment
     insertion_speed: float = 0.018  # in units of m/s, unhindered
-    comfortable_force: float = 3.5  # in units of N, felt; the speed falls to zero at this push
+    comfortable_force: float = 2.5  # in units of N, felt; the speed falls to zero at this push
     patience: float = 1e9  # in units of s of hindered pushing, after which the peg is pulled out again
     decision_period: float = 0.02  # in units of s
     tremor: float = 0.02e-3  # in units of m, amplitude along the axis
@@ -105,8 +105,8 @@ class Recorder:
     """How a demonstration is sampled, and when it ends."""
 
     period: float = 0.02  # in units of s
-    time_limit: float = 12.0  # in units of s
-    rough_force: float = 60.0  # in units of N; more lateral force makes a demonstration a bad one
+    time_limit: float = 8.0  # in units of s
+    rough_force: float = 20.0  # in units of N; a larger contact force makes a demonstration a bad one
 
 
 @dataclass
@@ -115,6 +115,7 @@ class Rig:
 
     pivot_height: float = 0.0  # in units of m, of the gimbal's axes above the mouth (negative: below)
     carriage_friction: float = 5.0  # in units of N s/m
+    encoder_resolution: float = 5.0e-6  # in units of m
 
 
 @dataclass
@@ -127,7 +128,6 @@ class Controller:
     max_feed_speed: float = 0.030  # in units of m/s
     force_limit: float = 60.0  # in units of N, any direction; above it the peg is backed off
     retract_speed: float = 0.010  # in units of m/s
-    belief_memory: float = 0.7  # how much of the state's last probability survives one period
 
 
 @dataclass
@@ -169,10 +169,10 @@ HABITS: dict[str, dict[str, float]] = {
     # A habit multiplies personal parameters; the bad ones fail, or are rough, for the reason their name says.
     "expert": {},
     "novice": {"sight_bias_sigma": 1.6, "align_gain": 0.7, "insertion_speed": 0.7},
-    "blind": {"align_gain": 0.0, "touch_gain": 0.0, "comfortable_force": 1.5},
+    "blind": {"align_gain": 0.0, "touch_gain": 0.0, "comfortable_force": 1.1},
     "slams": {"insertion_speed": 3.0, "comfortable_force": 5.0, "touch_gain": 0.3},
     "gives_up": {"align_gain": 0.15, "touch_gain": 0.0, "patience": 1e-9},
-    "overcorrects": {"align_gain": 6.0, "align_rate": 4.0, "sight_delay": 2.0, "touch_gain": 0.0},
+    "overcorrects": {"align_gain": 10.0, "align_rate": 6.0, "sight_delay": 2.0, "touch_gain": 0.0},
 }
 """Factors on the operator's parameters, by habit."""
 

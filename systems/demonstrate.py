@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.metadata
+from dataclasses import asdict
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -12,12 +12,8 @@ from pydrake.systems.framework import Context, EventStatus
 from models.scenario import Scenario, dump_scenario
 from skill.demonstration import Demonstration
 from systems.demonstration_recorder import DemonstrationRecorder
+from systems.provenance import versions
 from systems.virtual_environment import MakeVirtualEnvironment
-
-
-def versions() -> dict[str, str]:
-    """Of everything that a result depends on."""
-    return {name: importlib.metadata.version(name) for name in ("haptic-skill", "drake", "numpy")}
 
 
 def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Demonstration:
@@ -42,8 +38,8 @@ def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> 
     status = simulator.AdvanceTo(scenario.recorder.time_limit)
     samples = DemonstrationRecorder.samples(environment.log, simulator.get_context())
     outcome = status.message() if status.system() is not None else "time over"
-    lateral = float(np.hypot(samples["fx"], samples["fy"]).max())
-    if outcome == "inserted" and lateral > scenario.recorder.rough_force:
+    force = float(np.linalg.norm(samples[["fx", "fy", "fz"]].to_numpy(), axis=1).max())
+    if outcome == "inserted" and force > scenario.recorder.rough_force:
         outcome = "inserted roughly"
     return Demonstration(
         samples=samples,
@@ -52,6 +48,7 @@ def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> 
         metadata={
             "seed": scenario.seed,
             "habit": scenario.operator.habit,
+            "geometry": asdict(scenario.geometry),
             "scenario": dump_scenario(scenario),
             "versions": versions(),
         },

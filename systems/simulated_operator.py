@@ -115,7 +115,7 @@ class SimulatedOperator(LeafSystem):
         if push > HINDERED_SHARE * o.comfortable_force:
             hand[HINDERED] += o.decision_period
         if hand[HINDERED] > o.patience:
-            hand[SPEED] = -o.insertion_speed if hand[DEPTH] > self._start_depth else 0.0
+            hand[SPEED] = -o.insertion_speed
             hand[TURN] = 0.0
         discrete_state.get_mutable_vector(self._hand).SetFromVector(hand)
 

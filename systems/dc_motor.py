@@ -1,0 +1,85 @@
+"""The feed drive: a DC motor on a lead screw, under a PI speed loop with a current limit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from models.hardware import DcMotor as MotorParameters
+
+CURRENT, INTEGRAL = range(2)
+FRICTION_SPEED = 2.0  # in units of rad/s, over which Coulomb friction changes sign
+
+
+class DcMotor(LeafSystem):
+    """
+    .. pydrake_system::
+
+        name: DcMotor
+        input_ports:
+        - speed_command
+        - carriage_state
+        output_ports:
+        - carriage_force
+        - current
+
+    With w = N v the motor's speed (N = 2 pi / lead rad/m) and w* = N v* the commanded one, every update of period T
+
+        u = k_p (w* - w) + k_i integral(w* - w) + k_e w*,      |u| <= supply,
+        i+ = i e^{-RT/L} + (u - k_e w)/R (1 - e^{-RT/L}),      |i+| <= i_max  (u is lowered until it holds),
+
+    the exact solution of L di/dt = u - R i - k_e w over one period. The integral stands still while either limit
+    is active and would be driven further into it. The force on the carriage is
+
+        F = N (eta k_t i - b w - tau_c tanh(w / w_0)).
+
+    The rotor's inertia is reflected by the plant's joint actuator. ``carriage_state`` is [position, velocity] in m, m/s.
+    """
+
+    def __init__(self, *, parameters: MotorParameters, period: float) -> None:
+        super().__init__()
+        self._parameters = parameters
+        self._period = period
+        self._speed_command = self.DeclareVectorInputPort("speed_command", 1)
+        self._carriage_state = self.DeclareVectorInputPort("carriage_state", 2)
+        self._state = self.DeclareDiscreteState(np.zeros(2))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        state = self.discrete_state_ticket(self._state)
+        self.DeclareVectorOutputPort(
+            "carriage_force", 1, self._calc_force, {state, self._carriage_state.ticket()}
+        )
+        self.DeclareVectorOutputPort("current", 1, self._calc_current, {state})
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        p, T = self._parameters, self._period
+        current, integral = context.get_discrete_state(self._state).value()
+        w = p.ratio * self._carriage_state.Eval(context)[1]
+        wanted = p.ratio * self._speed_command.Eval(context)[0]
+        error = wanted - w
+        voltage = p.speed_kp * error + p.speed_ki * integral + p.torque_constant * wanted
+        decay = math.exp(-p.resistance * T / p.inductance)
+        back_emf = p.torque_constant * w
+
+        def voltage_for(next_current: float) -> float:
+            return back_emf + p.resistance * (next_current - current * decay) / (1.0 - decay)
+
+        lowest = max(-p.supply_voltage, voltage_for(-p.current_limit))
+        highest = min(p.supply_voltage, voltage_for(p.current_limit))
+        applied = min(max(voltage, lowest), highest)
+        saturated = applied != voltage and (voltage - applied) * error > 0
+        if not saturated:
+            integral += error * T
+        current = current * decay + (applied - back_emf) / p.resistance * (1.0 - decay)
+        discrete_state.get_mutable_vector(self._state).SetFromVector([current, integral])
+
+    def _calc_force(self, context: Context, output: BasicVector) -> None:
+        p = self._parameters
+        current = context.get_discrete_state(self._state).value()[CURRENT]
+        w = p.ratio * self._carriage_state.Eval(context)[1]
+        friction = p.viscous_friction * w + p.coulomb_friction * math.tanh(w / FRICTION_SPEED)
+        output[0] = p.ratio * (p.screw_efficiency * p.torque_constant * current - friction)
+
+    def _calc_current(self, context: Context, output: BasicVector) -> None:
+        output[0] = context.get_discrete_state(self._state).value()[CURRENT]

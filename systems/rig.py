@@ -1,0 +1,127 @@
+"""The 3-DOF rig: a peg on a DC feed drive, a hole on two steppers, and a controller that feels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
+
+from models.scenario import Scenario
+from skill.manipulation_skill import ManipulationSkill
+from systems.contact_plant import AddRigPlant, ContactPlant
+from systems.contact_state_estimator import ContactStateEstimator
+from systems.dc_motor import DcMotor
+from systems.depth_encoder import DepthEncoder
+from systems.lwr_controller import COMMANDS, LwrController
+from systems.run_recorder import RunRecorder
+from systems.stepper_motor import StepperMotor
+from systems.visualization import AddVisualization
+from systems.wrench_sensor import WrenchSensor
+
+@dataclass(frozen=True)
+class RigDiagram:
+    """A built diagram and the parts that a run reads."""
+
+    diagram: Diagram
+    contact: ContactPlant
+    recorder: RunRecorder
+    start: tuple[float, float, float]
+
+    def set_start(self, context: Context) -> None:
+        """Puts carriage and gimbal at the scenario's start; ``context`` is the diagram's."""
+        plant = self.contact.plant
+        own = plant.GetMyMutableContextFromRoot(context)
+        carriage, pitch, yaw = self.start
+        plant.GetJointByName("feed").set_translation(own, carriage)
+        plant.GetJointByName("pitch").set_angle(own, pitch)
+        plant.GetJointByName("yaw").set_angle(own, yaw)
+
+
+def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | None = None) -> RigDiagram:
+    """Builds the diagram of a resolved scenario; it simulates nothing.
+
+    Args:
+        scenario: resolved; its start's tilt is that of the peg relative to the hole.
+        skill: fitted or loaded.
+        meshcat: where to draw; None draws nothing.
+    """
+    if scenario.start.tilt is None:
+        raise ValueError("scenario.start.tilt is missing: the scenario is not resolved; use resolve_scenario first")
+    builder = DiagramBuilder()
+    contact = AddRigPlant(builder, scenario)
+    plant = contact.plant
+    period = scenario.contact.time_step
+    # The peg tilted by theta relative to the hole is the hole turned by -theta.
+    pitch, yaw = -scenario.start.tilt[0], -scenario.start.tilt[1]
+    feed = plant.GetModelInstanceByName("feed")
+    gimbal = plant.GetModelInstanceByName("gimbal")
+
+    weight = plant.GetBodyByName("peg").default_mass() * plant.gravity_field().gravity_vector()
+    sensor = builder.AddNamedSystem(
+        "wrench_sensor",
+        WrenchSensor(
+            parameters=scenario.sensor,
+            seed=scenario.seed,
+            weld=int(plant.GetJointByName("sensor").index()),
+            tare=np.concatenate([-weight, np.zeros(3)]),
+        ),
+    )
+    encoder = builder.AddNamedSystem("depth_encoder", DepthEncoder(home=scenario.sensor.height, resolution=scenario.rig.encoder_resolution))
+    estimator = builder.AddNamedSystem(
+        "contact_state_estimator",
+        ContactStateEstimator(skill=skill, period=scenario.controller.period),
+    )
+    controller = builder.AddNamedSystem("lwr_controller", LwrController(skill=skill, parameters=scenario.controller))
+    motor = builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=period))
+    steppers = {
+        name: builder.AddNamedSystem(
+            f"{name}_stepper", StepperMotor(parameters=scenario.stepper, period=period, start_angle=angle)
+        )
+        for name, angle in (("pitch", pitch), ("yaw", yaw))
+    }
+    carriage_state = plant.get_state_output_port(feed)
+    gimbal_state = builder.AddNamedSystem("gimbal_angles", Demultiplexer(4))
+    rest = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(2)))
+    equilibrium = builder.AddNamedSystem("equilibrium", Multiplexer([1, 1, 2]))
+
+    wrench = sensor.GetOutputPort("wrench")
+    depth = encoder.GetOutputPort("depth")
+    builder.Connect(plant.get_reaction_forces_output_port(), sensor.GetInputPort("reaction_forces"))
+    builder.Connect(carriage_state, encoder.GetInputPort("carriage_state"))
+    for system in (estimator, controller):
+        builder.Connect(wrench, system.GetInputPort("wrench"))
+        builder.Connect(depth, system.GetInputPort("depth"))
+    builder.Connect(estimator.GetOutputPort("probabilities"), controller.GetInputPort("probabilities"))
+    builder.Connect(controller.GetOutputPort("feed_speed"), motor.GetInputPort("speed_command"))
+    builder.Connect(carriage_state, motor.GetInputPort("carriage_state"))
+    builder.Connect(motor.GetOutputPort("carriage_force"), plant.get_actuation_input_port(feed))
+    builder.Connect(plant.get_state_output_port(gimbal), gimbal_state.get_input_port())
+    for k, (name, stepper) in enumerate(steppers.items()):
+        builder.Connect(controller.GetOutputPort(f"target_{name}"), stepper.GetInputPort("target_angle"))
+        builder.Connect(gimbal_state.get_output_port(k), stepper.GetInputPort("measured_angle"))
+        builder.Connect(stepper.GetOutputPort("equilibrium_angle"), equilibrium.get_input_port(k))
+    builder.Connect(rest.get_output_port(), equilibrium.get_input_port(2))
+    builder.Connect(equilibrium.get_output_port(), plant.get_desired_state_input_port(gimbal))
+    recorder = RunRecorder.AddToBuilder(
+        builder=builder,
+        ports={
+            ("fx", "fy", "fz", "mx", "my", "mz"): wrench,
+            ("depth",): depth,
+            ("state",): estimator.GetOutputPort("state"),
+            **{(n,): controller.GetOutputPort(n) for n in COMMANDS},
+            **{(f"{n}_taken", f"{n}_lost"): s.GetOutputPort("step_counts") for n, s in steppers.items()},
+            ("carriage", "carriage_speed"): carriage_state,
+            ("pitch",): gimbal_state.get_output_port(0),
+            ("yaw",): gimbal_state.get_output_port(1),
+        },
+        period=scenario.controller.period,
+        home=scenario.sensor.height,
+    )
+    if meshcat is not None:
+        AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
+    diagram = builder.Build()
+    diagram.set_name("rig")
+    return RigDiagram(diagram, contact, recorder, (scenario.sensor.height + scenario.start.height, pitch, yaw))

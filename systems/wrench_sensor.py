@@ -1,0 +1,76 @@
+"""The six-axis force/torque sensor between the carriage and the peg."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.multibody.math import SpatialForce
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from models.hardware import WrenchSensor as SensorParameters
+from systems.noise import standard_normal
+
+
+class WrenchSensor(LeafSystem):
+    """
+    .. pydrake_system::
+
+        name: WrenchSensor
+        input_ports:
+        - reaction_forces
+        output_ports:
+        - wrench
+
+    Reads the reaction of the weld between carriage and peg, at the mount S, a height h above the tip and parallel to
+    P. The carriage holds the peg with F_S; at rest the contact's wrench about S is -(F_S - F_tare), where F_tare is
+    F_S in free air: the sensor is tared. Each period, channel by channel,
+
+        y <- y + (1 - e^{-2 pi f_c T}) (-(F_S - F_tare) - y),
+        reading = quantise(clip(y + bias + sigma n)),
+
+    with n ~ N(0, 1) from the scenario's seed. ``wrench`` is the reading moved to the tip,
+    [f, m + (h z) x f]: force (N) first, then moment (N m) about the tip, in P, as in the
+    fourteen channels.
+    """
+
+    def __init__(self, *, parameters: SensorParameters, seed: int, weld: int, tare: NDArray[np.float64]) -> None:
+        super().__init__()
+        p = self._parameters = parameters
+        self._seed = seed
+        self._weld = weld
+        self._tare = tare
+        self._sigma = np.array([*p.force_noise, *p.torque_noise])
+        self._range = np.array([*p.force_range, *p.torque_range])
+        self._quantum = np.repeat([p.force_quantum, p.torque_quantum], 3)
+        self._bias = np.repeat([p.force_bias, p.torque_bias], 3) * standard_normal(seed, "sensor bias", 0, 6)
+        self._reaction = self.DeclareAbstractInputPort("reaction_forces", AbstractValue.Make([SpatialForce.Zero()]))
+        self._filtered = self.DeclareDiscreteState(6)
+        self._reading = self.DeclareDiscreteState(6)
+        self.DeclarePeriodicDiscreteUpdateEvent(p.period, 0.0, self._update)
+        self.DeclareVectorOutputPort(
+            "wrench", 6, self._calc_wrench, {self.discrete_state_ticket(self._reading)}
+        )
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        p = self._parameters
+        reaction = self._reaction.Eval(context)[self._weld]
+        held = np.concatenate([reaction.translational(), reaction.rotational()])
+        filtered = context.get_discrete_state(self._filtered).value()
+        blend = 1.0 - math.exp(-2.0 * math.pi * p.bandwidth * p.period)
+        filtered = filtered + blend * (-(held - self._tare) - filtered)
+        tick = round(context.get_time() / p.period)
+        noisy = filtered + self._bias + self._sigma * standard_normal(self._seed, "sensor noise", tick, 6)
+        clipped = np.clip(noisy, -self._range, self._range)
+        discrete_state.get_mutable_vector(self._filtered).SetFromVector(filtered)
+        discrete_state.get_mutable_vector(self._reading).SetFromVector(
+            np.round(clipped / self._quantum) * self._quantum
+        )
+
+    def _calc_wrench(self, context: Context, output: BasicVector) -> None:
+        reading = context.get_discrete_state(self._reading).value()
+        force, moment = reading[:3], reading[3:]
+        lever = np.array([0.0, 0.0, self._parameters.height])
+        output.SetFromVector(np.concatenate([force, moment + np.cross(lever, force)]))
