@@ -4,7 +4,6 @@ Sources: [paper] the source paper; [driver] defaults published for the device in
 manufacturer's published figure; [choice] chosen here for a plausible laboratory rig.
 """
 
-
 import math
 from dataclasses import dataclass, field
 

@@ -4,7 +4,6 @@ A scenario with ranges is *resolved* by a seed into a concrete one, which is sto
 demonstration or rig trial can be made again from its own record.
 """
 
-
 import copy
 import math
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -228,11 +227,12 @@ def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
         f"{1e3 * g.clearance:.4g} mm",
         "> 0: the hole must be wider than the peg",
     )
+    require(0 <= g.chamfer < g.hole_depth, "geometry.chamfer", f"{g.chamfer} m", "at least 0 and below hole_depth")
     require(
-        0 <= g.chamfer < g.hole_depth, "geometry.chamfer", f"{g.chamfer} m", "at least 0 and below hole_depth"
-    )
-    require(
-        g.peg_length > g.hole_depth, "geometry.peg_length", f"{g.peg_length} m", f"> hole_depth {g.hole_depth}"
+        g.peg_length > g.hole_depth,
+        "geometry.peg_length",
+        f"{g.peg_length} m",
+        f"> hole_depth {g.hole_depth}",
     )
     require(
         g.block_radius > g.hole_radius + g.chamfer,
@@ -247,18 +247,18 @@ def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
         g.facets >= needed,
         "geometry.facets",
         f"{g.facets} (sagitta {1e6 * sagitta:.1f} um)",
-        f"at least {needed}, so that the sagitta is below a quarter of the clearance"
-        f" ({1e6 * g.clearance / 4:.1f} um)",
+        f"at least {needed}, so that the sagitta is below a quarter of the clearance ({1e6 * g.clearance / 4:.1f} um)",
     )
     require(scenario.contact.time_step > 0, "contact.time_step", scenario.contact.time_step, "> 0")
     require(scenario.contact.friction >= 0, "contact.friction", scenario.contact.friction, ">= 0")
     require(scenario.contact.modulus > 0, "contact.modulus", scenario.contact.modulus, "> 0")
-    require(
-        scenario.device in DEVICE_PRESETS, "device", repr(scenario.device), f"one of {sorted(DEVICE_PRESETS)}"
-    )
+    require(scenario.device in DEVICE_PRESETS, "device", repr(scenario.device), f"one of {sorted(DEVICE_PRESETS)}")
     require(scenario.fixture in FIXTURES, "fixture", repr(scenario.fixture), f"one of {FIXTURES}")
     require(
-        scenario.operator.habit in HABITS, "operator.habit", repr(scenario.operator.habit), f"one of {sorted(HABITS)}"
+        scenario.operator.habit in HABITS,
+        "operator.habit",
+        repr(scenario.operator.habit),
+        f"one of {sorted(HABITS)}",
     )
     largest = math.acos(min(1.0, g.peg_radius / g.hole_radius))
     for name, value in zip("xy", scenario.start.tilt or [], strict=False):
@@ -312,7 +312,14 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int) -> Scenario:
         setattr(person, name, getattr(person, name) * factor)
     bias = rng.normal(0.0, 1.0, 2) * person.sight_bias_sigma
     person.sight_bias = [float(v) for v in bias] if person.sight_bias is None else person.sight_bias
-    for name in ("align_gain", "align_rate", "insertion_speed", "comfortable_force", "sight_delay", "touch_gain"):
+    for name in (
+        "align_gain",
+        "align_rate",
+        "insertion_speed",
+        "comfortable_force",
+        "sight_delay",
+        "touch_gain",
+    ):
         own = float(np.exp(person.personal_spread * rng.normal()))
         setattr(person, name, getattr(person, name) * own)
     person.personal_spread = 0.0

@@ -42,9 +42,12 @@ from models.scenario import Geometry, Scenario
 
 STEEL = 7850.0  # in units of kg/m^3
 ALUMINIUM = 2700.0  # in units of kg/m^3
-PEG_COLOUR = np.array([0.93, 0.60, 0.22, 1.0])
+PEG_COLOUR = np.array([0.93, 0.60, 0.22, 0.65])
 BLOCK_COLOUR = np.array([0.62, 0.66, 0.70, 1.0])
-CUT_FRACTION = 0.25  # of the ring left out of the block's picture, so that the bore can be seen
+KEPT = (
+    3 / 8,
+    7 / 8,
+)  # of the ring, in turns, in the block's picture; the camera looks in from the other half
 
 
 @dataclass(frozen=True)
@@ -149,19 +152,15 @@ def _finish(
     compliant = ProximityProperties()
     # Drake cuts a cylinder into ceil(2 pi r / hint) facets; the factor guards against rounding up to one more.
     hint = 2.0 * math.pi * g.peg_radius / g.facets * (1.0 + 1e-6)
-    AddCompliantHydroelasticProperties(
-        resolution_hint=hint, hydroelastic_modulus=contact.modulus, properties=compliant
-    )
+    AddCompliantHydroelasticProperties(resolution_hint=hint, hydroelastic_modulus=contact.modulus, properties=compliant)
     AddContactMaterial(dissipation=contact.dissipation, friction=friction, properties=compliant)
     X_PC = RigidTransform([0.0, 0.0, 0.5 * g.peg_length])
     shape = Cylinder(g.peg_radius, g.peg_length)
     plant.RegisterCollisionGeometry(peg, X_PC, shape, "peg", compliant)
 
     plant.RegisterVisualGeometry(peg, X_PC, shape, "peg_picture", PEG_COLOUR)
-    kept = (0, round(g.facets * (1.0 - CUT_FRACTION)))
-    plant.RegisterVisualGeometry(
-        block, RigidTransform(), _bore_mesh(g, kept), "block_picture", BLOCK_COLOUR
-    )
+    kept = (round(KEPT[0] * g.facets), round(KEPT[1] * g.facets))
+    plant.RegisterVisualGeometry(block, RigidTransform(), _bore_mesh(g, kept), "block_picture", BLOCK_COLOUR)
     plant.Finalize()
     return ContactPlant(plant, scene_graph, peg, block)
 

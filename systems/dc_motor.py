@@ -47,9 +47,7 @@ class DcMotor(LeafSystem):
         self._state = self.DeclareDiscreteState(np.zeros(2))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         state = self.discrete_state_ticket(self._state)
-        self.DeclareVectorOutputPort(
-            "carriage_force", 1, self._calc_force, {state, self._carriage_state.ticket()}
-        )
+        self.DeclareVectorOutputPort("carriage_force", 1, self._calc_force, {state, self._carriage_state.ticket()})
         self.DeclareVectorOutputPort("current", 1, self._calc_current, {state})
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:

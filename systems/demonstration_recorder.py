@@ -65,9 +65,7 @@ class DemonstrationRecorder(LeafSystem):
     def _remember(self, context: Context, discrete_state: DiscreteValues) -> None:
         X_HP, X_HD = self._peg_pose(context), self._probe_pose.Eval(context)
         discrete_state.get_mutable_vector(self._previous).SetFromVector(
-            np.concatenate(
-                [rotation_vector(X_HP.rotation()), X_HD.translation(), rotation_vector(X_HD.rotation())]
-            )
+            np.concatenate([rotation_vector(X_HP.rotation()), X_HD.translation(), rotation_vector(X_HD.rotation())])
         )
 
     def _peg_pose(self, context: Context) -> RigidTransform:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import Value
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from models.hardware import HapticDevice as DeviceParameters
@@ -75,9 +75,7 @@ class HapticDevice(LeafSystem):
             np.round(rotation_vector(X_HD.rotation()) / p.angle_resolution) * p.angle_resolution,
         )
 
-    def limit(
-        self, wrench: NDArray[np.float64], mean_squares: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def limit(self, wrench: NDArray[np.float64], mean_squares: NDArray[np.float64]) -> NDArray[np.float64]:
         """The wrench [torque; force] that the motors give when ``wrench`` is asked for."""
         p = self._parameters
         scale = 1.0
@@ -97,16 +95,19 @@ class HapticDevice(LeafSystem):
         old = context.get_discrete_state(self._state).value()
         position, turn = self.read_pose(self._hand_pose.Eval(context))
         R_old, R_new = from_rotation_vector(old[3:6]), from_rotation_vector(turn)
-        raw = np.concatenate(
-            [rotation_vector(R_new @ R_old.inverse()), position - old[0:3]]
-        ) / p.servo_period
+        raw = np.concatenate([rotation_vector(R_new @ R_old.inverse()), position - old[0:3]]) / p.servo_period
         blend = 1.0 - np.exp(-2.0 * np.pi * VELOCITY_BANDWIDTH * p.servo_period)
         wrench = self._rendered_wrench.Eval(context)
         squares = np.array([wrench[:3] @ wrench[:3], wrench[3:] @ wrench[3:]])
         forget = p.servo_period / p.thermal_time_constant
         discrete_state.get_mutable_vector(self._state).SetFromVector(
             np.concatenate(
-                [position, turn, old[6:12] + blend * (raw - old[6:12]), old[12:] + forget * (squares - old[12:])]
+                [
+                    position,
+                    turn,
+                    old[6:12] + blend * (raw - old[6:12]),
+                    old[12:] + forget * (squares - old[12:]),
+                ]
             )
         )
 

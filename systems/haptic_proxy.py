@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.common.eigen_geometry import Quaternion
 from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.common.eigen_geometry import Quaternion
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex
@@ -104,7 +104,10 @@ class HapticProxy(LeafSystem):
         X_HP, V_HP = self._peg_motion(context)
         output.SetFromVector(
             self.coupling_wrench(
-                X_HD=self._probe_pose.Eval(context), V_HD=self._probe_velocity.Eval(context), X_HP=X_HP, V_HP=V_HP
+                X_HD=self._probe_pose.Eval(context),
+                V_HD=self._probe_velocity.Eval(context),
+                X_HP=X_HP,
+                V_HP=V_HP,
             )
         )
 

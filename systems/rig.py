@@ -21,6 +21,7 @@ from systems.stepper_motor import StepperMotor
 from systems.visualization import AddVisualization
 from systems.wrench_sensor import WrenchSensor
 
+
 @dataclass(frozen=True)
 class RigDiagram:
     """A built diagram and the parts that a run reads."""
@@ -69,7 +70,9 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
             tare=np.concatenate([-weight, np.zeros(3)]),
         ),
     )
-    encoder = builder.AddNamedSystem("depth_encoder", DepthEncoder(home=scenario.sensor.height, resolution=scenario.rig.encoder_resolution))
+    encoder = builder.AddNamedSystem(
+        "depth_encoder", DepthEncoder(home=scenario.sensor.height, resolution=scenario.rig.encoder_resolution)
+    )
     estimator = builder.AddNamedSystem(
         "contact_state_estimator",
         ContactStateEstimator(skill=skill, period=scenario.controller.period),

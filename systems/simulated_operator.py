@@ -44,7 +44,9 @@ class SimulatedOperator(LeafSystem):
     the probe in H; ``peg_pose`` is X_HP.
     """
 
-    def __init__(self, *, operator: Operator, seed: int, start_height: float, tilt: list[float], offset: list[float]) -> None:
+    def __init__(
+        self, *, operator: Operator, seed: int, start_height: float, tilt: list[float], offset: list[float]
+    ) -> None:
         super().__init__()
         self._operator = operator
         self._seed = seed
@@ -98,9 +100,7 @@ class SimulatedOperator(LeafSystem):
         memory = context.get_discrete_state(self._seen).value().reshape(-1, 4)
         late = memory[-1]
         newest = np.concatenate([tilt + bias + noise, offset])
-        discrete_state.get_mutable_vector(self._seen).SetFromVector(
-            np.vstack([newest, memory[:-1]]).ravel()
-        )
+        discrete_state.get_mutable_vector(self._seen).SetFromVector(np.vstack([newest, memory[:-1]]).ravel())
 
         torque, force = np.split(self._rendered_wrench.Eval(context), 2)
         R_HD = from_rotation_vector(np.array([*hand[TILT], 0.0]))

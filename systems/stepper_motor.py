@@ -61,9 +61,7 @@ class StepperMotor(LeafSystem):
             state[COMMANDED] += math.copysign(steps, wanted - state[COMMANDED])
             state[TAKEN] += steps
             state[CREDIT] -= steps
-        lag = (self._measured.Eval(context)[0] - self._start_angle) / p.step_angle - (
-            state[COMMANDED] + state[SHIFT]
-        )
+        lag = (self._measured.Eval(context)[0] - self._start_angle) / p.step_angle - (state[COMMANDED] + state[SHIFT])
         if abs(lag) > PERIOD_STEPS / 2:
             state[SHIFT] += math.copysign(PERIOD_STEPS, lag)
             state[LOST] += PERIOD_STEPS

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from joblib import Parallel, delayed
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
-from models.scenario import Scenario, dump_scenario
+from models.scenario import TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
 from skill.manipulation_skill import ManipulationSkill
 from skill.rig_run import RigRun
 from systems.provenance import versions
@@ -85,6 +87,20 @@ class TrialMonitor:
     def _end(self, reason: str) -> EventStatus:
         self.reason = reason
         return EventStatus.ReachedTermination(self._rig.diagram, reason)
+
+
+def trial_scenario(scenario: Scenario, *, number: int) -> Scenario:
+    """The resolved scenario of trial ``number``; it shares no draw with any demonstration."""
+    return resolve_scenario(scenario, seed=number, stream=TRIAL_STREAM)
+
+
+def run_trials(
+    scenario: Scenario, skill: ManipulationSkill, numbers: list[int], *, jobs: int
+) -> Iterator[tuple[TrialResult, RigRun]]:
+    """Yields the trials in their order, as they are finished; ``jobs`` processes."""
+    yield from Parallel(n_jobs=jobs, return_as="generator")(
+        delayed(run_trial)(trial_scenario(scenario, number=n), skill, seed=n) for n in numbers
+    )
 
 
 def run_trial(

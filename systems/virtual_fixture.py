@@ -61,9 +61,7 @@ class RigFixture:
         # The part of the rotation that is left when the shortest tilt from z to the axis is taken away.
         tilt = rotation_between(np.array([0.0, 0.0, 1.0]), axis)
         spin = (rotation_vector(X_HP.rotation()) - tilt) @ axis
-        return Deviation(
-            p_HQ=np.zeros(3), d_HQ=d, theta_H=spin * axis, free_axis_H=axis, guides_rotation=axis[None, :]
-        )
+        return Deviation(p_HQ=np.zeros(3), d_HQ=d, theta_H=spin * axis, free_axis_H=axis, guides_rotation=axis[None, :])
 
 
 class AxialFixture:

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Role
 from pydrake.multibody.meshcat import ContactVisualizer, ContactVisualizerParams
 from pydrake.systems.framework import DiagramBuilder
 
+from skill.tables import write_atomically
 from systems.contact_plant import ContactPlant
 
-CAMERA = np.array([0.085, -0.105, 0.055])  # in units of m, in W; it looks at TARGET
+CAMERA = np.array([0.062, 0.055, 0.030])  # in units of m, in W; it looks at TARGET
 TARGET = np.array([0.0, 0.0, -0.004])
-NEWTONS_PER_METRE = 1500.0  # of a contact arrow
+NEWTONS_PER_METRE = 600.0  # of a contact arrow
 
 
 def AddVisualization(*, builder: DiagramBuilder, contact: ContactPlant, meshcat: Meshcat) -> None:
@@ -37,8 +42,20 @@ def AddVisualization(*, builder: DiagramBuilder, contact: ContactPlant, meshcat:
     aim_camera(meshcat)
 
 
+@contextmanager
+def recorded(path: Path) -> Iterator[Meshcat]:
+    """A Meshcat that records what is simulated within the context, and leaves it at ``path`` as one HTML page."""
+    meshcat = Meshcat()
+    meshcat.StartRecording(frames_per_second=32.0, set_visualizations_while_recording=False)
+    yield meshcat
+    meshcat.StopRecording()
+    meshcat.PublishRecording()
+    write_atomically(path, meshcat.StaticHtml().encode())
+
+
 def aim_camera(meshcat: Meshcat) -> None:
     """Puts the camera where the cut of the block opens, and takes the metre-sized grid away."""
     meshcat.SetCameraPose(camera_in_world=CAMERA, target_in_world=TARGET)
     meshcat.SetProperty("/Grid", "visible", False)
     meshcat.SetProperty("/Axes", "visible", False)
+    meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", 0.9)

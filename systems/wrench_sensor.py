@@ -50,9 +50,7 @@ class WrenchSensor(LeafSystem):
         self._filtered = self.DeclareDiscreteState(6)
         self._reading = self.DeclareDiscreteState(6)
         self.DeclarePeriodicDiscreteUpdateEvent(p.period, 0.0, self._update)
-        self.DeclareVectorOutputPort(
-            "wrench", 6, self._calc_wrench, {self.discrete_state_ticket(self._reading)}
-        )
+        self.DeclareVectorOutputPort("wrench", 6, self._calc_wrench, {self.discrete_state_ticket(self._reading)})
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         p = self._parameters

@@ -1,0 +1,127 @@
+"""Runs a trained skill on the simulated 3-DOF rig."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from models.scenario import load_scenario, validate_scenario
+from scripts.console import console, progress, says_what_is_wrong, write_json
+from skill.manipulation_skill import ManipulationSkill
+from skill.rig_run import write_rig_run
+from systems.trial import TrialResult, run_trials
+
+app = typer.Typer(add_completion=False)
+
+
+def result_table(results: list[TrialResult]) -> Table:
+    """One row a trial, and a summary."""
+    table = Table(title="insertions on the rig")
+    for name in (
+        "trial",
+        "tilt [deg]",
+        "outcome",
+        "time [s]",
+        "depth [mm]",
+        "axial [N]",
+        "lateral [N]",
+        "steps",
+    ):
+        table.add_column(name, justify="left" if name == "outcome" else "right")
+    table.add_column("states visited")
+    for r in results:
+        visited = " ".join(map(str, r.states)) if len(r.states) <= 12 else f"{len(r.states)} visits"
+        colour = "green" if r.inserted else "red"
+        table.add_row(
+            *(str(r.seed), f"{r.tilt_deg[0]:+.1f} {r.tilt_deg[1]:+.1f}", f"[{colour}]{r.reason}[/]"),
+            *(f"{r.time_s:.2f}", f"{r.depth_mm:.1f}", f"{r.peak_axial_n:.1f}", f"{r.peak_lateral_n:.1f}"),
+            *(str(r.steps), visited),
+        )
+    table.caption = (
+        f"{sum(r.inserted for r in results)} of {len(results)} inserted;"
+        f" median time {np.median([r.time_s for r in results]):.2f} s,"
+        f" median peak lateral force {np.median([r.peak_lateral_n for r in results]):.0f} N"
+    )
+    return table
+
+
+@says_what_is_wrong
+def run(
+    *,
+    skill: Path,
+    trials: int,
+    seed: int,
+    tilt_deg: float | None,
+    friction: float | None,
+    scenario: str,
+    out: Path,
+    json: Path | None,
+    jobs: int,
+) -> list[TrialResult]:
+    """Runs the trials, writes each run into ``out`` and all results into ``json``."""
+    learnt = ManipulationSkill.load(skill)
+    chosen = load_scenario(scenario)
+    if tilt_deg is not None:
+        chosen.start.tilt_range = math.radians(tilt_deg)
+    if friction is not None:
+        chosen.contact.friction = friction
+    validate_scenario(chosen, "command line")
+    results: list[TrialResult] = []
+    with progress("rig trials", trials) as advance:
+        for result, record in run_trials(chosen, learnt, list(range(seed, seed + trials)), jobs=jobs):
+            write_rig_run(record, out / f"run_{result.seed:04d}.parquet")
+            results.append(result)
+            advance(f"trial {result.seed}: {result.reason}, {result.time_s:.1f} s")
+    write_json(json if json is not None else out / "results.json", [asdict(r) for r in results])
+    console.print(result_table(results))
+    return results
+
+
+@app.command()
+def main(
+    skill: Annotated[Path, typer.Option(help="A skill file of train_skill.")] = Path("out/skill.npz"),
+    trials: Annotated[int, typer.Option(min=1, help="How many insertions.")] = 10,
+    seed: Annotated[int, typer.Option(min=0, help="Number of the first trial; every trial has its own.")] = 0,
+    tilt_deg: Annotated[
+        float | None,
+        typer.Option(min=0.0, help="Largest starting tilt on each axis, degrees [default: scenario's]"),
+    ] = None,
+    friction: Annotated[
+        float | None, typer.Option(min=0.0, help="Coulomb friction of peg on hole [default: scenario's]")
+    ] = None,
+    scenario: Annotated[
+        str, typer.Option(help="Name of a scenario in models/scenarios, or the path of your own YAML file.")
+    ] = "nominal",
+    out: Annotated[Path, typer.Option(help="Folder for the runs, one .parquet file each.")] = Path("out/rig"),
+    json: Annotated[
+        Path | None, typer.Option(help="All results, one object a trial [default: OUT/results.json]")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="Processes to use.")] = 2,
+) -> None:
+    """Insert the peg on the rig, from tilts the skill has never seen.
+
+    The controller feels a wrench and a depth and nothing else. Trials never share a random draw with demonstrations.
+
+    Example: python -m scripts.run_rig --trials 20 --seed 100 --tilt-deg 2 --friction 0.3 --json out/mine.json
+    """
+    run(
+        skill=skill,
+        trials=trials,
+        seed=seed,
+        tilt_deg=tilt_deg,
+        friction=friction,
+        scenario=scenario,
+        out=out,
+        json=json,
+        jobs=jobs,
+    )
+
+
+if __name__ == "__main__":
+    app()

@@ -1,0 +1,61 @@
+"""Trains a skill from recorded demonstrations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from scripts.console import console, says_what_is_wrong
+from skill.demonstration import read_demonstrations
+from skill.manipulation_skill import ManipulationSkill
+
+app = typer.Typer(add_completion=False)
+
+
+def state_table(skill: ManipulationSkill) -> Table:
+    """The graph of contact states, a row a state."""
+    frame = skill.graph_.to_frame()
+    table = Table(title="contact states")
+    table.add_column("state")
+    for column in frame.columns:
+        table.add_column(str(column), justify="right")
+    for name, (_, row) in zip(skill.state_names(), frame.iterrows(), strict=True):
+        table.add_row(name, *(f"{v:.2f}" if isinstance(v, float) else str(v) for v in row))
+    return table
+
+
+@says_what_is_wrong
+def train(*, demonstrations: Path, out: Path, seed: int) -> ManipulationSkill:
+    """Reads the folder, fits the skill, saves it."""
+    recorded = read_demonstrations(demonstrations)
+    with console.status(f"learning from {len(recorded)} demonstrations"):
+        skill = ManipulationSkill(random_state=seed).fit(recorded)
+    skill.save(out)
+    console.print(state_table(skill))
+    console.print(f"{skill.n_states} contact states, {len(skill.sources_)} remembered samples, in {out}")
+    return skill
+
+
+@app.command()
+def main(
+    demonstrations: Annotated[Path, typer.Option(help="Folder of recorded demonstrations.")] = Path(
+        "out/demonstrations"
+    ),
+    out: Annotated[Path, typer.Option(help="The skill's file.")] = Path("out/skill.npz"),
+    seed: Annotated[int, typer.Option(min=0, help="Of the clustering's random draws.")] = 0,
+) -> None:
+    """Learn a manipulation skill: refine, discover contact states, fit the local regressions, draw the graph.
+
+    The states come from all demonstrations, the actions from the good ones. Prints one row a state: how often it was
+    visited, how long, and how probably it leads to insertion.
+
+    Example: python -m scripts.train_skill --demonstrations out/few --out out/few.npz
+    """
+    train(demonstrations=demonstrations, out=out, seed=seed)
+
+
+if __name__ == "__main__":
+    app()
