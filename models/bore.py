@@ -7,6 +7,7 @@ outside it, so that the clearance is never smaller than the true one, and is lar
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -115,7 +116,7 @@ def _fan(indices: list[int], profile: list[tuple[float, float]], flip: bool) -> 
     pivot = len(profile) - 2
     others = [(pivot + k) % len(profile) for k in range(1, len(profile))]
     faces = []
-    for a, b in zip(others[:-1], others[1:], strict=True):
+    for a, b in itertools.pairwise(others):
         corner = (indices[pivot], indices[a], indices[b])
         faces.append(corner[::-1] if flip else corner)
     return faces

@@ -35,7 +35,8 @@ class DcMotor(LeafSystem):
 
         F = N (eta k_t i - b w - tau_c tanh(w / w_0)).
 
-    The rotor's inertia is reflected by the plant's joint actuator. ``carriage_state`` is [position, velocity] in m, m/s.
+    The rotor's inertia is reflected by the plant's joint actuator. ``carriage_state`` is [position,
+    velocity] in m, m/s.
     """
 
     def __init__(self, *, parameters: MotorParameters, period: float) -> None:
