@@ -21,9 +21,9 @@ from skill.gaussian_components import Array, GaussianComponents
 Schedule = Callable[[int], float]
 
 
-def exponential_schedule(eta0: float, tau: float) -> Schedule:
-    """eta(k) = eta0 exp(-k / tau)."""
-    return lambda k: eta0 * float(np.exp(-k / tau))
+def exponential_schedule(eta0: float, tau: float, begin: int = 0) -> Schedule:
+    """eta(k) = eta0 exp(-(k - begin) / tau) from iteration ``begin``, eta0 before."""
+    return lambda k: eta0 * float(np.exp(-max(k - begin, 0) / tau))
 
 
 def ramp_schedule(eta0: float, tau: float, rise: int, decay: int) -> Schedule:
@@ -89,6 +89,7 @@ def compete(
     least_cardinality: float,
     max_iter: int,
     tol: float,
+    least_eta: float = 0.0,
 ) -> tuple[GaussianComponents, History, bool]:
     """Runs the competition from ``components`` until centres and number rest.
 
@@ -100,6 +101,7 @@ def compete(
         least_cardinality: clusters of a smaller cardinality vanish.
         max_iter: largest number of iterations.
         tol: stop when no centre moves by more than this (in units of Z) in three iterations without a death.
+        least_eta: stop when the competition has become weaker than this, if mergers are to follow anyway.
 
     Returns:
         The surviving components, the history, and whether it came to rest.
@@ -120,6 +122,6 @@ def compete(
         else:
             calm = 0
             components = retained(components, keep)
-        if calm >= 3:
+        if calm >= 3 or schedule(k + 1) < least_eta <= eta:
             return components, history, True
     return components, history, False

@@ -27,7 +27,7 @@ from skill.effective_sample_size import design_effect
 from skill.expectation_maximization import CovariancePrior, expectation_maximization, sweep
 from skill.gaussian_components import Array, GaussianComponents
 from skill.gaussian_states import GaussianStates
-from skill.prototype_competition import compete_for_prototypes
+from skill.prototype_competition import FUZZY_ITERATIONS, compete_for_prototypes
 from skill.state_number import (
     bayesian_information_criterion,
     number_of_demonstrated,
@@ -36,6 +36,10 @@ from skill.state_number import (
 
 SLICE_RATIO = 1.4
 """Each start by phase uses this many times fewer slices than the one before: 30, 21, 15, 11, 8."""
+
+
+NEGLIGIBLE_ETA = 0.05
+"""Competition weaker than this hardly moves a membership; what is left to do is done sooner by merging."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +51,10 @@ class _Standardised:
     scale: Array
 
     @classmethod
-    def of(cls, X: Array, *, active: bool) -> _Standardised:
-        shift = X.mean(axis=0)
+    def of(cls, X: Array, *, centred: bool, scaled: bool) -> _Standardised:
+        shift = X.mean(axis=0) if centred else np.zeros(X.shape[1])
         scale = np.ones(X.shape[1])
-        if active:
+        if scaled:
             spread = X.std(axis=0)
             # A channel that varies by round-off alone is constant: it keeps its unit.
             varies = spread > 10.0 * np.finfo(float).eps * np.abs(X).max(axis=0)
@@ -174,9 +178,7 @@ class CompetitiveAgglomeration(GaussianStates):
         self.standardize = standardize
         self.random_state = random_state
 
-    def fit(
-        self, X: ArrayLike, y: Any = None, groups: ArrayLike | None = None, phase: ArrayLike | None = None
-    ) -> Self:
+    def fit(self, X: ArrayLike, y: Any = None, groups: ArrayLike | None = None, phase: ArrayLike | None = None) -> Self:
         """Finds the states.
 
         Args:
@@ -218,7 +220,7 @@ class CompetitiveAgglomeration(GaussianStates):
         phase: Array | None,
         random_state: np.random.RandomState,
     ) -> None:
-        data = _Standardised.of(X, active=self.standardize)
+        data = _Standardised.of(X, centred=self.standardize or self.distance == "fmle", scaled=self.standardize)
         Z = data.Z
         N = len(Z)
         prior = self._prior(Z, data.scale)
@@ -275,9 +277,7 @@ class CompetitiveAgglomeration(GaussianStates):
         if self.sensor_variance is not None:
             noise = np.asarray(self.sensor_variance, dtype=float)
             if noise.shape != (d,) or not np.isfinite(noise).all() or (noise < 0.0).any():
-                raise ValueError(
-                    f"sensor_variance has shape {noise.shape}, expected ({d},): a variance >= 0 a channel"
-                )
+                raise ValueError(f"sensor_variance has shape {noise.shape}, expected ({d},): a variance >= 0 a channel")
         return CovariancePrior(
             count=float(d + 1 if self.shrinkage is None else self.shrinkage),
             variance=g,
@@ -301,9 +301,7 @@ class CompetitiveAgglomeration(GaussianStates):
                 return [components_of_partition(Z, np.unique(given, return_inverse=True)[1], prior)]
             if given.ndim == 2 and given.shape[1] == d and len(given) >= 1:
                 return [components_at_centres(Z, (given - data.shift) / data.scale, prior)]
-            raise ValueError(
-                f"init has shape {given.shape}, expected centres (M, {d}) or labels ({N},), or 'auto'"
-            )
+            raise ValueError(f"init has shape {given.shape}, expected centres (M, {d}) or labels ({N},), or 'auto'")
         most = max(1, min(self.m_init, N // (2 * (d + 1))))
         n_init = 5 if self.n_init is None else self.n_init
         if self.init == "phase" and phase is None:
@@ -319,12 +317,10 @@ class CompetitiveAgglomeration(GaussianStates):
         published = self.distance != "fmle" or self.bias == "literal"
         eta0 = self.eta0 if self.eta0 is not None else (5.0 if with_phase or published else 1.0)
         if self.schedule == "exp":
-            return exponential_schedule(eta0, self.tau)
+            return exponential_schedule(eta0, self.tau, begin=FUZZY_ITERATIONS if published else 0)
         return ramp_schedule(eta0, self.tau, self.rise, self.decay)
 
-    def _start(
-        self, Z: Array, components: GaussianComponents, prior: CovariancePrior, *, with_phase: bool
-    ) -> _Start:
+    def _start(self, Z: Array, components: GaussianComponents, prior: CovariancePrior, *, with_phase: bool) -> _Start:
         """Competition and merging from one beginning."""
         schedule = self._schedule(with_phase=with_phase)
         if self.distance == "fmle" and self.bias == "posterior":
@@ -337,6 +333,7 @@ class CompetitiveAgglomeration(GaussianStates):
                 least_cardinality=least,
                 max_iter=self.max_iter,
                 tol=self.tol * float(np.sqrt(prior.variance)),
+                least_eta=NEGLIGIBLE_ETA if self.merge == "bic" else 0.0,
             )
             path = merge_path(Z, components, prior) if self.merge == "bic" else []
             return _Start(components, history, rested, path)
@@ -346,6 +343,8 @@ class CompetitiveAgglomeration(GaussianStates):
             prior,
             schedule,
             distance=self.distance,
+            # The ramp is the schedule of the author's program, whose rule for deaths goes with it.
+            deaths="cardinality" if self.schedule == "exp" else "nearest",
             least_count=5.0 if self.min_cardinality is None else self.min_cardinality,
             max_iter=self.max_iter,
             tol=self.tol,

@@ -32,7 +32,7 @@ LEAST_SQUARED_DISTANCE = 1e-6
 """Least squared distance, so that a sample on a prototype has a finite weight (units of Z)."""
 
 FUZZY_ITERATIONS = 3
-"""Iterations of fuzzy c-means before the competition starts."""
+"""Iterations of Euclidean fuzzy c-means before the competition starts."""
 
 LARGEST_EXPONENT = 690.0
 
@@ -86,7 +86,7 @@ def competitive_memberships(log_d2: Array, previous: Array | None, eta: float) -
         return H
     N_i = previous.sum(axis=0)
     with np.errstate(divide="ignore"):
-        log_cost = logsumexp(2.0 * np.log(previous) + log_d2)
+        log_cost = logsumexp(np.where(previous > 0.0, 2.0 * np.log(previous) + log_d2, -np.inf))
     log_alpha = np.log(eta) + log_cost - np.log(np.sum(N_i**2))
     weight = np.exp(np.minimum(log_alpha + log_S, LARGEST_EXPONENT))
     U = np.clip(H + H * weight * (N_i - H @ N_i[:, None]), 0.0, 1.0)
@@ -117,15 +117,17 @@ def compete_for_prototypes(
     schedule: Schedule,
     *,
     distance: str,
+    deaths: str,
     least_count: float,
     max_iter: int,
     tol: float,
 ) -> Competition:
-    """The published algorithm with the schedule and the deaths of its author's program.
+    """The published algorithm.
 
-    Once the competition has started, clusters die when fewer samples than one (in the first half of the
-    iterations) or ``least_count`` (in the second) are nearest to them. It rests when the number has not
-    changed and the centres moved by less than ``tol`` in all.
+    Once the competition has started, clusters die: with ``deaths="cardinality"``, as published, when N_i is below
+    ``least_count``; with "nearest", as in the author's later program, when fewer samples than one (in the first
+    half of the iterations) or ``least_count`` (in the second) are nearest to them. It rests when the number has
+    not changed and the centres moved by less than ``tol`` in all.
 
     Args:
         Z: samples, shape (N, d).
@@ -133,7 +135,8 @@ def compete_for_prototypes(
         prior: regularisation of the covariances (not used by ``euclid``).
         schedule: strength of the competition for each iteration.
         distance: ``euclid``, ``gk`` or ``fmle``.
-        least_count: nearest samples a cluster needs.
+        deaths: ``cardinality`` or ``nearest``.
+        least_count: cardinality, or number of nearest samples, that a cluster needs.
         max_iter: largest number of iterations.
         tol: sum of the absolute changes of all centres at which to stop, in units of Z.
     """
@@ -142,11 +145,15 @@ def compete_for_prototypes(
     rested = False
     for k in range(max_iter):
         eta = schedule(k)
-        log_d2 = log_squared_distances(Z, components, distance)
+        log_d2 = log_squared_distances(Z, components, distance if k >= FUZZY_ITERATIONS else "euclid")
         history.append(len(components), eta, float("nan"))
         U = competitive_memberships(log_d2, U if k >= FUZZY_ITERATIONS else None, eta)
-        counts = np.bincount(np.argmin(log_d2, axis=1), minlength=len(components))
-        keep = counts >= (1 if k < max_iter / 2 else least_count)
+        if deaths == "cardinality":
+            counts, least = U.sum(axis=0), least_count
+        else:
+            counts = np.bincount(np.argmin(log_d2, axis=1), minlength=len(components)).astype(float)
+            least = 1.0 if k < max_iter / 2 else least_count
+        keep = counts >= least
         if k < FUZZY_ITERATIONS:
             keep[:] = True
         if not keep.any():
