@@ -1,6 +1,6 @@
 """Locally weighted regression beside its peers: accuracy on fresh data, and time, in one run.
 
-    python benchmarks/regression.py [--json FILE] [--quick]
+    python -m benchmarks.regression [--json FILE] [--quick]
 
 Every learner chooses its parameters by cross-validation over groups of the training set, and is judged on
 fresh seeds by the root mean squared error to the noiseless truth over the truth's standard deviation
@@ -87,6 +87,7 @@ def compare(seeds: range, quick: bool) -> dict[str, Any]:
                 fitted = time.perf_counter()
                 out = predict(scaler.transform(fresh.X)).reshape(len(fresh.X), -1)
                 done = time.perf_counter()
+                out = fresh.judged(out)
                 error = np.sqrt(((out - fresh.truth) ** 2).mean(axis=0)) / fresh.truth.std(axis=0)
                 rows.append([float(error.mean()), fitted - start, 1e6 * (done - fitted) / len(out)])
             if rows:

@@ -6,6 +6,7 @@ groups and noiseless outputs. Judge on other seeds than those learnt from.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,15 +16,21 @@ from skill.features import CanonicalFeatures, NormalisedFeatures, RawFeatures
 
 Array = NDArray[np.float64]
 
+FEATURES = {"raw": RawFeatures, "normalised": NormalisedFeatures, "canonical": CanonicalFeatures}
+
 
 @dataclass(frozen=True)
 class Problem:
-    """Features X (n, d), outputs y (n, p), groups (n,), noiseless outputs truth (n, p)."""
+    """Features X (n, d), outputs y (n, p), groups (n,), noiseless outputs truth (n, p).
+
+    ``judged`` turns outputs of the learner's frame into those of the truth's, the same for all features.
+    """
 
     X: Array
     y: Array
     groups: NDArray[np.intp]
     truth: Array
+    judged: Callable[[Array], Array] = lambda outputs: outputs
 
 
 def cross(n: int, seed: int) -> Problem:
@@ -53,7 +60,7 @@ def insertion(n: int, seed: int, features: str = "canonical", demonstrations: in
     the tilt with noise, turns it away at 4 / s and feeds the slower the harder the contact. The learner
     sees the wrench and the depth only.
 
-    Outputs: (omega_x, omega_y, feed) in the features' frame, mrad and 0.1 mm a sample of 20 ms.
+    Outputs: (omega_x, omega_y, feed) in the features' frame, mrad and 0.1 mm a sample of 20 ms; judged in P.
     """
     rng = np.random.default_rng(seed)
     period, radius, clearance, friction = 0.02, 0.01, 50e-6, 0.2
@@ -86,11 +93,13 @@ def insertion(n: int, seed: int, features: str = "canonical", demonstrations: in
             right.append(truth)
             tilt = tilt + action[:2] + 1e-4 * rng.normal(size=2)
             depth += truth[2]
-    M, kind = (
-        np.array(measured),
-        {"raw": RawFeatures, "normalised": NormalisedFeatures, "canonical": CanonicalFeatures}[features],
-    )
-    frame = kind(peg_radius=radius)
+    M = np.array(measured)
+    frame = FEATURES[features](peg_radius=radius)
     units = np.array([1e3, 1e3, 1e4])
-    y, truth = (frame.actions_to_frame(M, np.array(a)) * units for a in (seen, right))
-    return Problem(frame.transform(M), y, np.repeat(np.arange(demonstrations), length), truth)
+    return Problem(
+        X=frame.transform(M),
+        y=frame.actions_to_frame(M, np.array(seen) * units),
+        groups=np.repeat(np.arange(demonstrations), length),
+        truth=np.array(right) * units,
+        judged=lambda outputs: frame.actions_from_frame(M, outputs),
+    )

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 # Numbers held at once by one block of a batch, neighbours times features: they stay within a processor's
 # cache.
 BLOCK = 1 << 17
+# Candidates found at once: enough queries share one walk through the indices of their states.
+SEARCH_BLOCK = 1 << 18
 # The least logarithm of a weight by distance: the farthest samples compare as equal and not as NaN.
 LEAST_LOG = -1e300
 
@@ -45,9 +47,7 @@ class KernelNeighbourhood:
         algorithm: see ``NeighbourIndex``.
     """
 
-    def __init__(
-        self, points: Array, memberships: Array | None, sample_weight: Array, algorithm: str
-    ) -> None:
+    def __init__(self, points: Array, memberships: Array | None, sample_weight: Array, algorithm: str) -> None:
         self._points = points
         self._index = MembershipIndex(points, memberships, algorithm)
         uniform = bool((sample_weight == 1.0).all())
@@ -74,26 +74,34 @@ class KernelNeighbourhood:
         """
         k = self._count(kernel, extra)
         step = max(1, BLOCK // (k * self._points.shape[1]))
-        for start in range(0, len(queries), step):
-            block = slice(start, start + step)
-            found, log_share = self._index.candidates(queries[block], None if Q is None else Q[block], k)
+        stride = step * max(1, SEARCH_BLOCK // (k * step))
+        for first in range(0, len(queries), stride):
+            many = slice(first, min(first + stride, len(queries)))
+            found, log_share = self._index.candidates(queries[many], None if Q is None else Q[many], k)
+            for start in range(first, many.stop, step):
+                block = slice(start, min(start + step, many.stop))
+                part = slice(block.start - first, block.stop - first)
+                share = None if log_share is None else log_share[part]
+                yield block, *self._weighted(queries[block], found[part], share, kernel, k)
+
+    def _weighted(
+        self, queries: Array, found: Rows, log_share: Array | None, kernel: Kernel, k: int
+    ) -> tuple[Rows, Array, Array]:
+        """Rows, samples and log weights of the k candidates of greatest weight, among (b, c)."""
+        x = self._points[found]
+        offset = x - queries[:, None, :]
+        log_w = self._log_weights(np.einsum("mkd,mkd->mk", offset, offset), found, log_share, kernel, k)
+        if found.shape[1] > k:
+            keep = np.argpartition(-log_w, k - 1, axis=1)[:, :k]
+            found, log_w = np.take_along_axis(found, keep, 1), np.take_along_axis(log_w, keep, 1)
             x = self._points[found]
-            offset = x - queries[block, None, :]
-            squared = np.einsum("mkd,mkd->mk", offset, offset)
-            log_w = self._log_weights(squared, found, log_share, kernel, k)
-            if found.shape[1] > k:
-                keep = np.argpartition(-log_w, k - 1, axis=1)[:, :k]
-                found, log_w = np.take_along_axis(found, keep, 1), np.take_along_axis(log_w, keep, 1)
-                x = np.take_along_axis(x, keep[:, :, None], 1)
-            yield block, found, x, log_w
+        return found, x, log_w
 
     def _count(self, kernel: Kernel, extra: int = 0) -> int:
         n = len(self._points)
         return n if kernel.n_neighbors is None else min(kernel.n_neighbors + extra, n)
 
-    def _log_weights(
-        self, squared: Array, found: Rows, log_share: Array | None, kernel: Kernel, k: int
-    ) -> Array:
+    def _log_weights(self, squared: Array, found: Rows, log_share: Array | None, kernel: Kernel, k: int) -> Array:
         """Logarithms of the weights (..., c) of candidates at the given squared distances (..., c)."""
         if kernel.adaptive:
             usable = squared if log_share is None else np.where(np.isneginf(log_share), 0.0, squared)

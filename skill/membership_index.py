@@ -83,16 +83,17 @@ class MembershipIndex:
             indices = [self._whole]
         found = np.hstack([index.nearest_many(queries, k) for index in indices])
         if len(indices) == 1:
-            return found, self._log_share(found, Q[:, None, :])
+            return found, self._log_share(found, Q)
         # A sample that may be in two states is found twice and counts once.
         found = np.sort(found, axis=1)
-        log_share = self._log_share(found, Q[:, None, :])
+        log_share = self._log_share(found, Q)
         log_share[:, 1:][found[:, 1:] == found[:, :-1]] = -np.inf
         return found, log_share
 
     def _log_share(self, found: Rows, q: Array) -> Array:
+        """Logarithms of the shares of samples (..., c) with queries (..., K)."""
         assert self._memberships is not None
-        share = (self._memberships[found] * q).sum(axis=-1)
+        share = (self._memberships[found] @ q[..., None])[..., 0]
         return np.log(np.maximum(share, LEAST_SHARE, out=share), out=share)
 
 
