@@ -64,15 +64,15 @@ class Start:
 class Coupling:
     """The virtual coupling between probe and peg, and the stiff guide of the virtual fixture."""
 
-    stiffness: float = 2000.0  # in units of N/m
-    damping: float = 60.0  # in units of N s/m
+    stiffness: float = 4000.0  # in units of N/m
+    damping: float = 180.0  # in units of N s/m
     angular_stiffness: float = 300.0  # in units of N m/rad
-    angular_damping: float = 1.7  # in units of N m s/rad
-    guide_stiffness: float = 5.0e4  # in units of N/m
-    guide_damping: float = 200.0  # in units of N s/m
-    peg_mass: float = 1.0  # in units of kg, of the virtual peg
-    peg_inertia: float = 5.0e-3  # in units of kg m^2, about its tip
-    force_scale: float = 0.4  # rendered over virtual force
+    angular_damping: float = 2.4  # in units of N m s/rad
+    guide_stiffness: float = 2.0e5  # in units of N/m
+    guide_damping: float = 600.0  # in units of N s/m
+    peg_mass: float = 4.0  # in units of kg, of the virtual peg
+    peg_inertia: float = 1.0e-2  # in units of kg m^2, about its tip
+    force_scale: float = 0.2  # rendered over virtual force
     torque_scale: float = 0.02  # rendered over virtual torque
 
 
@@ -90,7 +90,7 @@ class Operator:
     align_rate: float = math.radians(3.0)  # in units of rad/s, fastest turn
     touch_gain: float = 3.0  # in units of rad/s per N m of felt moment
     insertion_speed: float = 0.018  # in units of m/s, unhindered
-    comfortable_force: float = 2.5  # in units of N, felt; the speed falls to zero at this push
+    comfortable_force: float = 1.6  # in units of N, felt; the speed falls to zero at this push
     patience: float = 1e9  # in units of s of hindered pushing, after which the peg is pulled out again
     decision_period: float = 0.02  # in units of s
     tremor: float = 0.02e-3  # in units of m, amplitude along the axis
@@ -114,6 +114,8 @@ class Rig:
 
     pivot_height: float = 0.0  # in units of m, of the gimbal's axes above the mouth (negative: below)
     carriage_friction: float = 5.0  # in units of N s/m
+    mount_stiffness: float = 2.0e5  # in units of N/m, sideways, of the compliant mount that carries the peg
+    mount_damping: float = 100.0  # in units of N s/m
     encoder_resolution: float = 5.0e-6  # in units of m
 
 

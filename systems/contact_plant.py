@@ -29,6 +29,7 @@ from pydrake.multibody.plant import (
 from pydrake.multibody.tree import (
     FixedOffsetFrame,
     PdControllerGains,
+    PrismaticJoint,
     RigidBody,
     SpatialInertia,
     UnitInertia,
@@ -42,6 +43,7 @@ from models.scenario import Geometry, Scenario
 
 STEEL = 7850.0  # in units of kg/m^3
 ALUMINIUM = 2700.0  # in units of kg/m^3
+MOUNT_MASS = 0.05  # in units of kg, of each slide
 PEG_COLOUR = np.array([0.93, 0.60, 0.22, 0.65])
 BLOCK_COLOUR = np.array([0.62, 0.66, 0.70, 1.0])
 KEPT = (
@@ -91,8 +93,9 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
     mount = plant.AddFrame(
         FixedOffsetFrame("sensor_mount", peg.body_frame(), RigidTransform([0, 0, scenario.sensor.height]))
     )
+    slide = _add_compliant_mount(plant, scenario, carriage)
     # The reaction of this weld, at the mount, is what the force/torque sensor feels.
-    plant.AddJoint(WeldJoint("sensor", carriage.body_frame(), mount, RigidTransform()))
+    plant.AddJoint(WeldJoint("sensor", slide.body_frame(), mount, RigidTransform()))
 
     pivot = RigidTransform([0.0, 0.0, scenario.rig.pivot_height])
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base", gimbal), pivot)
@@ -112,6 +115,20 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
     screw.set_default_rotor_inertia(scenario.feed.rotor_inertia)
     screw.set_default_gear_ratio(scenario.feed.ratio)
     return _finish(plant, scene_graph, scenario, peg, block)
+
+
+def _add_compliant_mount(plant: MultibodyPlant, scenario: Scenario, carriage: RigidBody) -> RigidBody:
+    """Two sideways slides under the carriage, held by implicit springs; returns the one that carries the sensor."""
+    instance = plant.AddModelInstance("mount")
+    parent = carriage
+    for name, axis in (("mount_x", [1.0, 0.0, 0.0]), ("mount_y", [0.0, 1.0, 0.0])):
+        inertia = SpatialInertia(MOUNT_MASS, np.zeros(3), UnitInertia.SolidSphere(0.02))
+        body = plant.AddRigidBody(name, instance, inertia)
+        joint = plant.AddJoint(PrismaticJoint(name, parent.body_frame(), body.body_frame(), axis))
+        spring = plant.AddJointActuator(name, joint)
+        spring.set_controller_gains(PdControllerGains(p=scenario.rig.mount_stiffness, d=scenario.rig.mount_damping))
+        parent = body
+    return parent
 
 
 def _add_plant(builder: DiagramBuilder, scenario: Scenario) -> tuple[MultibodyPlant, SceneGraph]:

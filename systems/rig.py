@@ -85,6 +85,10 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
         )
         for name, angle in (("pitch", pitch), ("yaw", yaw))
     }
+    centred = builder.AddNamedSystem("centred_mount", ConstantVectorSource(np.zeros(4)))
+    builder.Connect(
+        centred.get_output_port(), plant.get_desired_state_input_port(plant.GetModelInstanceByName("mount"))
+    )
     carriage_state = plant.get_state_output_port(feed)
     gimbal_state = builder.AddNamedSystem("gimbal_angles", Demultiplexer(4))
     rest = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(2)))
