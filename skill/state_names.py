@@ -1,0 +1,44 @@
+"""What contact states are called and how they are coloured, the same in figures and replays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+PALETTE = (
+    "#0072B2",  # blue
+    "#E69F00",  # orange
+    "#009E73",  # green
+    "#CC79A7",  # pink
+    "#56B4E9",  # sky
+    "#D55E00",  # vermilion
+    "#B8AD2E",  # olive
+    "#882255",  # wine
+    "#7F7F7F",  # grey
+)
+"""Distinct for the common kinds of colour blindness, and none so pale that it is lost on white."""
+
+
+def state_colours(number: int) -> list[str]:
+    """Hexadecimal colours of ``number`` states; beyond the palette's length its tints follow."""
+    tints = (1.0, 0.55, 0.3)
+    if number > len(tints) * len(PALETTE):
+        raise ValueError(f"{number} states, expected at most {len(tints) * len(PALETTE)} to be told apart by colour")
+    return [_tint(PALETTE[k % len(PALETTE)], tints[k // len(PALETTE)]) for k in range(number)]
+
+
+def state_labels(number: int, names: Sequence[str] | None = None) -> list[str]:
+    """Of ``number`` states: the given names, or "state 0", "state 1", ...
+
+    Raises:
+        ValueError: if there are fewer names than states.
+    """
+    if names is None:
+        return [f"state {k}" for k in range(number)]
+    if len(names) < number:
+        raise ValueError(f"{len(names)} state names {list(names)}, expected one for each of {number} states")
+    return [str(name) for name in names]
+
+
+def _tint(colour: str, strength: float) -> str:
+    channels = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return "#" + "".join(f"{round(255 - strength * (255 - c)):02X}" for c in channels)

@@ -1,0 +1,149 @@
+"""Opens a stored page in headless Chromium and looks at it: console, screenshot, requests, scripts."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--disable-gpu",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",  # WebGL without a graphics card
+    "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-default-apps",
+    "--disable-extensions",
+    "--hide-scrollbars",
+    "--force-device-scale-factor=1",
+)
+
+
+@dataclass
+class Page:
+    """A page that is open in the browser.
+
+    Attributes:
+        driver: of selenium.
+        severe: console messages of level SEVERE so far, as text.
+    """
+
+    driver: Any
+    severe: list[str] = field(default_factory=list)
+
+    def run(self, script: str, *arguments: Any) -> Any:
+        """Runs JavaScript in the page; its ``return`` value comes back."""
+        return self.driver.execute_script(script, *arguments)
+
+    def wait(self, condition: str, timeout: float = 20.0) -> None:
+        """Waits until a JavaScript expression is true.
+
+        Raises:
+            AssertionError: after ``timeout`` s, with what the console said.
+        """
+        end = time.monotonic() + timeout
+        while not self.run(f"return Boolean({condition})"):
+            if time.monotonic() > end:
+                raise AssertionError(f"'{condition}' is not true after {timeout} s; console: {self.errors()}")
+            time.sleep(0.05)
+
+    def errors(self) -> list[str]:
+        """Console messages of level SEVERE since the page was opened."""
+        self.severe += [e["message"] for e in self.driver.get_log("browser") if e["level"] == "SEVERE"]
+        return list(self.severe)
+
+    def requests(self) -> list[str]:
+        """Addresses that the page has asked for outside itself; what it carries as data does not count."""
+        wanted = []
+        for entry in self.driver.get_log("performance"):
+            message = json.loads(entry["message"])["message"]
+            if message["method"] == "Network.requestWillBeSent":
+                wanted.append(message["params"]["request"]["url"])
+        own = self.driver.current_url.split("#")[0]
+        inside = ("data:", "blob:", "chrome:", "about:")  # an opening browser shows pages of its own
+        return [u for u in wanted if not u.startswith(inside) and u.split("#")[0] != own]
+
+    def screenshot(self, path: Path | None = None) -> NDArray[np.uint8]:
+        """(height, width, 3), what is seen now; also written to ``path`` if given."""
+        png = self.driver.get_screenshot_as_png()
+        if path is not None:
+            Path(path).write_bytes(png)
+        return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
+
+
+@contextmanager
+def open_page(path: Path, *, size: tuple[int, int] = (1100, 720), fragment: str = "") -> Iterator[Page]:
+    """Opens a file in a fresh browser of ``size`` pixels, with an optional ``#fragment``.
+
+    A machine without the browser fails: a page that nobody has opened is not tested.
+    """
+    try:
+        from selenium import webdriver
+        from selenium.webdriver.chrome.service import Service
+    except ImportError:
+        raise AssertionError("the browser tests need the Python package selenium: pip install selenium") from None
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    driver_path = shutil.which("chromedriver")
+    if chromium is None or driver_path is None:
+        missing = "chromium" if chromium is None else "chromedriver"
+        raise AssertionError(
+            f"the browser tests need '{missing}', which is not on the PATH;"
+            " on Debian and Ubuntu: apt-get install chromium chromium-driver"
+        )
+    with tempfile.TemporaryDirectory(prefix="browser-", ignore_cleanup_errors=True) as profile:
+        options = webdriver.ChromeOptions()
+        options.binary_location = chromium
+        for flag in (*FLAGS, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"):
+            options.add_argument(flag)
+        options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+        driver = webdriver.Chrome(options=options, service=Service(driver_path))
+        try:
+            driver.set_page_load_timeout(60)
+            driver.set_script_timeout(30)
+            driver.get(Path(path).resolve().as_uri() + fragment)
+            yield Page(driver)
+        finally:
+            driver.quit()
+
+
+@dataclass(frozen=True)
+class Blankness:
+    """How much there is to see in a picture.
+
+    Attributes:
+        colours: number of distinct colours, each channel cut to four bits so that noise does not count.
+        drawn: fraction of the pixels that differ visibly from their row's most common colour; a plain or vertically
+            shaded background, however bright, has none.
+    """
+
+    colours: int
+    drawn: float
+
+
+def blankness(picture: NDArray[np.uint8]) -> Blankness:
+    """Measures a picture (height, width, 3)."""
+    coarse = (picture >> 4).astype(np.int64)
+    code = (coarse[..., 0] << 8) | (coarse[..., 1] << 4) | coarse[..., 2]
+    drawn = 0
+    for row, codes in zip(picture.astype(int), code, strict=True):
+        common = row[codes == np.bincount(codes).argmax()][0]
+        drawn += int((np.abs(row - common).max(axis=1) > 24).sum())
+    return Blankness(colours=int(np.unique(code).size), drawn=drawn / code.size)
