@@ -1,6 +1,6 @@
 """Locally weighted regression beside its peers: accuracy on fresh data, and time, in one run.
 
-    python -m benchmarks.regression [--json FILE] [--quick]
+    python -m benchmarks.regression [--json FILE] [--quick] [--only accuracy|latency]
 
 Every learner chooses its parameters by cross-validation over groups of the training set, and is judged on
 fresh seeds by the root mean squared error to the noiseless truth over the truth's standard deviation
@@ -46,12 +46,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", type=Path, help="also write the figures to this file")
     parser.add_argument("--quick", action="store_true", help="one seed, small sizes")
+    parser.add_argument("--only", choices=["accuracy", "latency"], help="leave the other out")
     arguments = parser.parse_args()
     seeds = range(1) if arguments.quick else range(3)
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        accuracy = compare(seeds, arguments.quick)
-        latency = time_queries(arguments.quick)
+        accuracy = compare(seeds, arguments.quick) if arguments.only != "latency" else None
+        latency = time_queries(arguments.quick) if arguments.only != "accuracy" else None
     if arguments.json:
         result = {"python": platform.python_version(), "accuracy": accuracy, "latency": latency}
         arguments.json.write_text(json.dumps(result, indent=1))

@@ -104,10 +104,12 @@ class KernelNeighbourhood:
     def _log_weights(self, squared: Array, found: Rows, log_share: Array | None, kernel: Kernel, k: int) -> Array:
         """Logarithms of the weights (..., c) of candidates at the given squared distances (..., c)."""
         if kernel.adaptive:
-            usable = squared if log_share is None else np.where(np.isneginf(log_share), 0.0, squared)
-            farthest = np.sort(usable, axis=-1)[..., min(k, usable.shape[-1]) - 1]
+            valid = np.isfinite(log_share) if log_share is not None else np.ones(squared.shape, dtype=bool)
+            ranked = np.sort(np.where(valid, squared, np.inf), axis=-1)
+            last = np.minimum(k, valid.sum(axis=-1)) - 1
+            farthest = np.take_along_axis(ranked, last[..., None], axis=-1)
             # Where all neighbours sit on the query their weights are equal, whatever the bandwidth.
-            h2 = kernel.bandwidth**2 * np.where(farthest > 0, farthest, 1.0)[..., None]
+            h2 = kernel.bandwidth**2 * np.where(farthest > 0, farthest, 1.0)
             log_w: Array = squared / -h2
         else:
             log_w = squared / -(kernel.bandwidth**2)
