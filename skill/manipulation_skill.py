@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from skill.competitive_agglomeration import CompetitiveAgglomeration
 from skill.contact_state_filter import ContactStateFilter
 from skill.demonstration import ACTIONS, Demonstration
+from skill.explanation import SkillExplanation
 from skill.features import MEASURED, CanonicalFeatures
 from skill.locally_weighted_regression import LWRegressor
 from skill.refinement import refine_demonstration
@@ -176,6 +177,35 @@ class ManipulationSkill:
         P = self._memberships(X) if probabilities is None else np.asarray(probabilities, float).reshape(1, -1)
         local = self.features_.actions_from_frame(row, self.regressor_.predict(X, memberships=P))[0]
         return Action(turn=local[:2], feed=float(local[2]), probabilities=P[0])
+
+    def explain(
+        self, measured: ArrayLike, probabilities: ArrayLike | None = None, level: float = 0.95
+    ) -> SkillExplanation:
+        """Why `act` does what it does for one measurement; arguments as for `act`."""
+        row = np.asarray(measured, dtype=float).reshape(1, -1)
+        action = self.act(measured, probabilities)
+        local = self.regressor_.explain(self.measured_features(measured), action.probabilities, level)
+        demonstration, time = self.sources_[local.neighbours].T
+        return SkillExplanation(
+            state_names=self.state_names(),
+            probabilities=action.probabilities,
+            turn=action.turn,
+            feed=action.feed,
+            frame_angle=float(self.features_.rotation_angle(row)[0]),
+            lower=local.lower,
+            upper=local.upper,
+            level=level,
+            neighbours=pd.DataFrame(
+                {
+                    "demonstration": demonstration.astype(int),
+                    "time": time,
+                    "weight": local.weights,
+                    "influence": local.influence,
+                }
+            ),
+            support=local.support,
+            log_w_max=local.log_w_max,
+        )
 
     @property
     def n_states(self) -> int:
