@@ -67,9 +67,7 @@ class RawFeatures(TransformerMixin, BaseEstimator):
         """Checks parameters and measurements, (n, 7); learns nothing."""
         for name, value in self.get_params().items():
             if not (np.isfinite(value) and value > 0):
-                raise ValueError(
-                    f"{type(self).__name__}: {name} = {value}; expected a positive number in SI units"
-                )
+                raise ValueError(f"{type(self).__name__}: {name} = {value}; expected a positive number in SI units")
         self._measurements(X)
         self.n_features_in_ = len(MEASURED)
         self.feature_names_in_ = np.array(MEASURED, dtype=object)
@@ -158,9 +156,7 @@ class RawFeatures(TransformerMixin, BaseEstimator):
         if isinstance(X, pd.DataFrame):
             X = _columns(X, MEASURED)
         if issparse(X):
-            raise TypeError(
-                f"{type(self).__name__}: sparse input is not supported; convert it with X.toarray()"
-            )
+            raise TypeError(f"{type(self).__name__}: sparse input is not supported; convert it with X.toarray()")
         measured = np.asarray(X)
         if measured.dtype.kind == "c":
             raise ValueError(
@@ -177,9 +173,7 @@ class RawFeatures(TransformerMixin, BaseEstimator):
         return measured
 
     def _features(self, measured: Array) -> Array:
-        scale = np.array(
-            [self.force_scale] * 3 + [self.force_scale * self.peg_radius] * 3 + [self.depth_scale]
-        )
+        scale = np.array([self.force_scale] * 3 + [self.force_scale * self.peg_radius] * 3 + [self.depth_scale])
         return measured / scale
 
     def __sklearn_tags__(self) -> Any:

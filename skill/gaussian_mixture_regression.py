@@ -94,9 +94,7 @@ def gmr_moments(
 
 def _check_shapes(m: Array, C: Array, p: Array, X: Array, a: NDArray[np.intp], b: NDArray[np.intp]) -> None:
     if m.ndim != 2 or C.shape != (*m.shape, m.shape[1]) or p.shape != m.shape[:1]:
-        raise ValueError(
-            f"means {m.shape}, covariances {C.shape}, weights {p.shape}; expected (M, d), (M, d, d), (M,)"
-        )
+        raise ValueError(f"means {m.shape}, covariances {C.shape}, weights {p.shape}; expected (M, d), (M, d, d), (M,)")
     if X.ndim != 2 or X.shape[1] != len(a):
         raise ValueError(f"X has shape {X.shape}; expected (n, {len(a)}), one column an input channel")
     if not np.isfinite(X).all():

@@ -147,9 +147,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         Raises:
             ValueError: if a shape is wrong, a number is not finite, or memberships are not probabilities.
         """
-        checked: tuple[Array, Array] = validate_data(
-            self, X, y, multi_output=True, y_numeric=True, dtype=np.float64
-        )
+        checked: tuple[Array, Array] = validate_data(self, X, y, multi_output=True, y_numeric=True, dtype=np.float64)
         samples, outputs = checked[0], np.asarray(checked[1], dtype=float)
         self.single_output_ = outputs.ndim == 1
         outputs = outputs.reshape(len(samples), -1)
@@ -255,9 +253,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         if len(self.X_) < 2:
             raise ValueError("leaving one out needs at least 2 samples; found 1")
         out = np.empty_like(self.y_)
-        for block, found, x, log_w in self._neighbourhood.blocks(
-            self.X_, self.memberships_, self._kernel(), extra=1
-        ):
+        for block, found, x, log_w in self._neighbourhood.blocks(self.X_, self.memberships_, self._kernel(), extra=1):
             itself = found == np.arange(len(self.X_))[block, None]
             if method == "direct":
                 log_w = np.where(itself, -np.inf, log_w)
@@ -332,9 +328,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
     def _build(self) -> None:
         """What follows from the stored samples."""
         self.marginal_variance_ = self.y_.var(axis=0)
-        self._neighbourhood = KernelNeighbourhood(
-            self.X_, self.memberships_, self.sample_weight_, self.algorithm
-        )
+        self._neighbourhood = KernelNeighbourhood(self.X_, self.memberships_, self.sample_weight_, self.algorithm)
 
     def _resolved_scale(self, X: Array) -> Array:
         if self.feature_scale is None:
@@ -345,8 +339,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         scale = np.asarray(self.feature_scale, dtype=float)
         if scale.shape != (X.shape[1],) or not (np.isfinite(scale).all() and (scale > 0).all()):
             raise ValueError(
-                f"feature_scale has shape {scale.shape}; expected {X.shape[1]} positive numbers,"
-                " one a feature"
+                f"feature_scale has shape {scale.shape}; expected {X.shape[1]} positive numbers, one a feature"
             )
         return scale
 
@@ -372,9 +365,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         if memberships is None:
             return queries, None
         if self.memberships_ is None:
-            raise ValueError(
-                "queries have memberships but the samples have none: give memberships to fit too"
-            )
+            raise ValueError("queries have memberships but the samples have none: give memberships to fit too")
         return queries, check_memberships(memberships, len(queries), self.memberships_.shape[1])
 
     def _predict_one(self, query: Array, q: Array | None) -> Array:
@@ -394,10 +385,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             for block, found, x, log_w in self._neighbourhood.blocks(queries, Q, self._kernel())
         ]
         return LocalPrediction(
-            **{
-                f.name: np.concatenate([getattr(part, f.name) for part in parts])
-                for f in fields(LocalPrediction)
-            }
+            **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(LocalPrediction)}
         )
 
     def _shaped(self, values: Array) -> Array:

@@ -147,9 +147,7 @@ def _update_rotation_steps(refined: pd.DataFrame, kept: NDArray[np.intp]) -> Non
     """Takes ``dangle`` from the sample now before, where the one that was before is gone."""
     if not {"ax", "ay", "az", "angle", "dangle"} <= set(refined.columns):
         return
-    R = Rotation.from_rotvec(
-        refined[["ax", "ay", "az"]].to_numpy(dtype=float) * refined[["angle"]].to_numpy()
-    )
+    R = Rotation.from_rotvec(refined[["ax", "ay", "az"]].to_numpy(dtype=float) * refined[["angle"]].to_numpy())
     steps = refined["dangle"].to_numpy(dtype=float, copy=True)
     gap = np.diff(kept) > 1
     steps[1:][gap] = np.atleast_1d((R[:-1].inv() * R[1:]).magnitude())[gap]
@@ -158,9 +156,7 @@ def _update_rotation_steps(refined: pd.DataFrame, kept: NDArray[np.intp]) -> Non
     refined["dangle"] = steps
 
 
-def _check_arguments(
-    samples: pd.DataFrame, still: float, rough: float, average: str, rotation_scale: float
-) -> None:
+def _check_arguments(samples: pd.DataFrame, still: float, rough: float, average: str, rotation_scale: float) -> None:
     missing = [name for name in ACTIONS if name not in samples.columns]
     if missing:
         raise ValueError(f"samples lack the action columns {missing}; expected {list(ACTIONS)}")
@@ -173,6 +169,4 @@ def _check_arguments(
     if average not in ("both", "later"):
         raise ValueError(f"average = {average!r}; expected 'both' or 'later'")
     if not (np.isfinite(rotation_scale) and rotation_scale > 0):
-        raise ValueError(
-            f"rotation_scale = {rotation_scale}; expected a positive length, such as the peg's radius"
-        )
+        raise ValueError(f"rotation_scale = {rotation_scale}; expected a positive length, such as the peg's radius")

@@ -54,9 +54,7 @@ class StateGraph(BaseEstimator):
         reach_: (K,), probability of ending in ``success``; NaN for states never seen.
     """
 
-    def __init__(
-        self, n_states: int | None = None, *, sample_period: float = 0.02, success: str = "inserted"
-    ) -> None:
+    def __init__(self, n_states: int | None = None, *, sample_period: float = 0.02, success: str = "inserted") -> None:
         self.n_states = n_states
         self.sample_period = sample_period
         self.success = success

@@ -61,9 +61,7 @@ def draw_state_graph(
             if probability >= LEAST_SHOWN and end in points:
                 _draw_move(axes, points[start], points[end], float(probability), colours[start])
     for state in seen:
-        axes.scatter(
-            *points[state], s=250 + 2500 * shares[state], color=colours[state], edgecolor="black", zorder=3
-        )
+        axes.scatter(*points[state], s=250 + 2500 * shares[state], color=colours[state], edgecolor="black", zorder=3)
         axes.annotate(names[state], points[state], ha="center", va="center", zorder=4)
         dwell = graph.dwell_mean_[state] * graph.sample_period
         axes.annotate(

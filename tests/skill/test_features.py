@@ -54,9 +54,7 @@ def test_canonical_features_do_not_see_a_turn_about_the_axis(force, moment, angl
 
 
 @given(forces, moments, angles, angles, st.floats(0.5, 50.0), actions)
-def test_an_action_of_the_canonical_frame_turns_with_the_wrench(
-    force, moment, angle, direction, lateral, action
-):
+def test_an_action_of_the_canonical_frame_turns_with_the_wrench(force, moment, angle, direction, lateral, action):
     force[:2] = lateral * np.cos(direction), lateral * np.sin(direction)
     X = measurement(force, moment)
     dut = CanonicalFeatures()
@@ -119,9 +117,7 @@ def test_the_direction_does_not_see_the_force_scale_far_above_the_floor(force, m
 
 def test_noise_in_free_motion_stays_small():
     rng = np.random.default_rng(0)
-    noise = np.hstack(
-        [rng.normal(size=(500, 3)) * 0.01, rng.normal(size=(500, 3)) * 1e-4, np.zeros((500, 1))]
-    )
+    noise = np.hstack([rng.normal(size=(500, 3)) * 0.01, rng.normal(size=(500, 3)) * 1e-4, np.zeros((500, 1))])
     for dut in (NormalisedFeatures(force_floor=0.5), CanonicalFeatures(force_floor=0.5)):
         assert np.abs(dut.transform(noise)).max() < 0.15
 
@@ -150,9 +146,7 @@ def test_hidden_canonical_features_do_not_see_a_turn_of_the_whole_scene(angle):
     for names in (["fx", "fy", "fz"], ["mx", "my", "mz"], ["x", "y", "z"], ["ax", "ay", "az"]):
         turned[names] = R.apply(samples[names].to_numpy(copy=True))
     dut = CanonicalFeatures()
-    np.testing.assert_allclose(
-        dut.transform_demonstration(turned), dut.transform_demonstration(samples), atol=1e-9
-    )
+    np.testing.assert_allclose(dut.transform_demonstration(turned), dut.transform_demonstration(samples), atol=1e-9)
 
 
 def test_the_rotation_vector_is_continuous_through_angle_zero():
@@ -206,9 +200,7 @@ def test_scikit_learn_manners(features):
 @pytest.mark.parametrize("features", ALL)
 def test_scikit_learn_checks_fail_only_for_their_number_of_columns(features):
     results = check_estimator(features(), on_fail=None)
-    others = [
-        r for r in results if r["status"] == "failed" and "expected (n, 7)" not in chain(r["exception"])
-    ]
+    others = [r for r in results if r["status"] == "failed" and "expected (n, 7)" not in chain(r["exception"])]
     assert not others, [(r["check_name"], r["exception"]) for r in others]
     assert sum(r["status"] == "passed" for r in results) >= 10
 

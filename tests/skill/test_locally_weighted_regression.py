@@ -89,9 +89,7 @@ def test_known_answers_of_r_on_cars():
     fitted = tricube_local_line(CARS_SPEED, CARS_DISTANCE)
     # lowess(cars, iter = 0)$y at distinct speeds, first three and last
     distinct = fitted[np.unique(CARS_SPEED, return_index=True)[1]]
-    np.testing.assert_allclose(
-        distinct[[0, 1, 2, -1]], [3.443864, 12.784337, 15.952393, 89.127515], atol=1e-6
-    )
+    np.testing.assert_allclose(distinct[[0, 1, 2, -1]], [3.443864, 12.784337, 15.952393, 89.127515], atol=1e-6)
     peer = sm.nonparametric.lowess(CARS_DISTANCE, CARS_SPEED, it=0, delta=0.0)
     np.testing.assert_allclose(fitted, peer[:, 1], atol=1e-10)
 
@@ -153,9 +151,7 @@ def test_leaving_one_out_directly_is_refitting_without_the_sample():
     X, Y = wavy(60)
     dut = LWRegressor(bandwidth=0.5, n_neighbors=20).fit(X, Y)
     refitted = [
-        LWRegressor(bandwidth=0.5, n_neighbors=20)
-        .fit(np.delete(X, i, 0), np.delete(Y, i, 0))
-        .predict(X[i : i + 1])[0]
+        LWRegressor(bandwidth=0.5, n_neighbors=20).fit(np.delete(X, i, 0), np.delete(Y, i, 0)).predict(X[i : i + 1])[0]
         for i in range(60)
     ]
     np.testing.assert_allclose(dut.leave_one_out(), refitted, atol=1e-12)
@@ -329,9 +325,7 @@ def test_arrays_restore_an_estimator_that_predicts_the_same_bits(tmp_path):
         again = LWRegressor.from_arrays(arrays)
     for Q in (None, P):
         np.testing.assert_array_equal(again.predict(frame, Q), dut.predict(frame, Q))
-        for a, b in zip(
-            again.predict(frame, Q, return_std=True), dut.predict(frame, Q, return_std=True), strict=True
-        ):
+        for a, b in zip(again.predict(frame, Q, return_std=True), dut.predict(frame, Q, return_std=True), strict=True):
             np.testing.assert_array_equal(a, b)
     one, other = again.explain(X[3], P[3]), dut.explain(X[3], P[3])
     np.testing.assert_array_equal(one.neighbours, other.neighbours)
@@ -399,9 +393,7 @@ def test_duplicates_constant_channels_and_few_samples_stay_finite(n, d, bandwidt
 
 @settings(deadline=None, max_examples=30)
 @given(st.floats(1e-3, 1e3), st.floats(-100, 100), st.integers(0, 1000))
-def test_scaling_features_with_their_bandwidth_and_shifting_outputs_commute_with_the_regression(
-    factor, shift, seed
-):
+def test_scaling_features_with_their_bandwidth_and_shifting_outputs_commute_with_the_regression(factor, shift, seed):
     X, Y = wavy(80, 2, seed=seed)
     one = LWRegressor(bandwidth=0.5, ridge=0.0, n_neighbors=None).fit(X, Y).predict(X[:5])
     scaled = LWRegressor(bandwidth=0.5 * factor, ridge=0.0, n_neighbors=None).fit(factor * X, Y + shift)

@@ -101,9 +101,7 @@ def test_arrays_restore_the_graph(tmp_path):
 @settings(deadline=None)
 @given(
     st.lists(
-        st.tuples(
-            st.lists(st.integers(0, 5), min_size=1, max_size=30), st.sampled_from(["inserted", "jammed"])
-        ),
+        st.tuples(st.lists(st.integers(0, 5), min_size=1, max_size=30), st.sampled_from(["inserted", "jammed"])),
         min_size=1,
         max_size=8,
     )
