@@ -1,0 +1,147 @@
+import math
+from collections import Counter
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from models.bore import facet_sagitta, make_bore, minimum_facets
+
+SIZES = {"radius": 0.01005, "depth": 0.025, "chamfer": 0.0005, "facets": 64, "block_radius": 0.03, "floor": 0.01}
+
+shapes = st.fixed_dictionaries(
+    {
+        "radius": st.floats(0.002, 0.02),
+        "depth": st.floats(0.005, 0.04),
+        "chamfer": st.sampled_from([0.0, 0.0005, 0.002]),
+        "facets": st.integers(3, 70),
+        "block_radius": st.floats(0.023, 0.05),
+        "floor": st.floats(0.001, 0.02),
+    }
+)
+
+
+def directed_edges(triangles):
+    return Counter((int(t[k]), int(t[(k + 1) % 3])) for t in triangles for k in range(3))
+
+
+def assert_watertight(mesh):
+    """Every edge belongs to exactly two triangles, which run through it in opposite directions."""
+    edges = directed_edges(mesh.triangles)
+    assert edges
+    for (a, b), count in edges.items():
+        assert count == 1, f"edge {a}-{b} runs {count} times in one direction"
+        assert edges[(b, a)] == 1, f"edge {a}-{b} has one triangle only"
+
+
+def closed_volume(*, radius, depth, chamfer, facets, block_radius, floor):
+    """A prism inscribed in the block, less a prism and a frustum circumscribed about the bore and its chamfer."""
+
+    def circumscribed(r):
+        return facets * r**2 * math.tan(math.pi / facets)
+
+    block = 0.5 * facets * block_radius**2 * math.sin(2.0 * math.pi / facets) * (depth + floor)
+    inner, outer = circumscribed(radius), circumscribed(radius + chamfer)
+    frustum = chamfer / 3.0 * (inner + outer + math.sqrt(inner * outer))
+    return block - inner * (depth - chamfer) - frustum
+
+
+@given(sizes=shapes)
+@settings(max_examples=40, deadline=None)
+def test_every_edge_is_shared_by_two_triangles_in_opposite_directions(sizes):
+    assert_watertight(make_bore(**sizes))
+
+
+@given(sizes=shapes)
+@settings(max_examples=40, deadline=None)
+def test_volume_is_the_closed_form(sizes):
+    assert make_bore(**sizes).volume() == pytest.approx(closed_volume(**sizes), rel=1e-9)
+
+
+@given(sizes=shapes, first=st.integers(0, 30), kept=st.integers(1, 69))
+@settings(max_examples=40, deadline=None)
+def test_a_cut_block_is_closed_and_has_its_share_of_the_volume(sizes, first, kept):
+    kept = min(kept, sizes["facets"] - 1)
+    mesh = make_bore(**sizes, sector=(first, first + kept))
+    assert_watertight(mesh)
+    assert mesh.volume() == pytest.approx(closed_volume(**sizes) * kept / sizes["facets"], rel=1e-9)
+
+
+def test_a_sector_of_all_facets_is_the_whole_ring():
+    whole, sector = make_bore(**SIZES), make_bore(**SIZES, sector=(0, SIZES["facets"]))
+    np.testing.assert_array_equal(whole.triangles, sector.triangles)
+    np.testing.assert_array_equal(whole.vertices, sector.vertices)
+
+
+@pytest.mark.parametrize("facets", [3, 7, 64, 92])
+def test_the_inscribed_circle_of_the_bore_is_the_hole(facets):
+    mesh = make_bore(**{**SIZES, "facets": facets})
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    vertical = np.abs(normals[:, 2]) < 1e-9
+    to_axis = np.einsum("ij,ij->i", normals, a)  # distance of the face's plane from the axis, outwards positive
+    bore = vertical & (to_axis < 0)
+    assert bore.sum() == 2 * facets  # two triangles a face
+    np.testing.assert_allclose(-to_axis[bore], SIZES["radius"], rtol=1e-12)
+    outer = vertical & (to_axis > 0)
+    np.testing.assert_allclose(to_axis[outer], SIZES["block_radius"] * math.cos(math.pi / facets), rtol=1e-12)
+
+
+def test_the_chamfer_leaves_the_mouth_at_45_degrees():
+    mesh = make_bore(**SIZES)
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    slanted = np.abs(np.abs(normals[:, 2]) - math.sqrt(0.5)) < 1e-9
+    assert slanted.sum() == 2 * SIZES["facets"]
+    assert (normals[slanted][:, 2] > 0).all()
+    np.testing.assert_allclose(mesh.vertices[:, 2].max(), 0.0)
+    np.testing.assert_allclose(mesh.vertices[:, 2].min(), -SIZES["depth"] - SIZES["floor"])
+
+
+def test_wavefront_text_reads_back_as_the_same_mesh():
+    mesh = make_bore(**SIZES)
+    vertices, triangles = [], []
+    for line in mesh.to_obj().splitlines():
+        kind, *numbers = line.split()
+        (vertices if kind == "v" else triangles).append([float(n) for n in numbers])
+    np.testing.assert_allclose(vertices, mesh.vertices, rtol=1e-8, atol=1e-12)
+    np.testing.assert_array_equal(np.array(triangles, dtype=int) - 1, mesh.triangles)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"facets": 2}, "2 facets"),
+        ({"radius": 0.0}, "radius 0.0"),
+        ({"radius": -0.01}, "radius -0.01"),
+        ({"chamfer": -1e-4}, "chamfer -0.0001"),
+        ({"chamfer": 0.025}, "chamfer 0.025"),
+        ({"block_radius": 0.0105}, "block radius 0.0105"),
+        ({"floor": 0.0}, "floor 0.0"),
+    ],
+)
+def test_sizes_that_make_no_bore_are_refused(change, said):
+    with pytest.raises(ValueError, match=said):
+        make_bore(**{**SIZES, **change})
+
+
+def test_sagitta_of_a_square_and_a_hexagon():
+    assert facet_sagitta(1.0, 4) == pytest.approx(1.0 - math.sqrt(0.5))
+    assert facet_sagitta(2.0, 6) == pytest.approx(2.0 * (1.0 - math.sqrt(0.75)))
+
+
+@given(radius=st.floats(0.001, 0.1), share=st.floats(1e-4, 0.3))
+def test_minimum_facets_is_the_fewest_whose_sagitta_is_a_quarter_of_the_clearance(radius, share):
+    clearance = share * radius
+    n = minimum_facets(radius, clearance)
+    assert facet_sagitta(radius, n) <= clearance / 4 * (1 + 1e-6)
+    if n > 3:
+        assert facet_sagitta(radius, n - 1) > clearance / 4 * (1 - 1e-6)
+
+
+def test_the_papers_clearance_needs_63_facets():
+    # cos(pi/n) = 1 - 50 um / (4 x 10.05 mm) = 1 - 0.00124378: pi/n = 0.049881, n = 62.98
+    assert minimum_facets(0.01005, 5e-5) == 63

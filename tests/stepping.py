@@ -1,0 +1,23 @@
+"""Steps a system under test by hand: fixed inputs, one discrete update at a time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydrake.systems.framework import Context, LeafSystem
+
+
+def fixed_context(dut: LeafSystem, **inputs: Any) -> Context:
+    """A default context of ``dut`` with the named input ports fixed."""
+    context = dut.CreateDefaultContext()
+    for name, value in inputs.items():
+        dut.GetInputPort(name).FixValue(context, value)
+    return context
+
+
+def update(dut: LeafSystem, context: Context, *, period: float, times: int = 1) -> None:
+    """Performs the periodic discrete update ``times`` times, and moves the clock one period after each."""
+    for _ in range(times):
+        values = dut.EvalUniquePeriodicDiscreteUpdate(context)
+        context.SetDiscreteState(values)
+        context.SetTime(context.get_time() + period)
