@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skill.expectation_maximization import BLOCK
 from skill.gaussian_components import (
     Array,
     GaussianComponents,
@@ -54,12 +55,15 @@ def design_effect(Z: Array, components: GaussianComponents, groups: NDArray[np.i
     cardinalities = np.zeros(M)
     segments = np.split(order, starts)
     for rows in segments:
-        phi = features.transform(Z[rows])
-        H = C @ phi
-        H -= H.max(axis=0)
-        np.exp(H, out=H)
-        H /= H.sum(axis=0)
-        totals, means, covariances = features.moments(H @ phi.T)
+        sums = np.zeros((M, features.size))
+        for start in range(0, len(rows), BLOCK):
+            phi = features.transform(Z[rows[start : start + BLOCK]])
+            H = C @ phi
+            H -= H.max(axis=0)
+            np.exp(H, out=H)
+            H /= H.sum(axis=0)
+            sums += H @ phi.T
+        totals, means, covariances = features.moments(sums)
         shift = means - components.means
         mean_score = totals[:, None] * np.einsum("mab,ma->mb", R, shift)
         spread = covariances + shift[:, :, None] * shift[:, None, :]

@@ -80,7 +80,7 @@ def test_blocks_do_not_matter(monkeypatch):
 
 
 def test_posteriors_equal_those_of_scikit_learn():
-    X, y = spheres(0)
+    X, _ = spheres(0)
     mixture = GaussianMixture(4, random_state=0).fit(X)
     components = components_of_partition(X, mixture.predict(X), no_prior(2))
     mixture.weights_, mixture.means_ = components.weights, components.means
