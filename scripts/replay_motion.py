@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,6 +16,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from models.bore import TriangleMesh, make_bore
 from skill.demonstration import Demonstration, read_demonstration
 from skill.rig_run import RigRun, read_rig_run
 from skill.state_names import state_colours, state_labels
@@ -29,6 +31,8 @@ SIZES = (
     *("facets", "block_radius", "floor"),
 )
 """What must be known of the geometry; in m, but for the number of facets."""
+
+KEPT = (3 / 8, 7 / 8)  # of the block's ring, in turns, in its picture; one looks in from the other half
 
 FORCE_LEVELS = (0.5, 2.0, 8.0, 30.0)  # in units of N, where a demonstration's states are not known
 LEVEL_COLOURS = ("#B0B7BF", "#9ECAE1", "#4292C6", "#08519C", "#081D58")  # one hue, from light to dark
@@ -191,6 +195,20 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
     )
 
 
+def make_block(size: Mapping[str, float]) -> TriangleMesh:
+    """The hole block of the `SIZES`, cut open towards the camera."""
+    facets = round(size["facets"])
+    return make_bore(
+        radius=size["hole_radius"],
+        depth=size["hole_depth"],
+        chamfer=size["chamfer"],
+        facets=facets,
+        block_radius=size["block_radius"],
+        floor=size["floor"],
+        sector=(round(KEPT[0] * facets), round(KEPT[1] * facets)),
+    )
+
+
 def _columns(samples: pd.DataFrame, *names: str) -> Array:
     # A copy: pandas hands out read-only views, which some of scipy refuses.
     return samples[list(names)].to_numpy(dtype=float, copy=True)
@@ -216,4 +234,14 @@ def _geometry(metadata: Mapping[str, Any], where: str) -> dict[str, float]:
     missing = [name for name in SIZES if not isinstance(found.get(name), int | float)]
     if missing:
         raise ValueError(f"{where}: geometry lacks {missing}; expected numbers for {list(SIZES)}")
-    return {name: float(found[name]) for name in SIZES}
+    size = {name: float(found[name]) for name in SIZES}
+    try:
+        make_block(size)
+    except (ValueError, OverflowError) as error:
+        raise ValueError(f"{where}: geometry: {error}") from error
+    if not (0 < size["peg_radius"] < math.inf and 0 < size["peg_length"] < math.inf):
+        raise ValueError(
+            f"{where}: geometry: peg radius {size['peg_radius']}, length {size['peg_length']} (m);"
+            " expected both above 0"
+        )
+    return size

@@ -59,7 +59,7 @@ BODY = """
 </div>
 <div id="dial-box" class="panel">
   <canvas id="dial"></canvas>
-  <div class="about">lean of the peg in the hole, magnified:<br><span id="dial-ring"></span> from ring to ring;
+  <div class="about">lean of the peg, magnified:<br><span id="dial-ring"></span> from ring to ring;
     <span style="color: FORCE">force across</span></div>
 </div>
 <div id="bar" class="panel">

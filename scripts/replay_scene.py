@@ -16,15 +16,13 @@ from meshcat.commands import SetAnimation
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from models.bore import make_bore
-from scripts.replay_motion import Motion
+from scripts.replay_motion import KEPT, Motion, make_block
 
 Array = NDArray[np.float64]
 
 TARGET = np.array([0.0, 0.0, 0.004])  # in units of m, in W; the camera looks at it
 CAMERA = np.array([0.124, 0.110, 0.070])  # in units of m, in W
 FIELD_OF_VIEW = 42.0  # in units of deg, vertical
-KEPT = (3 / 8, 7 / 8)  # of the block's ring, in turns; the camera looks in from the other half
 
 BLOCK_COLOUR = 0xA9B2BB
 EDGE_COLOUR = 0x3A4148
@@ -134,15 +132,7 @@ def _set_stage(scene: meshcat.Visualizer) -> None:
 def _draw_block(node: meshcat.Visualizer, size: dict[str, float]) -> None:
     facets = round(size["facets"])
     kept = (round(KEPT[0] * facets), round(KEPT[1] * facets))
-    block = make_bore(
-        radius=size["hole_radius"],
-        depth=size["hole_depth"],
-        chamfer=size["chamfer"],
-        facets=facets,
-        block_radius=size["block_radius"],
-        floor=size["floor"],
-        sector=kept,
-    )
+    block = make_block(size)
     material = shapes.MeshPhongMaterial(color=BLOCK_COLOUR, shininess=12, flatShading=True, side=2)
     node["body"].set_object(shapes.TriangularMeshGeometry(block.vertices, block.triangles), material)
 
