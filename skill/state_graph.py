@@ -21,14 +21,8 @@ from sklearn.utils.validation import check_is_fitted
 Array = NDArray[np.float64]
 
 FITTED = (
-    "counts_",
-    "exits_",
-    "sample_counts_",
-    "visits_",
-    "dwell_mean_",
-    "dwell_std_",
-    "phase_",
-    "outcomes_",
+    *("counts_", "exits_", "sample_counts_", "visits_", "phase_", "outcomes_"),
+    *("dwell_mean_", "dwell_std_", "dwell_mean_s_", "dwell_std_s_"),
 )
 
 
@@ -37,18 +31,20 @@ class StateGraph(BaseEstimator):
 
     Args:
         n_states: K; None for the greatest label seen plus one.
-        sample_period: s, between samples, for dwell times in seconds.
+        sample_period: s, between samples on line: of ``transition_matrix``, and of sequences without times.
         success: the outcome that is wanted.
 
     Attributes:
         counts_: (K, K), moves from state i to another state j; zero on the diagonal.
         exits_: (K, A), demonstrations that ended in state i with outcome a.
         outcomes_: (A,), names of the outcomes, ``success`` among them.
-        sample_counts_: (K, K), pairs of consecutive samples, staying included.
+        sample_counts_: (K, K), moves from one sample period to the next, staying included.
         visits_: (K,), runs of equal labels.
         dwell_mean_: (K,), mean length of a visit in samples; NaN where there is none. Visits that end with
             the demonstration count with the length they had.
         dwell_std_: (K,), its standard deviation (of the population).
+        dwell_mean_s_: (K,), mean length of a visit in s.
+        dwell_std_s_: (K,), its standard deviation.
         phase_: (K,), mean time of a state's samples within their demonstration, 0 at its start, 1 at its end.
         moves_: (K, K + A), probabilities of where a visit leads: another state, or an outcome.
         reach_: (K,), probability of ending in ``success``; NaN for states never seen.
@@ -59,16 +55,23 @@ class StateGraph(BaseEstimator):
         self.sample_period = sample_period
         self.success = success
 
-    def fit(self, label_sequences: Sequence[ArrayLike], outcomes: Sequence[str]) -> Self:
+    def fit(
+        self,
+        label_sequences: Sequence[ArrayLike],
+        outcomes: Sequence[str],
+        times: Sequence[ArrayLike] | None = None,
+    ) -> Self:
         """Counts.
 
         Args:
             label_sequences: one a demonstration: (n_i,) labels from 0, one a sample.
             outcomes: one word a demonstration.
+            times: one a demonstration: (n_i,), s, increasing. Give them where samples have been dropped: a state
+                then lasts until the next sample that was kept. None: samples are ``sample_period`` apart.
 
         Raises:
             ValueError: if there is no demonstration, one is empty, labels are not whole numbers from 0 to
-                K - 1, or the numbers of sequences and outcomes differ.
+                K - 1, times do not increase, or the numbers of sequences, outcomes and times differ.
         """
         sequences = [_checked_labels(labels, i) for i, labels in enumerate(label_sequences)]
         if len(sequences) != len(outcomes) or not sequences:
@@ -86,22 +89,32 @@ class StateGraph(BaseEstimator):
         self.counts_ = np.zeros((K, K))
         self.sample_counts_ = np.zeros((K, K))
         self.exits_ = np.zeros((K, len(self.outcomes_)))
+        clocks = self._clocks(sequences, times)
         lengths: list[list[int]] = [[] for _ in range(K)]
+        seconds: list[list[float]] = [[] for _ in range(K)]
         phases: list[list[Array]] = [[] for _ in range(K)]
-        for labels, outcome in zip(sequences, outcomes, strict=True):
+        for labels, clock, outcome in zip(sequences, clocks, outcomes, strict=True):
             starts = np.concatenate([[0], np.flatnonzero(np.diff(labels)) + 1])
             visited = labels[starts]
             np.add.at(self.counts_, (visited[:-1], visited[1:]), 1.0)
-            np.add.at(self.sample_counts_, (labels[:-1], labels[1:]), 1.0)
             self.exits_[visited[-1], np.searchsorted(self.outcomes_, outcome)] += 1.0
-            time = np.linspace(0.0, 1.0, len(labels)) if len(labels) > 1 else np.zeros(1)
+            np.add.at(self.sample_counts_, (labels[:-1], labels[1:]), 1.0)
+            # Through dropped samples the state stayed what it was.
+            dropped = np.maximum(np.rint(np.diff(clock) / self.sample_period) - 1.0, 0.0)
+            np.add.at(self.sample_counts_, (labels[:-1], labels[:-1]), dropped)
+            ends = np.append(clock[starts[1:]], clock[-1] + self.sample_period)
             for state, length in zip(visited, np.diff([*starts, len(labels)]), strict=True):
                 lengths[state].append(int(length))
+            for state, duration in zip(visited, ends - clock[starts], strict=True):
+                seconds[state].append(float(duration))
+            phase = (clock - clock[0]) / max(clock[-1] - clock[0], self.sample_period)
             for state in np.unique(visited):
-                phases[state].append(time[labels == state])
+                phases[state].append(phase[labels == state])
         self.visits_ = np.array([len(ls) for ls in lengths], dtype=float)
         self.dwell_mean_ = np.array([np.mean(ls) if ls else np.nan for ls in lengths])
         self.dwell_std_ = np.array([np.std(ls) if ls else np.nan for ls in lengths])
+        self.dwell_mean_s_ = np.array([np.mean(s) if s else np.nan for s in seconds])
+        self.dwell_std_s_ = np.array([np.std(s) if s else np.nan for s in seconds])
         self.phase_ = np.array([np.concatenate(p).mean() if p else np.nan for p in phases])
         self._solve()
         return self
@@ -148,8 +161,8 @@ class StateGraph(BaseEstimator):
         return pd.DataFrame(
             {
                 "visits": self.visits_.astype(int),
-                "dwell_s": self.dwell_mean_ * self.sample_period,
-                "dwell_std_s": self.dwell_std_ * self.sample_period,
+                "dwell_s": self.dwell_mean_s_,
+                "dwell_std_s": self.dwell_std_s_,
                 "phase": self.phase_,
                 f"P({self.success})": self.reach_,
                 "desired_next": shown,
@@ -186,6 +199,18 @@ class StateGraph(BaseEstimator):
             setattr(self, name, np.array(arrays[name.rstrip("_")]))
         self._solve()
         return self
+
+    def _clocks(self, sequences: Sequence[NDArray[np.intp]], times: Sequence[ArrayLike] | None) -> list[Array]:
+        """Times of the samples, s, one array a sequence."""
+        if times is None:
+            return [self.sample_period * np.arange(len(labels), dtype=np.float64) for labels in sequences]
+        clocks = [np.asarray(clock, dtype=float) for clock in times]
+        if [c.shape for c in clocks] != [labels.shape for labels in sequences]:
+            raise ValueError("times and label sequences differ in number or length; expected one time a label")
+        for i, clock in enumerate(clocks):
+            if not np.isfinite(clock).all() or (np.diff(clock) <= 0).any():
+                raise ValueError(f"times of sequence {i} do not increase; give the seconds since its start")
+        return clocks
 
     def _solve(self) -> None:
         """What follows from the counts."""

@@ -54,7 +54,7 @@ def draw_state_graph(
         below += not wanted
         points[K + a] = (len(seen) + 0.4, 0.6 if wanted else -0.6 * below)
 
-    shares = graph.visits_ * np.nan_to_num(graph.dwell_mean_)
+    shares = graph.visits_ * np.nan_to_num(graph.dwell_mean_s_)
     shares = shares / shares.sum()
     for start in seen:
         for end, probability in enumerate(graph.moves_[start]):
@@ -63,9 +63,8 @@ def draw_state_graph(
     for state in seen:
         axes.scatter(*points[state], s=250 + 2500 * shares[state], color=colours[state], edgecolor="black", zorder=3)
         axes.annotate(names[state], points[state], ha="center", va="center", zorder=4)
-        dwell = graph.dwell_mean_[state] * graph.sample_period
         axes.annotate(
-            f"{dwell:.2f} s\nP = {graph.reach_[state]:.2f}",
+            f"{graph.dwell_mean_s_[state]:.2f} s\nP = {graph.reach_[state]:.2f}",
             points[state],
             xytext=(0, -38),
             textcoords="offset points",

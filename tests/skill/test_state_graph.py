@@ -147,6 +147,20 @@ def test_other_errors():
         StateGraph.from_arrays({})
 
 
+def test_times_make_up_for_dropped_samples():
+    whole = StateGraph(sample_period=0.1).fit([[0, 0, 0, 1, 1, 1, 2, 2]], ["inserted"])
+    thinned = StateGraph(sample_period=0.1).fit([[0, 1, 1, 2, 2]], ["inserted"], times=[[0.0, 0.3, 0.5, 0.6, 0.7]])
+    np.testing.assert_allclose(thinned.dwell_mean_s_, whole.dwell_mean_s_)
+    np.testing.assert_allclose(whole.dwell_mean_s_, 0.1 * whole.dwell_mean_)
+    np.testing.assert_array_equal(thinned.sample_counts_, whole.sample_counts_)
+    np.testing.assert_array_equal(thinned.counts_, whole.counts_)
+    np.testing.assert_array_equal(thinned.dwell_mean_, [1, 2, 2])
+    with pytest.raises(ValueError, match="one time a label"):
+        StateGraph().fit([[0, 1]], ["inserted"], times=[[0.0]])
+    with pytest.raises(ValueError, match="do not increase"):
+        StateGraph().fit([[0, 1]], ["inserted"], times=[[0.1, 0.1]])
+
+
 def test_the_figure_shows_every_state_and_outcome():
     figure = Figure()
     axes = figure.add_subplot()
