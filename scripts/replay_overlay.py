@@ -11,7 +11,8 @@ body, button { font: 13px/1.45 system-ui, -apple-system, "Segoe UI", "DejaVu San
 #meshcat-pane { width: 100vw; height: 100vh; overflow: hidden; }
 .panel { position: absolute; background: rgba(255, 255, 255, 0.88); border: 1px solid #c6ced6;
   border-radius: 6px; box-sizing: border-box; }
-#card { left: 12px; top: 12px; width: 262px; padding: 10px 14px 12px; }
+#card { left: 12px; top: 12px; width: 262px; padding: 10px 14px 12px;
+  max-height: calc(100vh - 124px); overflow-y: auto; }
 #card h1 { font-size: 15px; margin: 0; overflow-wrap: anywhere; }
 #card .about { color: #56616b; margin: 0 0 6px; }
 #card h2 { font-size: 12px; margin: 9px 0 2px; color: #56616b; font-weight: 600; }
