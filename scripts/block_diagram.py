@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 from typing import Annotated
 
-import pydot
 import typer
 from pydrake.systems.framework import Diagram
 
@@ -25,12 +25,12 @@ def write_svg(diagram: Diagram, path: Path) -> None:
     Raises:
         ValueError: if Graphviz is not installed.
     """
-    graphs = pydot.graph_from_dot_data(diagram.GetGraphvizString(max_depth=1))
+    text = diagram.GetGraphvizString(max_depth=1)
     try:
-        drawn = graphs[0].create_svg()
+        drawn = subprocess.run(["dot", "-Tsvg"], input=text.encode(), capture_output=True, check=True)
     except FileNotFoundError:
         raise ValueError("Graphviz is not installed: the command 'dot' was not found; install graphviz") from None
-    write_atomically(path, drawn)
+    write_atomically(path, drawn.stdout)
 
 
 @app.command()

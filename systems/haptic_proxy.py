@@ -13,7 +13,7 @@ from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from models.scenario import Coupling
-from systems.rotation import rotation_vector
+from systems.rotation import cross, rotation_vector
 from systems.virtual_fixture import VirtualFixture
 
 
@@ -86,14 +86,14 @@ class HapticProxy(LeafSystem):
             return np.zeros(6)
         c = self._coupling
         lever = deviation.p_HQ - X_HP.translation()
-        velocity = V_HP[3:] + np.cross(V_HP[:3], lever)
+        velocity = V_HP[3:] + cross(V_HP[:3], lever)
         if deviation.free_axis_H is not None:
             velocity = velocity - (velocity @ deviation.free_axis_H) * deviation.free_axis_H
         force = -c.guide_stiffness * deviation.d_HQ - c.guide_damping * velocity
         held = deviation.guides_rotation
         spin = held.T @ (held @ V_HP[:3])
         torque = -c.angular_stiffness * deviation.theta_H - c.angular_damping * spin
-        return np.concatenate([torque + np.cross(lever, force), force])
+        return np.concatenate([torque + cross(lever, force), force])
 
     def _peg_motion(self, context: Context) -> tuple[RigidTransform, NDArray[np.float64]]:
         state = self._peg_state.Eval(context)

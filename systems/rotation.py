@@ -30,10 +30,16 @@ def from_rotation_vector(vector: NDArray[np.float64]) -> RotationMatrix:
     return RotationMatrix(AngleAxis(angle, np.asarray(vector) / angle))
 
 
+def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Vector product of two 3-vectors; for these several times faster than numpy's, called thousands of times a second."""
+    (a0, a1, a2), (b0, b1, b2) = a, b
+    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+
+
 def rotation_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """The shortest rotation vector that turns unit vector ``a`` onto unit vector ``b``."""
-    cross = np.cross(a, b)
-    sine = float(np.linalg.norm(cross))
+    normal = cross(a, b)
+    sine = float(np.linalg.norm(normal))
     if sine < 1e-12:
-        return cross
-    return cross * (math.atan2(sine, float(a @ b)) / sine)
+        return normal
+    return normal * (math.atan2(sine, float(a @ b)) / sine)

@@ -12,6 +12,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from models.hardware import WrenchSensor as SensorParameters
 from systems.noise import standard_normal
+from systems.rotation import cross
 
 
 class WrenchSensor(LeafSystem):
@@ -71,4 +72,4 @@ class WrenchSensor(LeafSystem):
         reading = context.get_discrete_state(self._reading).value()
         force, moment = reading[:3], reading[3:]
         lever = np.array([0.0, 0.0, self._parameters.height])
-        output.SetFromVector(np.concatenate([force, moment + np.cross(lever, force)]))
+        output.SetFromVector(np.concatenate([force, moment + cross(lever, force)]))
