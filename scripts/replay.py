@@ -15,7 +15,7 @@ from scripts.replay_motion import read_motion
 from scripts.replay_page import replay_page
 from skill.tables import write_atomically
 
-app = typer.Typer(add_completion=False, rich_markup_mode="rich")
+app = typer.Typer(add_completion=False, rich_markup_mode="markdown")
 
 
 @app.command()
@@ -54,8 +54,8 @@ def replay(
     The page needs neither network nor this program: it carries the scene, its motion and the viewer. It shows the block
     cut open, the peg in the colour of its contact state, contact force and moment as arrows at the tip, and beside them
     the read-outs, a dial that magnifies the tilt, and a timeline. Drag in the view to turn it, scroll to zoom, drag on
-    the timeline to move in time; the space bar plays and pauses. Opened as [bold]page.html#t=1.5[/bold] it stands
-    still at 1.5 s.
+    the timeline to move in time; the space bar plays and pauses. Opened as `page.html#t=1.5` it stands still
+    at 1.5 seconds.
 
     For instance:
 

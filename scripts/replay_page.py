@@ -82,6 +82,6 @@ def _overlay_data(motion: Motion, title: str, speed: float) -> dict[str, Any]:
         "guard": None if motion.guard is None else motion.guard.tolist(),
         "force_colour": f"#{FORCE_COLOUR:06X}",
         "force_scale": f"{0.01 * scale.force:g} N",
-        "moment_scale": f"{10.0 * scale.moment:g} N mm",
+        "moment_scale": f"{10.0 * scale.moment:g} N mm" if scale.moment < 10 else f"{0.01 * scale.moment:g} N m",
         "azimuth": math.atan2(CAMERA[1], CAMERA[0]),
     }
