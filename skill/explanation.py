@@ -62,8 +62,8 @@ class SkillExplanation:
                 f" feed {1e3 * self.lower[2]:+.3f}..{1e3 * self.upper[2]:+.3f} mm",
                 f"support {self.support:.1f} samples, log of the greatest kernel weight {self.log_w_max:.1f}",
                 *(
-                    f"  demonstration {int(row.demonstration)} at {row.time:.2f} s: weight {row.weight:.2f}"
-                    for row in self.neighbours.head(SHOWN).itertuples()
+                    f"  demonstration {demonstration:.0f} at {time:.2f} s: weight {weight:.2f}"
+                    for demonstration, time, weight, _ in self.neighbours.head(SHOWN).to_numpy()
                 ),
             ]
         )

@@ -31,7 +31,7 @@ def from_rotation_vector(vector: NDArray[np.float64]) -> RotationMatrix:
 
 
 def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vector product of two 3-vectors; for these several times faster than numpy's, called thousands of times a second."""
+    """Vector product of two 3-vectors; several times faster for these than numpy's, in inner loops."""
     (a0, a1, a2), (b0, b1, b2) = a, b
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
