@@ -90,7 +90,7 @@ def select_bandwidth(
     """
     if rule not in ("minimum", "one_standard_error"):
         raise ValueError(f"rule = {rule!r}; expected 'minimum' or 'one_standard_error'")
-    data = _Data.checked(X, y, groups, memberships, sample_weight, n_splits)
+    data = GroupedSamples.checked(X, y, groups, memberships, sample_weight, n_splits)
     fitted = data.fit(clone(regressor), np.arange(len(data.X)))
     candidates = default_bandwidths(fitted) if bandwidths is None else np.sort(np.asarray(bandwidths, float))
     if candidates.size == 0 or not (np.isfinite(candidates).all() and candidates[0] > 0):
@@ -144,7 +144,7 @@ def select_feature_scale(
         max_passes: over all features.
         random_state: of the draw.
     """
-    data = _Data.checked(X, y, groups, memberships, sample_weight, n_splits)
+    data = GroupedSamples.checked(X, y, groups, memberships, sample_weight, n_splits)
     if max_queries is not None and max_queries < len(data.X):
         data = data.thinned(max_queries, random_state)
     scale = data.fit(clone(regressor), np.arange(len(data.X))).feature_scale_.copy()
@@ -188,7 +188,7 @@ def default_bandwidths(fitted: LWRegressor, n_queries: int = 100) -> Array:
 
 
 @dataclass(frozen=True)
-class _Data:
+class GroupedSamples:
     """Checked samples, folds of whole groups, and each output's variance."""
 
     X: Array
@@ -207,7 +207,8 @@ class _Data:
         memberships: ArrayLike | None,
         sample_weight: ArrayLike | None,
         n_splits: int,
-    ) -> _Data:
+    ) -> GroupedSamples:
+        """The samples, or a ValueError that says what is wrong with them."""
         samples, outputs, names = np.asarray(X, float), np.asarray(y, float), np.asarray(groups)
         outputs = outputs.reshape(len(outputs), -1)
         if samples.ndim != 2 or not len(samples) == len(outputs) == len(names) or names.ndim != 1:
@@ -225,15 +226,16 @@ class _Data:
         P = None if memberships is None else np.asarray(memberships, float)
         return cls(samples, outputs, P, weight, folds, outputs.var(axis=0))
 
-    def thinned(self, n_queries: int, seed: int) -> _Data:
+    def thinned(self, n_queries: int, seed: int) -> GroupedSamples:
         """The same with ``n_queries`` samples left out in all: training samples all stay."""
         chosen = np.zeros(len(self.X), dtype=bool)
         chosen[np.random.default_rng(seed).choice(len(self.X), n_queries, replace=False)] = True
         folds = [(train, test[chosen[test]]) for train, test in self.folds]
         folds = [fold for fold in folds if len(fold[1])]
-        return _Data(self.X, self.y, self.P, self.weight, folds, self.variance)
+        return GroupedSamples(self.X, self.y, self.P, self.weight, folds, self.variance)
 
     def fit(self, model: LWRegressor, rows: NDArray[np.intp]) -> LWRegressor:
+        """The model, fitted to the given rows."""
         P = None if self.P is None else self.P[rows]
         return model.fit(self.X[rows], self.y[rows], memberships=P, sample_weight=self.weight[rows])
 
