@@ -23,7 +23,8 @@ FEATURES = {"raw": RawFeatures, "normalised": NormalisedFeatures, "canonical": C
 class Problem:
     """Features X (n, d), outputs y (n, p), groups (n,), noiseless outputs truth (n, p).
 
-    ``judged`` turns outputs of the learner's frame into those of the truth's, the same for all features.
+    ``judged`` turns outputs of the learner's frame into those of the truth's, the same for all features, and
+    ``framed`` turns them back.
     """
 
     X: Array
@@ -31,6 +32,7 @@ class Problem:
     groups: NDArray[np.intp]
     truth: Array
     judged: Callable[[Array], Array] = lambda outputs: outputs
+    framed: Callable[[Array], Array] = lambda outputs: outputs
 
 
 def cross(n: int, seed: int) -> Problem:
@@ -102,4 +104,5 @@ def insertion(n: int, seed: int, features: str = "canonical", demonstrations: in
         groups=np.repeat(np.arange(demonstrations), length),
         truth=np.array(right) * units,
         judged=lambda outputs: frame.actions_from_frame(M, outputs),
+        framed=lambda outputs: frame.actions_to_frame(M, outputs),
     )
