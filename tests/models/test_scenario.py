@@ -224,7 +224,7 @@ def test_the_bound_on_facets_is_the_formula():
     scenario.geometry.facets = needed
     validate_scenario(scenario)
     scenario.geometry.facets = needed - 1
-    with pytest.raises(ValueError, match="geometry.facets"):
+    with pytest.raises(ValueError, match=r"geometry\.facets"):
         validate_scenario(scenario)
 
 

@@ -1,0 +1,87 @@
+"""What several tests share: a quick scenario, real demonstrations in it, and a skill learnt from them."""
+
+from __future__ import annotations
+
+import fcntl
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+# This folder comes first on the path, and tests/skill must not hide skill.
+sys.path.insert(0, str(ROOT))
+
+from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario  # noqa: E402
+from skill.demonstration import Demonstration, read_demonstrations, write_demonstration  # noqa: E402
+from skill.manipulation_skill import ManipulationSkill  # noqa: E402
+from systems.demonstrate import run_demonstration  # noqa: E402
+from systems.demonstration_set import requests  # noqa: E402
+
+SHOWN = [*requests(5, 0), *requests(0, 2)[1:]]  # five that insert, and one that slams
+
+
+def make_quick_scenario() -> Scenario:
+    """A shallow hole, reached at once: an insertion takes half a second."""
+    scenario = Scenario()
+    scenario.geometry.hole_depth = 0.012
+    scenario.geometry.peg_length = 0.040
+    scenario.start.height = 0.001
+    scenario.recorder.time_limit = 3.0
+    scenario.trial.time_limit = 3.0
+    return scenario
+
+
+@pytest.fixture
+def quick_scenario() -> Scenario:
+    """Not resolved."""
+    return make_quick_scenario()
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Holds a lock between processes."""
+    with path.open("w") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+
+
+@pytest.fixture(scope="session")
+def demonstration_folder(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
+    """Real recordings, made once for all workers."""
+    own = tmp_path_factory.getbasetemp()
+    shared = own if worker_id == "master" else own.parent
+    folder, done = shared / "demonstrations", shared / "demonstrations.done"
+    with locked(shared / "demonstrations.lock"):
+        if not done.exists():
+            for number, request in enumerate(SHOWN):
+                scenario = make_quick_scenario()
+                scenario.operator.habit = request.habit
+                resolved = resolve_scenario(scenario, seed=number, stream=DEMONSTRATION_STREAM)
+                write_demonstration(run_demonstration(resolved), folder / f"{number:03d}.parquet")
+            done.touch()
+    return folder
+
+
+@pytest.fixture(scope="session")
+def demonstrations(demonstration_folder: Path) -> list[Demonstration]:
+    """Five good ones and a bad one."""
+    return read_demonstrations(demonstration_folder)
+
+
+@pytest.fixture(scope="session")
+def skill_file(demonstration_folder: Path) -> Path:
+    """A skill learnt from the recordings."""
+    path = demonstration_folder.parent / "skill.npz"
+    with locked(demonstration_folder.parent / "skill.lock"):
+        if not path.exists():
+            ManipulationSkill().fit(read_demonstrations(demonstration_folder)).save(path)
+    return path
+
+
+@pytest.fixture(scope="session")
+def skill(skill_file: Path) -> ManipulationSkill:
+    """The same, loaded."""
+    return ManipulationSkill.load(skill_file)

@@ -1,0 +1,139 @@
+import math
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
+from stepping import fixed_context, update
+
+from models.hardware import DcMotor as Parameters
+from systems.dc_motor import INTEGRAL, DcMotor
+
+P = Parameters()
+PERIOD = 1e-3
+MASS = 1.5  # in units of kg, carriage and rotor together
+
+
+def motor(speed_command, state=(0.0, 0.0), parameters=P):
+    dut = DcMotor(parameters=parameters, period=PERIOD)
+    return dut, fixed_context(dut, speed_command=[speed_command], carriage_state=list(state))
+
+
+def current(dut, context):
+    return dut.GetOutputPort("current").Eval(context)[0]
+
+
+def force(dut, context):
+    return dut.GetOutputPort("carriage_force").Eval(context)[0]
+
+
+def test_the_gear_is_one_turn_a_lead():
+    assert P.ratio * P.screw_lead == pytest.approx(2 * math.pi)
+
+
+def test_one_period_at_standstill_is_the_rise_of_an_rl_circuit():
+    v = 1e-4
+    dut, context = motor(v)
+    wanted = P.ratio * v
+    u = (P.speed_kp + P.torque_constant) * wanted  # the integral is still zero
+    update(dut, context, period=PERIOD)
+    assert current(dut, context) == pytest.approx(
+        u / P.resistance * (1 - math.exp(-P.resistance * PERIOD / P.inductance)), rel=1e-12
+    )
+
+
+def test_one_period_in_motion_matches_a_finely_integrated_circuit():
+    v, command = -0.012, -0.013
+    parameters = Parameters(inductance=4e-3)  # a time constant longer than the period
+    dut, context = motor(command, (0.05, v), parameters)
+    i0, integral = 0.11, 1e-3
+    context.SetDiscreteState([i0, integral])
+    w, wanted = parameters.ratio * v, parameters.ratio * command
+    u = parameters.speed_kp * (wanted - w) + parameters.speed_ki * integral + parameters.torque_constant * wanted
+    n = 200_000
+    i, h = i0, PERIOD / n
+    for _ in range(n):  # explicit Euler with h R/L = 3e-6
+        i += h * (u - parameters.resistance * i - parameters.torque_constant * w) / parameters.inductance
+    update(dut, context, period=PERIOD)
+    assert current(dut, context) == pytest.approx(i, rel=1e-5)
+    assert context.get_discrete_state(0).value()[INTEGRAL] == pytest.approx(integral + (wanted - w) * PERIOD)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_stalled_motor_pushes_with_the_current_limit(sign):
+    dut, context = motor(sign * 0.03)
+    update(dut, context, period=PERIOD, times=2000)
+    assert current(dut, context) == pytest.approx(sign * P.current_limit, rel=1e-12)
+    stall = P.ratio * P.screw_efficiency * P.torque_constant * P.current_limit
+    assert force(dut, context) == pytest.approx(sign * stall, rel=1e-12)
+
+
+def test_the_current_never_passes_its_limit_whatever_the_speed():
+    dut, context = motor(0.0)
+    rng = np.random.default_rng(4)
+    largest = 0.0
+    for command, speed in rng.uniform(-0.1, 0.1, (500, 2)):
+        dut.GetInputPort("speed_command").FixValue(context, [command])
+        dut.GetInputPort("carriage_state").FixValue(context, [0.0, speed])
+        update(dut, context, period=PERIOD)
+        largest = max(largest, abs(current(dut, context)))
+    assert largest == pytest.approx(P.current_limit, rel=1e-9)
+
+
+def test_a_weak_supply_limits_the_current_before_the_limiter_does():
+    parameters = Parameters(supply_voltage=1.0)
+    dut, context = motor(0.5, parameters=parameters)
+    update(dut, context, period=PERIOD, times=100)
+    assert current(dut, context) == pytest.approx(parameters.supply_voltage / parameters.resistance, rel=1e-9)
+
+
+def test_the_friction_of_a_coasting_motor():
+    dut, context = motor(0.0, (0.0, 0.02))
+    w = P.ratio * 0.02
+    assert w > 20  # the smoothed Coulomb friction is its full size
+    expected = -P.ratio * (P.viscous_friction * w + P.coulomb_friction)
+    assert force(dut, context) == pytest.approx(expected, rel=1e-6)
+    assert force(*motor(0.0, (0.0, -0.02))) == pytest.approx(-expected, rel=1e-6)
+    assert force(*motor(0.0)) == 0.0
+
+
+def test_the_integral_stands_still_while_the_current_is_limited():
+    dut, context = motor(0.03)
+    update(dut, context, period=PERIOD, times=3000)
+    integral = context.get_discrete_state(0).value()[INTEGRAL]
+    wanted = P.ratio * 0.03
+    proportional = (P.speed_kp + P.torque_constant) * wanted
+    # It stopped within one period's growth of where the voltage reached what the current limit allows.
+    bound = max(0.0, P.resistance * P.current_limit - proportional) / P.speed_ki
+    assert 0 <= integral <= bound + wanted * PERIOD
+    # So the push is gone within milliseconds of the command.
+    dut.GetInputPort("speed_command").FixValue(context, [-0.03])
+    update(dut, context, period=PERIOD, times=3)
+    assert current(dut, context) < 0
+
+
+@pytest.mark.parametrize("command", [-0.018, 0.01])
+def test_an_unhindered_carriage_reaches_the_commanded_speed(command):
+    builder = DiagramBuilder()
+    source = builder.AddSystem(ConstantVectorSource([command]))
+    dut = builder.AddSystem(DcMotor(parameters=P, period=PERIOD))
+    carriage = builder.AddSystem(
+        LinearSystem(
+            A=np.array([[0.0, 1.0], [0.0, 0.0]]), B=np.array([[0.0], [1 / MASS]]), C=np.eye(2), D=np.zeros((2, 1))
+        )
+    )
+    builder.Connect(source.get_output_port(), dut.GetInputPort("speed_command"))
+    builder.Connect(dut.GetOutputPort("carriage_force"), carriage.get_input_port())
+    builder.Connect(carriage.get_output_port(), dut.GetInputPort("carriage_state"))
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(2.0)
+    root = simulator.get_context()
+    speed = carriage.GetMyContextFromRoot(root).get_continuous_state_vector()[1]
+    assert speed == pytest.approx(command, rel=1e-4)
+    # All the torque goes into friction.
+    w = P.ratio * command
+    needed = (P.viscous_friction * w + math.copysign(P.coulomb_friction, w)) / (P.screw_efficiency * P.torque_constant)
+    own = dut.GetMyContextFromRoot(root)
+    assert current(dut, own) == pytest.approx(needed, rel=1e-2)
