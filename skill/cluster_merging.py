@@ -86,13 +86,10 @@ def merge_path(
     Returns:
         The polished mixture of every number of components on the way, from the most to a single one.
     """
-    # A step of EM that gains less than a hundredth of one component's penalty cannot change the choice.
-    tol = 0.005 * prior.parameters * float(np.log(len(Z)))
+    tol = negligible_gain(prior.parameters, len(Z))
     path: list[Mixture] = []
     while True:
-        components, log_likelihood, _ = expectation_maximization(
-            Z, components, prior, max_iter=em_steps, tol=tol
-        )
+        components, log_likelihood, _ = expectation_maximization(Z, components, prior, max_iter=em_steps, tol=tol)
         path.append(Mixture(components, log_likelihood))
         if len(components) == 1:
             return path
@@ -107,3 +104,26 @@ def best_of_each_number(paths: list[list[Mixture]]) -> dict[int, Mixture]:
         if M not in best or mixture.log_likelihood > best[M].log_likelihood:
             best[M] = mixture
     return dict(sorted(best.items(), reverse=True))
+
+
+def negligible_gain(T: int, N: int) -> float:
+    """Nats that cannot change the choice of a number: a hundredth of the penalty of one component."""
+    return 0.005 * T * float(np.log(N))
+
+
+def polished(
+    Z: Array, candidates: dict[int, Mixture], prior: CovariancePrior, *, em_steps: int = 10
+) -> dict[int, Mixture]:
+    """The candidates after up to ``em_steps`` of EM on samples ``Z`` (N, d), keyed as before.
+
+    EM drops components that hold no sample; such a candidate is a duplicate of a smaller one and is left out.
+    """
+    tol = negligible_gain(prior.parameters, len(Z))
+    result: dict[int, Mixture] = {}
+    for M, candidate in candidates.items():
+        components, log_likelihood, _ = expectation_maximization(
+            Z, candidate.components, prior, max_iter=em_steps, tol=tol
+        )
+        if len(components) == M:
+            result[M] = Mixture(components, log_likelihood)
+    return result
