@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-import copy
 import time
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import pandas as pd
 import typer
-from skill.figures import plot_demonstration, plot_run, save_figure
 
-from models.scenario import DEMONSTRATION_STREAM, load_scenario, resolve_scenario
-from scripts.console import console, says_what_is_wrong
+from models.scenario import Scenario, parse_scenario
+from scripts.console import console, progress, says_what_is_wrong
 from scripts.record_demonstrations import record
+from scripts.replay_motion import read_motion
+from scripts.replay_page import replay_page
 from scripts.run_rig import run
 from scripts.train_skill import train
+from skill.demonstration import Demonstration, read_demonstration
+from skill.figures import plot_demonstration, plot_outcomes, plot_run, save_figure
 from skill.rig_run import read_rig_run
+from skill.tables import write_atomically
 from systems.demonstrate import run_demonstration
-from systems.trial import run_trial, trial_scenario
+from systems.trial import TrialResult, run_trial
 from systems.visualization import recorded
 
 app = typer.Typer(add_completion=False)
@@ -27,9 +32,10 @@ app = typer.Typer(add_completion=False)
 def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: str, jobs: int) -> None:
     """Runs the chain into the folder ``out``."""
     began = time.monotonic()
-    folder = out / "demonstrations"
-    made = record(out=folder, good=good, bad=bad, seed=seed, scenario=scenario, jobs=jobs, overwrite=True)
-    skill = train(demonstrations=folder, out=out / "skill.npz", seed=seed)
+    recordings = record(
+        out=out / "demonstrations", good=good, bad=bad, seed=seed, scenario=scenario, jobs=jobs, overwrite=True
+    )
+    skill = train(demonstrations=out / "demonstrations", out=out / "skill.npz", seed=seed)
     results = run(
         skill=out / "skill.npz",
         trials=trials,
@@ -42,24 +48,50 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
         jobs=jobs,
     )
     # The picture is worth most where the start was worst.
-    shown = max(made, key=lambda d: d.good * float(d.samples["angle"].iloc[0]))
+    shown = max(recordings, key=lambda path: starting_tilt(read_demonstration(path)))
     hardest = max(results, key=lambda r: (r.inserted, abs(r.tilt_deg[0]) + abs(r.tilt_deg[1])))
-    with console.status("figures and replays"):
-        save_figure(plot_demonstration(shown), out / "fig3_demonstration.png")
-        record_of_run = read_rig_run(out / "rig" / f"run_{hardest.seed:04d}.parquet")
-        save_figure(plot_run(record_of_run, skill.state_names()), out / "fig5_insertion.png")
-        chosen = load_scenario(scenario)
-        person = copy.deepcopy(chosen)
-        person.operator.habit = shown.metadata["habit"]
-        start = resolve_scenario(person, seed=shown.metadata["number"], stream=DEMONSTRATION_STREAM)
-        with recorded(out / "replay_demonstration.html") as meshcat:
-            run_demonstration(start, meshcat=meshcat)
-        with recorded(out / "replay_insertion.html") as meshcat:
-            run_trial(trial_scenario(chosen, number=hardest.seed), skill, seed=hardest.seed, meshcat=meshcat)
-    console.print(
-        f"in {out}: demonstrations/, skill.npz, rig/, fig3_demonstration.png, fig5_insertion.png,"
-        f" replay_demonstration.html, replay_insertion.html ({time.monotonic() - began:.0f} s)"
-    )
+    with progress("figures and replays", 4) as advance:
+        draw(shown, out / "rig" / f"run_{hardest.seed:04d}.parquet", results, out)
+        advance("figures")
+        write_replays(shown, out / "rig" / f"run_{hardest.seed:04d}.parquet", out)
+        advance("replays")
+        with recorded(out / "recording_demonstration.html") as meshcat:
+            run_demonstration(scenario_of(read_demonstration(shown).metadata), meshcat=meshcat)
+        advance("recording of the demonstration")
+        run_metadata = read_rig_run(out / "rig" / f"run_{hardest.seed:04d}.parquet").metadata
+        with recorded(out / "recording_insertion.html") as meshcat:
+            run_trial(scenario_of(run_metadata), skill, seed=hardest.seed, meshcat=meshcat)
+        advance("recording of the insertion")
+    console.print(f"{time.monotonic() - began:.0f} s; in {out}:")
+    for path in sorted(out.iterdir()):
+        console.print(f"  {path.name}{'/' if path.is_dir() else ''}")
+
+
+def starting_tilt(demonstration: Demonstration) -> float:
+    """Radians at the first sample of a good demonstration; 0 for a bad one."""
+    return demonstration.good * float(demonstration.samples["angle"].iloc[0])
+
+
+def scenario_of(metadata: dict[str, Any]) -> Scenario:
+    """The resolved scenario that is stored beside a demonstration or a run: what made it can make it again."""
+    return parse_scenario(metadata["scenario"], "stored scenario")
+
+
+def draw(demonstration: Path, run_file: Path, results: list[TrialResult], out: Path) -> None:
+    """The paper's Fig. 3 and Fig. 5, and all trials."""
+    save_figure(plot_demonstration(read_demonstration(demonstration)), out / "fig3_demonstration.png")
+    save_figure(plot_run(read_rig_run(run_file)), out / "fig5_insertion.png")
+    save_figure(plot_outcomes(pd.DataFrame([asdict(r) for r in results])), out / "rig_trials.png")
+
+
+def write_replays(demonstration: Path, run_file: Path, out: Path) -> None:
+    """One page each, from the stored files alone."""
+    for path, skill, name in (
+        (demonstration, out / "skill.npz", "replay_demonstration"),
+        (run_file, None, "replay_insertion"),
+    ):
+        page = replay_page(read_motion(path, skill), title=path.stem)
+        write_atomically(out / f"{name}.html", page.encode())
 
 
 @app.command()

@@ -9,17 +9,15 @@ import typer
 
 from models.scenario import load_scenario
 from scripts.console import console, progress, says_what_is_wrong
-from skill.demonstration import Demonstration, write_demonstration
+from skill.demonstration import write_demonstration
 from systems.demonstration_set import demonstrate_all, requests
 
 app = typer.Typer(add_completion=False)
 
 
 @says_what_is_wrong
-def record(
-    *, out: Path, good: int, bad: int, seed: int, scenario: str, jobs: int, overwrite: bool
-) -> list[Demonstration]:
-    """Records ``good`` + ``bad`` demonstrations into the folder ``out``, one Parquet file each."""
+def record(*, out: Path, good: int, bad: int, seed: int, scenario: str, jobs: int, overwrite: bool) -> list[Path]:
+    """Records ``good`` + ``bad`` demonstrations into the folder ``out``, one Parquet file each; returns their paths."""
     chosen = load_scenario(scenario)
     wanted = requests(good, bad)
     if not wanted:
@@ -29,12 +27,12 @@ def record(
         raise ValueError(f"{out}: holds {len(stale)} recordings already; choose another --out, or give --overwrite")
     for path in stale:
         path.unlink()
-    made: list[Demonstration] = []
+    made: list[Path] = []
     with progress("demonstrations", len(wanted)) as advance:
         for request, demonstration in demonstrate_all(chosen, wanted, seed=seed, jobs=jobs):
-            name = f"{request.number:03d}_{'good' if request.good else 'bad'}_{request.habit}.parquet"
-            write_demonstration(demonstration, out / name)
-            made.append(demonstration)
+            path = out / f"{request.number:03d}_{'good' if request.good else 'bad'}_{request.habit}.parquet"
+            write_demonstration(demonstration, path)
+            made.append(path)
             advance(f"{request.habit}: {demonstration.outcome}, {demonstration.duration:.1f} s")
     console.print(f"{len(made)} demonstrations in {out}")
     return made

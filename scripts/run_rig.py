@@ -9,6 +9,7 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from rich.box import SIMPLE
 from rich.table import Table
 
 from models.scenario import load_scenario, validate_scenario
@@ -22,31 +23,24 @@ app = typer.Typer(add_completion=False)
 
 def result_table(results: list[TrialResult]) -> Table:
     """One row a trial, and a summary."""
-    table = Table(title="insertions on the rig")
-    for name in (
-        "trial",
-        "tilt [deg]",
-        "outcome",
-        "time [s]",
-        "depth [mm]",
-        "axial [N]",
-        "lateral [N]",
-        "steps",
-    ):
-        table.add_column(name, justify="left" if name == "outcome" else "right")
-    table.add_column("states visited")
+    table = Table(title="insertions on the rig", box=SIMPLE, padding=(0, 1, 0, 0))
+    table.add_column("trial", justify="right")
+    table.add_column("tilt\n(deg)", no_wrap=True, justify="right")
+    table.add_column("outcome")
+    for name, unit in (("time", "s"), ("depth", "mm"), ("axial", "N"), ("across", "N"), ("steps", "")):
+        table.add_column(f"{name}\n({unit})" if unit else name, justify="right")
+    table.add_column("states (visits)")
     for r in results:
-        visited = " ".join(map(str, r.states)) if len(r.states) <= 12 else f"{len(r.states)} visits"
         colour = "green" if r.inserted else "red"
         table.add_row(
             *(str(r.seed), f"{r.tilt_deg[0]:+.1f} {r.tilt_deg[1]:+.1f}", f"[{colour}]{r.reason}[/]"),
             *(f"{r.time_s:.2f}", f"{r.depth_mm:.1f}", f"{r.peak_axial_n:.1f}", f"{r.peak_lateral_n:.1f}"),
-            *(str(r.steps), visited),
+            *(str(r.steps), f"{' '.join(map(str, dict.fromkeys(r.states)))} ({len(r.states)})"),
         )
     table.caption = (
         f"{sum(r.inserted for r in results)} of {len(results)} inserted;"
         f" median time {np.median([r.time_s for r in results]):.2f} s,"
-        f" median peak lateral force {np.median([r.peak_lateral_n for r in results]):.0f} N"
+        f" median peak force across {np.median([r.peak_lateral_n for r in results]):.0f} N"
     )
     return table
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.box import SIMPLE
 from rich.table import Table
 
 from scripts.console import console, says_what_is_wrong
@@ -18,10 +19,10 @@ app = typer.Typer(add_completion=False)
 def state_table(skill: ManipulationSkill) -> Table:
     """The graph of contact states, a row a state."""
     frame = skill.graph_.to_frame()
-    table = Table(title="contact states")
+    table = Table(title="contact states", box=SIMPLE)
     table.add_column("state")
     for column in frame.columns:
-        table.add_column(str(column), justify="right")
+        table.add_column(str(column).replace("_", " "), justify="right")
     for name, (_, row) in zip(skill.state_names(), frame.iterrows(), strict=True):
         table.add_row(name, *(f"{v:.2f}" if isinstance(v, float) else str(v) for v in row))
     return table

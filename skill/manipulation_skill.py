@@ -118,6 +118,7 @@ class ManipulationSkill:
         self.graph_ = StateGraph(n_states=self.n_states, sample_period=self.period_).fit(
             [labels[groups == g] for g in range(len(refined))],
             ["inserted" if d.good else d.outcome for d in demonstrations],
+            times=[r["time"] for r in refined],
         )
 
         good = np.repeat([d.good for d in demonstrations], lengths)
