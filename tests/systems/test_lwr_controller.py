@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+from stepping import fixed_context, update
+
+from models.scenario import Controller
+from skill.manipulation_skill import MEASURED
+from systems.lwr_controller import COMMANDS, LwrController
+
+GENTLE = Controller(max_turn_rate=100.0, max_feed_speed=100.0, force_limit=1e9)  # no limit is reached
+
+
+@pytest.fixture
+def measurements(demonstrations):
+    return demonstrations[3].samples[list(MEASURED)].to_numpy()[::8]
+
+
+def controller(skill, row, parameters=GENTLE):
+    dut = LwrController(skill=skill, parameters=parameters)
+    probabilities = skill.state_probabilities(row[None])[0]
+    context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], probabilities=probabilities)
+    return dut, context, skill.act(row, probabilities)
+
+
+def commands(dut, context):
+    return {name: dut.GetOutputPort(name).Eval(context)[0] for name in COMMANDS}
+
+
+def step(dut, context, parameters=GENTLE, times=1):
+    update(dut, context, period=parameters.period, times=times)
+    return commands(dut, context)
+
+
+def test_before_the_first_decision_nothing_is_commanded(skill, measurements):
+    dut, context, _ = controller(skill, measurements[0])
+    assert set(commands(dut, context).values()) == {0.0}
+
+
+def test_the_hole_turns_against_the_learnt_turn_and_the_feed_follows_the_learnt_speed(skill, measurements):
+    share = GENTLE.period / skill.period_
+    turned = 0
+    for row in measurements:
+        dut, context, action = controller(skill, row)
+        found = step(dut, context)
+        assert found["target_pitch"] == pytest.approx(-GENTLE.gain * action.turn[0] * share, rel=1e-12, abs=1e-15)
+        assert found["target_yaw"] == pytest.approx(-GENTLE.gain * action.turn[1] * share, rel=1e-12, abs=1e-15)
+        assert found["feed_speed"] == pytest.approx(action.feed / skill.period_, rel=1e-12, abs=1e-15)
+        assert found["guard"] == 0.0
+        turned += np.linalg.norm(action.turn) > 1e-5
+    assert turned > 3  # the demonstration does correct its tilt
+
+
+def test_the_angles_add_up_and_the_speed_does_not(skill, measurements):
+    row = measurements[len(measurements) // 3]
+    dut, context, _ = controller(skill, row)
+    once = step(dut, context)
+    assert once["target_pitch"] != 0.0
+    thrice = step(dut, context, times=2)
+    assert thrice["target_pitch"] == pytest.approx(3 * once["target_pitch"])
+    assert thrice["target_yaw"] == pytest.approx(3 * once["target_yaw"])
+    assert thrice["feed_speed"] == pytest.approx(once["feed_speed"])
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.5, 2.0])
+def test_the_gain_scales_the_correction_and_not_the_feed(skill, measurements, gain):
+    row = measurements[len(measurements) // 3]
+    one = step(*controller(skill, row)[:2])
+    scaled = Controller(gain=gain, max_turn_rate=100.0, max_feed_speed=100.0, force_limit=1e9)
+    found = step(*controller(skill, row, scaled)[:2], scaled)
+    assert found["target_pitch"] == pytest.approx(gain * one["target_pitch"])
+    assert found["feed_speed"] == one["feed_speed"]
+
+
+def test_the_turn_keeps_its_direction_at_the_rate_limit(skill, measurements):
+    row = measurements[len(measurements) // 3]
+    free = step(*controller(skill, row)[:2])
+    wanted = np.array([free["target_pitch"], free["target_yaw"]])
+    size = np.linalg.norm(wanted)
+    slow = Controller(max_turn_rate=0.3 * size / GENTLE.period, max_feed_speed=100.0, force_limit=1e9)
+    found = step(*controller(skill, row, slow)[:2], slow)
+    np.testing.assert_allclose([found["target_pitch"], found["target_yaw"]], 0.3 * wanted, rtol=1e-9)
+
+
+def test_the_feed_is_no_faster_than_its_limit(skill, measurements):
+    row = measurements[0]
+    free = step(*controller(skill, row)[:2])["feed_speed"]
+    assert free < 0  # into the hole
+    slow = Controller(max_feed_speed=0.4 * abs(free), force_limit=1e9)
+    assert step(*controller(skill, row, slow)[:2], slow)["feed_speed"] == pytest.approx(0.4 * free)
+
+
+@pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.48, 0.64, 0.6]])
+def test_above_the_force_limit_the_peg_is_backed_off_while_the_correction_goes_on(skill, measurements, direction):
+    guarded = Controller(force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0)
+    row = measurements[len(measurements) // 3].copy()
+    row[:3] = 19.99 * np.array(direction)
+    found = step(*controller(skill, row, guarded)[:2], guarded)
+    assert found["guard"] == 0.0
+    row[:3] = 20.01 * np.array(direction)
+    dut, context, action = controller(skill, row, guarded)
+    found = step(dut, context, guarded)
+    assert found["guard"] == 1.0
+    assert found["feed_speed"] == guarded.retract_speed
+    assert found["target_pitch"] == pytest.approx(-action.turn[0] * guarded.period / skill.period_, abs=1e-15)
+    # It lets go in the first period without the force.
+    dut.GetInputPort("wrench").FixValue(context, np.zeros(6))
+    assert step(dut, context, guarded)["guard"] == 0.0
+
+
+def test_a_tilted_peg_that_is_wedged_is_turned_upright(skill, demonstrations):
+    """The sign of the whole chain: on average the command turns the hole towards the demonstrated peg's tilt."""
+    agreement = []
+    for demonstration in demonstrations[:5]:
+        samples = demonstration.samples
+        tilt = samples[["ax", "ay"]].to_numpy() * samples[["angle"]].to_numpy()
+        force = np.linalg.norm(samples[["fx", "fy"]], axis=1)
+        for k in np.flatnonzero((force > 2.0) & (np.linalg.norm(tilt, axis=1) > np.radians(0.5))):
+            row = samples[list(MEASURED)].to_numpy()[k]
+            found = step(*controller(skill, row)[:2])
+            # The peg tilted by theta relative to the hole is aligned by turning the hole by +theta.
+            agreement.append(np.dot([found["target_pitch"], found["target_yaw"]], tilt[k]) > 0)
+    assert len(agreement) > 20
+    assert np.mean(agreement) > 0.8

@@ -1,0 +1,112 @@
+"""Every LeafSystem says in its docstring which ports it has, and says the truth."""
+
+import importlib
+import inspect
+import pkgutil
+
+import numpy as np
+import pytest
+import yaml
+from pydrake.math import RigidTransform
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import LeafSystem
+
+import systems
+from models.hardware import DEVICE_PRESETS
+from models.scenario import Scenario
+from systems.virtual_fixture import MakeFixture
+
+S = Scenario()
+X = RigidTransform()
+
+ARGUMENTS = {
+    "BodyPose": lambda skill: {"body": BodyIndex(1)},
+    "ContactStateEstimator": lambda skill: {"skill": skill, "period": 0.02},
+    "DcMotor": lambda skill: {"parameters": S.feed, "period": 1e-3},
+    "DemonstrationRecorder": lambda skill: {"period": 0.02, "X_HP_start": X},
+    "DepthEncoder": lambda skill: {"home": 0.08, "resolution": 5e-6},
+    "HapticDevice": lambda skill: {"parameters": DEVICE_PRESETS["paper"], "X_HD_start": X},
+    "HapticProxy": lambda skill: {"coupling": S.coupling, "fixture": MakeFixture("rig"), "peg": BodyIndex(1)},
+    "LwrController": lambda skill: {"skill": skill, "parameters": S.controller},
+    "SimulatedOperator": lambda skill: {
+        "operator": S.operator,
+        "seed": 0,
+        "start_height": 0.003,
+        "tilt": [0.0, 0.0],
+        "offset": [0.0, 0.0],
+    },
+    "StepperMotor": lambda skill: {"parameters": S.stepper, "period": 1e-3, "start_angle": 0.0},
+    "WrenchSensor": lambda skill: {"parameters": S.sensor, "seed": 0, "weld": 0, "tare": np.zeros(6)},
+}
+
+
+def leaf_systems():
+    """Every subclass of LeafSystem that a module of systems/ defines."""
+    for module in pkgutil.iter_modules(systems.__path__):
+        loaded = importlib.import_module(f"systems.{module.name}")
+        for _, kind in inspect.getmembers(loaded, inspect.isclass):
+            if issubclass(kind, LeafSystem) and kind.__module__ == loaded.__name__:
+                yield kind
+
+
+KINDS = sorted(leaf_systems(), key=lambda kind: kind.__name__)
+
+
+def port_block(kind):
+    """The YAML of the docstring's ``.. pydrake_system::`` block."""
+    lines = inspect.cleandoc(kind.__doc__).splitlines()
+    assert lines[0] == ".. pydrake_system::", f"{kind.__name__}: the port block comes first"
+    block = []
+    for line in lines[1:]:
+        if line and not line.startswith(" "):
+            break
+        block.append(line)
+    return yaml.safe_load("\n".join(block))
+
+
+def test_the_table_names_every_leaf_system():
+    assert [kind.__name__ for kind in KINDS] == sorted(ARGUMENTS)
+
+
+@pytest.fixture(params=KINDS, ids=lambda kind: kind.__name__)
+def kind(request):
+    return request.param
+
+
+@pytest.fixture
+def dut(kind, skill):
+    return kind(**ARGUMENTS[kind.__name__](skill))
+
+
+def test_the_block_is_what_is_declared(kind, dut):
+    block = port_block(kind)
+    assert set(block) <= {"name", "input_ports", "output_ports"}
+    assert block["name"] == kind.__name__
+    inputs = [dut.get_input_port(k).get_name() for k in range(dut.num_input_ports())]
+    outputs = [dut.get_output_port(k).get_name() for k in range(dut.num_output_ports())]
+    assert block.get("input_ports", []) == inputs
+    assert block.get("output_ports", []) == outputs
+
+
+def test_what_follows_the_block_explains_it(kind):
+    text = inspect.cleandoc(kind.__doc__)
+    prose = [line for line in text.splitlines()[1:] if line and not line.startswith(" ")]
+    assert len(" ".join(prose)) > 60
+
+
+def test_no_output_but_the_declared_ones_feeds_through(dut, kind):
+    """An output without prerequisites counts as direct feedthrough of every input; those not listed are meant so."""
+    held = {
+        "DcMotor": {("carriage_state", "carriage_force")},
+        "HapticDevice": {("virtual_wrench", "rendered_wrench")},
+        "LwrController": set(),
+        "SimulatedOperator": set(),
+        "StepperMotor": set(),
+        "WrenchSensor": set(),
+    }
+    pairs = {
+        (dut.get_input_port(i).get_name(), dut.get_output_port(o).get_name()): dut.HasDirectFeedthrough(i, o)
+        for i in range(dut.num_input_ports())
+        for o in range(dut.num_output_ports())
+    }
+    assert {pair for pair, found in pairs.items() if found} == held.get(kind.__name__, set(pairs))
