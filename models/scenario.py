@@ -46,6 +46,7 @@ class Contact:
     modulus: float = 1e9  # in units of Pa, of the compliant peg
     dissipation: float = 1.0  # in units of s/m, Hunt-Crossley
     friction: float = 0.2
+    friction_spread: float = 0.0  # drawn uniformly within this much of `friction`
     approximation: str = "lagged"
 
 
@@ -112,7 +113,8 @@ class Recorder:
 class Rig:
     """The 3-DOF rig's mechanics."""
 
-    pivot_height: float = 0.0  # in units of m, of the gimbal's axes above the mouth (negative: below)
+    pivot_height: float | None = None  # in units of m, of the gimbal's axes above the mouth (negative: below)
+    pivot_range: float = 0.003  # in units of m; the pivot height is drawn within this unless it is given
     carriage_friction: float = 5.0  # in units of N s/m
     mount_stiffness: float = 2.0e5  # in units of N/m, sideways, of the compliant mount that carries the peg
     mount_damping: float = 100.0  # in units of N s/m
@@ -253,6 +255,12 @@ def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
     )
     require(scenario.contact.time_step > 0, "contact.time_step", scenario.contact.time_step, "> 0")
     require(scenario.contact.friction >= 0, "contact.friction", scenario.contact.friction, ">= 0")
+    require(
+        0 <= scenario.contact.friction_spread <= scenario.contact.friction,
+        "contact.friction_spread",
+        scenario.contact.friction_spread,
+        "between 0 and contact.friction",
+    )
     require(scenario.contact.modulus > 0, "contact.modulus", scenario.contact.modulus, "> 0")
     require(scenario.device in DEVICE_PRESETS, "device", repr(scenario.device), f"one of {sorted(DEVICE_PRESETS)}")
     require(scenario.fixture in FIXTURES, "fixture", repr(scenario.fixture), f"one of {FIXTURES}")
@@ -308,6 +316,11 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int) -> Scenario:
     start, person = resolved.start, resolved.operator
     tilt = rng.uniform(-1.0, 1.0, 2) * start.tilt_range
     offset = rng.uniform(-1.0, 1.0, 2) * start.offset_range
+    # A gimbal is never mounted exactly; demonstrations vary as much as the rig does, so that the skill has felt it.
+    pivot = float(rng.uniform(-1.0, 1.0)) * resolved.rig.pivot_range
+    resolved.rig.pivot_height = pivot if resolved.rig.pivot_height is None else resolved.rig.pivot_height
+    resolved.contact.friction += float(rng.uniform(-1.0, 1.0)) * resolved.contact.friction_spread
+    resolved.contact.friction_spread = 0.0
     start.tilt = [float(v) for v in tilt] if start.tilt is None else start.tilt
     start.offset = [float(v) for v in offset] if start.offset is None else start.offset
     for name, factor in HABITS[person.habit].items():

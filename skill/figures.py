@@ -158,7 +158,8 @@ def plot_outcomes(results: pd.DataFrame) -> Figure:
     """Rig trials at a glance: time and peak forces of each, inserted or not, and the medians of those inserted.
 
     Args:
-        results: one row a trial, with the columns inserted, time_s, peak_axial_n and peak_lateral_n.
+        results: one row a trial, with the columns inserted, time_s, peak_axial_n and peak_lateral_n; and seed, the
+            number of the trial, without which they are counted from 1.
 
     Raises:
         ValueError: if there is no trial, or a column is missing.
@@ -172,7 +173,7 @@ def plot_outcomes(results: pd.DataFrame) -> Figure:
     if missing or results.empty:
         raise ValueError(f"results: {len(results)} trials, missing columns {missing}; expected a row a trial")
     inserted = results["inserted"].to_numpy(dtype=bool)
-    number = np.arange(1, len(results) + 1)
+    number = results["seed"].to_numpy() if "seed" in results.columns else np.arange(1, len(results) + 1)
     figure = _figure(4.8)
     panels = figure.subplots(len(rows), 1, sharex=True)
     for axes, (column, label) in zip(panels, rows, strict=True):
@@ -198,7 +199,7 @@ def plot_outcomes(results: pd.DataFrame) -> Figure:
         _tidy(axes)
         axes.grid(visible=False, axis="x")
     panels[-1].set_xlabel("trial", fontsize=9)
-    panels[-1].set_xlim(0.4, len(results) + 0.6)
+    panels[-1].set_xlim(number.min() - 0.6, number.max() + 0.6)
     if len(results) <= MOST_LISTED:
         panels[-1].set_xticks(number)
     else:

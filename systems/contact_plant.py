@@ -97,6 +97,8 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
     # The reaction of this weld, at the mount, is what the force/torque sensor feels.
     plant.AddJoint(WeldJoint("sensor", slide.body_frame(), mount, RigidTransform()))
 
+    if scenario.rig.pivot_height is None:
+        raise ValueError("scenario.rig.pivot_height is missing: the scenario is not resolved; use resolve_scenario")
     pivot = RigidTransform([0.0, 0.0, scenario.rig.pivot_height])
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base", gimbal), pivot)
     block = plant.AddRigidBody("block", gimbal, _block_inertia(g))

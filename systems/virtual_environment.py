@@ -44,12 +44,17 @@ class VirtualEnvironment:
 
 
 def start_pose(scenario: Scenario) -> RigidTransform:
-    """X_HP of a resolved scenario's start: the tilted axis passes the mouth's centre at the scenario's offset."""
+    """X_HP of a resolved scenario's start: the tilted axis passes the pivot at the scenario's offset.
+
+    The pivot of the free peg is the centre of the mouth.
+    """
     tilt, offset = scenario.start.tilt, scenario.start.offset
     if tilt is None or offset is None:
         raise ValueError("scenario.start is not resolved: tilt or offset is missing; use resolve_scenario first")
     R_HP = from_rotation_vector(np.array([*tilt, 0.0]))
-    return RigidTransform(R_HP, np.array([*offset, 0.0]) + scenario.start.height * R_HP.col(2))
+    pivot = scenario.rig.pivot_height or 0.0 if scenario.fixture == "rig" else 0.0
+    reach = scenario.start.height - pivot  # from the pivot along the axis to the tip
+    return RigidTransform(R_HP, np.array([*offset, pivot]) + reach * R_HP.col(2))
 
 
 def MakeVirtualEnvironment(
@@ -84,7 +89,9 @@ def MakeVirtualEnvironment(
         "haptic_proxy",
         HapticProxy(
             coupling=scenario.coupling,
-            fixture=fixture if fixture is not None else MakeFixture(scenario.fixture),
+            fixture=fixture
+            if fixture is not None
+            else MakeFixture(scenario.fixture, pivot_height=scenario.rig.pivot_height or 0.0),
             peg=peg.index(),
         ),
     )

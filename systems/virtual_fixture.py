@@ -51,17 +51,26 @@ class FreeFixture:
 
 
 class RigFixture:
-    """The rig's three freedoms: the peg's axis passes through the centre of the mouth, and the peg does not spin."""
+    """The rig's three freedoms: the peg's axis passes through the gimbal's pivot, and the peg does not spin.
+
+    Args:
+        pivot_height: of the pivot above the centre of the mouth, on the hole's axis, m.
+    """
+
+    def __init__(self, pivot_height: float = 0.0) -> None:
+        self._p_HPivot = np.array([0.0, 0.0, pivot_height])
 
     def deviation(self, X_HP: RigidTransform) -> Deviation | None:
-        """Distance of the axis from the mouth's centre, and spin about the axis."""
+        """Distance of the axis from the pivot, and spin about the axis."""
         axis = X_HP.rotation().col(2)
-        tip = X_HP.translation()
+        tip = X_HP.translation() - self._p_HPivot
         d = tip - (tip @ axis) * axis
         # The part of the rotation that is left when the shortest tilt from z to the axis is taken away.
         tilt = rotation_between(np.array([0.0, 0.0, 1.0]), axis)
         spin = (rotation_vector(X_HP.rotation()) - tilt) @ axis
-        return Deviation(p_HQ=np.zeros(3), d_HQ=d, theta_H=spin * axis, free_axis_H=axis, guides_rotation=axis[None, :])
+        return Deviation(
+            p_HQ=self._p_HPivot, d_HQ=d, theta_H=spin * axis, free_axis_H=axis, guides_rotation=axis[None, :]
+        )
 
 
 class AxialFixture:
@@ -79,13 +88,13 @@ class AxialFixture:
         )
 
 
-def MakeFixture(name: str) -> VirtualFixture:
-    """The fixture that a scenario names: `free`, `rig` or `axial`."""
-    fixtures: dict[str, type[VirtualFixture]] = {
-        "free": FreeFixture,
-        "rig": RigFixture,
-        "axial": AxialFixture,
+def MakeFixture(name: str, *, pivot_height: float) -> VirtualFixture:
+    """The fixture that a scenario names: `free`, `rig` or `axial`; ``pivot_height`` (m) is the rig's."""
+    fixtures: dict[str, VirtualFixture] = {
+        "free": FreeFixture(),
+        "rig": RigFixture(pivot_height),
+        "axial": AxialFixture(),
     }
     if name not in fixtures:
         raise ValueError(f"fixture is {name!r}, expected one of {sorted(fixtures)}")
-    return fixtures[name]()
+    return fixtures[name]

@@ -16,12 +16,12 @@ tilts = st.tuples(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15))
 @pytest.mark.parametrize("name", FIXTURES)
 def test_every_fixture_that_a_scenario_may_name_can_be_made(name):
     kinds = {"free": FreeFixture, "rig": RigFixture, "axial": AxialFixture}
-    assert type(MakeFixture(name)) is kinds[name]
+    assert type(MakeFixture(name, pivot_height=0.0)) is kinds[name]
 
 
 def test_an_unknown_fixture_names_the_known_ones():
     with pytest.raises(ValueError, match=r"'loose'.*axial.*free.*rig"):
-        MakeFixture("loose")
+        MakeFixture("loose", pivot_height=0.0)
 
 
 def test_the_free_fixture_has_nothing_to_undo():
@@ -44,6 +44,15 @@ def test_the_rig_sees_how_far_the_axis_passes_the_mouth(tilt, height, aside, dir
     found = RigFixture().deviation(RigidTransform(R, height * R.col(2) + aside * across))
     np.testing.assert_allclose(found.d_HQ, aside * across, atol=1e-14)
     np.testing.assert_array_equal(found.p_HQ, np.zeros(3))
+
+
+@given(tilt=tilts, height=st.floats(-0.03, 0.01), pivot=st.floats(-0.003, 0.003))
+def test_the_rig_holds_the_axis_at_its_pivot(tilt, height, pivot):
+    R = from_rotation_vector(np.array([*tilt, 0.0]))
+    dut = MakeFixture("rig", pivot_height=pivot)
+    found = dut.deviation(RigidTransform(R, np.array([0.0, 0.0, pivot]) + (height - pivot) * R.col(2)))
+    np.testing.assert_allclose(found.d_HQ, 0.0, atol=1e-15)
+    np.testing.assert_array_equal(found.p_HQ, [0.0, 0.0, pivot])
 
 
 @pytest.mark.parametrize("spin", [-0.4, 0.1, 1.0])
