@@ -43,7 +43,7 @@ NEGLIGIBLE_ETA = 0.05
 
 
 MOST_SEARCHED = 20_000
-"""Samples drawn to search for mixtures; all samples then polish them and choose their number.
+"""Independent samples drawn to search for mixtures; all then polish them and choose their number.
 
 A state rarer than ``min_cardinality`` among so many, 0.3 % with 14 channels, is not found."""
 
@@ -232,7 +232,8 @@ class CompetitiveAgglomeration(GaussianStates):
         prior = self._prior(Z, data.scale)
         first = self._first_components(Z, data, prior, phase, random_state)
         searched = Z
-        if self.merge == "bic" and N > MOST_SEARCHED:
+        # Demonstrations are searched whole: thinned, their mixtures were less often the likeliest.
+        if self.merge == "bic" and groups is None and N > MOST_SEARCHED:
             searched = Z[np.sort(random_state.choice(N, MOST_SEARCHED, replace=False))]
         starts = [self._start(searched, components, prior, with_phase=phase is not None) for components in first]
         T = prior.parameters
