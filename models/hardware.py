@@ -41,11 +41,15 @@ class StepperMotor:
     """A hybrid stepper behind a reduction gear, seen at the gear's output; it holds like a magnetic spring."""
 
     step_angle: float = math.radians(0.18)  # in units of rad [paper]
-    holding_torque: float = 2.0  # in units of N m, at the output [choice]
-    stiffness: float = 640.0  # in units of N m/rad; (pi/2) T_h / step, the magnetic spring at small angles
+    holding_torque: float = 1.3  # in units of N m, at the output [choice]
     damping: float = 1.2  # in units of N m s/rad [choice]
     reflected_inertia: float = 1.0e-3  # in units of kg m^2 [choice]
     max_step_rate: float = 400.0  # in units of steps/s [choice]
+
+    @property
+    def stiffness(self) -> float:
+        """N_r T_h of the magnetic spring at small angles, in N m/rad, where a step is a quarter period: (pi/2)/N_r."""
+        return 0.5 * math.pi * self.holding_torque / self.step_angle
 
 
 @dataclass
