@@ -13,12 +13,13 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
+from sklearn.base import clone
 
 from skill.competitive_agglomeration import CompetitiveAgglomeration
 from skill.contact_state_filter import ContactStateFilter
 from skill.demonstration import ACTIONS, Demonstration
 from skill.explanation import SkillExplanation
-from skill.features import MEASURED, CanonicalFeatures
+from skill.features import MEASURED, CanonicalFeatures, NormalisedFeatures, RawFeatures
 from skill.locally_weighted_regression import LWRegressor
 from skill.refinement import refine_demonstration
 from skill.state_graph import StateGraph
@@ -28,6 +29,15 @@ Array = NDArray[np.float64]
 
 SKILL_VERSION = 1
 """Of the file format; a file of another version is refused."""
+
+
+PARAMETERS = ("still", "rough", "force_noise", "moment_noise", "random_state")
+
+STORED: dict[str, Any] = {
+    part.__name__: part
+    for part in (RawFeatures, NormalisedFeatures, CanonicalFeatures, CompetitiveAgglomeration, LWRegressor)
+}
+"""The parts that a skill file can hold."""
 
 
 @dataclass(frozen=True)
@@ -48,46 +58,51 @@ class Action:
 class ManipulationSkill:
     """Learnt from demonstrations, performed from a wrench and a depth.
 
+    Its three parts can be exchanged for one's own; a skill with foreign parts works, but only one with parts of this
+    package can be saved.
+
     Args:
+        features: transformer of measurements; None for `CanonicalFeatures`.
+        states: clusterer of contact states; None for `CompetitiveAgglomeration`. One with ``m_init=1`` finds a single
+            state: no states at all.
+        regressor: of the actions; None for `LWRegressor` on standardised features. Any scikit-learn regressor with
+            several outputs will do; ours alone is given the states.
         still: delta_s, m; actions no larger than this are dropped by the refinement.
         rough: delta_d, m; jumps of the action above this are averaged by it.
         force_noise: N, one sigma, of the sensor through which the skill will feel. The virtual environment knows
             the wrench exactly; the demonstrations are seen as that sensor would have seen them, else the state
             of free motion, whose forces are exactly zero there, is never recognised on the rig.
         moment_noise: N m, likewise, about the tip: for a sensor at a height above it, mostly height times force noise.
-        bandwidth: of the regression's kernel, in units of its standardised features.
-        ridge: of the regression.
-        degree: of the regression: 0 kernel mean, 1 local linear.
-        random_state: of the clustering.
+        random_state: of the sensor's noise and the clustering.
 
     Attributes:
-        states_: the fitted `CompetitiveAgglomeration`, over measured and hidden features.
-        regressor_: the fitted `LWRegressor`, of (turn_x, turn_y, feed) in the feature frame.
+        features_, states_, regressor_: the fitted parts; the regressor's outputs are (turn_x, turn_y, feed) over one
+            sample period, in the feature frame.
         graph_: the `StateGraph` of the demonstrations.
         period_: of a sample, s.
         sources_: (n, 2), demonstration number and time (s) of each sample that the regressor remembers.
-        metadata_: what the demonstrations had in common (geometry), for a check against the rig.
+        metadata_: numbers of demonstrations, and the geometry they were made with.
     """
 
     def __init__(
         self,
         *,
+        features: RawFeatures | None = None,
+        states: CompetitiveAgglomeration | None = None,
+        regressor: Any = None,
         still: float = 2e-5,
         rough: float = 4e-4,
         force_noise: float = 0.06,
         moment_noise: float = 5e-3,
-        bandwidth: float = 1.0,
-        ridge: float = 1e-2,
-        degree: int = 1,
         random_state: int = 0,
     ) -> None:
+        self.features = features
+        self.states = states
+        self.regressor = regressor
         self.still = still
         self.rough = rough
         self.force_noise = force_noise
         self.moment_noise = moment_noise
-        self.bandwidth = bandwidth
-        self.ridge = ridge
-        self.degree = degree
         self.random_state = random_state
 
     def fit(self, demonstrations: Sequence[Demonstration]) -> Self:
@@ -102,7 +117,7 @@ class ManipulationSkill:
                 f"none of the {len(demonstrations)} demonstrations inserts gently (outcomes: {outcomes});"
                 " expected at least one good demonstration to learn from"
             )
-        self.features_ = CanonicalFeatures()
+        self.features_ = CanonicalFeatures() if self.features is None else clone(self.features)
         rng = np.random.default_rng(self.random_state)
         refined = [self._as_sensed(self._refined(d), rng) for d in demonstrations]
         self.period_ = float(np.median(np.concatenate([np.diff(d.samples["time"]) for d in demonstrations])))
@@ -111,9 +126,8 @@ class ManipulationSkill:
         lengths = [len(r) for r in refined]
         groups = np.repeat(np.arange(len(refined)), lengths)
         phase = np.concatenate([np.linspace(0.0, 1.0, n, endpoint=False) for n in lengths])
-        self.states_ = CompetitiveAgglomeration(random_state=self.random_state).fit(
-            Z, groups=groups, phase=phase
-        )
+        states = CompetitiveAgglomeration(random_state=self.random_state) if self.states is None else clone(self.states)
+        self.states_ = states.fit(Z, groups=groups, phase=phase)
         labels = self.states_.predict(Z)
         self.graph_ = StateGraph(n_states=self.n_states, sample_period=self.period_).fit(
             [labels[groups == g] for g in range(len(refined))],
@@ -126,11 +140,15 @@ class ManipulationSkill:
         measured = samples[list(MEASURED)].to_numpy()
         X = self.features_.transform(measured)
         Y = self.features_.actions_to_frame(measured, samples[["rx", "ry", "uz"]].to_numpy())
-        self.regressor_ = LWRegressor(
-            bandwidth=self.bandwidth, ridge=self.ridge, degree=self.degree, feature_scale="standard"
-        ).fit(X, Y, memberships=self._memberships(X))
+        self.regressor_ = LWRegressor(feature_scale="standard") if self.regressor is None else clone(self.regressor)
+        knows_states = isinstance(self.regressor_, LWRegressor)
+        self.regressor_.fit(X, Y, **({"memberships": self._memberships(X)} if knows_states else {}))
         self.sources_ = np.column_stack([groups[good], samples["time"].to_numpy()])
-        self.metadata_ = {"demonstrations": len(refined), "good": int(sum(d.good for d in demonstrations))}
+        self.metadata_ = {
+            "demonstrations": len(refined),
+            "good": int(sum(d.good for d in demonstrations)),
+            "geometry": _common_geometry(demonstrations),
+        }
         return self
 
     def _refined(self, demonstration: Demonstration) -> pd.DataFrame:
@@ -153,9 +171,7 @@ class ManipulationSkill:
     def state_filter(self) -> ContactStateFilter:
         """The on-line estimator of the states, over the measured features."""
         k = len(self.features_.get_feature_names_out())
-        return ContactStateFilter(
-            self.states_, transitions=self.graph_.transition_matrix(), channels=np.arange(k)
-        )
+        return ContactStateFilter(self.states_, transitions=self.graph_.transition_matrix(), channels=np.arange(k))
 
     def measured_features(self, measured: ArrayLike) -> Array:
         """Features (k,) of one measurement (7,): fx fy fz (N) mx my mz (N m) z (m)."""
@@ -176,7 +192,9 @@ class ManipulationSkill:
         row = np.asarray(measured, dtype=float).reshape(1, -1)
         X = self.features_.transform(row)
         P = self._memberships(X) if probabilities is None else np.asarray(probabilities, float).reshape(1, -1)
-        local = self.features_.actions_from_frame(row, self.regressor_.predict(X, memberships=P))[0]
+        knows_states = isinstance(self.regressor_, LWRegressor)
+        predicted = self.regressor_.predict(X, memberships=P) if knows_states else self.regressor_.predict(X)
+        local = self.features_.actions_from_frame(row, predicted)[0]
         return Action(turn=local[:2], feed=float(local[2]), probabilities=P[0])
 
     def explain(
@@ -220,25 +238,20 @@ class ManipulationSkill:
     # ------------------------------------------------------------------- saving
 
     def save(self, path: Path) -> None:
-        """One npz file: named arrays and a JSON header; no pickle."""
-        parameters = {
-            k: getattr(self, k)
-            for k in (
-                "still",
-                "rough",
-                "force_noise",
-                "moment_noise",
-                "bandwidth",
-                "ridge",
-                "degree",
-                "random_state",
-            )
-        }
+        """One npz file: named arrays and a JSON header; no pickle.
+
+        Raises:
+            TypeError: if a part is not of this package: how it would be stored is unknown.
+        """
+        for part in (self.features_, self.states_, self.regressor_):
+            if type(part).__name__ not in STORED:
+                raise TypeError(f"{type(part).__name__} cannot be stored; expected one of {sorted(STORED)}")
         header = {
             "skill_version": SKILL_VERSION,
-            "parameters": parameters,
+            "parameters": {name: getattr(self, name) for name in PARAMETERS},
+            "features": [type(self.features_).__name__, self.features_.get_params()],
             "period": self.period_,
-            **{"metadata": self.metadata_},
+            "metadata": self.metadata_,
         }
         arrays: dict[str, Any] = {"sources": self.sources_}
         for part, fitted in (
@@ -279,7 +292,8 @@ class ManipulationSkill:
             for name, array in arrays.items():
                 part, key = name.split("/", 1)
                 parts[part][key] = array
-            skill.features_ = CanonicalFeatures()
+            kind, settings = header["features"]
+            skill.features_ = STORED[kind](**settings)
             skill.states_ = CompetitiveAgglomeration.from_arrays(parts["states"])
             skill.regressor_ = LWRegressor.from_arrays(parts["regressor"])
             skill.graph_ = StateGraph.from_arrays(parts["graph"])
@@ -287,3 +301,19 @@ class ManipulationSkill:
             raise ValueError(f"{path}: not a complete skill file ({error})") from error
         skill.period_, skill.metadata_ = header["period"], header["metadata"]
         return skill
+
+
+def _common_geometry(demonstrations: Sequence[Demonstration]) -> dict[str, Any] | None:
+    """The geometry that all demonstrations name; None where they name none.
+
+    Raises:
+        ValueError: if they differ: one skill is for one peg and hole.
+    """
+    geometries = [d.metadata.get("geometry") for d in demonstrations]
+    for number, geometry in enumerate(geometries):
+        if geometry != geometries[0]:
+            raise ValueError(
+                f"demonstration {number} has geometry {geometry}, demonstration 0 has {geometries[0]};"
+                " expected one geometry: train a skill for each"
+            )
+    return geometries[0]

@@ -48,9 +48,13 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
         scenario: resolved; its start's tilt is that of the peg relative to the hole.
         skill: fitted or loaded.
         meshcat: where to draw; None draws nothing.
+
+    Raises:
+        ValueError: if the scenario is not resolved, or the skill was trained for another peg or hole.
     """
     if scenario.start.tilt is None:
         raise ValueError("scenario.start.tilt is missing: the scenario is not resolved; use resolve_scenario first")
+    _check_geometry(scenario, skill)
     builder = DiagramBuilder()
     contact = AddRigPlant(builder, scenario)
     plant = contact.plant
@@ -132,3 +136,16 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
     diagram = builder.Build()
     diagram.set_name("rig")
     return RigDiagram(diagram, contact, recorder, (scenario.sensor.height + scenario.start.height, pitch, yaw))
+
+
+def _check_geometry(scenario: Scenario, skill: ManipulationSkill) -> None:
+    trained = skill.metadata_.get("geometry")
+    if trained is None:
+        return  # demonstrations from elsewhere need not say
+    for name in ("peg_radius", "hole_radius", "hole_depth", "chamfer"):
+        found, wanted = trained.get(name), getattr(scenario.geometry, name)
+        if found != wanted:
+            raise ValueError(
+                f"the skill was trained for geometry.{name} = {found} m, the scenario has {wanted} m;"
+                " train a skill with demonstrations of this geometry"
+            )
