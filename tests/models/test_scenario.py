@@ -89,9 +89,11 @@ def test_the_defaults_are_a_valid_scenario():
     validate_scenario(Scenario())
 
 
-def test_the_stepper_is_the_magnetic_spring_that_it_says():
+def test_the_stepper_is_a_magnetic_spring_of_four_steps_a_turn():
+    # T = T_h sin(2 pi theta/(4 step)) has the slope (pi/2) T_h/step at 0.
     p = Scenario().stepper
-    assert p.stiffness == pytest.approx(math.pi / 2 * p.holding_torque / p.step_angle, rel=0.05)
+    torque = [p.holding_torque * math.sin(math.pi / 2 * angle / p.step_angle) for angle in (-1e-7, 1e-7)]
+    assert p.stiffness == pytest.approx((torque[1] - torque[0]) / 2e-7, rel=1e-6)
 
 
 @given(

@@ -26,7 +26,11 @@ ARGUMENTS = {
     "DemonstrationRecorder": lambda skill: {"period": 0.02, "X_HP_start": X},
     "DepthEncoder": lambda skill: {"home": 0.08, "resolution": 5e-6},
     "HapticDevice": lambda skill: {"parameters": DEVICE_PRESETS["paper"], "X_HD_start": X},
-    "HapticProxy": lambda skill: {"coupling": S.coupling, "fixture": MakeFixture("rig"), "peg": BodyIndex(1)},
+    "HapticProxy": lambda skill: {
+        "coupling": S.coupling,
+        "fixture": MakeFixture("rig", pivot_height=0.0),
+        "peg": BodyIndex(1),
+    },
     "LwrController": lambda skill: {"skill": skill, "parameters": S.controller},
     "SimulatedOperator": lambda skill: {
         "operator": S.operator,

@@ -1,0 +1,35 @@
+"""Questions that tests ask of any diagram."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Diagram
+
+
+def unconnected_inputs(diagram: Diagram) -> set[tuple[str, str]]:
+    """(system, port) of every input of a subsystem that neither an output nor the diagram's own input feeds."""
+    context = diagram.CreateDefaultContext()
+    return {
+        (system.get_name(), system.get_input_port(k).get_name())
+        for system in diagram.GetSystems()
+        for k in range(system.num_input_ports())
+        if not system.get_input_port(k).HasValue(system.GetMyContextFromRoot(context))
+    }
+
+
+def graph_names(diagram: Diagram) -> set[str]:
+    """Every word in the diagram's Graphviz picture."""
+    text = diagram.GetGraphvizString()
+    assert text.startswith("digraph")
+    return set(re.findall(r"\w+", text))
+
+
+def state_of(simulator: Simulator) -> NDArray[np.float64]:
+    """All discrete and continuous state of a simulator's context, and its time."""
+    context = simulator.get_context()
+    parts = [context.get_discrete_state(k).value() for k in range(context.num_discrete_state_groups())]
+    return np.concatenate([[context.get_time()], context.get_continuous_state_vector().CopyToVector(), *parts])

@@ -1,0 +1,163 @@
+import numpy as np
+import pytest
+from diagrams import graph_names, state_of, unconnected_inputs
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import EventStatus
+
+from models.scenario import TRIAL_STREAM, load_scenario, resolve_scenario
+from skill.rig_run import RUN_COLUMNS
+from systems.rig import MakeRig
+
+NOT_CONNECTED = {  # of the plant: nothing pushes on it but its motors, whose PD or torque ports these are not
+    ("plant", "actuation"),
+    ("plant", "applied_generalized_force"),
+    ("plant", "applied_spatial_force"),
+    *(
+        ("plant", f"{instance}_{port}")
+        for instance in ("WorldModelInstance", "DefaultModelInstance")
+        for port in ("actuation", "desired_state")
+    ),
+    ("plant", "gimbal_actuation"),
+    ("plant", "mount_actuation"),
+    ("plant", "feed_desired_state"),
+}
+
+
+@pytest.fixture
+def resolved(quick_scenario):
+    """It touches the mouth within a tenth of a second."""
+    quick_scenario.start.height = 2e-4
+    quick_scenario.start.tilt = [0.04, -0.03]
+    quick_scenario.rig.pivot_height = 0.002
+    return resolve_scenario(quick_scenario, seed=1, stream=TRIAL_STREAM)
+
+
+def started(rig):
+    simulator = Simulator(rig.diagram)
+    rig.set_start(simulator.get_mutable_context())
+    return simulator
+
+
+def test_every_input_is_connected_but_the_ones_that_this_scene_does_not_use(resolved, skill):
+    assert unconnected_inputs(MakeRig(resolved, skill).diagram) - NOT_CONNECTED == set()
+
+
+def test_the_picture_of_the_diagram_names_every_system(resolved, skill):
+    diagram = MakeRig(resolved, skill).diagram
+    assert diagram.get_name() == "rig"
+    assert graph_names(diagram) >= {s.get_name() for s in diagram.GetSystems()}
+
+
+def test_a_scenario_with_ranges_is_refused(quick_scenario, skill):
+    with pytest.raises(ValueError, match="not resolved"):
+        MakeRig(quick_scenario, skill)
+
+
+def test_the_rig_starts_with_the_hole_turned_against_the_pegs_tilt(resolved, skill):
+    rig = MakeRig(resolved, skill)
+    simulator = started(rig)
+    plant = rig.contact.plant
+    own = plant.GetMyContextFromRoot(simulator.get_context())
+    X_WH, X_WP = (plant.EvalBodyPoseInWorld(own, body) for body in (rig.contact.block, rig.contact.peg))
+    np.testing.assert_allclose(X_WP.translation(), [0.0, 0.0, resolved.start.height], atol=1e-12)
+    np.testing.assert_allclose(X_WP.rotation().matrix(), np.eye(3), atol=1e-12)
+    axis = (X_WH.inverse() @ X_WP).rotation().col(2)
+    theta = np.array(resolved.start.tilt)
+    np.testing.assert_allclose(axis[:2], [theta[1], -theta[0]], atol=np.linalg.norm(theta) ** 3)
+
+
+def test_the_gimbal_holds_the_start_until_it_is_told_to_turn(resolved, skill):
+    resolved.controller.gain = 0.0
+    resolved.start.height = 0.01  # no contact while we look
+    rig = MakeRig(resolved, skill)
+    simulator = started(rig)
+    simulator.AdvanceTo(0.1)
+    plant = rig.contact.plant
+    own = plant.GetMyContextFromRoot(simulator.get_context())
+    angles = [plant.GetJointByName(name).get_angle(own) for name in ("pitch", "yaw")]
+    np.testing.assert_allclose(angles, [-t for t in resolved.start.tilt], atol=2e-3)
+
+
+def test_two_interleaved_contexts_do_not_disturb_each_other(resolved, skill):
+    rig = MakeRig(resolved, skill)
+    steps = np.arange(1, 7) * 0.03
+    alone = started(rig)
+    for t in steps:
+        alone.AdvanceTo(t)
+    first, second = started(rig), started(rig)
+    plant = rig.contact.plant
+    plant.GetJointByName("pitch").set_angle(
+        plant.GetMyMutableContextFromRoot(second.get_mutable_context()), -resolved.start.tilt[0] + 1e-3
+    )
+    for t in steps:
+        first.AdvanceTo(t)
+        second.AdvanceTo(t)
+    np.testing.assert_array_equal(state_of(first), state_of(alone))
+    assert not np.array_equal(state_of(second), state_of(alone))
+
+
+def test_the_same_seed_gives_the_same_run_to_the_last_bit_and_another_does_not(quick_scenario, skill):
+    quick_scenario.start.height = 2e-4
+    quick_scenario.start.tilt = [0.04, -0.03]
+    states, logs = [], []
+    for seed in (4, 4, 5):
+        rig = MakeRig(resolve_scenario(quick_scenario, seed=seed, stream=TRIAL_STREAM), skill)
+        simulator = started(rig)
+        simulator.AdvanceTo(0.2)
+        states.append(state_of(simulator))
+        logs.append(rig.recorder.samples(simulator.get_context()).to_numpy())
+    np.testing.assert_array_equal(states[0], states[1])
+    np.testing.assert_array_equal(logs[0], logs[1])
+    assert not np.array_equal(states[0], states[2])
+    assert not np.array_equal(logs[0], logs[2])
+
+
+def test_the_log_agrees_with_the_plants_own_state(resolved, skill):
+    rig = MakeRig(resolved, skill)
+    simulator = started(rig)
+    plant, peg = rig.contact.plant, rig.contact.peg
+    period, sensor = resolved.controller.period, resolved.sensor
+    block = plant.GetCollisionGeometriesForBody(rig.contact.block)[0]
+    seen = []
+
+    def look(context):
+        own = plant.GetMyContextFromRoot(context)
+        force = np.zeros(3)
+        results = plant.get_contact_results_output_port().Eval(own)
+        for k in range(results.num_hydroelastic_contacts()):
+            info = results.hydroelastic_contact_info(k)
+            sign = 1.0 if info.contact_surface().id_M() != block else -1.0  # the force is that on M
+            force += sign * info.F_Ac_W().translational()
+        angles = [plant.GetJointByName(name).get_angle(own) for name in ("pitch", "yaw")]
+        seen.append([context.get_time(), peg.EvalPoseInWorld(own).translation()[2], *angles, *force])
+        return EventStatus.DidNothing()
+
+    simulator.set_monitor(look)
+    simulator.AdvanceTo(0.5)
+    logged = rig.recorder.samples(simulator.get_context())
+    assert tuple(logged.columns) == RUN_COLUMNS
+    own = np.array(seen)
+    at = [int(np.argmin(np.abs(own[:, 0] - t))) for t in logged["time"][1:]]
+    np.testing.assert_allclose(own[at, 0], logged["time"][1:], atol=1e-9)
+    np.testing.assert_allclose(np.diff(logged["time"]), period, atol=1e-9)
+    np.testing.assert_allclose(logged["tip_z"][1:], own[at, 1], atol=1e-12)
+    np.testing.assert_allclose(logged[["pitch", "yaw"]][1:], own[at, 2:4], atol=1e-12)
+    resolution = resolved.rig.encoder_resolution
+    assert np.abs(logged["depth"] + logged["tip_z"]).max() <= resolution / 2 * (1 + 1e-6)
+    # The sensor's bias is fixed, its noise and quanta are random, its low-pass is a few milliseconds late.
+    contact = np.array([own[max(k - 10, 0) : k + 1, 4:].mean(axis=0) for k in at])
+    error = logged[["fx", "fy", "fz"]].to_numpy()[1:] - contact
+    assert np.linalg.norm(contact, axis=1).max() > 1.0
+    allowed = 5 * (sensor.force_bias + max(sensor.force_noise)) + sensor.force_quantum
+    assert np.median(np.linalg.norm(error, axis=1)) < allowed
+    assert np.corrcoef(logged["fz"][1:], contact[:, 2])[0, 1] > 0.9
+
+
+def test_one_of_everything_runs(skill):
+    resolved = resolve_scenario(load_scenario("one_of_everything"), seed=0, stream=TRIAL_STREAM)
+    rig = MakeRig(resolved, skill)
+    simulator = started(rig)
+    simulator.AdvanceTo(0.1)
+    logged = rig.recorder.samples(simulator.get_context())
+    assert np.isfinite(logged.to_numpy()).all()
+    assert len(logged) == 1 + round(0.1 / resolved.controller.period)

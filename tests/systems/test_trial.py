@@ -1,0 +1,145 @@
+import json
+import math
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from models.scenario import parse_scenario, resolve_scenario
+from skill.manipulation_skill import Action, ManipulationSkill
+from systems.trial import TRIAL_STREAM, run_trial, run_trials, trial_scenario
+
+
+@pytest.fixture(scope="module")
+def inserted(skill):
+    """One whole trial from a tilt of four degrees, and what it came to."""
+    from conftest import make_quick_scenario
+
+    scenario = make_quick_scenario()
+    scenario.start.tilt = [0.05, -0.045]
+    resolved = trial_scenario(scenario, number=1000)
+    return resolved, *run_trial(resolved, skill, seed=1000)
+
+
+def test_a_skill_learnt_from_five_demonstrations_inserts(inserted):
+    scenario, result, _ = inserted
+    assert result.inserted
+    assert result.reason == "inserted"
+    assert result.depth_mm == pytest.approx(1e3 * scenario.full_depth, abs=0.1)
+    assert 0 < result.time_s < scenario.trial.time_limit
+    assert result.seed == 1000
+    assert result.tilt_deg == [round(math.degrees(t), 2) for t in scenario.start.tilt]
+
+
+def test_the_tilt_was_taken_out_by_the_motors(inserted):
+    scenario, result, run = inserted
+    assert result.steps > 0
+    first, last = run.samples.iloc[0], run.samples.iloc[-1]
+    before = math.hypot(first["pitch"], first["yaw"])
+    assert before == pytest.approx(math.hypot(*scenario.start.tilt), abs=2e-3)
+    assert math.hypot(last["pitch"], last["yaw"]) < 0.4 * before
+
+
+def test_the_row_is_the_sum_of_the_record(inserted):
+    scenario, result, run = inserted
+    s = run.samples
+    last = s.iloc[-1]
+    assert result.steps == last["pitch_taken"] + last["yaw_taken"]
+    assert result.lost_steps == last["pitch_lost"] + last["yaw_lost"]
+    assert result.lost_steps == 0
+    visited = [int(v) for v in s["state"]]
+    assert result.states == [v for k, v in enumerate(visited) if k == 0 or visited[k - 1] != v]
+    # Peaks are those of the contact at every step; the sensor's samples, filtered and fewer, come close from below.
+    lateral = np.hypot(s["fx"], s["fy"]).max()
+    noise = 5 * (scenario.sensor.force_bias + max(scenario.sensor.force_noise)) + scenario.sensor.force_quantum
+    assert lateral - noise <= result.peak_lateral_n
+    assert result.peak_lateral_n < 3 * lateral + 5
+    assert np.abs(s["fz"]).max() - noise <= result.peak_axial_n
+    assert run.result == asdict(result)
+
+
+def test_the_record_holds_all_that_is_needed_to_make_it_again(inserted, skill):
+    scenario, _, run = inserted
+    assert json.loads(json.dumps(run.metadata)) == run.metadata
+    again = parse_scenario(run.metadata["scenario"], "record")
+    assert again == scenario
+    assert run.metadata["geometry"] == asdict(scenario.geometry)
+    assert len(run.metadata["state_names"]) == skill.n_states
+    assert {"drake", "numpy", "haptic-skill", "python"} <= set(run.metadata["versions"])
+    assert scenario.seed == resolve_scenario(scenario, seed=1000, stream=TRIAL_STREAM).seed
+
+
+def test_a_trial_that_has_too_little_time_says_so(quick_scenario, skill):
+    quick_scenario.trial.time_limit = 0.1
+    result, run = run_trial(trial_scenario(quick_scenario, number=2), skill, seed=2)
+    assert (result.inserted, result.reason) == (False, "time over")
+    assert result.time_s == pytest.approx(0.1)
+    assert len(run.samples) == 1 + round(0.1 / quick_scenario.controller.period)
+
+
+class Unsure(ManipulationSkill):
+    """A skill that computes a number that is none, some time after the start; picklable for other processes."""
+
+    def act(self, measured, probabilities=None):
+        action = super().act(measured, probabilities)
+        if self.when_depth_exceeds < -np.asarray(measured)[-1]:
+            return Action(turn=action.turn, feed=math.nan, probabilities=action.probabilities)
+        return action
+
+
+@pytest.fixture
+def unsure(skill_file):
+    skill = Unsure.load(skill_file)
+    skill.when_depth_exceeds = -5e-4  # just before the mouth
+    return skill
+
+
+def test_numbers_that_are_none_end_the_trial_with_its_reason_and_the_others_go_on(quick_scenario, unsure):
+    """Trial 0 diverges. Trials 1 and 2 start further up, and are over before."""
+    quick_scenario.trial.time_limit = 0.3
+    quick_scenario.start.height = 1e-3
+    quick_scenario.start.tilt = [0.0, 0.0]
+    results = list(run_trials(quick_scenario, unsure, [0, 1, 2], jobs=1))
+    assert [result.seed for result, _ in results] == [0, 1, 2]
+    for result, run in results:
+        assert not result.inserted
+        assert result.reason.startswith("diverged")
+        assert 0 < result.time_s < 0.3
+        assert np.isfinite(run.samples.to_numpy()).all()
+        # Its row is one of a JSON file: every number in it is a number.
+        json.dumps(asdict(result), allow_nan=False)
+
+
+def test_a_trial_that_diverges_does_not_take_the_good_ones_along(quick_scenario, skill_file):
+    quick_scenario.trial.time_limit = 0.1
+    skill = Unsure.load(skill_file)
+    ends = []
+    for threshold in (1.0, -5e-2, 1.0):  # never, at once, never
+        skill.when_depth_exceeds = threshold
+        ends += [r.reason for r, _ in run_trials(quick_scenario, skill, [len(ends)], jobs=1)]
+    assert ends[0] == ends[2] == "time over"
+    assert ends[1].startswith("diverged")
+
+
+def test_a_rig_that_cannot_be_simulated_ends_its_trial_too(quick_scenario, skill):
+    """A feed without limits on a rotor without inertia, thrown against the block: the numbers grow until they end."""
+    quick_scenario.contact.modulus = 1e300
+    quick_scenario.trial.time_limit = 0.5
+    quick_scenario.start.height = 1e-4
+    result, run = run_trial(trial_scenario(quick_scenario, number=0), skill, seed=0)
+    assert not result.inserted
+    assert result.reason.startswith("diverged")
+    json.dumps(asdict(result), allow_nan=False)
+    assert np.isfinite(run.samples.to_numpy()).all()
+
+
+def test_jobs_do_not_change_the_results(quick_scenario, skill):
+    quick_scenario.trial.time_limit = 0.15
+    alone = [asdict(r) for r, _ in run_trials(quick_scenario, skill, [3, 4], jobs=1)]
+    together = [asdict(r) for r, _ in run_trials(quick_scenario, skill, [3, 4], jobs=2)]
+    assert alone == together
+
+
+def test_trials_differ_in_their_start(quick_scenario):
+    tilts = [tuple(trial_scenario(quick_scenario, number=n).start.tilt) for n in range(50)]
+    assert len(set(tilts)) == 50

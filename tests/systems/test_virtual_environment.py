@@ -1,0 +1,205 @@
+import numpy as np
+import pandas as pd
+import pytest
+from diagrams import graph_names, state_of, unconnected_inputs
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import EventStatus
+from scipy.spatial.transform import Rotation
+
+from models.scenario import DEMONSTRATION_STREAM, FIXTURES, load_scenario, parse_scenario, resolve_scenario
+from skill.demonstration import CHANNELS, COLUMNS
+from systems.demonstrate import run_demonstration
+from systems.demonstration_recorder import DemonstrationRecorder
+from systems.virtual_environment import MakeVirtualEnvironment, start_pose
+
+NOT_CONNECTED = {  # ports of the plant for what this scene does not have
+    ("plant", "actuation"),
+    ("plant", "applied_generalized_force"),
+    *(
+        ("plant", f"{instance}_{port}")
+        for instance in ("WorldModelInstance", "DefaultModelInstance", "peg", "hole")
+        for port in ("actuation", "desired_state")
+    ),
+}
+
+
+@pytest.fixture
+def resolved(quick_scenario):
+    """It touches the mouth within a tenth of a second."""
+    quick_scenario.start.height = 2e-4
+    quick_scenario.start.tilt = [0.04, -0.03]
+    quick_scenario.rig.pivot_height = 0.002
+    return resolve_scenario(quick_scenario, seed=1, stream=DEMONSTRATION_STREAM)
+
+
+def started(environment):
+    simulator = Simulator(environment.diagram)
+    environment.set_start(simulator.get_mutable_context())
+    return simulator
+
+
+def test_every_input_is_connected_but_the_ones_that_this_scene_does_not_use(resolved):
+    assert unconnected_inputs(MakeVirtualEnvironment(resolved).diagram) - NOT_CONNECTED == set()
+
+
+def test_the_picture_of_the_diagram_names_every_system(resolved):
+    diagram = MakeVirtualEnvironment(resolved).diagram
+    assert diagram.get_name() == "virtual_environment"
+    assert graph_names(diagram) >= {s.get_name() for s in diagram.GetSystems()}
+
+
+def test_a_scenario_with_ranges_is_refused(quick_scenario):
+    with pytest.raises(ValueError, match="not resolved"):
+        MakeVirtualEnvironment(quick_scenario)
+
+
+def test_the_peg_starts_tilted_about_the_pivot(resolved):
+    environment = MakeVirtualEnvironment(resolved)
+    X = environment.peg_pose(started(environment).get_context())
+    R = Rotation.from_rotvec([*resolved.start.tilt, 0.0])
+    np.testing.assert_allclose(X.rotation().matrix(), R.as_matrix(), atol=1e-12)
+    pivot = np.array([0.0, 0.0, resolved.rig.pivot_height])
+    reach = resolved.start.height - resolved.rig.pivot_height
+    np.testing.assert_allclose(X.translation(), pivot + R.apply([0.0, 0.0, reach]), atol=1e-15)
+    np.testing.assert_allclose(start_pose(resolved).GetAsMatrix34(), X.GetAsMatrix34(), atol=1e-12)
+
+
+def test_two_interleaved_contexts_do_not_disturb_each_other(resolved):
+    environment = MakeVirtualEnvironment(resolved)
+    steps = np.arange(1, 7) * 0.03
+    alone = started(environment)
+    for t in steps:
+        alone.AdvanceTo(t)
+    first, second = started(environment), started(environment)
+    plant = environment.contact.plant
+    elsewhere = environment.X_HP_start.GetAsMatrix34()[:, 3] + [0.0, 0.0, 0.004]
+    plant.SetFreeBodyPose(
+        plant.GetMyMutableContextFromRoot(second.get_mutable_context()),
+        environment.contact.peg,
+        type(environment.X_HP_start)(elsewhere),
+    )
+    for t in steps:
+        first.AdvanceTo(t)
+        second.AdvanceTo(t)
+    np.testing.assert_array_equal(state_of(first), state_of(alone))
+    assert not np.array_equal(state_of(second), state_of(alone))
+
+
+def test_the_same_seed_gives_the_same_run_to_the_last_bit_and_another_does_not(quick_scenario):
+    quick_scenario.recorder.time_limit = 0.2
+    quick_scenario.start.height = 2e-4
+    quick_scenario.start.tilt = [0.04, -0.03]
+    runs = [
+        run_demonstration(resolve_scenario(quick_scenario, seed=seed, stream=DEMONSTRATION_STREAM)).samples
+        for seed in (4, 4, 5)
+    ]
+    np.testing.assert_array_equal(runs[0].to_numpy(), runs[1].to_numpy())
+    assert not np.array_equal(runs[0].to_numpy(), runs[2].to_numpy())
+
+
+def test_the_log_agrees_with_the_plants_own_state(resolved):
+    environment = MakeVirtualEnvironment(resolved)
+    simulator = started(environment)
+    plant, peg = environment.contact.plant, environment.contact.peg
+    period = resolved.recorder.period
+    block = plant.GetCollisionGeometriesForBody(environment.contact.block)[0]
+    seen, tips = [], [environment.X_HP_start.translation()]
+
+    def look(context):
+        own = plant.GetMyContextFromRoot(context)
+        X = peg.EvalPoseInWorld(own)
+        if abs(context.get_time() / period - round(context.get_time() / period)) < 1e-6:
+            results = plant.get_contact_results_output_port().Eval(own)
+            force, moment = np.zeros(3), np.zeros(3)
+            for k in range(results.num_hydroelastic_contacts()):
+                info = results.hydroelastic_contact_info(k)
+                F, surface = info.F_Ac_W(), info.contact_surface()
+                sign = 1.0 if surface.id_M() != block else -1.0  # the force is that on M
+                force += sign * F.translational()
+                # The step that made this force began where the tip was one step ago.
+                arm = surface.centroid() - tips[-1]
+                moment += sign * (F.rotational() + np.cross(arm, F.translational()))
+            R = X.rotation().inverse()
+            seen.append([context.get_time(), *X.translation(), *R.multiply(force), *R.multiply(moment)])
+        tips.append(X.translation())
+        return EventStatus.DidNothing()
+
+    simulator.set_monitor(look)
+    simulator.AdvanceTo(0.3)
+    logged = DemonstrationRecorder.samples(environment.log, simulator.get_context())
+    own = np.array(seen)
+    columns = ["time", "x", "y", "z", "fx", "fy", "fz", "mx", "my", "mz"]
+    logged = logged[columns].to_numpy()[1 : len(own) + 1]
+    own = own[np.isin(np.round(own[:, 0] / period), np.round(logged[:, 0] / period))]
+    assert len(own) == len(logged) >= 14
+    assert np.abs(logged[:, 4:7]).max() > 1.0  # there is contact
+    np.testing.assert_allclose(logged[:, :4], own[:, :4], atol=1e-12)
+    np.testing.assert_allclose(logged[:, 4:7], own[:, 4:7], atol=1e-6)
+    np.testing.assert_allclose(logged[:, 7:], own[:, 7:], atol=1e-8)
+
+
+def test_no_channel_is_dead(demonstrations):
+    samples = pd.concat([d.samples for d in demonstrations])
+    assert tuple(samples.columns) == COLUMNS
+    assert [c for c in COLUMNS if samples[c].std() == 0.0] == []
+    for channel in CHANNELS:
+        touched = sum(d.samples[channel].nunique() > 5 for d in demonstrations)
+        assert touched >= 4, channel
+
+
+def test_a_careful_operator_inserts_and_one_who_slams_is_rough(demonstrations):
+    good, bad = demonstrations[:5], demonstrations[5]
+    assert [d.outcome for d in good] == ["inserted"] * 5
+    assert [d.good for d in good] == [True] * 5
+    assert bad.outcome == "inserted roughly"
+    assert not bad.good
+    for d in demonstrations:
+        assert d.samples["z"].iloc[0] > 0
+        # The last row is at most a sample before the monitor saw full depth.
+        assert d.samples["z"].iloc[-1] < -0.8 * d.metadata["geometry"]["hole_depth"]
+    force = np.linalg.norm(bad.samples[["fx", "fy", "fz"]], axis=1).max()
+    assert force > max(np.linalg.norm(d.samples[["fx", "fy", "fz"]], axis=1).max() for d in good)
+
+
+def test_the_peg_keeps_to_the_rigs_kinematics(demonstrations):
+    for d in demonstrations[:5]:
+        axis = d.samples[["ax", "ay", "az"]].to_numpy() * d.samples[["angle"]].to_numpy()
+        z = Rotation.from_rotvec(axis).apply([0.0, 0.0, 1.0])
+        pivot = parse_scenario(d.metadata["scenario"], "record").rig.pivot_height
+        tip = d.samples[["x", "y", "z"]].to_numpy() - [0.0, 0.0, pivot]
+        aside = tip - np.sum(tip * z, axis=1)[:, None] * z
+        assert np.linalg.norm(aside, axis=1).max() < 5e-4
+        assert np.abs(axis[:, 2]).max() < np.radians(1.0)
+
+
+@pytest.mark.parametrize("fixture", FIXTURES)
+def test_a_demonstration_can_be_given_with_every_fixture(quick_scenario, fixture):
+    quick_scenario.fixture = fixture
+    quick_scenario.start.tilt = [0.0, 0.0]
+    quick_scenario.start.height = 2e-4
+    quick_scenario.recorder.time_limit = 0.1
+    resolved = resolve_scenario(quick_scenario, seed=2, stream=DEMONSTRATION_STREAM)
+    samples = run_demonstration(resolved).samples
+    assert len(samples) >= 5
+    assert samples["z"].iloc[-1] < samples["z"].iloc[0]
+
+
+def test_one_of_everything_runs():
+    scenario = load_scenario("one_of_everything")
+    scenario.recorder.time_limit = 0.1
+    resolved = resolve_scenario(scenario, seed=0, stream=DEMONSTRATION_STREAM)
+    demonstration = run_demonstration(resolved)
+    assert demonstration.outcome == "time over"
+    assert len(demonstration.samples) == 1 + round(0.1 / scenario.recorder.period)
+
+
+def test_a_peg_pulled_out_again_is_given_up(quick_scenario):
+    """An impatient hand that hardly pushes: the first hindrance ends it."""
+    quick_scenario.start.height = 2e-4
+    quick_scenario.start.tilt = [0.05, 0.05]
+    quick_scenario.operator.patience = 1e-9
+    quick_scenario.operator.comfortable_force = 0.5
+    resolved = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
+    demonstration = run_demonstration(resolved)
+    assert demonstration.outcome == "given up"
+    assert not demonstration.good
