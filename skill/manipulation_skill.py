@@ -144,7 +144,7 @@ class ManipulationSkill:
         knows_states = isinstance(self.regressor_, LWRegressor)
         self.regressor_.fit(X, Y, **({"memberships": self._memberships(X)} if knows_states else {}))
         self.sources_ = np.column_stack([groups[good], samples["time"].to_numpy()])
-        self.metadata_ = {
+        self.metadata_: dict[str, Any] = {
             "demonstrations": len(refined),
             "good": int(sum(d.good for d in demonstrations)),
             "geometry": _common_geometry(demonstrations),
