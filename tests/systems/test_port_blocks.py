@@ -14,7 +14,6 @@ from pydrake.systems.framework import LeafSystem
 import systems
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
-from systems.virtual_fixture import MakeFixture
 
 S = Scenario()
 X = RigidTransform()
