@@ -131,8 +131,13 @@ class Controller:
     gain: float = 1.0  # on the learnt corrections
     max_turn_rate: float = math.radians(12.0)  # in units of rad/s
     max_feed_speed: float = 0.030  # in units of m/s
+    soft_force: float = 25.0  # in units of N; above it the feed is lowered, to nothing at the limit
     force_limit: float = 60.0  # in units of N, any direction; above it the peg is backed off
-    retract_speed: float = 0.010  # in units of m/s
+    retract_speed: float = 0.015  # in units of m/s
+    back_off_distance: float = 1.0e-3  # in units of m
+    back_off_time: float = 0.4  # in units of s, at the most
+    stall_time: float = 0.6  # in units of s of pushing without coming ...
+    stall_depth: float = 0.2e-3  # ... in units of m ... deeper, after which the peg is backed off
 
 
 @dataclass
@@ -285,6 +290,13 @@ def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
             f"{math.degrees(value):.3g} deg",
             f"below {math.degrees(largest):.3g} deg, the largest tilt at which this peg enters this hole",
         )
+    guards = scenario.controller
+    require(
+        guards.soft_force < guards.force_limit,
+        "controller.soft_force",
+        f"{guards.soft_force} N",
+        f"below controller.force_limit {guards.force_limit} N",
+    )
     step, period = scenario.contact.time_step, scenario.recorder.period
     for name, value in (("recorder.period", period), ("controller.period", scenario.controller.period)):
         require(

@@ -10,6 +10,7 @@ fx fy fz                              N      measured contact force on the peg
 mx my mz                              N m    measured contact moment about the tip
 depth                                 m      measured depth of the tip below the mouth
 state                                 1      number of the estimated contact state
+known                                 1      1 where the measurement is one that the state explains
 target_pitch target_yaw               rad    commanded angles of the hole, from where it stood at the start
 feed_speed                            m/s    commanded speed of the peg, negative into the hole
 guard                                 1      1 while the force guard backs the peg off
@@ -31,7 +32,7 @@ import pandas as pd
 from skill.tables import read_table, validate_table, write_table
 
 RUN_COLUMNS = (
-    *("time", "fx", "fy", "fz", "mx", "my", "mz", "depth", "state"),
+    *("time", "fx", "fy", "fz", "mx", "my", "mz", "depth", "state", "known"),
     *("target_pitch", "target_yaw", "feed_speed", "guard"),
     *("pitch_taken", "pitch_lost", "yaw_taken", "yaw_lost"),
     *("tip_z", "pitch", "yaw"),

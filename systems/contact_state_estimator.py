@@ -21,13 +21,15 @@ class ContactStateEstimator(LeafSystem):
         output_ports:
         - probabilities
         - state
+        - known
 
     The probability of each contact state, from the wrench on the peg about its tip (N, N m, in P) and the depth (m):
     the forward recursion of a hidden Markov model whose emissions are the skill's Gaussians, marginalised over the
     features that the rig cannot measure, and whose transitions are those of the demonstrations (see
     `ContactStateFilter`). The belief is the system's discrete state, so one system serves many contexts.
 
-    ``state`` is the most probable one. The outputs use this instant's measurement, not the last period's.
+    ``state`` is the most probable one; ``known`` is 1 where the measurement lies within its gate. The outputs use this
+    instant's measurement, not the last period's.
     """
 
     def __init__(self, *, skill: ManipulationSkill, period: float) -> None:
@@ -45,6 +47,7 @@ class ContactStateEstimator(LeafSystem):
         cached = {self._estimate.ticket()}
         self.DeclareVectorOutputPort("probabilities", skill.n_states, self._calc_probabilities, cached)
         self.DeclareVectorOutputPort("state", 1, self._calc_state, cached)
+        self.DeclareVectorOutputPort("known", 1, self._calc_known, cached)
 
     def _calc_estimate(self, context: Context, output: Value) -> None:
         measured = np.array([*self._wrench.Eval(context), -self._depth.Eval(context)[0]])
@@ -60,6 +63,9 @@ class ContactStateEstimator(LeafSystem):
 
     def _calc_state(self, context: Context, output: BasicVector) -> None:
         output[0] = float(np.argmax(self._estimated(context).probabilities))
+
+    def _calc_known(self, context: Context, output: BasicVector) -> None:
+        output[0] = float(self._estimated(context).known)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         discrete_state.get_mutable_vector(self._belief).SetFromVector(self._estimated(context).log_belief)

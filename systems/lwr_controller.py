@@ -9,8 +9,9 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from models.scenario import Controller
 from skill.manipulation_skill import ManipulationSkill
+from systems.supervisor import Watch, supervise
 
-TURN, FEED, GUARD = slice(0, 2), 2, 3
+TURN, FEED, WATCH = slice(0, 2), 2, slice(3, 6)
 COMMANDS = ("target_pitch", "target_yaw", "feed_speed", "guard")
 
 
@@ -23,6 +24,7 @@ class LwrController(LeafSystem):
         - wrench
         - depth
         - probabilities
+        - known
         output_ports:
         - target_pitch
         - target_yaw
@@ -34,9 +36,9 @@ class LwrController(LeafSystem):
 
         pitch <- pitch - g omega_x T/T_s,   yaw <- yaw - g omega_y T/T_s,   feed speed = u/T_s,
 
-    each within its limit. When any force exceeds the force limit the guard backs the peg off for that period, and
-    goes on correcting. The controller knows the wrench on the peg about its tip, the depth, the state probabilities
-    and its own commands, nothing else; its angles count from where the axes stood at time 0.
+    each within its limit, and the feed as far as the supervisor lets it (`supervise`); ``guard`` is 1 while it backs
+    the peg off. The controller knows the wrench on the peg about its tip, the depth, the state's probabilities and
+    whether it is known, and its own commands, nothing else; its angles count from where the axes stood at time 0.
     """
 
     def __init__(self, *, skill: ManipulationSkill, parameters: Controller) -> None:
@@ -46,7 +48,9 @@ class LwrController(LeafSystem):
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._probabilities = self.DeclareVectorInputPort("probabilities", skill.n_states)
-        self._command = self.DeclareDiscreteState(np.zeros(4))
+        self._known = self.DeclareVectorInputPort("known", 1)
+        # [pitch, yaw, feed speed, and the supervisor's watch, whose first is the guard]
+        self._command = self.DeclareDiscreteState(np.array([0.0, 0.0, 0.0, *Watch().as_list()]))
         self.DeclarePeriodicDiscreteUpdateEvent(parameters.period, 0.0, self._update)
         state_only = {self.discrete_state_ticket(self._command)}
         for index, name in enumerate(COMMANDS):
@@ -61,16 +65,23 @@ class LwrController(LeafSystem):
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         p = self._parameters
         command = context.get_discrete_state(self._command).value().copy()
-        wrench = self._wrench.Eval(context)
-        measured = np.array([*wrench, -self._depth.Eval(context)[0]])
-        action = self._skill.act(measured, self._probabilities.Eval(context))
-        rate = p.gain * action.turn / self._skill.period_
-        fastest = np.linalg.norm(rate)
-        if fastest > p.max_turn_rate:
-            rate *= p.max_turn_rate / fastest
-        command[TURN] -= rate * p.period
-        command[FEED] = np.clip(action.feed / self._skill.period_, -p.max_feed_speed, p.max_feed_speed)
-        command[GUARD] = float(np.linalg.norm(wrench[:3]) > p.force_limit)
-        if command[GUARD]:
-            command[FEED] = p.retract_speed
+        wrench, depth = self._wrench.Eval(context), self._depth.Eval(context)[0]
+        action = self._skill.act(np.array([*wrench, -depth]), self._probabilities.Eval(context))
+        verdict = supervise(
+            p,
+            Watch(*command[WATCH]),
+            period=p.period,
+            feed_speed=float(np.clip(action.feed / self._skill.period_, -p.max_feed_speed, p.max_feed_speed)),
+            force=float(np.linalg.norm(wrench[:3])),
+            depth=depth,
+            known=bool(self._known.Eval(context)[0]),
+        )
+        if verdict.turning:
+            rate = p.gain * action.turn / self._skill.period_
+            fastest = np.linalg.norm(rate)
+            if fastest > p.max_turn_rate:
+                rate *= p.max_turn_rate / fastest
+            command[TURN] -= rate * p.period
+        command[FEED] = verdict.feed_speed
+        command[WATCH] = verdict.watch.as_list()
         discrete_state.get_mutable_vector(self._command).SetFromVector(command)

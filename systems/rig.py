@@ -106,6 +106,7 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
         builder.Connect(wrench, system.GetInputPort("wrench"))
         builder.Connect(depth, system.GetInputPort("depth"))
     builder.Connect(estimator.GetOutputPort("probabilities"), controller.GetInputPort("probabilities"))
+    builder.Connect(estimator.GetOutputPort("known"), controller.GetInputPort("known"))
     builder.Connect(controller.GetOutputPort("feed_speed"), motor.GetInputPort("speed_command"))
     builder.Connect(carriage_state, motor.GetInputPort("carriage_state"))
     builder.Connect(motor.GetOutputPort("carriage_force"), plant.get_actuation_input_port(feed))
@@ -122,6 +123,7 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
             ("fx", "fy", "fz", "mx", "my", "mz"): wrench,
             ("depth",): depth,
             ("state",): estimator.GetOutputPort("state"),
+            ("known",): estimator.GetOutputPort("known"),
             **{(n,): controller.GetOutputPort(n) for n in COMMANDS},
             **{(f"{n}_taken", f"{n}_lost"): s.GetOutputPort("step_counts") for n, s in steppers.items()},
             ("carriage", "carriage_speed"): carriage_state,

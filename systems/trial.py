@@ -33,6 +33,8 @@ class TrialResult:
         peak_lateral_n: largest contact force across it.
         steps: taken by both steppers.
         lost_steps: by both.
+        back_offs: how often the supervisor drew the peg back.
+        unknown_s: seconds in which no contact state explained what was felt.
         states: the contact states visited, in order, as numbers.
     """
 
@@ -46,6 +48,8 @@ class TrialResult:
     peak_lateral_n: float
     steps: int
     lost_steps: int
+    back_offs: int
+    unknown_s: float
     states: list[int]
 
 
@@ -138,6 +142,8 @@ def run_trial(
         peak_lateral_n=round(float(monitor.peaks[1]), 1),
         steps=int(last["pitch_taken"] + last["yaw_taken"]),
         lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
+        back_offs=int((samples["guard"].diff() > 0).sum()),
+        unknown_s=round(scenario.controller.period * float((samples["known"] == 0).sum()), 2),
         states=[int(s) for s in states[np.flatnonzero(np.diff(states, prepend=-1))]],
     )
     metadata = {

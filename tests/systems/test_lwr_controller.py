@@ -6,7 +6,7 @@ from models.scenario import Controller
 from skill.manipulation_skill import MEASURED
 from systems.lwr_controller import COMMANDS, LwrController
 
-GENTLE = Controller(max_turn_rate=100.0, max_feed_speed=100.0, force_limit=1e9)  # no limit is reached
+GENTLE = Controller(max_turn_rate=100.0, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9)  # no limit is reached
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def measurements(demonstrations):
 def controller(skill, row, parameters=GENTLE):
     dut = LwrController(skill=skill, parameters=parameters)
     probabilities = skill.state_probabilities(row[None])[0]
-    context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], probabilities=probabilities)
+    context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], probabilities=probabilities, known=[1.0])
     return dut, context, skill.act(row, probabilities)
 
 
@@ -64,7 +64,7 @@ def test_the_angles_add_up_and_the_speed_does_not(skill, measurements):
 def test_the_gain_scales_the_correction_and_not_the_feed(skill, measurements, gain):
     row = measurements[len(measurements) // 3]
     one = step(*controller(skill, row)[:2])
-    scaled = Controller(gain=gain, max_turn_rate=100.0, max_feed_speed=100.0, force_limit=1e9)
+    scaled = Controller(gain=gain, max_turn_rate=100.0, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9)
     found = step(*controller(skill, row, scaled)[:2], scaled)
     assert found["target_pitch"] == pytest.approx(gain * one["target_pitch"])
     assert found["feed_speed"] == one["feed_speed"]
@@ -75,7 +75,7 @@ def test_the_turn_keeps_its_direction_at_the_rate_limit(skill, measurements):
     free = step(*controller(skill, row)[:2])
     wanted = np.array([free["target_pitch"], free["target_yaw"]])
     size = np.linalg.norm(wanted)
-    slow = Controller(max_turn_rate=0.3 * size / GENTLE.period, max_feed_speed=100.0, force_limit=1e9)
+    slow = Controller(max_turn_rate=0.3 * size / GENTLE.period, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9)
     found = step(*controller(skill, row, slow)[:2], slow)
     np.testing.assert_allclose([found["target_pitch"], found["target_yaw"]], 0.3 * wanted, rtol=1e-9)
 
@@ -84,26 +84,31 @@ def test_the_feed_is_no_faster_than_its_limit(skill, measurements):
     row = measurements[0]
     free = step(*controller(skill, row)[:2])["feed_speed"]
     assert free < 0  # into the hole
-    slow = Controller(max_feed_speed=0.4 * abs(free), force_limit=1e9)
+    slow = Controller(max_feed_speed=0.4 * abs(free), soft_force=1e8, force_limit=1e9)
     assert step(*controller(skill, row, slow)[:2], slow)["feed_speed"] == pytest.approx(0.4 * free)
 
 
 @pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.48, 0.64, 0.6]])
-def test_above_the_force_limit_the_peg_is_backed_off_while_the_correction_goes_on(skill, measurements, direction):
-    guarded = Controller(force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0)
+def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, measurements, direction):
+    guarded = Controller(soft_force=19.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0)
     row = measurements[len(measurements) // 3].copy()
     row[:3] = 19.99 * np.array(direction)
     found = step(*controller(skill, row, guarded)[:2], guarded)
     assert found["guard"] == 0.0
     row[:3] = 20.01 * np.array(direction)
-    dut, context, action = controller(skill, row, guarded)
-    found = step(dut, context, guarded)
-    assert found["guard"] == 1.0
-    assert found["feed_speed"] == guarded.retract_speed
-    assert found["target_pitch"] == pytest.approx(-action.turn[0] * guarded.period / skill.period_, abs=1e-15)
-    # It lets go in the first period without the force.
-    dut.GetInputPort("wrench").FixValue(context, np.zeros(6))
-    assert step(dut, context, guarded)["guard"] == 0.0
+    found = step(*controller(skill, row, guarded)[:2], guarded)
+    assert found == {"target_pitch": 0.0, "target_yaw": 0.0, "feed_speed": guarded.retract_speed, "guard": 1.0}
+
+
+def test_an_unknown_state_halves_the_feed_and_not_the_turn(skill, measurements):
+    row = measurements[0]
+    dut, context, _ = controller(skill, row)
+    known = step(dut, context)
+    dut, context, _ = controller(skill, row)
+    dut.GetInputPort("known").FixValue(context, [0.0])
+    unknown = step(dut, context)
+    assert unknown["feed_speed"] == pytest.approx(0.5 * known["feed_speed"])
+    assert unknown["target_pitch"] == known["target_pitch"]
 
 
 def test_a_tilted_peg_that_is_wedged_is_turned_upright(skill, demonstrations):
