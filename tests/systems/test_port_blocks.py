@@ -14,6 +14,7 @@ from pydrake.systems.framework import LeafSystem
 import systems
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
+from systems.virtual_fixture import FreeFixture
 
 S = Scenario()
 X = RigidTransform()
@@ -27,7 +28,7 @@ ARGUMENTS = {
     "HapticDevice": lambda skill: {"parameters": DEVICE_PRESETS["paper"], "X_HD_start": X},
     "HapticProxy": lambda skill: {
         "coupling": S.coupling,
-        "fixture": MakeFixture("rig", pivot_height=0.0),
+        "fixture": FreeFixture(),
         "peg": BodyIndex(1),
     },
     "LwrController": lambda skill: {"skill": skill, "parameters": S.controller},
