@@ -18,9 +18,9 @@ from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario  # 
 from skill.demonstration import Demonstration, read_demonstrations, write_demonstration  # noqa: E402
 from skill.manipulation_skill import ManipulationSkill  # noqa: E402
 from systems.demonstrate import run_demonstration  # noqa: E402
-from systems.demonstration_set import requests  # noqa: E402
+from systems.demonstration_set import Request  # noqa: E402
 
-SHOWN = [*requests(5, 0), *requests(0, 2)[1:]]  # five that insert, and one that slams
+SHOWN = [*(Request(number, "expert", True) for number in range(5)), Request(5, "slams", False)]
 
 
 def make_quick_scenario() -> Scenario:

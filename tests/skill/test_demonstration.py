@@ -1,4 +1,5 @@
 import json
+import re
 
 import numpy as np
 import pandas as pd
@@ -48,9 +49,8 @@ def with_header(path, **changes):
 
 def refusal(path):
     """The one message that reading ``path`` gives; it names the file."""
-    with pytest.raises(ValueError, match="") as caught:
+    with pytest.raises(ValueError, match=re.escape(str(path))) as caught:
         read_demonstration(path)
-    assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 

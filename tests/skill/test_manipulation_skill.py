@@ -1,5 +1,6 @@
 import io
 import json
+import re
 import subprocess
 import sys
 import zipfile
@@ -167,9 +168,8 @@ def test_a_skill_file_holds_plain_arrays_and_no_pickle(skill_file):
 
 
 def refusal(path):
-    with pytest.raises(ValueError, match="") as caught:
+    with pytest.raises(ValueError, match=re.escape(str(path))) as caught:
         ManipulationSkill.load(path)
-    assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
