@@ -1,0 +1,201 @@
+"""The exact geometry, against brute force that knows nothing of circles, minima or features."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from models.contact_geometry import LABEL_NAMES, ContactLabel, PegInHole, Surface, axes_of_rotation_vectors
+from models.contact_theory import two_point_depth
+
+DUT = PegInHole(peg_radius=0.010, hole_radius=0.01005, hole_depth=0.025, chamfer=0.0005)
+R, r, C, DEPTH = DUT.hole_radius, DUT.peg_radius, DUT.chamfer, DUT.hole_depth
+PROFILE = np.array([(0.2, 0.0), (R + C, 0.0), (R, -C), (R, -DEPTH), (0.0, -DEPTH)])
+
+poses = st.tuples(
+    st.floats(-0.06, 0.06),
+    st.floats(-0.06, 0.06),
+    st.floats(-0.001, 0.001),
+    st.floats(-0.001, 0.001),
+    st.floats(-0.026, 0.004),
+)
+
+
+def pose(tilt_x, tilt_y, x, y, z):
+    """The tip placed near the bore's axis, and the peg's axis."""
+    return np.array([[x, y, z]]), axes_of_rotation_vectors([[tilt_x, tilt_y, 0.0]])
+
+
+def distance_to_block(q):
+    """Of points (..., 3) in the open, from the polyline of the profile, m; negative inside the block."""
+    s = np.stack([np.hypot(q[..., 0], q[..., 1]), q[..., 2]], axis=-1)
+    best = np.full(s.shape[:-1], np.inf)
+    for a, b in itertools.pairwise(PROFILE):
+        t = np.clip(((s - a) @ (b - a)) / ((b - a) @ (b - a)), 0.0, 1.0)
+        best = np.minimum(best, np.linalg.norm(s - a - t[..., None] * (b - a), axis=-1))
+    rho, z = s[..., 0], s[..., 1]
+    wall = np.where(z > 0, np.inf, np.where(z > -C, R + C + z, R))
+    inside_block = (rho > wall) | (z < -DEPTH)
+    return np.where(inside_block, -best, best)
+
+
+def peg_surface(p, a, angle, s):
+    """Points of the peg: s > 0 on its side at that height, s in [-1, 0] on its tip at radius r (1 + s)."""
+    u = np.cross([0.0, 1.0, 0.0], a)
+    u /= np.linalg.norm(u)
+    v = np.cross(a, u)
+    radial = np.cos(angle)[..., None] * u + np.sin(angle)[..., None] * v
+    size = r * np.clip(1.0 + s, 0.0, 1.0)
+    return p + size[..., None] * radial + np.maximum(s, 0.0)[..., None] * a
+
+
+STRIPS = ((-1.0, 0.0), (0.0, 1e-4), (1e-4, 1e-3), (1e-3, 1e-2), (1e-2, 4e-2))
+
+
+def brute_force_distance(p, a):
+    """Least distance over the whole surface of the peg: a grid on each strip, which zooms in on its best cells."""
+    return min(zoom(p, a, *ends) for ends in STRIPS)
+
+
+def zoom(p, a, bottom, top):
+    cells, angles, heights, kept = [(0.0, 2 * np.pi, bottom, top)], 360, 60, 40
+    best = np.inf
+    for _ in range(14):
+        found = []
+        for low_t, high_t, low_s, high_s in cells:
+            t, s = np.meshgrid(np.linspace(low_t, high_t, angles), np.linspace(low_s, high_s, heights), indexing="ij")
+            d = distance_to_block(peg_surface(p, a, t, s))
+            dt, ds = 2 * (high_t - low_t) / angles, 2 * (high_s - low_s) / heights
+            for i in np.argsort(d.min(axis=1))[:kept]:
+                j = d[i].argmin()
+                ends = max(s[i, j] - ds, bottom), min(s[i, j] + ds, top)
+                found.append((d[i, j], (t[i, j] - dt, t[i, j] + dt, *ends)))
+        found.sort(key=lambda item: item[0])
+        best = min(best, found[0][0])
+        cells, angles, heights, kept = [cell for _, cell in found[:40]], 11, 11, 1
+    return best
+
+
+@settings(max_examples=20, deadline=None)
+@given(poses)
+def test_gap_of_a_free_pose_is_the_brute_force_distance(values):
+    p, a = pose(*values)
+    gap = DUT.gap(p, a)[0]
+    if gap > 0:
+        assert gap == pytest.approx(brute_force_distance(p[0], a[0]), abs=1e-9)
+
+
+def least_on_circle(f):
+    """Ten thousand samples, and a thousand more round each of the best thirty."""
+    t = np.linspace(0.0, 2 * np.pi, 10_000, endpoint=False)
+    best = t[np.argsort(f(t))[:30]]
+    return f(best[:, None] + np.linspace(-1e-3, 1e-3, 1001)).min()
+
+
+@settings(max_examples=60, deadline=None)
+@given(poses)
+def test_overlap_is_found_by_dense_circles(values):
+    p, a = pose(*values)
+    gap = DUT.gap(p, a)[0]
+
+    def rim(t):
+        return distance_to_block(peg_surface(p[0], a[0], t, np.zeros_like(t)))
+
+    def edge(t, rho, z):
+        e = np.stack([rho * np.cos(t), rho * np.sin(t), np.full_like(t, z)], axis=-1)
+        along = (e - p[0]) @ a[0]
+        beside = np.linalg.norm(e - p[0] - along[..., None] * a[0], axis=-1) - r
+        outside = np.hypot(np.minimum(along, 0.0), np.maximum(beside, 0.0))
+        return np.where((along > 0) & (beside < 0), np.maximum(beside, -along), np.where(along > 0, beside, outside))
+
+    overlap = min(
+        least_on_circle(rim), least_on_circle(lambda t: edge(t, R, -C)), least_on_circle(lambda t: edge(t, R + C, 0.0))
+    )
+    assert (gap < 0) == (overlap < 0) or abs(gap) < 1e-9
+    # In the corner of wall and floor the gap is the deeper of two overlaps, the distance is that to the corner.
+    if p[0, 2] > -DEPTH + 1e-3:
+        assert gap == pytest.approx(overlap, abs=1e-9)
+
+
+@settings(max_examples=60, deadline=None)
+@given(poses, st.floats(-np.pi, np.pi))
+def test_turning_the_whole_changes_nothing(values, turn):
+    p, a = pose(*values)
+    c, s = np.cos(turn), np.sin(turn)
+    turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    assert DUT.gap(p @ turned.T, a @ turned.T)[0] == pytest.approx(DUT.gap(p, a)[0], abs=1e-11)
+
+
+@settings(max_examples=60, deadline=None)
+@given(poses)
+def test_contact_points_lie_on_both_bodies_and_normals_are_unit(values):
+    p, a = pose(*values)
+    contacts = DUT.contacts(p, a)
+    there = np.isfinite(contacts.gap)
+    assert np.linalg.norm(contacts.normal, axis=-1)[there] == pytest.approx(1.0, abs=1e-9)
+    rim = (contacts.surface < Surface.OUTER_EDGE) & there
+    on_peg = contacts.points_on_peg()[rim] - p[0]
+    assert on_peg @ a[0] == pytest.approx(0.0, abs=1e-12)
+    assert np.linalg.norm(on_peg, axis=1) == pytest.approx(r, abs=1e-12)
+    edges = (contacts.surface >= Surface.OUTER_EDGE) & there & contacts.side
+    beside = contacts.points_on_peg()[edges] - p[0]
+    along = beside @ a[0]
+    assert np.linalg.norm(beside - along[:, None] * a[0], axis=1) == pytest.approx(r, abs=1e-12)
+    touching = (contacts.surface == Surface.RIM_WALL) & there & (contacts.gap < 1e-4)
+    assert np.hypot(*contacts.point[touching].T[:2]) == pytest.approx(R, abs=1e-12)
+
+
+@pytest.mark.parametrize("degrees", [0.2, 0.5, 1.0, 2.0, 3.0, 5.0])
+def test_two_points_touch_exactly_at_the_two_point_depth(degrees):
+    t = np.radians(degrees)
+    h = float(two_point_depth(t, peg_radius=r, hole_radius=R))
+    if h + C > DEPTH:
+        pytest.skip("deeper than the bore")
+    p, a = pose(0.0, t, -R + r * np.cos(t), 0.0, -C - h)
+    contacts = DUT.contacts(p, a)
+    assert contacts.gap.min() == pytest.approx(0.0, abs=1e-12)
+    assert DUT.label(p, a, tolerance=1e-9)[0] == ContactLabel.TWO_POINT
+    assert DUT.label(p + np.array([0, 0, 1e-5]), a, tolerance=1e-9)[0] == ContactLabel.TIP
+    assert DUT.label(p - np.array([-1e-8, 0, 1e-5]), a)[0] == ContactLabel.MOUTH
+
+
+def test_every_label_occurs_where_it_should():
+    tilted = np.radians(1.0)
+    cases = {
+        ContactLabel.FREE: pose(0, 0, 0, 0, 0.001),
+        ContactLabel.FACE: pose(0, 0, 0.002, 0, 0.0),
+        ContactLabel.CHAMFER: pose(0, 0, 0.0003, 0, -C + 0.00025),
+        ContactLabel.MOUTH: pose(0, tilted, R - r / np.cos(tilted) - 0.004 * np.tan(tilted), 0, -C - 0.004),
+        ContactLabel.TIP: pose(0, tilted, -R + r * np.cos(tilted), 0, -C - 0.003),
+        ContactLabel.LINE: pose(0, 0, R - r, 0, -0.015),
+        ContactLabel.SEATED: pose(0, 0, 0, 0, -DEPTH),
+    }
+    for expected, (p, a) in cases.items():
+        assert DUT.label(p, a, tolerance=1e-8)[0] == expected, LABEL_NAMES[expected]
+    assert len(LABEL_NAMES) == len(ContactLabel)
+
+
+def test_a_thousand_poses_equal_one_at_a_time():
+    rng = np.random.default_rng(0)
+    p = np.c_[rng.normal(size=(200, 2)) * 1e-4, rng.uniform(-0.026, 0.004, 200)]
+    a = axes_of_rotation_vectors(np.c_[rng.normal(size=(200, 2)) * 0.03, np.zeros(200)])
+    together = DUT.gap(p, a)
+    assert [DUT.gap(p[k : k + 1], a[k : k + 1])[0] for k in range(0, 200, 10)] == pytest.approx(together[::10])
+
+
+@pytest.mark.parametrize(
+    ("p", "a", "message"),
+    [
+        ([[0, 0, 0]], [[0, 0, 1.1]], "length 1.1 in row 0"),
+        ([[0, 0, np.nan]], [[0, 0, 1]], "not finite"),
+        ([0, 0, 0], [0, 0, 1], r"shape \(3,\)"),
+        ([[0, 0, 0]], [[1, 0, 0]], "tilted by 90.0 deg"),
+    ],
+)
+def test_wrong_poses_are_refused(p, a, message):
+    with pytest.raises(ValueError, match=message):
+        DUT.gap(p, a)
+    with pytest.raises(ValueError, match="positive sizes"):
+        PegInHole(peg_radius=0.01, hole_radius=0.01, hole_depth=0.02, chamfer=0.03)
