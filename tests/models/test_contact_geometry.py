@@ -55,30 +55,28 @@ STRIPS = ((-1.0, 0.0), (0.0, 1e-4), (1e-4, 1e-3), (1e-3, 1e-2), (1e-2, 4e-2))
 
 
 def brute_force_distance(p, a):
-    """Least distance over the whole surface of the peg: a grid on each strip, which zooms in on its best cells."""
+    """Least distance over the whole surface of the peg: grids over angle and height that zoom in."""
     return min(zoom(p, a, *ends) for ends in STRIPS)
 
 
 def zoom(p, a, bottom, top):
-    cells, angles, heights, kept = [(0.0, 2 * np.pi, bottom, top)], 360, 60, 40
-    best = np.inf
-    for _ in range(14):
-        found = []
-        for low_t, high_t, low_s, high_s in cells:
-            t, s = np.meshgrid(np.linspace(low_t, high_t, angles), np.linspace(low_s, high_s, heights), indexing="ij")
-            d = distance_to_block(peg_surface(p, a, t, s))
-            dt, ds = 2 * (high_t - low_t) / angles, 2 * (high_s - low_s) / heights
-            for i in np.argsort(d.min(axis=1))[:kept]:
-                j = d[i].argmin()
-                ends = max(s[i, j] - ds, bottom), min(s[i, j] + ds, top)
-                found.append((d[i, j], (t[i, j] - dt, t[i, j] + dt, *ends)))
-        found.sort(key=lambda item: item[0])
-        best = min(best, found[0][0])
-        cells, angles, heights, kept = [cell for _, cell in found[:40]], 11, 11, 1
-    return best
+    def along_generatrix(t):
+        s, width = np.broadcast_to(np.linspace(bottom, top, 81), (len(t), 81)), (top - bottom) / 80
+        for _ in range(12):
+            d = distance_to_block(peg_surface(p, a, np.broadcast_to(t[:, None], s.shape), s))
+            best = np.take_along_axis(s, d.argmin(axis=1)[:, None], axis=1)
+            s, width = np.clip(best + width * np.linspace(-1, 1, 17), bottom, top), width / 8
+        return d.min(axis=1)
+
+    t, width = np.linspace(0, 2 * np.pi, 181), 2 * np.pi / 180
+    for _ in range(9):
+        d = along_generatrix(t)
+        starts = t[np.argsort(d)[:4]]
+        t, width = (starts[:, None] + width * np.linspace(-1, 1, 17)).ravel(), width / 8
+    return d.min()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(poses)
 def test_gap_of_a_free_pose_is_the_brute_force_distance(values):
     p, a = pose(*values)
