@@ -14,11 +14,10 @@ ROOT = Path(__file__).resolve().parent.parent
 # This folder comes first on the path, and tests/skill must not hide skill.
 sys.path.insert(0, str(ROOT))
 
-from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario  # noqa: E402
+from models.scenario import Scenario  # noqa: E402
 from skill.demonstration import Demonstration, read_demonstrations, write_demonstration  # noqa: E402
 from skill.manipulation_skill import ManipulationSkill  # noqa: E402
-from systems.demonstrate import run_demonstration  # noqa: E402
-from systems.demonstration_set import Request  # noqa: E402
+from systems.demonstration_set import Request, demonstrate  # noqa: E402
 
 SHOWN = [*(Request(number, "expert", True) for number in range(5)), Request(5, "slams", False)]
 
@@ -57,10 +56,8 @@ def demonstration_folder(tmp_path_factory: pytest.TempPathFactory, worker_id: st
     with locked(shared / "demonstrations.lock"):
         if not done.exists():
             for number, request in enumerate(SHOWN):
-                scenario = make_quick_scenario()
-                scenario.operator.habit = request.habit
-                resolved = resolve_scenario(scenario, seed=number, stream=DEMONSTRATION_STREAM)
-                write_demonstration(run_demonstration(resolved), folder / f"{number:03d}.parquet")
+                shown = demonstrate(make_quick_scenario(), request, seed=0)
+                write_demonstration(shown, folder / f"{number:03d}.parquet")
             done.touch()
     return folder
 

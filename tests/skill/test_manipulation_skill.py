@@ -127,7 +127,7 @@ def test_the_actions_are_those_of_the_good_demonstrations_only(skill, demonstrat
 
 def test_where_none_is_good_there_is_nothing_to_learn(demonstrations):
     bad = [replace(d, good=False, outcome="jammed") for d in demonstrations[:2]] + [demonstrations[5]]
-    with pytest.raises(ValueError, match=r"none of the 3 demonstrations.*inserted roughly.*jammed"):
+    with pytest.raises(ValueError, match=r"none of the 3 demonstrations.*jammed"):
         ManipulationSkill().fit(bad)
 
 
