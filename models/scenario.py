@@ -16,6 +16,7 @@ from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from models.bore import facet_sagitta, minimum_facets
 from models.hardware import DEVICE_PRESETS, DcMotor, StepperMotor, WrenchSensor
+from models.operator import HABITS, Operator, draw_person
 from models.validation import check_document, check_numbers
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -77,29 +78,6 @@ class Coupling:
     peg_inertia: float = 1.0e-2  # in units of kg m^2, about its tip
     force_scale: float = 0.2  # rendered over virtual force
     torque_scale: float = 0.02  # rendered over virtual torque
-
-
-@dataclass
-class Operator:
-    """The simulated person; ranges of personal parameters are drawn by `resolve_scenario`."""
-
-    habit: str = "expert"  # see HABITS
-    sight_delay: float = 0.16  # in units of s
-    sight_noise: float = math.radians(0.15)  # in units of rad, one sigma
-    sight_bias: list[float] | None = None  # in units of rad; drawn from sight_bias_sigma unless given
-    sight_bias_sigma: float = math.radians(0.25)  # in units of rad
-    dead_zone: float = math.radians(0.1)  # in units of rad; seen tilts below it are let be
-    align_gain: float = 1.2  # in units of 1/s, turning rate over seen tilt
-    align_rate: float = math.radians(3.0)  # in units of rad/s, fastest turn
-    touch_gain: float = 3.0  # in units of rad/s per N m of felt moment
-    insertion_speed: float = 0.018  # in units of m/s, unhindered
-    comfortable_force: float = 1.6  # in units of N, felt; the speed falls to zero at this push
-    patience: float = 1e9  # in units of s of hindered pushing, after which the peg is pulled out again
-    decision_period: float = 0.02  # in units of s
-    tremor: float = 0.02e-3  # in units of m, amplitude along the axis
-    tremor_angle: float = math.radians(0.01)  # in units of rad, amplitude
-    tremor_frequency: float = 9.0  # in units of Hz
-    personal_spread: float = 0.15  # one sigma of the logarithm of the factor on gains, speed, force and delay
 
 
 @dataclass
@@ -176,16 +154,6 @@ class Scenario:
 
 APPROXIMATIONS = ("lagged", "similar", "sap")  # of Drake's discrete contact; its "tamsi" is deprecated
 FIXTURES = ("free", "rig", "axial")
-HABITS: dict[str, dict[str, float]] = {
-    # A habit multiplies personal parameters; the bad ones fail, or are rough, for the reason their name says.
-    "expert": {},
-    "novice": {"sight_bias_sigma": 1.6, "align_gain": 0.7, "insertion_speed": 0.7},
-    "blind": {"align_gain": 0.0, "touch_gain": 0.0, "comfortable_force": 1.1},
-    "slams": {"insertion_speed": 3.0, "comfortable_force": 5.0, "touch_gain": 0.3},
-    "gives_up": {"align_gain": 0.15, "touch_gain": 0.0, "patience": 1e-9},
-    "overcorrects": {"align_gain": 10.0, "align_rate": 6.0, "sight_delay": 2.0, "touch_gain": 0.0},
-}
-"""Factors on the operator's parameters, by habit."""
 
 
 def load_scenario(name: str | Path = "nominal") -> Scenario:
@@ -282,6 +250,13 @@ def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
         repr(scenario.operator.habit),
         f"one of {sorted(HABITS)}",
     )
+    o = scenario.operator
+    require(
+        0 < o.correction_time <= o.correction_period,
+        "operator.correction_time",
+        f"{o.correction_time} s",
+        f"above 0 and at most operator.correction_period {o.correction_period} s",
+    )
     largest = math.acos(min(1.0, g.peg_radius / g.hole_radius))
     for name, value in zip("xy", scenario.start.tilt or [], strict=False):
         require(
@@ -307,21 +282,22 @@ def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
         )
 
 
-DEMONSTRATION_STREAM, TRIAL_STREAM = 1, 2
+DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM = 1, 2, 3
 
 
-def resolve_scenario(scenario: Scenario, *, seed: int, stream: int) -> Scenario:
+def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int | None = None) -> Scenario:
     """Draws every range of ``scenario`` with ``seed``: the start, and the operator's person.
 
     Args:
         scenario: with ranges; it is not changed.
         seed: any non-negative integer.
         stream: `DEMONSTRATION_STREAM` or `TRIAL_STREAM`; equal seeds in different streams share no draw.
+        person: number of the person, who is the same in whatever they do; None makes a new one of ``seed``.
     """
     rng = np.random.default_rng([stream, seed])
     resolved = copy.deepcopy(scenario)
     resolved.seed = int(np.random.SeedSequence([stream, seed]).generate_state(1)[0] >> 1)
-    start, person = resolved.start, resolved.operator
+    start = resolved.start
     tilt = rng.uniform(-1.0, 1.0, 2) * start.tilt_range
     offset = rng.uniform(-1.0, 1.0, 2) * start.offset_range
     # A gimbal is never mounted exactly; demonstrations vary as much as the rig does, so that the skill has felt it.
@@ -331,20 +307,7 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int) -> Scenario:
     resolved.contact.friction_spread = 0.0
     start.tilt = [float(v) for v in tilt] if start.tilt is None else start.tilt
     start.offset = [float(v) for v in offset] if start.offset is None else start.offset
-    for name, factor in HABITS[person.habit].items():
-        setattr(person, name, getattr(person, name) * factor)
-    bias = rng.normal(0.0, 1.0, 2) * person.sight_bias_sigma
-    person.sight_bias = [float(v) for v in bias] if person.sight_bias is None else person.sight_bias
-    for name in (
-        "align_gain",
-        "align_rate",
-        "insertion_speed",
-        "comfortable_force",
-        "sight_delay",
-        "touch_gain",
-    ):
-        own = float(np.exp(person.personal_spread * rng.normal()))
-        setattr(person, name, getattr(person, name) * own)
-    person.personal_spread = 0.0
+    known = rng if person is None else np.random.default_rng([PERSON_STREAM, person])
+    resolved.operator = draw_person(resolved.operator, known)
     validate_scenario(resolved, f"scenario resolved with seed {seed}")
     return resolved

@@ -14,12 +14,13 @@ MAY_BE_ZERO = {
     *("sight_delay", "sight_noise", "sight_bias_sigma", "dead_zone", "align_gain", "align_rate", "touch_gain"),
     *("tremor", "tremor_angle", "personal_spread", "force_noise", "torque_noise", "force_bias", "torque_bias"),
     *("gain", "full_depth_margin", "patience"),
+    *("offset_noise", "offset_bias_sigma", "offset_dead_zone", "touch_slide", "tremor_spread"),
 }
 # ... and these may be negative too.
-SIGNED = {"tilt", "offset", "sight_bias", "pivot_height"}
+SIGNED = {"tilt", "offset", "sight_bias", "offset_bias", "pivot_height"}
 
 COUNTS = {
-    **dict.fromkeys(("tilt", "offset", "sight_bias"), 2),
+    **dict.fromkeys(("tilt", "offset", "sight_bias", "offset_bias"), 2),
     **dict.fromkeys(("force_range", "torque_range", "force_noise", "torque_noise"), 3),
 }
 """How many numbers a list holds."""

@@ -14,6 +14,7 @@ from systems.demonstrate import run_demonstration
 
 GOOD_HABITS = ("expert", "novice")
 BAD_HABITS = ("blind", "slams", "gives_up", "overcorrects")
+OPERATORS = 10  # people who show in turn; thirty demonstrations are three by each
 MAX_ATTEMPTS = 50
 
 
@@ -24,6 +25,11 @@ class Request:
     number: int
     habit: str
     good: bool
+
+    @property
+    def operator(self) -> int:
+        """Who shows it."""
+        return self.number % OPERATORS
 
 
 def requests(good: int, bad: int) -> list[Request]:
@@ -42,20 +48,21 @@ def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstra
     """Tries until the demonstration comes out as asked, as a person would who is asked for a good or a bad example.
 
     A bad habit may insert by luck from a small tilt, and a good one may fail; such an attempt is repeated from
-    another start. The number of attempts is in the metadata.
+    another start by the same person. The number of attempts is in the metadata.
 
     Raises:
         ValueError: if no attempt comes out as asked.
     """
     shown = copy.deepcopy(scenario)
     shown.operator.habit = request.habit
+    person = seed * OPERATORS + request.operator
     outcomes: list[str] = []
     for attempt in range(MAX_ATTEMPTS):
         number = attempt_seed(seed, request.number, attempt)
-        resolved = resolve_scenario(shown, seed=number, stream=DEMONSTRATION_STREAM)
+        resolved = resolve_scenario(shown, seed=number, stream=DEMONSTRATION_STREAM, person=person)
         demonstration = run_demonstration(resolved)
         if demonstration.good == request.good:
-            demonstration.metadata.update({"number": number, "attempts": attempt + 1})
+            demonstration.metadata.update({"number": number, "operator": person, "attempts": attempt + 1})
             return demonstration
         outcomes.append(demonstration.outcome)
         if len(outcomes) >= 8 and len(set(outcomes)) == 1:

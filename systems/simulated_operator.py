@@ -14,10 +14,11 @@ from models.scenario import Operator
 from systems.noise import standard_normal
 from systems.rotation import from_rotation_vector, rotation_between
 
-# The operator's state: what the hand does from the last decision on.
-DEPTH, TILT, SPEED, TURN, DECIDED, HINDERED = 0, slice(1, 3), 3, slice(4, 6), 6, 7
-OFFSET, SLIDE = slice(8, 10), slice(10, 12)
-STATE_SIZE = 12
+# The hand's state: where it was at the last decision, and what it does from there on.
+DEPTH, TILT, OFFSET, DECIDED, HINDERED = 0, slice(1, 3), slice(3, 5), 5, 6
+SPEED, TURN, SLIDE = 7, slice(8, 10), slice(10, 12)
+BEGUN, TILT_MOVE, OFFSET_MOVE = 12, slice(13, 15), slice(15, 17)  # the correction under way, and its whole size
+STATE_SIZE = 17
 HINDERED_SHARE = 0.5  # of the comfortable force: pushing harder than this is felt as being stuck
 
 
@@ -33,15 +34,20 @@ class SimulatedOperator(LeafSystem):
         - hand_pose
 
     The hand holds the probe by its depth s along its own axis a, the tilt (theta_x, theta_y) of that axis, and the
-    offset of the axis from the mouth's centre. Every decision period it sets, and then holds, the rates
+    offset of the axis from the mouth's centre. Two channels tell it what to do.
 
-        d theta/dt = clip(-k_sight seen(t - delay)) + k_touch m_felt,
-        ds/dt      = v max(-1/2, 1 - F_felt/F_comfortable),
+    Sight is late and inexact: the peg's true tilt and offset a delay ago, plus a personal bias and white noise, and
+    nothing inside a dead zone. It acts intermittently: once every correction period T_c the hand begins a stroke of
 
-    where ``seen`` is the true tilt of the peg plus a personal bias and white noise (zero inside a dead zone), m_felt
-    the rendered moment across the axis and F_felt the rendered push along it. An offset that is seen is closed like a
-    tilt. A person whose patience ends pulls the peg out again. Tremor is a sine on depth and tilt. The pose is that of
-    the probe in H; ``peg_pose`` is X_HP.
+        d theta = -clip(k_sight seen) T_c,
+
+    which it carries out blindly, with a minimum-jerk speed, in the correction time; an offset likewise. Touch is the
+    rendered wrench alone, and acts at every decision:
+
+        d theta/dt = k_touch m_felt,    d offset/dt = k_slide f_felt,    ds/dt = v max(-1/2, 1 - F_felt/F_comfortable),
+
+    with m and f the moment and force across the axis, and F the push along it. A person whose patience ends pulls the
+    peg out again. Tremor is a sine on every coordinate. The pose is that of the probe in H; ``peg_pose`` is X_HP.
     """
 
     def __init__(
@@ -50,16 +56,20 @@ class SimulatedOperator(LeafSystem):
         super().__init__()
         self._operator = operator
         self._seed = seed
-        self._start_depth = -start_height
         self._peg_pose = self.DeclareAbstractInputPort("peg_pose", Value[RigidTransform]())
         self._rendered_wrench = self.DeclareVectorInputPort("rendered_wrench", 6)
+        rng = np.random.default_rng([seed, 9])
+        self._phase = 2.0 * math.pi * rng.random(5)
         start = np.zeros(STATE_SIZE)
-        start[DEPTH], start[TILT], start[OFFSET] = self._start_depth, tilt, offset
+        start[DEPTH], start[TILT], start[OFFSET] = -start_height, tilt, offset
+        # The first correction comes within one period, at a moment of its own.
+        start[BEGUN] = (
+            rng.uniform(operator.correction_time - operator.correction_period, 0.0) - operator.correction_time
+        )
         self._hand = self.DeclareDiscreteState(start)
         # What was seen, newest first; the oldest entry is what reaches the hand now.
         delay = max(1, round(operator.sight_delay / operator.decision_period))
         self._seen = self.DeclareDiscreteState(np.tile([*tilt, *offset], delay))
-        self._phase = 2.0 * math.pi * np.random.default_rng([seed, 9]).random(3)
         self.DeclarePeriodicDiscreteUpdateEvent(operator.decision_period, 0.0, self._decide)
         self._hand_pose = self.DeclareAbstractOutputPort(
             "hand_pose",
@@ -71,13 +81,26 @@ class SimulatedOperator(LeafSystem):
     def hand_pose(self, hand: NDArray[np.float64], time: float) -> RigidTransform:
         """X_HD of a hand state at ``time`` (s)."""
         o = self._operator
-        elapsed = time - hand[DECIDED]
+        depth, tilt, offset = self._steady_hand(hand, time)
         wobble = np.sin(2.0 * math.pi * o.tremor_frequency * time + self._phase)
-        depth = hand[DEPTH] + hand[SPEED] * elapsed + o.tremor * wobble[0]
-        tilt = hand[TILT] + hand[TURN] * elapsed + o.tremor_angle * wobble[1:]
-        offset = hand[OFFSET] + hand[SLIDE] * elapsed
+        depth += o.tremor * wobble[0]
+        tilt = tilt + o.tremor_angle * wobble[1:3]
+        offset = offset + o.tremor * wobble[3:5]
         R_HD = from_rotation_vector(np.array([tilt[0], tilt[1], 0.0]))
-        return RigidTransform(R_HD, np.array([*offset, 0.0]) - depth * R_HD.col(2))
+        return RigidTransform(R_HD, np.array([offset[0], offset[1], 0.0]) - depth * R_HD.col(2))
+
+    def _steady_hand(
+        self, hand: NDArray[np.float64], time: float
+    ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+        """Depth, tilt and offset at ``time``, without the tremor."""
+        elapsed = time - hand[DECIDED]
+        duration = self._operator.correction_time
+        stroke = minimum_jerk((time - hand[BEGUN]) / duration) - minimum_jerk((hand[DECIDED] - hand[BEGUN]) / duration)
+        return (
+            float(hand[DEPTH] + hand[SPEED] * elapsed),
+            hand[TILT] + hand[TURN] * elapsed + hand[TILT_MOVE] * stroke,
+            hand[OFFSET] + hand[SLIDE] * elapsed + hand[OFFSET_MOVE] * stroke,
+        )
 
     def _calc_hand_pose(self, context: Context, output: Value) -> None:
         output.set_value(self.hand_pose(context.get_discrete_state(self._hand).value(), context.get_time()))
@@ -86,38 +109,59 @@ class SimulatedOperator(LeafSystem):
         o = self._operator
         now = context.get_time()
         hand = context.get_discrete_state(self._hand).value().copy()
-        elapsed = now - hand[DECIDED]
-        hand[DEPTH] += hand[SPEED] * elapsed
-        hand[TILT] += hand[TURN] * elapsed
-        hand[OFFSET] += hand[SLIDE] * elapsed
+        hand[DEPTH], hand[TILT], hand[OFFSET] = self._steady_hand(hand, now)
         hand[DECIDED] = now
 
-        X_HP = self._peg_pose.Eval(context)
-        tilt, offset = seen_misalignment(X_HP)
-        tick = round(now / o.decision_period)
-        noise = o.sight_noise * standard_normal(self._seed, "sight", tick, 2)
-        bias = np.asarray(o.sight_bias if o.sight_bias is not None else [0.0, 0.0])
         memory = context.get_discrete_state(self._seen).value().reshape(-1, 4)
         late = memory[-1]
-        newest = np.concatenate([tilt + bias + noise, offset])
+        newest = self._look(self._peg_pose.Eval(context), tick=round(now / o.decision_period))
         discrete_state.get_mutable_vector(self._seen).SetFromVector(np.vstack([newest, memory[:-1]]).ravel())
+        if now - hand[BEGUN] > o.correction_period - 0.5 * o.decision_period:
+            hand[BEGUN] = now
+            hand[TILT_MOVE], hand[OFFSET_MOVE] = self._plan(late[:2], late[2:])
 
         torque, force = np.split(self._rendered_wrench.Eval(context), 2)
         R_HD = from_rotation_vector(np.array([*hand[TILT], 0.0]))
         push = float(force @ R_HD.col(2))  # the force on the probe, out of the hole
-        turn = -o.align_gain * late[:2] if np.linalg.norm(late[:2]) > o.dead_zone else np.zeros(2)
-        fastest = np.linalg.norm(turn)
-        if fastest > o.align_rate:
-            turn *= o.align_rate / fastest
-        hand[TURN] = turn + o.touch_gain * torque[:2]
-        hand[SLIDE] = -o.align_gain * late[2:]
+        across = force - push * R_HD.col(2)
+        hand[TURN] = o.touch_gain * torque[:2]
+        hand[SLIDE] = o.touch_slide * across[:2]
         hand[SPEED] = o.insertion_speed * max(-0.5, 1.0 - push / o.comfortable_force)
         if push > HINDERED_SHARE * o.comfortable_force:
             hand[HINDERED] += o.decision_period
         if hand[HINDERED] > o.patience:
             hand[SPEED] = -o.insertion_speed
-            hand[TURN] = 0.0
+            hand[TURN], hand[SLIDE], hand[TILT_MOVE], hand[OFFSET_MOVE] = 0.0, 0.0, 0.0, 0.0
         discrete_state.get_mutable_vector(self._hand).SetFromVector(hand)
+
+    def _look(self, X_HP: RigidTransform, *, tick: int) -> NDArray[np.float64]:
+        """Tilt and offset as they are seen now; they reach the hand after the delay."""
+        o = self._operator
+        tilt, offset = seen_misalignment(X_HP)
+        noise = standard_normal(self._seed, "sight", tick, 4)
+        tilt_bias = o.sight_bias if o.sight_bias is not None else [0.0, 0.0]
+        offset_bias = o.offset_bias if o.offset_bias is not None else [0.0, 0.0]
+        return np.concatenate(
+            [tilt + tilt_bias + o.sight_noise * noise[:2], offset + offset_bias + o.offset_noise * noise[2:]]
+        )
+
+    def _plan(
+        self, tilt: NDArray[np.float64], offset: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The stroke that answers a tilt and an offset that have been seen."""
+        o = self._operator
+        turn = -o.align_gain * tilt if np.linalg.norm(tilt) > o.dead_zone else np.zeros(2)
+        fastest = np.linalg.norm(turn)
+        if fastest > o.align_rate:
+            turn *= o.align_rate / fastest
+        slide = -o.align_gain * offset if np.linalg.norm(offset) > o.offset_dead_zone else np.zeros(2)
+        return turn * o.correction_period, slide * o.correction_period
+
+
+def minimum_jerk(share: float) -> float:
+    """How far a minimum-jerk stroke has come after this share of its time: 0 before it, 1 after it."""
+    s = min(1.0, max(0.0, share))
+    return s**3 * (10.0 + s * (6.0 * s - 15.0))
 
 
 def seen_misalignment(X_HP: RigidTransform) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

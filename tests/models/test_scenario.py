@@ -303,7 +303,7 @@ def test_a_habit_multiplies_what_it_names(habit):
     scenario.operator.personal_spread = 0.0
     scenario.operator.habit = habit
     resolved = resolve_scenario(scenario, seed=1, stream=DEMONSTRATION_STREAM).operator
-    drawn = {"habit", "sight_bias"}
+    drawn = {"habit", "sight_bias", "offset_bias", "tremor_frequency", "tremor_spread"}
     for f in fields(Operator):
         if f.name not in drawn:
             factor = HABITS[habit].get(f.name, 1.0)

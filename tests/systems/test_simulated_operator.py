@@ -5,9 +5,10 @@ import pytest
 from pydrake.math import RigidTransform
 from stepping import fixed_context, update
 
-from models.scenario import Operator
+from models.operator import PERSONAL, Operator, draw_person
+from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
 from systems.rotation import from_rotation_vector, rotation_between
-from systems.simulated_operator import HINDERED_SHARE, SimulatedOperator, seen_misalignment
+from systems.simulated_operator import HINDERED_SHARE, SimulatedOperator, minimum_jerk, seen_misalignment
 
 HEIGHT = 0.003
 UPRIGHT = np.array([0.0, 0.0, 1.0])
@@ -15,7 +16,11 @@ UPRIGHT = np.array([0.0, 0.0, 1.0])
 
 def person(**changes):
     """Someone with a steady hand and sharp eyes, so that what is left can be worked by hand."""
-    steady = {"sight_noise": 0.0, "sight_bias": [0.0, 0.0], "tremor": 0.0, "tremor_angle": 0.0, "dead_zone": 0.0}
+    steady = {
+        **{"sight_noise": 0.0, "sight_bias": [0.0, 0.0], "dead_zone": 0.0, "sight_delay": 0.02},
+        **{"offset_noise": 0.0, "offset_bias": [0.0, 0.0], "offset_dead_zone": 0.0},
+        **{"tremor": 0.0, "tremor_angle": 0.0},
+    }
     return Operator(**{**steady, **changes})
 
 
@@ -41,12 +46,26 @@ def hand(dut, context):
 
 
 def rates(dut, context, period):
-    """d tilt/dt, d depth/dt and d offset/dt of the hand in the period after one decision."""
+    """d tilt/dt, d depth/dt and d offset/dt of the hand in the period after one decision, without a stroke."""
     update(dut, context, period=0.0)
     before = hand(dut, context)
     context.SetTime(context.get_time() + period)
     after = hand(dut, context)
     return [(b - a) / period for a, b in zip(before, after, strict=True)]
+
+
+def stroke(dut, context, o):
+    """How far the hand turns and slides in the first stroke, begun within one correction period; zero if none is."""
+    start = before = hand(dut, context)
+    for _ in range(round(2 * o.correction_period / o.decision_period)):
+        update(dut, context, period=o.decision_period)
+        after = hand(dut, context)
+        begun = max(np.abs(after[0] - start[0]).max(), np.abs(after[2] - start[2]).max()) > 1e-12
+        still = max(np.abs(after[0] - before[0]).max(), np.abs(after[2] - before[2]).max()) < 1e-14
+        if begun and still:
+            break
+        before = after
+    return after[0] - start[0], after[2] - start[2]
 
 
 # ------------------------------------------------------------------- sight
@@ -86,39 +105,75 @@ def test_the_hand_starts_where_the_scenario_puts_it():
 def test_the_seen_tilt_and_offset_are_closed_in_proportion():
     o = person(align_gain=0.8, align_rate=10.0)
     dut, context = operator(o, tilt=[0.03, -0.05], offset=[0.001, 0.002])
-    turn, feed, slide = rates(dut, context, o.decision_period)
-    np.testing.assert_allclose(turn, [-0.8 * 0.03, 0.8 * 0.05], rtol=1e-6)
-    np.testing.assert_allclose(slide, [-0.8 * 0.001, -0.8 * 0.002], rtol=1e-6)
-    assert feed == pytest.approx(o.insertion_speed, rel=1e-6)
+    turn, slide = stroke(dut, context, o)
+    share = 0.8 * o.correction_period
+    np.testing.assert_allclose(turn, [-share * 0.03, share * 0.05], rtol=1e-6)
+    np.testing.assert_allclose(slide, [-share * 0.001, -share * 0.002], rtol=1e-5)
+
+
+def test_corrections_come_in_strokes_with_rests_between():
+    o = person(align_gain=1.0, align_rate=10.0)
+    dut, context = operator(o, tilt=[0.03, 0.0])
+    steps = []
+    for _ in range(56):  # four periods of fourteen decisions
+        before = hand(dut, context)[0][0]
+        update(dut, context, period=o.decision_period)
+        steps.append(before - hand(dut, context)[0][0])
+    moving = np.array(steps) > 1e-9
+    begins = np.flatnonzero(np.diff(moving.astype(int)) == 1)
+    np.testing.assert_array_equal(np.diff(begins), round(o.correction_period / o.decision_period))
+    assert moving.mean() == pytest.approx(o.correction_time / o.correction_period, abs=0.05)
+
+
+def test_a_stroke_is_smooth_and_starts_and_ends_at_rest():
+    shares = np.linspace(-0.2, 1.2, 2801)
+    path = np.array([minimum_jerk(s) for s in shares])
+    assert path[0] == 0.0
+    assert path[-1] == 1.0
+    speed = np.gradient(path, shares)
+    assert speed.max() == pytest.approx(1.875, rel=1e-4)  # of the mean, as for any minimum-jerk stroke
+    assert np.abs(np.diff(speed)).max() < 0.01
 
 
 def test_the_turn_is_no_faster_than_the_hand():
     o = person(align_gain=100.0, align_rate=0.02)
-    turn, _, _ = rates(*operator(o, tilt=[0.03, -0.04]), o.decision_period)
-    np.testing.assert_allclose(turn, [-0.02 * 0.6, 0.02 * 0.8], rtol=1e-6)
+    turn, _ = stroke(*operator(o, tilt=[0.03, -0.04]), o)
+    np.testing.assert_allclose(turn, o.correction_period * np.array([-0.02 * 0.6, 0.02 * 0.8]), rtol=1e-6)
 
 
-def test_a_tilt_in_the_dead_zone_is_let_be():
-    o = person(dead_zone=0.0051, align_gain=1.0, align_rate=1.0)
-    turn, _, _ = rates(*operator(o, tilt=[0.003, 0.004]), o.decision_period)
-    np.testing.assert_allclose(turn, [0.0, 0.0], atol=1e-9)
-    o = person(dead_zone=0.0049, align_gain=1.0, align_rate=1.0)
-    turn, _, _ = rates(*operator(o, tilt=[0.003, 0.004]), o.decision_period)
-    np.testing.assert_allclose(turn, [-0.003, -0.004], rtol=1e-6)
+@pytest.mark.parametrize(("zone", "answered"), [(0.0051, False), (0.0049, True)])
+def test_a_tilt_in_the_dead_zone_is_let_be(zone, answered):
+    o = person(dead_zone=zone, align_gain=1.0, align_rate=1.0)
+    turn, _ = stroke(*operator(o, tilt=[0.003, 0.004]), o)
+    np.testing.assert_allclose(turn, -answered * o.correction_period * np.array([0.003, 0.004]), rtol=1e-6, atol=1e-12)
 
 
-def test_a_personal_bias_is_taken_for_tilt_once_it_has_reached_the_hand():
-    o = person(sight_bias=[0.002, -0.001], align_gain=1.0, align_rate=1.0, sight_delay=0.02, decision_period=0.02)
-    dut, context = operator(o, tilt=[0.0, 0.0])
-    update(dut, context, period=o.decision_period)
-    turn, _, _ = rates(dut, context, o.decision_period)
-    np.testing.assert_allclose(turn, [-0.002, 0.001], rtol=1e-6)
+@pytest.mark.parametrize(("zone", "answered"), [(0.00051, False), (0.00049, True)])
+def test_an_offset_in_its_dead_zone_is_let_be(zone, answered):
+    o = person(offset_dead_zone=zone, align_gain=1.0)
+    _, slide = stroke(*operator(o, offset=[0.0003, 0.0004]), o)
+    np.testing.assert_allclose(
+        slide, -answered * o.correction_period * np.array([0.0003, 0.0004]), rtol=1e-6, atol=1e-12
+    )
+
+
+def test_a_personal_bias_is_taken_for_tilt_and_offset_once_it_has_reached_the_hand():
+    o = person(sight_bias=[0.002, -0.001], offset_bias=[0.0001, 0.0003], align_gain=1.0, align_rate=1.0)
+    turn, slide = stroke(*operator(o), o)
+    np.testing.assert_allclose(turn, o.correction_period * np.array([-0.002, 0.001]), rtol=1e-6)
+    np.testing.assert_allclose(slide, o.correction_period * np.array([-0.0001, -0.0003]), rtol=1e-6)
 
 
 def test_a_felt_moment_is_yielded_to():
     o = person(touch_gain=2.0)
     turn, _, _ = rates(*operator(o, wrench=[0.01, -0.02, 0.5, 0, 0, 0]), o.decision_period)
     np.testing.assert_allclose(turn, [0.02, -0.04], rtol=1e-6)
+
+
+def test_a_felt_force_across_the_axis_is_yielded_to_and_one_along_it_moves_nothing_aside():
+    o = person(touch_slide=0.01)
+    _, _, slide = rates(*operator(o, wrench=[0, 0, 0, 0.5, -0.2, 0.7]), o.decision_period)
+    np.testing.assert_allclose(slide, [0.005, -0.002], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("share", "factor"), [(0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (1.4, -0.4), (5.0, -0.5)])
@@ -142,7 +197,11 @@ def test_the_push_is_felt_along_the_tilted_axis_of_the_hand():
 
 @pytest.mark.parametrize("decisions", [1, 4, 8])
 def test_what_is_seen_reaches_the_hand_after_the_delay(decisions):
-    o = person(sight_delay=decisions * 0.02, decision_period=0.02, align_gain=1.0, align_rate=1.0)
+    # A stroke at every decision shows what the hand knows at each.
+    o = person(
+        **{"sight_delay": decisions * 0.02, "decision_period": 0.02, "align_gain": 1.0, "align_rate": 1.0},
+        **{"correction_period": 0.02, "correction_time": 0.02},
+    )
     dut, context = operator(o, tilt=[0.0, 0.0])
     dut.GetInputPort("peg_pose").FixValue(context, tilted([0.01, 0.0]))  # jumps at time 0
     for k in range(decisions + 3):
@@ -178,13 +237,15 @@ def test_tremor_is_a_sine_of_its_amplitude_and_frequency():
     o = person(tremor=2e-5, tremor_angle=3e-4, tremor_frequency=9.0)
     dut, context = operator(o)
     times = np.linspace(0.0, 2.0 / o.tremor_frequency, 201)
-    depths, tilts = [], []
+    depths, tilts, offsets = [], [], []
     for t in times:
         context.SetTime(t)
-        tilt, depth, _ = hand(dut, context)
+        tilt, depth, offset = hand(dut, context)
         depths.append(depth + HEIGHT)
         tilts.append(tilt)
-    for wave, amplitude in [(depths, 2e-5), *((column, 3e-4) for column in np.transpose(tilts))]:
+        offsets.append(offset)
+    waves = [(column, 3e-4) for column in np.transpose(tilts)] + [(column, 2e-5) for column in np.transpose(offsets)]
+    for wave, amplitude in [(depths, 2e-5), *waves]:
         # Least squares on sine and cosine of the frequency leaves nothing.
         basis = np.column_stack([f(2 * math.pi * 9.0 * times) for f in (np.sin, np.cos)])
         coefficients, *_ = np.linalg.lstsq(basis, wave, rcond=None)
@@ -196,7 +257,7 @@ def test_tremor_is_a_sine_of_its_amplitude_and_frequency():
 
 
 def wander(seed, *, n=40, **changes):
-    o = Operator(sight_bias=[0.0, 0.0], **changes)
+    o = Operator(sight_bias=[0.0, 0.0], offset_bias=[0.0, 0.0], **changes)
     dut, context = operator(o, tilt=[0.03, 0.0], seed=seed)
     trace = []
     for _ in range(n):
@@ -212,22 +273,56 @@ def test_the_same_seed_moves_the_hand_the_same_way_and_another_does_not():
 
 def test_the_seed_reaches_both_the_sight_and_the_tremor():
     assert not np.array_equal(wander(5, tremor=0.0, tremor_angle=0.0), wander(6, tremor=0.0, tremor_angle=0.0))
-    assert not np.array_equal(wander(5, sight_noise=0.0), wander(6, sight_noise=0.0))
-    calm = {"sight_noise": 0.0, "tremor": 0.0, "tremor_angle": 0.0}
+    blind = {"sight_noise": 0.0, "offset_noise": 0.0}
+    assert not np.array_equal(wander(5, **blind), wander(6, **blind))
+    calm = {**blind, "tremor": 0.0, "tremor_angle": 0.0, "correction_period": 0.02, "correction_time": 0.02}
     np.testing.assert_array_equal(wander(5, **calm), wander(6, **calm))
 
 
 def test_the_noise_of_sight_has_its_sigma():
-    sigma = 0.002
-    o = person(
-        sight_noise=sigma, align_gain=1.0, align_rate=100.0, touch_gain=0.0, sight_delay=0.02, decision_period=0.02
-    )
+    sigmas = {"sight_noise": 0.002, "offset_noise": 0.0003}
+    o = person(**sigmas, align_gain=1.0, align_rate=100.0, correction_period=0.02, correction_time=0.02)
     dut, context = operator(o)
-    turns = []
+    strokes = []
     for _ in range(1500):
-        before = hand(dut, context)[0]
+        before = hand(dut, context)
         update(dut, context, period=o.decision_period)
-        turns.append((hand(dut, context)[0] - before) / o.decision_period)
-    seen = -np.array(turns[1:])
-    assert np.abs(seen.mean(axis=0)).max() < 5 * sigma / math.sqrt(len(seen))
+        after = hand(dut, context)
+        strokes.append(np.concatenate([after[0] - before[0], after[2] - before[2]]) / o.decision_period)
+    seen = -np.array(strokes[1:])
+    sigma = np.repeat([0.002, 0.0003], 2)
+    assert (np.abs(seen.mean(axis=0)) < 5 * sigma / math.sqrt(len(seen))).all()
     np.testing.assert_allclose(seen.std(axis=0), sigma, rtol=5 / math.sqrt(2 * len(seen)))
+
+
+# ------------------------------------------------------------------- people
+
+
+def test_a_person_is_the_same_in_whatever_they_do_and_another_is_not():
+    def drawn(seed, person):
+        return resolve_scenario(Scenario(), seed=seed, stream=DEMONSTRATION_STREAM, person=person)
+
+    assert drawn(1, 4).operator == drawn(2, 4).operator
+    assert drawn(1, 4).start.tilt != drawn(2, 4).start.tilt
+    first, second = drawn(1, 4).operator, drawn(1, 5).operator
+    for name in (*PERSONAL, "tremor_frequency", "sight_bias", "offset_bias"):
+        assert getattr(first, name) != getattr(second, name), name
+
+
+def test_people_keep_within_what_people_do():
+    people = [draw_person(Operator(), np.random.default_rng(k)) for k in range(200)]
+    frequencies = [p.tremor_frequency for p in people]
+    assert 8.0 <= min(frequencies) < 8.2
+    assert 11.8 < max(frequencies) <= 12.0
+    delays = np.array([p.sight_delay for p in people])
+    assert np.median(delays) == pytest.approx(Operator().sight_delay, rel=0.05)
+    np.testing.assert_allclose(
+        np.std([p.offset_bias for p in people]), Operator().offset_bias_sigma, rtol=5 / math.sqrt(2 * 400)
+    )
+
+
+def test_a_habit_keeps_the_person():
+    """A bad example is shown by somebody who can also show a good one."""
+    good, bad = (draw_person(Operator(habit=h), np.random.default_rng(3)) for h in ("expert", "slams"))
+    assert bad.sight_bias == good.sight_bias
+    assert bad.insertion_speed == pytest.approx(3.0 * good.insertion_speed)

@@ -1,0 +1,71 @@
+"""The simulated person: what they see, feel and do; their habits; and the person drawn by a seed."""
+
+import copy
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass
+class Operator:
+    """The simulated person; ranges of personal parameters are drawn by `draw_person`."""
+
+    habit: str = "expert"  # see HABITS
+    sight_delay: float = 0.16  # in units of s
+    sight_noise: float = math.radians(0.15)  # in units of rad, one sigma, of the tilt
+    sight_bias: list[float] | None = None  # in units of rad; drawn from sight_bias_sigma unless given
+    sight_bias_sigma: float = math.radians(0.25)  # in units of rad
+    offset_noise: float = 0.10e-3  # in units of m, one sigma, of the seen offset
+    offset_bias: list[float] | None = None  # in units of m; drawn from offset_bias_sigma unless given
+    offset_bias_sigma: float = 0.10e-3  # in units of m
+    dead_zone: float = math.radians(0.1)  # in units of rad; seen tilts below it are let be
+    offset_dead_zone: float = 0.10e-3  # in units of m; seen offsets below it are let be
+    correction_period: float = 0.28  # in units of s, from one correction by sight to the next
+    correction_time: float = 0.20  # in units of s, that one takes
+    align_gain: float = 1.2  # in units of 1/s, mean turning rate over seen tilt
+    align_rate: float = math.radians(3.0)  # in units of rad/s, fastest mean turn
+    touch_gain: float = 3.0  # in units of rad/s per N m of felt moment
+    touch_slide: float = 0.010  # in units of m/s per N of felt force across the axis
+    insertion_speed: float = 0.018  # in units of m/s, unhindered
+    comfortable_force: float = 1.6  # in units of N, felt; the speed falls to zero at this push
+    patience: float = 1e9  # in units of s of hindered pushing, after which the peg is pulled out again
+    decision_period: float = 0.02  # in units of s
+    tremor: float = 0.02e-3  # in units of m, amplitude along and across the axis
+    tremor_angle: float = math.radians(0.01)  # in units of rad, amplitude
+    tremor_frequency: float = 10.0  # in units of Hz
+    tremor_spread: float = 2.0  # in units of Hz; a person's frequency is uniform within this of tremor_frequency
+    personal_spread: float = 0.15  # one sigma of the logarithm of the factor on gains, speed, force and delay
+
+
+HABITS: dict[str, dict[str, float]] = {
+    # A habit multiplies personal parameters; the bad ones fail, or are rough, for the reason their name says.
+    "expert": {},
+    "novice": {"sight_bias_sigma": 1.6, "align_gain": 0.7, "insertion_speed": 0.7, "tremor": 1.5, "tremor_angle": 1.5},
+    "blind": {"align_gain": 0.0, "touch_gain": 0.0, "comfortable_force": 1.1},
+    "slams": {"insertion_speed": 3.0, "comfortable_force": 5.0, "touch_gain": 0.3},
+    "gives_up": {"align_gain": 0.15, "touch_gain": 0.0, "patience": 1e-9},
+    "overcorrects": {"align_gain": 10.0, "align_rate": 6.0, "sight_delay": 2.0, "touch_gain": 0.0},
+}
+"""Factors on the operator's parameters, by habit."""
+
+PERSONAL = ("align_gain", "align_rate", "insertion_speed", "comfortable_force", "sight_delay", "touch_gain")
+"""Parameters of which everybody has their own multiple."""
+
+
+def draw_person(operator: Operator, rng: np.random.Generator) -> Operator:
+    """One person: the habit applied, every range drawn; what is left is concrete."""
+    person = copy.deepcopy(operator)
+    for name, factor in HABITS[person.habit].items():
+        setattr(person, name, getattr(person, name) * factor)
+    bias = rng.normal(0.0, 1.0, 2) * person.sight_bias_sigma
+    person.sight_bias = [float(v) for v in bias] if person.sight_bias is None else person.sight_bias
+    for name in PERSONAL:
+        own = float(np.exp(person.personal_spread * rng.normal()))
+        setattr(person, name, getattr(person, name) * own)
+    person.personal_spread = 0.0
+    bias = rng.normal(0.0, 1.0, 2) * person.offset_bias_sigma
+    person.offset_bias = [float(v) for v in bias] if person.offset_bias is None else person.offset_bias
+    person.tremor_frequency += float(rng.uniform(-1.0, 1.0)) * person.tremor_spread
+    person.tremor_spread = 0.0
+    return person
