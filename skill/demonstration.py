@@ -89,17 +89,15 @@ def write_demonstration(demonstration: Demonstration, path: Path) -> None:
         "duration_s": demonstration.duration,
         **demonstration.metadata,
     }
-    write_table(
-        demonstration.samples, COLUMNS, path, kind="demonstration", version=FORMAT_VERSION, header=header
-    )
+    write_table(demonstration.samples, COLUMNS, path, kind="demonstration", version=FORMAT_VERSION, header=header)
 
 
 def read_demonstration(path: Path) -> Demonstration:
     """Reads and validates one file; every fault is a ValueError that names the file."""
-    samples, header = read_table(path, COLUMNS, kind="demonstration", version=FORMAT_VERSION)
+    samples, header = read_table(path, COLUMNS, kind="demonstration", version=FORMAT_VERSION, keys=("good", "outcome"))
     validate_samples(samples, str(path))
     good, outcome = bool(header.pop("good")), str(header.pop("outcome"))
-    header.pop("duration_s")
+    header.pop("duration_s", None)
     return Demonstration(samples=samples, good=good, outcome=outcome, metadata=header)
 
 

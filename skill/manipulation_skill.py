@@ -278,16 +278,16 @@ class ManipulationSkill:
             header = json.loads(arrays.pop("header").tobytes())
         except FileNotFoundError:
             raise ValueError(f"{path}: no such skill file; train one first") from None
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
             raise ValueError(f"{path}: not a skill file of this program ({error})") from error
         if header.get("skill_version") != SKILL_VERSION:
             raise ValueError(
                 f"{path}: skill file version {header.get('skill_version')}, expected {SKILL_VERSION};"
                 " train the skill again"
             )
-        skill = cls(**header["parameters"])
         parts: dict[str, dict[str, Any]] = {"states": {}, "regressor": {}, "graph": {}}
         try:
+            skill = cls(**header["parameters"])
             skill.sources_ = arrays.pop("sources")
             for name, array in arrays.items():
                 part, key = name.split("/", 1)
@@ -297,9 +297,9 @@ class ManipulationSkill:
             skill.states_ = CompetitiveAgglomeration.from_arrays(parts["states"])
             skill.regressor_ = LWRegressor.from_arrays(parts["regressor"])
             skill.graph_ = StateGraph.from_arrays(parts["graph"])
-        except (KeyError, ValueError) as error:
+            skill.period_, skill.metadata_ = header["period"], header["metadata"]
+        except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: not a complete skill file ({error})") from error
-        skill.period_, skill.metadata_ = header["period"], header["metadata"]
         return skill
 
 

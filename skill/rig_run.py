@@ -56,7 +56,7 @@ class RigRun:
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        validate_table(self.samples, RUN_COLUMNS, "rig run")
+        validate_table(self.samples, RUN_COLUMNS, "rig run", least=1)
 
 
 def write_rig_run(run: RigRun, path: Path) -> None:
@@ -67,5 +67,7 @@ def write_rig_run(run: RigRun, path: Path) -> None:
 
 def read_rig_run(path: Path) -> RigRun:
     """Reads and validates one file; every fault is a ValueError that names the file."""
-    samples, header = read_table(path, RUN_COLUMNS, kind="rig_run", version=RUN_VERSION)
+    samples, header = read_table(
+        path, RUN_COLUMNS, kind="rig_run", version=RUN_VERSION, keys=("result", "metadata"), least=1
+    )
     return RigRun(samples=samples, result=header["result"], metadata=header["metadata"])

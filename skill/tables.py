@@ -15,8 +15,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 
-def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str) -> None:
-    """Checks that a table has exactly ``columns``, finite numbers, and a ``time`` that increases.
+def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, least: int = 2) -> None:
+    """Checks that a table has exactly ``columns``, ``least`` rows, finite numbers, and a ``time`` that increases.
 
     Raises:
         ValueError: naming ``where``, what was found and what was expected.
@@ -27,8 +27,8 @@ def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str) -> N
         raise ValueError(
             f"{where}: missing columns {missing}, unknown columns {unknown}; expected exactly {list(columns)}"
         )
-    if len(table) < 2:
-        raise ValueError(f"{where}: found {len(table)} samples, expected at least 2")
+    if len(table) < least:
+        raise ValueError(f"{where}: found {len(table)} samples, expected at least {least}")
     for column in columns:
         if not pd.api.types.is_numeric_dtype(table[column]):
             raise ValueError(f"{where}: column '{column}' has type {table[column].dtype}, expected numbers")
@@ -80,9 +80,17 @@ def write_table(
 
 
 def read_table(
-    path: Path, columns: Sequence[str], *, kind: str, version: int
+    path: Path, columns: Sequence[str], *, kind: str, version: int, keys: Sequence[str], least: int = 2
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Reads and validates what `write_table` wrote.
+
+    Args:
+        path: of the file.
+        columns: that it must have.
+        kind: under whose name the header is stored.
+        version: of the format.
+        keys: that the header must have.
+        least: number of rows.
 
     Raises:
         ValueError: naming the file and its fault: missing, truncated, another kind or version, wrong columns.
@@ -96,10 +104,16 @@ def read_table(
     raw = (rows.schema.metadata or {}).get(kind.encode())
     if raw is None:
         raise ValueError(f"{path}: no '{kind}' metadata; expected a {kind} file of this program")
-    header = json.loads(raw)
+    try:
+        header = json.loads(raw)
+    except ValueError as error:
+        raise ValueError(f"{path}: damaged '{kind}' metadata ({error})") from error
     found = header.pop("format_version", None)
     if found != version:
         raise ValueError(f"{path}: {kind} format version {found}, expected {version}")
+    missing = [key for key in keys if key not in header]
+    if missing:
+        raise ValueError(f"{path}: '{kind}' metadata lack {missing}; expected a {kind} file of this program")
     table = rows.to_pandas()
-    validate_table(table, columns, str(path))
+    validate_table(table, columns, str(path), least=least)
     return table, header

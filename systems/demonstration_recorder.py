@@ -43,7 +43,13 @@ class DemonstrationRecorder(LeafSystem):
         turn = rotation_vector(X_HP_start.rotation())
         self._previous = self.DeclareDiscreteState(np.concatenate([turn, X_HP_start.translation(), turn]))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._remember)
-        self._sample = self.DeclareVectorOutputPort("sample", len(CHANNELS) + len(ACTIONS), self._calc_sample)
+        inputs = {self._peg_state.ticket(), self._contact_wrench.ticket(), self._probe_pose.ticket()}
+        self._sample = self.DeclareVectorOutputPort(
+            "sample",
+            len(CHANNELS) + len(ACTIONS),
+            self._calc_sample,
+            {*inputs, self.discrete_state_ticket(self._previous)},
+        )
 
     @staticmethod
     def AddToBuilder(  # noqa: D102 - documented by the class

@@ -38,7 +38,7 @@ class HapticProxy(LeafSystem):
 
     a wrench at the tip, in H; the logarithm is a rotation vector, regular below 180 degrees. The probe gets the
     reaction, scaled: -(torque_scale t_P, force_scale F_P). A virtual fixture adds a stiff spring-damper on what it
-    forbids (see `VirtualFixture`), with the angular gains of the coupling times the ratio of the linear ones.
+    forbids (see `VirtualFixture`), with the guide's linear and the coupling's angular gains.
 
     ``peg_state`` is [quaternion, position, angular velocity, velocity] of a floating peg; H and W coincide in the
     virtual environment. Wrenches and velocities have their angular part first.

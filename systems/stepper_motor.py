@@ -55,12 +55,15 @@ class StepperMotor(LeafSystem):
         p = self._parameters
         state = context.get_discrete_state(self._state).value().copy()
         wanted = round(self._target.Eval(context)[0] / p.step_angle)
-        state[CREDIT] = min(state[CREDIT] + p.max_step_rate * self._period, max(1.0, p.max_step_rate * self._period))
-        steps = min(abs(wanted - state[COMMANDED]), math.floor(state[CREDIT] + 1e-9))
-        if steps > 0:
-            state[COMMANDED] += math.copysign(steps, wanted - state[COMMANDED])
-            state[TAKEN] += steps
-            state[CREDIT] -= steps
+        gained = p.max_step_rate * self._period
+        state[CREDIT] += gained
+        missing = abs(wanted - state[COMMANDED])
+        steps = min(missing, math.floor(state[CREDIT] + 1e-9))
+        state[COMMANDED] += math.copysign(steps, wanted - state[COMMANDED])
+        state[TAKEN] += steps
+        state[CREDIT] -= steps
+        if steps == missing:  # a motor at rest saves no steps for later
+            state[CREDIT] = min(state[CREDIT], max(0.0, 1.0 - gained))
         lag = (self._measured.Eval(context)[0] - self._start_angle) / p.step_angle - (state[COMMANDED] + state[SHIFT])
         if abs(lag) > PERIOD_STEPS / 2:
             state[SHIFT] += math.copysign(PERIOD_STEPS, lag)

@@ -17,6 +17,8 @@ from skill.rig_run import RigRun
 from systems.provenance import versions
 from systems.rig import MakeRig, RigDiagram
 
+ABSURD_FORCE = 1e5  # in units of N; no rig of this size holds it, so that the numbers are none of its
+
 
 @dataclass(frozen=True)
 class TrialResult:
@@ -80,6 +82,8 @@ class TrialMonitor:
         self.depth = -float(self._rig.contact.peg.EvalPoseInWorld(own).translation()[2])
         if not (np.isfinite(held).all() and np.isfinite(self.depth)):
             return self._end("diverged: a force or a position is not finite")
+        if np.linalg.norm(held) > ABSURD_FORCE:
+            return self._end(f"diverged: a contact force of {np.linalg.norm(held):.3g} N")
         if context.get_time() > 0:
             # The peg's own inertia is in the reaction too; at these speeds it is a small part of a newton.
             axial, lateral = abs(held[2] - self._weight), np.hypot(held[0], held[1])

@@ -1,3 +1,5 @@
+import copy
+
 import numpy as np
 import pytest
 from diagrams import graph_names, state_of, unconnected_inputs
@@ -69,7 +71,9 @@ def test_the_rig_starts_with_the_hole_turned_against_the_pegs_tilt(resolved, ski
 def test_the_gimbal_holds_the_start_until_it_is_told_to_turn(resolved, skill):
     resolved.controller.gain = 0.0
     resolved.start.height = 0.01  # no contact while we look
-    rig = MakeRig(resolved, skill)
+    foreign = copy.copy(skill)
+    foreign.metadata_ = {}  # demonstrations from elsewhere do not name their geometry
+    rig = MakeRig(resolved, foreign)
     simulator = started(rig)
     simulator.AdvanceTo(0.1)
     plant = rig.contact.plant
@@ -157,9 +161,18 @@ def test_one_of_everything_runs(quick_scenario, skill):
     scenario = load_scenario("one_of_everything")
     scenario.geometry = quick_scenario.geometry  # that which the skill has learnt
     resolved = resolve_scenario(scenario, seed=0, stream=TRIAL_STREAM)
-    rig = MakeRig(resolved, skill)
+    foreign = copy.copy(skill)
+    foreign.metadata_ = {}  # demonstrations from elsewhere do not name their geometry
+    rig = MakeRig(resolved, foreign)
     simulator = started(rig)
     simulator.AdvanceTo(0.1)
     logged = rig.recorder.samples(simulator.get_context())
     assert np.isfinite(logged.to_numpy()).all()
     assert len(logged) == 1 + round(0.1 / resolved.controller.period)
+
+
+def test_a_skill_of_another_geometry_is_refused(skill, quick_scenario):
+    quick_scenario.geometry.hole_radius = 0.01006
+    resolved = resolve_scenario(quick_scenario, seed=0, stream=TRIAL_STREAM)
+    with pytest.raises(ValueError, match=r"trained for geometry.hole_radius = 0.01005 m, the scenario has 0.01006 m"):
+        MakeRig(resolved, skill)
