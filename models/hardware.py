@@ -22,6 +22,16 @@ class HapticDevice:
     sustained_torque: float = 0.104  # in units of N m [paper]
     thermal_time_constant: float = 10.0  # in units of s; the window of the sustained limit [choice]
     servo_period: float = 1e-3  # in units of s [sheet]
+    # The damping of device and gripping hand, and the device's friction: what the stability of the display rests on.
+    grip_damping: float = 10.0  # in units of N s/m [choice]
+    grip_angular_damping: float = 0.02  # in units of N m s/rad [choice]
+    friction_force: float = 0.04  # in units of N [choice]
+    friction_torque: float = 1e-3  # in units of N m [choice]
+    # The hardest spring-damper that the driver's supplier lets it render; unlimited where none is published.
+    most_stiffness: float = math.inf  # in units of N/m
+    most_damping: float = math.inf  # in units of N s/m
+    most_angular_stiffness: float = math.inf  # in units of N m/rad
+    most_angular_damping: float = math.inf  # in units of N m s/rad
 
 
 DEVICE_PRESETS: dict[str, HapticDevice] = {
@@ -32,6 +42,10 @@ DEVICE_PRESETS: dict[str, HapticDevice] = {
         sustained_force=3.0,  # [paper]
         peak_torque=0.188,  # [driver]
         sustained_torque=0.104,  # [paper]
+        most_stiffness=800.0,  # [driver]
+        most_damping=5.0,  # [driver]
+        most_angular_stiffness=0.3,  # [driver]
+        most_angular_damping=0.004,  # [driver]
     ),
 }
 

@@ -48,6 +48,7 @@ def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> 
         metadata={
             "seed": scenario.seed,
             "habit": scenario.operator.habit,
+            "lowest_probe_energy_J": float(environment.energy_log.FindLog(simulator.get_context()).data()[1].min()),
             "geometry": asdict(scenario.geometry),
             "scenario": dump_scenario(scenario),
             "versions": versions(),

@@ -14,9 +14,11 @@ from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
 from systems.body_pose import BodyPose
 from systems.contact_plant import AddVirtualPlant, ContactPlant
+from systems.coupling_margins import require_margins
 from systems.demonstration_recorder import DemonstrationRecorder
 from systems.haptic_device import HapticDevice
 from systems.haptic_proxy import HapticProxy
+from systems.passivity_observer import PassivityObserver
 from systems.rotation import from_rotation_vector
 from systems.simulated_operator import SimulatedOperator
 from systems.virtual_fixture import MakeFixture, VirtualFixture
@@ -30,6 +32,7 @@ class VirtualEnvironment:
     diagram: Diagram
     contact: ContactPlant
     log: VectorLogSink
+    energy_log: VectorLogSink
     X_HP_start: RigidTransform
 
     def set_start(self, context: Context) -> None:
@@ -66,7 +69,11 @@ def MakeVirtualEnvironment(
         scenario: resolved (see `resolve_scenario`).
         fixture: a user's own; by default the one that the scenario names.
         meshcat: where to draw; None draws nothing.
+
+    Raises:
+        ValueError: if the scenario is not resolved, or its coupling is not stable (see `coupling_margins`).
     """
+    require_margins(scenario)
     builder = DiagramBuilder()
     contact = AddVirtualPlant(builder, scenario)
     plant, peg = contact.plant, contact.peg
@@ -82,9 +89,8 @@ def MakeVirtualEnvironment(
             offset=start.offset or [0.0, 0.0],
         ),
     )
-    device = builder.AddNamedSystem(
-        "haptic_device", HapticDevice(parameters=DEVICE_PRESETS[scenario.device], X_HD_start=X_HP_start)
-    )
+    parameters = DEVICE_PRESETS[scenario.device]
+    device = builder.AddNamedSystem("haptic_device", HapticDevice(parameters=parameters, X_HD_start=X_HP_start))
     proxy = builder.AddNamedSystem(
         "haptic_proxy",
         HapticProxy(
@@ -97,6 +103,12 @@ def MakeVirtualEnvironment(
     )
     recorder, log = DemonstrationRecorder.AddToBuilder(
         builder=builder, period=scenario.recorder.period, X_HP_start=X_HP_start
+    )
+    observer, energy_log = PassivityObserver.AddToBuilder(
+        builder=builder,
+        period=parameters.servo_period,
+        log_period=scenario.recorder.period,
+        X_HD_start=X_HP_start,
     )
     sight = builder.AddNamedSystem("sight", BodyPose(peg.index()))
     peg_state = plant.get_state_output_port(peg.model_instance())
@@ -114,8 +126,10 @@ def MakeVirtualEnvironment(
     builder.Connect(peg_state, recorder.GetInputPort("peg_state"))
     builder.Connect(contact_wrench, recorder.GetInputPort("contact_wrench"))
     builder.Connect(device.GetOutputPort("probe_pose"), recorder.GetInputPort("probe_pose"))
+    builder.Connect(device.GetOutputPort("probe_pose"), observer.GetInputPort("probe_pose"))
+    builder.Connect(device.GetOutputPort("rendered_wrench"), observer.GetInputPort("rendered_wrench"))
     if meshcat is not None:
         AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
     diagram = builder.Build()
     diagram.set_name("virtual_environment")
-    return VirtualEnvironment(diagram, contact, log, X_HP_start)
+    return VirtualEnvironment(diagram, contact, log, energy_log, X_HP_start)

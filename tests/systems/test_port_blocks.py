@@ -32,6 +32,7 @@ ARGUMENTS = {
         "peg": BodyIndex(1),
     },
     "LwrController": lambda skill: {"skill": skill, "parameters": S.controller},
+    "PassivityObserver": lambda skill: {"period": 1e-3, "X_HD_start": X},
     "SimulatedOperator": lambda skill: {
         "operator": S.operator,
         "seed": 0,
@@ -104,6 +105,7 @@ def test_no_output_but_the_declared_ones_feeds_through(dut, kind):
         "DcMotor": {("carriage_state", "carriage_force")},
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
         "LwrController": set(),
+        "PassivityObserver": set(),
         "SimulatedOperator": set(),
         "StepperMotor": set(),
         "WrenchSensor": set(),
