@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import Value
@@ -66,7 +68,7 @@ class HapticDevice(LeafSystem):
         """Position (m) and rotation vector (rad) as the encoders report them."""
         p = self._parameters
         offset = X_HD.translation() - self._origin
-        reach = np.linalg.norm(offset)
+        reach = math.sqrt(offset @ offset)
         if reach > p.workspace_radius:
             offset = offset * (p.workspace_radius / reach)
         position = self._origin + offset
@@ -84,8 +86,8 @@ class HapticDevice(LeafSystem):
             (wrench[3:], mean_squares[1], p.peak_force, p.sustained_force),
         ):
             cold = max(0.0, 1.0 - mean / sustained**2)
-            most = np.sqrt(sustained**2 + (peak**2 - sustained**2) * cold)
-            size = np.linalg.norm(part)
+            most = math.sqrt(sustained**2 + (peak**2 - sustained**2) * cold)
+            size = math.sqrt(part @ part)
             if size > most:
                 scale = min(scale, most / size)
         return wrench * scale

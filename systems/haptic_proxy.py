@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, field
+
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.eigen_geometry import Quaternion
@@ -10,11 +13,19 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
 from models.scenario import Coupling
 from systems.rotation import cross, rotation_vector
 from systems.virtual_fixture import VirtualFixture
+
+
+@dataclass(frozen=True)
+class PegMotion:
+    """Pose of the peg in H, and its [angular velocity; velocity]."""
+
+    X_HP: RigidTransform = field(default_factory=RigidTransform)
+    V_HP: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
 
 
 class HapticProxy(LeafSystem):
@@ -52,6 +63,12 @@ class HapticProxy(LeafSystem):
         self._probe_pose = self.DeclareAbstractInputPort("probe_pose", Value[RigidTransform]())
         self._probe_velocity = self.DeclareVectorInputPort("probe_velocity", 6)
         self._peg_state = self.DeclareVectorInputPort("peg_state", 13)
+        # The peg's pose and velocity, unpacked once a step for all outputs.
+        self._motion = self.DeclareCacheEntry(
+            "peg_motion",
+            ValueProducer(allocate=lambda: AbstractValue.Make(PegMotion()), calc=self._calc_motion),
+            {self._peg_state.ticket()},
+        )
         inputs = {self._probe_pose.ticket(), self._probe_velocity.ticket(), self._peg_state.ticket()}
         self._peg_forces = self.DeclareAbstractOutputPort(
             "peg_forces",
@@ -95,10 +112,14 @@ class HapticProxy(LeafSystem):
         torque = -c.angular_stiffness * deviation.theta_H - c.angular_damping * spin
         return np.concatenate([torque + cross(lever, force), force])
 
-    def _peg_motion(self, context: Context) -> tuple[RigidTransform, NDArray[np.float64]]:
+    def _calc_motion(self, context: Context, output: AbstractValue) -> None:
         state = self._peg_state.Eval(context)
-        quaternion = Quaternion(state[:4] / np.linalg.norm(state[:4]))
-        return RigidTransform(RotationMatrix(quaternion), state[4:7]), state[7:13]
+        quaternion = Quaternion(state[:4] / math.sqrt(state[:4] @ state[:4]))
+        output.set_value(PegMotion(RigidTransform(RotationMatrix(quaternion), state[4:7]), state[7:13].copy()))
+
+    def _peg_motion(self, context: Context) -> tuple[RigidTransform, NDArray[np.float64]]:
+        motion = self._motion.Eval(context)
+        return motion.X_HP, motion.V_HP
 
     def _calc_coupling(self, context: Context, output: BasicVector) -> None:
         X_HP, V_HP = self._peg_motion(context)

@@ -16,7 +16,7 @@ def rotation_vector(R: RotationMatrix) -> NDArray[np.float64]:
     v, w = np.asarray(q.xyz()), q.w()
     if w < 0:
         v, w = -v, -w
-    sine = float(np.linalg.norm(v))
+    sine = math.sqrt(v @ v)
     # Near zero 2 atan2(s, w) / s tends to 2/w; the quotient would lose digits.
     factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-9 else 2.0 / w
     return v * factor
@@ -24,7 +24,7 @@ def rotation_vector(R: RotationMatrix) -> NDArray[np.float64]:
 
 def from_rotation_vector(vector: NDArray[np.float64]) -> RotationMatrix:
     """The inverse of `rotation_vector`."""
-    angle = float(np.linalg.norm(vector))
+    angle = math.sqrt(vector @ vector)
     if angle < 1e-12:
         return RotationMatrix()
     return RotationMatrix(AngleAxis(angle, np.asarray(vector) / angle))
@@ -39,7 +39,7 @@ def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]
 def rotation_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """The shortest rotation vector that turns unit vector ``a`` onto unit vector ``b``."""
     normal = cross(a, b)
-    sine = float(np.linalg.norm(normal))
+    sine = math.sqrt(normal @ normal)
     if sine < 1e-12:
         return normal
     return normal * (math.atan2(sine, float(a @ b)) / sine)
