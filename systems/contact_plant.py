@@ -64,7 +64,7 @@ class ContactPlant:
 
 def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
     """A free peg of the coupling's virtual mass, its centre of mass at the tip, over a fixed block; no gravity."""
-    plant, scene_graph = _add_plant(builder, scenario)
+    plant, scene_graph = add_hydroelastic_plant(builder, scenario)
     coupling = scenario.coupling
     radius = math.sqrt(2.5 * coupling.peg_inertia / coupling.peg_mass)  # a sphere with this inertia
     peg = plant.AddRigidBody(
@@ -75,12 +75,12 @@ def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant
     block = plant.AddRigidBody("block", plant.AddModelInstance("hole"), _block_inertia(scenario.geometry))
     plant.WeldFrames(plant.world_frame(), block.body_frame())
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
-    return _finish(plant, scene_graph, scenario, peg, block)
+    return finish_contact_plant(plant, scene_graph, scenario, peg, block)
 
 
 def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
     """The rig: a carriage on a screw, sensor and peg; a gimbal of two stepper axes and the block."""
-    plant, scene_graph = _add_plant(builder, scenario)
+    plant, scene_graph = add_hydroelastic_plant(builder, scenario)
     parser = Parser(plant)
     folder = Path(models.__file__).parent
     parser.package_map().AddPackageXml(str(folder / "package.xml"))
@@ -116,7 +116,7 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
     screw = plant.AddJointActuator("feed", joint)
     screw.set_default_rotor_inertia(scenario.feed.rotor_inertia)
     screw.set_default_gear_ratio(scenario.feed.ratio)
-    return _finish(plant, scene_graph, scenario, peg, block)
+    return finish_contact_plant(plant, scene_graph, scenario, peg, block)
 
 
 def _add_compliant_mount(plant: MultibodyPlant, scenario: Scenario, carriage: RigidBody) -> RigidBody:
@@ -133,7 +133,8 @@ def _add_compliant_mount(plant: MultibodyPlant, scenario: Scenario, carriage: Ri
     return parent
 
 
-def _add_plant(builder: DiagramBuilder, scenario: Scenario) -> tuple[MultibodyPlant, SceneGraph]:
+def add_hydroelastic_plant(builder: DiagramBuilder, scenario: Scenario) -> tuple[MultibodyPlant, SceneGraph]:
+    """An empty plant with the scenario's contact model, and its scene graph."""
     # Strict hydroelastic contact: the default falls back to point contact, in which the bore is its convex hull.
     config = MultibodyPlantConfig(
         time_step=scenario.contact.time_step,
@@ -157,9 +158,10 @@ def _block_inertia(g: Geometry) -> SpatialInertia:
     return _cylinder_inertia(ALUMINIUM, g.block_radius, -g.hole_depth - g.floor, 0.0)
 
 
-def _finish(
+def finish_contact_plant(
     plant: MultibodyPlant, scene_graph: SceneGraph, scenario: Scenario, peg: RigidBody, block: RigidBody
 ) -> ContactPlant:
+    """Gives peg and block their shapes, and finalises the plant."""
     g, contact = scenario.geometry, scenario.contact
     friction = CoulombFriction(contact.friction, contact.friction)
 
