@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -13,44 +14,67 @@ from models.scenario import Scenario, dump_scenario
 from skill.demonstration import Demonstration
 from systems.demonstration_recorder import DemonstrationRecorder
 from systems.provenance import versions
-from systems.virtual_environment import MakeVirtualEnvironment
+from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment
+
+
+class DemonstrationRun:
+    """A demonstration under way: simulated piece by piece, and judged when it is over.
+
+    Args:
+        scenario: resolved.
+        environment: built from it; by default with the simulated operator and no picture.
+    """
+
+    def __init__(self, scenario: Scenario, environment: VirtualEnvironment | None = None) -> None:
+        self._scenario = scenario
+        self._environment = environment if environment is not None else MakeVirtualEnvironment(scenario)
+        self.simulator = Simulator(self._environment.diagram)
+        self._environment.set_start(self.simulator.get_mutable_context())
+        self.simulator.set_monitor(self._monitor)
+        self.simulator.Initialize()
+
+    def _monitor(self, context: Context) -> EventStatus:
+        height = self._environment.peg_pose(context).translation()[2]
+        diagram = self._environment.diagram
+        if not np.isfinite(height):
+            return EventStatus.ReachedTermination(diagram, "diverged")
+        if -height >= self._scenario.full_depth:
+            return EventStatus.ReachedTermination(diagram, "inserted")
+        if height > 2.0 * self._scenario.start.height:
+            return EventStatus.ReachedTermination(diagram, "given up")
+        return EventStatus.DidNothing()
+
+    def advance(self, time: float) -> str | None:
+        """Simulates until ``time`` (s) or the end; returns what ended it, or None."""
+        status = self.simulator.AdvanceTo(min(time, self._scenario.recorder.time_limit))
+        if status.system() is not None:
+            return str(status.message())
+        return "time over" if time >= self._scenario.recorder.time_limit else None
+
+    def demonstration(self, outcome: str, *, good: bool | None = None, **metadata: Any) -> Demonstration:
+        """What was recorded, with its outcome; a given ``good`` is the person's own judgement."""
+        scenario, context = self._scenario, self.simulator.get_context()
+        samples = DemonstrationRecorder.samples(self._environment.log, context)
+        force = float(np.linalg.norm(samples[["fx", "fy", "fz"]].to_numpy(), axis=1).max())
+        if outcome == "inserted" and force > scenario.recorder.rough_force:
+            outcome = "inserted roughly"
+        return Demonstration(
+            samples=samples,
+            good=outcome == "inserted" if good is None else good,
+            outcome=outcome,
+            metadata={
+                "seed": scenario.seed,
+                "habit": scenario.operator.habit,
+                "lowest_probe_energy_J": float(self._environment.energy_log.FindLog(context).data()[1].min()),
+                "geometry": asdict(scenario.geometry),
+                "scenario": dump_scenario(scenario),
+                "versions": versions(),
+                **metadata,
+            },
+        )
 
 
 def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Demonstration:
     """Simulates a resolved scenario until the peg is in, the operator gives up, or the time is over."""
-    environment = MakeVirtualEnvironment(scenario, meshcat=meshcat)
-    simulator = Simulator(environment.diagram)
-    environment.set_start(simulator.get_mutable_context())
-    full_depth = scenario.full_depth
-    withdrawn = 2.0 * scenario.start.height
-
-    def monitor(context: Context) -> EventStatus:
-        height = environment.peg_pose(context).translation()[2]
-        if not np.isfinite(height):
-            return EventStatus.ReachedTermination(environment.diagram, "diverged")
-        if -height >= full_depth:
-            return EventStatus.ReachedTermination(environment.diagram, "inserted")
-        if height > withdrawn:
-            return EventStatus.ReachedTermination(environment.diagram, "given up")
-        return EventStatus.DidNothing()
-
-    simulator.set_monitor(monitor)
-    status = simulator.AdvanceTo(scenario.recorder.time_limit)
-    samples = DemonstrationRecorder.samples(environment.log, simulator.get_context())
-    outcome = status.message() if status.system() is not None else "time over"
-    force = float(np.linalg.norm(samples[["fx", "fy", "fz"]].to_numpy(), axis=1).max())
-    if outcome == "inserted" and force > scenario.recorder.rough_force:
-        outcome = "inserted roughly"
-    return Demonstration(
-        samples=samples,
-        good=outcome == "inserted",
-        outcome=outcome,
-        metadata={
-            "seed": scenario.seed,
-            "habit": scenario.operator.habit,
-            "lowest_probe_energy_J": float(environment.energy_log.FindLog(simulator.get_context()).data()[1].min()),
-            "geometry": asdict(scenario.geometry),
-            "scenario": dump_scenario(scenario),
-            "versions": versions(),
-        },
-    )
+    run = DemonstrationRun(scenario, MakeVirtualEnvironment(scenario, meshcat=meshcat))
+    return run.demonstration(run.advance(scenario.recorder.time_limit) or "time over")

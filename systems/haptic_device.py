@@ -77,20 +77,26 @@ class HapticDevice(LeafSystem):
             np.round(rotation_vector(X_HD.rotation()) / p.angle_resolution) * p.angle_resolution,
         )
 
+    def load(self, context: Context) -> float:
+        """What is asked for over the most that the motors give now; above 1 the wrench is scaled down."""
+        means = context.get_discrete_state(self._state).value()[12:14]
+        return self._load(self._virtual_wrench.Eval(context), means)
+
     def limit(self, wrench: NDArray[np.float64], mean_squares: NDArray[np.float64]) -> NDArray[np.float64]:
         """The wrench [torque; force] that the motors give when ``wrench`` is asked for."""
+        return wrench / max(1.0, self._load(wrench, mean_squares))
+
+    def _load(self, wrench: NDArray[np.float64], mean_squares: NDArray[np.float64]) -> float:
         p = self._parameters
-        scale = 1.0
+        load = 0.0
         for part, mean, peak, sustained in (
             (wrench[:3], mean_squares[0], p.peak_torque, p.sustained_torque),
             (wrench[3:], mean_squares[1], p.peak_force, p.sustained_force),
         ):
             cold = max(0.0, 1.0 - mean / sustained**2)
             most = math.sqrt(sustained**2 + (peak**2 - sustained**2) * cold)
-            size = math.sqrt(part @ part)
-            if size > most:
-                scale = min(scale, most / size)
-        return wrench * scale
+            load = max(load, math.sqrt(part @ part) / most)
+        return load
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         p = self._parameters

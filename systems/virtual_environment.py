@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import VectorLogSink
 
 from models.hardware import DEVICE_PRESETS
@@ -33,6 +34,8 @@ class VirtualEnvironment:
     contact: ContactPlant
     log: VectorLogSink
     energy_log: VectorLogSink
+    device: HapticDevice
+    observer: PassivityObserver
     X_HP_start: RigidTransform
 
     def set_start(self, context: Context) -> None:
@@ -44,6 +47,15 @@ class VirtualEnvironment:
         """X_HP in the diagram's ``context``."""
         plant = self.contact.plant
         return self.contact.peg.EvalPoseInWorld(plant.GetMyContextFromRoot(context))
+
+    def energy(self, context: Context) -> NDArray[np.float64]:
+        """[energy that the hand has put in, the lowest so far] in J, in the diagram's ``context``."""
+        return np.asarray(self.observer.GetOutputPort("energy").Eval(self.observer.GetMyContextFromRoot(context)))
+
+    def felt(self, context: Context) -> tuple[NDArray[np.float64], float]:
+        """The rendered wrench [torque; force], and what was asked for over the most that the device gives now."""
+        own = self.device.GetMyContextFromRoot(context)
+        return np.asarray(self.device.GetOutputPort("rendered_wrench").Eval(own)), self.device.load(own)
 
 
 def start_pose(scenario: Scenario) -> RigidTransform:
@@ -61,13 +73,19 @@ def start_pose(scenario: Scenario) -> RigidTransform:
 
 
 def MakeVirtualEnvironment(
-    scenario: Scenario, *, fixture: VirtualFixture | None = None, meshcat: Meshcat | None = None
+    scenario: Scenario,
+    *,
+    fixture: VirtualFixture | None = None,
+    operator: LeafSystem | None = None,
+    meshcat: Meshcat | None = None,
 ) -> VirtualEnvironment:
     """Builds the diagram of a resolved scenario; it simulates nothing.
 
     Args:
         scenario: resolved (see `resolve_scenario`).
         fixture: a user's own; by default the one that the scenario names.
+        operator: whoever moves the probe, with an output ``hand_pose`` and, if wanted, inputs ``peg_pose`` and
+            ``rendered_wrench``; by default the simulated operator.
         meshcat: where to draw; None draws nothing.
 
     Raises:
@@ -79,16 +97,15 @@ def MakeVirtualEnvironment(
     plant, peg = contact.plant, contact.peg
     X_HP_start = start_pose(scenario)
     start = scenario.start
-    operator = builder.AddNamedSystem(
-        "operator",
-        SimulatedOperator(
+    if operator is None:
+        operator = SimulatedOperator(
             operator=scenario.operator,
             seed=scenario.seed,
             start_height=start.height,
             tilt=start.tilt or [0.0, 0.0],
             offset=start.offset or [0.0, 0.0],
-        ),
-    )
+        )
+    builder.AddNamedSystem("operator", operator)
     parameters = DEVICE_PRESETS[scenario.device]
     device = builder.AddNamedSystem("haptic_device", HapticDevice(parameters=parameters, X_HD_start=X_HP_start))
     proxy = builder.AddNamedSystem(
@@ -115,8 +132,12 @@ def MakeVirtualEnvironment(
     contact_wrench = plant.get_generalized_contact_forces_output_port(peg.model_instance())
 
     builder.Connect(plant.get_body_poses_output_port(), sight.GetInputPort("body_poses"))
-    builder.Connect(sight.GetOutputPort("pose"), operator.GetInputPort("peg_pose"))
-    builder.Connect(device.GetOutputPort("rendered_wrench"), operator.GetInputPort("rendered_wrench"))
+    for perceived, name in (
+        (sight.GetOutputPort("pose"), "peg_pose"),
+        (device.GetOutputPort("rendered_wrench"), "rendered_wrench"),
+    ):
+        if operator.HasInputPort(name):
+            builder.Connect(perceived, operator.GetInputPort(name))
     builder.Connect(operator.GetOutputPort("hand_pose"), device.GetInputPort("hand_pose"))
     builder.Connect(proxy.GetOutputPort("probe_wrench"), device.GetInputPort("virtual_wrench"))
     builder.Connect(device.GetOutputPort("probe_pose"), proxy.GetInputPort("probe_pose"))
@@ -132,4 +153,4 @@ def MakeVirtualEnvironment(
         AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
     diagram = builder.Build()
     diagram.set_name("virtual_environment")
-    return VirtualEnvironment(diagram, contact, log, energy_log, X_HP_start)
+    return VirtualEnvironment(diagram, contact, log, energy_log, device, observer, X_HP_start)

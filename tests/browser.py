@@ -90,8 +90,8 @@ class Page:
 
 
 @contextmanager
-def open_page(path: Path, *, size: tuple[int, int] = (1100, 720), fragment: str = "") -> Iterator[Page]:
-    """Opens a file in a fresh browser of ``size`` pixels, with an optional ``#fragment``.
+def open_page(path: Path | str, *, size: tuple[int, int] = (1100, 720), fragment: str = "") -> Iterator[Page]:
+    """Opens a file, or an address, in a fresh browser of ``size`` pixels, with an optional ``#fragment``.
 
     A machine without the browser fails: a page that nobody has opened is not tested.
     """
@@ -118,7 +118,8 @@ def open_page(path: Path, *, size: tuple[int, int] = (1100, 720), fragment: str 
         try:
             driver.set_page_load_timeout(60)
             driver.set_script_timeout(30)
-            driver.get(Path(path).resolve().as_uri() + fragment)
+            address = path if isinstance(path, str) else Path(path).resolve().as_uri()
+            driver.get(address + fragment)
             yield Page(driver)
         finally:
             driver.quit()

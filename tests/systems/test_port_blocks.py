@@ -7,6 +7,7 @@ import pkgutil
 import numpy as np
 import pytest
 import yaml
+from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import LeafSystem
@@ -25,13 +26,15 @@ ARGUMENTS = {
     "DcMotor": lambda skill: {"parameters": S.feed, "period": 1e-3},
     "DemonstrationRecorder": lambda skill: {"period": 0.02, "X_HP_start": X},
     "DepthEncoder": lambda skill: {"home": 0.08, "resolution": 5e-6},
+    "DeviceOperator": lambda skill: {"device": None, "period": 1e-3, "X_HD_start": X},
     "HapticDevice": lambda skill: {"parameters": DEVICE_PRESETS["paper"], "X_HD_start": X},
     "HapticProxy": lambda skill: {
         "coupling": S.coupling,
         "fixture": FreeFixture(),
         "peg": BodyIndex(1),
     },
-    "LwrController": lambda skill: {"skill": skill, "parameters": S.controller},
+    "LwrController": lambda skill: {"skill": skill, "parameters": S.controller, "peg_radius": 0.01},
+    "MeshcatOperator": lambda skill: {"meshcat": Meshcat(), "period": 0.02, "X_HD_start": X},
     "PassivityObserver": lambda skill: {"period": 1e-3, "X_HD_start": X},
     "SimulatedOperator": lambda skill: {
         "operator": S.operator,
@@ -103,6 +106,7 @@ def test_no_output_but_the_declared_ones_feeds_through(dut, kind):
     """An output without prerequisites counts as direct feedthrough of every input; those not listed are meant so."""
     held = {
         "DcMotor": {("carriage_state", "carriage_force")},
+        "DeviceOperator": set(),
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
         "LwrController": set(),
         "PassivityObserver": set(),

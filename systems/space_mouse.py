@@ -1,0 +1,55 @@
+"""A SpaceMouse as a device without force: it commands velocities, which are summed to a motion."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.math import RigidTransform
+
+from systems.rotation import from_rotation_vector
+
+SPEED = 0.030  # in units of m/s, at full deflection
+TURN_RATE = math.radians(8.0)  # in units of rad/s, at full deflection
+IDLE = 0.05  # of full deflection, that counts as none
+
+
+class SpaceMouse:
+    """Opens the first SpaceMouse that is plugged in; needs the extra ``teleop``."""
+
+    def __init__(self) -> None:
+        try:
+            import pyspacemouse
+        except ImportError as error:
+            raise ValueError(
+                f"the SpaceMouse needs the extra 'teleop': pip install haptic-skill[teleop] ({error})"
+            ) from error
+        self._library: Any = pyspacemouse
+        if not pyspacemouse.open():
+            raise OSError("no SpaceMouse found: is it plugged in, and may this user read it?")
+        self._moved, self._turned = np.zeros(3), np.zeros(3)
+        self._last = time.monotonic()
+
+    def read_pose(self) -> RigidTransform:
+        """The sum of what was commanded so far."""
+        state = self._library.read()
+        if state is None:
+            raise OSError("the SpaceMouse is gone")
+        now = time.monotonic()
+        axes = np.array([state.x, state.y, state.z, state.pitch, state.roll, state.yaw])
+        axes[np.abs(axes) < IDLE] = 0.0
+        step = min(now - self._last, 0.1)
+        self._moved += SPEED * step * axes[:3]
+        self._turned += TURN_RATE * step * np.array([axes[3], axes[4], 0.0])
+        self._last = now
+        return RigidTransform(from_rotation_vector(self._turned), self._moved)
+
+    def write_wrench(self, wrench: NDArray[np.float64]) -> None:
+        """A SpaceMouse has no motors."""
+
+    def close(self) -> None:
+        """Lets it go."""
+        self._library.close()
