@@ -49,7 +49,7 @@ class Contact:
     modulus: float = 1e9  # in units of Pa, of the compliant peg
     dissipation: float = 1.0  # in units of s/m, Hunt-Crossley
     friction: float = 0.2
-    friction_spread: float = 0.0  # drawn uniformly within this much of `friction`
+    friction_spread: float = 0.5  # the friction is drawn uniformly within this share of it
     approximation: str = "lagged"
 
 
@@ -95,6 +95,8 @@ class Rig:
 
     pivot_height: float | None = None  # in units of m, of the gimbal's axes above the mouth (negative: below)
     pivot_range: float = 0.003  # in units of m; the pivot height is drawn within this unless it is given
+    demonstrated_pivot_range: float = 0.005  # in units of m; likewise of the virtual fixture: wider, so that the
+    # rig's contacts lie well inside what was demonstrated
     carriage_friction: float = 5.0  # in units of N s/m
     mount_stiffness: float = 2.0e5  # in units of N/m, sideways, of the compliant mount that carries the peg
     mount_damping: float = 100.0  # in units of N s/m
@@ -109,8 +111,8 @@ class Controller:
     gain: float = 1.0  # on the learnt corrections
     max_turn_rate: float = math.radians(12.0)  # in units of rad/s
     max_feed_speed: float = 0.030  # in units of m/s
-    soft_force: float = 25.0  # in units of N; above it the feed is lowered, to nothing at the limit
-    force_limit: float = 60.0  # in units of N, any direction; above it the peg is backed off
+    soft_force: float = 20.0  # in units of N, of force and moment over peg radius together; above it the feed is lowered, to nothing at the limit
+    force_limit: float = 50.0  # in units of N, likewise; above it the peg is backed off
     retract_speed: float = 0.015  # in units of m/s
     back_off_distance: float = 1.0e-3  # in units of m
     back_off_time: float = 0.4  # in units of s, at the most
@@ -237,10 +239,7 @@ def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
         f"below geometry.hole_depth {g.hole_depth} m",
     )
     require(
-        scenario.contact.friction_spread <= scenario.contact.friction,
-        "contact.friction_spread",
-        scenario.contact.friction_spread,
-        "at most contact.friction",
+        scenario.contact.friction_spread <= 1, "contact.friction_spread", scenario.contact.friction_spread, "at most 1"
     )
     require(scenario.device in DEVICE_PRESETS, "device", repr(scenario.device), f"one of {sorted(DEVICE_PRESETS)}")
     require(scenario.fixture in FIXTURES, "fixture", repr(scenario.fixture), f"one of {FIXTURES}")
@@ -300,10 +299,13 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int 
     start = resolved.start
     tilt = rng.uniform(-1.0, 1.0, 2) * start.tilt_range
     offset = rng.uniform(-1.0, 1.0, 2) * start.offset_range
-    # A gimbal is never mounted exactly; demonstrations vary as much as the rig does, so that the skill has felt it.
-    pivot = float(rng.uniform(-1.0, 1.0)) * resolved.rig.pivot_range
+    # A gimbal is never mounted exactly; demonstrations vary more than the rig does, so that the skill has felt it.
+    rig = resolved.rig
+    pivot = float(rng.uniform(-1.0, 1.0)) * (
+        rig.demonstrated_pivot_range if stream == DEMONSTRATION_STREAM else rig.pivot_range
+    )
     resolved.rig.pivot_height = pivot if resolved.rig.pivot_height is None else resolved.rig.pivot_height
-    resolved.contact.friction += float(rng.uniform(-1.0, 1.0)) * resolved.contact.friction_spread
+    resolved.contact.friction *= 1.0 + float(rng.uniform(-1.0, 1.0)) * resolved.contact.friction_spread
     resolved.contact.friction_spread = 0.0
     start.tilt = [float(v) for v in tilt] if start.tilt is None else start.tilt
     start.offset = [float(v) for v in offset] if start.offset is None else start.offset

@@ -8,7 +8,8 @@ from typing import Any, get_args
 
 # A length, a mass, a rate, a gain is positive. These alone may also be zero ...
 MAY_BE_ZERO = {
-    *("seed", "chamfer", "dissipation", "friction", "friction_spread", "pivot_range", "carriage_friction"),
+    *("seed", "chamfer", "dissipation", "friction", "friction_spread", "carriage_friction"),
+    *("pivot_range", "demonstrated_pivot_range"),
     *("tilt_range", "offset_range", "damping", "angular_damping", "guide_damping", "mount_damping"),
     *("guide_stiffness", "force_scale", "torque_scale", "viscous_friction", "coulomb_friction", "speed_ki"),
     *("sight_delay", "sight_noise", "sight_bias_sigma", "dead_zone", "align_gain", "align_rate", "touch_gain"),

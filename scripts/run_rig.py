@@ -64,7 +64,7 @@ def run(
     if tilt_deg is not None:
         chosen.start.tilt_range = math.radians(tilt_deg)
     if friction is not None:
-        chosen.contact.friction = friction
+        chosen.contact.friction, chosen.contact.friction_spread = friction, 0.0
     validate_scenario(chosen, "command line")
     results: list[TrialResult] = []
     with progress("rig trials", trials) as advance:

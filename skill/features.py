@@ -227,7 +227,9 @@ class CanonicalFeatures(NormalisedFeatures):
     """The normalised features in the frame whose x axis follows the lateral force.
 
     The frame is P turned about z by phi = atan2(fy, fx), so the y component of the force vanishes and is
-    dropped.
+    dropped. The moment is taken about the point of the tip's rim at -x, where a wall that pushes the tip along
+    +x touches it: my - r fz. Contact at the tip alone makes it vanish whatever the friction; contact at the
+    mouth, at depth l, makes it l f_lateral. The two call for opposite corrections under the same lateral force.
 
     A lateral force below the floor has no trustworthy direction, yet it occurs under load: in a wedge the two
     contacts may balance to a pure couple. There the lateral moment tells the direction, and the frame follows
@@ -269,7 +271,9 @@ class CanonicalFeatures(NormalisedFeatures):
         turned = measured.copy()
         turned[:, 0:2] = _turn(measured[:, 0:2], -phi)
         turned[:, 3:5] = _turn(measured[:, 3:5], -phi)
-        return np.delete(super()._features(turned), 1, axis=1)
+        features = super()._features(turned)
+        features[:, 4] -= features[:, 2]  # (my - r fz) / r, over the same magnitude
+        return np.delete(features, 1, axis=1)
 
 
 def _turn(vectors: Array, angle: Array) -> Array:

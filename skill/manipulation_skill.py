@@ -15,6 +15,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 
+from skill.bandwidth_selection import select_feature_scale
 from skill.competitive_agglomeration import CompetitiveAgglomeration
 from skill.contact_state_filter import ContactStateFilter
 from skill.demonstration import ACTIONS, Demonstration
@@ -26,6 +27,8 @@ from skill.state_graph import StateGraph
 from skill.tables import write_atomically
 
 Array = NDArray[np.float64]
+
+FOLDS = 5  # of the cross-validation over demonstrations
 
 SKILL_VERSION = 1
 """Of the file format; a file of another version is refused."""
@@ -65,7 +68,8 @@ class ManipulationSkill:
         features: transformer of measurements; None for `CanonicalFeatures`.
         states: clusterer of contact states; None for `CompetitiveAgglomeration`. One with ``m_init=1`` finds a single
             state: no states at all.
-        regressor: of the actions; None for `LWRegressor` on standardised features. Any scikit-learn regressor with
+        regressor: of the actions; None for `LWRegressor`, the features scaled by cross-validation over the
+            demonstrations where there are at least five good ones, else standardised. Any scikit-learn regressor with
             several outputs will do; ours alone is given the states.
         still: delta_s, m; actions no larger than this are dropped by the refinement.
         rough: delta_d, m; jumps of the action above this are averaged by it.
@@ -140,9 +144,10 @@ class ManipulationSkill:
         measured = samples[list(MEASURED)].to_numpy()
         X = self.features_.transform(measured)
         Y = self.features_.actions_to_frame(measured, samples[["rx", "ry", "uz"]].to_numpy())
-        self.regressor_ = LWRegressor(feature_scale="standard") if self.regressor is None else clone(self.regressor)
+        P = self._memberships(X)
+        self.regressor_ = self._tuned(X, Y, groups[good], P) if self.regressor is None else clone(self.regressor)
         knows_states = isinstance(self.regressor_, LWRegressor)
-        self.regressor_.fit(X, Y, **({"memberships": self._memberships(X)} if knows_states else {}))
+        self.regressor_.fit(X, Y, **({"memberships": P} if knows_states else {}))
         self.sources_ = np.column_stack([groups[good], samples["time"].to_numpy()])
         self.metadata_: dict[str, Any] = {
             "demonstrations": len(refined),
@@ -150,6 +155,16 @@ class ManipulationSkill:
             "geometry": _common_geometry(demonstrations),
         }
         return self
+
+    def _tuned(self, X: Array, Y: Array, groups: Array, P: Array) -> LWRegressor:
+        """Our regressor, with the feature scale that predicts left-out demonstrations best."""
+        regressor = LWRegressor(feature_scale="standard", ridge=1.0)
+        if len(np.unique(groups)) < FOLDS:
+            return regressor
+        chosen = select_feature_scale(
+            regressor, X, Y, groups, memberships=P, n_splits=FOLDS, random_state=self.random_state
+        )
+        return regressor.set_params(feature_scale=chosen.feature_scale)
 
     def _refined(self, demonstration: Demonstration) -> pd.DataFrame:
         samples = demonstration.samples.copy()

@@ -41,10 +41,11 @@ class LwrController(LeafSystem):
     whether it is known, and its own commands, nothing else; its angles count from where the axes stood at time 0.
     """
 
-    def __init__(self, *, skill: ManipulationSkill, parameters: Controller) -> None:
+    def __init__(self, *, skill: ManipulationSkill, parameters: Controller, peg_radius: float) -> None:
         super().__init__()
         self._skill = skill
         self._parameters = parameters
+        self._peg_radius = peg_radius
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._probabilities = self.DeclareVectorInputPort("probabilities", skill.n_states)
@@ -72,7 +73,7 @@ class LwrController(LeafSystem):
             Watch(*command[WATCH]),
             period=p.period,
             feed_speed=float(np.clip(action.feed / self._skill.period_, -p.max_feed_speed, p.max_feed_speed)),
-            force=float(np.linalg.norm(wrench[:3])),
+            load=float(np.hypot(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:]) / self._peg_radius)),
             depth=depth,
             known=bool(self._known.Eval(context)[0]),
         )

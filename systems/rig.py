@@ -81,7 +81,10 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
         "contact_state_estimator",
         ContactStateEstimator(skill=skill, period=scenario.controller.period),
     )
-    controller = builder.AddNamedSystem("lwr_controller", LwrController(skill=skill, parameters=scenario.controller))
+    controller = builder.AddNamedSystem(
+        "lwr_controller",
+        LwrController(skill=skill, parameters=scenario.controller, peg_radius=scenario.geometry.peg_radius),
+    )
     motor = builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=period))
     steppers = {
         name: builder.AddNamedSystem(

@@ -44,7 +44,7 @@ class Verdict:
 
 
 def supervise(
-    p: Controller, watch: Watch, *, period: float, feed_speed: float, force: float, depth: float, known: bool
+    p: Controller, watch: Watch, *, period: float, feed_speed: float, load: float, depth: float, known: bool
 ) -> Verdict:
     """One period of supervision.
 
@@ -52,7 +52,9 @@ def supervise(
 
         v min(1, max(0, (F_limit - F) / (F_limit - F_soft))) (1/2 if the contact state is unknown),
 
-    and the peg is backed off as soon as the force passes F_limit, or when it was pushed for ``stall_time`` without
+    with F the load, sqrt(|f|^2 + |m/r|^2): a wedged peg holds a large couple under a small net force. Further,
+
+    the peg is backed off as soon as the load passes F_limit, or when it was pushed for ``stall_time`` without
     coming ``stall_depth`` deeper. Backing off ends ``back_off_distance`` higher, or after ``back_off_time``.
 
     Args:
@@ -60,7 +62,7 @@ def supervise(
         watch: of the last period.
         period: s.
         feed_speed: what the skill wants, m/s, negative into the hole.
-        force: norm of the measured contact force, N.
+        load: of the contact, N.
         depth: measured, m.
         known: whether the estimator recognises the contact state.
     """
@@ -71,9 +73,9 @@ def supervise(
         watch = Watch(anchor=depth)
     progressed = depth - watch.anchor >= p.stall_depth
     watch = Watch(anchor=depth) if progressed else replace(watch, elapsed=watch.elapsed + period)
-    if force > p.force_limit or (watch.elapsed > p.stall_time and feed_speed < 0.0):
+    if load > p.force_limit or (watch.elapsed > p.stall_time and feed_speed < 0.0):
         return Verdict(Watch(BACKING_OFF, anchor=depth), p.retract_speed, turning=False)
     if feed_speed < 0.0:
-        feed_speed *= min(1.0, max(0.0, (p.force_limit - force) / (p.force_limit - p.soft_force)))
+        feed_speed *= min(1.0, max(0.0, (p.force_limit - load) / (p.force_limit - p.soft_force)))
         feed_speed *= 1.0 if known else 0.5
     return Verdict(watch, feed_speed, turning=True)

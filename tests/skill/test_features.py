@@ -95,6 +95,23 @@ def test_the_canonical_lateral_force_points_along_x():
     np.testing.assert_allclose(dut.transform(X)[above, 0], lateral[above], atol=1e-14)
 
 
+@given(
+    size=st.floats(5.0, 100.0), friction=st.floats(0.0, 0.5), angle=st.floats(-3.0, 3.0), depth=st.floats(0.001, 0.02)
+)
+def test_the_canonical_moment_tells_a_contact_of_the_tip_from_one_of_the_mouth(size, friction, angle, depth):
+    """A wall pushes the peg towards `angle`, at the tip's rim or at the mouth, `depth` above the tip."""
+    dut = CanonicalFeatures()
+    outward = np.array([np.cos(angle), np.sin(angle), 0.0])
+    force = size * (outward + [0.0, 0.0, friction])
+    for height in (0.0, depth):
+        moment = np.cross([0.0, 0.0, height] - dut.peg_radius * outward, force)
+        features = dut.transform(np.array([[*force, *moment, -depth]]))[0]
+        names = list(dut.get_feature_names_out())
+        scale = np.hypot(np.linalg.norm([*force, *(moment / dut.peg_radius)]), dut.force_floor)
+        assert features[names.index("my")] == pytest.approx(height * size / dut.peg_radius / scale, abs=1e-12)
+        assert features[names.index("mx")] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_a_pure_couple_has_a_frame_and_the_way_there_is_continuous():
     dut = CanonicalFeatures(force_floor=0.5)
     moment = np.array([0.0, 0.4, 0.0])  # of a force along +x at the mouth

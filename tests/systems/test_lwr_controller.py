@@ -6,6 +6,7 @@ from models.scenario import Controller
 from skill.manipulation_skill import MEASURED
 from systems.lwr_controller import COMMANDS, LwrController
 
+RADIUS = 0.01
 GENTLE = Controller(max_turn_rate=100.0, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9)  # no limit is reached
 
 
@@ -15,7 +16,7 @@ def measurements(demonstrations):
 
 
 def controller(skill, row, parameters=GENTLE):
-    dut = LwrController(skill=skill, parameters=parameters)
+    dut = LwrController(skill=skill, parameters=parameters, peg_radius=RADIUS)
     probabilities = skill.state_probabilities(row[None])[0]
     context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], probabilities=probabilities, known=[1.0])
     return dut, context, skill.act(row, probabilities)
@@ -92,12 +93,22 @@ def test_the_feed_is_no_faster_than_its_limit(skill, measurements):
 def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, measurements, direction):
     guarded = Controller(soft_force=19.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0)
     row = measurements[len(measurements) // 3].copy()
+    row[3:6] = 0.0
     row[:3] = 19.99 * np.array(direction)
     found = step(*controller(skill, row, guarded)[:2], guarded)
     assert found["guard"] == 0.0
     row[:3] = 20.01 * np.array(direction)
     found = step(*controller(skill, row, guarded)[:2], guarded)
     assert found == {"target_pitch": 0.0, "target_yaw": 0.0, "feed_speed": guarded.retract_speed, "guard": 1.0}
+
+
+def test_a_couple_counts_as_load_too(skill, measurements):
+    """A wedged peg: no net force, but a moment."""
+    guarded = Controller(soft_force=19.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0)
+    row = measurements[len(measurements) // 3].copy()
+    for size, guard in ((19.99, 0.0), (20.01, 1.0)):
+        row[:6] = [0.0, 0.0, 0.0, 0.6 * size * RADIUS, 0.8 * size * RADIUS, 0.0]
+        assert step(*controller(skill, row, guarded)[:2], guarded)["guard"] == guard
 
 
 def test_an_unknown_state_halves_the_feed_and_not_the_turn(skill, measurements):

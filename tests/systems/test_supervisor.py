@@ -9,8 +9,8 @@ P = Controller()
 FEED = -0.01
 
 
-def step(watch, *, force=0.0, depth=0.0, known=True, feed=FEED):
-    return supervise(P, watch, period=0.02, feed_speed=feed, force=force, depth=depth, known=known)
+def step(watch, *, load=0.0, depth=0.0, known=True, feed=FEED):
+    return supervise(P, watch, period=0.02, feed_speed=feed, load=load, depth=depth, known=known)
 
 
 def test_a_free_peg_is_fed_as_the_skill_wants():
@@ -20,9 +20,9 @@ def test_a_free_peg_is_fed_as_the_skill_wants():
 
 def test_the_feed_is_lowered_between_the_soft_force_and_the_limit():
     middle = 0.5 * (P.soft_force + P.force_limit)
-    assert step(Watch(), force=P.soft_force).feed_speed == pytest.approx(FEED)
-    assert step(Watch(), force=middle).feed_speed == pytest.approx(0.5 * FEED)
-    assert step(Watch(), force=P.force_limit).feed_speed == pytest.approx(0.0)
+    assert step(Watch(), load=P.soft_force).feed_speed == pytest.approx(FEED)
+    assert step(Watch(), load=middle).feed_speed == pytest.approx(0.5 * FEED)
+    assert step(Watch(), load=P.force_limit).feed_speed == pytest.approx(0.0)
 
 
 def test_an_unknown_state_halves_the_feed():
@@ -30,12 +30,12 @@ def test_an_unknown_state_halves_the_feed():
 
 
 def test_pulling_out_is_never_slowed():
-    assert step(Watch(), force=0.99 * P.force_limit, known=False, feed=0.01).feed_speed == 0.01
+    assert step(Watch(), load=0.99 * P.force_limit, known=False, feed=0.01).feed_speed == 0.01
 
 
 def test_beyond_the_limit_the_peg_is_drawn_back_by_the_distance_and_then_works_on():
     depth = 0.005
-    verdict = step(Watch(anchor=depth), force=P.force_limit + 0.1, depth=depth)
+    verdict = step(Watch(anchor=depth), load=P.force_limit + 0.1, depth=depth)
     assert verdict.watch == Watch(BACKING_OFF, anchor=depth)
     while verdict.watch.mode == BACKING_OFF:
         assert verdict.feed_speed == P.retract_speed
@@ -56,7 +56,7 @@ def test_a_peg_that_cannot_be_drawn_back_is_not_pulled_for_ever():
 def test_pushing_without_progress_is_recognised_as_stuck():
     watch, time = Watch(anchor=0.005), 0.0
     while watch.mode == WORKING:
-        watch, time = step(watch, depth=0.005, force=5.0).watch, time + 0.02
+        watch, time = step(watch, depth=0.005, load=5.0).watch, time + 0.02
         assert time < 2.0
     assert time == pytest.approx(P.stall_time, abs=0.041)
 
@@ -70,7 +70,7 @@ def test_slow_progress_is_not_stuck():
 
 
 @given(
-    force=st.floats(0, 500),
+    load=st.floats(0, 500),
     depth=st.floats(-0.01, 0.03),
     elapsed=st.floats(0, 5),
     anchor=st.floats(-1, 0.03),
@@ -79,9 +79,9 @@ def test_slow_progress_is_not_stuck():
     feed=st.floats(-0.05, 0.05),
 )
 def test_the_peg_is_never_pushed_in_faster_than_the_skill_wants_nor_at_all_beyond_the_limit(
-    force, depth, elapsed, anchor, mode, known, feed
+    load, depth, elapsed, anchor, mode, known, feed
 ):
-    verdict = step(Watch(mode, elapsed, anchor), force=force, depth=depth, known=known, feed=feed)
+    verdict = step(Watch(mode, elapsed, anchor), load=load, depth=depth, known=known, feed=feed)
     assert verdict.feed_speed >= min(feed, 0.0)
-    if force > P.force_limit:
+    if load > P.force_limit:
         assert verdict.feed_speed >= 0.0
