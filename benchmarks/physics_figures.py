@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
+import matplotlib.colors
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
@@ -27,7 +28,8 @@ from models.contact_theory import (  # noqa: E402
     two_point_depth,
 )
 from models.scenario import Scenario  # noqa: E402
-from skill.state_names import PALETTE, state_colours  # noqa: E402
+from skill.state_names import PALETTE  # noqa: E402
+from skill.state_naming import StateNames  # noqa: E402
 
 BLUE, ORANGE, GREEN, WINE = PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[7]
 
@@ -39,9 +41,11 @@ def draw_depth(result: dict[str, Any], path: Path) -> None:
     figure, axis = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
     h = 1e3 * two_point_depth(np.radians(tilt), peg_radius=g.peg_radius, hole_radius=g.hole_radius)
     axis.plot(tilt, h, color="0.3", label="exact: $(D - r(\\cos\\theta + 1/\\cos\\theta))\\,/\\,\\tan\\theta$")
-    axis.plot(result["tilts_deg"], result["depth_mm"], "o", color=BLUE, label="meshes, corners on both circles")
+    axis.plot(
+        result["tilts_deg"], result["two_point_depth_mm"], "o", color=BLUE, label="meshes, corners on both circles"
+    )
     label = "meshes, bore outside its circle (default, n = 64)"
-    axis.plot(result["tilts_deg"], result["depth_default_mm"], "x", color=ORANGE, label=label)
+    axis.plot(result["tilts_deg"], result["two_point_depth_default_mm"], "x", color=ORANGE, label=label)
     axis.set(xlabel="tilt [deg]", ylabel="depth of two-point contact [mm]", xscale="log", yscale="log")
     axis.set_xticks([0.25, 0.5, 1, 2, 3], ["0.25", "0.5", "1", "2", "3"], minor=False)
     axis.set_xticks([], minor=True)
@@ -57,7 +61,7 @@ def draw_jamming(results: Sequence[dict[str, Any]], path: Path) -> None:
     for axis, result in zip(axes[0], results, strict=True):
         trials = np.array(result["jam_trials"])
         mu, radius = result["friction"], Scenario().geometry.peg_radius
-        lam = float(slenderness(1e-3 * result["depth_mm"], peg_radius=radius, friction=mu))
+        lam = float(slenderness(1e-3 * result["load_depth_mm"], peg_radius=radius, friction=mu))
         slid = trials[:, 3] > 0.5
         axis.plot(*trials[slid, :2].T, "o", ms=3.5, color=BLUE, label="slid")
         axis.plot(*trials[~slid, :2].T, "x", ms=4, color=ORANGE, label="stuck")
@@ -113,22 +117,26 @@ def draw_states(
     labels: np.ndarray,
     label_names: Sequence[str],
     states: np.ndarray,
-    state_names: Sequence[str],
+    named: StateNames,
 ) -> None:
-    """One insertion: true labels above discovered states."""
-    figure, axes = plt.subplots(2, 1, figsize=(8.0, 3.0), sharex=True, layout="constrained")
+    """One insertion: true labels above discovered states, each in the colour of its label or a tint of it."""
+    figure, axes = plt.subplots(2, 1, figsize=(8.6, 2.9), sharex=True, layout="constrained")
     ends = np.append(times[1:], times[-1] + 0.02)
+    colours = {k: matplotlib.colors.to_rgb(PALETTE[rank]) for rank, k in enumerate(np.unique(labels))}
+    tints = {}
+    for k in np.unique(states):
+        base = np.array(colours.get(int(named.labels[k]), (0.5, 0.5, 0.5)))
+        strength = (1.0, 0.6, 0.35)[min(2, sum(named.labels[j] == named.labels[k] for j in tints))]
+        tints[k] = tuple(1.0 - strength * (1.0 - base))
     rows = (
-        (axes[0], labels, list(label_names), "by geometry"),
-        (axes[1], states, list(state_names), "discovered"),
+        (axes[0], labels, list(label_names), colours, "by geometry"),
+        (axes[1], states, named.names, tints, "discovered"),
     )
-    for axis, values, names, title in rows:
-        used = [int(k) for k in np.unique(values)]
-        colours = dict(zip(used, state_colours(len(used)), strict=True))
-        for k in used:
+    for axis, values, names, shades, title in rows:
+        for k in np.unique(values):
             chosen = values == k
             spans = np.column_stack([times[chosen], (ends - times)[chosen]])
-            axis.broken_barh([tuple(s) for s in spans], (0, 1), color=colours[k], label=names[k], lw=0)
+            axis.broken_barh([tuple(span) for span in spans], (0, 1), color=shades[k], label=names[k], lw=0)
         axis.set(ylabel=title, yticks=[], ylim=(0, 1), xlim=(times[0], ends[-1]))
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
     axes[1].set_xlabel("time [s]")

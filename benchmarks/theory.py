@@ -71,9 +71,9 @@ def depths(scenario: Scenario, tilts_deg: list[float]) -> dict[str, Any]:
     entry = np.degrees(measured_entry_tilt(matched, sizes))
     return {
         "tilts_deg": list(tilts_deg),
-        "depth_exact_mm": (1e3 * exact).tolist(),
-        "depth_mm": (1e3 * measured).tolist(),
-        "depth_default_mm": (1e3 * default).tolist(),
+        "two_point_depth_exact_mm": (1e3 * exact).tolist(),
+        "two_point_depth_mm": (1e3 * measured).tolist(),
+        "two_point_depth_default_mm": (1e3 * default).tolist(),
         "two_point_depth_error_max": float(np.abs(measured / exact - 1.0).max()),
         "two_point_depth_error_default": float(np.abs(default / exact - 1.0).max()),
         "entry_tilt_deg": entry,
@@ -91,7 +91,7 @@ def laws(scenario: Scenario, friction: float, depth: float, points: int, seed: i
     predicted, measured = force_balance(scenario, friction, depth=depth)
     return {
         "friction": friction,
-        "depth_mm": 1e3 * depth,
+        "load_depth_mm": 1e3 * depth,
         "jam_points": len(trials.load),
         "jam_agreement": trials.agreement(),
         "jam_trials": np.column_stack([trials.force, trials.moment, trials.load, trials.slid]).tolist(),
