@@ -23,7 +23,7 @@ def state_table(skill: ManipulationSkill) -> Table:
     table.add_column("state")
     for column in frame.columns:
         table.add_column(str(column).replace("_", " "), justify="right")
-    for name, (_, row) in zip(skill.state_names(), frame.iterrows(), strict=True):
+    for name, row in zip(skill.state_names(), frame.itertuples(index=False), strict=True):
         table.add_row(name, *(f"{v:.2f}" if isinstance(v, float) else str(v) for v in row))
     return table
 
