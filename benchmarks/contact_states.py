@@ -13,7 +13,9 @@ On line, every learner's Gaussians are followed by the same hidden Markov filter
 change of the true label that lasts at least 60 ms is recognised when the state's dominant label is the true one before
 the next change; the delays are the mean and the 90 % quantile over the recognised ones (most are zero).
 
-k-means is given the number of states that the competition found, having no way to choose one.
+"floor 5 %" adds that part of each feature's variance to the covariances, so that one state may cover a curved sheet of
+samples that thin Gaussians would tile. k-means is given the number of states that the competition found, having no
+way to choose one.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -123,8 +126,9 @@ Found = tuple[np.ndarray, np.ndarray | None]
 """States (N,), and the transition matrix if the learner has one of its own."""
 
 
-def competition(data: Recorded, seed: int) -> Found:
-    fitted = CompetitiveAgglomeration(random_state=seed).fit(data.Z, groups=data.groups, phase=data.phase)
+def competition(data: Recorded, seed: int, **settings: float) -> Found:
+    learner = CompetitiveAgglomeration(random_state=seed, **settings)
+    fitted = learner.fit(data.Z, groups=data.groups, phase=data.phase)
     return fitted.predict(data.Z), None
 
 
@@ -160,6 +164,7 @@ def truth(data: Recorded, seed: int) -> Found:
 
 LEARNERS: dict[str, Callable[[Recorded, int], Found]] = {
     "CA-FMLE": competition,
+    "CA-FMLE, floor 5 %": partial(competition, reg_covar=0.05),
     "GMM-BIC": mixture_by_bic,
     "BayesianGaussianMixture": bayesian_mixture,
     "k-means": k_means,

@@ -88,7 +88,7 @@ def draw_wedging(results: Sequence[dict[str, Any]], path: Path) -> None:
         if result["wedge_angle_exact_deg"] is not None:
             axis.axvline(np.radians(result["wedge_angle_exact_deg"]) / law, color=colour, ls=":", lw=1.5)
     axis.axvline(1.0, color="0.3", lw=1)
-    axis.text(1.0, 1.04, "c / μ", ha="right", va="bottom", color="0.3")
+    axis.text(0.99, 1.04, "c / μ", ha="right", va="bottom", color="0.3")
     axis.axhline(0.9, color="0.8", lw=1, zorder=0)
     xlabel = "tilt / (c / μ); dotted: both friction cones, exactly"
     axis.set(xlabel=xlabel, ylabel="squeeze kept without load", ylim=(-0.35, 1.15))
