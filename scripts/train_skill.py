@@ -12,6 +12,7 @@ from rich.table import Table
 from scripts.console import console, says_what_is_wrong
 from skill.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
+from systems.state_judge import give_names
 
 app = typer.Typer(add_completion=False)
 
@@ -19,12 +20,13 @@ app = typer.Typer(add_completion=False)
 def state_table(skill: ManipulationSkill) -> Table:
     """The graph of contact states, a row a state."""
     frame = skill.graph_.to_frame()
-    table = Table(title="contact states", box=SIMPLE)
-    table.add_column("state")
-    for column in frame.columns:
-        table.add_column(str(column).replace("_", " "), justify="right")
-    for name, row in zip(skill.state_names(), frame.itertuples(index=False), strict=True):
-        table.add_row(name, *(f"{v:.2f}" if isinstance(v, float) else str(v) for v in row))
+    table = Table(title="contact states", box=SIMPLE, padding=(0, 1, 0, 0))
+    table.add_column("state", no_wrap=True)
+    for column in ("visits", "dwell\n(s)", "phase", "P(inserted)", "mostly\nnext"):
+        table.add_column(column, justify="right")
+    for k, (name, row) in enumerate(zip(skill.state_names(), frame.itertuples(index=False), strict=True)):
+        visits, dwell, _, phase, reach, following = row
+        table.add_row(f"{k} {name}", str(visits), f"{dwell:.2f}", f"{phase:.2f}", f"{reach:.2f}", str(following))
     return table
 
 
@@ -34,6 +36,7 @@ def train(*, demonstrations: Path, out: Path, seed: int) -> ManipulationSkill:
     recorded = read_demonstrations(demonstrations)
     with console.status(f"learning from {len(recorded)} demonstrations"):
         skill = ManipulationSkill(random_state=seed).fit(recorded)
+        give_names(skill, recorded)
     skill.save(out)
     console.print(state_table(skill))
     console.print(f"{skill.n_states} contact states, {len(skill.sources_)} remembered samples, in {out}")

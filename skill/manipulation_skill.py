@@ -24,13 +24,14 @@ from skill.features import MEASURED, CanonicalFeatures, NormalisedFeatures, RawF
 from skill.locally_weighted_regression import LWRegressor
 from skill.refinement import refine_demonstration
 from skill.state_graph import StateGraph
+from skill.state_names import state_labels
 from skill.tables import write_atomically
 
 Array = NDArray[np.float64]
 
 FOLDS = 5  # of the cross-validation over demonstrations
 
-SKILL_VERSION = 1
+SKILL_VERSION = 2
 """Of the file format; a file of another version is refused."""
 
 
@@ -85,6 +86,7 @@ class ManipulationSkill:
         graph_: the `StateGraph` of the demonstrations.
         period_: of a sample, s.
         sources_: (n, 2), demonstration number and time (s) of each sample that the regressor remembers.
+        names_: of the states; None while they are only numbered.
         metadata_: numbers of demonstrations, and the geometry they were made with.
     """
 
@@ -132,6 +134,7 @@ class ManipulationSkill:
         phase = np.concatenate([np.linspace(0.0, 1.0, n, endpoint=False) for n in lengths])
         states = CompetitiveAgglomeration(random_state=self.random_state) if self.states is None else clone(self.states)
         self.states_ = states.fit(Z, groups=groups, phase=phase)
+        self.names_: list[str] | None = None
         labels = self.states_.predict(Z)
         self.graph_ = StateGraph(n_states=self.n_states, sample_period=self.period_).fit(
             [labels[groups == g] for g in range(len(refined))],
@@ -248,7 +251,11 @@ class ManipulationSkill:
 
     def state_names(self) -> list[str]:
         """Of each contact state, for tables and pictures."""
-        return [f"state {k}" for k in range(self.n_states)]
+        return state_labels(self.n_states, self.names_)
+
+    def name_states(self, names: Sequence[str]) -> None:
+        """Gives each state a name, (K,), in place of its number."""
+        self.names_ = state_labels(self.n_states, names)
 
     # ------------------------------------------------------------------- saving
 
@@ -267,6 +274,7 @@ class ManipulationSkill:
             "features": [type(self.features_).__name__, self.features_.get_params()],
             "period": self.period_,
             "metadata": self.metadata_,
+            "names": self.names_,
         }
         arrays: dict[str, Any] = {"sources": self.sources_}
         for part, fitted in (
@@ -312,7 +320,7 @@ class ManipulationSkill:
             skill.states_ = CompetitiveAgglomeration.from_arrays(parts["states"])
             skill.regressor_ = LWRegressor.from_arrays(parts["regressor"])
             skill.graph_ = StateGraph.from_arrays(parts["graph"])
-            skill.period_, skill.metadata_ = header["period"], header["metadata"]
+            skill.period_, skill.metadata_, skill.names_ = (header[k] for k in ("period", "metadata", "names"))
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: not a complete skill file ({error})") from error
         return skill
