@@ -12,8 +12,10 @@ from rich.table import Table
 
 from models.scenario import load_scenario
 from scripts.console import console, progress, says_what_is_wrong
-from skill.demonstration import write_demonstration
+from skill.demonstration import read_demonstrations, write_demonstration
+from skill.figures import save_figure
 from systems.coupling_margins import Margin, require_margins
+from systems.demonstration_figure import plot_set
 from systems.demonstration_set import demonstrate_all, requests
 from systems.device_protocol import find_device
 from systems.live_session import LiveSession
@@ -36,13 +38,18 @@ def record(*, out: Path, good: int, bad: int, seed: int, scenario: str, jobs: in
     sweep(out)
     print_margins(require_margins(chosen))
     made: list[Path] = []
+    lowest: list[float] = []
     with progress("demonstrations", len(wanted)) as advance:
         for request, demonstration in demonstrate_all(chosen, wanted, seed=seed, jobs=jobs):
             path = out / f"{request.number:03d}_{'good' if request.good else 'bad'}_{request.habit}.parquet"
             write_demonstration(demonstration, path)
             made.append(path)
+            lowest.append(demonstration.metadata["lowest_probe_energy_J"])
             advance(f"{request.habit}: {demonstration.outcome}, {demonstration.duration:.1f} s")
-    console.print(f"{len(made)} demonstrations in {out}")
+    figure = out / "demonstrations.png"
+    save_figure(plot_set(read_demonstrations(out), rough_force=chosen.recorder.rough_force), figure)
+    console.print(f"{len(made)} demonstrations in {out}; outcomes, forces and times in {figure.name}")
+    console.print(f"lowest energy at the probe's port: {1e3 * min(lowest):.3f} mJ (below 0 the display gave some)")
     return made
 
 

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
@@ -15,6 +16,9 @@ from skill.demonstration import Demonstration
 from systems.demonstration_recorder import DemonstrationRecorder
 from systems.provenance import versions
 from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment
+
+JAMMED_TRAVEL = 0.5e-3  # in units of m, in a second: less is no progress
+JAMMED_FORCE = 3.0  # in units of N: more is pressing
 
 
 class DemonstrationRun:
@@ -56,6 +60,8 @@ class DemonstrationRun:
         scenario, context = self._scenario, self.simulator.get_context()
         samples = DemonstrationRecorder.samples(self._environment.log, context)
         force = float(np.linalg.norm(samples[["fx", "fy", "fz"]].to_numpy(), axis=1).max())
+        if outcome == "time over" and is_jammed(samples):
+            outcome = "jammed"
         if outcome == "inserted" and force > scenario.recorder.rough_force:
             outcome = "inserted roughly"
         return Demonstration(
@@ -72,6 +78,15 @@ class DemonstrationRun:
                 **metadata,
             },
         )
+
+
+def is_jammed(samples: pd.DataFrame) -> bool:
+    """Whether the last second brought no depth although something was pressed against."""
+    last = samples[samples["time"] > samples["time"].iloc[-1] - 1.0]
+    if last["time"].iloc[-1] < 1.0:
+        return False
+    force = np.linalg.norm(last[["fx", "fy", "fz"]].to_numpy(), axis=1)
+    return bool(np.ptp(last["z"]) < JAMMED_TRAVEL and force.mean() > JAMMED_FORCE)
 
 
 def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Demonstration:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, EventStatus, LeafSystem, State
 from pydrake.systems.primitives import VectorLogSink
 
 from skill.demonstration import ACTIONS, CHANNELS, COLUMNS
@@ -42,7 +42,10 @@ class DemonstrationRecorder(LeafSystem):
         # [rotation vector of the peg, position and rotation vector of the probe] at the previous sample
         turn = rotation_vector(X_HP_start.rotation())
         self._previous = self.DeclareDiscreteState(np.concatenate([turn, X_HP_start.translation(), turn]))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._remember)
+        # Unrestricted, as the plant's own update is: at one instant discrete updates come after it, and would see the
+        # plant one step later than the sample that is logged.
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._remember)
+        self.DeclareForcedUnrestrictedUpdateEvent(self._remember)
         inputs = {self._peg_state.ticket(), self._contact_wrench.ticket(), self._probe_pose.ticket()}
         self._sample = self.DeclareVectorOutputPort(
             "sample",
@@ -68,11 +71,12 @@ class DemonstrationRecorder(LeafSystem):
         kept = log.FindLog(context)
         return pd.DataFrame(np.column_stack([kept.sample_times(), kept.data().T]), columns=list(COLUMNS))
 
-    def _remember(self, context: Context, discrete_state: DiscreteValues) -> None:
+    def _remember(self, context: Context, state: State) -> EventStatus:
         X_HP, X_HD = self._peg_pose(context), self._probe_pose.Eval(context)
-        discrete_state.get_mutable_vector(self._previous).SetFromVector(
+        state.get_mutable_discrete_state(self._previous).SetFromVector(
             np.concatenate([rotation_vector(X_HP.rotation()), X_HD.translation(), rotation_vector(X_HD.rotation())])
         )
+        return EventStatus.Succeeded()
 
     def _peg_pose(self, context: Context) -> RigidTransform:
         state = self._peg_state.Eval(context)

@@ -16,7 +16,8 @@ ARROW_FULL = 0.020  # in units of m
 BAR_PLACE = np.array([-0.020, 0.034, 0.0])  # in units of m, in W: beside the block
 CALM, WARM, SATURATED = Rgba(0.15, 0.65, 0.25), Rgba(0.95, 0.65, 0.10), Rgba(0.90, 0.10, 0.10)
 WARM_SHARE = 0.5  # of the limit
-FIGURES = ("felt force (N)", "real-time rate (%)", "missed deadlines", "probe energy (mJ)")
+# Label, and the ends of its bar.
+FIGURES = {"force N": (0, 22), "real time %": (0, 200), "missed": (0, 9999), "energy mJ": (-100, 900)}
 VIEWS = {
     "view: section (1)": ("Digit1", [0.062, 0.055, 0.030]),
     "view: above (2)": ("Digit2", [0.001, 0.0, 0.095]),
@@ -33,10 +34,10 @@ class LiveDisplay:
         meshcat.SetObject(ARROW, Cylinder(0.0008, 1.0), CALM)
         meshcat.SetObject(TIP, Cylinder(0.0016, 0.002), CALM)
         meshcat.SetObject(BAR, Box(0.004, 0.004, 1.0), CALM)
+        for label, (low, high) in FIGURES.items():
+            meshcat.AddSlider(label, low, high, 0.01, 0.0)
         for label, (key, _) in VIEWS.items():
             meshcat.AddButton(label, key)
-        for label in FIGURES:
-            meshcat.AddSlider(label, -1e6, 1e6, 0.01, 0.0)
         self._views = dict.fromkeys(VIEWS, 0)
         aim_camera(meshcat)
         self.show_force(np.zeros(3), np.zeros(3), share=0.0)

@@ -16,7 +16,7 @@ from skill.demonstration import Demonstration, write_demonstration
 from systems.demonstrate import DemonstrationRun
 from systems.device_protocol import DeviceOperator, LiveDevice
 from systems.live_display import LiveDisplay
-from systems.meshcat_operator import MeshcatOperator
+from systems.meshcat_operator import MeshcatOperator, add_sliders
 from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment, start_pose
 
 START, GOOD, BAD, DISCARD, QUIT = "start (Space)", "keep as good (G)", "keep as bad (B)", "discard (X)", "quit (Q)"
@@ -70,9 +70,11 @@ class LiveSession:
     ) -> None:
         self._scenario, self._out, self._seed, self._meshcat = scenario, out, seed, meshcat
         self._tell, self._open_device, self._absent_limit = tell, open_device, absent_limit
-        self._display = LiveDisplay(meshcat)
         for label, key in KEYS.items():
             meshcat.AddButton(label, key)
+        if open_device is None:
+            add_sliders(meshcat, np.zeros(5))
+        self._display = LiveDisplay(meshcat)
         self._clicks = {label: meshcat.GetButtonClicks(label) for label in KEYS}
         self._device: LiveDevice | None = None
         self._gamepad = False

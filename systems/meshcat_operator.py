@@ -16,11 +16,11 @@ from systems.simulated_operator import seen_misalignment
 
 # Label, lower and upper end, step, keys for less and more; millimetres and degrees, as a person reads them.
 SLIDERS = (
-    ("depth (mm)  S / W", -10.0, 40.0, 0.5, "KeyS", "KeyW"),
-    ("tilt x (deg)  up / down", -5.0, 5.0, 0.1, "ArrowUp", "ArrowDown"),
-    ("tilt y (deg)  left / right", -5.0, 5.0, 0.1, "ArrowLeft", "ArrowRight"),
-    ("aside x (mm)  J / L", -5.0, 5.0, 0.05, "KeyJ", "KeyL"),
-    ("aside y (mm)  M / I", -5.0, 5.0, 0.05, "KeyM", "KeyI"),
+    ("depth mm S/W", -10.0, 40.0, 0.5, "KeyS", "KeyW"),
+    ("tilt x ° ↑/↓", -5.0, 5.0, 0.1, "ArrowUp", "ArrowDown"),
+    ("tilt y ° ←/→", -5.0, 5.0, 0.1, "ArrowLeft", "ArrowRight"),
+    ("x mm J/L", -5.0, 5.0, 0.05, "KeyJ", "KeyL"),
+    ("y mm M/I", -5.0, 5.0, 0.05, "KeyM", "KeyI"),
 )
 UNITS = np.array([1e-3, math.radians(1.0), math.radians(1.0), 1e-3, 1e-3])
 FASTEST = np.array([0.025, math.radians(8.0), math.radians(8.0), 0.010, 0.010])  # a hand's, in m/s and rad/s

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, DiagramBuilder, DiscreteValues, LeafSystem
+from pydrake.systems.framework import Context, DiagramBuilder, EventStatus, LeafSystem, State
 from pydrake.systems.primitives import VectorLogSink
 
 from systems.rotation import from_rotation_vector, rotation_vector
@@ -39,7 +39,10 @@ class PassivityObserver(LeafSystem):
         start = np.zeros(14)
         start[POSITION], start[TURN] = X_HD_start.translation(), rotation_vector(X_HD_start.rotation())
         self._state = self.DeclareDiscreteState(start)
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        # Unrestricted, as the plant's own update is: it sees the pose and the wrench that have held since the last
+        # tick, not the plant after its step.
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._update)
+        self.DeclareForcedUnrestrictedUpdateEvent(self._update)
         self._energy = self.DeclareVectorOutputPort(
             "energy",
             2,
@@ -56,7 +59,7 @@ class PassivityObserver(LeafSystem):
         builder.Connect(observer._energy, log.get_input_port())
         return observer, log
 
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+    def _update(self, context: Context, state: State) -> EventStatus:
         old = context.get_discrete_state(self._state).value()
         X_HD = self._probe_pose.Eval(context)
         turn = rotation_vector(X_HD.rotation())
@@ -66,7 +69,7 @@ class PassivityObserver(LeafSystem):
         else:
             turned = rotation_vector(X_HD.rotation() @ from_rotation_vector(old[TURN]).inverse())
         energy = old[ENERGY] - old[WRENCH][3:] @ moved - old[WRENCH][:3] @ turned
-        discrete_state.get_mutable_vector(self._state).SetFromVector(
+        state.get_mutable_discrete_state(self._state).SetFromVector(
             np.concatenate(
                 [
                     [energy, min(old[LOWEST], energy)],
@@ -76,3 +79,4 @@ class PassivityObserver(LeafSystem):
                 ]
             )
         )
+        return EventStatus.Succeeded()

@@ -27,17 +27,21 @@ class SpaceMouse:
             raise ValueError(
                 f"the SpaceMouse needs the extra 'teleop': pip install haptic-skill[teleop] ({error})"
             ) from error
-        self._library: Any = pyspacemouse
-        if not pyspacemouse.open():
-            raise OSError("no SpaceMouse found: is it plugged in, and may this user read it?")
+        try:
+            self._device: Any = pyspacemouse.open()
+        except RuntimeError as error:
+            raise OSError(f"no SpaceMouse found ({error}): is it plugged in, and may this user read it?") from error
         self._moved, self._turned = np.zeros(3), np.zeros(3)
         self._last = time.monotonic()
 
     def read_pose(self) -> RigidTransform:
         """The sum of what was commanded so far."""
-        state = self._library.read()
-        if state is None:
-            raise OSError("the SpaceMouse is gone")
+        try:
+            if not self._device.connected:
+                raise OSError("the SpaceMouse is gone")
+            state = self._device.read()
+        except RuntimeError as error:
+            raise OSError(f"the SpaceMouse is gone ({error})") from error
         now = time.monotonic()
         axes = np.array([state.x, state.y, state.z, state.pitch, state.roll, state.yaw])
         axes[np.abs(axes) < IDLE] = 0.0
@@ -52,4 +56,4 @@ class SpaceMouse:
 
     def close(self) -> None:
         """Lets it go."""
-        self._library.close()
+        self._device.close()

@@ -21,3 +21,12 @@ def update(dut: LeafSystem, context: Context, *, period: float, times: int = 1) 
         values = dut.EvalUniquePeriodicDiscreteUpdate(context)
         context.SetDiscreteState(values)
         context.SetTime(context.get_time() + period)
+
+
+def update_unrestricted(dut: LeafSystem, context: Context, *, period: float, times: int = 1) -> None:
+    """The same, of a system whose update is unrestricted."""
+    for _ in range(times):
+        after = context.Clone()
+        dut.CalcForcedUnrestrictedUpdate(context, after.get_mutable_state())
+        context.SetDiscreteState(after.get_discrete_state())
+        context.SetTime(context.get_time() + period)

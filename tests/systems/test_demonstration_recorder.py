@@ -5,7 +5,7 @@ from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from scipy.spatial.transform import Rotation
-from stepping import fixed_context, update
+from stepping import fixed_context, update_unrestricted
 
 from skill.demonstration import ACTIONS, CHANNELS, COLUMNS, validate_samples
 from systems.demonstration_recorder import DemonstrationRecorder, demonstration_sample
@@ -102,7 +102,7 @@ def test_it_remembers_the_last_sample():
     poses = [pose([0.01 * k, 0, 0], [0, 0.001 * k**2, 0]) for k in range(4)]
     context = fixed_context(dut, peg_state=peg_state(poses[0]), contact_wrench=np.zeros(6), probe_pose=poses[0])
     for k in range(1, 4):
-        update(dut, context, period=PERIOD)
+        update_unrestricted(dut, context, period=PERIOD)
         dut.GetInputPort("peg_state").FixValue(context, peg_state(poses[k]))
         dut.GetInputPort("probe_pose").FixValue(context, poses[k])
         row = named(dut.GetOutputPort("sample").Eval(context))

@@ -149,3 +149,28 @@ def test_a_closed_page_is_said_and_the_session_goes_on_with_the_next_page(tmp_pa
             press(page, "q")
             assert session.process.wait(30) == 0
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_a_gamepad_feeds_and_when_it_vanishes_the_session_goes_on(tmp_path):
+    """The browser's own gamepad interface, answered by the page as a browser with one plugged in would."""
+    pad = "{index: 0, connected: true, mapping: 'standard', buttons: [], axes: [0, 0, 0, %s]}"
+    with live(tmp_path) as session:
+        url = session.said(r"open (http\S+) in a browser").group(1)
+        with open_page(url) as page:
+            session.said("ready")
+            page.wait("document.body.innerText.includes('quit (Q)')")
+            time.sleep(1.0)
+            page.run("navigator.getGamepads = () => [" + pad % "0.0" + "]")
+            press(page, " ")
+            session.said("gamepad: left stick tilts, right stick feeds")
+            page.run("navigator.getGamepads = () => [" + pad % "0.15" + "]")
+            time.sleep(0.5)
+            page.run("navigator.getGamepads = () => []")
+            session.said("the gamepad is gone: sliders and keys go on")
+            press(page, "w", times=12, pause=0.1)
+            session.said("inserted: G keep as good", timeout=90)
+            press(page, "b")
+            session.said("kept 000_bad_live.parquet")
+            press(page, "q")
+            assert session.process.wait(30) == 0
+    assert not read_demonstration(tmp_path / "out" / "000_bad_live.parquet").good

@@ -6,7 +6,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
-from stepping import fixed_context, update
+from stepping import fixed_context, update_unrestricted
 
 from models.hardware import DEVICE_PRESETS
 from models.scenario import DEMONSTRATION_STREAM, resolve_scenario
@@ -29,7 +29,7 @@ def observed(poses, wrenches):
     for X, wrench in zip(poses, wrenches, strict=True):
         dut.GetInputPort("probe_pose").FixValue(context, X)
         dut.GetInputPort("rendered_wrench").FixValue(context, wrench)
-        update(dut, context, period=T)
+        update_unrestricted(dut, context, period=T)
         found.append(dut.GetOutputPort("energy").Eval(context).copy())
     return np.array(found)
 
