@@ -232,15 +232,23 @@ def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float, push: float
 
 
 def measured_wedging_tilt(scenario: Scenario, friction: float) -> tuple[float, Array]:
-    """Smallest tilt at which a squeezed peg stays squeezed, and the (tilt, kept part) of every trial (n, 2)."""
+    """Smallest tilt at which a squeezed peg stays squeezed, and the (tilt, kept part) of every trial (n, 2).
+
+    The tilt is NaN where no change from slipping to holding lies between the tilts that the bore allows.
+    """
     sizes = PegTheory.of(scenario)
     stiff = converged(scenario, friction)
     stiff.contact.modulus = 1e11
     probe = ContactProbe(stiff, mass=0.15, inertia=3e-5, damping=(0.0, 0.0, 0.002))
     law = wedging_tilt(peg_radius=sizes.r, hole_radius=sizes.R, friction=friction)
-    free, wedged = 0.7 * law, min(1.6 * law, 0.9 * float(np.arccos(sizes.r / sizes.R)))
+    # Two-point contact must begin above the floor of the bore, and at a tilt that still enters.
+    deepest = 0.95 * (scenario.geometry.hole_depth - scenario.geometry.chamfer)
+    shallowest = two_point_tilt(deepest, peg_radius=sizes.r, hole_radius=sizes.R)
+    free, wedged = max(0.7 * law, shallowest), min(1.6 * law, 0.9 * float(np.arccos(sizes.r / sizes.R)))
+    if not free < wedged:
+        return float("nan"), np.empty((0, 2))
     trials = [(t, squeeze_kept(probe, sizes, t)) for t in (free, wedged)]
-    if trials[1][1] < KEPT:
+    if trials[0][1] >= KEPT or trials[1][1] < KEPT:
         return float("nan"), np.array(trials)
     while wedged - free > 0.005 * law:
         middle = 0.5 * (free + wedged)
