@@ -20,13 +20,20 @@ app = typer.Typer(add_completion=False)
 def state_table(skill: ManipulationSkill) -> Table:
     """The graph of contact states, a row a state."""
     frame = skill.graph_.to_frame()
-    table = Table(title="contact states", box=SIMPLE, padding=(0, 1, 0, 0))
-    table.add_column("state", no_wrap=True)
-    for column in ("visits", "dwell\n(s)", "phase", "P(inserted)", "mostly\nnext"):
-        table.add_column(column, justify="right")
+    table = Table(
+        title="contact states: visits, mean dwell in s, mean phase, P(inserted), next on the way",
+        box=SIMPLE,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("state", overflow="fold")
+    for column in ("visits", "dwell", "phase", "P(ins.)", "next"):
+        table.add_column(column, justify="right", min_width=len(column))
     for k, (name, row) in enumerate(zip(skill.state_names(), frame.itertuples(index=False), strict=True)):
         visits, dwell, _, phase, reach, following = row
         table.add_row(f"{k} {name}", str(visits), f"{dwell:.2f}", f"{phase:.2f}", f"{reach:.2f}", str(following))
+    table.caption = (
+        "dwell in s; phase 0 is the start; P(ins.) of insertion; next: the state that mostly follows on the way"
+    )
     return table
 
 

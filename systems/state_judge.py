@@ -27,7 +27,9 @@ def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:
     geometry = demonstration.metadata.get("geometry")
     if geometry is None:
         raise ValueError("the demonstration has no 'geometry' in its metadata; expected the sizes of peg and hole")
-    bodies = PegInHole(geometry["peg_radius"], geometry["hole_radius"], geometry["hole_depth"], geometry["chamfer"])
+    # The round hole that has the play of the simulated polygon, whose edges lie outside the true circle.
+    hole_radius = geometry["hole_radius"] / math.cos(math.pi / geometry["facets"])
+    bodies = PegInHole(geometry["peg_radius"], hole_radius, geometry["hole_depth"], geometry["chamfer"])
     samples = demonstration.samples
     axis = axes_of_rotation_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
     return bodies.label(samples[["x", "y", "z"]].to_numpy(), axis)
