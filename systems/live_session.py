@@ -218,7 +218,7 @@ class LiveSession:
         return float(np.linalg.norm(wrench[3:]))
 
     def _watch_gamepad(self) -> None:
-        there = self._meshcat.GetGamepad().index is not None
+        there = len(self._meshcat.GetGamepad().axes) > 0  # a page keeps the index of one that has gone
         if self._gamepad and not there:
             self._say("the gamepad is gone: sliders and keys go on")
         elif there and not self._gamepad:
