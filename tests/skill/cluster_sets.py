@@ -79,8 +79,7 @@ def separated(seed, c=2.0, N=3000, d=14, K=6) -> tuple[Samples, Labels]:
         mean = rng.normal(size=d) * spread * np.sqrt(max(traces)) * c / np.sqrt(2 * d)
         new = len(means)
         if all(
-            np.linalg.norm(mean - other) >= c * np.sqrt(max(traces[i], traces[new]))
-            for i, other in enumerate(means)
+            np.linalg.norm(mean - other) >= c * np.sqrt(max(traces[i], traces[new])) for i, other in enumerate(means)
         ):
             means.append(mean)
         else:

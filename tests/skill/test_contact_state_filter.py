@@ -47,9 +47,7 @@ def test_forward_recursion_worked_by_hand():
     belief = model.weights_
     log_belief = dut.initial_log_belief()
     for x in (0.3, -1.2, 2.0):
-        likelihood = [
-            multivariate_normal(m, F).pdf(x) for m, F in zip(model.means_, model.covariances_, strict=True)
-        ]
+        likelihood = [multivariate_normal(m, F).pdf(x) for m, F in zip(model.means_, model.covariances_, strict=True)]
         belief = (A.T @ belief) * likelihood
         belief /= belief.sum()
         estimate = dut.step(log_belief, [x])
