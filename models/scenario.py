@@ -95,8 +95,7 @@ class Rig:
 
     pivot_height: float | None = None  # in units of m, of the gimbal's axes above the mouth (negative: below)
     pivot_range: float = 0.003  # in units of m; the pivot height is drawn within this unless it is given
-    demonstrated_pivot_range: float = 0.005  # in units of m; likewise of the virtual fixture: wider, so that the
-    # rig's contacts lie well inside what was demonstrated
+    demonstrated_pivot_range: float = 0.005  # in units of m; of the virtual fixture's, wider than the rig will meet
     carriage_friction: float = 5.0  # in units of N s/m
     mount_stiffness: float = 2.0e5  # in units of N/m, sideways, of the compliant mount that carries the peg
     mount_damping: float = 100.0  # in units of N s/m

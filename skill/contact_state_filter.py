@@ -139,9 +139,7 @@ class StateEstimator:
         return (int(estimate.probabilities.argmax()) if estimate.known else UNKNOWN), estimate
 
 
-def transition_probabilities(
-    labels: ArrayLike, groups: ArrayLike, n_states: int, *, prior_count: float = 1.0
-) -> Array:
+def transition_probabilities(labels: ArrayLike, groups: ArrayLike, n_states: int, *, prior_count: float = 1.0) -> Array:
     """Transition matrix (M, M) counted over consecutive samples of the same demonstration.
 
     Args:
@@ -156,9 +154,7 @@ def transition_probabilities(
     if states.ndim != 1 or states.shape != names.shape:
         raise ValueError(f"labels has shape {states.shape} and groups {names.shape}, expected (N,) both")
     if states.size and (states.max() >= n_states or states.min() < UNKNOWN):
-        raise ValueError(
-            f"labels lie between {states.min()} and {states.max()}, expected -1 to {n_states - 1}"
-        )
+        raise ValueError(f"labels lie between {states.min()} and {states.max()}, expected -1 to {n_states - 1}")
     within = (names[1:] == names[:-1]) & (states[1:] >= 0) & (states[:-1] >= 0)
     counts = np.full((n_states, n_states), prior_count / n_states)
     np.add.at(counts, (states[:-1][within], states[1:][within]), 1.0)

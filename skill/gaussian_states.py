@@ -100,9 +100,7 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         checked: Array = check_array(X, dtype=np.float64)
         k = components.means.shape[1]
         if checked.shape[1] != k:
-            raise ValueError(
-                f"X has {checked.shape[1]} columns, expected {k}: one for each of channels={channels!r}"
-            )
+            raise ValueError(f"X has {checked.shape[1]} columns, expected {k}: one for each of channels={channels!r}")
         return checked, components, factors
 
     def _log_memberships(self, X: ArrayLike, channels: ArrayLike | None) -> tuple[Array, Array, Array]:
@@ -114,9 +112,7 @@ class GaussianStates(ClusterMixin, BaseEstimator):
             return densities, densities, distances
         return -log_squared_distances(Z, components, self.distance_), densities, distances
 
-    def predict(
-        self, X: ArrayLike, channels: ArrayLike | None = None, gate: float | None = None
-    ) -> NDArray[np.intp]:
+    def predict(self, X: ArrayLike, channels: ArrayLike | None = None, gate: float | None = None) -> NDArray[np.intp]:
         """The state of each sample, shape (n,): the most probable, or -1 ("unknown") outside the gate.
 
         Args:

@@ -30,9 +30,7 @@ def mixture_parameters(M: int, T: int) -> int:
     return M * T + M - 1
 
 
-def bayesian_information_criterion(
-    log_likelihood: float, M: int, T: int, N: int, design_effect: float = 1.0
-) -> float:
+def bayesian_information_criterion(log_likelihood: float, M: int, T: int, N: int, design_effect: float = 1.0) -> float:
     """-2 log L / tau + K log(N / tau), in nats of independent evidence; smaller is better."""
     K = mixture_parameters(M, T)
     return -2.0 * log_likelihood / design_effect + K * float(np.log(max(N / design_effect, 2.0)))
@@ -40,10 +38,7 @@ def bayesian_information_criterion(
 
 def number_of_independent(candidates: dict[int, Mixture], T: int, N: int) -> int:
     """The number of components of least criterion, every sample counting in full."""
-    criteria = {
-        M: bayesian_information_criterion(mixture.log_likelihood, M, T, N)
-        for M, mixture in candidates.items()
-    }
+    criteria = {M: bayesian_information_criterion(mixture.log_likelihood, M, T, N) for M, mixture in candidates.items()}
     return min(criteria, key=criteria.__getitem__)
 
 

@@ -102,7 +102,7 @@ def test_the_canonical_moment_tells_a_contact_of_the_tip_from_one_of_the_mouth(s
     """A wall pushes the peg towards `angle`, at the tip's rim or at the mouth, `depth` above the tip."""
     dut = CanonicalFeatures()
     outward = np.array([np.cos(angle), np.sin(angle), 0.0])
-    force = size * (outward + [0.0, 0.0, friction])
+    force = size * np.array([np.cos(angle), np.sin(angle), friction])
     for height in (0.0, depth):
         moment = np.cross([0.0, 0.0, height] - dut.peg_radius * outward, force)
         features = dut.transform(np.array([[*force, *moment, -depth]]))[0]
