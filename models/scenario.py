@@ -109,9 +109,11 @@ class Controller:
     period: float = 0.02  # in units of s
     gain: float = 1.0  # on the learnt corrections
     max_turn_rate: float = math.radians(12.0)  # in units of rad/s
+    max_turn: float = math.radians(8.0)  # in units of rad, each way on each axis, from where it stood at the start
     max_feed_speed: float = 0.030  # in units of m/s
-    soft_force: float = 20.0  # in units of N, of force and moment over peg radius together; above it the feed is lowered, to nothing at the limit
-    force_limit: float = 50.0  # in units of N, likewise; above it the peg is backed off
+    # The load is the norm of force and moment over peg radius.
+    soft_force: float = 20.0  # in units of N of load; above it the feed is lowered, to nothing at the limit
+    force_limit: float = 50.0  # in units of N of load; above it the peg is backed off
     retract_speed: float = 0.015  # in units of m/s
     back_off_distance: float = 1.0e-3  # in units of m
     back_off_time: float = 0.4  # in units of s, at the most

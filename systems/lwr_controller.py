@@ -82,7 +82,7 @@ class LwrController(LeafSystem):
             fastest = np.linalg.norm(rate)
             if fastest > p.max_turn_rate:
                 rate *= p.max_turn_rate / fastest
-            command[TURN] -= rate * p.period
+            command[TURN] = np.clip(command[TURN] - rate * p.period, -p.max_turn, p.max_turn)
         command[FEED] = verdict.feed_speed
         command[WATCH] = verdict.watch.as_list()
         discrete_state.get_mutable_vector(self._command).SetFromVector(command)

@@ -103,6 +103,7 @@ def test_recording_leaves_one_valid_file_a_demonstration(chain):
         "001_good_novice.parquet",
         "002_good_expert.parquet",
         "003_bad_blind.parquet",
+        "demonstrations.png",
     ]
     assert "4 demonstrations in" in record.stdout
 

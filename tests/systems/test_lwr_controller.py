@@ -7,7 +7,9 @@ from skill.manipulation_skill import MEASURED
 from systems.lwr_controller import COMMANDS, LwrController
 
 RADIUS = 0.01
-GENTLE = Controller(max_turn_rate=100.0, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9)  # no limit is reached
+GENTLE = Controller(
+    max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9
+)  # no limit is reached
 
 
 @pytest.fixture
@@ -65,7 +67,9 @@ def test_the_angles_add_up_and_the_speed_does_not(skill, measurements):
 def test_the_gain_scales_the_correction_and_not_the_feed(skill, measurements, gain):
     row = measurements[len(measurements) // 3]
     one = step(*controller(skill, row)[:2])
-    scaled = Controller(gain=gain, max_turn_rate=100.0, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9)
+    scaled = Controller(
+        gain=gain, max_turn=1e9, max_turn_rate=100.0, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9
+    )
     found = step(*controller(skill, row, scaled)[:2], scaled)
     assert found["target_pitch"] == pytest.approx(gain * one["target_pitch"])
     assert found["feed_speed"] == one["feed_speed"]
@@ -79,6 +83,15 @@ def test_the_turn_keeps_its_direction_at_the_rate_limit(skill, measurements):
     slow = Controller(max_turn_rate=0.3 * size / GENTLE.period, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9)
     found = step(*controller(skill, row, slow)[:2], slow)
     np.testing.assert_allclose([found["target_pitch"], found["target_yaw"]], 0.3 * wanted, rtol=1e-9)
+
+
+def test_the_hole_is_turned_no_further_than_the_gimbal_goes(skill, measurements):
+    row = measurements[len(measurements) // 3]
+    free = step(*controller(skill, row)[:2])
+    near = Controller(max_turn=1.5 * abs(free["target_pitch"]), max_turn_rate=100.0, soft_force=1e8, force_limit=1e9)
+    found = step(*controller(skill, row, near)[:2], near, times=40)
+    assert abs(found["target_pitch"]) == pytest.approx(near.max_turn)
+    assert abs(found["target_yaw"]) <= near.max_turn
 
 
 def test_the_feed_is_no_faster_than_its_limit(skill, measurements):
