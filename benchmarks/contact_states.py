@@ -6,7 +6,7 @@
 Each recorded sample is labelled by `models.contact_geometry` from its pose; no learner sees a label. All learners get
 the same features of the same refined samples, with the sensor's noise: those of the skill (canonical, measured and
 hidden). Two bodies touch where the gap of the *simulated* bodies is at most zero: peg and bore are regular polygons
-of the same number of sides, aligned, and between such the play is that of a bore of radius R / cos(pi/n). The
+of the same number of sides, aligned, with their edges on the true circles, so that the play is the true one. The
 deadband is therefore zero; `contact_agreement` says how often this and the recorded force (over 10 mN) agree.
 
 On line, every learner's Gaussians are followed by the same hidden Markov filter over the measured features alone. A
@@ -41,7 +41,7 @@ from threadpoolctl import threadpool_limits
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from models.contact_geometry import LABEL_NAMES, PegInHole, axes_of_rotation_vectors  # noqa: E402
+from models.contact_geometry import LABEL_NAMES, axes_of_rotation_vectors  # noqa: E402
 from models.scenario import Scenario  # noqa: E402
 from skill.cluster_initialization import components_of_partition  # noqa: E402
 from skill.competitive_agglomeration import CompetitiveAgglomeration  # noqa: E402
@@ -51,6 +51,7 @@ from skill.expectation_maximization import CovariancePrior  # noqa: E402
 from skill.features import MEASURED, CanonicalFeatures  # noqa: E402
 from skill.refinement import refine_demonstration  # noqa: E402
 from skill.state_naming import StateNames, name_states  # noqa: E402
+from systems.state_judge import exact_bodies  # noqa: E402
 
 FORCE_NOISE, MOMENT_NOISE = 0.06, 5e-3  # N, N m: of the sensor the skill will feel through
 STILL, ROUGH = 2e-5, 4e-4  # m: of the refinement
@@ -78,14 +79,6 @@ class Recorded:
         return np.bincount(self.groups).tolist()
 
 
-def simulated_bodies(geometry: dict[str, Any]) -> PegInHole:
-    """The round bodies that have the play of the simulated polygons."""
-    outside = 1.0 / np.cos(np.pi / geometry["facets"])
-    return PegInHole(
-        geometry["peg_radius"], geometry["hole_radius"] * outside, geometry["hole_depth"], geometry["chamfer"]
-    )
-
-
 def recorded(demonstrations: list[Demonstration], seed: int) -> Recorded:
     rng = np.random.default_rng(seed)
     features = CanonicalFeatures()
@@ -94,7 +87,7 @@ def recorded(demonstrations: list[Demonstration], seed: int) -> Recorded:
         samples = demonstration.samples.copy()
         samples[list(ACTIONS)] = samples[list(ACTIONS)].shift(-1, fill_value=0.0)
         refined, _ = refine_demonstration(samples, still=STILL, rough=ROUGH)
-        bodies = simulated_bodies(demonstration.metadata["geometry"])
+        bodies = exact_bodies(demonstration)
         axis = axes_of_rotation_vectors(refined[["ax", "ay", "az"]].to_numpy() * refined[["angle"]].to_numpy())
         p_HP = refined[["x", "y", "z"]].to_numpy()
         y.append(bodies.label(p_HP, axis))

@@ -10,8 +10,8 @@ A peg whose tilt is held is pushed into two-point contact and left to come to re
 - overlap: how deep the peg's circle overlaps the bore's at rest, by exact geometry of the simulated bodies;
 - cost: process CPU time of a step in contact.
 
-"corners" is where the corners of the bore's polygon lie: on the true circle, like those of the peg, or outside it, as
-`models.bore.make_bore` has them.
+"corners" is where the corners of the bore's polygon lie: on the true circle, like those of the peg, as `make_bore` has
+them, or outside it.
 """
 
 from __future__ import annotations

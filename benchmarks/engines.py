@@ -117,7 +117,10 @@ def main() -> None:
     scenario = Scenario()
     rows: dict[str, dict[str, float]] = {}
     for setting in ({"corners": "outside"}, {}, {"facets": 32, "modulus": 1e10}):
-        text = ", ".join(f"{name} {value:g}" if name != "corners" else "default" for name, value in setting.items())
+        text = ", ".join(
+            f"{name} {value:g}" if name != "corners" else "corners outside the circle"
+            for name, value in setting.items()
+        )
         rows[f"Drake, {text or 'corners on the circle'}"] = measure(setting, tilt, force)
     predicted, measured = force_balance(scenario, scenario.contact.friction, depth=CRAWL_DEPTH, shares=[0.0])
     rows["Drake, 3e10 Pa, 0.25 ms"] = {"force_error": float(measured[0] / predicted[0] - 1.0)}

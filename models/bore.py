@@ -1,8 +1,9 @@
 """Watertight meshes of a chamfered blind bore in a round block.
 
-The bore is a regular prism *circumscribed* about the true cylinder: its faces touch the cylinder and its edges lie
-outside it, so that the clearance is never smaller than the true one, and is larger by at most the sagitta
-``R (1/cos(pi/n) - 1)`` at the edges. Frame H: origin at the centre of the mouth, z out of the hole.
+The bore is a regular prism whose edges lie on the true cylinder, like those of the peg that Drake makes of a cylinder.
+Two such prisms with as many sides, aligned, are similar: the clearance between them is R - r across the edges and
+(R - r) cos(pi/n) across the sides, the true one to a thousandth. (With the sides on the cylinder
+instead, the play would be larger by a sagitta, a quarter of the clearance.) Frame H: origin at the centre of the mouth, z out of the hole.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ def make_bore(
     """A round block, pierced from above by a chamfered blind bore.
 
     Args:
-        radius: of the true cylinder, in m; the faces of the bore touch it.
+        radius: of the true cylinder, in m; the edges of the bore lie on it.
         depth: from the mouth to the bottom of the bore, in m.
         chamfer: width and depth of the 45 degree chamfer, in m; 0 leaves a sharp edge.
         facets: number of flat faces round the bore.
@@ -76,14 +77,12 @@ def make_bore(
             f"bore: radius {radius}, chamfer {chamfer}, depth {depth}, block radius {block_radius}, floor {floor}"
             " (m); expected all positive, chamfer < depth and radius + chamfer < block radius"
         )
-    scale = 1.0 / math.cos(math.pi / facets)
-    inner = radius * scale
     # The profile (radius, height) from the bottom of the bore over the rim to the bottom of the block.
-    profile = [(0.0, -depth), (inner, -depth)]
+    profile = [(0.0, -depth), (radius, -depth)]
     if chamfer > 0:
-        profile += [(inner, -chamfer), ((radius + chamfer) * scale, 0.0)]
+        profile += [(radius, -chamfer), (radius + chamfer, 0.0)]
     else:
-        profile += [(inner, 0.0)]
+        profile += [(radius, 0.0)]
     profile += [(block_radius, 0.0), (block_radius, -depth - floor), (0.0, -depth - floor)]
     first, last = sector if sector is not None else (0, facets)
     closed = last - first == facets

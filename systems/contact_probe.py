@@ -42,8 +42,8 @@ class ContactProbe:
     Args:
         scenario: geometry and contact of the bodies. ``geometry.hole_radius`` is that of the true bore: see
             ``matched``.
-        matched: whether the bore's polygon has its corners on the true circle, like the peg's, so that both shrink
-            by the same factor cos(pi/n); otherwise its sides lie on it, as `models.bore.make_bore` has them.
+        matched: whether the bore's polygon has its corners on the true circle, like the peg's, as `make_bore` has
+            them, so that both shrink by the same factor cos(pi/n); otherwise its sides lie on it.
         mass: kg, of the peg; gravity is off.
         inertia: kg m^2, about the tip.
         damping: N s/m, N s/m and N m s/rad on x, z and tilt.
@@ -61,8 +61,8 @@ class ContactProbe:
         stiction_tolerance: float = 1e-6,
     ) -> None:
         scenario = copy.deepcopy(scenario)
-        if matched:
-            scenario.geometry.hole_radius *= np.cos(np.pi / scenario.geometry.facets)
+        if not matched:
+            scenario.geometry.hole_radius /= np.cos(np.pi / scenario.geometry.facets)
         builder = DiagramBuilder()
         plant, scene_graph = add_hydroelastic_plant(builder, scenario)
         plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))

@@ -5,7 +5,6 @@ The judge comes after the learning: no label reaches the learner.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,8 +17,8 @@ from skill.manipulation_skill import ManipulationSkill
 from skill.state_naming import name_states
 
 
-def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:
-    """The exact contact state (`ContactLabel`) of each sample, from the true pose.
+def exact_bodies(demonstration: Demonstration) -> PegInHole:
+    """The round peg and hole of a demonstration.
 
     Raises:
         ValueError: if the demonstration does not name its geometry.
@@ -27,12 +26,14 @@ def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:
     geometry = demonstration.metadata.get("geometry")
     if geometry is None:
         raise ValueError("the demonstration has no 'geometry' in its metadata; expected the sizes of peg and hole")
-    # The round hole that has the play of the simulated polygon, whose edges lie outside the true circle.
-    hole_radius = geometry["hole_radius"] / math.cos(math.pi / geometry["facets"])
-    bodies = PegInHole(geometry["peg_radius"], hole_radius, geometry["hole_depth"], geometry["chamfer"])
+    return PegInHole(geometry["peg_radius"], geometry["hole_radius"], geometry["hole_depth"], geometry["chamfer"])
+
+
+def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:
+    """The exact contact state (`ContactLabel`) of each sample, (n,), from the true pose."""
     samples = demonstration.samples
     axis = axes_of_rotation_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
-    return bodies.label(samples[["x", "y", "z"]].to_numpy(), axis)
+    return exact_bodies(demonstration).label(samples[["x", "y", "z"]].to_numpy(), axis)
 
 
 def give_names(skill: ManipulationSkill, demonstrations: Sequence[Demonstration]) -> None:

@@ -36,13 +36,13 @@ def assert_watertight(mesh):
 
 
 def closed_volume(*, radius, depth, chamfer, facets, block_radius, floor):
-    """A prism inscribed in the block, less a prism and a frustum circumscribed about the bore and its chamfer."""
+    """A prism inscribed in the block, less a prism and a frustum inscribed in the bore and its chamfer."""
 
-    def circumscribed(r):
-        return facets * r**2 * math.tan(math.pi / facets)
+    def inscribed(r):
+        return 0.5 * facets * r**2 * math.sin(2.0 * math.pi / facets)
 
-    block = 0.5 * facets * block_radius**2 * math.sin(2.0 * math.pi / facets) * (depth + floor)
-    inner, outer = circumscribed(radius), circumscribed(radius + chamfer)
+    block = inscribed(block_radius) * (depth + floor)
+    inner, outer = inscribed(radius), inscribed(radius + chamfer)
     frustum = chamfer / 3.0 * (inner + outer + math.sqrt(inner * outer))
     return block - inner * (depth - chamfer) - frustum
 
@@ -75,7 +75,7 @@ def test_a_sector_of_all_facets_is_the_whole_ring():
 
 
 @pytest.mark.parametrize("facets", [3, 7, 64, 92])
-def test_the_inscribed_circle_of_the_bore_is_the_hole(facets):
+def test_the_edges_of_the_bore_lie_on_the_hole(facets):
     mesh = make_bore(**{**SIZES, "facets": facets})
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
@@ -84,7 +84,7 @@ def test_the_inscribed_circle_of_the_bore_is_the_hole(facets):
     to_axis = np.einsum("ij,ij->i", normals, a)  # distance of the face's plane from the axis, outwards positive
     bore = vertical & (to_axis < 0)
     assert bore.sum() == 2 * facets  # two triangles a face
-    np.testing.assert_allclose(-to_axis[bore], SIZES["radius"], rtol=1e-12)
+    np.testing.assert_allclose(-to_axis[bore], SIZES["radius"] * math.cos(math.pi / facets), rtol=1e-12)
     outer = vertical & (to_axis > 0)
     np.testing.assert_allclose(to_axis[outer], SIZES["block_radius"] * math.cos(math.pi / facets), rtol=1e-12)
 
@@ -94,7 +94,7 @@ def test_the_chamfer_leaves_the_mouth_at_45_degrees():
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    slanted = np.abs(np.abs(normals[:, 2]) - math.sqrt(0.5)) < 1e-9
+    slanted = np.abs(np.abs(normals[:, 2]) - math.sqrt(0.5)) < 1e-3  # at the edges exactly, across the sides nearly
     assert slanted.sum() == 2 * SIZES["facets"]
     assert (normals[slanted][:, 2] > 0).all()
     np.testing.assert_allclose(mesh.vertices[:, 2].max(), 0.0)

@@ -19,8 +19,7 @@ S = Scenario()
 G = S.geometry
 K = S.coupling.stiffness
 INSIDE = -0.012  # in units of m
-# Between the two polygons, edge against edge or face against face: the true clearance and a sagitta.
-GAP = G.hole_radius / math.cos(math.pi / G.facets) - G.peg_radius
+GAP = G.clearance  # between the two polygons, edge against edge; face against face a thousandth less
 STICTION = 1e-4  # in units of m/s: Drake's friction sticks only to within this speed
 
 
