@@ -2,8 +2,10 @@
 
 The bore is a regular prism whose edges lie on the true cylinder, like those of the peg that Drake makes of a cylinder.
 Two such prisms with as many sides, aligned, are similar: the clearance between them is R - r across the edges and
-(R - r) cos(pi/n) across the sides, the true one to a thousandth. (With the sides on the cylinder
-instead, the play would be larger by a sagitta, a quarter of the clearance.) Frame H: origin at the centre of the mouth, z out of the hole.
+(R - r) cos(pi/n) across the sides, the true one to a thousandth. With the sides on the cylinder instead, the play
+would be larger by a sagitta, a quarter of the clearance.
+
+Frame H: origin at the centre of the mouth, z out of the hole.
 """
 
 from __future__ import annotations

@@ -21,7 +21,7 @@ def state_table(skill: ManipulationSkill) -> Table:
     """The graph of contact states, a row a state."""
     frame = skill.graph_.to_frame()
     table = Table(
-        title="contact states: visits, mean dwell in s, mean phase, P(inserted), next on the way",
+        title="contact states",
         box=SIMPLE,
         padding=(0, 1, 0, 0),
     )
