@@ -33,6 +33,7 @@ OTHER = "#A05A8C"
 DEGREES = float(np.degrees(1.0))
 WIDTH = 7.2  # in units of inches, of a text block
 ROW_PITCH = 2.3  # between the zero lines of stacked series that each fill -1 to 1
+SHORT_NAME = 12  # characters of a state's name, five of which stand side by side
 MOST_LISTED = 20  # trials that are numbered one by one
 
 
@@ -145,7 +146,7 @@ def plot_run(run: RigRun, state_names: Sequence[str] | None = None) -> Figure:
     figure.legend(
         handles=[Patch(facecolor=colours[k], alpha=0.45, edgecolor=colours[k], label=labels[k]) for k in visited],
         loc="outside upper center",
-        ncols=min(len(visited), 5),
+        ncols=min(len(visited), 5 if max(map(len, labels)) <= SHORT_NAME else 2),
         fontsize=8,
         frameon=False,
         title=_run_title(run),
