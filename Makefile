@@ -17,11 +17,18 @@ lint: .venv
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+BENCHMARKS := clustering clustering_speed regression regression_intervals realtime theory convergence contact_states engines
+
+bench: .venv
+	$(BIN)/pip install --quiet --editable ".[peers]" 2> .venv/install.log || (cat .venv/install.log; exit 1)
+	for name in $(BENCHMARKS); do $(BIN)/python -m benchmarks.$$name --json out/benchmarks/$$name.json || exit 1; done
+
 .venv: .venv/ready
 .venv/ready: pyproject.toml
 	$(PYTHON) -m venv .venv
-	$(BIN)/pip install --quiet --upgrade pip
-	$(BIN)/pip install --quiet --editable ".[dev]"
+	@$(BIN)/pip install --quiet --upgrade pip 2> .venv/install.log || (cat .venv/install.log; exit 1)
+	@# What the build back end remarks on is of no use to a newcomer, unless it fails.
+	@$(BIN)/pip install --quiet --editable ".[dev]" 2> .venv/install.log || (cat .venv/install.log; exit 1)
 	touch $@
 .PHONY: .venv
 

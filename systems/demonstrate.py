@@ -17,6 +17,7 @@ from systems.demonstration_recorder import DemonstrationRecorder
 from systems.provenance import versions
 from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment
 
+DIVERGED = "diverged"
 JAMMED_TRAVEL = 0.5e-3  # in units of m, in a second: less is no progress
 JAMMED_FORCE = 3.0  # in units of N: more is pressing
 
@@ -41,7 +42,7 @@ class DemonstrationRun:
         height = self._environment.peg_pose(context).translation()[2]
         diagram = self._environment.diagram
         if not np.isfinite(height):
-            return EventStatus.ReachedTermination(diagram, "diverged")
+            return EventStatus.ReachedTermination(diagram, DIVERGED)
         if -height >= self._scenario.full_depth:
             return EventStatus.ReachedTermination(diagram, "inserted")
         if height > 2.0 * self._scenario.start.height:
@@ -50,7 +51,10 @@ class DemonstrationRun:
 
     def advance(self, time: float) -> str | None:
         """Simulates until ``time`` (s) or the end; returns what ended it, or None."""
-        status = self.simulator.AdvanceTo(min(time, self._scenario.recorder.time_limit))
+        try:
+            status = self.simulator.AdvanceTo(min(time, self._scenario.recorder.time_limit))
+        except RuntimeError as error:  # Drake's solver gave up
+            return f"{DIVERGED}: {str(error).splitlines()[0][:120]}"
         if status.system() is not None:
             return str(status.message())
         return "time over" if time >= self._scenario.recorder.time_limit else None
@@ -59,6 +63,7 @@ class DemonstrationRun:
         """What was recorded, with its outcome; a given ``good`` is the person's own judgement."""
         scenario, context = self._scenario, self.simulator.get_context()
         samples = DemonstrationRecorder.samples(self._environment.log, context)
+        samples = samples[np.isfinite(samples.to_numpy()).all(axis=1)]  # what came before a divergence
         force = float(np.linalg.norm(samples[["fx", "fy", "fz"]].to_numpy(), axis=1).max())
         if outcome == "time over" and is_jammed(samples):
             outcome = "jammed"

@@ -10,7 +10,7 @@ from joblib import Parallel, delayed
 
 from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
 from skill.demonstration import Demonstration
-from systems.demonstrate import run_demonstration
+from systems.demonstrate import DIVERGED, run_demonstration
 
 GOOD_HABITS = ("expert", "novice")
 BAD_HABITS = ("blind", "slams", "gives_up", "overcorrects")
@@ -61,7 +61,7 @@ def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstra
         number = attempt_seed(seed, request.number, attempt)
         resolved = resolve_scenario(shown, seed=number, stream=DEMONSTRATION_STREAM, person=person)
         demonstration = run_demonstration(resolved)
-        if demonstration.good == request.good:
+        if demonstration.good == request.good and not demonstration.outcome.startswith(DIVERGED):
             demonstration.metadata.update({"number": number, "operator": person, "attempts": attempt + 1})
             return demonstration
         outcomes.append(demonstration.outcome)
