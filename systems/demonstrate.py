@@ -13,6 +13,7 @@ from pydrake.systems.framework import Context, EventStatus
 
 from models.scenario import Scenario, dump_scenario
 from skill.demonstration import Demonstration
+from systems.contact_plant import ABSURD_FORCE
 from systems.demonstration_recorder import DemonstrationRecorder
 from systems.provenance import versions
 from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment
@@ -65,6 +66,8 @@ class DemonstrationRun:
         samples = DemonstrationRecorder.samples(self._environment.log, context)
         samples = samples[np.isfinite(samples.to_numpy()).all(axis=1)]  # what came before a divergence
         force = float(np.linalg.norm(samples[["fx", "fy", "fz"]].to_numpy(), axis=1).max())
+        if force > ABSURD_FORCE:
+            outcome, good = f"{DIVERGED}: a contact force of {force:.3g} N", False
         if outcome == "time over" and is_jammed(samples):
             outcome = "jammed"
         if outcome == "inserted" and force > scenario.recorder.rough_force:

@@ -14,10 +14,9 @@ from pydrake.systems.framework import Context, EventStatus
 from models.scenario import TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
 from skill.manipulation_skill import ManipulationSkill
 from skill.rig_run import RigRun
+from systems.contact_plant import ABSURD_FORCE
 from systems.provenance import versions
 from systems.rig import MakeRig, RigDiagram
-
-ABSURD_FORCE = 1e5  # in units of N; no rig of this size holds it, so that the numbers are none of its
 
 
 @dataclass(frozen=True)

@@ -203,3 +203,13 @@ def test_a_peg_pulled_out_again_is_given_up(quick_scenario):
     demonstration = run_demonstration(resolved)
     assert demonstration.outcome == "given up"
     assert not demonstration.good
+
+
+@pytest.mark.parametrize("modulus", [1e30, 1e200])
+def test_a_demonstration_that_diverges_ends_with_its_reason(quick_scenario, modulus):
+    """A peg so stiff that the solver gives up, or that the forces are none."""
+    quick_scenario.contact.modulus = modulus
+    quick_scenario.start.height = 1e-4
+    shown = run_demonstration(resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM))
+    assert shown.outcome.startswith("diverged")
+    assert not shown.good
