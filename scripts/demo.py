@@ -50,17 +50,17 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
     # The picture is worth most where the start was worst.
     shown = max(recordings, key=lambda path: starting_tilt(read_demonstration(path)))
     hardest = max(results, key=lambda r: (r.inserted, abs(r.tilt_deg[0]) + abs(r.tilt_deg[1])))
+    run_file = out / "rig" / f"run_{hardest.seed:04d}.parquet"
     with progress("figures and replays", 4) as advance:
-        draw(shown, out / "rig" / f"run_{hardest.seed:04d}.parquet", results, out)
+        draw(shown, run_file, results, out)
         advance("figures")
-        write_replays(shown, out / "rig" / f"run_{hardest.seed:04d}.parquet", out)
+        write_replays(shown, run_file, out)
         advance("replays")
         with recorded(out / "recording_demonstration.html") as meshcat:
             run_demonstration(scenario_of(read_demonstration(shown).metadata), meshcat=meshcat)
         advance("recording of the demonstration")
-        run_metadata = read_rig_run(out / "rig" / f"run_{hardest.seed:04d}.parquet").metadata
         with recorded(out / "recording_insertion.html") as meshcat:
-            run_trial(scenario_of(run_metadata), skill, seed=hardest.seed, meshcat=meshcat)
+            run_trial(scenario_of(read_rig_run(run_file).metadata), skill, seed=hardest.seed, meshcat=meshcat)
         advance("recording of the insertion")
     console.print(f"{time.monotonic() - began:.0f} s; in {out}:")
     for path in sorted(out.iterdir()):
