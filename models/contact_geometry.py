@@ -24,15 +24,16 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-SAMPLES = 64
-"""Angles at which a circle is searched; the gap has at most two minima on it, a good radian apart."""
+SAMPLES = 256
+"""Angles at which a circle is searched. Where two surfaces of the bore are equally near the gap has kinks, two of
+which can be a fifth of a radian apart; of 60,000 poses round the chamfer 64 samples miss one, 128 none."""
 
 MINIMA = 4
 """Kept of each circle."""
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 GOLDEN_STEPS = 48
-"""Shrink the bracket of two sample distances to 2e-11 rad."""
+"""Shrink the bracket of two sample distances to 5e-12 rad."""
 
 
 TINY = 1e-300

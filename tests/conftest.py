@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 ROOT = Path(__file__).resolve().parent.parent
 # This folder comes first on the path, and tests/skill must not hide skill.
@@ -18,6 +19,10 @@ from models.scenario import Scenario  # noqa: E402
 from skill.demonstration import Demonstration, read_demonstrations, write_demonstration  # noqa: E402
 from skill.manipulation_skill import ManipulationSkill  # noqa: E402
 from systems.demonstration_set import Request, demonstrate  # noqa: E402
+
+# The same examples in every run; `pytest --hypothesis-profile default` looks for new ones.
+settings.register_profile("repeatable", derandomize=True)
+settings.load_profile("repeatable")
 
 SHOWN = [*(Request(number, "expert", True) for number in range(5)), Request(5, "slams", False)]
 

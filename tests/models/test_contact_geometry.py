@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from models.contact_geometry import LABEL_NAMES, ContactLabel, PegInHole, Surface, axes_of_rotation_vectors
@@ -117,6 +117,8 @@ def test_overlap_is_found_by_dense_circles(values):
         assert gap == pytest.approx(overlap, abs=1e-9)
 
 
+# Its two deepest overlaps, at the chamfer and the face, are a fifth of a radian apart and differ by 22 nm.
+@example((-0.009765625, 1e-05, 0.0, -0.0008801126686263268, -0.0008801126686263268), 1.25)
 @settings(max_examples=60, deadline=None)
 @given(poses, st.floats(-np.pi, np.pi))
 def test_turning_the_whole_changes_nothing(values, turn):
