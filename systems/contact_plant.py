@@ -35,7 +35,8 @@ from pydrake.multibody.tree import (
     UnitInertia,
     WeldJoint,
 )
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource
 
 import models
 from models.bore import make_bore
@@ -63,6 +64,58 @@ class ContactPlant:
     block: RigidBody
 
 
+@dataclass(frozen=True)
+class HydroelasticRig(ContactPlant):
+    """The rig's bodies on hydroelastic contact: a `systems.rig_plant.RigPlant`."""
+
+    @property
+    def carriage_force(self) -> InputPort:
+        """See `RigPlant`."""
+        return self.plant.get_actuation_input_port(self.plant.GetModelInstanceByName("feed"))
+
+    @property
+    def gimbal_equilibrium(self) -> InputPort:
+        """See `RigPlant`."""
+        return self.plant.get_desired_state_input_port(self.plant.GetModelInstanceByName("gimbal"))
+
+    @property
+    def carriage_state(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self.plant.get_state_output_port(self.plant.GetModelInstanceByName("feed"))
+
+    @property
+    def gimbal_state(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self.plant.get_state_output_port(self.plant.GetModelInstanceByName("gimbal"))
+
+    @property
+    def reaction_forces(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self.plant.get_reaction_forces_output_port()
+
+    @property
+    def sensor(self) -> int:
+        """See `RigPlant`."""
+        return int(self.plant.GetJointByName("sensor").index())
+
+    @property
+    def weight(self) -> float:
+        """See `RigPlant`."""
+        return float(self.peg.default_mass() * np.linalg.norm(self.plant.gravity_field().gravity_vector()))
+
+    def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
+        """See `RigPlant`."""
+        own = self.plant.GetMyMutableContextFromRoot(context)
+        self.plant.GetJointByName("feed").set_translation(own, carriage)
+        self.plant.GetJointByName("pitch").set_angle(own, pitch)
+        self.plant.GetJointByName("yaw").set_angle(own, yaw)
+
+    def tip_height(self, context: Context) -> float:
+        """See `RigPlant`."""
+        own = self.plant.GetMyContextFromRoot(context)
+        return float(self.peg.EvalPoseInWorld(own).translation()[2])
+
+
 def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
     """A free peg of the coupling's virtual mass, its centre of mass at the tip, over a fixed block; no gravity."""
     plant, scene_graph = add_hydroelastic_plant(builder, scenario)
@@ -79,7 +132,7 @@ def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant
     return finish_contact_plant(plant, scene_graph, scenario, peg, block)
 
 
-def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
+def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
     """The rig: a carriage on a screw, sensor and peg; a gimbal of two stepper axes and the block."""
     plant, scene_graph = add_hydroelastic_plant(builder, scenario)
     parser = Parser(plant)
@@ -117,7 +170,11 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
     screw = plant.AddJointActuator("feed", joint)
     screw.set_default_rotor_inertia(scenario.feed.rotor_inertia)
     screw.set_default_gear_ratio(scenario.feed.ratio)
-    return finish_contact_plant(plant, scene_graph, scenario, peg, block)
+    finish_contact_plant(plant, scene_graph, scenario, peg, block)
+    centred = builder.AddNamedSystem("centred_mount", ConstantVectorSource(np.zeros(4)))
+    mount = plant.get_desired_state_input_port(plant.GetModelInstanceByName("mount"))
+    builder.Connect(centred.get_output_port(), mount)
+    return HydroelasticRig(plant, scene_graph, peg, block)
 
 
 def _add_compliant_mount(plant: MultibodyPlant, scenario: Scenario, carriage: RigidBody) -> RigidBody:

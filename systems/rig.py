@@ -11,11 +11,12 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Mult
 
 from models.scenario import Scenario
 from skill.manipulation_skill import ManipulationSkill
-from systems.contact_plant import AddRigPlant, ContactPlant
+from systems.contact_plant import AddRigPlant
 from systems.contact_state_estimator import ContactStateEstimator
 from systems.dc_motor import DcMotor
 from systems.depth_encoder import DepthEncoder
 from systems.lwr_controller import COMMANDS, LwrController
+from systems.rig_plant import RigPlant
 from systems.run_recorder import RunRecorder
 from systems.stepper_motor import StepperMotor
 from systems.visualization import AddVisualization
@@ -27,18 +28,14 @@ class RigDiagram:
     """A built diagram and the parts that a run reads."""
 
     diagram: Diagram
-    contact: ContactPlant
+    contact: RigPlant
     recorder: RunRecorder
     start: tuple[float, float, float]
 
     def set_start(self, context: Context) -> None:
         """Puts carriage and gimbal at the scenario's start; ``context`` is the diagram's."""
-        plant = self.contact.plant
-        own = plant.GetMyMutableContextFromRoot(context)
         carriage, pitch, yaw = self.start
-        plant.GetJointByName("feed").set_translation(own, carriage)
-        plant.GetJointByName("pitch").set_angle(own, pitch)
-        plant.GetJointByName("yaw").set_angle(own, yaw)
+        self.contact.set_start(context, carriage=carriage, pitch=pitch, yaw=yaw)
 
 
 def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | None = None) -> RigDiagram:
@@ -52,26 +49,28 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
     Raises:
         ValueError: if the scenario is not resolved, or the skill was trained for another peg or hole.
     """
+    builder = DiagramBuilder()
+    contact = AddRigPlant(builder, scenario)
+    if meshcat is not None:
+        AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
+    return WireRig(builder, scenario, skill, contact)
+
+
+def WireRig(builder: DiagramBuilder, scenario: Scenario, skill: ManipulationSkill, contact: RigPlant) -> RigDiagram:
+    """Adds sensor, motors and controller to a plant and builds the diagram; see `MakeRig`."""
     if scenario.start.tilt is None:
         raise ValueError("scenario.start.tilt is missing: the scenario is not resolved; use resolve_scenario first")
     _check_geometry(scenario, skill)
-    builder = DiagramBuilder()
-    contact = AddRigPlant(builder, scenario)
-    plant = contact.plant
     period = scenario.contact.time_step
     # The peg tilted by theta relative to the hole is the hole turned by -theta.
     pitch, yaw = -scenario.start.tilt[0], -scenario.start.tilt[1]
-    feed = plant.GetModelInstanceByName("feed")
-    gimbal = plant.GetModelInstanceByName("gimbal")
-
-    weight = plant.GetBodyByName("peg").default_mass() * plant.gravity_field().gravity_vector()
     sensor = builder.AddNamedSystem(
         "wrench_sensor",
         WrenchSensor(
             parameters=scenario.sensor,
             seed=scenario.seed,
-            weld=int(plant.GetJointByName("sensor").index()),
-            tare=np.concatenate([-weight, np.zeros(3)]),
+            weld=contact.sensor,
+            tare=np.array([0.0, 0.0, contact.weight, 0.0, 0.0, 0.0]),
         ),
     )
     encoder = builder.AddNamedSystem(
@@ -92,18 +91,14 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
         )
         for name, angle in (("pitch", pitch), ("yaw", yaw))
     }
-    centred = builder.AddNamedSystem("centred_mount", ConstantVectorSource(np.zeros(4)))
-    builder.Connect(
-        centred.get_output_port(), plant.get_desired_state_input_port(plant.GetModelInstanceByName("mount"))
-    )
-    carriage_state = plant.get_state_output_port(feed)
+    carriage_state = contact.carriage_state
     gimbal_state = builder.AddNamedSystem("gimbal_angles", Demultiplexer(4))
     rest = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(2)))
     equilibrium = builder.AddNamedSystem("equilibrium", Multiplexer([1, 1, 2]))
 
     wrench = sensor.GetOutputPort("wrench")
     depth = encoder.GetOutputPort("depth")
-    builder.Connect(plant.get_reaction_forces_output_port(), sensor.GetInputPort("reaction_forces"))
+    builder.Connect(contact.reaction_forces, sensor.GetInputPort("reaction_forces"))
     builder.Connect(carriage_state, encoder.GetInputPort("carriage_state"))
     for system in (estimator, controller):
         builder.Connect(wrench, system.GetInputPort("wrench"))
@@ -112,14 +107,14 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
     builder.Connect(estimator.GetOutputPort("known"), controller.GetInputPort("known"))
     builder.Connect(controller.GetOutputPort("feed_speed"), motor.GetInputPort("speed_command"))
     builder.Connect(carriage_state, motor.GetInputPort("carriage_state"))
-    builder.Connect(motor.GetOutputPort("carriage_force"), plant.get_actuation_input_port(feed))
-    builder.Connect(plant.get_state_output_port(gimbal), gimbal_state.get_input_port())
+    builder.Connect(motor.GetOutputPort("carriage_force"), contact.carriage_force)
+    builder.Connect(contact.gimbal_state, gimbal_state.get_input_port())
     for k, (name, stepper) in enumerate(steppers.items()):
         builder.Connect(controller.GetOutputPort(f"target_{name}"), stepper.GetInputPort("target_angle"))
         builder.Connect(gimbal_state.get_output_port(k), stepper.GetInputPort("measured_angle"))
         builder.Connect(stepper.GetOutputPort("equilibrium_angle"), equilibrium.get_input_port(k))
     builder.Connect(rest.get_output_port(), equilibrium.get_input_port(2))
-    builder.Connect(equilibrium.get_output_port(), plant.get_desired_state_input_port(gimbal))
+    builder.Connect(equilibrium.get_output_port(), contact.gimbal_equilibrium)
     recorder = RunRecorder.AddToBuilder(
         builder=builder,
         ports={
@@ -136,8 +131,6 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
         period=scenario.controller.period,
         home=scenario.sensor.height,
     )
-    if meshcat is not None:
-        AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
     diagram = builder.Build()
     diagram.set_name("rig")
     return RigDiagram(diagram, contact, recorder, (scenario.sensor.height + scenario.start.height, pitch, yaw))

@@ -66,26 +66,23 @@ class TrialMonitor:
     def __init__(self, rig: RigDiagram, full_depth: float) -> None:
         self._rig = rig
         self._full_depth = full_depth
-        plant, peg = rig.contact.plant, rig.contact.peg
-        self._weld = int(plant.GetJointByName("sensor").index())
-        self._weight = peg.default_mass() * float(np.linalg.norm(plant.gravity_field().gravity_vector()))
         self.reason = "time over"
         self.peaks = np.zeros(2)
         self.depth = float("nan")
 
     def __call__(self, context: Context) -> EventStatus:
         """The Simulator's monitor."""
-        plant = self._rig.contact.plant
-        own = plant.GetMyContextFromRoot(context)
-        held = plant.get_reaction_forces_output_port().Eval(own)[self._weld].translational()
-        self.depth = -float(self._rig.contact.peg.EvalPoseInWorld(own).translation()[2])
+        plant = self._rig.contact
+        own = plant.reaction_forces.get_system().GetMyContextFromRoot(context)
+        held = plant.reaction_forces.Eval(own)[plant.sensor].translational()
+        self.depth = -plant.tip_height(context)
         if not (np.isfinite(held).all() and np.isfinite(self.depth)):
             return self._end("diverged: a force or a position is not finite")
         if np.linalg.norm(held) > ABSURD_FORCE:
             return self._end(f"diverged: a contact force of {np.linalg.norm(held):.3g} N")
         if context.get_time() > 0:
             # The peg's own inertia is in the reaction too; at these speeds it is a small part of a newton.
-            axial, lateral = abs(held[2] - self._weight), np.hypot(held[0], held[1])
+            axial, lateral = abs(held[2] - plant.weight), np.hypot(held[0], held[1])
             self.peaks = np.maximum(self.peaks, [axial, lateral])
         if self.depth >= self._full_depth:
             return self._end("inserted")
@@ -121,7 +118,11 @@ def run_trial(
         seed: the number of the trial, for the record.
         meshcat: where to draw and record; None draws nothing.
     """
-    rig = MakeRig(scenario, skill, meshcat=meshcat)
+    return run_rig(MakeRig(scenario, skill, meshcat=meshcat), scenario, skill, seed=seed)
+
+
+def run_rig(rig: RigDiagram, scenario: Scenario, skill: ManipulationSkill, *, seed: int) -> tuple[TrialResult, RigRun]:
+    """The same, with a rig that is already built of this scenario and skill."""
     simulator = Simulator(rig.diagram)
     context = simulator.get_mutable_context()
     rig.set_start(context)

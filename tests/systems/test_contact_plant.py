@@ -47,8 +47,7 @@ class Bench:
         force = builder.AddSystem(ConstantVectorSource([push]))
         builder.Connect(force.get_output_port(), plant.get_actuation_input_port(feed))
         rest = builder.AddSystem(ConstantVectorSource(np.zeros(4)))
-        for instance in (gimbal, plant.GetModelInstanceByName("mount")):
-            builder.Connect(rest.get_output_port(), plant.get_desired_state_input_port(instance))
+        builder.Connect(rest.get_output_port(), plant.get_desired_state_input_port(gimbal))
         applied = np.zeros(plant.num_velocities())
         for name, torque in zip(("pitch", "yaw"), torques, strict=True):
             applied[plant.GetJointByName(name).velocity_start()] = torque
