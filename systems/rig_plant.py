@@ -45,4 +45,4 @@ class RigPlant(Protocol):
         """Puts carriage (m) and gimbal (rad) there."""
 
     def tip_height(self, context: Context) -> float:
-        """z in W of the centre of the peg's tip, m."""
+        """Of the centre of the peg's tip in W, m."""
