@@ -7,7 +7,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
 from skill.contact_state_filter import Estimate
-from skill.manipulation_skill import ManipulationSkill
+from systems.control_law import RigPolicy
 
 
 class ContactStateEstimator(LeafSystem):
@@ -32,7 +32,7 @@ class ContactStateEstimator(LeafSystem):
     instant's measurement, not the last period's.
     """
 
-    def __init__(self, *, skill: ManipulationSkill, period: float) -> None:
+    def __init__(self, *, skill: RigPolicy, period: float) -> None:
         super().__init__()
         self._skill = skill
         self._filter = skill.state_filter()

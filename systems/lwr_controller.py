@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from models.scenario import Controller
-from skill.manipulation_skill import ManipulationSkill
+from systems.control_law import RigPolicy
 from systems.supervisor import Watch, supervise
 
 TURN, FEED, WATCH = slice(0, 2), 2, slice(3, 6)
@@ -41,7 +41,7 @@ class LwrController(LeafSystem):
     whether it is known, and its own commands, nothing else; its angles count from where the axes stood at time 0.
     """
 
-    def __init__(self, *, skill: ManipulationSkill, parameters: Controller, peg_radius: float) -> None:
+    def __init__(self, *, skill: RigPolicy, parameters: Controller, peg_radius: float) -> None:
         super().__init__()
         self._skill = skill
         self._parameters = parameters

@@ -10,9 +10,9 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
 
 from models.scenario import Scenario
-from skill.manipulation_skill import ManipulationSkill
 from systems.contact_plant import AddRigPlant
 from systems.contact_state_estimator import ContactStateEstimator
+from systems.control_law import RigPolicy
 from systems.dc_motor import DcMotor
 from systems.depth_encoder import DepthEncoder
 from systems.lwr_controller import COMMANDS, LwrController
@@ -38,12 +38,12 @@ class RigDiagram:
         self.contact.set_start(context, carriage=carriage, pitch=pitch, yaw=yaw)
 
 
-def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | None = None) -> RigDiagram:
+def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = None) -> RigDiagram:
     """Builds the diagram of a resolved scenario; it simulates nothing.
 
     Args:
         scenario: resolved; its start's tilt is that of the peg relative to the hole.
-        skill: fitted or loaded.
+        skill: fitted or loaded; or a control law of one's own (see `systems.control_law`).
         meshcat: where to draw; None draws nothing.
 
     Raises:
@@ -56,7 +56,7 @@ def MakeRig(scenario: Scenario, skill: ManipulationSkill, *, meshcat: Meshcat | 
     return WireRig(builder, scenario, skill, contact)
 
 
-def WireRig(builder: DiagramBuilder, scenario: Scenario, skill: ManipulationSkill, contact: RigPlant) -> RigDiagram:
+def WireRig(builder: DiagramBuilder, scenario: Scenario, skill: RigPolicy, contact: RigPlant) -> RigDiagram:
     """Adds sensor, motors and controller to a plant and builds the diagram; see `MakeRig`."""
     if scenario.start.tilt is None:
         raise ValueError("scenario.start.tilt is missing: the scenario is not resolved; use resolve_scenario first")
@@ -136,7 +136,7 @@ def WireRig(builder: DiagramBuilder, scenario: Scenario, skill: ManipulationSkil
     return RigDiagram(diagram, contact, recorder, (scenario.sensor.height + scenario.start.height, pitch, yaw))
 
 
-def _check_geometry(scenario: Scenario, skill: ManipulationSkill) -> None:
+def _check_geometry(scenario: Scenario, skill: RigPolicy) -> None:
     trained = skill.metadata_.get("geometry")
     if trained is None:
         return  # demonstrations from elsewhere need not say

@@ -12,9 +12,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
 from models.scenario import TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
-from skill.manipulation_skill import ManipulationSkill
 from skill.rig_run import RigRun
 from systems.contact_plant import ABSURD_FORCE
+from systems.control_law import RigPolicy
 from systems.provenance import versions
 from systems.rig import MakeRig, RigDiagram
 
@@ -99,7 +99,7 @@ def trial_scenario(scenario: Scenario, *, number: int) -> Scenario:
 
 
 def run_trials(
-    scenario: Scenario, skill: ManipulationSkill, numbers: list[int], *, jobs: int
+    scenario: Scenario, skill: RigPolicy, numbers: list[int], *, jobs: int
 ) -> Iterator[tuple[TrialResult, RigRun]]:
     """Yields the trials in their order, as they are finished; ``jobs`` processes."""
     yield from Parallel(n_jobs=jobs, return_as="generator")(
@@ -108,7 +108,7 @@ def run_trials(
 
 
 def run_trial(
-    scenario: Scenario, skill: ManipulationSkill, *, seed: int, meshcat: Meshcat | None = None
+    scenario: Scenario, skill: RigPolicy, *, seed: int, meshcat: Meshcat | None = None
 ) -> tuple[TrialResult, RigRun]:
     """Simulates one resolved scenario; a simulation that diverges ends with its reason, not with an exception.
 
@@ -121,7 +121,7 @@ def run_trial(
     return run_rig(MakeRig(scenario, skill, meshcat=meshcat), scenario, skill, seed=seed)
 
 
-def run_rig(rig: RigDiagram, scenario: Scenario, skill: ManipulationSkill, *, seed: int) -> tuple[TrialResult, RigRun]:
+def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int) -> tuple[TrialResult, RigRun]:
     """The same, with a rig that is already built of this scenario and skill."""
     simulator = Simulator(rig.diagram)
     context = simulator.get_mutable_context()
