@@ -27,7 +27,10 @@ def result_table(results: list[TrialResult]) -> Table:
     table.add_column("trial", justify="right")
     table.add_column("tilt\n(deg)", no_wrap=True, justify="right")
     table.add_column("outcome")
-    for name, unit in (("time", "s"), ("depth", "mm"), ("axial", "N"), ("across", "N"), ("steps", "")):
+    for name, unit in (
+        *(("time", "s"), ("depth", "mm"), ("axial", "N"), ("across", "N"), ("moment", "N m"), ("overlap", "um")),
+        ("steps", ""),
+    ):
         table.add_column(f"{name}\n({unit})" if unit else name, justify="right")
     table.add_column("states (visits)")
     for r in results:
@@ -35,6 +38,7 @@ def result_table(results: list[TrialResult]) -> Table:
         table.add_row(
             *(str(r.seed), f"{r.tilt_deg[0]:+.1f} {r.tilt_deg[1]:+.1f}", f"[{colour}]{r.reason}[/]"),
             *(f"{r.time_s:.2f}", f"{r.depth_mm:.1f}", f"{r.peak_axial_n:.1f}", f"{r.peak_lateral_n:.1f}"),
+            *(f"{r.peak_moment_nm:.2f}", f"{r.penetration_um:.0f}"),
             *(str(r.steps), f"{' '.join(map(str, dict.fromkeys(r.states)))} ({len(r.states)})"),
         )
     table.caption = (

@@ -115,6 +115,11 @@ class HydroelasticRig(ContactPlant):
         own = self.plant.GetMyContextFromRoot(context)
         return float(self.peg.EvalPoseInWorld(own).translation()[2])
 
+    def peg_in_hole(self, context: Context) -> RigidTransform:
+        """See `RigPlant`."""
+        own = self.plant.GetMyContextFromRoot(context)
+        return self.block.EvalPoseInWorld(own).inverse() @ self.peg.EvalPoseInWorld(own)
+
 
 def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
     """A free peg of the coupling's virtual mass, its centre of mass at the tip, over a fixed block; no gravity."""

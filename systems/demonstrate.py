@@ -6,21 +6,21 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
+from models.contact_geometry import axes_of_rotation_vectors
 from models.scenario import Scenario, dump_scenario
 from skill.demonstration import Demonstration
 from systems.contact_plant import ABSURD_FORCE
 from systems.demonstration_recorder import DemonstrationRecorder
+from systems.jamming import is_jammed
+from systems.penetration import deepest_overlap
 from systems.provenance import versions
 from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment
 
 DIVERGED = "diverged"
-JAMMED_TRAVEL = 0.5e-3  # in units of m, in a second: less is no progress
-JAMMED_FORCE = 3.0  # in units of N: more is pressing
 
 
 class DemonstrationRun:
@@ -65,13 +65,16 @@ class DemonstrationRun:
         scenario, context = self._scenario, self.simulator.get_context()
         samples = DemonstrationRecorder.samples(self._environment.log, context)
         samples = samples[np.isfinite(samples.to_numpy()).all(axis=1)]  # what came before a divergence
-        force = float(np.linalg.norm(samples[["fx", "fy", "fz"]].to_numpy(), axis=1).max())
+        contact = samples[["fx", "fy", "fz"]].to_numpy()
+        force = float(np.linalg.norm(contact, axis=1).max())
         if force > ABSURD_FORCE:
             outcome, good = f"{DIVERGED}: a contact force of {force:.3g} N", False
-        if outcome == "time over" and is_jammed(samples):
+        if outcome == "time over" and is_jammed(samples["time"].to_numpy(), -samples["z"].to_numpy(), contact):
             outcome = "jammed"
         if outcome == "inserted" and force > scenario.recorder.rough_force:
             outcome = "inserted roughly"
+        axis_H = axes_of_rotation_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
+        overlap = deepest_overlap(scenario.geometry, samples[["x", "y", "z"]].to_numpy(), axis_H)
         return Demonstration(
             samples=samples,
             good=outcome == "inserted" if good is None else good,
@@ -80,21 +83,13 @@ class DemonstrationRun:
                 "seed": scenario.seed,
                 "habit": scenario.operator.habit,
                 "lowest_probe_energy_J": float(self._environment.energy_log.FindLog(context).data()[1].min()),
+                "penetration_um": round(1e6 * overlap, 1),
                 "geometry": asdict(scenario.geometry),
                 "scenario": dump_scenario(scenario),
                 "versions": versions(),
                 **metadata,
             },
         )
-
-
-def is_jammed(samples: pd.DataFrame) -> bool:
-    """Whether the last second brought no depth although something was pressed against."""
-    last = samples[samples["time"] > samples["time"].iloc[-1] - 1.0]
-    if last["time"].iloc[-1] < 1.0:
-        return False
-    force = np.linalg.norm(last[["fx", "fy", "fz"]].to_numpy(), axis=1)
-    return bool(np.ptp(last["z"]) < JAMMED_TRAVEL and force.mean() > JAMMED_FORCE)
 
 
 def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Demonstration:

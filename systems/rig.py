@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
@@ -20,22 +21,43 @@ from systems.rig_plant import RigPlant
 from systems.run_recorder import RunRecorder
 from systems.stepper_motor import StepperMotor
 from systems.visualization import AddVisualization
-from systems.wrench_sensor import WrenchSensor
+from systems.wrench_sensor import WrenchSensor, wrench_at_tip
 
 
 @dataclass(frozen=True)
 class RigDiagram:
-    """A built diagram and the parts that a run reads."""
+    """A built diagram and the parts that a run reads.
+
+    Attributes:
+        diagram: what a Simulator runs.
+        contact: the plant and its bodies.
+        recorder: of what the rig measures, commands and does.
+        start: of the carriage, m, and of pitch and yaw, rad.
+        tare: (6,), what the sensor's weld holds in free air: force (N), then moment (N m), in P.
+        sensor_height: of that weld above the tip, m.
+    """
 
     diagram: Diagram
     contact: RigPlant
     recorder: RunRecorder
     start: tuple[float, float, float]
+    tare: NDArray[np.float64]
+    sensor_height: float
 
     def set_start(self, context: Context) -> None:
         """Puts carriage and gimbal at the scenario's start; ``context`` is the diagram's."""
         carriage, pitch, yaw = self.start
         self.contact.set_start(context, carriage=carriage, pitch=pitch, yaw=yaw)
+
+    def contact_wrench(self, context: Context) -> NDArray[np.float64]:
+        """The true wrench (6,) on the peg about its tip, in P: force (N), then moment (N m); for measuring a run.
+
+        The inertia of the peg is in it too; at the rig's speeds that is a small part of a newton.
+        """
+        port = self.contact.reaction_forces
+        reaction = port.Eval(port.get_system().GetMyContextFromRoot(context))[self.contact.sensor]
+        held = np.concatenate([reaction.translational(), reaction.rotational()])
+        return wrench_at_tip(self.tare - held, self.sensor_height)
 
 
 def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = None) -> RigDiagram:
@@ -64,14 +86,10 @@ def WireRig(builder: DiagramBuilder, scenario: Scenario, skill: RigPolicy, conta
     period = scenario.contact.time_step
     # The peg tilted by theta relative to the hole is the hole turned by -theta.
     pitch, yaw = -scenario.start.tilt[0], -scenario.start.tilt[1]
+    tare = np.array([0.0, 0.0, contact.weight, 0.0, 0.0, 0.0])
     sensor = builder.AddNamedSystem(
         "wrench_sensor",
-        WrenchSensor(
-            parameters=scenario.sensor,
-            seed=scenario.seed,
-            weld=contact.sensor,
-            tare=np.array([0.0, 0.0, contact.weight, 0.0, 0.0, 0.0]),
-        ),
+        WrenchSensor(parameters=scenario.sensor, seed=scenario.seed, weld=contact.sensor, tare=tare),
     )
     encoder = builder.AddNamedSystem(
         "depth_encoder", DepthEncoder(home=scenario.sensor.height, resolution=scenario.rig.encoder_resolution)
@@ -133,7 +151,14 @@ def WireRig(builder: DiagramBuilder, scenario: Scenario, skill: RigPolicy, conta
     )
     diagram = builder.Build()
     diagram.set_name("rig")
-    return RigDiagram(diagram, contact, recorder, (scenario.sensor.height + scenario.start.height, pitch, yaw))
+    return RigDiagram(
+        diagram,
+        contact,
+        recorder,
+        start=(scenario.sensor.height + scenario.start.height, pitch, yaw),
+        tare=tare,
+        sensor_height=scenario.sensor.height,
+    )
 
 
 def _check_geometry(scenario: Scenario, skill: RigPolicy) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, InputPort, OutputPort
 
 
@@ -46,3 +47,6 @@ class RigPlant(Protocol):
 
     def tip_height(self, context: Context) -> float:
         """Of the centre of the peg's tip in W, m."""
+
+    def peg_in_hole(self, context: Context) -> RigidTransform:
+        """X_HP, the pose of the peg in the block."""

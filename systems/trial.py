@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from joblib import Parallel, delayed
+from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
@@ -15,6 +16,8 @@ from models.scenario import TRIAL_STREAM, Scenario, dump_scenario, resolve_scena
 from skill.rig_run import RigRun
 from systems.contact_plant import ABSURD_FORCE
 from systems.control_law import RigPolicy
+from systems.jamming import is_jammed
+from systems.penetration import deepest_overlap
 from systems.provenance import versions
 from systems.rig import MakeRig, RigDiagram
 
@@ -27,11 +30,14 @@ class TrialResult:
         seed: the number of the trial.
         tilt_deg: of the peg relative to the hole at the start, about x and y.
         inserted: whether the peg reached full depth.
-        reason: "inserted", "time over", or why the trial ended early.
+        reason: "inserted"; "jammed" or "time over", when the time ran out with the peg stuck (`is_jammed`) or not; or
+            why the trial ended early.
         time_s: simulated seconds.
         depth_mm: of the tip at the end.
         peak_axial_n: largest contact force along the peg.
         peak_lateral_n: largest contact force across it.
+        peak_moment_nm: largest contact moment about the tip.
+        penetration_um: deepest overlap of the round bodies at the recorded samples, of the simulated contact.
         steps: taken by both steppers.
         lost_steps: by both.
         back_offs: how often the supervisor drew the peg back.
@@ -47,6 +53,8 @@ class TrialResult:
     depth_mm: float
     peak_axial_n: float
     peak_lateral_n: float
+    peak_moment_nm: float
+    penetration_um: float
     steps: int
     lost_steps: int
     back_offs: int
@@ -55,38 +63,48 @@ class TrialResult:
 
 
 class TrialMonitor:
-    """Watches a running rig: ends the trial when the peg is in or the numbers are not, and keeps the peak forces.
+    """Watches a running rig: ends the trial when the peg is in or the numbers are not, and keeps what is measured.
 
     Attributes:
         reason: why the trial ended; "time over" until something else does.
-        peaks: largest axial and lateral contact force so far, N.
+        peaks: largest axial and lateral contact force (N) and moment about the tip (N m) so far.
         depth: of the tip, m.
     """
 
-    def __init__(self, rig: RigDiagram, full_depth: float) -> None:
+    def __init__(self, rig: RigDiagram, scenario: Scenario) -> None:
         self._rig = rig
-        self._full_depth = full_depth
+        self._scenario = scenario
+        self._next_pose = 0.0
+        self._poses: list[NDArray[np.float64]] = []
         self.reason = "time over"
-        self.peaks = np.zeros(2)
+        self.peaks = np.zeros(3)
         self.depth = float("nan")
 
     def __call__(self, context: Context) -> EventStatus:
         """The Simulator's monitor."""
-        plant = self._rig.contact
-        own = plant.reaction_forces.get_system().GetMyContextFromRoot(context)
-        held = plant.reaction_forces.Eval(own)[plant.sensor].translational()
-        self.depth = -plant.tip_height(context)
-        if not (np.isfinite(held).all() and np.isfinite(self.depth)):
+        wrench = self._rig.contact_wrench(context)
+        self.depth = -self._rig.contact.tip_height(context)
+        if not (np.isfinite(wrench).all() and np.isfinite(self.depth)):
             return self._end("diverged: a force or a position is not finite")
-        if np.linalg.norm(held) > ABSURD_FORCE:
-            return self._end(f"diverged: a contact force of {np.linalg.norm(held):.3g} N")
-        if context.get_time() > 0:
-            # The peg's own inertia is in the reaction too; at these speeds it is a small part of a newton.
-            axial, lateral = abs(held[2] - plant.weight), np.hypot(held[0], held[1])
-            self.peaks = np.maximum(self.peaks, [axial, lateral])
-        if self.depth >= self._full_depth:
+        force = float(np.linalg.norm(wrench[:3]))
+        if force > ABSURD_FORCE:
+            return self._end(f"diverged: a contact force of {force:.3g} N")
+        time = context.get_time()
+        if time > 0:
+            sizes = [abs(wrench[2]), np.hypot(wrench[0], wrench[1]), np.linalg.norm(wrench[3:])]
+            self.peaks = np.maximum(self.peaks, sizes)
+        if time >= self._next_pose - 1e-9:
+            X_HP = self._rig.contact.peg_in_hole(context)
+            self._poses.append(np.concatenate([X_HP.translation(), X_HP.rotation().col(2)]))
+            self._next_pose += self._scenario.controller.period
+        if self.depth >= self._scenario.full_depth:
             return self._end("inserted")
         return EventStatus.DidNothing()
+
+    def penetration(self) -> float:
+        """Deepest overlap of the round bodies, m, at one pose a controller period."""
+        poses = np.array(self._poses).reshape(-1, 6)
+        return deepest_overlap(self._scenario.geometry, poses[:, :3], poses[:, 3:])
 
     def _end(self, reason: str) -> EventStatus:
         self.reason = reason
@@ -126,13 +144,17 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
     simulator = Simulator(rig.diagram)
     context = simulator.get_mutable_context()
     rig.set_start(context)
-    monitor = TrialMonitor(rig, scenario.full_depth)
+    monitor = TrialMonitor(rig, scenario)
     simulator.set_monitor(monitor)
     try:
         simulator.AdvanceTo(scenario.trial.time_limit)
     except RuntimeError as error:  # Drake's solver gave up
         monitor.reason = f"diverged: {str(error).splitlines()[0][:120]}"
     samples = rig.recorder.samples(context)
+    if monitor.reason == "time over" and is_jammed(
+        samples["time"].to_numpy(), samples["depth"].to_numpy(), samples[["fx", "fy", "fz"]].to_numpy()
+    ):
+        monitor.reason = "jammed"
     last = samples.iloc[-1]
     states = samples["state"].to_numpy(dtype=int)
     result = TrialResult(
@@ -144,6 +166,8 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
         depth_mm=round(1e3 * monitor.depth, 2),
         peak_axial_n=round(float(monitor.peaks[0]), 1),
         peak_lateral_n=round(float(monitor.peaks[1]), 1),
+        peak_moment_nm=round(float(monitor.peaks[2]), 3),
+        penetration_um=round(1e6 * monitor.penetration(), 1),
         steps=int(last["pitch_taken"] + last["yaw_taken"]),
         lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
         back_offs=int((samples["guard"].diff() > 0).sum()),

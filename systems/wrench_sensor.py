@@ -15,6 +15,12 @@ from systems.noise import standard_normal
 from systems.rotation import cross
 
 
+def wrench_at_tip(wrench: NDArray[np.float64], height: float) -> NDArray[np.float64]:
+    """Moves a wrench (6,), force (N) then moment (N m), from the mount at ``height`` (m) above the tip to the tip."""
+    force, moment = wrench[:3], wrench[3:]
+    return np.concatenate([force, moment + cross(np.array([0.0, 0.0, height]), force)])
+
+
 class WrenchSensor(LeafSystem):
     """
     .. pydrake_system::
@@ -69,7 +75,4 @@ class WrenchSensor(LeafSystem):
         )
 
     def _calc_wrench(self, context: Context, output: BasicVector) -> None:
-        reading = context.get_discrete_state(self._reading).value()
-        force, moment = reading[:3], reading[3:]
-        lever = np.array([0.0, 0.0, self._parameters.height])
-        output.SetFromVector(np.concatenate([force, moment + cross(lever, force)]))
+        output.SetFromVector(wrench_at_tip(context.get_discrete_state(self._reading).value(), self._parameters.height))

@@ -21,6 +21,7 @@ from skill.manipulation_skill import ManipulationSkill
 from skill.rig_run import read_rig_run
 
 ROOT = Path(__file__).resolve().parents[2]
+MEASURED_OF_A_TRIAL = ("time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "peak_moment_nm", "penetration_um")
 MODULES = sorted(
     f"scripts.{path.stem}" for path in (ROOT / "scripts").glob("*.py") if "typer.Typer(" in path.read_text()
 )
@@ -121,10 +122,10 @@ def test_the_json_has_one_object_a_trial_with_the_promised_keys(chain):
     results = json.loads((out / "mine.json").read_text())
     assert [r["seed"] for r in results] == [5, 6]
     for r in results:
-        assert {"inserted", "reason", "time_s", "depth_mm", "peak_axial_n", "peak_lateral_n"} <= set(r)
+        assert {"inserted", "reason", *MEASURED_OF_A_TRIAL} <= set(r)
         assert isinstance(r["inserted"], bool)
         assert r["inserted"] == (r["reason"] == "inserted")
-        assert all(math.isfinite(r[k]) for k in ("time_s", "depth_mm", "peak_axial_n", "peak_lateral_n"))
+        assert all(math.isfinite(r[k]) for k in MEASURED_OF_A_TRIAL)
         assert max(map(abs, r["tilt_deg"])) <= 1.0
     assert f"{sum(r['inserted'] for r in results)} of 2 inserted" in run.stdout
 

@@ -4,9 +4,11 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from models.scenario import parse_scenario, resolve_scenario
 from skill.manipulation_skill import Action, ManipulationSkill
+from systems.penetration import round_bodies
 from systems.trial import TRIAL_STREAM, run_trial, run_trials, trial_scenario
 
 
@@ -56,7 +58,38 @@ def test_the_row_is_the_sum_of_the_record(inserted):
     assert lateral - noise <= result.peak_lateral_n
     assert result.peak_lateral_n < 3 * lateral + 5
     assert np.abs(s["fz"]).max() - noise <= result.peak_axial_n
+    moment = np.linalg.norm(s[["mx", "my", "mz"]], axis=1).max()
+    lever = 5 * (scenario.sensor.torque_bias + scenario.sensor.height * scenario.sensor.force_bias) + 0.01
+    assert moment - lever <= result.peak_moment_nm < 3 * moment + 0.1
     assert run.result == asdict(result)
+
+
+def test_the_overlap_is_that_of_the_round_bodies_at_the_recorded_poses(inserted):
+    """Contact presses a compliant peg into the wall; only the mount gives way sideways."""
+    scenario, result, run = inserted
+    bodies = round_bodies(scenario.geometry)
+    s = run.samples
+    # The hole turns about its pivot, by yaw within pitch; the peg stays upright, and nearly on its axis.
+    R_WH = Rotation.from_euler("XY", s[["pitch", "yaw"]].to_numpy())
+    pivot = np.array([0.0, 0.0, scenario.rig.pivot_height])
+    tip = np.column_stack([np.zeros(len(s)), np.zeros(len(s)), s["tip_z"]])
+    p_HP = R_WH.inv().apply(tip - pivot) + pivot
+    unbent = -bodies.gap(p_HP, R_WH.inv().apply([0.0, 0.0, 1.0])).min()
+    bend = result.peak_lateral_n / scenario.rig.mount_stiffness
+    assert result.penetration_um == pytest.approx(1e6 * unbent, abs=1e6 * bend + 0.1)
+    assert result.penetration_um > 1.0
+
+
+def test_a_peg_that_is_stuck_when_the_time_runs_out_is_jammed(quick_scenario, skill):
+    """Nothing turns the hole, so the peg stays wedged however often it is drawn back."""
+    quick_scenario.controller.gain = 1e-9
+    quick_scenario.start.tilt = [0.05, 0.0]
+    quick_scenario.start.height = 1e-4
+    quick_scenario.trial.time_limit = 2.0
+    result, run = run_trial(trial_scenario(quick_scenario, number=0), skill, seed=0)
+    assert (result.inserted, result.reason) == (False, "jammed")
+    assert result.time_s == pytest.approx(2.0)
+    assert run.result["reason"] == "jammed"
 
 
 def test_the_record_holds_all_that_is_needed_to_make_it_again(inserted, skill):
