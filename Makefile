@@ -4,7 +4,7 @@ BIN := .venv/bin
 # One thread a process: the small matrices of the learner lose time with more.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint bench bench-rig clean
 
 demo: .venv
 	$(BIN)/python -m scripts.demo
@@ -22,6 +22,11 @@ BENCHMARKS := clustering clustering_speed regression regression_intervals realti
 bench: .venv
 	$(BIN)/pip install --quiet --editable ".[peers]" 2> .venv/install.log || (cat .venv/install.log; exit 1)
 	for name in $(BENCHMARKS); do $(BIN)/python -m benchmarks.$$name --json out/benchmarks/$$name.json || exit 1; done
+
+# Hundreds of insertions: about an hour. It can be interrupted and given again.
+bench-rig: .venv
+	$(BIN)/python -m benchmarks.rig_peers --jobs 2 --json out/benchmarks/rig_peers.json
+	$(BIN)/python -m benchmarks.rig_ablations --jobs 2 --json out/benchmarks/rig_ablations.json --figures out/benchmarks
 
 .venv: .venv/ready
 .venv/ready: pyproject.toml
