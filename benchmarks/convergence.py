@@ -32,7 +32,7 @@ sys.path.insert(0, str(ROOT))
 from models.contact_geometry import PegInHole, axes_of_rotation_vectors  # noqa: E402  (after the path is known)
 from models.contact_theory import two_point_depth  # noqa: E402
 from models.scenario import Scenario  # noqa: E402
-from systems.contact_measurements import PegTheory, measured_two_point_depth  # noqa: E402
+from systems.contact_measurements import PegTheory, PlanarProbe, measured_two_point_depth  # noqa: E402
 from systems.contact_probe import ContactProbe, PlanarPose  # noqa: E402
 
 REST = 0.08  # s, until the peg has come to rest
@@ -58,24 +58,28 @@ def measure(setting: dict[str, Any], tilt: float, force: float) -> dict[str, Any
     h = float(two_point_depth(tilt, peg_radius=sizes.r, hole_radius=sizes.R))
     play = measured_two_point_depth(probe, sizes, tilt)
     outside = 1.0 if matched else 1.0 / np.cos(np.pi / g.facets)
+    bodies = PegInHole(g.peg_radius, g.hole_radius * outside, g.hole_depth, g.chamfer)
+    return {"play_depth_error": play / h - 1.0, **press(probe, sizes, bodies, tilt, force)}
+
+
+def press(probe: PlanarProbe, sizes: PegTheory, bodies: PegInHole, tilt: float, force: float) -> dict[str, float]:
+    """The peg at rest under a push with its tilt held, and the cost of a step; see the module."""
+    h = float(two_point_depth(tilt, peg_radius=sizes.r, hole_radius=sizes.R))
     probe.hold()
     start = sizes.two_point_pose(tilt, h - 2e-5)
     probe.place(PlanarPose(start.x + 1e-7, start.z, tilt))
     probe.hold("tilt")
     probe.load(0.0, -force, 0.0)
-    probe.step(round(REST / scenario.contact.time_step))
-    steps = max(5, round(TIMED / scenario.contact.time_step))
+    probe.step(round(REST / probe.time_step))
+    steps = max(5, round(TIMED / probe.time_step))
     begun = time.process_time()
     probe.step(steps)
     cost = (time.process_time() - begun) / steps
     pose = probe.pose()
-    bodies = PegInHole(g.peg_radius, g.hole_radius * outside, g.hole_depth, g.chamfer)
     gap = bodies.gap([[pose.x, 0.0, pose.z]], axes_of_rotation_vectors([[0.0, pose.tilt, 0.0]]))[0]
     return {
-        "play_depth_error": play / h - 1.0,
         "depth_error": (sizes.mouth - pose.z) / h - 1.0,
         "moment": float(probe.contact_load()[2]),
-        "speed": float(np.abs(probe.velocity()[1])),
         "overlap_um": max(0.0, -1e6 * gap),
         "cost_ms": 1e3 * cost,
     }

@@ -1,141 +1,119 @@
-"""Two cases of two-point contact in MuJoCo: how near to rigid bodies, and at what cost of a step.
+"""Two-point contact in Drake and in MuJoCo: how near to rigid bodies, and at what cost of a step.
 
     python -m benchmarks.engines [--json FILE]       needs the extra [peers]
 
-Press: a peg whose tilt is held at 1 degree, free along x and z, is pushed with 5 N until it rests on two points (case
-of `benchmarks.convergence`); its depth is compared with the exact h(theta). Crawl: a peg with planar freedoms, 20 mm
-deep, is loaded with a moment and slides slowly; the axial contact force is compared with Whitney's balance, as in
-`benchmarks.theory`.
+Both engines move the same peg with the same planar freedoms through the same cases:
 
-In MuJoCo the peg is an exact cylinder and the bore a ring of boxes that touch the true circle, without a chamfer; the
-plane of motion goes through the middle of a box. Time constants of its contact are given in steps. This is two contact
-cases and not the rig: neither controller nor trials run in MuJoCo here.
+- press: a peg whose tilt is held at 1 degree is pushed with 5 N until it rests on two points (case of
+  `benchmarks.convergence`): its depth against the exact h(theta), how deep the round bodies overlap, and the moment
+  that the contacts need to carry the push, against that of both contacts slipping;
+- light and firm crawl: 20 mm deep, the peg slides slowly under a moment that presses each contact with 0.2 and with
+  10 N; the axial contact force against Whitney's balance, and for the firm crawl its standard deviation.
+
+In MuJoCo the peg is an exact cylinder and the bore a ring of boxes (`benchmarks.mujoco_model`). The rig and its trials
+in both engines are in `benchmarks.mujoco_rig`.
 """
 
 from __future__ import annotations
 
 import argparse
+import copy
 import json
 import sys
-import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-import mujoco
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from benchmarks.convergence import REST, TIMED, measure  # noqa: E402  (after the path is known)
-from models.contact_theory import two_point_axial_force, two_point_depth, two_point_tilt  # noqa: E402
+from benchmarks.convergence import FINEST, press  # noqa: E402  (after the path is known)
+from benchmarks.mujoco_model import MujocoContact, MujocoProbe  # noqa: E402
+from models.contact_geometry import PegInHole  # noqa: E402
+from models.contact_theory import two_point_push_moment  # noqa: E402
 from models.scenario import Scenario  # noqa: E402
-from systems.contact_measurements import force_balance  # noqa: E402
+from systems.contact_measurements import CRAWLING, PegTheory, PlanarProbe, converged, crawl  # noqa: E402
+from systems.contact_probe import ContactProbe  # noqa: E402
 
-CRAWL_DEPTH, CRAWL_MOMENT = 0.020, 4e-3  # m, N m
-
-
-def model_text(
-    boxes: int, step: float, time_constant: float, *, mass: float, inertia: float, drag: tuple[float, float, float]
-) -> str:
-    """MJCF of a planar peg over the ring of boxes; the origin is the mouth's centre."""
-    g = Scenario().geometry
-    thickness = 0.005
-    ring = []
-    for k in range(boxes):
-        angle = 2.0 * np.pi * k / boxes
-        x, y = (g.hole_radius + thickness) * np.array([np.cos(angle), np.sin(angle)])
-        width = (g.hole_radius + thickness) * np.tan(np.pi / boxes)
-        ring.append(
-            f'<geom type="box" pos="{x:.9f} {y:.9f} {-g.hole_depth / 2}" euler="0 0 {angle:.9f}"'
-            f' size="{thickness} {width:.9f} {g.hole_depth / 2}" contype="1" conaffinity="2"/>'
-        )
-    friction = Scenario().contact.friction
-    return f"""
-<mujoco>
-  <compiler angle="radian"/>
-  <option timestep="{step}" gravity="0 0 0" cone="elliptic" integrator="implicitfast"/>
-  <default><geom friction="{friction} 0 0" condim="3" solref="{time_constant} 1" solimp="0.95 0.99 0.0001"/></default>
-  <worldbody>
-    {"".join(ring)}
-    <body>
-      <joint type="slide" axis="1 0 0" damping="{drag[0]}"/>
-      <joint type="slide" axis="0 0 1" damping="{drag[1]}"/>
-      <joint type="hinge" axis="0 1 0" damping="{drag[2]}"/>
-      <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
-      <geom type="cylinder" size="{g.peg_radius} {g.peg_length / 2}" contype="2" conaffinity="1"
-            pos="0 0 {g.peg_length / 2}"/>
-    </body>
-  </worldbody>
-</mujoco>"""
+TILT, PUSH = np.radians(1.0), 5.0  # rad, N
+CRAWL_DEPTH, CRAWL_MOMENTS = 0.020, {"light": 4e-3, "firm": 0.2}  # m, N m
+PRESSED: dict[str, Any] = {"mass": 0.5, "damping": (5.0, 40.0, 0.0)}
 
 
-def press(tilt: float, force: float, *, boxes: int, step: float, contact_steps: float) -> dict[str, float]:
-    """The peg's depth at rest with its tilt held, and the cost of a step."""
-    g = Scenario().geometry
-    # So much inertia holds the tilt.
-    text = model_text(boxes, step, contact_steps * step, mass=0.5, inertia=1e3, drag=(5.0, 40.0, 1e4))
-    model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
-    h = float(two_point_depth(tilt, peg_radius=g.peg_radius, hole_radius=g.hole_radius))
-    data.qpos[:] = [-(g.hole_radius - g.peg_radius * np.cos(tilt)) + 1e-7, -(h - 2e-5), tilt]
-    data.qfrc_applied[:] = [0.0, -force, 0.0]
-    mujoco.mj_step(model, data, nstep=round(REST / step))
-    count = max(200, round(TIMED / step))
-    begun = time.process_time()
-    mujoco.mj_step(model, data, nstep=count)
-    cost = (time.process_time() - begun) / count
-    overlap = max(0.0, -1e6 * min((float(c.dist) for c in data.contact), default=0.0))
-    return {"depth_error": -data.qpos[1] / h - 1.0, "overlap_um": overlap, "cost_ms": 1e3 * cost}
+def measure(make: Callable[..., PlanarProbe], scenario: Scenario) -> dict[str, float]:
+    """All cases with one engine and one setting."""
+    g, friction, sizes = scenario.geometry, scenario.contact.friction, PegTheory.of(scenario)
+    bodies = PegInHole(g.peg_radius, g.hole_radius, g.hole_depth, g.chamfer)
+    row = press(make(**PRESSED), sizes, bodies, TILT, PUSH)
+    slipping = two_point_push_moment(PUSH, TILT, peg_radius=sizes.r, hole_radius=sizes.R, friction=friction)
+    row["moment_error"] = row.pop("moment") / slipping - 1.0
+    for name, moment in CRAWL_MOMENTS.items():
+        probe = make(**CRAWLING)
+        predicted, measured = crawl(probe, sizes, friction, lateral=0.0, moment=moment, depth=CRAWL_DEPTH)
+        row[f"{name}_error"] = float(measured.mean()) / predicted - 1.0
+        row[f"{name}_spread"] = float(measured.std()) / predicted
+    return row
 
 
-def crawl(*, boxes: int, step: float, contact_steps: float) -> float:
-    """Mean axial contact force of the crawling peg over the predicted one, less one."""
-    scenario = Scenario()
-    g, friction = scenario.geometry, scenario.contact.friction
-    law = {"peg_radius": g.peg_radius, "friction": friction}
-    expected = float(two_point_axial_force(0.0, CRAWL_MOMENT, depth=CRAWL_DEPTH, **law))
-    text = model_text(boxes, step, contact_steps * step, mass=0.15, inertia=3e-5, drag=(5.0, 400.0, 0.01))
-    model = mujoco.MjModel.from_xml_string(text)
-    data = mujoco.MjData(model)
-    tilt = two_point_tilt(CRAWL_DEPTH, peg_radius=g.peg_radius, hole_radius=g.hole_radius)
-    data.qpos[:] = [-(g.hole_radius - g.peg_radius * np.cos(tilt)), -CRAWL_DEPTH, tilt]
-    data.qfrc_applied[:] = [0.0, -2.0 * expected, CRAWL_MOMENT]
-    mujoco.mj_step(model, data, nstep=round(0.15 / step))
-    forces, predicted = [], []
-    for _ in range(40):
-        mujoco.mj_step(model, data, nstep=max(1, round(5e-4 / step)))
-        forces.append(float(data.qfrc_constraint[1]))
-        predicted.append(float(two_point_axial_force(0.0, CRAWL_MOMENT, depth=-data.qpos[1], **law)))
-    return float(np.mean(forces) / np.mean(predicted) - 1.0)
+def settings() -> Iterator[tuple[str, Callable[..., PlanarProbe], Scenario]]:
+    """Name, maker of probes, and scenario of every row."""
+    default = Scenario()
+    finest = copy.deepcopy(default)
+    finest.geometry.facets, finest.contact.time_step = FINEST["facets"], FINEST["time_step"]
+    for name, scenario in (
+        ("default", default),
+        ("finest", finest),
+        ("nearest to rigid", converged(default, default.contact.friction)),
+    ):
+        c = scenario.contact
+        text = f"Drake, {name}: n = {scenario.geometry.facets}, {c.modulus:.0e} Pa, {1e3 * c.time_step:g} ms"
+
+        def drake(scenario: Scenario = scenario, **freedoms: Any) -> ContactProbe:
+            return ContactProbe(scenario, **freedoms)
+
+        yield text, drake, scenario
+    rig = MujocoContact()
+    hard = replace(rig, time_constant=2.0, impedance=(0.95, 0.99, 1e-4))
+    for name, contact in (
+        ("the rig's", rig),
+        ("half the step", replace(rig, time_step=0.5 * rig.time_step)),
+        ("256 boxes", replace(rig, boxes=256)),
+        ("hard", hard),
+        ("hard, distances to 1 um", replace(hard, precision=1e-6)),
+        ("hard, quarter of the step", replace(hard, time_step=0.25 * rig.time_step)),
+    ):
+
+        def mujoco(contact: MujocoContact = contact, **freedoms: Any) -> MujocoProbe:
+            return MujocoProbe(default, contact, **freedoms)
+
+        yield f"MuJoCo, {name}: {contact.boxes} boxes, {1e3 * contact.time_step:g} ms", mujoco, default
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     arguments = parser.parse_args()
-    tilt, force = np.radians(1.0), 5.0
-    scenario = Scenario()
     rows: dict[str, dict[str, float]] = {}
-    for setting in ({"corners": "outside"}, {}, {"facets": 32, "modulus": 1e10}):
-        text = ", ".join(
-            f"{name} {value:g}" if name != "corners" else "corners outside the circle"
-            for name, value in setting.items()
-        )
-        rows[f"Drake, {text or 'corners on the circle'}"] = measure(setting, tilt, force)
-    predicted, measured = force_balance(scenario, scenario.contact.friction, depth=CRAWL_DEPTH, shares=[0.0])
-    rows["Drake, 3e10 Pa, 0.25 ms"] = {"force_error": float(measured[0] / predicted[0] - 1.0)}
-    for step, boxes, contact in ((1e-3, 64, 2.0), (1e-3, 64, 20.0), (1e-3, 256, 2.0), (2.5e-4, 64, 2.0)):
-        name = f"MuJoCo, {boxes} boxes, {1e3 * step:g} ms, contact {contact:g} steps"
-        settings = {"boxes": boxes, "step": step, "contact_steps": contact}
-        rows[name] = press(tilt, force, **settings) | {"force_error": crawl(**settings)}
-    print(f"{'':46} {'depth':>8} {'overlap um':>10} {'axial force':>11} {'ms a step':>9}")
-    for name, row in rows.items():
-        percent = {key: f"{100 * row[key]:.1f} %" if key in row else "-" for key in ("depth_error", "force_error")}
-        plain = {key: f"{row[key]:.3f}" if key in row else "-" for key in ("overlap_um", "cost_ms")}
-        print(
-            f"{name:46} {percent['depth_error']:>8} {plain['overlap_um']:>10} {percent['force_error']:>11}"
-            f" {plain['cost_ms']:>9}"
-        )
+    columns = {
+        "depth_error": "depth",
+        "overlap_um": "overlap um",
+        "moment_error": "moment",
+        "light_error": "light crawl",
+        "firm_error": "firm crawl",
+        "firm_spread": "its spread",
+        "cost_ms": "ms a step",
+    }
+    print(f"{'':52}" + "".join(f"{title:>13}" for title in columns.values()))
+    for name, make, scenario in settings():
+        row = rows[name] = measure(make, scenario)
+        cells = [
+            f"{row[key]:.3f}" if key == "cost_ms" else f"{row[key]:.1f}" if "um" in key else f"{100 * row[key]:.1f} %"
+            for key in columns
+        ]
+        print(f"{name:52}" + "".join(f"{cell:>13}" for cell in cells), flush=True)
     if arguments.json:
         arguments.json.write_text(json.dumps(rows, indent=1))
 

@@ -85,6 +85,33 @@ def two_point_axial_force(
     return np.asarray(2.0 * friction * M / length + friction * (1.0 + 2.0 * friction * peg_radius / length) * F)
 
 
+def two_point_push_moment(
+    force: float, tilt: float, *, peg_radius: float, hole_radius: float, friction: float
+) -> float:
+    """Moment of the contacts about the tip, N m, on a peg whose held tilt is pushed into two-point contact by F_z.
+
+    With N at the tip, horizontal, and N' at the mouth, square to the peg, both slipping upwards,
+
+        N = N' (cos - mu sin),   F_z = mu N + N' (sin + mu cos):
+
+    the least squeeze that carries the push. Where the tilt is below the friction angle the peg, which is held, is a
+    wedge that locks itself: friction at rest may be anything less, and the moment more.
+
+    Args:
+        force: F_z, N.
+        tilt: rad, positive about y.
+        peg_radius: r, m.
+        hole_radius: R, m.
+        friction: mu.
+    """
+    c, s, mu = math.cos(tilt), math.sin(tilt), friction
+    h = float(two_point_depth(tilt, peg_radius=peg_radius, hole_radius=hole_radius))
+    mouth = force / (mu * (c - mu * s) + s + mu * c)
+    tip = mouth * (c - mu * s)
+    at_tip = peg_radius * (s + mu * c) * tip
+    return at_tip - (h * (c - mu * s) + (2.0 * hole_radius - peg_radius * c) * (s + mu * c)) * mouth
+
+
 def wedging_tilt(*, peg_radius: float, hole_radius: float, friction: float) -> float:
     """Whitney's smallest tilt, rad, of two-point contact that can wedge: c / mu."""
     return (hole_radius - peg_radius) / hole_radius / friction

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +26,8 @@ from systems.contact_probe import ContactProbe, PlanarPose
 
 Array = NDArray[np.float64]
 
+# The drag on z makes the peg crawl, so that no inertia and no drag on the tilt enters the balance.
+CRAWLING: dict[str, Any] = {"mass": 0.15, "inertia": 3e-5, "damping": (5.0, 400.0, 0.01)}
 SETTLE, SLIDE = 0.03, 0.10
 """s: the peg settles sideways with its height held, then it is let go."""
 
@@ -177,27 +180,69 @@ def force_balance(
         shares: of the lateral force in mu d F_x / M, against which the formula is linear.
     """
     sizes = PegTheory.of(scenario)
-    # The drag on z makes the peg crawl, so that no inertia and no drag on the tilt enters the balance.
-    probe = ContactProbe(converged(scenario, friction), mass=0.15, inertia=3e-5, damping=(5.0, 400.0, 0.01))
-    tilt = two_point_tilt(depth, peg_radius=sizes.r, hole_radius=sizes.R)
-    predicted, measured = [], []
+    probe = ContactProbe(converged(scenario, friction), **CRAWLING)
+    forces = []
     for share in np.asarray(shares, dtype=float):
-        moment = 4e-3 * (1.0 - share)
-        lateral = 4e-3 * share / depth
-        law = {"peg_radius": sizes.r, "friction": friction}
-        expected = float(two_point_axial_force(lateral, moment, depth=depth, **law))
-        probe.hold()
-        probe.place(sizes.two_point_pose(tilt, depth))
-        probe.load(-lateral, -2.0 * expected, moment)
-        probe.step(round(0.15 / probe.time_step))
-        resisted = []
-        for _ in range(20):
-            probe.step(8)
-            resisted.append(probe.contact_load()[1])
-        now = sizes.mouth - probe.pose().z
-        predicted.append(float(two_point_axial_force(lateral, moment, depth=now, **law)))
-        measured.append(float(np.mean(resisted)))
-    return np.array(predicted), np.array(measured)
+        moment, lateral = 4e-3 * (1.0 - share), 4e-3 * share / depth
+        predicted, resisted = crawl(probe, sizes, friction, lateral=lateral, moment=moment, depth=depth)
+        forces.append((predicted, float(np.mean(resisted))))
+    predicted_all, measured_all = np.array(forces).T
+    return predicted_all, measured_all
+
+
+class PlanarProbe(Protocol):
+    """What a measurement moves: `ContactProbe` has it, and so may a probe of another engine."""
+
+    time_step: float
+
+    def place(self, pose: PlanarPose) -> None:
+        """See `ContactProbe`."""
+
+    def load(self, force_x: float, force_z: float, moment: float) -> None:
+        """See `ContactProbe`."""
+
+    def hold(self, *names: str) -> None:
+        """See `ContactProbe`."""
+
+    def step(self, count: int = 1) -> None:
+        """See `ContactProbe`."""
+
+    def pose(self) -> PlanarPose:
+        """See `ContactProbe`."""
+
+    def contact_load(self) -> Array:
+        """See `ContactProbe`."""
+
+
+def crawl(
+    probe: PlanarProbe, sizes: PegTheory, friction: float, *, lateral: float, moment: float, depth: float
+) -> tuple[float, Array]:
+    """Axial force of a peg that slides slowly under a constant load in two-point contact.
+
+    Args:
+        probe: with the freedoms of `CRAWLING`.
+        sizes: of the bodies.
+        friction: mu.
+        lateral: F_x in Whitney's sense, N.
+        moment: M about the tip, N m.
+        depth: l, m, at the start.
+
+    Returns:
+        the predicted force, N, where the peg ends, and the 20 measured over the last 40 ms.
+    """
+    law = {"peg_radius": sizes.r, "friction": friction}
+    tilt = two_point_tilt(depth, peg_radius=sizes.r, hole_radius=sizes.R)
+    expected = float(two_point_axial_force(lateral, moment, depth=depth, **law))
+    probe.hold()
+    probe.place(sizes.two_point_pose(tilt, depth))
+    probe.load(-lateral, -2.0 * expected, moment)
+    probe.step(round(0.15 / probe.time_step))
+    resisted = []
+    for _ in range(20):
+        probe.step(round(2e-3 / probe.time_step))
+        resisted.append(float(probe.contact_load()[1]))
+    now = sizes.mouth - probe.pose().z
+    return float(two_point_axial_force(lateral, moment, depth=now, **law)), np.array(resisted)
 
 
 def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float, push: float = 1.0) -> float:
