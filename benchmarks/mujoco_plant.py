@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.math import SpatialForce
 from pydrake.systems.framework import (
     BasicVector,
@@ -125,6 +126,18 @@ class MujocoPlant(LeafSystem):
         """See `RigPlant`."""
         own = self.GetMyContextFromRoot(context)
         return float(own.get_discrete_state(self._kept).value()[self._feed]) + self._tip
+
+    def peg_in_hole(self, context: Context) -> RigidTransform:
+        """See `RigPlant`."""
+        own = self.GetMyContextFromRoot(context)
+        data = self._scratch.Eval(own)
+        mujoco.mj_setState(self._model, data, own.get_discrete_state(self._kept).value(), KEPT)
+        mujoco.mj_kinematics(self._model, data)
+        X_WH, X_WP = (
+            RigidTransform(RotationMatrix(body.xmat.reshape(3, 3)), body.xpos)
+            for body in (data.body("block"), data.body("peg"))
+        )
+        return X_WH.inverse() @ X_WP
 
     def advance(self, data: mujoco.MjData) -> None:
         """Takes the period's steps."""

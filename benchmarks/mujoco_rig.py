@@ -3,14 +3,14 @@
     python -m benchmarks.mujoco_rig [--skill FILE] [--trials 20] [--seed 0] [--blind 20] [--scenario nominal]
                                     [--json FILE]                                     needs the extra [peers]
 
-A trial is the same in both: the resolved scenario of its seed (tilt, pivot, friction, sensor noise), the same skill, and
-the same motors, sensor, estimator and controller, which are this project's own; only the bodies and their contact are
-MuJoCo's (`benchmarks.mujoco_plant`). The first ``--trials`` are controlled by the skill. The next ``--blind`` push only
-(gain 0), from the same starts: many of them jam, so that engines can disagree. Without ``--skill`` thirty demonstrations
-are recorded and learnt first, in Drake.
+A trial is the same in both: the resolved scenario of its seed (tilt, pivot, friction, sensor noise), the same skill,
+and the same motors, sensor, estimator and controller, which are this project's own; only the bodies and their contact
+are MuJoCo's (`benchmarks.mujoco_plant`). The first ``--trials`` are controlled by the skill. The next ``--blind`` push
+only (gain 0), from the same starts: many of them jam, so that the engines can disagree. Without ``--skill`` thirty
+demonstrations are recorded and learnt first, in Drake.
 
-Times are CPU time of this process. "A step's physics" is for MuJoCo the time in its own step; for Drake it is the time of
-a whole trial less what the same systems around the plant cost in the MuJoCo trial, by the step.
+Times are CPU time of this process. "A step's physics" is for MuJoCo the time in its own step; for Drake it is the time
+of a whole trial less what the same systems around the plant cost in the MuJoCo trial, by the step.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ def test_a_peg_pressed_on_the_floor_of_the_hole_reads_the_force_it_is_pressed_wi
     bench = Bench(scenario, force=hanging(scenario) - push).start(tip_z=-scenario.geometry.hole_depth).advance(0.3)
     np.testing.assert_allclose(bench.held()[:3], [0, 0, bench.plant.weight - push], atol=0.02)
     sunk = -bench.plant.tip_height(bench.simulator.get_context()) - scenario.geometry.hole_depth
-    assert 0 < sunk < 30e-6
+    assert 0 < sunk < 1e-4
 
 
 def test_the_mount_yields_by_force_over_stiffness_and_the_sensor_feels_the_lever(scenario):
@@ -120,8 +120,8 @@ def test_an_overloaded_stepper_gives_its_holding_torque_and_no_more(scenario):
     assert data.actuator_force[1] == pytest.approx(scenario.stepper.holding_torque)
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.01, 0.04])
-def test_the_ring_of_boxes_is_the_exact_bore(tilt):
+@pytest.mark.parametrize(("tilt", "deep"), [(0.0, (-0.004, 5e-5)), (0.01, (-0.012, 5e-5)), (0.04, (-0.004, -0.001))])
+def test_the_ring_of_boxes_is_the_exact_bore(tilt, deep):
     """A peg that overlaps by some micrometres, by exact geometry and as MuJoCo sees it."""
     scenario = Scenario()
     g = scenario.geometry
@@ -130,7 +130,7 @@ def test_the_ring_of_boxes_is_the_exact_bore(tilt):
     axis = axes_of_rotation_vectors([[0.0, tilt, 0.0]])
     rng = np.random.default_rng(1)
     compared = 0
-    for x, z in zip(rng.uniform(-4e-4, 4e-4, 200), rng.uniform(-0.004, 5e-5, 200), strict=True):
+    for x, z in zip(rng.uniform(-4e-4, 4e-4, 300), rng.uniform(*deep, 300), strict=True):
         gap = bodies.gap([[x, 0.0, z]], axis)[0]
         if not -3e-5 < gap < -1e-6:
             continue
@@ -168,6 +168,18 @@ def test_the_moment_of_a_pushed_peg_is_whitneys_where_the_tilt_is_small():
     depth = 2 * 5e-5 / tilt
     moment = two_point_push_moment(force, tilt, friction=friction, **sizes)
     assert -moment == pytest.approx(force * depth / (2 * friction), rel=0.03)
+
+
+def test_both_engines_start_with_the_peg_in_the_same_place(scenario):
+    scenario.rig.pivot_height = 0.002
+    poses = []
+    for add in (AddRigPlant, lambda builder, scenario: MujocoPlant.AddToBuilder(builder, scenario, MujocoContact())):
+        builder = DiagramBuilder()
+        plant = add(builder, scenario)
+        context = builder.Build().CreateDefaultContext()
+        plant.set_start(context, carriage=0.081, pitch=0.04, yaw=-0.03)
+        poses.append(plant.peg_in_hole(context).GetAsMatrix34())
+    np.testing.assert_allclose(poses[0], poses[1], atol=1e-12)
 
 
 def test_two_contexts_do_not_disturb_each_other(scenario):
