@@ -6,7 +6,7 @@
 A trial is the same in both: the resolved scenario of its seed (tilt, pivot, friction, sensor noise), the same skill,
 and the same motors, sensor, estimator and controller, which are this project's own; only the bodies and their contact
 are MuJoCo's (`benchmarks.mujoco_plant`). The first ``--trials`` are controlled by the skill. The next ``--blind`` push
-only (gain 0), from the same starts: many of them jam, so that the engines can disagree. Without ``--skill`` thirty
+only (gain 0, for 4 s), from the same starts: many jam, so that the engines can disagree. Without ``--skill`` thirty
 demonstrations are recorded and learnt first, in Drake.
 
 Times are CPU time of this process. "A step's physics" is for MuJoCo the time in its own step; for Drake it is the time
@@ -39,6 +39,9 @@ from skill.manipulation_skill import ManipulationSkill  # noqa: E402
 from systems.demonstration_set import demonstrate_all, requests  # noqa: E402
 from systems.rig import MakeRig, RigDiagram, WireRig  # noqa: E402
 from systems.trial import run_rig, trial_scenario  # noqa: E402
+
+
+BLIND_TIME = 4.0  # in units of s; what has not gone in by then does not
 
 
 class TimedPlant(MujocoPlant):
@@ -107,7 +110,8 @@ def summary(pairs: list[dict[str, Any]]) -> dict[str, Any]:
         "agreement_interval": wilson(agreed, len(pairs)),
         "same_reason": sum(p["drake"]["reason"] == p["mujoco"]["reason"] for p in pairs),
         "median_difference": {
-            name: change(name) for name in ("time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "steps")
+            name: change(name)
+            for name in ("time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "penetration_um", "steps")
         },
         "largest_depth_difference_mm": max(abs(p["mujoco"]["depth_mm"] - p["drake"]["depth_mm"]) for p in pairs),
     } | {
@@ -116,7 +120,15 @@ def summary(pairs: list[dict[str, Any]]) -> dict[str, Any]:
             "inserted_interval": wilson(sum(r["inserted"] for r in rows), len(rows)),
             **{
                 f"median_{key}": float(np.median([r[key] for r in rows]))
-                for key in ("time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "cpu_s", "physics_ms")
+                for key in (
+                    "time_s",
+                    "depth_mm",
+                    "peak_axial_n",
+                    "peak_lateral_n",
+                    "penetration_um",
+                    "cpu_s",
+                    "physics_ms",
+                )
             },
             "cpu_s_per_simulated_s": sum(r["cpu_s"] for r in rows) / sum(r["time_s"] for r in rows),
         }
@@ -137,12 +149,13 @@ def show(name: str, found: dict[str, Any]) -> None:
         f"{name}: the engines agree on {found['agreed']} of {found['trials']} trials"
         f" (95 % Wilson interval {low:.2f} to {high:.2f}), on the reason in {found['same_reason']}"
     )
-    print(f"{'':10} inserted   time s  depth mm  axial N  across N   CPU s   CPU s/s  a step's physics ms")
+    print(f"{'':10} inserted   time s  depth mm  axial N  across N  overlap um   CPU s   CPU s/s  a step's physics ms")
     for engine in ("drake", "mujoco"):
         e = found[engine]
         print(
             f"{engine:10} {e['inserted']:>8} {e['median_time_s']:8.2f} {e['median_depth_mm']:9.2f}"
-            f" {e['median_peak_axial_n']:8.1f} {e['median_peak_lateral_n']:9.1f} {e['median_cpu_s']:7.2f}"
+            f" {e['median_peak_axial_n']:8.1f} {e['median_peak_lateral_n']:9.1f} {e['median_penetration_um']:11.1f}"
+            f" {e['median_cpu_s']:7.2f}"
             f" {e['cpu_s_per_simulated_s']:9.2f} {e['median_physics_ms']:20.3f}"
         )
     differences = ", ".join(f"{k} {v:.2g}" for k, v in found["median_difference"].items() if v is not None)
@@ -162,6 +175,7 @@ def main() -> None:
     skill = ManipulationSkill.load(arguments.skill) if arguments.skill else learn(scenario)
     pushing = copy.deepcopy(scenario)
     pushing.controller.gain = 0.0
+    pushing.trial.time_limit = min(pushing.trial.time_limit, BLIND_TIME)
     contact = MujocoContact()
     found: dict[str, Any] = {"contact": asdict(contact), "time_step": scenario.contact.time_step}
     for name, chosen, count in (("skill", scenario, arguments.trials), ("blind", pushing, arguments.blind)):

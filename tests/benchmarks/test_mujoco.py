@@ -14,7 +14,6 @@ from pydrake.systems.primitives import ConstantVectorSource  # noqa: E402
 from benchmarks.mujoco_model import MujocoContact, MujocoProbe, rig_document  # noqa: E402
 from benchmarks.mujoco_plant import MujocoPlant  # noqa: E402
 from models.contact_geometry import PegInHole, axes_of_rotation_vectors  # noqa: E402
-from models.contact_theory import two_point_push_moment  # noqa: E402
 from models.scenario import Scenario  # noqa: E402
 from systems.contact_measurements import CRAWLING, PegTheory, crawl  # noqa: E402
 from systems.contact_plant import ALUMINIUM, STEEL, AddRigPlant  # noqa: E402
@@ -160,14 +159,6 @@ def test_a_held_axis_does_not_move():
     probe.hold()
     probe.step(10)
     assert probe.pose().tilt > 0.021
-
-
-def test_the_moment_of_a_pushed_peg_is_whitneys_where_the_tilt_is_small():
-    sizes = {"peg_radius": 0.01, "hole_radius": 0.01005}
-    tilt, force, friction = 0.004, 3.0, 0.3
-    depth = 2 * 5e-5 / tilt
-    moment = two_point_push_moment(force, tilt, friction=friction, **sizes)
-    assert -moment == pytest.approx(force * depth / (2 * friction), rel=0.03)
 
 
 def test_both_engines_start_with_the_peg_in_the_same_place(scenario):

@@ -11,6 +11,7 @@ from models.contact_theory import (
     slenderness,
     two_point_axial_force,
     two_point_depth,
+    two_point_push_moment,
     two_point_tilt,
     wedging_tilt,
 )
@@ -87,6 +88,13 @@ def test_the_force_balance_is_the_diagrams_two_point_edge():
     F_z = float(two_point_axial_force(0.3, 0.01, depth=depth, peg_radius=r, friction=friction))
     load = jamming_load(0.3 / F_z, 0.01 / (r * F_z), slenderness=lam, friction=friction)
     assert load == pytest.approx(1.0)
+
+
+def test_a_pushed_peg_is_squeezed_as_whitney_says_where_the_tilt_is_small():
+    tilt, force, friction = 0.004, 3.0, 0.3
+    moment = two_point_push_moment(force, tilt, friction=friction, **SIZES)
+    # F_z = 2 mu M / l; the tilt of the normal at the mouth takes a part tilt / (2 mu) of the force.
+    assert -moment == pytest.approx(force * (2 * 5e-5 / tilt) / (2 * friction), rel=1.5 * tilt / (2 * friction))
 
 
 def test_exact_wedging_needs_more_tilt_than_whitney_and_may_be_impossible():
