@@ -40,7 +40,6 @@ from systems.demonstration_set import demonstrate_all, requests  # noqa: E402
 from systems.rig import MakeRig, RigDiagram, WireRig  # noqa: E402
 from systems.trial import run_rig, trial_scenario  # noqa: E402
 
-
 BLIND_TIME = 4.0  # in units of s; what has not gone in by then does not
 
 
