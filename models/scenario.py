@@ -282,7 +282,7 @@ def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
         )
 
 
-DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM = 1, 2, 3
+DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM, PRACTICE_STREAM, CHECK_STREAM = 1, 2, 3, 4, 5
 
 
 def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int | None = None) -> Scenario:
@@ -291,7 +291,8 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int 
     Args:
         scenario: with ranges; it is not changed.
         seed: any non-negative integer.
-        stream: `DEMONSTRATION_STREAM` or `TRIAL_STREAM`; equal seeds in different streams share no draw.
+        stream: `DEMONSTRATION_STREAM`, `TRIAL_STREAM`, or those of practice; equal seeds in different streams share
+            no draw.
         person: number of the person, who is the same in whatever they do; None makes a new one of ``seed``.
     """
     rng = np.random.default_rng([stream, seed])

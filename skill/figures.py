@@ -41,7 +41,7 @@ def plot_demonstration(demonstration: Demonstration) -> Figure:
     """The fourteen channels of one demonstration over time, as in the paper's Fig. 3."""
     data = demonstration.samples
     time = data["time"].to_numpy(dtype=float)
-    figure = _figure(5.6)
+    figure = new_figure(5.6)
     panels = figure.subplots(3, 2, sharex=True)
     groups = (
         ("Position of the tip across the hole (mm)", 1e3, ("x", "y")),
@@ -57,7 +57,7 @@ def plot_demonstration(demonstration: Demonstration) -> Figure:
             colour = colours.get(channel[-1], INK)
             axes.plot(time, factor * data[channel], color=colour, label=_symbol(channel), linewidth=1.3)
         axes.set_title(title, loc="left", fontsize=9)
-        _tidy(axes)
+        tidy(axes)
     turning = panels[2, 1]
     change = turning.twinx()
     change.plot(time, DEGREES * data["dangle"], color=OTHER, linewidth=0.9, label=_symbol("dangle"))
@@ -95,7 +95,7 @@ def plot_run(run: RigRun, state_names: Sequence[str] | None = None) -> Figure:
     labels = state_labels(max(state.max() + 1, len(names or ())), names)
     colours = state_colours(len(labels))
 
-    figure = _figure(6.4)
+    figure = new_figure(6.4)
     series, steps = figure.subplots(2, 1, sharex=True, height_ratios=(3.6, 1.0))
     for axes in (series, steps):
         for start, end, k in _stretches(time, state):
@@ -140,7 +140,7 @@ def plot_run(run: RigRun, state_names: Sequence[str] | None = None) -> Figure:
     steps.set_ylim(low - 0.18 * (high - low), high)  # room for the guard below the curves
     steps.legend(handles, texts, ncols=3, fontsize=8, loc="best", frameon=False)
     for axes in (series, steps):
-        _tidy(axes, grid=False)
+        tidy(axes, grid=False)
         axes.set_xlim(time[0], time[-1])
     visited = [k for k in range(len(labels)) if (state == k).any()]
     figure.legend(
@@ -175,7 +175,7 @@ def plot_outcomes(results: pd.DataFrame) -> Figure:
         raise ValueError(f"results: {len(results)} trials, missing columns {missing}; expected a row a trial")
     inserted = results["inserted"].to_numpy(dtype=bool)
     number = results["seed"].to_numpy() if "seed" in results.columns else np.arange(1, len(results) + 1)
-    figure = _figure(4.8)
+    figure = new_figure(4.8)
     panels = figure.subplots(len(rows), 1, sharex=True)
     for axes, (column, label) in zip(panels, rows, strict=True):
         values = results[column].to_numpy(dtype=float)
@@ -197,7 +197,7 @@ def plot_outcomes(results: pd.DataFrame) -> Figure:
             )
         axes.set_ylim(0.0, 1.15 * max(float(values.max()), 1e-9))
         axes.set_ylabel(label, fontsize=9)
-        _tidy(axes)
+        tidy(axes)
         axes.grid(visible=False, axis="x")
     panels[-1].set_xlabel("trial", fontsize=9)
     panels[-1].set_xlim(number.min() - 0.6, number.max() + 0.6)
@@ -236,13 +236,15 @@ def save_figure(figure: Figure, path: Path, *, resolution: int = 200) -> None:
     write_atomically(path, stream.getvalue())
 
 
-def _figure(height: float) -> Figure:
+def new_figure(height: float) -> Figure:
+    """An empty one of the common width, with a canvas; ``height`` in inches."""
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
-def _tidy(axes: Axes, *, grid: bool = True) -> None:
+def tidy(axes: Axes, *, grid: bool = True) -> None:
+    """The common look of axes: no frame above and to the right, small ticks, a faint grid behind."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=8)
     if grid:
