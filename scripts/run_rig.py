@@ -12,10 +12,15 @@ import typer
 from rich.box import SIMPLE
 from rich.table import Table
 
-from models.scenario import load_scenario, validate_scenario
+from models.scenario import Scenario, dump_scenario, load_scenario, validate_scenario
+from scripts.batch_report import batch_report, worst_trial
 from scripts.console import console, progress, says_what_is_wrong, write_json
+from scripts.replay_motion import read_motion
+from scripts.replay_page import replay_page
 from skill.manipulation_skill import ManipulationSkill
-from skill.rig_run import write_rig_run
+from skill.rig_run import read_rig_run, write_rig_run
+from skill.tables import write_atomically
+from systems.provenance import versions
 from systems.trial import TrialResult, run_trials
 
 app = typer.Typer(add_completion=False)
@@ -62,7 +67,7 @@ def run(
     json: Path | None,
     jobs: int,
 ) -> list[TrialResult]:
-    """Runs the trials, writes each run into ``out`` and all results into ``json``."""
+    """Runs the trials, writes each run and a report into ``out`` and all results into ``json``."""
     learnt = ManipulationSkill.load(skill)
     chosen = load_scenario(scenario)
     if tilt_deg is not None:
@@ -77,8 +82,27 @@ def run(
             results.append(result)
             advance(f"trial {result.seed}: {result.reason}, {result.time_s:.1f} s")
     write_json(json if json is not None else out / "results.json", [asdict(r) for r in results])
+    write_report(results, out, title=f"{trials} insertions on the rig", skill=str(skill), scenario=chosen)
     console.print(result_table(results))
+    console.print(f"report in {out / 'report.html'}")
     return results
+
+
+def write_report(results: list[TrialResult], out: Path, *, title: str, skill: str, scenario: Scenario) -> None:
+    """Writes ``report.html`` beside the runs in ``out``, and the replay of the worst trial that it links."""
+    worst = worst_trial(results)
+    run_file = out / f"run_{worst.seed:04d}.parquet"
+    replay = out / f"replay_{worst.seed:04d}.html"
+    write_atomically(replay, replay_page(read_motion(run_file), title=f"trial {worst.seed}").encode())
+    page = batch_report(
+        results,
+        title=title,
+        state_names=read_rig_run(run_file).metadata["state_names"],
+        replay=replay.name,
+        made_by={"skill": skill, **versions()},
+        scenario=dump_scenario(scenario),
+    )
+    write_atomically(out / "report.html", page.encode())
 
 
 @app.command()
@@ -96,7 +120,9 @@ def main(
     scenario: Annotated[
         str, typer.Option(help="Name of a scenario in models/scenarios, or the path of your own YAML file.")
     ] = "nominal",
-    out: Annotated[Path, typer.Option(help="Folder for the runs, one .parquet file each.")] = Path("out/rig"),
+    out: Annotated[Path, typer.Option(help="Folder for the runs, one .parquet file each, and report.html.")] = Path(
+        "out/rig"
+    ),
     json: Annotated[
         Path | None, typer.Option(help="All results, one object a trial [default: OUT/results.json]")
     ] = None,
@@ -105,6 +131,7 @@ def main(
     """Insert the peg on the rig, from tilts the skill has never seen.
 
     The controller feels a wrench and a depth and nothing else. Trials never share a random draw with demonstrations.
+    Leaves a report of the batch, report.html in OUT, which links a replay of the worst trial.
 
     Example: python -m scripts.run_rig --trials 20 --seed 100 --tilt-deg 2 --friction 0.3 --json out/mine.json
     """

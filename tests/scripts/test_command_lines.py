@@ -139,7 +139,11 @@ def test_the_trials_insert(chain):
 def test_every_run_is_recorded_and_says_what_the_json_says(chain):
     out, *_ = chain
     results = json.loads((out / "mine.json").read_text())
-    assert files(out / "rig") == ["run_0005.parquet", "run_0006.parquet"]
+    worst = max(results, key=lambda r: r["peak_lateral_n"])["seed"]
+    assert files(out / "rig") == [
+        *(f"replay_{worst:04d}.html", "report.html"),
+        *("run_0005.parquet", "run_0006.parquet"),
+    ]
     for r in results:
         run = read_rig_run(out / "rig" / f"run_{r['seed']:04d}.parquet")
         assert run.result == r
