@@ -154,7 +154,8 @@ def main() -> None:
     parser.add_argument("--json", type=Path, help="also write the table and all trials to this file")
     parser.add_argument("--figures", type=Path, help="folder for ablations.svg and learning_curve.svg")
     arguments = parser.parse_args()
-    warnings.filterwarnings("ignore", message="bias='literal'")  # that it collapses is what the row shows
+    for known in ("bias='literal'", "groups names a single demonstration"):  # what their rows are there to show
+        warnings.filterwarnings("ignore", message=known)
     scenario = load_scenario(arguments.scenario)
     free = in_free_space(scenario)
     chosen = selected(arms(recording_folder(free, arguments.out)), arguments.only)

@@ -14,7 +14,7 @@ from skill.figures import save_figure
 from skill.state_names import PALETTE
 
 BLUE, ORANGE, GREY = PALETTE[0], PALETTE[1], "0.55"
-PANELS = ("inserted", "time [s], median", "peak force across [N]")
+PANELS = ("inserted, 95 % interval", "time [s], median", "peak force across [N]")
 
 Row = dict[str, Any]
 
@@ -42,7 +42,8 @@ def draw_groups(groups: Sequence[tuple[str, Sequence[tuple[str, Row]]]], path: P
         axis.tick_params(axis="y", length=0)
         axis.spines[["top", "right", "left"]].set_visible(False)
     for axis in axes[1:]:
-        axis.set_xlim(left=0.0)
+        axis.set_xlim(0.0, 1.06 * axis.dataLim.x1 if np.isfinite(axis.dataLim.x1) else 1.0)
+    axes[2].set_xlabel(f"{PANELS[2]}\nmedian and 95th percentile")
     save_figure(figure, path)
 
 
@@ -66,10 +67,9 @@ def draw_learning_curve(curve: Sequence[tuple[int, Row]], path: Path) -> None:
     figure = Figure(figsize=(8.6, 2.9), layout="constrained")
     axes: Sequence[Axes] = figure.subplots(1, 3)
     low, high = np.array([row["interval"] for _, row in shown]).T
-    axes[0].fill_between(numbers, low, high, color=BLUE, alpha=0.2, lw=0, label="95 % interval")
+    axes[0].fill_between(numbers, low, high, color=BLUE, alpha=0.2, lw=0)
     axes[0].plot(numbers, [row["inserted"] / row["trials"] for _, row in shown], "o-", color=BLUE)
     axes[0].set_ylim(-0.02, 1.02)
-    axes[0].legend(frameon=False, loc="lower right")
     _curve(axes[1], shown, "median_time_s", BLUE, None)
     _curve(axes[2], shown, "median_lateral_n", BLUE, "median")
     _curve(axes[2], shown, "p95_lateral_n", ORANGE, "95th percentile")
@@ -81,7 +81,7 @@ def draw_learning_curve(curve: Sequence[tuple[int, Row]], path: Path) -> None:
         axis.grid(alpha=0.3)
         axis.spines[["top", "right"]].set_visible(False)
     for axis in axes[1:]:
-        axis.set_ylim(bottom=0.0)
+        axis.set_ylim(0.0, 1.06 * axis.dataLim.y1 if np.isfinite(axis.dataLim.y1) else 1.0)
     save_figure(figure, path)
 
 

@@ -1,7 +1,7 @@
 """Against what else a person would use: policies side by side on the same trials of the rig, in one run.
 
     python -m benchmarks.rig_peers [--demonstrations FOLDER] [--trials 20] [--jobs 1] [--only NAME ...] [--json FILE]
-                                   [--scenario NAME] [--candidates 24] [--out FOLDER]
+                                   [--figure FILE] [--scenario NAME] [--candidates 24] [--out FOLDER]
 
 All stand behind the same limits, supervisor, motors and sensor; all that learn get the same demonstrations, refined and
 seen through the sensor alike, and the same canonical features. Without --demonstrations thirty are recorded. Trials are
@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.rig_control_laws import MomentCompliance, SpiralSearch, StraightPush, TunedLaw, tuned, tuning_trials
+from benchmarks.rig_figures import draw_groups
 from benchmarks.rig_learners import (
     MixtureRegressor,
     MixtureStates,
@@ -84,6 +85,7 @@ def main() -> None:
     parser.add_argument("--scenario", default="nominal", help="name or YAML file")
     parser.add_argument("--out", type=Path, default=Path("out/benchmarks/rig"), help="where results are kept")
     parser.add_argument("--json", type=Path, help="also write the table and all trials to this file")
+    parser.add_argument("--figure", type=Path, help="draw the table to this file (.png or .svg)")
     arguments = parser.parse_args()
     chosen = selected(arms(arguments.candidates), arguments.only)
     setting = prepared(
@@ -94,7 +96,9 @@ def main() -> None:
         jobs=arguments.jobs,
         candidates=arguments.candidates,
     )
-    compare("policies on the rig", chosen, setting, arguments.json)
+    summaries = compare("policies on the rig", chosen, setting, arguments.json)
+    if arguments.figure is not None:
+        draw_groups([("policies", [(row["name"], row) for row in summaries])], arguments.figure)
 
 
 def selected(all_arms: list[Arm], only: list[str] | None) -> list[Arm]:

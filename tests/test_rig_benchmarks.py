@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from statsmodels.stats.proportion import proportion_confint
 
-from benchmarks import rig_trials
+from benchmarks import rig_ablations, rig_peers, rig_trials
 from benchmarks.rig_control_laws import MomentCompliance, SpiralSearch, StraightPush, cost, tuned, tuning_trials
 from benchmarks.rig_trials import FIRST_TRIAL, FIRST_TUNING, Arm, Setting, compare, perform, wilson
 
@@ -78,7 +78,7 @@ def performed(monkeypatch):
             "reason": "inserted" if good else "time over",
             "time_s": 0.05 / policy.speed,
             "peak_lateral_n": 10.0,
-            "wall_s": 0.5,
+            "cpu_s": 0.5,
         }
 
     monkeypatch.setattr(rig_trials, "attempt", attempt)
@@ -157,3 +157,30 @@ def test_tuning_takes_the_cheapest_on_trials_of_its_own_and_goes_on_where_it_was
 def test_a_failure_costs_more_than_any_insertion(setting):
     slow = {"inserted": True, "time_s": setting.scenario.trial.time_limit, "peak_lateral_n": 90.0}
     assert cost(slow, setting) < cost({"inserted": False}, setting)
+
+
+def test_the_figures_show_what_was_performed(setting, performed, tmp_path):
+    names = ("1 demonstration", "3 demonstrations", "raw features", rig_ablations.SKILL)
+    summaries = compare("some", [Arm(name, push) for name in names], setting, None)
+    rig_ablations.draw(summaries, tmp_path, whole=30)
+    assert (tmp_path / "learning_curve.svg").stat().st_size > 10_000
+    assert (tmp_path / "ablations.svg").stat().st_size > 10_000
+
+
+def test_every_row_of_the_figure_is_an_arm_and_no_two_share_a_file(tmp_path):
+    ablations = rig_ablations.arms(tmp_path)
+    names = {arm.name for arm in ablations}
+    assert {name for _, rows in rig_ablations.GROUPS for _, name in rows} <= names
+    assert {rig_ablations.curve_name(size) for size in rig_ablations.SIZES} <= names
+    both = {arm.name: arm.file for arm in [*ablations, *rig_peers.arms(24)]}
+    assert len(set(both.values())) == len(both)
+    # What both comparisons perform, they share.
+    assert {rig_ablations.SKILL, rig_ablations.STATELESS} <= {arm.name for arm in rig_peers.arms(24)}
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 5])
+def test_small_sets_are_of_the_right_size_and_hold_a_good_one(demonstrations, size):
+    chosen = rig_ablations.drawn(size)(demonstrations, 2)
+    assert len(chosen) == size
+    assert chosen[0].good
+    assert {id(d) for d in rig_ablations.drawn(1)(demonstrations, 2)} <= {id(d) for d in chosen}
