@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from pydrake.geometry import Meshcat
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
@@ -18,6 +17,7 @@ from systems.coupling_margins import Margin, require_margins
 from systems.demonstration_figure import plot_set
 from systems.demonstration_set import demonstrate_all, requests
 from systems.device_protocol import find_device
+from systems.live_page import open_live_page
 from systems.live_session import LiveSession
 
 app = typer.Typer(add_completion=False)
@@ -60,19 +60,21 @@ def record_live(*, out: Path, seed: int, scenario: str, driver: str | None, port
     print_margins(require_margins(chosen))
     out.mkdir(parents=True, exist_ok=True)
     sweep(out)
-    meshcat = Meshcat(port) if port is not None else Meshcat()
-    console.print(
-        f"open {meshcat.web_url()} in a browser, and its controls at the top right", soft_wrap=True, highlight=False
-    )
+    meshcat, page = open_live_page(port)
+    console.print(f"open {page.address} in a browser", soft_wrap=True, highlight=False)
     session = LiveSession(
         scenario=chosen,
         out=out,
         seed=seed,
         meshcat=meshcat,
+        page=page,
         tell=lambda message: console.print(message, highlight=False),
         open_device=find_device(driver) if driver is not None else None,
     )
-    kept = session.run()
+    try:
+        kept = session.run()
+    finally:
+        page.close()
     console.print(f"{len(kept)} demonstrations kept in {out}")
     return kept
 
@@ -115,7 +117,10 @@ def main(
     driver: Annotated[
         str | None, typer.Option(help="With --live: a device of your own, or 'spacemouse' (see docs/haptics.md).")
     ] = None,
-    port: Annotated[int | None, typer.Option(help="With --live: of the page; a free one if not given.")] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(help="With --live: of the page, which takes the one after it too; free ones if not given."),
+    ] = None,
 ) -> None:
     """Record demonstrations of peg-in-hole insertion in the virtual environment.
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -16,13 +17,30 @@ from skill.demonstration import Demonstration, write_demonstration
 from systems.demonstrate import DemonstrationRun
 from systems.device_protocol import DeviceOperator, LiveDevice
 from systems.live_display import LiveDisplay
-from systems.meshcat_operator import MeshcatOperator, add_sliders
-from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment, start_pose
+from systems.live_page import LivePage
+from systems.meshcat_operator import MeshcatOperator, add_sliders, hand_coordinates
+from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment, show_start, start_pose
+from systems.visualization import FRAME
 
 START, GOOD, BAD, DISCARD, QUIT = "start (Space)", "keep as good (G)", "keep as bad (B)", "discard (X)", "quit (Q)"
 KEYS = {START: "Space", GOOD: "KeyG", BAD: "KeyB", DISCARD: "KeyX", QUIT: "KeyQ"}
+# What page and console say of the controls.
+MOVING = [
+    (["W", "S"], "feed, draw back"),
+    (["←", "→", "↑", "↓"], "lean the peg"),
+    (["J", "L", "I", "K"], "move it aside"),
+]
+JUDGING = [
+    (["Space"], "start"),
+    (["G"], "keep as good"),
+    (["B"], "keep as bad"),
+    (["X"], "discard"),
+    (["Q"], "quit"),
+    (["1", "2", "3"], "views"),
+]
 IDLE_PERIOD = 0.03  # in units of s, between two looks at the buttons
-FIGURES_EVERY = 0.2  # in units of s
+ABSENT_TOLD = 5.0  # in units of s without a page, after which that is said
+FIGURES_EVERY = 0.1  # in units of s
 
 
 @dataclass
@@ -30,12 +48,12 @@ class Clock:
     """Keeps the simulation at the wall's pace, and counts the pieces that came too late."""
 
     began: float
-    simulated: float = 0.0
+    pieces: int = 0
     missed: int = 0
 
     def keep(self, simulated: float) -> None:
         """Waits until the wall has come as far as the simulation; what is late is counted and not made up for."""
-        self.simulated = simulated
+        self.pieces += 1
         ahead = self.began + simulated - time.monotonic()
         if ahead > 0:
             time.sleep(ahead)
@@ -51,7 +69,8 @@ class LiveSession:
         scenario: with ranges; every demonstration draws its own start.
         out: folder for the recordings; what is there already stays, and numbering goes on after it.
         seed: of the starts.
-        meshcat: whose page the person has open.
+        meshcat: whose scene the page shows.
+        page: that the person has open.
         tell: where messages go besides the page, e.g. a console.
         open_device: of a device of the person's own; None takes sliders, keys and gamepad of the page.
         absent_limit: s to wait for a page that has been closed, after which the session ends.
@@ -64,17 +83,22 @@ class LiveSession:
         out: Path,
         seed: int,
         meshcat: Meshcat,
+        page: LivePage,
         tell: Callable[[str], None] = print,
         open_device: Callable[[], LiveDevice] | None = None,
         absent_limit: float = 120.0,
     ) -> None:
         self._scenario, self._out, self._seed, self._meshcat = scenario, out, seed, meshcat
         self._tell, self._open_device, self._absent_limit = tell, open_device, absent_limit
+        self._page = page
         for label, key in KEYS.items():
             meshcat.AddButton(label, key)
         if open_device is None:
             add_sliders(meshcat, np.zeros(5))
-        self._display = LiveDisplay(meshcat)
+        keys = JUDGING if open_device is not None else MOVING + JUDGING
+        self._display = LiveDisplay(meshcat, page, keys=keys)
+        for pressed, what in keys:
+            tell(f"  {' '.join(pressed):10s} {what}")
         self._clicks = {label: meshcat.GetButtonClicks(label) for label in KEYS}
         self._device: LiveDevice | None = None
         self._gamepad = False
@@ -82,18 +106,22 @@ class LiveSession:
 
     def run(self) -> list[Path]:
         """Goes on until the person quits, or stays away; returns what was kept."""
+        self._show_next()
         self._say("ready: press Space to start")
         absent_since: float | None = None
+        told = False
         try:
             while True:
                 if self._clicked(QUIT):
                     self._say("session over")
                     return self.kept
                 if self._present():
-                    absent_since = None
+                    absent_since, told = None, False
                 elif absent_since is None:
                     absent_since = time.monotonic()
-                    self._tell(f"no page is open: open {self._meshcat.web_url()} to go on")
+                elif not told and time.monotonic() - absent_since > ABSENT_TOLD:
+                    told = True
+                    self._tell(f"no page is open: open {self._page.address} to go on")
                 elif time.monotonic() - absent_since > self._absent_limit:
                     self._tell("the page stayed closed: session over")
                     return self.kept
@@ -102,6 +130,7 @@ class LiveSession:
                     if self._show_one():
                         self._say("session over")
                         return self.kept
+                    self._show_next()
                 self._display.follow_views()
                 time.sleep(IDLE_PERIOD)
         finally:
@@ -109,12 +138,36 @@ class LiveSession:
 
     # ------------------------------------------------------- one demonstration
 
+    def _next(self) -> tuple[int, Scenario]:
+        """Number and scenario of the demonstration that comes next."""
+        number = next_number(self._out)
+        seed = self._seed * 100_000 + number
+        return number, resolve_scenario(self._scenario, seed=seed, stream=DEMONSTRATION_STREAM, person=self._seed)
+
+    def _show_next(self) -> None:
+        """Draws how the next demonstration will start."""
+        _, resolved = self._next()
+        show_start(resolved, meshcat=self._meshcat)
+        self._display.look()
+        X_HP = start_pose(resolved)
+        if self._open_device is None:
+            add_sliders(self._meshcat, hand_coordinates(X_HP))
+        self._display.show_forces(X_HP, np.zeros(6), share=0.0, touch=None)
+        self._display.show_figures(
+            X_HP,
+            np.zeros(6),
+            share=0.0,
+            depth=[-float(X_HP.translation()[2]), resolved.full_depth],
+            rate=0.0,
+            missed=[0, 0],
+            energy=0.0,
+            lowest=0.0,
+            kept=len(self.kept),
+        )
+
     def _show_one(self) -> bool:
         """One demonstration from start to verdict; True if the person quits."""
-        number = next_number(self._out)
-        resolved = resolve_scenario(
-            self._scenario, seed=self._seed * 100_000 + number, stream=DEMONSTRATION_STREAM, person=self._seed
-        )
+        number, resolved = self._next()
         try:
             environment = self._build(resolved)
             run = DemonstrationRun(resolved, environment)
@@ -124,7 +177,7 @@ class LiveSession:
             self._say(f"device lost ({error}): demonstration discarded, Space starts another")
             return False
         if outcome == "page closed":
-            self._tell("the page was closed: the demonstration is discarded")
+            self._say("the page was closed: the demonstration is discarded; Space starts another")
             return False
         return self._judge(run, outcome, number)
 
@@ -142,25 +195,26 @@ class LiveSession:
             )
         else:
             operator = MeshcatOperator(meshcat=self._meshcat, period=0.02, X_HD_start=X_HP_start)
-        return MakeVirtualEnvironment(resolved, operator=operator, meshcat=self._meshcat)
+        return MakeVirtualEnvironment(resolved, operator=operator, meshcat=self._meshcat, contact_forces=False)
 
     def _simulate(self, run: DemonstrationRun, environment: VirtualEnvironment, resolved: Scenario) -> str:
         """What ended it: an outcome, a button, or a closed page."""
         period = resolved.recorder.period
         clock = Clock(began=time.monotonic())
-        shown, shown_at = time.monotonic(), 0.0
+        drawn, shown, shown_at = 0.0, time.monotonic(), 0.0
         self._say("showing: G keep as good, B keep as bad, X discard")
         step = 0
         while True:
             step += 1
             ended = run.advance(step * period)
             clock.keep(step * period)
-            force = self._show_force(run, environment)
-            if time.monotonic() - shown > FIGURES_EVERY:
+            if ended is not None or time.monotonic() - drawn > FRAME:
+                drawn = time.monotonic()
+                self._draw_forces(run, environment)
+            if ended is not None or time.monotonic() - shown > FIGURES_EVERY:
                 rate = (step * period - shown_at) / (time.monotonic() - shown)
                 shown, shown_at = time.monotonic(), step * period
-                energy = float(environment.energy(run.simulator.get_context())[0])
-                self._display.show_figures(force=force, rate=min(rate, 2.0), missed=clock.missed, energy=energy)
+                self._show_figures(run, environment, resolved, rate=rate, missed=[clock.missed, clock.pieces])
                 self._display.follow_views()
                 self._watch_gamepad()
                 if not self._present():
@@ -211,18 +265,30 @@ class LiveSession:
 
     # ------------------------------------------------------------- the page
 
-    def _show_force(self, run: DemonstrationRun, environment: VirtualEnvironment) -> float:
+    def _draw_forces(self, run: DemonstrationRun, environment: VirtualEnvironment) -> None:
         context = run.simulator.get_context()
         wrench, share = environment.felt(context)
-        self._display.show_force(environment.peg_pose(context).translation(), wrench[3:], share=share)
-        return float(np.linalg.norm(wrench[3:]))
+        touch = environment.touch(context)
+        self._display.show_forces(environment.peg_pose(context), wrench, share=share, touch=touch)
+
+    def _show_figures(
+        self, run: DemonstrationRun, environment: VirtualEnvironment, resolved: Scenario, **figures: Any
+    ) -> None:
+        context = run.simulator.get_context()
+        wrench, share = environment.felt(context)
+        energy, lowest = environment.energy(context)
+        X_HP = environment.peg_pose(context)
+        depth = [-float(X_HP.translation()[2]), resolved.full_depth]
+        self._display.show_figures(
+            X_HP, wrench, share=share, depth=depth, energy=float(energy), lowest=float(lowest), **figures
+        )
 
     def _watch_gamepad(self) -> None:
         there = len(self._meshcat.GetGamepad().axes) > 0  # a page keeps the index of one that has gone
         if self._gamepad and not there:
             self._say("the gamepad is gone: sliders and keys go on")
         elif there and not self._gamepad:
-            self._say("gamepad: left stick tilts, right stick feeds")
+            self._say("gamepad: left stick leans, right stick feeds")
         self._gamepad = there
 
     def _present(self) -> bool:

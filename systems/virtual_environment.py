@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import VectorLogSink
 
@@ -52,6 +53,17 @@ class VirtualEnvironment:
         """[energy that the hand has put in, the lowest so far] in J, in the diagram's ``context``."""
         return np.asarray(self.observer.GetOutputPort("energy").Eval(self.observer.GetMyContextFromRoot(context)))
 
+    def touch(self, context: Context) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """The middle of the contact (m) and the contact force on the peg (N), both in W; None out of contact."""
+        plant = self.contact.plant
+        own = plant.GetMyContextFromRoot(context)
+        results = plant.get_contact_results_output_port().Eval(own)
+        if results.num_hydroelastic_contacts() == 0:
+            return None
+        middle = results.hydroelastic_contact_info(0).contact_surface().centroid()
+        wrench = plant.get_generalized_contact_forces_output_port(self.contact.peg.model_instance()).Eval(own)
+        return np.asarray(middle), np.asarray(wrench[3:])
+
     def felt(self, context: Context) -> tuple[NDArray[np.float64], float]:
         """The rendered wrench [torque; force], and what was asked for over the most that the device gives now."""
         own = self.device.GetMyContextFromRoot(context)
@@ -72,12 +84,24 @@ def start_pose(scenario: Scenario) -> RigidTransform:
     return RigidTransform(R_HP, np.array([*offset, pivot]) + reach * R_HP.col(2))
 
 
+def show_start(scenario: Scenario, *, meshcat: Meshcat) -> None:
+    """Draws a resolved scenario's peg and hole into ``meshcat`` as they stand at the start."""
+    builder = DiagramBuilder()
+    contact = AddVirtualPlant(builder, scenario)
+    AddVisualization(builder=builder, contact=contact, meshcat=meshcat, contact_forces=False)
+    simulator = Simulator(builder.Build())
+    plant_context = contact.plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    contact.plant.SetFreeBodyPose(plant_context, contact.peg, start_pose(scenario))
+    simulator.Initialize()  # takes away what was drawn before, and draws
+
+
 def MakeVirtualEnvironment(
     scenario: Scenario,
     *,
     fixture: VirtualFixture | None = None,
     operator: LeafSystem | None = None,
     meshcat: Meshcat | None = None,
+    contact_forces: bool = True,
 ) -> VirtualEnvironment:
     """Builds the diagram of a resolved scenario; it simulates nothing.
 
@@ -87,6 +111,7 @@ def MakeVirtualEnvironment(
         operator: whoever moves the probe, with an output ``hand_pose`` and, if wanted, inputs ``peg_pose`` and
             ``rendered_wrench``; by default the simulated operator.
         meshcat: where to draw; None draws nothing.
+        contact_forces: whether Drake's visualizer of them draws too.
 
     Raises:
         ValueError: if the scenario is not resolved, or its coupling is not stable (see `coupling_margins`).
@@ -150,7 +175,7 @@ def MakeVirtualEnvironment(
     builder.Connect(device.GetOutputPort("probe_pose"), observer.GetInputPort("probe_pose"))
     builder.Connect(device.GetOutputPort("rendered_wrench"), observer.GetInputPort("rendered_wrench"))
     if meshcat is not None:
-        AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
+        AddVisualization(builder=builder, contact=contact, meshcat=meshcat, contact_forces=contact_forces)
     diagram = builder.Build()
     diagram.set_name("virtual_environment")
     return VirtualEnvironment(diagram, contact, log, energy_log, device, observer, X_HP_start)
