@@ -121,8 +121,9 @@ class Arm:
 
     @property
     def file(self) -> str:
-        """A name for its record."""
-        return re.sub(r"[^a-z0-9]+", "_", self.name.lower()).strip("_") + ".json"
+        """A name for its record; another tuning is another policy."""
+        name = re.sub(r"[^a-z0-9]+", "_", self.name.lower()).strip("_")
+        return f"{name}_{self.tuning}.json" if self.tuning else f"{name}.json"
 
 
 def prepared(scenario: Scenario, given: Path | None, out: Path, **numbers: int) -> Setting:
