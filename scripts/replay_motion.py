@@ -58,6 +58,8 @@ class Motion:
         colours: theirs, hexadecimal.
         colouring: what the colours mean: "contact state" or "contact force".
         guard: (n,), whether the rig's force guard was backing off; None for a demonstration.
+        force_limit: of the load, N, above which that guard acts; None for a demonstration.
+        steps: (n, 2), corrective steps that the motors for pitch and yaw had taken; None for a demonstration.
         geometry: the `SIZES`.
     """
 
@@ -76,6 +78,8 @@ class Motion:
     colours: list[str]
     colouring: str
     guard: NDArray[np.bool_] | None
+    force_limit: float | None
+    steps: NDArray[np.int64] | None
     geometry: dict[str, float]
 
     @property
@@ -85,6 +89,12 @@ class Motion:
         across = np.hypot(axis[:, 0], axis[:, 1])
         scale = np.divide(np.arctan2(across, axis[:, 2]), across, out=np.ones_like(across), where=across > 1e-12)
         return axis[:, :2] * scale[:, None]
+
+    @property
+    def load(self) -> Array:
+        """(n,), the norm of force and moment over the peg's radius, N, which the rig's force guard watches."""
+        moment = np.linalg.norm(self.moment, axis=1) / self.geometry["peg_radius"]
+        return np.hypot(np.linalg.norm(self.force, axis=1), moment)
 
     @property
     def lateral_force(self) -> Array:
@@ -153,6 +163,8 @@ def motion_of_demonstration(
         colours=colours,
         colouring=colouring,
         guard=None,
+        force_limit=None,
+        steps=None,
         geometry=geometry,
     )
 
@@ -191,6 +203,8 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
         colours=colours,
         colouring="contact state",
         guard=samples["guard"].to_numpy() > 0.5,
+        force_limit=run.metadata.get("force_limit"),
+        steps=np.rint(_columns(samples, "pitch_taken", "yaw_taken")).astype(np.int64),
         geometry=geometry,
     )
 

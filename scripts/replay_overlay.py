@@ -20,10 +20,13 @@ body, button { font: 13px/1.45 system-ui, -apple-system, "Segoe UI", "DejaVu San
 #readings td { padding: 0; }
 #readings td + td { text-align: right; font-weight: 600; white-space: pre; }
 #phases div { display: flex; align-items: center; gap: 8px; padding: 1px 4px; border-radius: 4px; }
-#phases .never { opacity: 0.45; }
+#never { color: #7d8790; font-size: 12px; }
 #phases .now { background: #1d2329; color: #fff; }
 #phases .swatch { width: 13px; height: 13px; border-radius: 3px; flex: none; border: 1px solid rgba(0,0,0,.35); }
-#phases .share { margin-left: auto; font-variant-numeric: tabular-nums; }
+#phases .share { margin-left: auto; font-variant-numeric: tabular-nums; white-space: nowrap; }
+#load-bar { height: 7px; background: #e3e7eb; border-radius: 4px; overflow: hidden; margin: 1px 0 3px; }
+#load-bar div { height: 100%; background: FORCE; }
+#load-bar.over div { background: #1d2329; }
 .key { display: flex; align-items: center; gap: 8px; }
 .key svg { flex: none; }
 #dial-box { right: 12px; bottom: 110px; width: 236px; padding: 8px 8px 6px; text-align: center; }
@@ -48,10 +51,14 @@ BODY = """
     <tr><td>force, along the peg</td><td id="reading-axial"></td></tr>
     <tr><td>force, across</td><td id="reading-lateral"></td></tr>
     <tr><td>moment</td><td id="reading-moment"></td></tr>
-    <tr id="guard-row"><td>force guard</td><td id="reading-guard"></td></tr>
+    <tr class="rig"><td>load, of its limit</td><td id="reading-load"></td></tr>
+    <tr class="rig"><td colspan="2"><div id="load-bar"><div></div></div></td></tr>
+    <tr class="rig"><td>force guard</td><td id="reading-guard"></td></tr>
+    <tr class="rig"><td>steps, pitch and yaw</td><td id="reading-steps"></td></tr>
   </table>
   <h2>colour of the peg: <span id="colouring"></span></h2>
   <div id="phases"></div>
+  <div id="never"></div>
   <h2>at the tip, seen through the peg</h2>
   <div class="key"><svg width="34" height="10"><path d="M0 5H24" stroke="FORCE" stroke-width="3"/>
     <path d="M22 0L34 5L22 10Z" fill="FORCE"/></svg><span id="force-scale"></span></div>
@@ -82,20 +89,22 @@ SCRIPT = """
   byId("colouring").textContent = data.colouring;
   byId("force-scale").textContent = "force, 10 mm = " + data.force_scale;
   byId("moment-scale").textContent = "moment, 10 mm = " + data.moment_scale;
-  if (!data.guard) byId("guard-row").remove();
+  if (!data.guard) document.querySelectorAll(".rig").forEach(row => row.remove());
+  const counts = data.phases.map((_, k) => data.phase.filter(p => p === k).length);
   const rows = data.phases.map((name, k) => {
-    const row = byId("phases").appendChild(document.createElement("div"));
+    const row = document.createElement("div");
+    if (counts[k]) byId("phases").append(row);
     const swatch = row.appendChild(document.createElement("span"));
     swatch.className = "swatch";
     swatch.style.background = data.colours[k];
     row.appendChild(document.createElement("span")).textContent = name;
     const share = row.appendChild(document.createElement("span"));
     share.className = "share";
-    const count = data.phase.filter(p => p === k).length;
-    share.textContent = count ? Math.max(1, Math.round(100 * count / n)) + " %" : "never";
-    if (!count) row.className = "never";
+    share.textContent = Math.max(1, Math.round(100 * counts[k] / n)) + " %";
     return row;
   });
+  const never = data.phases.filter((_, k) => !counts[k]);
+  byId("never").textContent = never.length ? "never: " + never.join(", ") : "";
 
   // ------------------------------------------------------------ the sample that holds at a time
   function sampleAt(t) {
@@ -154,22 +163,35 @@ SCRIPT = """
           X(data.time[k])), 4);
       });
     }
-    const low = Math.min(0, ...data.depth), high = Math.max(...data.depth), most = Math.max(...data.force, 1e-9);
+    const low = Math.min(0, ...data.depth), high = Math.max(...data.depth);
+    const pushed = data.guard ? data.load : data.force, most = Math.max(...pushed, data.limit ?? 0, 1e-9);
+    const height_of = f => bottom - (bottom - top) * f / most;
+    if (data.limit) {
+      pen.setLineDash([5, 4]);
+      line(pen, [[edge, height_of(data.limit)], [width - edge, height_of(data.limit)]], data.force_colour, 1);
+      pen.setLineDash([]);
+    }
     const curve = (values, place, colour) => line(
       pen, values.map((v, k) => [X(data.time[k]), place(v)]), colour, 1.5);
     curve(data.depth, d => top + (bottom - top) * (d - low) / (high - low || 1), ink);
-    curve(data.force, f => bottom - (bottom - top) * f / most, data.force_colour);
+    curve(pushed, height_of, data.force_colour);
+    if (data.steps) data.steps.forEach((taken, axis) => {
+      pen.fillStyle = ink;  // a stroke a step, pitch above yaw, on the strip of states
+      const y = height - strip + 1 + 6 * axis;
+      for (let k = 1; k < n; k++) if (taken[k] !== taken[k - 1]) pen.fillRect(X(data.time[k]) - 0.75, y, 1.5, 4);
+    });
     pen.textAlign = "left";
     pen.fillStyle = ink;
     const first = "depth, downwards to " + number(1e3 * high, 1) + " mm";
     pen.fillText(first, edge, 10);
     pen.fillStyle = data.force_colour;
-    const second = "force, up to " + number(most, 1) + " N";
+    const second = !data.guard ? "force, up to " + number(most, 1) + " N" :
+      "load, up to " + number(Math.max(...pushed), 1) + " N" + (data.limit ? " (limit " + data.limit + " N)" : "");
     pen.fillText(second, edge + pen.measureText(first).width + 18, 10);
-    if (data.guard && data.guard.some(Boolean)) {
-      pen.fillStyle = ink;
-      pen.fillText("\\u25ac guard", edge + pen.measureText(first + second).width + 36, 10);
-    }
+    const marks = [data.guard && data.guard.some(Boolean) && "\\u25ac guard backs off",
+      data.steps && "\\u2758 steps of pitch, above, and yaw"].filter(Boolean).join("     ");
+    pen.fillStyle = ink;
+    pen.fillText(marks, edge + pen.measureText(first + second).width + 36, 10);
     pen.textAlign = "right";
     pen.fillStyle = ink;
     pen.fillText(number(end, 2) + " s", width - edge, 10);
@@ -239,7 +261,14 @@ SCRIPT = """
     byId("reading-axial").textContent = number(data.axial[k], 1) + " N";
     byId("reading-lateral").textContent = number(across, 1) + " N";
     byId("reading-moment").textContent = number(1e3 * data.moment[k], 1) + " N mm";
-    if (data.guard) byId("reading-guard").textContent = data.guard[k] ? "backing off" : "quiet";
+    if (data.guard) {
+      const limit = data.limit ?? Math.max(...data.load);
+      byId("reading-load").textContent = number(data.load[k], 1) + " of " + number(limit, 0) + " N";
+      byId("load-bar").className = data.load[k] > limit ? "over" : "";
+      byId("load-bar").firstChild.style.width = Math.min(100, 100 * data.load[k] / limit) + "%";
+      byId("reading-guard").textContent = data.guard[k] ? "backing off" : "quiet";
+      byId("reading-steps").textContent = data.steps[0][k] + ", " + data.steps[1][k];
+    }
     rows.forEach((row, p) => row.classList.toggle("now", p === data.phase[k]));
     byId("play").textContent = animator.playing ? "pause" : "play";
     drawTimeline(t);

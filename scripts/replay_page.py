@@ -49,7 +49,7 @@ def replay_page(motion: Motion, *, title: str, speed: float = 1.0) -> str:
     data = json.dumps(_overlay_data(motion, title, speed), separators=(",", ":")).replace("</", "<\\/")
     return PAGE.format(
         title=html.escape(title),
-        style=STYLE,
+        style=STYLE.replace("FORCE", f"#{FORCE_COLOUR:06X}"),
         body=body,
         viewer=viewer_source(),
         scene=draw_scene(motion).script(),
@@ -80,6 +80,9 @@ def _overlay_data(motion: Motion, title: str, speed: float) -> dict[str, Any]:
         "colours": motion.colours,
         "colouring": motion.colouring,
         "guard": None if motion.guard is None else motion.guard.tolist(),
+        "load": rounded(motion.load, 4),
+        "limit": motion.force_limit,
+        "steps": None if motion.steps is None else motion.steps.T.tolist(),
         "force_colour": f"#{FORCE_COLOUR:06X}",
         "force_scale": f"{0.01 * scale.force:g} N",
         "moment_scale": f"{10.0 * scale.moment:g} N mm" if scale.moment < 10 else f"{0.01 * scale.moment:g} N m",

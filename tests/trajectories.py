@@ -84,5 +84,5 @@ def make_rig_run(*, tilt: float = np.radians(3.0), **metadata: Any) -> RigRun:
     lever = np.maximum(-z, 0.0) / 2
     samples["mx"], samples["my"] = -lever * samples["fy"], lever * samples["fx"]
     result = {"inserted": True, "reason": "inserted", "time_s": 2.4, "depth_mm": 24.7}
-    record = {"geometry": dict(GEOMETRY), "state_names": list(STATE_NAMES), **metadata}
+    record = {"geometry": dict(GEOMETRY), "state_names": list(STATE_NAMES), "force_limit": 50.0, **metadata}
     return RigRun(samples, result, record)

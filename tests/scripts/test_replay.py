@@ -113,6 +113,11 @@ def test_page_of_a_rig_run_shows_the_scene_and_what_holds_at_a_time(run_file, tm
             assert now == [STATE_NAMES[int(row["state"])]]
             assert f"{-1e3 * row['tip_z']:.2f} mm" in text
             assert f"{row['fz']:.1f} N" in text
+            pushed = np.hypot(np.linalg.norm(row[["fx", "fy", "fz"]]), np.linalg.norm(row[["mx", "my", "mz"]]) / 0.01)
+            assert f"{pushed:.1f} of 50 N" in text
+            bar = browser.run("return parseFloat(document.querySelector('#load-bar div').style.width)")
+            assert bar == pytest.approx(2 * pushed, abs=0.01)
+            assert f"{row['pitch_taken']:.0f}, {row['yaw_taken']:.0f}" in text
             peg = browser.run(
                 "const o = viewer.scene_tree.find(['meshcat', 'peg']).object;"
                 "const c = viewer.scene_tree.find(['meshcat', 'peg', 'body', '<object>']).object.material.color;"
@@ -133,6 +138,20 @@ def test_page_of_a_rig_run_shows_the_scene_and_what_holds_at_a_time(run_file, tm
         assert view.colours > 20
         assert view.drawn > 0.15
         assert browser.requests() == []
+        assert browser.errors() == []
+
+
+def test_a_state_that_is_never_visited_takes_no_row_and_a_demonstration_has_no_guard(demonstration_file, tmp_path):
+    page = tmp_path / "page.html"
+    page.write_text(replay_page(motion_of_run(make_rig_run(state_names=[*STATE_NAMES, "never seen"])), title="run"))
+    with open_page(page) as browser:
+        browser.wait("window.replay && replay.ready && document.querySelector('.now')")
+        assert browser.run("return document.querySelectorAll('#phases > div').length") == len(STATE_NAMES)
+        assert "never: never seen" in browser.run("return document.getElementById('card').innerText")
+    page.write_text(replay_page(read_motion(demonstration_file), title="shown"))
+    with open_page(page) as browser:
+        browser.wait("window.replay && replay.ready && document.querySelector('.now')")
+        assert browser.run("return document.querySelectorAll('.rig').length") == 0
         assert browser.errors() == []
 
 
