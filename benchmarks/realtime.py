@@ -101,7 +101,7 @@ def measure(name: str, seed: int) -> dict[str, float]:
 
 def main(
     json_file: Annotated[Path | None, typer.Option("--json", help="Where to write the figures.")] = None,
-    scenario: Annotated[str, typer.Option(help="Name or path of a scenario.")] = "live",
+    scenario: Annotated[str, typer.Option(help="Name or path of a scenario.")] = "nominal",
     seed: Annotated[int, typer.Option(min=0, help="Of the operator.")] = 1,
 ) -> None:
     """Measures the real-time rate of a demonstration, and what the separated rates cost in force."""

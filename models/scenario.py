@@ -45,8 +45,8 @@ class Geometry:
 class Contact:
     """The hydroelastic contact model."""
 
-    time_step: float = 1e-3  # in units of s
-    modulus: float = 1e9  # in units of Pa, of the compliant peg
+    time_step: float = 2e-3  # in units of s
+    modulus: float = 1e10  # in units of Pa, of the compliant peg
     dissipation: float = 1.0  # in units of s/m, Hunt-Crossley
     friction: float = 0.2
     friction_spread: float = 0.5  # the friction is drawn uniformly within this share of it
@@ -75,7 +75,7 @@ class Coupling:
     guide_stiffness: float = 2.0e5  # in units of N/m
     guide_damping: float = 600.0  # in units of N s/m
     peg_mass: float = 4.0  # in units of kg, of the virtual peg
-    peg_inertia: float = 1.0e-2  # in units of kg m^2, about its tip
+    peg_inertia: float = 2.0e-2  # in units of kg m^2, about its tip
     force_scale: float = 0.2  # rendered over virtual force
     torque_scale: float = 0.02  # rendered over virtual torque
 
@@ -112,7 +112,10 @@ class Controller:
     max_turn: float = math.radians(8.0)  # in units of rad, each way on each axis, from where it stood at the start
     max_feed_speed: float = 0.030  # in units of m/s
     # The load is the norm of force and moment over peg radius.
-    soft_force: float = 20.0  # in units of N of load; above it the feed is lowered, to nothing at the limit
+    # Nine in ten samples of the default good demonstrations stay below 12 N, all but one in a hundred below 18 N: a
+    # skill that pushes harder feels what nobody has shown it.
+    soft_force: float = 10.0  # in units of N of load; above it the feed is lowered ...
+    hold_force: float = 20.0  # ... in units of N of load ... to nothing
     force_limit: float = 50.0  # in units of N of load; above it the peg is backed off
     retract_speed: float = 0.015  # in units of m/s
     back_off_distance: float = 1.0e-3  # in units of m
@@ -267,10 +270,10 @@ def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
         )
     guards = scenario.controller
     require(
-        guards.soft_force < guards.force_limit,
-        "controller.soft_force",
-        f"{guards.soft_force} N",
-        f"below controller.force_limit {guards.force_limit} N",
+        guards.soft_force < guards.hold_force <= guards.force_limit,
+        "controller.hold_force",
+        f"{guards.hold_force} N",
+        f"above controller.soft_force {guards.soft_force} N and at most controller.force_limit {guards.force_limit} N",
     )
     step, period = scenario.contact.time_step, scenario.recorder.period
     for name, value in (("recorder.period", period), ("controller.period", scenario.controller.period)):

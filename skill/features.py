@@ -185,16 +185,19 @@ class RawFeatures(TransformerMixin, BaseEstimator):
 class NormalisedFeatures(RawFeatures):
     """Direction and magnitude of the wrench, and depth.
 
-    With s the norm of (F, M / r), the features are (F, M / r) / sqrt(s^2 + floor^2), z / depth_scale and
-    log(1 + s / floor). Far above the floor the first six have unit norm; in free motion, where s is sensor
-    noise, they vanish instead of becoming a random direction.
+    With s the norm of (F, M / r), the features are (F, M / r) / sqrt(s^2 + floor^2), the depth as
+    sign(z) log(1 + |z| / depth_floor), and log(1 + s / floor). Far above the floor the first six have unit norm; in
+    free motion, where s is sensor noise, they vanish instead of becoming a random direction. The depth counts in
+    proportions because the tilt that a peg can have, two-point contact, falls as one over it: near the mouth a
+    millimetre deeper means another tilt, near the bottom it does not.
 
     Args:
         peg_radius: r, m.
         force_floor: N; the size of the wrench (F, M / r) below which it is taken for sensor noise. The
             default is about five standard deviations of s for a Mini45-class sensor (0.02, 0.02, 0.05 N and
             0.5 mN m, r = 10 mm).
-        depth_scale: m.
+        depth_floor: m; depths well below it count in metres, those above in proportions.
+        depth_scale: m; of the hidden lateral position.
         tilt_scale: rad; see ``RawFeatures``.
     """
 
@@ -203,11 +206,13 @@ class NormalisedFeatures(RawFeatures):
         *,
         peg_radius: float = 0.01,
         force_floor: float = 0.5,
+        depth_floor: float = 1e-3,
         depth_scale: float = 0.02,
         tilt_scale: float = 0.05,
     ) -> None:
         self.peg_radius = peg_radius
         self.force_floor = force_floor
+        self.depth_floor = depth_floor
         self.depth_scale = depth_scale
         self.tilt_scale = tilt_scale
 
@@ -219,7 +224,8 @@ class NormalisedFeatures(RawFeatures):
         wrench = measured[:, 0:6] / np.array([1.0, 1.0, 1.0] + [self.peg_radius] * 3)
         magnitude = np.linalg.norm(wrench, axis=1, keepdims=True)
         direction = wrench / np.hypot(magnitude, self.force_floor)
-        depth = measured[:, 6:7] / self.depth_scale
+        z = measured[:, 6:7]
+        depth = np.sign(z) * np.log1p(np.abs(z) / self.depth_floor)
         return np.hstack([direction, depth, np.log1p(magnitude / self.force_floor)])
 
 
@@ -246,6 +252,7 @@ class CanonicalFeatures(NormalisedFeatures):
     Args:
         peg_radius: r, m.
         force_floor: N.
+        depth_floor: m.
         depth_scale: m.
         tilt_scale: rad; see ``RawFeatures``.
     """

@@ -50,7 +50,7 @@ def supervise(
 
     While working, the learnt feed v into the hole is lowered to
 
-        v min(1, max(0, (F_limit - F) / (F_limit - F_soft))) (1/2 if the contact state is unknown),
+        v min(1, max(0, (F_hold - F) / (F_hold - F_soft))) (1/2 if the contact state is unknown),
 
     with F the load, sqrt(|f|^2 + |m/r|^2): a wedged peg holds a large couple under a small net force. Further,
 
@@ -76,6 +76,6 @@ def supervise(
     if load > p.force_limit or (watch.elapsed > p.stall_time and feed_speed < 0.0):
         return Verdict(Watch(BACKING_OFF, anchor=depth), p.retract_speed, turning=False)
     if feed_speed < 0.0:
-        feed_speed *= min(1.0, max(0.0, (p.force_limit - load) / (p.force_limit - p.soft_force)))
+        feed_speed *= min(1.0, max(0.0, (p.hold_force - load) / (p.hold_force - p.soft_force)))
         feed_speed *= 1.0 if known else 0.5
     return Verdict(watch, feed_speed, turning=True)

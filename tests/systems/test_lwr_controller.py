@@ -8,7 +8,7 @@ from systems.lwr_controller import COMMANDS, LwrController
 
 RADIUS = 0.01
 GENTLE = Controller(
-    max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9
+    max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
 )  # no limit is reached
 
 
@@ -68,7 +68,13 @@ def test_the_gain_scales_the_correction_and_not_the_feed(skill, measurements, ga
     row = measurements[len(measurements) // 3]
     one = step(*controller(skill, row)[:2])
     scaled = Controller(
-        gain=gain, max_turn=1e9, max_turn_rate=100.0, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9
+        gain=gain,
+        max_turn=1e9,
+        max_turn_rate=100.0,
+        max_feed_speed=100.0,
+        soft_force=1e8,
+        hold_force=1e9,
+        force_limit=1e9,
     )
     found = step(*controller(skill, row, scaled)[:2], scaled)
     assert found["target_pitch"] == pytest.approx(gain * one["target_pitch"])
@@ -80,7 +86,9 @@ def test_the_turn_keeps_its_direction_at_the_rate_limit(skill, measurements):
     free = step(*controller(skill, row)[:2])
     wanted = np.array([free["target_pitch"], free["target_yaw"]])
     size = np.linalg.norm(wanted)
-    slow = Controller(max_turn_rate=0.3 * size / GENTLE.period, max_feed_speed=100.0, soft_force=1e8, force_limit=1e9)
+    slow = Controller(
+        max_turn_rate=0.3 * size / GENTLE.period, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
+    )
     found = step(*controller(skill, row, slow)[:2], slow)
     np.testing.assert_allclose([found["target_pitch"], found["target_yaw"]], 0.3 * wanted, rtol=1e-9)
 
@@ -88,7 +96,9 @@ def test_the_turn_keeps_its_direction_at_the_rate_limit(skill, measurements):
 def test_the_hole_is_turned_no_further_than_the_gimbal_goes(skill, measurements):
     row = measurements[len(measurements) // 3]
     free = step(*controller(skill, row)[:2])
-    near = Controller(max_turn=1.5 * abs(free["target_pitch"]), max_turn_rate=100.0, soft_force=1e8, force_limit=1e9)
+    near = Controller(
+        max_turn=1.5 * abs(free["target_pitch"]), max_turn_rate=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
+    )
     found = step(*controller(skill, row, near)[:2], near, times=40)
     assert abs(found["target_pitch"]) == pytest.approx(near.max_turn)
     assert abs(found["target_yaw"]) <= near.max_turn
@@ -98,13 +108,13 @@ def test_the_feed_is_no_faster_than_its_limit(skill, measurements):
     row = measurements[0]
     free = step(*controller(skill, row)[:2])["feed_speed"]
     assert free < 0  # into the hole
-    slow = Controller(max_feed_speed=0.4 * abs(free), soft_force=1e8, force_limit=1e9)
+    slow = Controller(max_feed_speed=0.4 * abs(free), soft_force=1e8, hold_force=1e9, force_limit=1e9)
     assert step(*controller(skill, row, slow)[:2], slow)["feed_speed"] == pytest.approx(0.4 * free)
 
 
 @pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.48, 0.64, 0.6]])
 def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, measurements, direction):
-    guarded = Controller(soft_force=19.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0)
+    guarded = Controller(soft_force=19.0, hold_force=20.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0)
     row = measurements[len(measurements) // 3].copy()
     row[3:6] = 0.0
     row[:3] = 19.99 * np.array(direction)
@@ -117,7 +127,7 @@ def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, meas
 
 def test_a_couple_counts_as_load_too(skill, measurements):
     """A wedged peg: no net force, but a moment."""
-    guarded = Controller(soft_force=19.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0)
+    guarded = Controller(soft_force=19.0, hold_force=20.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0)
     row = measurements[len(measurements) // 3].copy()
     for size, guard in ((19.99, 0.0), (20.01, 1.0)):
         row[:6] = [0.0, 0.0, 0.0, 0.6 * size * RADIUS, 0.8 * size * RADIUS, 0.0]

@@ -18,11 +18,11 @@ def test_a_free_peg_is_fed_as_the_skill_wants():
     assert (verdict.feed_speed, verdict.turning, verdict.watch.mode) == (FEED, True, WORKING)
 
 
-def test_the_feed_is_lowered_between_the_soft_force_and_the_limit():
-    middle = 0.5 * (P.soft_force + P.force_limit)
+def test_the_feed_is_lowered_between_the_soft_force_and_the_holding_force():
+    middle = 0.5 * (P.soft_force + P.hold_force)
     assert step(Watch(), load=P.soft_force).feed_speed == pytest.approx(FEED)
     assert step(Watch(), load=middle).feed_speed == pytest.approx(0.5 * FEED)
-    assert step(Watch(), load=P.force_limit).feed_speed == pytest.approx(0.0)
+    assert step(Watch(), load=P.hold_force).feed_speed == pytest.approx(0.0)
 
 
 def test_an_unknown_state_halves_the_feed():
