@@ -103,11 +103,13 @@ def test_the_log_agrees_with_the_plants_own_state(resolved):
     plant, peg = environment.contact.plant, environment.contact.peg
     period = resolved.recorder.period
     block = plant.GetCollisionGeometriesForBody(environment.contact.block)[0]
-    seen, tips = [], [environment.X_HP_start.translation()]
+    seen, tips = [], 2 * [environment.X_HP_start.translation()]
 
     def look(context):
         own = plant.GetMyContextFromRoot(context)
         X = peg.EvalPoseInWorld(own)
+        if not np.array_equal(X.translation(), tips[-1]):  # between the contact's steps only the servo ticks
+            tips.append(X.translation())
         if abs(context.get_time() / period - round(context.get_time() / period)) < 1e-6:
             results = plant.get_contact_results_output_port().Eval(own)
             force, moment = np.zeros(3), np.zeros(3)
@@ -117,12 +119,10 @@ def test_the_log_agrees_with_the_plants_own_state(resolved):
                 sign = 1.0 if surface.id_M() != block else -1.0  # the force is that on M
                 force += sign * F.translational()
                 # The step that made this force began where the tip was one step ago.
-                arm = surface.centroid() - tips[-1]
+                arm = surface.centroid() - tips[-2]
                 moment += sign * (F.rotational() + np.cross(arm, F.translational()))
             R = X.rotation().inverse()
             seen.append([context.get_time(), *X.translation(), *R.multiply(force), *R.multiply(moment)])
-        if not np.array_equal(X.translation(), tips[-1]):  # between the contact's steps only the servo ticks
-            tips.append(X.translation())
         return EventStatus.DidNothing()
 
     simulator.set_monitor(look)
