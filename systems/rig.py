@@ -19,8 +19,9 @@ from systems.depth_encoder import DepthEncoder
 from systems.lwr_controller import COMMANDS, LwrController
 from systems.rig_plant import RigPlant
 from systems.run_recorder import RunRecorder
+from systems.state_display import StateDisplay, plate_pose
 from systems.stepper_motor import StepperMotor
-from systems.visualization import AddVisualization
+from systems.visualization import CAMERA, FRAME, TARGET, AddVisualization
 from systems.wrench_sensor import WrenchSensor, wrench_at_tip
 
 
@@ -75,11 +76,18 @@ def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = N
     contact = AddRigPlant(builder, scenario)
     if meshcat is not None:
         AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
-    return WireRig(builder, scenario, skill, contact)
+    return WireRig(builder, scenario, skill, contact, meshcat=meshcat)
 
 
-def WireRig(builder: DiagramBuilder, scenario: Scenario, skill: RigPolicy, contact: RigPlant) -> RigDiagram:
-    """Adds sensor, motors and controller to a plant and builds the diagram; see `MakeRig`."""
+def WireRig(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    skill: RigPolicy,
+    contact: RigPlant,
+    *,
+    meshcat: Meshcat | None = None,
+) -> RigDiagram:
+    """Adds sensor, motors, controller and a display of the state to a plant and builds the diagram; see `MakeRig`."""
     if scenario.start.tilt is None:
         raise ValueError("scenario.start.tilt is missing: the scenario is not resolved; use resolve_scenario first")
     _check_geometry(scenario, skill)
@@ -133,6 +141,20 @@ def WireRig(builder: DiagramBuilder, scenario: Scenario, skill: RigPolicy, conta
         builder.Connect(stepper.GetOutputPort("equilibrium_angle"), equilibrium.get_input_port(k))
     builder.Connect(rest.get_output_port(), equilibrium.get_input_port(2))
     builder.Connect(equilibrium.get_output_port(), contact.gimbal_equilibrium)
+    if meshcat is not None:
+        display = builder.AddNamedSystem(
+            "state_display",
+            StateDisplay(
+                meshcat=meshcat,
+                names=skill.state_names(),
+                geometry=scenario.geometry,
+                home=scenario.sensor.height,
+                period=FRAME,
+                X_WL=plate_pose(CAMERA, TARGET),
+            ),
+        )
+        builder.Connect(estimator.GetOutputPort("state"), display.GetInputPort("state"))
+        builder.Connect(carriage_state, display.GetInputPort("carriage_state"))
     recorder = RunRecorder.AddToBuilder(
         builder=builder,
         ports={

@@ -43,6 +43,9 @@ ARGUMENTS = {
         "tilt": [0.0, 0.0],
         "offset": [0.0, 0.0],
     },
+    "StateDisplay": lambda skill: {
+        **{"meshcat": Meshcat(), "names": ["free"], "geometry": S.geometry, "home": 0.08, "period": 0.03, "X_WL": X},
+    },
     "StepperMotor": lambda skill: {"parameters": S.stepper, "period": 1e-3, "start_angle": 0.0},
     "WrenchSensor": lambda skill: {"parameters": S.sensor, "seed": 0, "weld": 0, "tare": np.zeros(6)},
 }
