@@ -59,6 +59,7 @@ class StepperMotor:
     damping: float = 1.2  # in units of N m s/rad [choice]
     reflected_inertia: float = 1.0e-3  # in units of kg m^2 [choice]
     max_step_rate: float = 400.0  # in units of steps/s [choice]
+    max_step_acceleration: float = 2.0e4  # in units of steps/s^2; takes a tenth of the holding torque [choice]
 
     @property
     def stiffness(self) -> float:
@@ -88,6 +89,16 @@ class DcMotor:
         """Motor angle over carriage travel, in rad/m."""
         return 2.0 * math.pi / self.screw_lead
 
+    @property
+    def force_constant(self) -> float:
+        """Force on the carriage over current, without friction, in N/A."""
+        return self.ratio * self.screw_efficiency * self.torque_constant
+
+    @property
+    def no_load_speed(self) -> float:
+        """Of the carriage at full voltage without friction, in m/s: it cannot drive itself faster."""
+        return self.supply_voltage / (self.torque_constant * self.ratio)
+
 
 @dataclass
 class WrenchSensor:
@@ -99,8 +110,12 @@ class WrenchSensor:
     torque_noise: list[float] = field(default_factory=lambda: [5e-4, 5e-4, 5e-4])  # N m [sheet]
     force_bias: float = 0.05  # in units of N; sigma of what is left after taring [choice]
     torque_bias: float = 1e-3  # in units of N m; sigma of what is left after taring [choice]
+    # What is left after taring wanders, mostly with the temperature: a random walk, 0.06 N and 1.3 mN m within 10 s.
+    force_drift: float = 0.02  # in units of N/sqrt(s), sigma of the walk after 1 s [choice]
+    torque_drift: float = 4e-4  # in units of N m/sqrt(s) [choice]
     force_quantum: float = 1.0 / 16.0  # in units of N [sheet]
     torque_quantum: float = 1.0 / 752.0  # in units of N m [sheet]
     bandwidth: float = 100.0  # in units of Hz; first-order low-pass [choice]
     period: float = 1e-3  # in units of s [choice]
+    delay: float = 2e-3  # in units of s, whole periods; of conversion and network, beside the low-pass [choice]
     height: float = 0.080  # in units of m; from the peg's tip to the sensor [choice]

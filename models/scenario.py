@@ -122,6 +122,8 @@ class Controller:
     back_off_time: float = 0.4  # in units of s, at the most
     stall_time: float = 0.6  # in units of s of pushing without coming ...
     stall_depth: float = 0.2e-3  # ... in units of m ... deeper, after which the peg is backed off
+    unknown_feed: float = 0.5  # share of the feed that is left while the contact state is unknown
+    doubt_time: float = 1.0  # in units of s of not recognising what is felt, after which the peg is backed off
 
 
 @dataclass
@@ -283,6 +285,13 @@ def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
             f"{value} s",
             f"a multiple of contact.time_step {step} s",
         )
+    delay, period = scenario.sensor.delay, scenario.sensor.period
+    require(
+        abs(delay / period - round(delay / period)) < 1e-6,
+        "sensor.delay",
+        f"{delay} s",
+        f"a multiple of sensor.period {period} s",
+    )
 
 
 DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM, PRACTICE_STREAM, CHECK_STREAM = 1, 2, 3, 4, 5

@@ -31,7 +31,7 @@ def result_table(results: list[TrialResult]) -> Table:
     table = Table(title="insertions on the rig", box=SIMPLE, padding=(0, 1, 0, 0))
     table.add_column("trial", justify="right")
     table.add_column("tilt\n(deg)", no_wrap=True, justify="right")
-    table.add_column("outcome")
+    table.add_column("outcome", min_width=len("inserted"))
     for name, unit in (
         *(("time", "s"), ("depth", "mm"), ("axial", "N"), ("across", "N"), ("moment", "N m"), ("overlap", "um")),
         ("steps", ""),

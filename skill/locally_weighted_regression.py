@@ -196,7 +196,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             parts += local.interval(level) if return_interval else []
             return tuple(self._shaped(part) for part in parts)
         if len(queries) == 1:
-            return self._shaped(self._predict_one(queries[0], None if Q is None else Q[0])[None])
+            return self._shaped(self._predict_one(queries[0], None if Q is None else Q[0])[0][None])
         out = np.empty((len(queries), self.y_.shape[1]))
         for block, found, x, log_w in self._neighbourhood.blocks(queries, Q, self._kernel()):
             weights, _, ridge = normalised_weights(log_w, self.ridge)
@@ -207,6 +207,36 @@ class LWRegressor(RegressorMixin, BaseEstimator):
     def predict_local(self, X: ArrayLike, memberships: ArrayLike | None = None) -> LocalPrediction:
         """Predictions with uncertainty and support; arguments as for ``predict``."""
         return self._local(*self._queries(X, memberships))
+
+    def predict_with_support(self, X: ArrayLike, memberships: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Predictions as of ``predict``, and the log of the greatest kernel weight of each query, (m,).
+
+        The latter is zero on top of a sample of a state that the query shares, and very negative far from all.
+        """
+        queries, Q = self._queries(X, memberships)
+        rows = [self._predict_one(query, None if Q is None else Q[k]) for k, query in enumerate(queries)]
+        return self._shaped(np.array([row for row, _ in rows])), np.array([log_w for _, log_w in rows])
+
+    def support_between(self, groups: ArrayLike) -> Array:
+        """Log of the greatest kernel weight (n,) that each sample finds among the samples of other groups.
+
+        Args:
+            groups: (n,), the demonstration of each sample of ``X_``; neighbours in time say nothing of the support that
+                a demonstration not yet seen would find.
+
+        Raises:
+            ValueError: if there is only one group.
+        """
+        names, group, sizes = np.unique(np.asarray(groups), return_inverse=True, return_counts=True)
+        if len(names) < 2:
+            raise ValueError(f"support between groups needs at least 2 groups; found {len(names)}")
+        best = np.empty(len(self.X_))
+        for block, found, _, log_w in self._neighbourhood.blocks(
+            self.X_, self.memberships_, self._kernel(), extra=int(sizes.max())
+        ):
+            own = group[found] == group[block, None]
+            best[block] = np.where(own, -np.inf, log_w).max(axis=1)
+        return best
 
     def explain(self, x: ArrayLike, membership: ArrayLike | None = None, level: float = 0.95) -> Explanation:
         """The samples, weights, interval and support behind the prediction at one query.
@@ -368,11 +398,11 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             raise ValueError("queries have memberships but the samples have none: give memberships to fit too")
         return queries, check_memberships(memberships, len(queries), self.memberships_.shape[1])
 
-    def _predict_one(self, query: Array, q: Array | None) -> Array:
-        """Prediction (p,) at one scaled query (d,): the batch's arithmetic without its overhead."""
+    def _predict_one(self, query: Array, q: Array | None) -> tuple[Array, float]:
+        """Prediction (p,) at one scaled query (d,), and log of the greatest weight: the batch without its overhead."""
         found, x, log_w = self._neighbourhood.of_one(query, q, self._kernel())
-        weights, _, ridge = normalised_weights(log_w, self.ridge)
-        return equivalent_kernel(query, x, weights, float(ridge), self.degree) @ self.y_[found]
+        weights, log_w_max, ridge = normalised_weights(log_w, self.ridge)
+        return equivalent_kernel(query, x, weights, float(ridge), self.degree) @ self.y_[found], float(log_w_max)
 
     def _kernel(self) -> Kernel:
         return Kernel(float(self.bandwidth), self.bandwidth_type == "adaptive", self.n_neighbors)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,9 +30,10 @@ from skill.tables import write_atomically
 
 Array = NDArray[np.float64]
 
+UNSUPPORTED = 0.01  # share of the demonstrated samples that find less support than the least in other demonstrations
 FOLDS = 5  # of the cross-validation over demonstrations
 
-SKILL_VERSION = 2
+SKILL_VERSION = 3
 """Of the file format; a file of another version is refused."""
 
 
@@ -52,11 +54,14 @@ class Action:
         turn: (2,), rotation vector of the peg relative to the hole about x and y of P, rad.
         feed: motion of the peg along its axis, m; negative goes into the hole.
         probabilities: (K,), of the contact states.
+        support: how near the nearest remembered sample is, from 0 to 1: its kernel weight, over the least that a
+            demonstrated sample should find in the demonstrations of others. 1 where the regressor does not say.
     """
 
     turn: Array
     feed: float
     probabilities: Array
+    support: float = 1.0
 
 
 class ManipulationSkill:
@@ -86,6 +91,8 @@ class ManipulationSkill:
         graph_: the `StateGraph` of the demonstrations.
         period_: of a sample, s.
         sources_: (n, 2), demonstration number and time (s) of each sample that the regressor remembers.
+        least_log_support_: log of the kernel weight below which support is low: all but one in a hundred of the
+            remembered samples find more in other demonstrations. -inf where nothing is known about it.
         names_: of the states; None while they are only numbered.
         metadata_: numbers of demonstrations, and the geometry they were made with.
     """
@@ -152,6 +159,7 @@ class ManipulationSkill:
         knows_states = isinstance(self.regressor_, LWRegressor)
         self.regressor_.fit(X, Y, **({"memberships": P} if knows_states else {}))
         self.sources_ = np.column_stack([groups[good], samples["time"].to_numpy()])
+        self.least_log_support_ = self._least_log_support()
         self.metadata_: dict[str, Any] = {
             "demonstrations": len(refined),
             "good": int(sum(d.good for d in demonstrations)),
@@ -182,6 +190,14 @@ class ManipulationSkill:
         sensed[list(MEASURED[:6])] += sigma * rng.standard_normal((len(samples), 6))
         return sensed
 
+    def _least_log_support(self) -> float:
+        if not isinstance(self.regressor_, LWRegressor):
+            return -math.inf
+        demonstrations = self.sources_[self.regressor_.rows_, 0]
+        if len(np.unique(demonstrations)) < 2:
+            return -math.inf
+        return float(np.quantile(self.regressor_.support_between(demonstrations), UNSUPPORTED))
+
     def _memberships(self, X: Array) -> Array:
         """Probabilities of the states from measured features alone: the hidden ones are marginalised."""
         return self.states_.predict_proba(X, channels=np.arange(X.shape[1]))
@@ -210,10 +226,13 @@ class ManipulationSkill:
         row = np.asarray(measured, dtype=float).reshape(1, -1)
         X = self.features_.transform(row)
         P = self._memberships(X) if probabilities is None else np.asarray(probabilities, float).reshape(1, -1)
-        knows_states = isinstance(self.regressor_, LWRegressor)
-        predicted = self.regressor_.predict(X, memberships=P) if knows_states else self.regressor_.predict(X)
+        if isinstance(self.regressor_, LWRegressor):
+            predicted, log_support = self.regressor_.predict_with_support(X, memberships=P)
+            support = math.exp(min(0.0, float(log_support[0]) - self.least_log_support_))
+        else:
+            predicted, support = self.regressor_.predict(X), 1.0
         local = self.features_.actions_from_frame(row, predicted)[0]
-        return Action(turn=local[:2], feed=float(local[2]), probabilities=P[0])
+        return Action(turn=local[:2], feed=float(local[2]), probabilities=P[0], support=support)
 
     def explain(
         self, measured: ArrayLike, probabilities: ArrayLike | None = None, level: float = 0.95
@@ -275,6 +294,7 @@ class ManipulationSkill:
             "period": self.period_,
             "metadata": self.metadata_,
             "names": self.names_,
+            "least_log_support": self.least_log_support_,
         }
         arrays: dict[str, Any] = {"sources": self.sources_}
         for part, fitted in (
@@ -321,6 +341,7 @@ class ManipulationSkill:
             skill.regressor_ = LWRegressor.from_arrays(parts["regressor"])
             skill.graph_ = StateGraph.from_arrays(parts["graph"])
             skill.period_, skill.metadata_, skill.names_ = (header[k] for k in ("period", "metadata", "names"))
+            skill.least_log_support_ = float(header["least_log_support"])
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: not a complete skill file ({error})") from error
         return skill

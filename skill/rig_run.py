@@ -14,6 +14,8 @@ known                                 1      1 where the measurement is one that
 target_pitch target_yaw               rad    commanded angles of the hole, from where it stood at the start
 feed_speed                            m/s    commanded speed of the peg, negative into the hole
 guard                                 1      1 while the force guard backs the peg off
+support                               1      of the action by what the skill remembers, 1 where it is not lacking
+fault                                 1      number of the fault that the rig has noticed, 0 if none
 pitch_taken yaw_taken                 1      steps that each stepper has taken
 pitch_lost yaw_lost                   1      steps that each stepper has lost
 tip_z                                 m      true height of the tip above the mouth (for the eye only)
@@ -33,12 +35,12 @@ from skill.tables import read_table, validate_table, write_table
 
 RUN_COLUMNS = (
     *("time", "fx", "fy", "fz", "mx", "my", "mz", "depth", "state", "known"),
-    *("target_pitch", "target_yaw", "feed_speed", "guard"),
+    *("target_pitch", "target_yaw", "feed_speed", "guard", "support", "fault"),
     *("pitch_taken", "pitch_lost", "yaw_taken", "yaw_lost"),
     *("tip_z", "pitch", "yaw"),
 )
 
-RUN_VERSION = 1
+RUN_VERSION = 2
 
 
 @dataclass(frozen=True)

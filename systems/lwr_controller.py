@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from models.scenario import Controller
+from skill.manipulation_skill import Action
 from systems.control_law import RigPolicy
+from systems.faults import in_a_line
 from systems.supervisor import Watch, supervise
 
-TURN, FEED, WATCH = slice(0, 2), 2, slice(3, 6)
+TURN, FEED, WATCH, SUPPORT = slice(0, 2), 2, slice(3, 7), 7
 COMMANDS = ("target_pitch", "target_yaw", "feed_speed", "guard")
 
 
@@ -30,6 +35,8 @@ class LwrController(LeafSystem):
         - target_yaw
         - feed_speed
         - guard
+        - support
+        - failed
 
     Every period T the skill says how a person would turn the peg relative to the hole, omega (rad, in P), and move
     it along its axis, u (m), within one sample period T_s of the demonstrations. The rig turns the hole instead:
@@ -37,8 +44,10 @@ class LwrController(LeafSystem):
         pitch <- pitch - g omega_x T/T_s,   yaw <- yaw - g omega_y T/T_s,   feed speed = u/T_s,
 
     each within its limit, and the feed as far as the supervisor lets it (`supervise`); ``guard`` is 1 while it backs
-    the peg off. The controller knows the wrench on the peg about its tip, the depth, the state's probabilities and
-    whether it is known, and its own commands, nothing else; its angles count from where the axes stood at time 0.
+    the peg off, and ``support`` that of the action. A skill that fails, by an exception or a number that is none, is
+    not asked again: the feed stands still, the angles stay, and ``failed`` is 1. The controller knows the wrench on the
+    peg about its tip, the depth, the state's probabilities and whether it is known, and its own commands, nothing else;
+    its angles count from where the axes stood at time 0.
     """
 
     def __init__(self, *, skill: RigPolicy, parameters: Controller, peg_radius: float) -> None:
@@ -50,12 +59,19 @@ class LwrController(LeafSystem):
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._probabilities = self.DeclareVectorInputPort("probabilities", skill.n_states)
         self._known = self.DeclareVectorInputPort("known", 1)
-        # [pitch, yaw, feed speed, and the supervisor's watch, whose first is the guard]
-        self._command = self.DeclareDiscreteState(np.array([0.0, 0.0, 0.0, *Watch().as_list()]))
-        self.DeclarePeriodicDiscreteUpdateEvent(parameters.period, 0.0, self._update)
-        state_only = {self.discrete_state_ticket(self._command)}
-        for index, name in enumerate(COMMANDS):
-            self.DeclareVectorOutputPort(name, 1, self._reader(index), state_only)
+        # [pitch, yaw, feed speed, the supervisor's watch, whose first is the guard, support]
+        self._command = self.DeclareDiscreteState(np.array([0.0, 0.0, 0.0, *Watch().as_list(), 1.0]))
+        self._failure = self.DeclareAbstractState(AbstractValue.Make(""))
+        self.DeclarePeriodicUnrestrictedUpdateEvent(parameters.period, 0.0, self._update)
+        self.DeclareForcedUnrestrictedUpdateEvent(self._update)
+        command = {self.discrete_state_ticket(self._command)}
+        for name, index in zip((*COMMANDS, "support"), (0, 1, FEED, WATCH.start, SUPPORT), strict=True):
+            self.DeclareVectorOutputPort(name, 1, self._reader(index), command)
+        self.DeclareVectorOutputPort("failed", 1, self._calc_failed, {self.abstract_state_ticket(self._failure)})
+
+    def failure(self, context: Context) -> str:
+        """Why the skill failed, "" while it has not; ``context`` is this system's."""
+        return str(context.get_abstract_state(int(self._failure)).get_value())
 
     def _reader(self, index: int) -> Callable[[Context, BasicVector], None]:
         def calc(context: Context, output: BasicVector) -> None:
@@ -63,11 +79,34 @@ class LwrController(LeafSystem):
 
         return calc
 
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        p = self._parameters
+    def _calc_failed(self, context: Context, output: BasicVector) -> None:
+        output[0] = float(self.failure(context) != "")
+
+    def _update(self, context: Context, state: State) -> None:
+        if self.failure(context):
+            return
         command = context.get_discrete_state(self._command).value().copy()
         wrench, depth = self._wrench.Eval(context), self._depth.Eval(context)[0]
-        action = self._skill.act(np.array([*wrench, -depth]), self._probabilities.Eval(context))
+        try:
+            action = self._checked_action(np.array([*wrench, -depth]), self._probabilities.Eval(context))
+        except Exception as error:  # a learner of one's own may raise anything, and the rig must stop
+            command[FEED] = 0.0
+            state.get_mutable_abstract_state(int(self._failure)).set_value(in_a_line(error))
+        else:
+            self._follow(command, action, wrench, depth, known=bool(self._known.Eval(context)[0]))
+        state.get_mutable_discrete_state(self._command).SetFromVector(command)
+
+    def _checked_action(self, measured: NDArray[np.float64], probabilities: NDArray[np.float64]) -> Action:
+        action = self._skill.act(measured, probabilities)
+        if not (np.isfinite(action.turn).all() and math.isfinite(action.feed) and math.isfinite(action.support)):
+            raise ValueError(f"the action is not finite: turn {action.turn}, feed {action.feed}, {action.support}")
+        return action
+
+    def _follow(
+        self, command: NDArray[np.float64], action: Action, wrench: NDArray[np.float64], depth: float, *, known: bool
+    ) -> None:
+        """Changes the command in place, as far as limits and supervisor let it."""
+        p = self._parameters
         verdict = supervise(
             p,
             Watch(*command[WATCH]),
@@ -75,7 +114,8 @@ class LwrController(LeafSystem):
             feed_speed=float(np.clip(action.feed / self._skill.period_, -p.max_feed_speed, p.max_feed_speed)),
             load=float(np.hypot(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:]) / self._peg_radius)),
             depth=depth,
-            known=bool(self._known.Eval(context)[0]),
+            known=known,
+            support=action.support,
         )
         if verdict.turning:
             rate = p.gain * action.turn / self._skill.period_
@@ -85,4 +125,4 @@ class LwrController(LeafSystem):
             command[TURN] = np.clip(command[TURN] - rate * p.period, -p.max_turn, p.max_turn)
         command[FEED] = verdict.feed_speed
         command[WATCH] = verdict.watch.as_list()
-        discrete_state.get_mutable_vector(self._command).SetFromVector(command)
+        command[SUPPORT] = action.support

@@ -16,12 +16,15 @@ from systems.contact_state_estimator import ContactStateEstimator
 from systems.control_law import RigPolicy
 from systems.dc_motor import DcMotor
 from systems.depth_encoder import DepthEncoder
-from systems.lwr_controller import COMMANDS, LwrController
+from systems.faults import FAULT_NAMES, Fault
+from systems.lwr_controller import LwrController
+from systems.measurement_check import MeasurementCheck
 from systems.rig_plant import RigPlant
 from systems.run_recorder import RunRecorder
 from systems.state_display import StateDisplay, plate_pose
 from systems.stepper_motor import StepperMotor
 from systems.visualization import CAMERA, FRAME, TARGET, AddVisualization
+from systems.watchdog import COMMANDS, Watchdog
 from systems.wrench_sensor import WrenchSensor, wrench_at_tip
 
 
@@ -33,6 +36,8 @@ class RigDiagram:
         diagram: what a Simulator runs.
         contact: the plant and its bodies.
         recorder: of what the rig measures, commands and does.
+        controller: the skill's.
+        watchdog: between controller and motors.
         start: of the carriage, m, and of pitch and yaw, rad.
         tare: (6,), what the sensor's weld holds in free air: force (N), then moment (N m), in P.
         sensor_height: of that weld above the tip, m.
@@ -41,6 +46,8 @@ class RigDiagram:
     diagram: Diagram
     contact: RigPlant
     recorder: RunRecorder
+    controller: LwrController
+    watchdog: Watchdog
     start: tuple[float, float, float]
     tare: NDArray[np.float64]
     sensor_height: float
@@ -59,6 +66,20 @@ class RigDiagram:
         reaction = port.Eval(port.get_system().GetMyContextFromRoot(context))[self.contact.sensor]
         held = np.concatenate([reaction.translational(), reaction.rotational()])
         return wrench_at_tip(self.tare - held, self.sensor_height)
+
+    def fault(self, context: Context) -> str:
+        """Name of the fault that the rig has noticed, "" if none."""
+        own = self.watchdog.GetMyContextFromRoot(context)
+        fault = Fault(int(self.watchdog.GetOutputPort("fault").Eval(own)[0]))
+        if fault == Fault.NONE:
+            return ""
+        if fault == Fault.CONTROLLER_FAILED:
+            return f"{FAULT_NAMES[fault]}: {self.controller.failure(self.controller.GetMyContextFromRoot(context))}"
+        return FAULT_NAMES[fault]
+
+    def stopped(self, context: Context) -> bool:
+        """Whether the watchdog has drawn the peg back after a fault and stands still."""
+        return bool(self.watchdog.GetOutputPort("stopped").Eval(self.watchdog.GetMyContextFromRoot(context))[0])
 
 
 def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = None) -> RigDiagram:
@@ -110,6 +131,13 @@ def WireRig(
         "lwr_controller",
         LwrController(skill=skill, parameters=scenario.controller, peg_radius=scenario.geometry.peg_radius),
     )
+    check = builder.AddNamedSystem(
+        "measurement_check",
+        MeasurementCheck(
+            sensor=scenario.sensor, top_speed=scenario.feed.no_load_speed, resolution=scenario.rig.encoder_resolution
+        ),
+    )
+    watchdog = builder.AddNamedSystem("watchdog", Watchdog(parameters=scenario.controller, motor=scenario.feed))
     motor = builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=period))
     steppers = {
         name: builder.AddNamedSystem(
@@ -122,21 +150,29 @@ def WireRig(
     rest = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(2)))
     equilibrium = builder.AddNamedSystem("equilibrium", Multiplexer([1, 1, 2]))
 
-    wrench = sensor.GetOutputPort("wrench")
-    depth = encoder.GetOutputPort("depth")
+    wrench = check.GetOutputPort("wrench")
+    depth = check.GetOutputPort("depth")
     builder.Connect(contact.reaction_forces, sensor.GetInputPort("reaction_forces"))
     builder.Connect(carriage_state, encoder.GetInputPort("carriage_state"))
-    for system in (estimator, controller):
+    builder.Connect(sensor.GetOutputPort("wrench"), check.GetInputPort("raw_wrench"))
+    builder.Connect(encoder.GetOutputPort("depth"), check.GetInputPort("raw_depth"))
+    for system in (estimator, controller, watchdog):
         builder.Connect(wrench, system.GetInputPort("wrench"))
         builder.Connect(depth, system.GetInputPort("depth"))
     builder.Connect(estimator.GetOutputPort("probabilities"), controller.GetInputPort("probabilities"))
     builder.Connect(estimator.GetOutputPort("known"), controller.GetInputPort("known"))
-    builder.Connect(controller.GetOutputPort("feed_speed"), motor.GetInputPort("speed_command"))
+    for name in COMMANDS:
+        builder.Connect(controller.GetOutputPort(name), watchdog.GetInputPort(name))
+    builder.Connect(controller.GetOutputPort("failed"), watchdog.GetInputPort("controller_failed"))
+    builder.Connect(check.GetOutputPort("fault"), watchdog.GetInputPort("measurement_fault"))
+    builder.Connect(motor.GetOutputPort("current"), watchdog.GetInputPort("current"))
+    builder.Connect(watchdog.GetOutputPort("feed_speed"), motor.GetInputPort("speed_command"))
     builder.Connect(carriage_state, motor.GetInputPort("carriage_state"))
     builder.Connect(motor.GetOutputPort("carriage_force"), contact.carriage_force)
     builder.Connect(contact.gimbal_state, gimbal_state.get_input_port())
     for k, (name, stepper) in enumerate(steppers.items()):
-        builder.Connect(controller.GetOutputPort(f"target_{name}"), stepper.GetInputPort("target_angle"))
+        builder.Connect(watchdog.GetOutputPort(f"target_{name}"), stepper.GetInputPort("target_angle"))
+        builder.Connect(stepper.GetOutputPort("step_counts"), watchdog.GetInputPort(f"{name}_counts"))
         builder.Connect(gimbal_state.get_output_port(k), stepper.GetInputPort("measured_angle"))
         builder.Connect(stepper.GetOutputPort("equilibrium_angle"), equilibrium.get_input_port(k))
     builder.Connect(rest.get_output_port(), equilibrium.get_input_port(2))
@@ -162,7 +198,9 @@ def WireRig(
             ("depth",): depth,
             ("state",): estimator.GetOutputPort("state"),
             ("known",): estimator.GetOutputPort("known"),
-            **{(n,): controller.GetOutputPort(n) for n in COMMANDS},
+            **{(n,): watchdog.GetOutputPort(n) for n in COMMANDS},
+            **{(n,): controller.GetOutputPort(n) for n in ("guard", "support")},
+            ("fault",): watchdog.GetOutputPort("fault"),
             **{(f"{n}_taken", f"{n}_lost"): s.GetOutputPort("step_counts") for n, s in steppers.items()},
             ("carriage", "carriage_speed"): carriage_state,
             ("pitch",): gimbal_state.get_output_port(0),
@@ -177,6 +215,8 @@ def WireRig(
         diagram,
         contact,
         recorder,
+        controller,
+        watchdog,
         start=(scenario.sensor.height + scenario.start.height, pitch, yaw),
         tare=tare,
         sensor_height=scenario.sensor.height,

@@ -17,15 +17,17 @@ class Watch:
         mode: WORKING or BACKING_OFF.
         elapsed: in this mode, or since the last progress, s.
         anchor: depth from which progress, or the way back, is measured, m.
+        doubt: for how long the skill has not recognised what it feels, s.
     """
 
     mode: float = WORKING
     elapsed: float = 0.0
     anchor: float = -1.0
+    doubt: float = 0.0
 
     def as_list(self) -> list[float]:
-        """[mode, elapsed, anchor]."""
-        return [self.mode, self.elapsed, self.anchor]
+        """[mode, elapsed, anchor, doubt]."""
+        return [self.mode, self.elapsed, self.anchor, self.doubt]
 
 
 @dataclass(frozen=True)
@@ -44,18 +46,30 @@ class Verdict:
 
 
 def supervise(
-    p: Controller, watch: Watch, *, period: float, feed_speed: float, load: float, depth: float, known: bool
+    p: Controller,
+    watch: Watch,
+    *,
+    period: float,
+    feed_speed: float,
+    load: float,
+    depth: float,
+    known: bool,
+    support: float,
 ) -> Verdict:
     """One period of supervision.
 
     While working, the learnt feed v into the hole is lowered to
 
-        v min(1, max(0, (F_hold - F) / (F_hold - F_soft))) (1/2 if the contact state is unknown),
+        v s min(1, max(0, (F_hold - F) / (F_hold - F_soft))) (``unknown_feed`` if the contact state is unknown),
 
-    with F the load, sqrt(|f|^2 + |m/r|^2): a wedged peg holds a large couple under a small net force. Further,
+    with s the support of the action, and F the load, sqrt(|f|^2 + |m/r|^2): a wedged peg holds a large couple under a
+    small net force. The peg is backed off
 
-    the peg is backed off as soon as the load passes F_limit, or when it was pushed for ``stall_time`` without
-    coming ``stall_depth`` deeper. Backing off ends ``back_off_distance`` higher, or after ``back_off_time``.
+    * as soon as the load passes F_limit,
+    * when it was pushed for ``stall_time`` without coming ``stall_depth`` deeper,
+    * when the skill has not recognised what it feels (unknown, or less than full support) for ``doubt_time``.
+
+    Backing off ends ``back_off_distance`` higher, or after ``back_off_time``; then it is tried again.
 
     Args:
         p: the guards.
@@ -65,6 +79,7 @@ def supervise(
         load: of the contact, N.
         depth: measured, m.
         known: whether the estimator recognises the contact state.
+        support: of the skill's action by what it remembers, 0 to 1 (see `Action`).
     """
     if watch.mode == BACKING_OFF:
         done = watch.anchor - depth >= p.back_off_distance or watch.elapsed >= p.back_off_time
@@ -72,10 +87,14 @@ def supervise(
             return Verdict(replace(watch, elapsed=watch.elapsed + period), p.retract_speed, turning=False)
         watch = Watch(anchor=depth)
     progressed = depth - watch.anchor >= p.stall_depth
-    watch = Watch(anchor=depth) if progressed else replace(watch, elapsed=watch.elapsed + period)
-    if load > p.force_limit or (watch.elapsed > p.stall_time and feed_speed < 0.0):
+    doubt = 0.0 if known and support >= 1.0 else watch.doubt + period
+    watch = (
+        Watch(anchor=depth, doubt=doubt) if progressed else replace(watch, elapsed=watch.elapsed + period, doubt=doubt)
+    )
+    pushing = feed_speed < 0.0
+    if load > p.force_limit or (pushing and (watch.elapsed > p.stall_time or watch.doubt > p.doubt_time)):
         return Verdict(Watch(BACKING_OFF, anchor=depth), p.retract_speed, turning=False)
-    if feed_speed < 0.0:
-        feed_speed *= min(1.0, max(0.0, (p.hold_force - load) / (p.hold_force - p.soft_force)))
-        feed_speed *= 1.0 if known else 0.5
+    if pushing:
+        feed_speed *= support * min(1.0, max(0.0, (p.hold_force - load) / (p.hold_force - p.soft_force)))
+        feed_speed *= 1.0 if known else p.unknown_feed
     return Verdict(watch, feed_speed, turning=True)

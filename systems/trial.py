@@ -16,6 +16,7 @@ from models.scenario import TRIAL_STREAM, Scenario, dump_scenario, resolve_scena
 from skill.rig_run import RigRun
 from systems.contact_plant import ABSURD_FORCE
 from systems.control_law import RigPolicy
+from systems.faults import in_a_line
 from systems.jamming import is_jammed
 from systems.penetration import deepest_overlap
 from systems.provenance import versions
@@ -31,7 +32,8 @@ class TrialResult:
         tilt_deg: of the peg relative to the hole at the start, about x and y.
         inserted: whether the peg reached full depth.
         reason: "inserted"; "jammed" or "time over", when the time ran out with the peg stuck (`is_jammed`) or not; or
-            why the trial ended early.
+            the fault that the rig noticed (`FAULT_NAMES`), after which it drew back and stopped; or why the simulation
+            did not go on.
         time_s: simulated seconds.
         depth_mm: of the tip at the end.
         peak_axial_n: largest contact force along the peg.
@@ -42,6 +44,7 @@ class TrialResult:
         lost_steps: by both.
         back_offs: how often the supervisor drew the peg back.
         unknown_s: seconds in which no contact state explained what was felt.
+        unsupported_s: seconds in which the skill remembered too little that is like what was felt.
         states: the contact states visited, in order, as numbers.
     """
 
@@ -59,6 +62,7 @@ class TrialResult:
     lost_steps: int
     back_offs: int
     unknown_s: float
+    unsupported_s: float
     states: list[int]
 
 
@@ -99,6 +103,8 @@ class TrialMonitor:
             self._next_pose += self._scenario.controller.period
         if self.depth >= self._scenario.full_depth:
             return self._end("inserted")
+        if self._rig.stopped(context):
+            return self._end(self._rig.fault(context))
         return EventStatus.DidNothing()
 
     def penetration(self) -> float:
@@ -128,7 +134,7 @@ def run_trials(
 def run_trial(
     scenario: Scenario, skill: RigPolicy, *, seed: int, meshcat: Meshcat | None = None
 ) -> tuple[TrialResult, RigRun]:
-    """Simulates one resolved scenario; a simulation that diverges ends with its reason, not with an exception.
+    """Simulates one resolved scenario; whatever goes wrong while it runs ends it with its reason, not an exception.
 
     Args:
         scenario: resolved (see `resolve_scenario`).
@@ -149,12 +155,15 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
     try:
         simulator.AdvanceTo(scenario.trial.time_limit)
     except RuntimeError as error:  # Drake's solver gave up
-        monitor.reason = f"diverged: {str(error).splitlines()[0][:120]}"
+        monitor.reason = f"diverged: {in_a_line(error)}"
+    except (Exception, SystemExit) as error:  # one faulty trial does not end the others
+        monitor.reason = f"failed: {in_a_line(error)}"  # Drake's assertions raise SystemExit
     samples = rig.recorder.samples(context)
-    if monitor.reason == "time over" and is_jammed(
-        samples["time"].to_numpy(), samples["depth"].to_numpy(), samples[["fx", "fy", "fz"]].to_numpy()
-    ):
-        monitor.reason = "jammed"
+    if monitor.reason == "time over":
+        stuck = is_jammed(
+            samples["time"].to_numpy(), samples["depth"].to_numpy(), samples[["fx", "fy", "fz"]].to_numpy()
+        )
+        monitor.reason = rig.fault(context) or ("jammed" if stuck else "time over")
     last = samples.iloc[-1]
     states = samples["state"].to_numpy(dtype=int)
     result = TrialResult(
@@ -172,6 +181,7 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
         lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
         back_offs=int((samples["guard"].diff() > 0).sum()),
         unknown_s=round(scenario.controller.period * float((samples["known"] == 0).sum()), 2),
+        unsupported_s=round(scenario.controller.period * float((samples["support"] < 1.0).sum()), 2),
         states=[int(s) for s in states[np.flatnonzero(np.diff(states, prepend=-1))]],
     )
     metadata = {

@@ -74,7 +74,7 @@ def make_rig_run(*, tilt: float = np.radians(3.0), **metadata: Any) -> RigRun:
         samples[f"{name}_taken"] = np.abs(np.diff(steps, prepend=0)).cumsum()
         samples[name] = angle[0] * part + steps * STEP
     samples["time"], samples["depth"], samples["tip_z"], samples["state"] = time, -z, z, state
-    samples["known"] = 1.0
+    samples["known"] = samples["support"] = 1.0
     samples["guard"] = ((time > 0.82) & (time < 0.92)).astype(float)
     samples["feed_speed"] = np.where(samples["guard"] > 0, 0.01, np.gradient(z, time))
     # Leaning of the peg in the hole: against the hole's own turn.

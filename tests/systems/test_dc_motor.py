@@ -5,6 +5,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
+from scipy.signal import TransferFunction, step
 from stepping import fixed_context, update
 
 from models.hardware import DcMotor as Parameters
@@ -137,3 +138,70 @@ def test_an_unhindered_carriage_reaches_the_commanded_speed(command):
     needed = (P.viscous_friction * w + math.copysign(P.coulomb_friction, w)) / (P.screw_efficiency * P.torque_constant)
     own = dut.GetMyContextFromRoot(root)
     assert current(dut, own) == pytest.approx(needed, rel=1e-2)
+
+
+def speeds(parameters, command, times, period=PERIOD):
+    """Of a free carriage under the drive, from rest, m/s."""
+    builder = DiagramBuilder()
+    source = builder.AddSystem(ConstantVectorSource([command]))
+    dut = builder.AddSystem(DcMotor(parameters=parameters, period=period))
+    carriage = builder.AddSystem(
+        LinearSystem(
+            A=np.array([[0.0, 1.0], [0.0, 0.0]]), B=np.array([[0.0], [1 / MASS]]), C=np.eye(2), D=np.zeros((2, 1))
+        )
+    )
+    builder.Connect(source.get_output_port(), dut.GetInputPort("speed_command"))
+    builder.Connect(dut.GetOutputPort("carriage_force"), carriage.get_input_port())
+    builder.Connect(carriage.get_output_port(), dut.GetInputPort("carriage_state"))
+    simulator = Simulator(builder.Build())
+    own = carriage.GetMyContextFromRoot(simulator.get_context())
+    found = []
+    for t in times:
+        simulator.AdvanceTo(t)
+        found.append(own.get_continuous_state_vector()[1])
+    return np.array(found)
+
+
+def damping_and_inertia(p):
+    """Of the carriage on a motor at constant voltage: N^2 (eta k_t k_e / R + b) in N s/m, and its mass."""
+    return p.ratio**2 * (p.screw_efficiency * p.torque_constant**2 / p.resistance + p.viscous_friction), MASS
+
+
+@pytest.mark.parametrize("friction", [0.0, 1e-3])
+def test_at_full_voltage_it_runs_up_with_its_mechanical_time_constant_to_its_no_load_speed(friction):
+    """w_0 = (eta k_t V/R - tau_c) / (eta k_t k_e/R + b), tau = J / (eta k_t k_e/R + b)."""
+    p = Parameters(coulomb_friction=friction, inductance=1e-6, current_limit=1e3)  # the voltage alone limits
+    damping, inertia = damping_and_inertia(p)
+    drive = p.ratio * (p.screw_efficiency * p.torque_constant * p.supply_voltage / p.resistance - friction)
+    no_load, tau = drive / damping, inertia / damping
+    times = tau * np.array([0.5, 1.0, 2.0, 3.0, 8.0])
+    period = tau / 400
+    found = speeds(p, 10.0, times, period=period)  # a command that it cannot reach
+    np.testing.assert_allclose(found, no_load * (1 - np.exp(-times / tau)), rtol=8e-3)
+
+
+def test_at_standstill_the_current_rises_with_the_electrical_time_constant():
+    """i = V/R (1 - e^(-R t/L)) at full voltage."""
+    p = Parameters(inductance=4e-3, current_limit=1e3)
+    dut, context = motor(10.0, parameters=p)
+    for k in range(1, 12):
+        update(dut, context, period=PERIOD)
+        rise = 1 - math.exp(-p.resistance * k * PERIOD / p.inductance)
+        assert current(dut, context) == pytest.approx(p.supply_voltage / p.resistance * rise, rel=1e-9)
+
+
+def test_a_small_step_of_the_speed_loop_is_that_of_its_second_order_transfer_function():
+    """J s^2 + (eta k_t (k_p + k_e)/R + b) s + eta k_t k_i/R, with the electrical lag below the period.
+
+    The command is fed forward by the back-EMF constant, so the zero is at -k_i / (k_p + k_e).
+    """
+    p = Parameters(coulomb_friction=0.0, inductance=1e-6, current_limit=1e3)
+    gain = p.ratio**2 * p.screw_efficiency * p.torque_constant / p.resistance
+    viscous = p.ratio**2 * p.viscous_friction
+    numerator = [gain * (p.speed_kp + p.torque_constant), gain * p.speed_ki]
+    denominator = [MASS, gain * (p.speed_kp + p.torque_constant) + viscous, gain * p.speed_ki]
+    times = np.linspace(0.004, 0.12, 30)
+    command = 0.002
+    _, expected = step(TransferFunction(numerator, denominator), T=np.concatenate([[0.0], times]))
+    found = speeds(p, command, times, period=1e-4)
+    np.testing.assert_allclose(found / command, expected[1:], atol=0.02)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from stepping import fixed_context, update
+from stepping import fixed_context, update_unrestricted
 
 from models.scenario import Controller
 from skill.manipulation_skill import MEASURED
@@ -29,7 +29,7 @@ def commands(dut, context):
 
 
 def step(dut, context, parameters=GENTLE, times=1):
-    update(dut, context, period=parameters.period, times=times)
+    update_unrestricted(dut, context, period=parameters.period, times=times)
     return commands(dut, context)
 
 

@@ -34,6 +34,7 @@ ARGUMENTS = {
         "peg": BodyIndex(1),
     },
     "LwrController": lambda skill: {"skill": skill, "parameters": S.controller, "peg_radius": 0.01},
+    "MeasurementCheck": lambda skill: {"sensor": S.sensor, "top_speed": 0.4, "resolution": 5e-6},
     "MeshcatOperator": lambda skill: {"meshcat": Meshcat(), "period": 0.02, "X_HD_start": X},
     "PassivityObserver": lambda skill: {"period": 1e-3, "X_HD_start": X},
     "SimulatedOperator": lambda skill: {
@@ -47,6 +48,7 @@ ARGUMENTS = {
         **{"meshcat": Meshcat(), "names": ["free"], "geometry": S.geometry, "home": 0.08, "period": 0.03, "X_WL": X},
     },
     "StepperMotor": lambda skill: {"parameters": S.stepper, "period": 1e-3, "start_angle": 0.0},
+    "Watchdog": lambda skill: {"parameters": S.controller, "motor": S.feed},
     "WrenchSensor": lambda skill: {"parameters": S.sensor, "seed": 0, "weld": 0, "tare": np.zeros(6)},
 }
 
@@ -112,9 +114,11 @@ def test_no_output_but_the_declared_ones_feeds_through(dut, kind):
         "DeviceOperator": set(),
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
         "LwrController": set(),
+        "MeasurementCheck": {("raw_wrench", "wrench"), ("raw_depth", "depth")},
         "PassivityObserver": set(),
         "SimulatedOperator": set(),
         "StepperMotor": set(),
+        "Watchdog": {(name, name) for name in ("target_pitch", "target_yaw", "feed_speed")},
         "WrenchSensor": set(),
     }
     pairs = {

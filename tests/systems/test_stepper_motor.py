@@ -2,10 +2,12 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from stepping import fixed_context, update
 
 from models.hardware import StepperMotor as Parameters
-from systems.stepper_motor import StepperMotor
+from systems.stepper_motor import POSITION, SPEED, StepperMotor, ramp_speed
 
 P = Parameters()
 PERIOD = 1e-3
@@ -51,25 +53,71 @@ def test_going_there_and_back_counts_every_step():
     assert counts(dut, context) == [5, 0]
 
 
-@pytest.mark.parametrize("rate", [100.0, 400.0, 2500.0])
-def test_the_step_rate_is_limited(rate):
-    parameters = Parameters(max_step_rate=rate)
-    dut, context = motor(100.0, parameters=parameters)  # far out of reach
-    taken = []
-    for k in range(1, 300):
+def ramp_profile(distance, parameters, times):
+    """Positions and speeds of the driver on its way to ``distance`` steps, from rest."""
+    dut, context = motor(distance * parameters.step_angle, parameters=parameters)
+    states = []
+    for _ in range(times):
         follow(dut, context, times=1)
-        taken.append(counts(dut, context)[0])
-        assert abs(taken[-1] - rate * PERIOD * k) <= 1.0 + 1e-9
-    most = math.ceil(rate * PERIOD)
-    assert np.diff(taken).max() <= most
+        states.append(context.get_discrete_state(0).value()[[POSITION, SPEED]].copy())
+    return np.array(states).T
 
 
-def test_a_motor_at_rest_saves_no_steps_for_later():
-    dut, context = motor(0.0)
-    update(dut, context, period=PERIOD, times=1000)
-    dut.GetInputPort("target_angle").FixValue(context, [100.0])
-    update(dut, context, period=PERIOD)
-    assert counts(dut, context)[0] <= max(1.0, P.max_step_rate * PERIOD)
+@pytest.mark.parametrize("distance", [1, 2, 7, 40, -300])
+@pytest.mark.parametrize(("rate", "acceleration"), [(400.0, 2e4), (2500.0, 1e4), (300.0, 777.0)])
+def test_a_move_is_a_trapezoid_that_ends_on_its_step(distance, rate, acceleration):
+    """n steps take n/v + v/a where the top rate is reached, else 2 sqrt(n/a); a few periods are lost to rounding."""
+    parameters = Parameters(max_step_rate=rate, max_step_acceleration=acceleration)
+    n = abs(distance)
+    time = n / rate + rate / acceleration if n > rate**2 / acceleration else 2 * math.sqrt(n / acceleration)
+    position, speed = ramp_profile(distance, parameters, math.ceil(time / PERIOD) + 10)
+    arrived = np.abs(position - distance) < 1e-6
+    assert arrived.argmax() * PERIOD == pytest.approx(time, abs=4 * PERIOD)
+    assert arrived[arrived.argmax() :].all()
+    assert (np.abs(position) <= n + 1e-9).all()  # no overshoot
+    assert (np.diff(np.abs(position)) >= -1e-9).all()
+    assert np.abs(speed).max() <= rate * (1 + 1e-12)
+    change = np.diff(speed, prepend=0.0, append=0.0)
+    assert np.abs(change).max() <= acceleration * PERIOD * (1 + 1e-9)
+    if n > rate**2 / acceleration + 2 * rate * PERIOD:
+        assert np.abs(speed).max() == pytest.approx(rate)
+
+
+@given(
+    targets=st.lists(st.floats(-60, 60), min_size=1, max_size=6),
+    rate=st.floats(50, 3000),
+    acceleration=st.floats(500, 1e5),
+)
+@settings(max_examples=30, deadline=None)
+def test_whatever_is_asked_the_ramp_keeps_its_limits_and_arrives(targets, rate, acceleration):
+    position = speed = 0.0
+    change = acceleration * PERIOD
+    for target in [*targets, round(targets[-1])]:
+        for _ in range(40):
+            new = ramp_speed(target - position, speed, top=rate, change=change, period=PERIOD)
+            assert abs(new) <= rate * (1 + 1e-9)
+            assert abs(new - speed) <= change * (1 + 1e-6)
+            speed, position = new, position + new * PERIOD
+    for _ in range(4000):
+        speed = ramp_speed(target - position, speed, top=rate, change=change, period=PERIOD)
+        position += speed * PERIOD
+    assert position == pytest.approx(target, abs=1e-6)
+    assert speed == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_target_nearer_than_it_can_brake_is_overrun_and_returned_to():
+    parameters = Parameters(max_step_rate=400.0, max_step_acceleration=4000.0)
+    dut, context = motor(100 * P.step_angle, parameters=parameters)
+    follow(dut, context, times=150)  # at 400 steps/s; stopping takes 20 steps
+    dut.GetInputPort("target_angle").FixValue(context, [0.0])
+    at = equilibrium(dut, context) / P.step_angle
+    furthest = at
+    for _ in range(600):
+        follow(dut, context, times=1)
+        furthest = max(furthest, equilibrium(dut, context) / P.step_angle)
+    assert furthest - at == pytest.approx(20.0, abs=1.0)
+    assert equilibrium(dut, context) == 0.0
+    assert counts(dut, context) == [2 * furthest, 0]
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -93,7 +141,7 @@ def test_beyond_two_full_steps_the_rotor_falls_four_steps_further(sign):
 
 def test_the_driver_does_not_know_what_was_lost():
     dut, context = motor(3 * P.step_angle, measured=-2.5 * P.step_angle)
-    update(dut, context, period=PERIOD, times=2)
+    update(dut, context, period=PERIOD, times=12)
     dut.GetInputPort("measured_angle").FixValue(context, [-P.step_angle])
     update(dut, context, period=PERIOD, times=30)
     # Three commanded steps from an equilibrium that slipped by minus four.

@@ -9,8 +9,8 @@ P = Controller()
 FEED = -0.01
 
 
-def step(watch, *, load=0.0, depth=0.0, known=True, feed=FEED):
-    return supervise(P, watch, period=0.02, feed_speed=feed, load=load, depth=depth, known=known)
+def step(watch, *, load=0.0, depth=0.0, known=True, support=1.0, feed=FEED):
+    return supervise(P, watch, period=0.02, feed_speed=feed, load=load, depth=depth, known=known, support=support)
 
 
 def test_a_free_peg_is_fed_as_the_skill_wants():
@@ -26,7 +26,37 @@ def test_the_feed_is_lowered_between_the_soft_force_and_the_holding_force():
 
 
 def test_an_unknown_state_halves_the_feed():
+    assert P.unknown_feed == 0.5
     assert step(Watch(), known=False).feed_speed == pytest.approx(0.5 * FEED)
+
+
+@pytest.mark.parametrize("support", [0.0, 0.3, 1.0])
+def test_the_feed_is_lowered_with_the_support(support):
+    assert step(Watch(), support=support).feed_speed == pytest.approx(support * FEED)
+    assert step(Watch(), support=support, known=False).feed_speed == pytest.approx(0.5 * support * FEED)
+    assert step(Watch(), support=support, feed=0.01).feed_speed == 0.01
+
+
+@pytest.mark.parametrize("doubtful", [{"known": False}, {"support": 0.9}])
+def test_what_is_not_recognised_for_long_is_backed_off_from_and_tried_again(doubtful):
+    watch, depth, time = Watch(anchor=0.005), 0.005, 0.0
+    while watch.mode == WORKING:
+        depth += P.stall_depth  # it does come deeper
+        watch, time = step(watch, depth=depth, **doubtful).watch, time + 0.02
+        assert time < 3.0
+    assert time == pytest.approx(P.doubt_time, abs=0.041)
+    verdict = step(watch, depth=depth - 1.1 * P.back_off_distance, **doubtful)
+    assert verdict.watch.mode == WORKING
+    assert verdict.watch.doubt == pytest.approx(0.02)  # counted anew
+    assert verdict.feed_speed < 0
+
+
+def test_a_moment_of_recognition_ends_the_doubt():
+    watch = Watch()
+    for k in range(200):  # recognised once in 0.8 s
+        watch = step(watch, depth=k * P.stall_depth, known=k % 40 == 0).watch
+        assert watch.mode == WORKING
+    assert step(Watch(doubt=0.9), known=True, support=1.0).watch.doubt == 0.0
 
 
 def test_pulling_out_is_never_slowed():
@@ -76,12 +106,15 @@ def test_slow_progress_is_not_stuck():
     anchor=st.floats(-1, 0.03),
     mode=st.sampled_from([WORKING, BACKING_OFF]),
     known=st.booleans(),
+    support=st.floats(0, 1),
+    doubt=st.floats(0, 2),
     feed=st.floats(-0.05, 0.05),
 )
 def test_the_peg_is_never_pushed_in_faster_than_the_skill_wants_nor_at_all_beyond_the_limit(
-    load, depth, elapsed, anchor, mode, known, feed
+    load, depth, elapsed, anchor, mode, known, support, doubt, feed
 ):
-    verdict = step(Watch(mode, elapsed, anchor), load=load, depth=depth, known=known, feed=feed)
+    watch = Watch(mode, elapsed, anchor, doubt)
+    verdict = step(watch, load=load, depth=depth, known=known, support=support, feed=feed)
     assert verdict.feed_speed >= min(feed, 0.0)
     if load > P.force_limit:
         assert verdict.feed_speed >= 0.0

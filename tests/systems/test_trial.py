@@ -50,6 +50,8 @@ def test_the_row_is_the_sum_of_the_record(inserted):
     assert result.steps == last["pitch_taken"] + last["yaw_taken"]
     assert result.lost_steps == last["pitch_lost"] + last["yaw_lost"]
     assert result.lost_steps == 0
+    assert (s["fault"] == 0).all()
+    assert result.unsupported_s == pytest.approx(scenario.controller.period * (s["support"] < 1).sum(), abs=0.005)
     visited = [int(v) for v in s["state"]]
     assert result.states == [v for k, v in enumerate(visited) if k == 0 or visited[k - 1] != v]
     # Peaks are those of the contact at every step; the sensor's samples, filtered and fewer, come close from below.
@@ -85,10 +87,10 @@ def test_a_peg_that_is_stuck_when_the_time_runs_out_is_jammed(quick_scenario, sk
     quick_scenario.controller.gain = 1e-9
     quick_scenario.start.tilt = [0.05, 0.0]
     quick_scenario.start.height = 1e-4
-    quick_scenario.trial.time_limit = 2.0
+    quick_scenario.trial.time_limit = 1.6
     result, run = run_trial(trial_scenario(quick_scenario, number=0), skill, seed=0)
     assert (result.inserted, result.reason) == (False, "jammed")
-    assert result.time_s == pytest.approx(2.0)
+    assert result.time_s == pytest.approx(1.6)
     assert run.result["reason"] == "jammed"
 
 
@@ -129,30 +131,29 @@ def unsure(skill_file):
 
 
 def test_numbers_that_are_none_end_the_trial_with_its_reason_and_the_others_go_on(quick_scenario, unsure):
-    """Trial 0 diverges. Trials 1 and 2 start further up, and are over before."""
-    quick_scenario.trial.time_limit = 0.3
+    quick_scenario.trial.time_limit = 1.0
     quick_scenario.start.height = 1e-3
     quick_scenario.start.tilt = [0.0, 0.0]
     results = list(run_trials(quick_scenario, unsure, [0, 1, 2], jobs=1))
     assert [result.seed for result, _ in results] == [0, 1, 2]
     for result, run in results:
         assert not result.inserted
-        assert result.reason.startswith("diverged")
-        assert 0 < result.time_s < 0.3
+        assert result.reason.startswith("controller failed: ValueError: the action is not finite")
+        assert 0 < result.time_s < 1.0
         assert np.isfinite(run.samples.to_numpy()).all()
         # Its row is one of a JSON file: every number in it is a number.
         json.dumps(asdict(result), allow_nan=False)
 
 
-def test_a_trial_that_diverges_does_not_take_the_good_ones_along(quick_scenario, skill_file):
-    quick_scenario.trial.time_limit = 0.1
+def test_a_trial_that_fails_does_not_take_the_good_ones_along(quick_scenario, skill_file):
+    quick_scenario.trial.time_limit = 0.1  # too short to draw back after the fault, which is named all the same
     skill = Unsure.load(skill_file)
     ends = []
     for threshold in (1.0, -5e-2, 1.0):  # never, at once, never
         skill.when_depth_exceeds = threshold
         ends += [r.reason for r, _ in run_trials(quick_scenario, skill, [len(ends)], jobs=1)]
     assert ends[0] == ends[2] == "time over"
-    assert ends[1].startswith("diverged")
+    assert ends[1].startswith("controller failed")
 
 
 def test_a_rig_that_cannot_be_simulated_ends_its_trial_too(quick_scenario, skill):

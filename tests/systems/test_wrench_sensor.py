@@ -14,6 +14,9 @@ QUIET = {
     "torque_noise": [0.0] * 3,
     "force_bias": 0.0,
     "torque_bias": 0.0,
+    "force_drift": 0.0,
+    "torque_drift": 0.0,
+    "delay": 0.0,
     "force_quantum": 1e-12,
     "torque_quantum": 1e-12,
     "force_range": [1e6] * 3,
@@ -137,3 +140,64 @@ def test_the_same_seed_reads_the_same_noise():
     )
     np.testing.assert_array_equal(first, again)
     assert not np.isin(first, other).any()
+
+
+@pytest.mark.parametrize("samples", [0, 1, 2, 7])
+def test_the_delay_is_that_many_samples_to_the_last_bit(samples):
+    """The same sensor with the same noise, later; nothing before the first reading has come through."""
+    noisy = {"force_noise": [0.02] * 3, "torque_noise": [5e-4] * 3, "force_drift": 0.1}
+    at_once = sensor([1.0, 2.0, 3.0, 0.1, 0.2, 0.3], **noisy)
+    late = sensor([1.0, 2.0, 3.0, 0.1, 0.2, 0.3], delay=samples * 1e-3, **noisy)
+    first, second = (np.array([read(*unit).copy() for _ in range(20)]) for unit in (at_once, late))
+    np.testing.assert_array_equal(second[:samples], 0.0)
+    np.testing.assert_array_equal(second[samples:], first[: 20 - samples])
+
+
+def test_the_drift_is_a_random_walk_whose_variance_grows_with_time():
+    sigma = np.repeat([0.02, 4e-4], 3)
+    n, seeds = 400, 60
+    walks = []
+    for seed in range(seeds):
+        dut, context, p = sensor([0.0] * 6, seed=seed, height=0.0, force_drift=0.02, torque_drift=4e-4, **IMMEDIATE)
+        walks.append([read(dut, context, p).copy() for _ in range(n)])
+    walks = np.array(walks) / sigma  # (seed, sample, channel)
+    m = 6 * seeds
+    for k in (24, 99, 399):
+        variance = (walks[:, k] ** 2).mean()
+        assert variance == pytest.approx((k + 1) * p.period, rel=5 * math.sqrt(2 / m))
+    # Steps are independent of what came before.
+    steps = np.diff(walks, axis=1)
+    assert (steps**2).mean() == pytest.approx(p.period, rel=5 * math.sqrt(2 / steps.size))
+    assert abs((steps[:, 1:] * steps[:, :-1]).mean()) < 5 * p.period / math.sqrt(steps.size)
+
+
+def test_the_spectrum_of_the_noise_is_flat_and_not_shaped_by_the_low_pass():
+    """Welch: the mean power in each eighth of the band is sigma^2, however low the corner is."""
+    dut, context, p = sensor([0.0] * 6, height=0.0, force_noise=[0.02] * 3, torque_noise=[5e-4] * 3, bandwidth=20.0)
+    n, blocks = 128, 32
+    readings = np.array([read(dut, context, p).copy() for _ in range(n * blocks)]) / np.repeat([0.02, 5e-4], 3)
+    power = np.abs(np.fft.rfft(readings.reshape(blocks, n, 6), axis=1)[:, 1 : n // 2]) ** 2 / n
+    for band in np.array_split(power.mean(axis=(0, 2)), 8):
+        # A periodogram's ordinate is exponentially distributed: its standard deviation is its mean.
+        assert band.mean() == pytest.approx(1.0, abs=5 / math.sqrt(len(band) * blocks * 6))
+
+
+@pytest.mark.parametrize("share", [0.25, 1.0, 3.0])
+def test_the_low_pass_attenuates_a_sine_as_its_transfer_function_says(share):
+    """|H| of y+ = y + b (u - y): b / |1 - (1 - b) e^(-jwT)|; at the corner nearly 1/sqrt(2)."""
+    corner, T = 20.0, 1e-3
+    dut, context, p = sensor([0.0] * 6, height=0.0, bandwidth=corner, period=T)
+    w = 2 * math.pi * share * corner
+    turns = round(1.0 / (share * corner * T))  # samples in one period, a whole number of them
+    heard = []
+    for k in range(12 * turns):
+        hold(dut, context, [-math.cos(w * k * T), 0, 0, 0, 0, 0])
+        heard.append(read(dut, context, p)[0])
+    last = np.array(heard[-4 * turns :])
+    phase = np.exp(-1j * w * T * np.arange(len(last)))
+    amplitude = 2 * abs((last * phase).mean())
+    b = 1 - math.exp(-2 * math.pi * corner * T)
+    z = complex(math.cos(w * T), -math.sin(w * T))
+    assert amplitude == pytest.approx(b / abs(1 - (1 - b) * z), rel=2e-2)
+    if share == 1.0:
+        assert amplitude == pytest.approx(1 / math.sqrt(2), rel=0.03)

@@ -1,0 +1,63 @@
+"""The faults of the rig's hardware and controller that it can notice by itself, and their names."""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+
+from models.hardware import WrenchSensor
+
+
+class Fault(IntEnum):
+    """What is wrong, as it is written into a run's record."""
+
+    NONE = 0
+    SENSOR_DISCONNECTED = 1
+    SENSOR_SATURATED = 2
+    SENSOR_STUCK = 3
+    ENCODER_DISCONNECTED = 4
+    ENCODER_JUMPED = 5
+    ENCODER_STUCK = 6
+    MOTOR_STALLED = 7
+    PITCH_STEPS_LOST = 8
+    YAW_STEPS_LOST = 9
+    CONTROLLER_FAILED = 10
+
+
+FAULT_NAMES = (
+    "none",
+    "sensor disconnected",
+    "sensor saturated",
+    "sensor stuck",
+    "depth encoder disconnected",
+    "depth encoder jumped",
+    "depth encoder stuck",
+    "motor stalled",
+    "pitch stepper blocked or overloaded: steps lost",
+    "yaw stepper blocked or overloaded: steps lost",
+    "controller failed",
+)
+"""Of each `Fault`, for people."""
+
+FALSE_ALARM = 1e-9
+"""Probability that a healthy sensor repeats itself for as long as counts as stuck."""
+
+
+def repeats_of_a_stuck_sensor(p: WrenchSensor) -> float:
+    """How often in a row all six readings may be the same before the sensor counts as stuck; inf if it has no noise.
+
+    A channel with noise sigma and quantum q repeats its reading with probability at most erf(q / (2 sqrt(2) sigma)),
+    which it is when the true value is in the middle of a quantum. Channels and samples have independent noise.
+    """
+    sigmas = [*p.force_noise, *p.torque_noise]
+    quanta = [p.force_quantum] * 3 + [p.torque_quantum] * 3
+    repeat = math.prod(
+        math.erf(q / (2.0 * math.sqrt(2.0) * sigma)) if sigma > 0 else 1.0
+        for sigma, q in zip(sigmas, quanta, strict=True)
+    )
+    return math.ceil(math.log(FALSE_ALARM) / math.log(repeat)) if repeat < 1.0 else math.inf
+
+
+def in_a_line(error: BaseException) -> str:
+    """Kind and first line of an exception, for the reason of a trial."""
+    return f"{type(error).__name__}: {(str(error).splitlines() or [''])[0][:120]}"
