@@ -1,4 +1,4 @@
-"""Why a skill acts as it does: states, remembered samples, and how sure it is."""
+"""Why a regressor predicts and a skill acts as it does: states, remembered samples, and how sure it is."""
 
 from __future__ import annotations
 
@@ -11,6 +11,33 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 SHOWN = 5  # remembered samples in the printed form
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why the regressor predicted what it did at one query.
+
+    Attributes:
+        neighbours: (k,), row numbers of the training samples, the greatest weight first.
+        weights: (k,), their kernel weights, shared-state probability included, over the greatest.
+        influence: (k,), the equivalent kernel: the prediction is sum_i influence_i y_i.
+        prediction: (p,).
+        lower: (p,), of the prediction interval.
+        upper: (p,), of the prediction interval.
+        level: nominal coverage of the interval.
+        support: sum of the weights: how many samples had a say.
+        log_w_max: log of the greatest weight; very negative far from all samples.
+    """
+
+    neighbours: NDArray[np.intp]
+    weights: Array
+    influence: Array
+    prediction: Array
+    lower: Array
+    upper: Array
+    level: float
+    support: float
+    log_w_max: float
 
 
 @dataclass(frozen=True)

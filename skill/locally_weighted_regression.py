@@ -7,7 +7,7 @@ distance and, where memberships are given, by the probability that sample and qu
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from numbers import Integral, Real
 from typing import Any, Self
 
@@ -17,6 +17,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, _fit_context
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
+from skill.explanation import Explanation
 from skill.kernel_neighbourhood import Kernel, KernelNeighbourhood
 from skill.local_model import (
     LocalPrediction,
@@ -32,33 +33,6 @@ Array = NDArray[np.float64]
 
 # Queries beyond this are taken for it, so that their squared distances are numbers still.
 FARTHEST = 1e100
-
-
-@dataclass(frozen=True)
-class Explanation:
-    """Why the regressor predicted what it did at one query.
-
-    Attributes:
-        neighbours: (k,), row numbers of the training samples, the greatest weight first.
-        weights: (k,), their kernel weights, shared-state probability included, over the greatest.
-        influence: (k,), the equivalent kernel: the prediction is sum_i influence_i y_i.
-        prediction: (p,).
-        lower: (p,), of the prediction interval.
-        upper: (p,), of the prediction interval.
-        level: nominal coverage of the interval.
-        support: sum of the weights: how many samples had a say.
-        log_w_max: log of the greatest weight; very negative far from all samples.
-    """
-
-    neighbours: NDArray[np.intp]
-    weights: Array
-    influence: Array
-    prediction: Array
-    lower: Array
-    upper: Array
-    level: float
-    support: float
-    log_w_max: float
 
 
 class LWRegressor(RegressorMixin, BaseEstimator):

@@ -28,5 +28,5 @@ def update_unrestricted(dut: LeafSystem, context: Context, *, period: float, tim
     for _ in range(times):
         after = context.Clone()
         dut.CalcForcedUnrestrictedUpdate(context, after.get_mutable_state())
-        context.SetDiscreteState(after.get_discrete_state())
+        context.SetTimeStateAndParametersFrom(after)
         context.SetTime(context.get_time() + period)

@@ -401,3 +401,37 @@ def test_scaling_features_with_their_bandwidth_and_shifting_outputs_commute_with
     order = np.random.default_rng(seed).permutation(80)
     permuted = LWRegressor(bandwidth=0.5, ridge=0.0, n_neighbors=None).fit(X[order], Y[order])
     np.testing.assert_allclose(permuted.predict(X[:5]), one, atol=1e-9)
+
+
+def test_support_is_the_log_of_the_greatest_kernel_weight_and_comes_with_the_same_prediction():
+    rng = np.random.default_rng(5)
+    X, y = rng.normal(size=(80, 3)), rng.normal(size=(80, 2))
+    P = rng.dirichlet(np.ones(3), 80)
+    queries, Q = rng.normal(size=(7, 3)), rng.dirichlet(np.ones(3), 7)
+    dut = LWRegressor(bandwidth=0.7).fit(X, y, memberships=P)
+    predicted, support = dut.predict_with_support(queries, Q)
+    np.testing.assert_allclose(predicted, dut.predict(queries, Q), rtol=1e-9)
+    squared = ((queries[:, None] - X[None]) ** 2).sum(axis=2)
+    np.testing.assert_allclose(support, (np.log(Q @ P.T) - squared / 0.7**2).max(axis=1), rtol=1e-9)
+    alone, at_a_sample = LWRegressor().fit(X, y).predict_with_support(X[:1])
+    assert at_a_sample == pytest.approx(0.0)
+    assert alone.shape == (1, 2)
+
+
+@pytest.mark.parametrize("n_neighbors", [None, 5])
+def test_support_between_groups_leaves_each_group_out(n_neighbors):
+    rng = np.random.default_rng(6)
+    groups = np.repeat([0, 1, 2, 3], 20)
+    # Neighbours in time: each group walks about a place of its own, so that its nearest samples are all its own.
+    X = rng.normal(size=(4, 1, 2))[:, np.zeros(20, dtype=int)] + 0.05 * rng.normal(size=(4, 20, 2)).cumsum(axis=1)
+    X = X.reshape(80, 2)
+    dut = LWRegressor(bandwidth=0.5, n_neighbors=n_neighbors).fit(X, X)
+    squared = ((X[:, None] - X[None]) ** 2).sum(axis=2)
+    squared[groups[:, None] == groups] = np.inf
+    np.testing.assert_allclose(dut.support_between(groups), -squared.min(axis=1) / 0.25, rtol=1e-9)
+
+
+def test_one_group_has_no_other_to_find_support_in():
+    dut = LWRegressor().fit(np.eye(4), np.eye(4))
+    with pytest.raises(ValueError, match="at least 2 groups; found 1"):
+        dut.support_between(np.zeros(4))

@@ -1,5 +1,6 @@
 import io
 import json
+import math
 import re
 import subprocess
 import sys
@@ -9,7 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sklearn.linear_model import LinearRegression
 
+from skill.competitive_agglomeration import CompetitiveAgglomeration
 from skill.features import MEASURED
 from skill.manipulation_skill import SKILL_VERSION, ManipulationSkill
 
@@ -259,3 +262,33 @@ def test_a_save_that_fails_leaves_the_old_skill(skill, skill_file, tmp_path, mon
         skill.save(path)
     assert path.read_bytes() == skill_file.read_bytes()
     assert [p.name for p in tmp_path.iterdir()] == ["skill.npz"]
+
+
+def test_one_demonstrated_sample_in_a_hundred_has_less_than_full_support(skill):
+    regressor = skill.regressor_
+    found = regressor.support_between(skill.sources_[regressor.rows_, 0])
+    assert np.mean(found < skill.least_log_support_) == pytest.approx(0.01, abs=1.0 / len(found))
+
+
+def test_support_falls_with_the_distance_from_all_that_is_remembered(skill, demonstrations):
+    """A peg far above the hole, where none has been shown."""
+    rows = demonstrations[0].samples[list(MEASURED)].to_numpy()
+    assert np.mean([skill.act(row).support == 1.0 for row in rows[::10]]) > 0.8
+    above = [skill.act([*rows[0, :6], height]).support for height in (0.001, 0.1, 0.3, 3.0)]
+    assert above[0] == 1.0
+    assert all(np.diff(above) <= 0.0)
+    assert above[-1] < 1e-6
+
+
+def test_support_is_stored_with_the_skill(skill, tmp_path):
+    skill.save(tmp_path / "skill.npz")
+    again = ManipulationSkill.load(tmp_path / "skill.npz")
+    assert again.least_log_support_ == skill.least_log_support_
+
+
+def test_a_regressor_that_does_not_know_its_support_claims_full_support(demonstrations):
+    skill = ManipulationSkill(regressor=LinearRegression(), states=CompetitiveAgglomeration(m_init=1)).fit(
+        demonstrations
+    )
+    assert skill.least_log_support_ == -math.inf
+    assert skill.act(np.full(7, 1e3)).support == 1.0

@@ -1,12 +1,30 @@
+import math
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from stepping import fixed_context, update_unrestricted
 
 from models.scenario import Controller
-from skill.manipulation_skill import MEASURED
+from skill.manipulation_skill import MEASURED, Action
 from systems.lwr_controller import COMMANDS, LwrController
 
 RADIUS = 0.01
+
+
+class Answering:
+    """A policy that always gives the same answer, or raises it."""
+
+    def __init__(self, skill, answer):
+        self.period_, self.n_states, self.answer = skill.period_, skill.n_states, answer
+        self.state_probabilities = skill.state_probabilities
+
+    def act(self, measured, probabilities=None):
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
 GENTLE = Controller(
     max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
 )  # no limit is reached
@@ -21,7 +39,7 @@ def controller(skill, row, parameters=GENTLE):
     dut = LwrController(skill=skill, parameters=parameters, peg_radius=RADIUS)
     probabilities = skill.state_probabilities(row[None])[0]
     context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], probabilities=probabilities, known=[1.0])
-    return dut, context, skill.act(row, probabilities)
+    return dut, context, None if isinstance(skill, Answering) else skill.act(row, probabilities)
 
 
 def commands(dut, context):
@@ -159,3 +177,36 @@ def test_a_tilted_peg_that_is_wedged_is_turned_upright(skill, demonstrations):
             agreement.append(np.dot([found["target_pitch"], found["target_yaw"]], tilt[k]) > 0)
     assert len(agreement) > 20
     assert np.mean(agreement) > 0.8
+
+
+def test_low_support_slows_the_feed_and_is_said(skill, measurements):
+    dut, context, action = controller(skill, measurements[0])
+    whole = step(dut, context)["feed_speed"]
+    skill = Answering(skill, replace(action, support=0.25))
+    dut, context, _ = controller(skill, measurements[0])
+    assert dut.GetOutputPort("support").Eval(context)[0] == 1.0
+    assert step(dut, context)["feed_speed"] == pytest.approx(0.25 * whole)
+    assert dut.GetOutputPort("support").Eval(context)[0] == 0.25
+
+
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        (ArithmeticError("beyond\nme"), "ArithmeticError: beyond"),
+        (Action(turn=np.array([math.nan, 0.0]), feed=0.0, probabilities=np.ones(1)), "ValueError: the action is not"),
+        (Action(turn=np.zeros(2), feed=-math.inf, probabilities=np.ones(1)), "ValueError: the action is not finite"),
+    ],
+)
+def test_a_skill_that_fails_is_not_asked_again(skill, measurements, answer, says):
+    sound = skill.act(measurements[0])
+    answering = Answering(skill, sound)
+    dut, context, _ = controller(answering, measurements[0])
+    before = step(dut, context)
+    assert (dut.GetOutputPort("failed").Eval(context)[0], dut.failure(context)) == (0.0, "")
+    answering.answer = answer
+    after = step(dut, context)
+    assert after == {**before, "feed_speed": 0.0}
+    assert dut.GetOutputPort("failed").Eval(context)[0] == 1.0
+    assert dut.failure(context).startswith(says)
+    answering.answer = sound
+    assert step(dut, context, times=3) == after
