@@ -17,7 +17,7 @@ lint: .venv
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-BENCHMARKS := clustering clustering_speed regression regression_intervals realtime theory convergence contact_states engines
+BENCHMARKS := clustering clustering_speed regression regression_intervals realtime theory convergence contact_states engines mujoco_rig
 
 bench: .venv
 	$(BIN)/pip install --quiet --editable ".[peers]" 2> .venv/install.log || (cat .venv/install.log; exit 1)

@@ -38,7 +38,7 @@ class MujocoContact:
     """
 
     boxes: int = 64
-    time_step: float = 1e-3
+    time_step: float = 5e-4
     time_constant: float = 6.0
     impedance: tuple[float, float, float] = (0.8, 0.8, 1e-4)
     precision: float = 1e-12
