@@ -25,13 +25,18 @@ PEG, BLOCK = 'contype="2" conaffinity="1"', 'contype="1" conaffinity="2"'
 
 @dataclass(frozen=True)
 class MujocoContact:
-    """How MuJoCo solves contact; the defaults are those of the rig, from the table of `benchmarks.engines`.
+    """How MuJoCo solves contact.
+
+    The defaults are those of the rig: of the settings that keep the planar cases of `benchmarks.engines` without
+    chatter, the one that on the rig lets the bodies overlap about as much as Drake's default contact does. MuJoCo's
+    softness is that of an acceleration, and so depends on the masses that meet: at equal settings the overlap on the
+    rig is several times that of the planar peg.
 
     Attributes:
         boxes: in the ring.
         time_step: s.
         time_constant: of a contact's return to zero overlap, in time steps; below 2 MuJoCo raises it to 2.
-        impedance: least and greatest part of a contact's overlap that is taken out as if it were rigid, and the
+        impedance: least and greatest part of a contact's acceleration that is taken out as if it were rigid, and the
             overlap, m, over which it grows from one to the other.
         precision: m, to which distances between bodies are found. MuJoCo's own default is 1e-6: as large as the
             overlaps here, it leaves normals that are none, and pegs that stick where they should slide.

@@ -7,6 +7,7 @@ import pytest
 
 mujoco = pytest.importorskip("mujoco", reason="needs the extra [peers]")
 
+from diagrams import unconnected_inputs  # noqa: E402
 from pydrake.systems.analysis import Simulator  # noqa: E402
 from pydrake.systems.framework import DiagramBuilder  # noqa: E402
 from pydrake.systems.primitives import ConstantVectorSource  # noqa: E402
@@ -201,6 +202,7 @@ def test_the_skill_inserts_in_the_other_engine_too(quick_scenario, skill):
     resolved = trial_scenario(quick_scenario, number=1000)
     builder = DiagramBuilder()
     rig = WireRig(builder, resolved, skill, MujocoPlant.AddToBuilder(builder, resolved, MujocoContact()))
+    assert unconnected_inputs(rig.diagram) == set()
     result, run = run_rig(rig, resolved, skill, seed=1000)
     assert result.reason == "inserted"
     assert result.depth_mm == pytest.approx(1e3 * resolved.full_depth, abs=0.1)
