@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import argparse
 import copy
-import json
 import sys
 import time
 from dataclasses import asdict
@@ -38,6 +37,7 @@ sys.path.insert(0, str(ROOT))
 from benchmarks.mujoco_model import MujocoContact  # noqa: E402  (after the path is known)
 from benchmarks.mujoco_plant import MujocoPlant  # noqa: E402
 from models.scenario import Scenario, load_scenario  # noqa: E402
+from scripts.console import write_json  # noqa: E402
 from skill.manipulation_skill import ManipulationSkill  # noqa: E402
 from systems.demonstration_set import demonstrate_all, requests  # noqa: E402
 from systems.rig import MakeRig, RigDiagram, WireRig  # noqa: E402
@@ -189,7 +189,7 @@ def main() -> None:
         for number in range(arguments.seed, arguments.seed + count):
             trial = trial_scenario(chosen, number=number)
             trials.append(compare(trial, skill, contact, number))
-            for engine in ("drake", "mujoco"):
+            for engine in ("drake", "mujoco", "again"):
                 r = trials[-1][engine]
                 print(
                     f"{name} {number:4d} {engine:7} {r['reason']:10} {r['time_s']:6.2f} s {r['depth_mm']:6.2f} mm"
@@ -197,12 +197,11 @@ def main() -> None:
                     f" {r['cpu_s']:.2f} s of CPU",
                     flush=True,
                 )
-        if trials:
             found[name] = {"summary": summary(trials), "trials": trials}
+            if arguments.json:  # after every trial: a long run that is stopped has not run for nothing
+                write_json(arguments.json, found)
+        if trials:
             show(name, found[name]["summary"])
-    if arguments.json:
-        arguments.json.parent.mkdir(parents=True, exist_ok=True)
-        arguments.json.write_text(json.dumps(found, indent=1))
 
 
 if __name__ == "__main__":

@@ -156,7 +156,7 @@ def test_a_held_axis_does_not_move():
     probe.hold("tilt")
     probe.step(10)
     assert probe.pose().tilt == pytest.approx(0.02, abs=1e-9)
-    assert probe.pose().x == pytest.approx(0.5 * 1.0 / 0.5 * 0.01**2, rel=0.2)
+    assert probe.pose().x == pytest.approx(0.5 * 1.0 / 0.5 * (10 * probe.time_step) ** 2, rel=0.2)
     probe.hold()
     probe.step(10)
     assert probe.pose().tilt > 0.021
