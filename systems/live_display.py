@@ -120,8 +120,8 @@ class LiveDisplay:
     def show_figures(self, X_HP: RigidTransform, wrench: NDArray[np.float64], *, share: float, **figures: Any) -> None:
         """Shows in the panel where the peg is, the rendered wrench [torque; force], and ``figures`` by their names.
 
-        The names and units are those of live_panel.html: ``depth`` (m, of m), ``rate``, ``missed`` (of how many),
-        ``energy``, ``lowest`` (J), ``kept``.
+        The names and units are those of live_panel.html: ``depth`` (m, of m), ``rate``, ``missed`` (see
+        `live_session.Clock.missed`), ``energy``, ``lowest`` (J), ``kept``.
         """
         colour = colour_of(share)
         lean = np.degrees(R_HV.inverse() @ X_HP.rotation().col(2))

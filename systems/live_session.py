@@ -40,26 +40,44 @@ JUDGING = [
 ]
 IDLE_PERIOD = 0.03  # in units of s, between two looks at the buttons
 ABSENT_TOLD = 5.0  # in units of s without a page, after which that is said
+SLACK = 0.04  # in units of s; what is late by more is not made up for
 FIGURES_EVERY = 0.1  # in units of s
 
 
 @dataclass
 class Clock:
-    """Keeps the simulation at the wall's pace, and counts the pieces that came too late."""
+    """Keeps the simulation at the wall's pace, one servo tick after another, and counts what came too late.
 
+    Attributes:
+        period: of a tick, in units of s.
+        per_step: ticks in a contact step.
+        began: when the first tick began, in units of s.
+        ticks: that have ended; of these ``late_ticks`` after their period's end.
+        late_steps: contact steps whose last tick ended late.
+    """
+
+    period: float
+    per_step: int
     began: float
-    pieces: int = 0
-    missed: int = 0
+    ticks: int = 0
+    late_ticks: int = 0
+    late_steps: int = 0
 
-    def keep(self, simulated: float) -> None:
-        """Waits until the wall has come as far as the simulation; what is late is counted and not made up for."""
-        self.pieces += 1
-        ahead = self.began + simulated - time.monotonic()
-        if ahead > 0:
+    def keep(self) -> None:
+        """Ends a tick and waits for the wall; lateness is made up for as long as it is below `SLACK`."""
+        self.ticks += 1
+        ahead = self.began + self.ticks * self.period - time.monotonic()
+        if ahead >= 0:
             time.sleep(ahead)
-        else:
-            self.missed += 1
+            return
+        self.late_ticks += 1
+        self.late_steps += int(self.ticks % self.per_step == 0)
+        if -ahead > SLACK:
             self.began -= ahead
+
+    def missed(self) -> list[int]:
+        """[late contact steps, contact steps, late ticks, ticks] so far."""
+        return [self.late_steps, self.ticks // self.per_step, self.late_ticks, self.ticks]
 
 
 class LiveSession:
@@ -159,7 +177,7 @@ class LiveSession:
             share=0.0,
             depth=[-float(X_HP.translation()[2]), resolved.full_depth],
             rate=0.0,
-            missed=[0, 0],
+            missed=[0, 0, 0, 0],
             energy=0.0,
             lowest=0.0,
             kept=len(self.kept),
@@ -199,22 +217,20 @@ class LiveSession:
 
     def _simulate(self, run: DemonstrationRun, environment: VirtualEnvironment, resolved: Scenario) -> str:
         """What ended it: an outcome, a button, or a closed page."""
-        period = resolved.recorder.period
-        clock = Clock(began=time.monotonic())
+        servo = DEVICE_PRESETS[resolved.device].servo_period
+        clock = Clock(servo, max(1, round(resolved.contact.time_step / servo)), began=time.monotonic())
         drawn, shown, shown_at = 0.0, time.monotonic(), 0.0
         self._say("showing: G keep as good, B keep as bad, X discard")
-        step = 0
         while True:
-            step += 1
-            ended = run.advance(step * period)
-            clock.keep(step * period)
+            ended = self._advance(run, clock, ticks=round(resolved.recorder.period / servo))
+            now = clock.ticks * servo
             if ended is not None or time.monotonic() - drawn > FRAME:
                 drawn = time.monotonic()
                 self._draw_forces(run, environment)
             if ended is not None or time.monotonic() - shown > FIGURES_EVERY:
-                rate = (step * period - shown_at) / (time.monotonic() - shown)
-                shown, shown_at = time.monotonic(), step * period
-                self._show_figures(run, environment, resolved, rate=rate, missed=[clock.missed, clock.pieces])
+                rate = (now - shown_at) / (time.monotonic() - shown)
+                shown, shown_at = time.monotonic(), now
+                self._show_figures(run, environment, resolved, rate=rate, missed=clock.missed())
                 self._display.follow_views()
                 self._watch_gamepad()
                 if not self._present():
@@ -223,6 +239,15 @@ class LiveSession:
                 return ended
             if any(self._meshcat.GetButtonClicks(b) != self._clicks[b] for b in (GOOD, BAD, DISCARD, QUIT)):
                 return "stopped"
+
+    def _advance(self, run: DemonstrationRun, clock: Clock, *, ticks: int) -> str | None:
+        """Simulates so many ticks of the servo, each in its time; returns what ended the demonstration, or None."""
+        for _ in range(ticks):
+            ended = run.advance((clock.ticks + 1) * clock.period)
+            clock.keep()
+            if ended is not None:
+                return ended
+        return None
 
     def _judge(self, run: DemonstrationRun, outcome: str, number: int) -> bool:
         """Waits for the person's verdict on what was shown; True if they quit."""
