@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import sys
+import webbrowser
 from pathlib import Path
 from typing import Annotated
 
@@ -62,6 +65,8 @@ def record_live(*, out: Path, seed: int, scenario: str, driver: str | None, port
     sweep(out)
     meshcat, page = open_live_page(port)
     console.print(f"open {page.address} in a browser", soft_wrap=True, highlight=False)
+    if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        webbrowser.open(page.address)  # without a desktop it might be one of text
     session = LiveSession(
         scenario=chosen,
         out=out,

@@ -57,6 +57,7 @@ class Arrow:
         length = size / self._scale
         shaft = max(1e-6, length - HEAD_LENGTH)
         matrix = RigidTransform(R, start + 0.5 * shaft * along).GetAsMatrix4()
+        matrix[:3, :2] *= min(1.0, max(1e-6, length / HEAD_LENGTH))  # no disc is left of no force
         matrix[:3, 2] *= shaft
         self._meshcat.SetTransform(self._shaft, matrix)
         head = min(1.0, length / HEAD_LENGTH)

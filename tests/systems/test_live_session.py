@@ -123,6 +123,9 @@ class Session:
 def live(tmp_path, scenario=QUICK, file_size=resource.RLIM_INFINITY):
     path, log = tmp_path / "quick.yaml", tmp_path / "log.txt"
     path.write_text(yaml.safe_dump(scenario))
+    browser = tmp_path / "browser.sh"  # the desktop's
+    browser.write_text(f'#!/bin/sh\necho "$1" > {tmp_path / "opened.txt"}\n')
+    browser.chmod(0o755)
     command = [sys.executable, "-m", "scripts.record_demonstrations", "--live", "--out", str(tmp_path / "out")]
     with log.open("w") as stream:
         process = subprocess.Popen(
@@ -130,7 +133,7 @@ def live(tmp_path, scenario=QUICK, file_size=resource.RLIM_INFINITY):
             cwd=ROOT,
             stdout=stream,
             stderr=subprocess.STDOUT,
-            env={**os.environ, "COLUMNS": "200", "PYTHONUNBUFFERED": "1"},
+            env={**os.environ, "COLUMNS": "200", "PYTHONUNBUFFERED": "1", "DISPLAY": ":9", "BROWSER": f"{browser} %s"},
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, resource.RLIM_INFINITY)),
         )
     try:
@@ -187,6 +190,7 @@ def orange(picture):
 def test_a_person_at_mouse_and_keys_ends_with_a_demonstration_on_disk(tmp_path):
     with live(tmp_path) as session, session.page() as page:
         shows(page, "status", "ready: press Space")
+        assert (tmp_path / "opened.txt").read_text().strip() + "/" == page.driver.current_url
         page.wait("document.body.innerText.includes('view of the cut (1)')")
         time.sleep(0.5)
         ready = keep_picture(page, "ready")  # before anything is pressed: peg and block, in the middle, large
