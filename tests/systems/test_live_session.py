@@ -21,6 +21,7 @@ from systems.live_display import SATURATED, colour_of
 from systems.live_page import LivePage, open_live_page
 from systems.live_session import SLACK, Clock
 from systems.meshcat_operator import R_HV, hand_coordinates, hand_pose
+from systems.rotation import from_rotation_vector
 
 ROOT = Path(__file__).resolve().parents[2]
 PICTURES = os.environ.get("LIVE_PICTURES")  # a folder to keep the screenshots in, to be looked at
@@ -261,9 +262,8 @@ def test_saturation_is_red_a_full_disk_is_said_and_a_killed_session_loses_nothin
         assert [int(c) for c in re.findall(r"\d+", page.run(style))] == red
         scene = picture[100:500, 300:760]  # the arrow, apart from the bar
         assert ((scene[..., 0] > 170) & (scene[..., 1] < 60) & (scene[..., 2] < 60)).sum() > 20
-        press(page, "b")
+        press(page, "b")  # ends it, and is the verdict
         session.said("stopped: G keep as good, B keep as bad")
-        press(page, "b")
         session.said("not kept, File too large: make room and press again")
         shows(page, "status", "make room and press again")
         assert list(out.iterdir()) == []
@@ -272,10 +272,9 @@ def test_saturation_is_red_a_full_disk_is_said_and_a_killed_session_loses_nothin
         session.said("kept 000_bad_live.parquet")
         press(page, " ")
         session.said("kept.*[\\s\\S]*showing")
-        time.sleep(0.3)
+        page.wait("Number(document.getElementById('missed').textContent.match(/[0-9]+/g)[3]) > 200")  # ticks
         press(page, "g")
         session.said("kept.*[\\s\\S]*stopped")
-        press(page, "g")
         session.process.kill()  # while it writes, or just before or after
         session.process.wait()
         shows(page, "status", "no connection to the session")
@@ -286,7 +285,7 @@ def test_saturation_is_red_a_full_disk_is_said_and_a_killed_session_loses_nothin
 
 def test_a_closed_page_and_a_vanished_gamepad_are_said_and_the_session_goes_on(tmp_path):
     """The browser's own gamepad interface, answered by the page as a browser with one plugged in would."""
-    pad = "{index: 0, connected: true, mapping: 'standard', buttons: [], axes: [0, 0, 0, %s]}"
+    pad = "{index: 0, connected: true, mapping: 'standard', buttons: [], axes: [%s, 0, 0, 0]}"
     with live(tmp_path) as session:
         with session.page() as page:
             shows(page, "status", "ready")
@@ -302,14 +301,20 @@ def test_a_closed_page_and_a_vanished_gamepad_are_said_and_the_session_goes_on(t
             page.run("navigator.getGamepads = () => [" + pad % "0.0" + "]")
             press(page, " ")
             session.said("gamepad: left stick leans, right stick feeds")
-            page.run("navigator.getGamepads = () => [" + pad % "0.15" + "]")
-            shows(page, "depth", "^0.[0-9]")
+            page.run("navigator.getGamepads = () => [" + pad % "0.2" + "]")  # finer than a slider's step
+            slider = row(page, "lean right").find_element("css selector", "input")
+            end = time.monotonic() + 30
+            while float(slider.get_property("value")) < 1.0:
+                assert time.monotonic() < end
             page.run("navigator.getGamepads = () => []")
             session.said("the gamepad is gone: sliders and keys go on")
-            press(page, "w", times=12)
-            session.said("inserted: G keep as good")
             press(page, "b")
             session.said("kept 000_bad_live.parquet")
             press(page, "q")
             assert session.process.wait(30) == 0
-    assert not read_demonstration(tmp_path / "out" / "000_bad_live.parquet").good
+    example = read_demonstration(tmp_path / "out" / "000_bad_live.parquet")
+    assert not example.good
+    last = example.samples.iloc[-1]
+    lean = R_HV.inverse() @ from_rotation_vector(last["angle"] * last[["ax", "ay", "az"]].to_numpy(dtype=float)).col(2)
+    assert lean[0] > np.sin(np.radians(0.8))  # to the right
+    assert abs(lean[1]) < 0.1 * lean[0]
