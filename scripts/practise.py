@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import pandas as pd
 import typer
 from rich.box import SIMPLE
@@ -34,13 +35,12 @@ def round_table(rounds: list[Round]) -> Table:
     for name in ("round", "tried", "inserted", "check cost (s)", "inserted", ""):
         table.add_column(name, justify="right")
     for number, r in enumerate(rounds):
-        cost = sum(r.check.costs) / len(r.check.costs)
         tried = [str(len(r.practised)), str(sum(p.inserted for p in r.practised))] if number else ["", ""]
         verdict = "as it was" if not number else "[green]kept[/]" if r.kept else "[red]discarded[/]"
         table.add_row(
             str(number),
             *tried,
-            f"{cost:.2f}",
+            f"{np.mean(r.check.costs):.2f}",
             f"{sum(c.inserted for c in r.check.results)} of {len(r.check.results)}",
             verdict,
         )
@@ -89,9 +89,10 @@ def run(
     with progress("practice", practice.n_trials) as advance:
         for r in practise(chosen, began, practice, jobs=jobs, advance=advance):
             rounds.append(r)
+            r.skill.save(out)  # whoever interrupts keeps what has been learnt
+            console.print(f"round {len(rounds) - 1}: cost of the check {np.mean(r.check.costs):.2f} s")
     console.print(round_table(rounds))
     learnt = rounds[-1].skill
-    learnt.save(out)
     numbers = list(range(held_out_seed, held_out_seed + held_out))
     with progress("held-out trials", 2 * held_out) as advance:
         before, after = (_measured(chosen, s, numbers, jobs, advance) for s in (began, learnt))
