@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 import yaml
 from browser import blankness, open_page
+from pydrake.math import RigidTransform
 
 import systems.live_session
+from models.scenario import load_scenario
 from skill.demonstration import read_demonstration
 from systems.live_display import SATURATED, colour_of
 from systems.live_page import LivePage, open_live_page
-from systems.live_session import SLACK, Clock
+from systems.live_session import QUIT, SLACK, START, Clock, LiveSession
 from systems.meshcat_operator import R_HV, hand_coordinates, hand_pose
 from systems.rotation import from_rotation_vector
 
@@ -33,7 +35,7 @@ QUICK = {
     "coupling": {"peg_inertia": 0.02, "angular_damping": 2.0},
     "recorder": {"time_limit": 60.0, "rough_force": 500.0},
 }
-JAMS = {**QUICK, "start": {"height": 5e-4, "tilt": [0.055, 0.0]}}
+JAMS = {**QUICK, "geometry": {**QUICK["geometry"], "hole_depth": 0.01}, "start": {"height": 5e-4, "tilt": [0.055, 0.0]}}
 
 
 def test_coordinates_and_pose_of_the_hand_are_inverse():
@@ -96,6 +98,79 @@ def test_the_clock_waits_counts_and_makes_up_for_what_is_a_little_late(monkeypat
     for _ in range(10):
         dut.keep()
     assert wall.now == pytest.approx(began + 0.010)
+
+
+@pytest.fixture
+def session(tmp_path):
+    """Makes a session in this process, whose page nobody has open; what it tells is collected in ``session.told``."""
+    path = tmp_path / "quick.yaml"
+    path.write_text(yaml.safe_dump(QUICK))
+    meshcat, page = open_live_page()
+
+    def make(**options):
+        told = []
+        made = LiveSession(
+            scenario=load_scenario(str(path)),
+            out=tmp_path,
+            seed=0,
+            meshcat=meshcat,
+            page=page,
+            tell=told.append,
+            **options,
+        )
+        made.told = told
+        return made
+
+    yield make
+    page.close()
+
+
+def test_a_session_without_a_page_says_where_it_is_and_ends(session, monkeypatch):
+    monkeypatch.setattr(systems.live_session, "ABSENT_TOLD", 0.1)
+    dut = session(absent_limit=0.3)
+    assert dut.run() == []
+    assert any(re.match(r"no page is open: open http://localhost:\d+ to go on", line) for line in dut.told)
+    assert dut.told[-1] == "the page stayed closed: session over"
+
+
+def test_a_device_that_is_lost_is_said_closed_and_opened_again(session, monkeypatch):
+    class Handle:
+        """Works for a while."""
+
+        opened = []
+
+        def __init__(self):
+            self.written, self.closed = [], False
+            self.opened.append(self)
+
+        def read_pose(self):
+            if len(self.written) > 60:
+                raise OSError("unplugged")
+            return RigidTransform([0.0, 0.0, -1e-5 * len(self.written)])
+
+        def write_wrench(self, wrench):
+            self.written.append(wrench)
+
+        def close(self):
+            self.closed = True
+
+    dut = session(open_device=Handle)
+    presses = iter([START, START, QUIT])
+    wanted = {"button": next(presses)}
+
+    def clicked(_, button):
+        if button != wanted["button"]:
+            return False
+        wanted["button"] = next(presses, None)
+        return True
+
+    monkeypatch.setattr(LiveSession, "_present", lambda _: True)
+    monkeypatch.setattr(LiveSession, "_clicked", clicked)
+    monkeypatch.setattr(LiveSession, "_forget_clicks", lambda _: None)
+    assert dut.run() == []
+    assert dut.told.count("device lost (unplugged): demonstration discarded, Space starts another") == 2
+    assert dut.told[-1] == "session over"
+    assert [(len(handle.written), handle.closed) for handle in Handle.opened] == [(61, True)] * 2  # one a tick
 
 
 class Session:
