@@ -92,21 +92,29 @@ class Cost:
     """What a trial costs, in seconds: its time, and time's worth of force and of failure.
 
     A step of length T under a lateral force f costs T (1 + (f / force)^2), so that a trial which is everywhere pushed
-    with ``force`` costs twice its time. Backing off costs the time that it takes.
+    with ``force`` costs twice its time. Backing off costs the time that it takes. A peg that is not inserted costs
+    ``failure``, and as much again for the share of the hole's depth that it lacks: where nothing inserts yet, to come
+    deeper is still better than to stand still gently.
 
     Attributes:
         force: N, across the peg.
-        failure: s, added where the peg is not inserted.
+        failure: s.
     """
 
     force: float = 25.0
     failure: float = 5.0
 
     def of_steps(self, run: RigRun) -> Array:
-        """(n,), s, of each row of a run: of the step up to the next, and of the last row none but the failure."""
+        """(n,), s, of each row of a run, whose metadata have its geometry.
+
+        That of a row is the cost up to the next; the last has none but a failure's.
+        """
         lateral = np.linalg.norm(run.samples[["fx", "fy"]].to_numpy()[:-1], axis=1)
         steps = np.diff(run.samples["time"].to_numpy()) * (1.0 + (lateral / self.force) ** 2)
-        return np.append(steps, 0.0 if run.result["inserted"] else self.failure)
+        if run.result["inserted"]:
+            return np.append(steps, 0.0)
+        reached = float(run.samples["depth"].iloc[-1]) / run.metadata["geometry"]["hole_depth"]
+        return np.append(steps, self.failure * (2.0 - min(max(reached, 0.0), 1.0)))
 
     def of_run(self, run: RigRun) -> float:
         """The sum, s."""

@@ -21,7 +21,7 @@ def practised(tmp_path_factory, skill_file):
     folder = tmp_path_factory.mktemp("practice")
     scenario = make_quick_scenario()
     scenario.start.height, scenario.start.tilt_range = 1e-4, math.radians(0.7)
-    scenario.trial.time_limit = 1.5
+    scenario.trial.time_limit = 0.5
     (folder / "quick.yaml").write_text(dump_scenario(scenario))
     done = called(
         *("--skill", skill_file, "--out", folder / "practised.npz", "--scenario", folder / "quick.yaml"),

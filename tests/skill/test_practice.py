@@ -3,13 +3,13 @@ import pytest
 
 from skill.practice import Cost, Curiosity, Variation, VariedSkill, experience_of
 from skill.rig_run import RigRun
-from tests.trajectories import make_rig_run
+from tests.trajectories import GEOMETRY, make_rig_run
 
 DOUBLED = Variation(np.array([0.0, 0.01]), np.log([1.0, 4.0]), np.log([1.0, 0.25]))
 
 
 def run_of(samples, **result):
-    return RigRun(samples, {"seed": 7, "inserted": True, **result}, {})
+    return RigRun(samples, {"seed": 7, "inserted": True, **result}, {"geometry": GEOMETRY})
 
 
 @pytest.mark.parametrize(
@@ -46,7 +46,9 @@ def test_a_trial_under_the_reference_force_costs_twice_its_time_and_failing_cost
     cost = Cost(force=25.0, failure=5.0)
     duration = samples["time"].iloc[-1] - samples["time"].iloc[0]
     assert cost.of_run(run_of(samples)) == pytest.approx(2 * duration)
-    assert cost.of_run(run_of(samples, inserted=False)) == pytest.approx(2 * duration + 5)
+    for depth, lacks in ((0.025, 0.0), (0.010, 0.6), (-0.003, 1.0)):
+        failed = run_of(samples.assign(depth=depth), inserted=False)
+        assert cost.of_run(failed) == pytest.approx(2 * duration + 5 * (1 + lacks))
     assert cost.of_run(run_of(samples.assign(fx=0.0, fy=0.0))) == pytest.approx(duration)
 
 
