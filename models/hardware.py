@@ -58,7 +58,7 @@ class StepperMotor:
     holding_torque: float = 1.3  # in units of N m, at the output [choice]
     damping: float = 1.2  # in units of N m s/rad [choice]
     reflected_inertia: float = 1.0e-3  # in units of kg m^2 [choice]
-    max_step_rate: float = 400.0  # in units of steps/s [choice]
+    max_step_rate: float = 250.0  # in units of steps/s; loses none under 0.8 of the holding torque [choice]
     max_step_acceleration: float = 2.0e4  # in units of steps/s^2; takes a tenth of the holding torque [choice]
 
     @property

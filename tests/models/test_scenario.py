@@ -192,6 +192,7 @@ BAD_RANGES = {
     "no inductance": ("feed: {inductance: 0.0}", "feed.inductance"),
     "no lead": ("feed: {screw_lead: 0.0}", "feed.screw_lead"),
     "a sensor without quantum": ("sensor: {force_quantum: 0.0}", "sensor.force_quantum"),
+    "a delay between samples": ("sensor: {delay: 0.0015}", "sensor.delay is 0.0015 s.*multiple of sensor.period"),
     "a sensor without period": ("sensor: {period: 0.0}", "sensor.period"),
     "negative noise": ("sensor: {force_noise: [-0.1, 0.1, 0.1]}", "sensor.force_noise"),
     "an encoder without resolution": ("rig: {encoder_resolution: 0.0}", "rig.encoder_resolution"),

@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from models.scenario import Geometry
 from systems.penetration import deepest_overlap
+from systems.state_judge import exact_bodies
 
 G = Geometry()
 UPRIGHT = [0.0, 0.0, 1.0]
@@ -26,3 +28,12 @@ def test_a_pose_that_is_none_does_not_count():
     poses = [[np.nan, 0.0, 0.0], [0.0, 0.0, -0.010], [0.0, 0.0, -0.010]]
     assert deepest_overlap(G, poses, [UPRIGHT, UPRIGHT, [1.0, 0.0, 0.0]]) == 0.0
     assert deepest_overlap(G, np.empty((0, 3)), np.empty((0, 3))) == 0.0
+
+
+def test_a_demonstration_reports_its_overlap(demonstrations):
+    for shown in demonstrations:
+        s = shown.samples
+        axis = Rotation.from_rotvec(s[["ax", "ay", "az"]].to_numpy() * s[["angle"]].to_numpy()).apply([0.0, 0.0, 1.0])
+        overlap = -exact_bodies(shown).gap(s[["x", "y", "z"]].to_numpy(), axis).min()
+        assert overlap > 0.0  # all of them touch
+        assert shown.metadata["penetration_um"] == pytest.approx(1e6 * overlap, abs=0.051)
