@@ -28,6 +28,7 @@ PLAIN = TrialResult(
     lost_steps=0,
     back_offs=0,
     unknown_s=0.1,
+    unsupported_s=0.0,
     states=[0, 1, 2, 3],
 )
 
