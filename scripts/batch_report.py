@@ -24,7 +24,8 @@ PAGE = """<!DOCTYPE html>
 <section id="worst">{worst}</section>
 <section>
 <h2>Trials</h2>
-<p class="about">A click on a heading sorts by it. States are those visited, in order, coloured as in the replays.</p>
+<p class="about">A click on a heading sorts by it. Unknown: in no contact state; unlike: like nothing remembered.
+States are those visited, in order, coloured as in the replays.</p>
 <div class="scroll"><table id="trials"><thead><tr>{headings}</tr></thead><tbody>
 {rows}
 </tbody></table></div>
@@ -91,7 +92,7 @@ document.querySelectorAll("#trials th").forEach((heading, column) => heading.add
 COLUMNS = (
     *(("trial", ""), ("tilt", "deg"), ("outcome", ""), ("time", "s"), ("depth", "mm"), ("peak along", "N")),
     *(("peak across", "N"), ("moment", "N m"), ("overlap", "um"), ("steps", ""), ("lost", ""), ("back-offs", "")),
-    *(("unknown", "s"), ("states", "")),
+    *(("unknown", "s"), ("unlike", "s"), ("states", "")),
 )
 TEXT_COLUMNS = ("outcome", "states")
 
@@ -178,7 +179,7 @@ def _tiles(results: Sequence[TrialResult]) -> list[tuple[str, str]]:
             f"median peak force across; 95th percentile {np.quantile(across, 0.95):.1f} N,"
             f" largest {across.max():.1f} N",
         ),
-        (str(backs), f"back-offs, in {sum(r.back_offs > 0 for r in results)} trials; {lost} steps lost"),
+        (str(backs), f"back-offs, in {sum(r.back_offs > 0 for r in results)} of the trials; {lost} steps lost"),
     ]
 
 
@@ -210,7 +211,8 @@ def _row(r: TrialResult, colours: Sequence[str], replay: str | None) -> str:
         *((r.peak_axial_n, f"{r.peak_axial_n:.1f}"), (r.peak_lateral_n, f"{r.peak_lateral_n:.1f}")),
         *((r.peak_moment_nm, f"{r.peak_moment_nm:.2f}"), (r.penetration_um, f"{r.penetration_um:.0f}")),
         *((r.steps, str(r.steps)), (r.lost_steps, str(r.lost_steps)), (r.back_offs, str(r.back_offs))),
-        *((r.unknown_s, f"{r.unknown_s:.2f}"), (len(r.states), f'<span class="visits">{visits}</span>')),
+        *((r.unknown_s, f"{r.unknown_s:.2f}"), (r.unsupported_s, f"{r.unsupported_s:.2f}")),
+        (len(r.states), f'<span class="visits">{visits}</span>'),
     )
     row = "".join(
         f'<td class="{f"text {name}" if name in TEXT_COLUMNS else ""}" data-key="{html.escape(str(key))}">{text}</td>'

@@ -98,7 +98,7 @@ def test_the_summary_counts_and_gives_wilsons_interval():
     page = page_of(make_results(10))
     assert "9 of 10" in page
     assert "59.6 to 98.2 %" in page  # of 9 in 10, Wilson 1927
-    assert "back-offs, in 1 trials" in page
+    assert "back-offs, in 1 of the trials" in page
 
 
 def test_what_is_named_oddly_is_shown_and_not_obeyed():
