@@ -4,17 +4,19 @@
                                         [--figure FILE]
 
 Each recorded sample is labelled by `models.contact_geometry` from its pose; no learner sees a label. All learners get
-the same features of the same refined samples, with the sensor's noise: those of the skill (canonical, measured and
-hidden). Two bodies touch where the gap of the *simulated* bodies is at most zero: peg and bore are regular polygons
-of the same number of sides, aligned, with their edges on the true circles, so that the play is the true one. The
-deadband is therefore zero; `contact_agreement` says how often this and the recorded force (over 10 mN) agree.
+the same features of the same refined samples, with the sensor's noise: those by which the skill tells states apart
+(`ContactFeatures`, measured and hidden), and, where they can have one, the skill's floor under the variances. Two rows
+undo these choices: no floor, then also the features that the regressor sees (`CanonicalFeatures`).
+
+Two bodies touch where the gap of the *simulated* bodies is at most zero: peg and bore are regular polygons of the same
+number of sides, aligned, with their edges on the true circles, so that the play is the true one. The deadband is
+therefore zero; `contact_agreement` says how often this and the recorded force (over 10 mN) agree.
 
 On line, every learner's Gaussians are followed by the same hidden Markov filter over the measured features alone. A
 change of the true label that lasts at least 60 ms is recognised when the state's dominant label is the true one before
 the next change; the delays are the mean and the 90 % quantile over the recognised ones (most are zero).
 
-"floor 5 %" adds that part of each feature's variance to the covariances, so that one state may cover a curved sheet of
-samples that thin Gaussians would tile. k-means is given the number of states that the competition found, having no
+k-means is given the number of states that the competition found, having no
 way to choose one.
 """
 
@@ -26,7 +28,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -45,11 +47,14 @@ from models.contact_geometry import LABEL_NAMES, axes_of_rotation_vectors  # noq
 from models.scenario import Scenario  # noqa: E402
 from skill.cluster_initialization import components_of_partition  # noqa: E402
 from skill.competitive_agglomeration import CompetitiveAgglomeration  # noqa: E402
-from skill.contact_state_filter import ContactStateFilter, StateEstimator, transition_probabilities  # noqa: E402
+from skill.contact_features import ContactFeatures  # noqa: E402
+from skill.contact_state_filter import ContactStateFilter, StateEstimator  # noqa: E402
 from skill.demonstration import ACTIONS, Demonstration, read_demonstrations  # noqa: E402
 from skill.expectation_maximization import CovariancePrior  # noqa: E402
 from skill.features import MEASURED, CanonicalFeatures  # noqa: E402
+from skill.manipulation_skill import STATE_FLOOR  # noqa: E402
 from skill.refinement import refine_demonstration  # noqa: E402
+from skill.state_graph import StateGraph  # noqa: E402
 from skill.state_naming import StateNames, name_states  # noqa: E402
 from systems.state_judge import exact_bodies  # noqa: E402
 
@@ -64,6 +69,7 @@ class Recorded:
     """All samples: standardised features, true labels, demonstration, phase, and how many features are measured."""
 
     Z: np.ndarray
+    regressor_Z: np.ndarray
     y: np.ndarray
     groups: np.ndarray
     phase: np.ndarray
@@ -73,6 +79,10 @@ class Recorded:
     deepest_overlap: float
     example: int
 
+    def as_the_regressor_sees_it(self) -> Recorded:
+        """The same samples by `CanonicalFeatures`."""
+        return replace(self, Z=self.regressor_Z, measured=len(CanonicalFeatures().get_feature_names_out()))
+
     @property
     def lengths(self) -> list[int]:
         """Samples of each demonstration."""
@@ -81,8 +91,8 @@ class Recorded:
 
 def recorded(demonstrations: list[Demonstration], seed: int) -> Recorded:
     rng = np.random.default_rng(seed)
-    features = CanonicalFeatures()
-    Z, y, lengths, phase, times, touching, gaps = [], [], [], [], [], [], []
+    Z: dict[type, list[np.ndarray]] = {ContactFeatures: [], CanonicalFeatures: []}
+    y, lengths, phase, times, touching, gaps = [], [], [], [], [], []
     for demonstration in demonstrations:
         samples = demonstration.samples.copy()
         samples[list(ACTIONS)] = samples[list(ACTIONS)].shift(-1, fill_value=0.0)
@@ -95,19 +105,24 @@ def recorded(demonstrations: list[Demonstration], seed: int) -> Recorded:
         touching.append((np.linalg.norm(refined[["fx", "fy", "fz"]], axis=1) > 0.01) == (y[-1] > 0))
         sigma = np.repeat([FORCE_NOISE, MOMENT_NOISE], 3)
         refined[list(MEASURED[:6])] += sigma * rng.standard_normal((len(refined), 6))
-        Z.append(features.transform_demonstration(refined))
+        for features, seen in Z.items():
+            seen.append(features().transform_demonstration(refined))
         lengths.append(len(refined))
         phase.append(np.linspace(0.0, 1.0, len(refined), endpoint=False))
         times.append(refined["time"].to_numpy())
-    stacked = np.vstack(Z)
+    standardised = {}
+    for features, seen in Z.items():
+        stacked = np.vstack(seen)
+        standardised[features] = (stacked - stacked.mean(axis=0)) / stacked.std(axis=0)
     good = [k for k, demonstration in enumerate(demonstrations) if demonstration.good] or [0]
     return Recorded(
-        Z=(stacked - stacked.mean(axis=0)) / stacked.std(axis=0),
+        Z=standardised[ContactFeatures],
+        regressor_Z=standardised[CanonicalFeatures],
         y=np.concatenate(y),
         groups=np.repeat(np.arange(len(lengths)), lengths),
         phase=np.concatenate(phase),
         times=np.concatenate(times),
-        measured=len(features.get_feature_names_out()),
+        measured=len(ContactFeatures().get_feature_names_out()),
         contact_agreement=float(np.concatenate(touching).mean()),
         deepest_overlap=float(-np.concatenate(gaps).min()),
         # Of the good ones, that which spends its time most evenly among the most labels.
@@ -119,19 +134,25 @@ Found = tuple[np.ndarray, np.ndarray | None]
 """States (N,), and the transition matrix if the learner has one of its own."""
 
 
-def competition(data: Recorded, seed: int, **settings: float) -> Found:
-    learner = CompetitiveAgglomeration(random_state=seed, **settings)
+def competition(data: Recorded, seed: int, floor: float = STATE_FLOOR) -> Found:
+    learner = CompetitiveAgglomeration(reg_covar=floor, random_state=seed)
     fitted = learner.fit(data.Z, groups=data.groups, phase=data.phase)
     return fitted.predict(data.Z), None
 
 
+def on_regressor_features(data: Recorded, seed: int) -> Found:
+    return competition(data.as_the_regressor_sees_it(), seed, floor=1e-6)
+
+
 def mixture_by_bic(data: Recorded, seed: int) -> Found:
-    mixtures = [GaussianMixture(k, random_state=seed, n_init=2).fit(data.Z) for k in range(1, MOST + 1)]
+    settings = {"reg_covar": STATE_FLOOR, "n_init": 2, "random_state": seed}
+    mixtures = [GaussianMixture(k, **settings).fit(data.Z) for k in range(1, MOST + 1)]
     return min(mixtures, key=lambda mixture: mixture.bic(data.Z)).predict(data.Z), None
 
 
 def bayesian_mixture(data: Recorded, seed: int) -> Found:
-    return BayesianGaussianMixture(n_components=MOST, max_iter=500, random_state=seed).fit_predict(data.Z), None
+    mixture = BayesianGaussianMixture(n_components=MOST, max_iter=500, reg_covar=STATE_FLOOR, random_state=seed)
+    return mixture.fit_predict(data.Z), None
 
 
 def k_means(data: Recorded, seed: int) -> Found:
@@ -142,7 +163,7 @@ def k_means(data: Recorded, seed: int) -> Found:
 def hidden_markov(data: Recorded, seed: int) -> Found:
     models = []
     for k in range(1, MOST + 1, 2):
-        model = GaussianHMM(k, covariance_type="full", min_covar=1e-3, n_iter=60, random_state=seed)
+        model = GaussianHMM(k, covariance_type="full", min_covar=STATE_FLOOR, n_iter=60, random_state=seed)
         models.append(model.fit(data.Z, data.lengths))
     best = min(models, key=lambda model: model.bic(data.Z, data.lengths))
     return best.predict(data.Z, data.lengths), best.transmat_
@@ -157,7 +178,8 @@ def truth(data: Recorded, seed: int) -> Found:
 
 LEARNERS: dict[str, Callable[[Recorded, int], Found]] = {
     "CA-FMLE": competition,
-    "CA-FMLE, floor 5 %": partial(competition, reg_covar=0.05),
+    "CA-FMLE, no floor": partial(competition, floor=1e-6),
+    "... and regressor's features": on_regressor_features,
     "GMM-BIC": mixture_by_bic,
     "BayesianGaussianMixture": bayesian_mixture,
     "k-means": k_means,
@@ -169,7 +191,7 @@ LEARNERS: dict[str, Callable[[Recorded, int], Found]] = {
 def gaussian_states(data: Recorded, states: np.ndarray) -> CompetitiveAgglomeration:
     """A classifier from any partition: one Gaussian a state."""
     d = data.Z.shape[1]
-    prior = CovariancePrior(count=d + 1.0, variance=1.0, floor=np.full(d, 1e-6), diagonal=False)
+    prior = CovariancePrior(count=d + 1.0, variance=1.0, floor=np.full(d, STATE_FLOOR), diagonal=False)
     found = components_of_partition(data.Z, states, prior)
     factors = np.stack([np.linalg.inv(np.linalg.cholesky(F)).T for F in found.covariances])
     return CompetitiveAgglomeration.from_arrays(
@@ -186,9 +208,11 @@ def gaussian_states(data: Recorded, states: np.ndarray) -> CompetitiveAgglomerat
 
 def on_line(data: Recorded, states: np.ndarray, transitions: np.ndarray | None) -> np.ndarray:
     """States (N,) that the filter names, sample by sample, from measured features."""
-    count = int(states.max()) + 1
     if transitions is None:
-        transitions = transition_probabilities(states, data.groups, count)
+        parts = [data.groups == group for group in np.unique(data.groups)]
+        graph = StateGraph(n_states=int(states.max()) + 1)
+        graph.fit([states[p] for p in parts], ["ended"] * len(parts), times=[data.times[p] for p in parts])
+        transitions = graph.transition_matrix()
     transitions = transitions / transitions.sum(axis=1, keepdims=True)
     follow = ContactStateFilter(
         gaussian_states(data, states), gate=None, transitions=transitions, channels=np.arange(data.measured)
@@ -223,7 +247,8 @@ def judge(data: Recorded, name: str, seed: int) -> tuple[dict[str, Any], np.ndar
     seconds = time.process_time() - start
     transitions = None if transitions is None else transitions[np.ix_(used, used)] + 1e-9
     named = name_states(dense, data.y, LABEL_NAMES, n_states=len(used))
-    estimated = on_line(data, dense, transitions)
+    seen = data.as_the_regressor_sees_it() if LEARNERS[name] is on_regressor_features else data
+    estimated = on_line(seen, dense, transitions)
     told = named.labels[estimated]
     delays, recognised = recognition(data, told)
     row = {

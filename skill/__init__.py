@@ -1,6 +1,7 @@
 """What is learnt: contact states, local regressors and their graph. Never imports Drake."""
 
 from skill.competitive_agglomeration import CompetitiveAgglomeration
+from skill.contact_features import ContactFeatures
 from skill.contact_state_filter import ContactStateFilter, StateEstimator
 from skill.demonstration import Demonstration, read_demonstration, read_demonstrations, write_demonstration
 from skill.features import CanonicalFeatures, NormalisedFeatures, RawFeatures
@@ -13,6 +14,7 @@ from skill.state_graph import StateGraph
 __all__ = [
     "CanonicalFeatures",
     "CompetitiveAgglomeration",
+    "ContactFeatures",
     "ContactStateFilter",
     "Demonstration",
     "LWRegressor",

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skill.gaussian_components import Array, log_normalizers
 from skill.gaussian_states import UNKNOWN, GaussianStates, chi_square_gate
@@ -137,31 +137,6 @@ class StateEstimator:
         estimate = self.filter.step(self.log_belief, x)
         self.log_belief = estimate.log_belief
         return (int(estimate.probabilities.argmax()) if estimate.known else UNKNOWN), estimate
-
-
-def transition_probabilities(labels: ArrayLike, groups: ArrayLike, n_states: int, *, prior_count: float = 1.0) -> Array:
-    """Transition matrix (M, M) counted over consecutive samples of the same demonstration.
-
-    Args:
-        labels: shape (N,), states 0..M-1 in the order of time; -1 breaks the sequence.
-        groups: shape (N,), demonstration of each sample; each one's samples are consecutive.
-        n_states: M.
-        prior_count: transitions from each state assumed beforehand, spread evenly, so that none is
-            impossible.
-    """
-    states: NDArray[np.intp] = np.asarray(labels, dtype=np.intp)
-    names = np.asarray(groups)
-    if states.ndim != 1 or states.shape != names.shape:
-        raise ValueError(f"labels has shape {states.shape} and groups {names.shape}, expected (N,) both")
-    if states.size and (states.max() >= n_states or states.min() < UNKNOWN):
-        raise ValueError(f"labels lie between {states.min()} and {states.max()}, expected -1 to {n_states - 1}")
-    within = (names[1:] == names[:-1]) & (states[1:] >= 0) & (states[:-1] >= 0)
-    counts = np.full((n_states, n_states), prior_count / n_states)
-    np.add.at(counts, (states[:-1][within], states[1:][within]), 1.0)
-    totals = counts.sum(axis=1, keepdims=True)
-    if (totals == 0.0).any():
-        raise ValueError("a state is never left or held: raise prior_count above 0")
-    return np.asarray(counts / totals)
 
 
 def _checked_transitions(transitions: ArrayLike, M: int) -> Array:

@@ -33,6 +33,9 @@ which is minus the insertion depth."""
 HIDDEN = ("x", "y", "rotation_x", "rotation_y", "rotation_z", "dangle")
 """What only demonstrations have: the lateral tip position, the rotation vector of R_HP, the rotation step."""
 
+POSE = ("x", "y", "ax", "ay", "az", "angle", "dangle")
+"""The channels that the hidden features come from."""
+
 STEPPER_STEP = float(np.deg2rad(0.18))
 """One step of the rig's motors, rad: the natural unit of the rotation from one sample to the next."""
 
@@ -109,16 +112,19 @@ class RawFeatures(TransformerMixin, BaseEstimator):
             (n, k + h): the columns of ``transform``, then those of ``hidden_names``.
         """
         measured = self._measurements(_columns(samples, MEASURED))
-        pose = _columns(samples, ("x", "y", "ax", "ay", "az", "angle", "dangle"))
-        _require_finite(pose, ("x", "y", "ax", "ay", "az", "angle", "dangle"), type(self).__name__)
+        pose = _columns(samples, POSE)
+        _require_finite(pose, POSE, type(self).__name__)
         phi = self.rotation_angle(measured)
         rotation = pose[:, 2:5] * pose[:, 5:6]
         # Turning P and H together about their z axes by phi turns both of these vectors by -phi.
-        lateral = _turn(pose[:, 0:2], -phi) / (self.depth_scale * self.tilt_scale)
-        tilt = _turn(rotation[:, 0:2], -phi) / self.tilt_scale
-        spin = rotation[:, 2:3] / self.tilt_scale
-        step = pose[:, 6:7] / STEPPER_STEP
-        return np.hstack([self._features(measured), lateral, tilt, spin, step])
+        lateral, tilt = _turn(pose[:, 0:2], -phi), _turn(rotation[:, 0:2], -phi)
+        hidden = self._hidden(measured[:, 6], lateral, np.hstack([tilt, rotation[:, 2:3]]), pose[:, 6])
+        return np.hstack([self._features(measured), hidden])
+
+    def _hidden(self, z: Array, lateral: Array, rotation: Array, step: Array) -> Array:
+        """The hidden features (n, h) of z (n,) and lateral (n, 2) of p_HP in m, rotation (n, 3), step (n,) in rad."""
+        lateral_scale = self.depth_scale * self.tilt_scale
+        return np.column_stack([lateral / lateral_scale, rotation / self.tilt_scale, step / STEPPER_STEP])
 
     def rotation_angle(self, X: ArrayLike) -> Array:
         """Angle phi of the feature frame about the peg axis, rad, (n,): zero without a canonical frame."""
@@ -273,12 +279,16 @@ class CanonicalFeatures(NormalisedFeatures):
         y = force[:, 1] - missing * moment[:, 0] / size
         return np.arctan2(y, x)
 
-    def _features(self, measured: Array) -> Array:
+    def _turned(self, measured: Array) -> Array:
+        """Measurements (n, 7) in the canonical frame."""
         phi = self._angle(measured)
         turned = measured.copy()
         turned[:, 0:2] = _turn(measured[:, 0:2], -phi)
         turned[:, 3:5] = _turn(measured[:, 3:5], -phi)
-        features = super()._features(turned)
+        return turned
+
+    def _features(self, measured: Array) -> Array:
+        features = super()._features(self._turned(measured))
         features[:, 4] -= features[:, 2]  # (my - r fz) / r, over the same magnitude
         return np.delete(features, 1, axis=1)
 

@@ -18,6 +18,7 @@ from sklearn.base import clone
 
 from skill.bandwidth_selection import select_feature_scale
 from skill.competitive_agglomeration import CompetitiveAgglomeration
+from skill.contact_features import ContactFeatures
 from skill.contact_state_filter import ContactStateFilter
 from skill.demonstration import ACTIONS, Demonstration
 from skill.explanation import SkillExplanation
@@ -33,7 +34,11 @@ Array = NDArray[np.float64]
 UNSUPPORTED = 0.01  # share of the demonstrated samples that find less support than the least in other demonstrations
 FOLDS = 5  # of the cross-validation over demonstrations
 
-SKILL_VERSION = 3
+STATE_FLOOR = 0.05
+"""Of the variance of the state features, added to every state's: a contact in another place differs by more than its
+square root, 0.2 of a standard deviation; without it, each long rest in one pose becomes a state."""
+
+SKILL_VERSION = 4
 """Of the file format; a file of another version is refused."""
 
 
@@ -41,7 +46,14 @@ PARAMETERS = ("still", "rough", "force_noise", "moment_noise", "random_state")
 
 STORED: dict[str, Any] = {
     part.__name__: part
-    for part in (RawFeatures, NormalisedFeatures, CanonicalFeatures, CompetitiveAgglomeration, LWRegressor)
+    for part in (
+        RawFeatures,
+        NormalisedFeatures,
+        CanonicalFeatures,
+        ContactFeatures,
+        CompetitiveAgglomeration,
+        LWRegressor,
+    )
 }
 """The parts that a skill file can hold."""
 
@@ -67,13 +79,15 @@ class Action:
 class ManipulationSkill:
     """Learnt from demonstrations, performed from a wrench and a depth.
 
-    Its three parts can be exchanged for one's own; a skill with foreign parts works, but only one with parts of this
+    Its parts can be exchanged for one's own; a skill with foreign parts works, but only one with parts of this
     package can be saved.
 
     Args:
-        features: transformer of measurements; None for `CanonicalFeatures`.
-        states: clusterer of contact states; None for `CompetitiveAgglomeration`. One with ``m_init=1`` finds a single
-            state: no states at all.
+        features: transformer of measurements, for the regressor; None for `CanonicalFeatures`.
+        state_features: transformer of measurements, by which the states are told apart; None for `ContactFeatures` of
+            the demonstrations' geometry.
+        states: clusterer of contact states; None for `CompetitiveAgglomeration` with a floor of 5 % under the
+            variances. One with ``m_init=1`` finds a single state: no states at all.
         regressor: of the actions; None for `LWRegressor`, the features scaled by cross-validation over the
             demonstrations where there are at least five good ones, else standardised. Any scikit-learn regressor with
             several outputs will do; ours alone is given the states.
@@ -86,8 +100,8 @@ class ManipulationSkill:
         random_state: of the sensor's noise and the clustering.
 
     Attributes:
-        features_, states_, regressor_: the fitted parts; the regressor's outputs are (turn_x, turn_y, feed) over one
-            sample period, in the feature frame.
+        features_, state_features_, states_, regressor_: the fitted parts; the regressor's outputs are (turn_x, turn_y,
+            feed) over one sample period, in the feature frame.
         graph_: the `StateGraph` of the demonstrations.
         period_: of a sample, s.
         sources_: (n, 2), demonstration number and time (s) of each sample that the regressor remembers.
@@ -101,6 +115,7 @@ class ManipulationSkill:
         self,
         *,
         features: RawFeatures | None = None,
+        state_features: RawFeatures | None = None,
         states: CompetitiveAgglomeration | None = None,
         regressor: Any = None,
         still: float = 2e-5,
@@ -110,6 +125,7 @@ class ManipulationSkill:
         random_state: int = 0,
     ) -> None:
         self.features = features
+        self.state_features = state_features
         self.states = states
         self.regressor = regressor
         self.still = still
@@ -131,15 +147,22 @@ class ManipulationSkill:
                 " expected at least one good demonstration to learn from"
             )
         self.features_ = CanonicalFeatures() if self.features is None else clone(self.features)
+        geometry = _common_geometry(demonstrations)
+        self.state_features_ = (
+            _features_of_contacts(geometry) if self.state_features is None else clone(self.state_features)
+        )
         rng = np.random.default_rng(self.random_state)
         refined = [self._as_sensed(self._refined(d), rng) for d in demonstrations]
         self.period_ = float(np.median(np.concatenate([np.diff(d.samples["time"]) for d in demonstrations])))
 
-        Z = np.vstack([self.features_.transform_demonstration(r) for r in refined])
+        Z = np.vstack([self.state_features_.transform_demonstration(r) for r in refined])
         lengths = [len(r) for r in refined]
         groups = np.repeat(np.arange(len(refined)), lengths)
         phase = np.concatenate([np.linspace(0.0, 1.0, n, endpoint=False) for n in lengths])
-        states = CompetitiveAgglomeration(random_state=self.random_state) if self.states is None else clone(self.states)
+        if self.states is None:
+            states = CompetitiveAgglomeration(reg_covar=STATE_FLOOR, random_state=self.random_state)
+        else:
+            states = clone(self.states)
         self.states_ = states.fit(Z, groups=groups, phase=phase)
         self.names_: list[str] | None = None
         labels = self.states_.predict(Z)
@@ -154,7 +177,7 @@ class ManipulationSkill:
         measured = samples[list(MEASURED)].to_numpy()
         X = self.features_.transform(measured)
         Y = self.features_.actions_to_frame(measured, samples[["rx", "ry", "uz"]].to_numpy())
-        P = self._memberships(X)
+        P = self.state_probabilities(measured)
         self.regressor_ = self._tuned(X, Y, groups[good], P) if self.regressor is None else clone(self.regressor)
         knows_states = isinstance(self.regressor_, LWRegressor)
         self.regressor_.fit(X, Y, **({"memberships": P} if knows_states else {}))
@@ -163,7 +186,7 @@ class ManipulationSkill:
         self.metadata_: dict[str, Any] = {
             "demonstrations": len(refined),
             "good": int(sum(d.good for d in demonstrations)),
-            "geometry": _common_geometry(demonstrations),
+            "geometry": geometry,
         }
         return self
 
@@ -198,22 +221,23 @@ class ManipulationSkill:
             return -math.inf
         return float(np.quantile(self.regressor_.support_between(demonstrations), UNSUPPORTED))
 
-    def _memberships(self, X: Array) -> Array:
-        """Probabilities of the states from measured features alone: the hidden ones are marginalised."""
-        return self.states_.predict_proba(X, channels=np.arange(X.shape[1]))
-
     def state_filter(self) -> ContactStateFilter:
         """The on-line estimator of the states, over the measured features."""
-        k = len(self.features_.get_feature_names_out())
-        return ContactStateFilter(self.states_, transitions=self.graph_.transition_matrix(), channels=np.arange(k))
+        return ContactStateFilter(
+            self.states_, transitions=self.graph_.transition_matrix(), channels=self._measured_channels()
+        )
+
+    def _measured_channels(self) -> NDArray[np.intp]:
+        """Of the states: those that the rig can measure come first."""
+        return np.arange(len(self.state_features_.get_feature_names_out()))
 
     def measured_features(self, measured: ArrayLike) -> Array:
-        """Features (k,) of one measurement (7,): fx fy fz (N) mx my mz (N m) z (m)."""
-        return self.features_.transform(np.asarray(measured, dtype=float).reshape(1, -1))[0]
+        """What the states are told apart by, (k,), of one measurement (7,): fx fy fz (N) mx my mz (N m) z (m)."""
+        return self.state_features_.transform(np.asarray(measured, dtype=float).reshape(1, -1))[0]
 
     def state_probabilities(self, measured: ArrayLike) -> Array:
-        """Of each state, (n, K), from measurements (n, 7): fx fy fz mx my mz z."""
-        return self._memberships(self.features_.transform(measured))
+        """Of each state, (n, K), from measurements (n, 7), fx fy fz mx my mz z, alone: the rest is marginalised."""
+        return self.states_.predict_proba(self.state_features_.transform(measured), channels=self._measured_channels())
 
     def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
         """The action for one measurement.
@@ -225,7 +249,7 @@ class ManipulationSkill:
         """
         row = np.asarray(measured, dtype=float).reshape(1, -1)
         X = self.features_.transform(row)
-        P = self._memberships(X) if probabilities is None else np.asarray(probabilities, float).reshape(1, -1)
+        P = self.state_probabilities(row) if probabilities is None else np.asarray(probabilities, float).reshape(1, -1)
         if isinstance(self.regressor_, LWRegressor):
             predicted, log_support = self.regressor_.predict_with_support(X, memberships=P)
             support = math.exp(min(0.0, float(log_support[0]) - self.least_log_support_))
@@ -240,7 +264,7 @@ class ManipulationSkill:
         """Why `act` does what it does for one measurement; arguments as for `act`."""
         row = np.asarray(measured, dtype=float).reshape(1, -1)
         action = self.act(measured, probabilities)
-        local = self.regressor_.explain(self.measured_features(measured), action.probabilities, level)
+        local = self.regressor_.explain(self.features_.transform(row)[0], action.probabilities, level)
         demonstration, time = self.sources_[local.neighbours].T
         return SkillExplanation(
             state_names=self.state_names(),
@@ -284,13 +308,14 @@ class ManipulationSkill:
         Raises:
             TypeError: if a part is not of this package: how it would be stored is unknown.
         """
-        for part in (self.features_, self.states_, self.regressor_):
+        for part in (self.features_, self.state_features_, self.states_, self.regressor_):
             if type(part).__name__ not in STORED:
                 raise TypeError(f"{type(part).__name__} cannot be stored; expected one of {sorted(STORED)}")
         header = {
             "skill_version": SKILL_VERSION,
             "parameters": {name: getattr(self, name) for name in PARAMETERS},
             "features": [type(self.features_).__name__, self.features_.get_params()],
+            "state_features": [type(self.state_features_).__name__, self.state_features_.get_params()],
             "period": self.period_,
             "metadata": self.metadata_,
             "names": self.names_,
@@ -335,8 +360,9 @@ class ManipulationSkill:
             for name, array in arrays.items():
                 part, key = name.split("/", 1)
                 parts[part][key] = array
-            kind, settings = header["features"]
-            skill.features_ = STORED[kind](**settings)
+            skill.features_, skill.state_features_ = (
+                STORED[kind](**settings) for kind, settings in (header["features"], header["state_features"])
+            )
             skill.states_ = CompetitiveAgglomeration.from_arrays(parts["states"])
             skill.regressor_ = LWRegressor.from_arrays(parts["regressor"])
             skill.graph_ = StateGraph.from_arrays(parts["graph"])
@@ -345,6 +371,14 @@ class ManipulationSkill:
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: not a complete skill file ({error})") from error
         return skill
+
+
+def _features_of_contacts(geometry: dict[str, Any] | None) -> ContactFeatures:
+    """For the radii of a geometry (m), or those of the paper's peg and hole."""
+    if geometry is None:
+        return ContactFeatures()
+    r, R = geometry["peg_radius"], geometry["hole_radius"]
+    return ContactFeatures(peg_radius=r, play=R - r)
 
 
 def _common_geometry(demonstrations: Sequence[Demonstration]) -> dict[str, Any] | None:

@@ -3,11 +3,7 @@ import pytest
 from scipy.stats import chi2, multivariate_normal
 
 from skill.competitive_agglomeration import CompetitiveAgglomeration
-from skill.contact_state_filter import (
-    ContactStateFilter,
-    StateEstimator,
-    transition_probabilities,
-)
+from skill.contact_state_filter import ContactStateFilter, StateEstimator
 
 
 def states(M=3, d=4, seed=0):
@@ -105,14 +101,6 @@ def test_certain_belief_can_be_revised():
     estimate = dut.step([0.0, -np.inf], model.means_[1])
     assert np.isfinite(estimate.log_belief).all()
     assert estimate.probabilities.sum() == pytest.approx(1.0)
-
-
-def test_transition_counts():
-    labels = [0, 0, 1, -1, 1, 1, 0, 1]
-    groups = [0, 0, 0, 0, 0, 0, 1, 1]
-    A = transition_probabilities(labels, groups, 2, prior_count=0.0)
-    np.testing.assert_allclose(A, [[1 / 3, 2 / 3], [0.0, 1.0]])
-    np.testing.assert_allclose(transition_probabilities(labels, groups, 3).sum(axis=1), 1.0)
 
 
 @pytest.mark.parametrize(

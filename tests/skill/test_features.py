@@ -8,10 +8,11 @@ from scipy.spatial.transform import Rotation
 from sklearn.base import clone
 from sklearn.utils.estimator_checks import check_estimator
 
+from skill.contact_features import ContactFeatures
 from skill.demonstration import CHANNELS
 from skill.features import MEASURED, CanonicalFeatures, NormalisedFeatures, RawFeatures
 
-ALL = [RawFeatures, NormalisedFeatures, CanonicalFeatures]
+ALL = [RawFeatures, NormalisedFeatures, CanonicalFeatures, ContactFeatures]
 
 angles = st.floats(-20.0, 20.0)
 forces = arrays(float, 3, elements=st.floats(-50.0, 50.0))
@@ -204,13 +205,13 @@ def test_bad_actions_and_parameters_raise(features):
 @pytest.mark.parametrize("features", ALL)
 def test_scikit_learn_manners(features):
     X = random_measurements(10)
-    dut = clone(features(depth_scale=0.03)).fit(X)
-    assert dut.get_params()["depth_scale"] == 0.03
+    dut = clone(features(peg_radius=0.02)).fit(X)
+    assert dut.get_params()["peg_radius"] == 0.02
     before = X.copy()
     as_frame = dut.set_output(transform="pandas").transform(X)
     assert list(as_frame.columns) == list(dut.get_feature_names_out())
     np.testing.assert_array_equal(X, before)
-    np.testing.assert_array_equal(features(depth_scale=0.03).fit_transform(X), as_frame.to_numpy())
+    np.testing.assert_array_equal(features(peg_radius=0.02).fit_transform(X), as_frame.to_numpy())
     assert dut.transform(X[:0]).shape == (0, as_frame.shape[1])
 
 
