@@ -162,8 +162,8 @@ def experience_of(run: RigRun, skill: VariedSkill, cost: Cost) -> Experience:
     memberships = np.empty((len(samples), skill.n_states))
     state_filter = skill.state_filter()
     belief = state_filter.initial_log_belief()
-    for k, row in enumerate(features):
-        estimate = state_filter.step(belief, row)
+    for k, row in enumerate(measured):
+        estimate = state_filter.step(belief, skill.measured_features(row))
         belief, memberships[k] = estimate.log_belief, estimate.probabilities
     guard = samples["guard"].to_numpy() > 0.5
     acted = ~np.append(guard[1:], guard[-1])  # a command is on record one row after what was felt

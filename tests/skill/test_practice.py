@@ -59,7 +59,7 @@ def test_an_experience_is_what_the_skill_felt_and_tried(skill):
     assert len(e.features) == len(e.costs) == n
     row = run.samples.iloc[k]
     measured = np.array([*row[["fx", "fy", "fz", "mx", "my", "mz"]], -row["depth"]])
-    np.testing.assert_allclose(e.features[k], skill.measured_features(measured))
+    np.testing.assert_allclose(e.features[k], skill.features_.transform(measured[None])[0])
     np.testing.assert_allclose(e.tried[k], DOUBLED.log_factors(row["depth"]))
     np.testing.assert_allclose(e.memberships.sum(axis=1), 1.0)
     np.testing.assert_allclose(e.costs, Cost().of_steps(run), atol=1e-12)

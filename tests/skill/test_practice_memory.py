@@ -96,7 +96,7 @@ def test_the_practised_skill_is_another_and_counts_its_practice():
 
 def test_a_practised_skill_is_saved_and_acts_as_it_learnt(skill, tmp_path):
     measured = np.array([5.0, 3.0, 2.0, 0.01, 0.02, 0.0, -0.008])
-    features, P = skill.measured_features(measured), skill.state_probabilities(measured[None])
+    features, P = skill.features_.transform(measured[None])[0], skill.state_probabilities(measured[None])
     faster = np.log([1.0, 1.5])
     tried = [
         Experience(np.tile(features, (9, 1)), np.tile(P, (9, 1)), np.tile(t, (9, 1)), np.append(np.zeros(8), cost))
