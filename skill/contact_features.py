@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from skill.features import Array, CanonicalFeatures
 
@@ -22,9 +22,11 @@ class ContactFeatures(CanonicalFeatures):
 
         f_tip + f_mouth = f_lateral,      l f_mouth = my - r fz.
 
-    One point at the tip is (1, 0) whatever its depth, one at the mouth (0, 1), both on the same side (1, 1), both on
-    opposite sides (1, -1) or (-1, 1), and free motion (0, 0): a partition by these two numbers does not follow the
-    depth, as one by the wrench's direction does, whose moment grows with it. Friction at the mouth is neglected.
+    The frame is turned by half a turn where f_tip < f_mouth: the x axis of two-point contact is that of the force at
+    the tip, whichever of the two happens to be the greater. One point at the tip is then (1, 0) whatever its depth, one
+    at the mouth (0, -1), both on opposite sides (1, -1), both on the same side (1, 1) or (-1, -1), and free motion
+    (0, 0). A partition by these two numbers does not follow the depth, as one by the wrench's direction does, whose
+    moment grows with it. Friction at the mouth is neglected.
 
     How *much* force a contact bears does not make it another contact, so each force saturates,
 
@@ -65,14 +67,27 @@ class ContactFeatures(CanonicalFeatures):
         """Names of the two features that only demonstrations have."""
         return np.array(["tip_offset", "mouth_offset"], dtype=object)
 
-    def _features(self, measured: Array) -> Array:
+    def rotation_angle(self, X: ArrayLike) -> Array:
+        """Angle phi from P to the frame of the contact forces about the peg axis, rad, in (-pi, pi], (n,)."""
+        measured = self._measurements(X)
+        phi, (tip, mouth) = self._angle(measured), self._contact_forces(measured)
+        return np.where(tip < mouth, np.where(phi > 0.0, phi - np.pi, phi + np.pi), phi)
+
+    def _contact_forces(self, measured: Array) -> tuple[Array, Array]:
+        """f_tip and f_mouth (n,), N, along the net lateral force."""
         turned = self._turned(measured)
-        r, lateral = self.peg_radius, turned[:, 0]
-        lever = np.maximum(-turned[:, 6], LEAST_LEVER * r)
-        mouth = (turned[:, 4] - r * turned[:, 2]) / lever
-        forces = np.column_stack([lateral - mouth, mouth])
-        borrowed = self.force_share * np.linalg.norm(forces, axis=1)
-        unclear = self.force_floor**2 * (1.0 + (r / lever) ** 2) + borrowed**2
+        mouth = (turned[:, 4] - self.peg_radius * turned[:, 2]) / self._lever(measured)
+        return turned[:, 0] - mouth, mouth
+
+    def _lever(self, measured: Array) -> Array:
+        return np.maximum(-measured[:, 6], LEAST_LEVER * self.peg_radius)
+
+    def _features(self, measured: Array) -> Array:
+        tip, mouth = self._contact_forces(measured)
+        forces = np.where(tip < mouth, -1.0, 1.0)[:, None] * np.column_stack([tip, mouth])
+        r = self.peg_radius
+        borrowed = self.force_share * np.hypot(tip, mouth)
+        unclear = self.force_floor**2 * (1.0 + (r / self._lever(measured)) ** 2) + borrowed**2
         size = np.linalg.norm(measured[:, 0:6] / np.repeat([1.0, r], 3), axis=1)
         return np.column_stack([forces / np.sqrt(forces**2 + unclear[:, None]), np.log1p(size / self.force_floor)])
 

@@ -36,26 +36,27 @@ def test_one_point_at_the_tip_bears_no_force_at_the_mouth_however_deep_hard_or_r
 def test_one_point_at_the_mouth_bears_none_at_the_tip(size, angle, depth, friction):
     features = seen((size, angle, depth, friction), depth=depth)
     assert features["tip_force"] == pytest.approx(0.0, abs=1e-9)
-    assert features["mouth_force"] == pytest.approx(0.995, abs=2e-3)
+    assert features["mouth_force"] == pytest.approx(-0.995, abs=2e-3)
 
 
 @given(st.floats(2.0, 50.0), st.sampled_from([0.1, 0.5, 0.9, 1.1, 2.0, 10.0]), angles, depths)
 def test_two_opposite_contacts_have_opposite_signs_and_two_alike_the_same(size, ratio, angle, depth):
     against = seen((size, angle, 0.0, 0.0), (ratio * size, angle + np.pi, depth, 0.0), depth=depth)
-    assert against["tip_force"] * against["mouth_force"] < 0.0
+    assert against["mouth_force"] < 0.0 < against["tip_force"]  # whichever is the greater
     along = seen((size, angle, 0.0, 0.0), (ratio * size, angle, depth, 0.0), depth=depth)
-    assert min(along["tip_force"], along["mouth_force"]) > 0.0
+    assert along["tip_force"] * along["mouth_force"] > 0.0
 
 
 def test_a_wedge_looks_the_same_at_every_depth_and_force():
-    """Nearly a couple: the direction of its wrench would follow the depth."""
+    """Nearly a couple: the direction of its wrench would follow the depth, that of its net force is fortuitous."""
     wedges = [
-        seen((size, 0.3, 0.0, 0.0), (0.9 * size, 0.3 + np.pi, depth, 0.0), depth=depth)
+        seen((size, 0.3, 0.0, 0.0), (share * size, 0.3 + np.pi, depth, 0.0), depth=depth)
         for size in (20.0, 200.0)
+        for share in (0.9, 1.1)
         for depth in (0.005, 0.01, 0.02)
     ]
     found = np.array([[w["tip_force"], w["mouth_force"]] for w in wedges])
-    np.testing.assert_allclose(found, [[0.99, -0.99]] * len(wedges), atol=2e-3)
+    np.testing.assert_allclose(found, [[0.99, -0.99]] * len(wedges), atol=4e-3)
 
 
 def test_what_the_sensor_cannot_tell_from_noise_is_no_force():
