@@ -23,11 +23,11 @@ class Operator:
     offset_dead_zone: float = 0.10e-3  # in units of m; seen offsets below it are let be
     correction_period: float = 0.28  # in units of s, from one correction by sight to the next
     correction_time: float = 0.20  # in units of s, that one takes
-    align_gain: float = 1.2  # in units of 1/s, mean turning rate over seen tilt
-    align_rate: float = math.radians(3.0)  # in units of rad/s, fastest mean turn
+    align_gain: float = 1.6  # in units of 1/s, mean turning rate over seen tilt
+    align_rate: float = math.radians(4.0)  # in units of rad/s, fastest mean turn
     touch_gain: float = 3.0  # in units of rad/s per N m of felt moment
     touch_slide: float = 0.010  # in units of m/s per N of felt force across the axis
-    insertion_speed: float = 0.018  # in units of m/s, unhindered
+    insertion_speed: float = 0.020  # in units of m/s, unhindered
     comfortable_force: float = 1.6  # in units of N, felt; the speed falls to zero at this push
     patience: float = 1e9  # in units of s of hindered pushing, after which the peg is pulled out again
     decision_period: float = 0.02  # in units of s

@@ -59,6 +59,7 @@ class Start:
 
     height: float = 0.003  # in units of m, of the tip above the mouth
     tilt_range: float = math.radians(3.4)  # in units of rad, uniform on each axis
+    demonstrated_tilt_range: float = math.radians(4.0)  # in units of rad; wider than the rig will meet
     offset_range: float = 0.0  # in units of m, uniform on each axis; felt in the `free` fixture only
     tilt: list[float] | None = None  # in units of rad, about x and y of the hole
     offset: list[float] | None = None  # in units of m, along x and y of the hole
@@ -311,13 +312,12 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int 
     resolved = copy.deepcopy(scenario)
     resolved.seed = int(np.random.SeedSequence([stream, seed]).generate_state(1)[0] >> 1)
     start = resolved.start
-    tilt = rng.uniform(-1.0, 1.0, 2) * start.tilt_range
+    shown = stream == DEMONSTRATION_STREAM
+    tilt = rng.uniform(-1.0, 1.0, 2) * (start.demonstrated_tilt_range if shown else start.tilt_range)
     offset = rng.uniform(-1.0, 1.0, 2) * start.offset_range
     # A gimbal is never mounted exactly; demonstrations vary more than the rig does, so that the skill has felt it.
     rig = resolved.rig
-    pivot = float(rng.uniform(-1.0, 1.0)) * (
-        rig.demonstrated_pivot_range if stream == DEMONSTRATION_STREAM else rig.pivot_range
-    )
+    pivot = float(rng.uniform(-1.0, 1.0)) * (rig.demonstrated_pivot_range if shown else rig.pivot_range)
     resolved.rig.pivot_height = pivot if resolved.rig.pivot_height is None else resolved.rig.pivot_height
     resolved.contact.friction *= 1.0 + float(rng.uniform(-1.0, 1.0)) * resolved.contact.friction_spread
     resolved.contact.friction_spread = 0.0

@@ -195,7 +195,8 @@ class NormalisedFeatures(RawFeatures):
     sign(z) log(1 + |z| / depth_floor), and log(1 + s / floor). Far above the floor the first six have unit norm; in
     free motion, where s is sensor noise, they vanish instead of becoming a random direction. The depth counts in
     proportions because the tilt that a peg can have, two-point contact, falls as one over it: near the mouth a
-    millimetre deeper means another tilt, near the bottom it does not.
+    millimetre deeper means another tilt, near the bottom it does not. Heights above depth_floor are all one: z is cut
+    there, so that a rig may begin higher than any demonstration did.
 
     Args:
         peg_radius: r, m.
@@ -230,7 +231,7 @@ class NormalisedFeatures(RawFeatures):
         wrench = measured[:, 0:6] / np.array([1.0, 1.0, 1.0] + [self.peg_radius] * 3)
         magnitude = np.linalg.norm(wrench, axis=1, keepdims=True)
         direction = wrench / np.hypot(magnitude, self.force_floor)
-        z = measured[:, 6:7]
+        z = np.minimum(measured[:, 6:7], self.depth_floor)
         depth = np.sign(z) * np.log1p(np.abs(z) / self.depth_floor)
         return np.hstack([direction, depth, np.log1p(magnitude / self.force_floor)])
 

@@ -277,8 +277,13 @@ def test_the_two_streams_share_no_seed_and_no_draw(ranges):
 
 def test_starts_are_uniform_within_their_ranges(ranges):
     n = 400
-    resolved = [resolve_scenario(ranges, seed=k, stream=TRIAL_STREAM) for k in range(n)]
-    for name, largest in (("tilt", ranges.start.tilt_range), ("offset", ranges.start.offset_range)):
+    start = ranges.start
+    for name, largest, stream in (
+        ("tilt", start.tilt_range, TRIAL_STREAM),
+        ("tilt", start.demonstrated_tilt_range, DEMONSTRATION_STREAM),
+        ("offset", start.offset_range, TRIAL_STREAM),
+    ):
+        resolved = [resolve_scenario(ranges, seed=k, stream=stream) for k in range(n)]
         values = [v for s in resolved for v in getattr(s.start, name)]
         assert all(abs(v) <= largest for v in values)
         # The mean of 2n uniform numbers on [-a, a] has sigma a/sqrt(6 n); 5 sigma.
@@ -323,6 +328,6 @@ def test_what_is_given_is_not_drawn():
 
 def test_a_range_beyond_what_can_enter_says_which_seed_drew_it():
     scenario = Scenario()
-    scenario.start.tilt_range = math.radians(60.0)
+    scenario.start.tilt_range = scenario.start.demonstrated_tilt_range = math.radians(60.0)
     with pytest.raises(ValueError, match=r"seed 4.*start\.tilt"):
         resolve_scenario(scenario, seed=4, stream=TRIAL_STREAM)

@@ -64,7 +64,7 @@ def files(folder):
 @pytest.fixture(scope="module")
 def scenario_file(tmp_path_factory):
     scenario = make_quick_scenario()
-    scenario.start.tilt_range = math.radians(1.5)
+    scenario.start.tilt_range = scenario.start.demonstrated_tilt_range = math.radians(1.5)
     scenario.recorder.time_limit = 1.5
     path = tmp_path_factory.mktemp("scenario") / "quick.yaml"
     path.write_text(dump_scenario(scenario))

@@ -226,3 +226,11 @@ def test_scikit_learn_checks_fail_only_for_their_number_of_columns(features):
 def chain(error):
     """Messages of an exception and of those that led to it."""
     return "" if error is None else f"{error} {chain(error.__cause__ or error.__context__)}"
+
+
+def test_depth_counts_in_proportions_and_heights_above_the_floor_are_one():
+    dut = NormalisedFeatures(depth_floor=1e-3)
+    column = list(dut.get_feature_names_out()).index("z")
+    z = np.array([0.02, 0.005, 0.001, 0.0, -0.001, -0.003, -0.007, -0.015])
+    found = dut.transform(np.column_stack([np.zeros((len(z), 6)), z]))[:, column]
+    np.testing.assert_allclose(found, np.log(2.0) * np.array([1, 1, 1, 0, -1, -2, -3, -4]), atol=1e-12)

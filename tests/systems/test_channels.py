@@ -19,7 +19,7 @@ def shown(name, seed):
     scenario.start.height = 1e-4
     scenario.recorder.time_limit = 0.3
     if scenario.start.tilt is None:
-        scenario.start.tilt_range = 0.05
+        scenario.start.demonstrated_tilt_range = 0.05
     return resolve_scenario(scenario, seed=seed, stream=DEMONSTRATION_STREAM)
 
 

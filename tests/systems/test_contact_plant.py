@@ -20,6 +20,7 @@ G = 9.81
 @pytest.fixture
 def scenario(quick_scenario):
     quick_scenario.sensor.force_noise = quick_scenario.sensor.torque_noise = [0.0] * 3
+    quick_scenario.sensor.force_drift = quick_scenario.sensor.torque_drift = 0.0
     quick_scenario.sensor.force_bias = quick_scenario.sensor.torque_bias = 0.0
     quick_scenario.rig.pivot_height = 0.0
     quick_scenario.sensor.force_quantum = quick_scenario.sensor.torque_quantum = 1e-9
