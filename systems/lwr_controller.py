@@ -16,7 +16,7 @@ from systems.control_law import RigPolicy
 from systems.faults import in_a_line
 from systems.supervisor import Watch, supervise
 
-TURN, FEED, WATCH, SUPPORT = slice(0, 2), 2, slice(3, 7), 7
+TURN, FEED, WATCH, SUPPORT, EASE = slice(0, 2), 2, slice(3, 7), 7, slice(8, 10)
 COMMANDS = ("target_pitch", "target_yaw", "feed_speed", "guard")
 
 
@@ -59,8 +59,8 @@ class LwrController(LeafSystem):
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._probabilities = self.DeclareVectorInputPort("probabilities", skill.n_states)
         self._known = self.DeclareVectorInputPort("known", 1)
-        # [pitch, yaw, feed speed, the supervisor's watch, whose first is the guard, support]
-        self._command = self.DeclareDiscreteState(np.array([0.0, 0.0, 0.0, *Watch().as_list(), 1.0]))
+        # [pitch, yaw, feed speed, the supervisor's watch, whose first is the guard, support, pitch and yaw at ease]
+        self._command = self.DeclareDiscreteState(np.array([0.0, 0.0, 0.0, *Watch().as_list(), 1.0, 0.0, 0.0]))
         self._failure = self.DeclareAbstractState(AbstractValue.Make(""))
         self.DeclarePeriodicUnrestrictedUpdateEvent(parameters.period, 0.0, self._update)
         self.DeclareForcedUnrestrictedUpdateEvent(self._update)
@@ -107,22 +107,28 @@ class LwrController(LeafSystem):
     ) -> None:
         """Changes the command in place, as far as limits and supervisor let it."""
         p = self._parameters
+        load = float(np.hypot(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:]) / self._peg_radius))
+        if load <= p.soft_force:
+            command[EASE] = command[TURN]
         verdict = supervise(
             p,
             Watch(*command[WATCH]),
             period=p.period,
             feed_speed=float(np.clip(action.feed / self._skill.period_, -p.max_feed_speed, p.max_feed_speed)),
-            load=float(np.hypot(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:]) / self._peg_radius)),
+            load=load,
             depth=depth,
             known=known,
             support=action.support,
         )
+        turn = np.zeros(2)
         if verdict.turning:
-            rate = p.gain * action.turn / self._skill.period_
-            fastest = np.linalg.norm(rate)
-            if fastest > p.max_turn_rate:
-                rate *= p.max_turn_rate / fastest
-            command[TURN] = np.clip(command[TURN] - rate * p.period, -p.max_turn, p.max_turn)
+            turn = -p.gain * action.turn * p.period / self._skill.period_
+        elif verdict.unwinding:
+            turn = command[EASE] - command[TURN]
+        size = np.linalg.norm(turn)
+        if size > p.max_turn_rate * p.period:
+            turn *= p.max_turn_rate * p.period / size
+        command[TURN] = np.clip(command[TURN] + turn, -p.max_turn, p.max_turn)
         command[FEED] = verdict.feed_speed
         command[WATCH] = verdict.watch.as_list()
         command[SUPPORT] = action.support

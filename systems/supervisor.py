@@ -38,11 +38,13 @@ class Verdict:
         watch: to be handed to the next step.
         feed_speed: m/s.
         turning: whether the learnt correction may act.
+        unwinding: whether the hole is to turn back to where the load was last light.
     """
 
     watch: Watch
     feed_speed: float
     turning: bool
+    unwinding: bool = False
 
 
 def supervise(
@@ -69,7 +71,9 @@ def supervise(
     * when it was pushed for ``stall_time`` without coming ``stall_depth`` deeper,
     * when the skill has not recognised what it feels (unknown, or less than full support) for ``doubt_time``.
 
-    Backing off ends ``back_off_distance`` higher, or after ``back_off_time``; then it is tried again.
+    Backing off ends ``back_off_distance`` higher, or after ``back_off_time``; then it is tried again. A wedged peg
+    cannot be drawn back, for its turns have squeezed it: from half of that time on they are unwound, unless it has
+    come ``stall_depth`` higher.
 
     Args:
         p: the guards.
@@ -84,7 +88,9 @@ def supervise(
     if watch.mode == BACKING_OFF:
         done = watch.anchor - depth >= p.back_off_distance or watch.elapsed >= p.back_off_time
         if not done:
-            return Verdict(replace(watch, elapsed=watch.elapsed + period), p.retract_speed, turning=False)
+            stuck = watch.elapsed >= 0.5 * p.back_off_time and watch.anchor - depth < p.stall_depth
+            watch = replace(watch, elapsed=watch.elapsed + period)
+            return Verdict(watch, p.retract_speed, turning=False, unwinding=stuck)
         watch = Watch(anchor=depth)
     progressed = depth - watch.anchor >= p.stall_depth
     doubt = 0.0 if known and support >= 1.0 else watch.doubt + period

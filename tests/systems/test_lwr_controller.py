@@ -26,7 +26,7 @@ class Answering:
 
 
 GENTLE = Controller(
-    max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
+    gain=1.0, max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
 )  # no limit is reached
 
 
@@ -210,3 +210,24 @@ def test_a_skill_that_fails_is_not_asked_again(skill, measurements, answer, says
     assert dut.failure(context).startswith(says)
     answering.answer = sound
     assert step(dut, context, times=3) == after
+
+
+def test_the_turns_that_wedged_the_peg_are_unwound_when_it_cannot_be_drawn_back(skill, measurements):
+    turning = Answering(skill, Action(turn=np.array([1e-3, -2e-3]), feed=-1e-5, probabilities=np.ones(skill.n_states)))
+    guarded = Controller(gain=1.0, max_turn_rate=0.5, soft_force=5.0, hold_force=20.0, force_limit=30.0)
+    easy, wedged = np.zeros(7), np.zeros(7)
+    wedged[:3] = [0.0, 0.0, 31.0]
+    dut, context, _ = controller(turning, easy, guarded)
+    at_ease = step(dut, context, guarded, times=4)
+    step(dut, context, guarded)  # the load is still light when this turn is decided
+    wrench = dut.GetInputPort("wrench")
+    wrench.FixValue(context, [6.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    further = step(dut, context, guarded, times=8)
+    assert abs(further["target_yaw"]) > abs(at_ease["target_yaw"])
+    wrench.FixValue(context, wedged[:6])
+    periods = round(0.5 * guarded.back_off_time / guarded.period)
+    held = step(dut, context, guarded, times=periods)
+    assert (held["guard"], held["target_yaw"]) == (1.0, further["target_yaw"])
+    undone = step(dut, context, guarded, times=periods - 2)
+    assert undone["target_pitch"] == pytest.approx(at_ease["target_pitch"])
+    assert undone["target_yaw"] == pytest.approx(at_ease["target_yaw"])

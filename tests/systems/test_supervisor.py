@@ -118,3 +118,20 @@ def test_the_peg_is_never_pushed_in_faster_than_the_skill_wants_nor_at_all_beyon
     assert verdict.feed_speed >= min(feed, 0.0)
     if load > P.force_limit:
         assert verdict.feed_speed >= 0.0
+
+
+def test_a_peg_that_cannot_be_drawn_back_has_its_turns_unwound():
+    depth = 0.005
+    watch = step(Watch(anchor=depth), load=P.force_limit + 1.0, depth=depth).watch
+    seen = []
+    while watch.mode == BACKING_OFF:
+        verdict = step(watch, load=P.force_limit + 1.0, depth=depth)
+        seen.append((watch.elapsed, verdict.unwinding))
+        if watch.elapsed >= P.back_off_time:
+            break
+        watch = verdict.watch
+    half = 0.5 * P.back_off_time
+    assert {unwinding for elapsed, unwinding in seen[:-1] if elapsed < half - 0.01} == {False}
+    assert {unwinding for elapsed, unwinding in seen[:-1] if elapsed > half + 0.01} == {True}
+    risen = Watch(BACKING_OFF, elapsed=0.6 * P.back_off_time, anchor=depth)
+    assert not step(risen, depth=depth - 1.1 * P.stall_depth).unwinding
