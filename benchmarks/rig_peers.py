@@ -5,7 +5,7 @@
 
 All stand behind the same limits, supervisor, motors and sensor; all that learn get the same demonstrations, refined and
 seen through the sensor alike, and the same canonical features. Without --demonstrations thirty are recorded. Trials are
-numbered from 3000 on. Compliance and search have parameters that people set by hand: these are tuned on rig trials of
+numbered from 7000 on. Compliance and search have parameters that people set by hand: these are tuned on rig trials of
 their own, from 9000 on (`benchmarks.rig_control_laws.tuned`; by default 24 candidates, 104 trials), which the learners
 do not get; their time to train is the time of those trials on one core.
 

@@ -31,7 +31,7 @@ from systems.demonstration_set import demonstrate_all, requests
 from systems.provenance import versions
 from systems.trial import run_trial, trial_scenario
 
-FIRST_TRIAL, FIRST_TUNING = 3000, 9000
+FIRST_TRIAL, FIRST_TUNING = 7000, 9000
 GOOD, BAD = 24, 6  # of the demonstrations that are recorded where none are given
 QUERIES = 300
 Z = 1.959964  # of a 95 % interval

@@ -101,7 +101,7 @@ def nothing(note):
 def test_what_is_stored_is_not_done_again(setting, performed):
     arm = Arm("Push, straight", push)
     perform(arm, setting, nothing)
-    assert performed == [3000, 3001, 3002, 3003]
+    assert performed == [7000, 7001, 7002, 7003]
     assert (setting.folder / arm.file).exists()
     more = Setting(**(vars(setting) | {"trials": 6}))
     record = perform(arm, more, nothing)
@@ -113,8 +113,8 @@ def test_what_is_stored_is_not_done_again(setting, performed):
 
 def test_draws_share_the_trials(setting, performed):
     record = perform(Arm("draws", push, draws=2), setting, nothing)
-    assert performed == [3000, 3002, 3001, 3003]
-    assert [record.trials[str(n)]["time_s"] for n in (3000, 3001)] == [5.0, 2.5]
+    assert performed == [7000, 7002, 7001, 7003]
+    assert [record.trials[str(n)]["time_s"] for n in (7000, 7001)] == [5.0, 2.5]
 
 
 def test_a_policy_that_cannot_be_trained_does_not_take_the_others_along(setting, performed, tmp_path, capsys):
@@ -132,7 +132,7 @@ def test_an_exception_in_a_trial_is_a_row(quick_scenario):
         def act(self, measured, probabilities=None):
             raise ArithmeticError("here")
 
-    row = rig_trials.attempt(quick_scenario, Broken(speed=0.01), 3000)
+    row = rig_trials.attempt(quick_scenario, Broken(speed=0.01), 7000)
     assert not row["inserted"]
     assert "here" in row["reason"]
 
