@@ -6,7 +6,7 @@ A peg whose tilt is held is pushed into two-point contact and left to come to re
 
 - play depth: where two-point contact begins, from the meshes alone, against the exact h(theta);
 - depth: where the peg comes to rest under the push, against the same h(theta): what the compliance adds;
-- moment: that keeps the tilt, against the finest setting (256 facets, 1e9 Pa, 0.1 ms, corners on the circles);
+- moment: that keeps the tilt, against the finest setting (256 facets, 0.1 ms, corners on the circles);
 - overlap: how deep the peg's circle overlaps the bore's at rest, by exact geometry of the simulated bodies;
 - cost: process CPU time of a step in contact.
 
