@@ -33,23 +33,23 @@ def result_table(results: list[TrialResult]) -> Table:
     table.add_column("tilt\n(deg)", no_wrap=True, justify="right")
     table.add_column("outcome", min_width=len("inserted"))
     for name, unit in (
-        *(("time", "s"), ("depth", "mm"), ("axial", "N"), ("across", "N"), ("moment", "N m"), ("overlap", "um")),
+        *(("time", "s"), ("depth", "mm"), ("axial", "N"), ("across", "N")),
         ("steps", ""),
     ):
         table.add_column(f"{name}\n({unit})" if unit else name, justify="right")
-    table.add_column("states (visits)")
+    table.add_column("states (visits)", min_width=14)
     for r in results:
         colour = "green" if r.inserted else "red"
         table.add_row(
             *(str(r.seed), f"{r.tilt_deg[0]:+.1f} {r.tilt_deg[1]:+.1f}", f"[{colour}]{r.reason}[/]"),
             *(f"{r.time_s:.2f}", f"{r.depth_mm:.1f}", f"{r.peak_axial_n:.1f}", f"{r.peak_lateral_n:.1f}"),
-            *(f"{r.peak_moment_nm:.2f}", f"{r.penetration_um:.0f}"),
             *(str(r.steps), f"{' '.join(map(str, dict.fromkeys(r.states)))} ({len(r.states)})"),
         )
     table.caption = (
         f"{sum(r.inserted for r in results)} of {len(results)} inserted;"
-        f" median time {np.median([r.time_s for r in results]):.2f} s,"
-        f" median peak force across {np.median([r.peak_lateral_n for r in results]):.0f} N"
+        f" medians: {np.median([r.time_s for r in results]):.2f} s,"
+        f" peak force across {np.median([r.peak_lateral_n for r in results]):.0f} N,"
+        f" overlap {np.median([r.penetration_um for r in results]):.0f} um"
     )
     return table
 
