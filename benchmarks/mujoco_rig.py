@@ -29,13 +29,13 @@ from typing import Any
 import mujoco
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder
-from scipy.stats import binomtest
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.mujoco_model import MujocoContact  # noqa: E402  (after the path is known)
 from benchmarks.mujoco_plant import MujocoPlant  # noqa: E402
+from benchmarks.rig_trials import wilson  # noqa: E402
 from models.scenario import Scenario, load_scenario  # noqa: E402
 from scripts.console import write_json  # noqa: E402
 from skill.manipulation_skill import ManipulationSkill  # noqa: E402
@@ -69,12 +69,6 @@ class TimedPlant(MujocoPlant):
         begun = time.process_time()
         super().advance(data)
         self.seconds += time.process_time() - begun
-
-
-def wilson(count: int, of: int) -> tuple[float, float]:
-    """95 % interval of a share."""
-    interval = binomtest(count, of).proportion_ci(method="wilson")
-    return float(interval.low), float(interval.high)
 
 
 def run(rig: RigDiagram, scenario: Scenario, skill: ManipulationSkill, number: int) -> dict[str, Any]:

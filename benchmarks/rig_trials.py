@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
+from scipy.stats import binomtest
 from threadpoolctl import threadpool_limits
 
 from models.scenario import Scenario, dump_scenario
@@ -34,7 +35,6 @@ from systems.trial import run_trial, trial_scenario
 FIRST_TRIAL, FIRST_TUNING = 7000, 9000
 GOOD, BAD = 24, 6  # of the demonstrations that are recorded where none are given
 QUERIES = 300
-Z = 1.959964  # of a 95 % interval
 
 Advance = Callable[[str], None]
 
@@ -226,10 +226,8 @@ def perform(arm: Arm, setting: Setting, advance: Advance) -> Record:
 
 def wilson(successes: int, n: int) -> tuple[float, float]:
     """95 % interval of a probability, after Wilson, Journal of the American Statistical Association 22, 1927."""
-    share, z2 = successes / n, Z**2
-    centre = (share + z2 / (2 * n)) / (1 + z2 / n)
-    half = Z / (1 + z2 / n) * np.sqrt(share * (1 - share) / n + z2 / (4 * n**2))
-    return float(max(0.0, centre - half)), float(min(1.0, centre + half))
+    interval = binomtest(successes, n).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def summary(arm: Arm, record: Record, setting: Setting) -> dict[str, Any]:
