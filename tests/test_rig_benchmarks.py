@@ -66,7 +66,7 @@ def test_the_search_rests_where_nothing_resists():
 
 @pytest.fixture
 def performed(monkeypatch):
-    """Trials that cost nothing; the fixture lists them. Trials of a slower law insert later, number 3001 fails."""
+    """Trials that cost nothing; the fixture lists them. Trials of a slower law insert later, number 7001 fails."""
     made = []
 
     def attempt(scenario, policy, number):
@@ -105,7 +105,7 @@ def test_what_is_stored_is_not_done_again(setting, performed):
     assert (setting.folder / arm.file).exists()
     more = Setting(**(vars(setting) | {"trials": 6}))
     record = perform(arm, more, nothing)
-    assert performed[4:] == [3004, 3005]
+    assert performed[4:] == [7004, 7005]
     row = rig_trials.summary(arm, record, setting)
     assert (row["inserted"], row["trials"], row["ends"]) == (3, 4, {"time over": 1})
     assert row["interval"] == list(wilson(3, 4))
@@ -150,7 +150,7 @@ def test_tuning_takes_the_cheapest_on_trials_of_its_own_and_goes_on_where_it_was
     assert record.content["train_s"]["0"] == 0.5 * tuning_trials(8)
     more = Setting(**(vars(setting) | {"trials": 5}))
     perform(arm, more, nothing)
-    assert performed[-1] == 3004
+    assert performed[-1] == 7004
     assert [n for n in performed if n >= FIRST_TUNING] == own
 
 
