@@ -271,13 +271,13 @@ def test_one_demonstrated_sample_in_a_hundred_has_less_than_full_support(skill):
 
 
 def test_support_falls_with_the_distance_from_all_that_is_remembered(skill, demonstrations):
-    """A peg far above the hole, where none has been shown."""
+    """A peg far below the bottom, where none has been shown."""
     rows = demonstrations[0].samples[list(MEASURED)].to_numpy()
     assert np.mean([skill.act(row).support == 1.0 for row in rows[::10]]) > 0.8
-    above = [skill.act([*rows[0, :6], height]).support for height in (0.001, 0.1, 0.3, 3.0)]
-    assert above[0] == 1.0
-    assert all(np.diff(above) <= 0.0)
-    assert above[-1] < 1e-6
+    found = [skill.act([*rows[0, :6], z]).support for z in (0.001, -0.1, -10.0, -1e3)]
+    assert found[0] == 1.0
+    assert all(np.diff(found) <= 0.0)
+    assert found[-1] < 1e-6
 
 
 def test_support_is_stored_with_the_skill(skill, tmp_path):

@@ -51,7 +51,7 @@ def test_phases_are_followed_performed_and_recorded(quick_scenario):
     first = samples["state"].to_numpy().argmax() - 2
     assert samples["depth"].iloc[first] > 1e-3 >= samples["depth"].iloc[first - 1]
     # The hole turns against the peg's turn, once in each of two phases.
-    assert samples["target_pitch"].iloc[-1] == pytest.approx(-2 * STEP)
+    assert samples["target_pitch"].iloc[-1] == pytest.approx(-2 * quick_scenario.controller.gain * STEP)
     assert (samples["known"] == 1).all()
 
 
