@@ -32,11 +32,11 @@ sys.path.insert(0, str(ROOT))
 
 from benchmarks.convergence import FINEST, press  # noqa: E402  (after the path is known)
 from benchmarks.mujoco_model import MujocoContact, MujocoProbe  # noqa: E402
-from models.contact_geometry import PegInHole  # noqa: E402
 from models.contact_theory import two_point_push_moment  # noqa: E402
 from models.scenario import Scenario  # noqa: E402
 from systems.contact_measurements import CRAWLING, PegTheory, PlanarProbe, converged, crawl  # noqa: E402
 from systems.contact_probe import ContactProbe  # noqa: E402
+from systems.penetration import round_bodies  # noqa: E402
 
 TILT, PUSH = np.radians(1.0), 5.0  # rad, N
 CRAWL_DEPTH, CRAWL_MOMENTS = 0.020, {"light": 4e-3, "firm": 0.2}  # m, N m
@@ -45,8 +45,8 @@ PRESSED: dict[str, Any] = {"mass": 0.5, "damping": (5.0, 40.0, 0.0)}
 
 def measure(make: Callable[..., PlanarProbe], scenario: Scenario) -> dict[str, float]:
     """All cases with one engine and one setting."""
-    g, friction, sizes = scenario.geometry, scenario.contact.friction, PegTheory.of(scenario)
-    bodies = PegInHole(g.peg_radius, g.hole_radius, g.hole_depth, g.chamfer)
+    friction, sizes = scenario.contact.friction, PegTheory.of(scenario)
+    bodies = round_bodies(scenario.geometry)
     row = press(make(**PRESSED), sizes, bodies, TILT, PUSH)
     slipping = two_point_push_moment(PUSH, TILT, peg_radius=sizes.r, hole_radius=sizes.R, friction=friction)
     row["moment_error"] = row.pop("moment") / slipping - 1.0

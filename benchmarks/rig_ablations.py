@@ -21,7 +21,6 @@ run can be interrupted and given again; what `benchmarks.rig_peers` has stored i
 
 from __future__ import annotations
 
-import argparse
 import copy
 import warnings
 from collections.abc import Callable
@@ -33,7 +32,18 @@ import numpy as np
 
 from benchmarks.rig_figures import draw_groups, draw_learning_curve
 from benchmarks.rig_peers import one_state, selected
-from benchmarks.rig_trials import Advance, Arm, Record, Setting, Train, compare, prepared, recorded, recording_folder
+from benchmarks.rig_trials import (
+    Advance,
+    Arm,
+    Record,
+    Setting,
+    Train,
+    command_line,
+    compare,
+    prepared,
+    recorded,
+    recording_folder,
+)
 from models.scenario import Scenario, load_scenario
 from scripts.console import says_what_is_wrong
 from skill.competitive_agglomeration import CompetitiveAgglomeration
@@ -144,14 +154,7 @@ def in_free_space(scenario: Scenario) -> Scenario:
 
 @says_what_is_wrong
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--demonstrations", type=Path, help="folder of recorded ones; recorded anew without it")
-    parser.add_argument("--trials", type=int, default=20, help="of each policy")
-    parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--only", action="append", metavar="NAME", help="part of a row's name; may be repeated")
-    parser.add_argument("--scenario", default="nominal", help="name or YAML file")
-    parser.add_argument("--out", type=Path, default=Path("out/benchmarks/rig"), help="where results are kept")
-    parser.add_argument("--json", type=Path, help="also write the table and all trials to this file")
+    parser = command_line(__doc__)
     parser.add_argument("--figures", type=Path, help="folder for ablations.svg and learning_curve.svg")
     arguments = parser.parse_args()
     for known in ("bias='literal'", "groups names a single demonstration"):  # what their rows are there to show

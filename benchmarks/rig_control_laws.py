@@ -15,6 +15,7 @@ from scipy.stats import qmc
 from benchmarks.rig_trials import FIRST_TUNING, Record, Setting, attempts
 from skill.manipulation_skill import Action
 from systems.control_law import ControlLaw
+from systems.supervisor import contact_load
 
 Range = tuple[float, float, bool]
 """Lowest, highest, and whether the middle is the geometric one."""
@@ -47,7 +48,7 @@ class TunedLaw(ControlLaw):
 
     def load(self, measured: np.ndarray) -> float:
         """N."""
-        return float(np.hypot(np.linalg.norm(measured[:3]), np.linalg.norm(measured[3:6]) / self.peg_radius))
+        return contact_load(measured, self.peg_radius)
 
     def feed(self, measured: np.ndarray) -> float:
         """m, within the period."""

@@ -15,7 +15,6 @@ train or in a trial, is a row of the table like any other.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +27,7 @@ from benchmarks.rig_learners import (
     nearest_neighbours,
     network,
 )
-from benchmarks.rig_trials import Advance, Arm, Record, Setting, Train, compare, prepared
+from benchmarks.rig_trials import Advance, Arm, Record, Setting, Train, command_line, compare, prepared
 from models.scenario import load_scenario
 from scripts.console import says_what_is_wrong
 from skill.competitive_agglomeration import CompetitiveAgglomeration
@@ -76,15 +75,8 @@ def arms(candidates: int) -> list[Arm]:
 
 @says_what_is_wrong
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--demonstrations", type=Path, help="folder of recorded ones; recorded anew without it")
-    parser.add_argument("--trials", type=int, default=20, help="of each policy")
-    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser = command_line(__doc__)
     parser.add_argument("--candidates", type=int, default=24, help="of each tuning by hand")
-    parser.add_argument("--only", action="append", metavar="NAME", help="part of a policy's name; may be repeated")
-    parser.add_argument("--scenario", default="nominal", help="name or YAML file")
-    parser.add_argument("--out", type=Path, default=Path("out/benchmarks/rig"), help="where results are kept")
-    parser.add_argument("--json", type=Path, help="also write the table and all trials to this file")
     parser.add_argument("--figure", type=Path, help="draw the table to this file (.png or .svg)")
     arguments = parser.parse_args()
     chosen = selected(arms(arguments.candidates), arguments.only)

@@ -8,6 +8,7 @@ where it was; after a change of the code, remove the folder.
 
 from __future__ import annotations
 
+import argparse
 import hashlib
 import json
 import re
@@ -124,6 +125,19 @@ class Arm:
         """A name for its record; another tuning is another policy."""
         name = re.sub(r"[^a-z0-9]+", "_", self.name.lower()).strip("_")
         return f"{name}_{self.tuning}.json" if self.tuning else f"{name}.json"
+
+
+def command_line(description: str | None) -> argparse.ArgumentParser:
+    """The options of every comparison on the rig."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--demonstrations", type=Path, help="folder of recorded ones; recorded anew without it")
+    parser.add_argument("--trials", type=int, default=20, help="of each policy")
+    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--only", action="append", metavar="NAME", help="part of a policy's name; may be repeated")
+    parser.add_argument("--scenario", default="nominal", help="name or YAML file")
+    parser.add_argument("--out", type=Path, default=Path("out/benchmarks/rig"), help="where results are kept")
+    parser.add_argument("--json", type=Path, help="also write the table and all trials to this file")
+    return parser
 
 
 def prepared(scenario: Scenario, given: Path | None, out: Path, **numbers: int) -> Setting:

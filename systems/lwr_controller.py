@@ -14,7 +14,7 @@ from models.scenario import Controller
 from skill.manipulation_skill import Action
 from systems.control_law import RigPolicy
 from systems.faults import in_a_line
-from systems.supervisor import Watch, supervise
+from systems.supervisor import Watch, contact_load, supervise
 
 TURN, FEED, WATCH, SUPPORT, EASE = slice(0, 2), 2, slice(3, 7), 7, slice(8, 10)
 COMMANDS = ("target_pitch", "target_yaw", "feed_speed", "guard")
@@ -44,7 +44,8 @@ class LwrController(LeafSystem):
         pitch <- pitch - g omega_x T/T_s,   yaw <- yaw - g omega_y T/T_s,   feed speed = u/T_s,
 
     each within its limit, and the feed as far as the supervisor lets it (`supervise`); ``guard`` is 1 while it backs
-    the peg off, and ``support`` that of the action. A skill that fails, by an exception or a number that is none, is
+    the peg off, and ``support`` that of the action. Where the supervisor has turns unwound, the angles go back to those
+    of the last moment with a load of at most F_soft. A skill that fails, by an exception or a number that is none, is
     not asked again: the feed stands still, the angles stay, and ``failed`` is 1. The controller knows the wrench on the
     peg about its tip, the depth, the state's probabilities and whether it is known, and its own commands, nothing else;
     its angles count from where the axes stood at time 0.
@@ -107,7 +108,7 @@ class LwrController(LeafSystem):
     ) -> None:
         """Changes the command in place, as far as limits and supervisor let it."""
         p = self._parameters
-        load = float(np.hypot(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:]) / self._peg_radius))
+        load = contact_load(wrench, self._peg_radius)
         if load <= p.soft_force:
             command[EASE] = command[TURN]
         verdict = supervise(

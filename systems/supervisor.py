@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from models.scenario import Controller
 
 WORKING, BACKING_OFF = 0.0, 1.0
@@ -47,6 +50,14 @@ class Verdict:
     unwinding: bool = False
 
 
+def contact_load(wrench: NDArray[np.float64], peg_radius: float) -> float:
+    """sqrt(|f|^2 + |m/r|^2), N, of a wrench (6,), force (N) then moment (N m), on a peg of radius r (m).
+
+    A wedged peg holds a large couple under a small net force.
+    """
+    return float(np.hypot(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:6]) / peg_radius))
+
+
 def supervise(
     p: Controller,
     watch: Watch,
@@ -64,8 +75,7 @@ def supervise(
 
         v s min(1, max(0, (F_hold - F) / (F_hold - F_soft))) (``unknown_feed`` if the contact state is unknown),
 
-    with s the support of the action, and F the load, sqrt(|f|^2 + |m/r|^2): a wedged peg holds a large couple under a
-    small net force. The peg is backed off
+    with s the support of the action, and F the load (`contact_load`). The peg is backed off
 
     * as soon as the load passes F_limit,
     * when it was pushed for ``stall_time`` without coming ``stall_depth`` deeper,

@@ -114,11 +114,11 @@ def test_the_integral_stands_still_while_the_current_is_limited():
     assert current(dut, context) < 0
 
 
-@pytest.mark.parametrize("command", [-0.018, 0.01])
-def test_an_unhindered_carriage_reaches_the_commanded_speed(command):
+def free_carriage(parameters, command, period):
+    """A carriage that nothing holds, on a drive that is given one command: drive, carriage and their simulator."""
     builder = DiagramBuilder()
     source = builder.AddSystem(ConstantVectorSource([command]))
-    dut = builder.AddSystem(DcMotor(parameters=P, period=PERIOD))
+    dut = builder.AddSystem(DcMotor(parameters=parameters, period=period))
     carriage = builder.AddSystem(
         LinearSystem(
             A=np.array([[0.0, 1.0], [0.0, 0.0]]), B=np.array([[0.0], [1 / MASS]]), C=np.eye(2), D=np.zeros((2, 1))
@@ -127,8 +127,12 @@ def test_an_unhindered_carriage_reaches_the_commanded_speed(command):
     builder.Connect(source.get_output_port(), dut.GetInputPort("speed_command"))
     builder.Connect(dut.GetOutputPort("carriage_force"), carriage.get_input_port())
     builder.Connect(carriage.get_output_port(), dut.GetInputPort("carriage_state"))
-    diagram = builder.Build()
-    simulator = Simulator(diagram)
+    return dut, carriage, Simulator(builder.Build())
+
+
+@pytest.mark.parametrize("command", [-0.018, 0.01])
+def test_an_unhindered_carriage_reaches_the_commanded_speed(command):
+    dut, carriage, simulator = free_carriage(P, command, PERIOD)
     simulator.AdvanceTo(2.0)
     root = simulator.get_context()
     speed = carriage.GetMyContextFromRoot(root).get_continuous_state_vector()[1]
@@ -142,18 +146,7 @@ def test_an_unhindered_carriage_reaches_the_commanded_speed(command):
 
 def speeds(parameters, command, times, period=PERIOD):
     """Of a free carriage under the drive, from rest, m/s."""
-    builder = DiagramBuilder()
-    source = builder.AddSystem(ConstantVectorSource([command]))
-    dut = builder.AddSystem(DcMotor(parameters=parameters, period=period))
-    carriage = builder.AddSystem(
-        LinearSystem(
-            A=np.array([[0.0, 1.0], [0.0, 0.0]]), B=np.array([[0.0], [1 / MASS]]), C=np.eye(2), D=np.zeros((2, 1))
-        )
-    )
-    builder.Connect(source.get_output_port(), dut.GetInputPort("speed_command"))
-    builder.Connect(dut.GetOutputPort("carriage_force"), carriage.get_input_port())
-    builder.Connect(carriage.get_output_port(), dut.GetInputPort("carriage_state"))
-    simulator = Simulator(builder.Build())
+    _, carriage, simulator = free_carriage(parameters, command, period)
     own = carriage.GetMyContextFromRoot(simulator.get_context())
     found = []
     for t in times:
