@@ -140,7 +140,7 @@ def motion_of_demonstration(
     if skill is not None:
         probabilities = skill.state_probabilities(_columns(samples, "fx", "fy", "fz", "mx", "my", "mz", "z"))
         phase, number = probabilities.argmax(axis=1), probabilities.shape[1]
-        phases, colours, colouring = state_labels(number), state_colours(number), "contact state"
+        phases, colours, colouring = skill.state_names(), state_colours(number), "contact state"
     else:
         phase = np.digitize(np.linalg.norm(force, axis=1), FORCE_LEVELS)
         edges = [f"{level:g}" for level in FORCE_LEVELS]

@@ -76,6 +76,9 @@ def test_without_a_skill_a_demonstration_is_coloured_by_its_force():
 
 
 class TwoStates:
+    def state_names(self):
+        return ["near the mouth", "deep"]
+
     def state_probabilities(self, measured: np.ndarray) -> np.ndarray:
         deep = (measured[:, 6] < -0.01).astype(float)
         return np.column_stack([1 - deep, deep])
@@ -86,6 +89,7 @@ def test_a_skill_tells_the_states_of_a_demonstration():
     motion = motion_of_demonstration(demonstration, TwoStates())
     assert motion.colouring == "contact state"
     assert np.array_equal(motion.phase == 1, demonstration.samples["z"] < -0.01)
+    assert motion.phases == ["near the mouth", "deep"]
 
 
 def test_largest_arrow_fits_and_its_scale_is_round():
