@@ -25,8 +25,8 @@ bench: .venv
 
 # Hundreds of insertions: about an hour. It can be interrupted and given again.
 bench-rig: .venv
-	$(BIN)/python -m benchmarks.rig_peers --jobs 2 --json out/benchmarks/rig_peers.json --figure out/benchmarks/rig_peers.svg
-	$(BIN)/python -m benchmarks.rig_ablations --jobs 2 --json out/benchmarks/rig_ablations.json --figures out/benchmarks
+	$(BIN)/python -m benchmarks.rig.peers --jobs 2 --json out/benchmarks/rig_peers.json --figure out/benchmarks/rig_peers.svg
+	$(BIN)/python -m benchmarks.rig.ablations --jobs 2 --json out/benchmarks/rig_ablations.json --figures out/benchmarks
 
 .venv: .venv/ready
 .venv/ready: pyproject.toml

@@ -10,9 +10,9 @@ import typer
 from pydrake.systems.framework import Diagram
 
 from models.scenario import DEMONSTRATION_STREAM, TRIAL_STREAM, load_scenario, resolve_scenario
-from scripts.console import console, says_what_is_wrong
+from skill.data.tables import write_atomically
 from skill.manipulation_skill import ManipulationSkill
-from skill.tables import write_atomically
+from systems.reports.terminal import console, says_what_is_wrong
 from systems.rig import MakeRig
 from systems.virtual_environment import MakeVirtualEnvironment
 

@@ -11,19 +11,20 @@ import pandas as pd
 import typer
 
 from models.scenario import Scenario, parse_scenario
-from scripts.console import console, progress, says_what_is_wrong
 from scripts.record_demonstrations import record
-from scripts.replay_motion import read_motion
-from scripts.replay_page import replay_page
 from scripts.run_rig import run
 from scripts.train_skill import train
-from skill.demonstration import Demonstration, read_demonstration
-from skill.figures import plot_demonstration, plot_outcomes, plot_run, save_figure
-from skill.rig_run import read_rig_run
-from skill.tables import write_atomically
-from systems.demonstrate import run_demonstration
-from systems.trial import TrialResult, run_trial
-from systems.visualization import recorded
+from skill.data.demonstration import Demonstration, read_demonstration
+from skill.data.rig_run import read_rig_run
+from skill.data.tables import write_atomically
+from skill.figures.paper_figures import plot_demonstration, plot_outcomes, plot_run, save_figure
+from systems.reports.motion import read_motion
+from systems.reports.replay_page import replay_page
+from systems.reports.terminal import console, progress, says_what_is_wrong
+from systems.runs.demonstration_run import run_demonstration
+from systems.runs.trial import run_trial
+from systems.runs.trial_result import TrialResult
+from systems.visualization.scene import recorded
 
 app = typer.Typer(add_completion=False)
 

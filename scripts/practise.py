@@ -14,14 +14,15 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from models.scenario import Scenario, dump_scenario, load_scenario
-from scripts.console import console, progress, says_what_is_wrong, write_json
-from skill.figures import save_figure
+from skill.figures.paper_figures import save_figure
+from skill.figures.practice_figure import plot_practice
 from skill.manipulation_skill import ManipulationSkill
-from skill.paired_comparison import PairedChange, paired_change
-from skill.practice_figure import plot_practice
-from systems.practice import Practice, Round, practise
-from systems.provenance import versions
-from systems.trial import TrialResult, run_trials
+from skill.practice.paired_comparison import PairedChange, paired_change
+from systems.reports.terminal import console, progress, says_what_is_wrong, write_json
+from systems.runs.practice_rounds import Practice, Round, practise
+from systems.runs.provenance import versions
+from systems.runs.trial import run_trials
+from systems.runs.trial_result import TrialResult
 
 app = typer.Typer(add_completion=False)
 

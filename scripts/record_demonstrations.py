@@ -13,15 +13,15 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from models.scenario import load_scenario
-from scripts.console import console, progress, says_what_is_wrong
-from skill.demonstration import read_demonstrations, write_demonstration
-from skill.figures import save_figure
-from systems.coupling_margins import Margin, require_margins
-from systems.demonstration_figure import plot_set
-from systems.demonstration_set import demonstrate_all, requests
-from systems.device_protocol import find_device
-from systems.live_page import open_live_page
-from systems.live_session import LiveSession
+from skill.data.demonstration import read_demonstrations, write_demonstration
+from skill.figures.demonstration_figure import plot_set
+from skill.figures.paper_figures import save_figure
+from systems.haptics.coupling_margins import Margin, require_margins
+from systems.live.page import open_live_page
+from systems.live.session import LiveSession
+from systems.operators.device_operator import find_device
+from systems.reports.terminal import console, progress, says_what_is_wrong
+from systems.runs.demonstration_set import demonstrate_all, requests
 
 app = typer.Typer(add_completion=False)
 

@@ -11,9 +11,9 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from scripts.replay_motion import read_motion
-from scripts.replay_page import replay_page
-from skill.tables import write_atomically
+from skill.data.tables import write_atomically
+from systems.reports.motion import read_motion
+from systems.reports.replay_page import replay_page
 
 app = typer.Typer(add_completion=False, rich_markup_mode="markdown")
 

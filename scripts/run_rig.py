@@ -13,15 +13,16 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from models.scenario import Scenario, dump_scenario, load_scenario, validate_scenario
-from scripts.batch_report import batch_report, worst_trial
-from scripts.console import console, progress, says_what_is_wrong, write_json
-from scripts.replay_motion import read_motion
-from scripts.replay_page import replay_page
+from skill.data.rig_run import read_rig_run, write_rig_run
+from skill.data.tables import write_atomically
 from skill.manipulation_skill import ManipulationSkill
-from skill.rig_run import read_rig_run, write_rig_run
-from skill.tables import write_atomically
-from systems.provenance import versions
-from systems.trial import TrialResult, run_trials
+from systems.reports.batch_page import batch_report, worst_trial
+from systems.reports.motion import read_motion
+from systems.reports.replay_page import replay_page
+from systems.reports.terminal import console, progress, says_what_is_wrong, write_json
+from systems.runs.provenance import versions
+from systems.runs.trial import run_trials
+from systems.runs.trial_result import TrialResult
 
 app = typer.Typer(add_completion=False)
 

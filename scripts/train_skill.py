@@ -9,10 +9,10 @@ import typer
 from rich.box import SIMPLE
 from rich.table import Table
 
-from scripts.console import console, says_what_is_wrong
-from skill.demonstration import read_demonstrations
+from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
-from systems.state_judge import give_names
+from systems.reports.terminal import console, says_what_is_wrong
+from systems.runs.exact_states import give_names
 
 app = typer.Typer(add_completion=False)
 

@@ -1,15 +1,39 @@
-"""What is learnt: contact states, local regressors and their graph. Never imports Drake."""
+"""What is learnt: contact states, local regressors and their graph. Never imports Drake.
 
-from skill.competitive_agglomeration import CompetitiveAgglomeration
-from skill.contact_features import ContactFeatures
-from skill.contact_state_filter import ContactStateFilter, StateEstimator
-from skill.demonstration import Demonstration, read_demonstration, read_demonstrations, write_demonstration
-from skill.features import CanonicalFeatures, NormalisedFeatures, RawFeatures
-from skill.gaussian_mixture_regression import gmr_predict
-from skill.locally_weighted_regression import LWRegressor
-from skill.manipulation_skill import ManipulationSkill
-from skill.refinement import refine_demonstration
-from skill.state_graph import StateGraph
+The names below are imported on first use, so that `import skill` and a single learner stay cheap.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+    from skill.data.demonstration import Demonstration, read_demonstration, read_demonstrations, write_demonstration
+    from skill.data.refinement import refine_demonstration
+    from skill.features.contact_features import ContactFeatures
+    from skill.features.wrench_features import CanonicalFeatures, NormalisedFeatures, RawFeatures
+    from skill.manipulation_skill import ManipulationSkill
+    from skill.regression.locally_weighted_regression import LWRegressor
+    from skill.states.contact_state_filter import ContactStateFilter, StateEstimator
+    from skill.states.state_graph import StateGraph
+
+_HOMES = {
+    "CanonicalFeatures": "features.wrench_features",
+    "CompetitiveAgglomeration": "clustering.competitive_agglomeration",
+    "ContactFeatures": "features.contact_features",
+    "ContactStateFilter": "states.contact_state_filter",
+    "Demonstration": "data.demonstration",
+    "LWRegressor": "regression.locally_weighted_regression",
+    "ManipulationSkill": "manipulation_skill",
+    "NormalisedFeatures": "features.wrench_features",
+    "RawFeatures": "features.wrench_features",
+    "StateEstimator": "states.contact_state_filter",
+    "StateGraph": "states.state_graph",
+    "read_demonstration": "data.demonstration",
+    "read_demonstrations": "data.demonstration",
+    "refine_demonstration": "data.refinement",
+    "write_demonstration": "data.demonstration",
+}
 
 __all__ = [
     "CanonicalFeatures",
@@ -23,9 +47,21 @@ __all__ = [
     "RawFeatures",
     "StateEstimator",
     "StateGraph",
-    "gmr_predict",
     "read_demonstration",
     "read_demonstrations",
     "refine_demonstration",
     "write_demonstration",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Imports an exported name on first use (PEP 562)."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'skill' has no attribute {name!r}")
+    value = getattr(import_module(f"skill.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -16,18 +16,18 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 
-from skill.bandwidth_selection import select_feature_scale
-from skill.competitive_agglomeration import CompetitiveAgglomeration
-from skill.contact_features import ContactFeatures
-from skill.contact_state_filter import ContactStateFilter
-from skill.demonstration import ACTIONS, Demonstration
-from skill.explanation import SkillExplanation
-from skill.features import MEASURED, CanonicalFeatures, NormalisedFeatures, RawFeatures
-from skill.locally_weighted_regression import LWRegressor
-from skill.refinement import refine_demonstration
-from skill.state_graph import StateGraph
-from skill.state_names import state_labels
-from skill.tables import write_atomically
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.data.demonstration import ACTIONS, Demonstration
+from skill.data.refinement import refine_demonstration
+from skill.data.tables import write_atomically
+from skill.features.contact_features import ContactFeatures
+from skill.features.wrench_features import MEASURED, CanonicalFeatures, NormalisedFeatures, RawFeatures
+from skill.regression.bandwidth_selection import select_feature_scale
+from skill.regression.explanation import SkillExplanation
+from skill.regression.locally_weighted_regression import LWRegressor
+from skill.states.contact_state_filter import ContactStateFilter
+from skill.states.state_graph import StateGraph
+from skill.states.state_style import state_labels
 
 Array = NDArray[np.float64]
 

@@ -11,21 +11,21 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
 
 from models.scenario import Scenario
-from systems.contact_plant import AddRigPlant
-from systems.contact_state_estimator import ContactStateEstimator
-from systems.control_law import RigPolicy
-from systems.dc_motor import DcMotor
-from systems.depth_encoder import DepthEncoder
-from systems.faults import FAULT_NAMES, Fault
-from systems.lwr_controller import LwrController
-from systems.measurement_check import MeasurementCheck
-from systems.rig_plant import RigPlant
-from systems.run_recorder import RunRecorder
-from systems.state_display import StateDisplay, plate_pose
-from systems.stepper_motor import StepperMotor
-from systems.visualization import CAMERA, FRAME, TARGET, AddVisualization
-from systems.watchdog import COMMANDS, Watchdog
-from systems.wrench_sensor import WrenchSensor, wrench_at_tip
+from systems.control.contact_state_estimator import ContactStateEstimator
+from systems.control.faults import FAULT_NAMES, Fault
+from systems.control.policy import RigPolicy
+from systems.control.policy_controller import LwrController
+from systems.control.sensor_monitor import MeasurementCheck
+from systems.control.watchdog import COMMANDS, Watchdog
+from systems.hardware.dc_motor import DcMotor
+from systems.hardware.depth_encoder import DepthEncoder
+from systems.hardware.stepper_motor import StepperMotor
+from systems.hardware.wrench_sensor import WrenchSensor, wrench_at_tip
+from systems.plant.contact_plant import AddRigPlant
+from systems.plant.rig_plant import RigPlant
+from systems.recording.run_recorder import RunRecorder
+from systems.visualization.scene import CAMERA, FRAME, TARGET, AddVisualization
+from systems.visualization.state_display import StateDisplay, plate_pose
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = N
 
     Args:
         scenario: resolved; its start's tilt is that of the peg relative to the hole.
-        skill: fitted or loaded; or a control law of one's own (see `systems.control_law`).
+        skill: fitted or loaded; or a control law of one's own (see `systems.control.policy`).
         meshcat: where to draw; None draws nothing.
 
     Raises:

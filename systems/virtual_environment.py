@@ -14,17 +14,17 @@ from pydrake.systems.primitives import VectorLogSink
 
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
-from systems.body_pose import BodyPose
-from systems.contact_plant import AddVirtualPlant, ContactPlant
-from systems.coupling_margins import require_margins
-from systems.demonstration_recorder import DemonstrationRecorder
-from systems.haptic_device import HapticDevice
-from systems.haptic_proxy import HapticProxy
-from systems.passivity_observer import PassivityObserver
-from systems.rotation import from_rotation_vector
-from systems.simulated_operator import SimulatedOperator
-from systems.virtual_fixture import MakeFixture, VirtualFixture
-from systems.visualization import AddVisualization
+from systems.haptics.coupling_margins import require_margins
+from systems.haptics.haptic_device import HapticDevice
+from systems.haptics.haptic_proxy import HapticProxy
+from systems.haptics.passivity_observer import PassivityObserver
+from systems.haptics.virtual_fixture import MakeFixture, VirtualFixture
+from systems.math.rotation import from_rotation_vector
+from systems.operators.simulated_operator import SimulatedOperator
+from systems.plant.body_pose import BodyPose
+from systems.plant.contact_plant import AddVirtualPlant, ContactPlant
+from systems.recording.demonstration_recorder import DemonstrationRecorder
+from systems.visualization.scene import AddVisualization
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,34 +10,15 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-ROOT = Path(__file__).resolve().parent.parent
-# This folder comes first on the path, and tests/skill must not hide skill.
-sys.path.insert(0, str(ROOT))
-
-from models.scenario import Scenario  # noqa: E402
-from skill.demonstration import Demonstration, read_demonstrations, write_demonstration  # noqa: E402
-from skill.manipulation_skill import ManipulationSkill  # noqa: E402
-from systems.demonstration_set import Request, demonstrate  # noqa: E402
+from models.scenario import Scenario
+from skill.data.demonstration import Demonstration, read_demonstrations, write_demonstration
+from skill.manipulation_skill import ManipulationSkill
+from systems.runs.demonstration_set import demonstrate
+from tests.quick_scenario import SHOWN, make_quick_scenario
 
 # The same examples in every run; `pytest --hypothesis-profile default` looks for new ones.
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
-
-SHOWN = [*(Request(number, "expert", True) for number in range(5)), Request(5, "slams", False)]
-
-
-def make_quick_scenario() -> Scenario:
-    """A shallow hole, reached at once: an insertion takes half a second."""
-    scenario = Scenario()
-    scenario.geometry.hole_depth = 0.012
-    scenario.geometry.peg_length = 0.040
-    scenario.start.height = 0.001
-    # Five demonstrations cannot show as much as thirty: the gimbal's pivot and the friction vary less.
-    scenario.rig.pivot_range = scenario.rig.demonstrated_pivot_range = 0.001
-    scenario.contact.friction_spread = 0.1
-    scenario.recorder.time_limit = 3.0
-    scenario.trial.time_limit = 3.0
-    return scenario
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from skill.demonstration import COLUMNS, Demonstration
-from skill.rig_run import RUN_COLUMNS, RigRun
+from skill.data.demonstration import COLUMNS, Demonstration
+from skill.data.rig_run import RUN_COLUMNS, RigRun
 
 GEOMETRY = {
     "peg_radius": 0.010,

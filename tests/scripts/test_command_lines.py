@@ -12,13 +12,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from conftest import SHOWN, make_quick_scenario
 from typer.testing import CliRunner
 
 from models.scenario import dump_scenario
-from skill.demonstration import read_demonstrations
+from skill.data.demonstration import read_demonstrations
+from skill.data.rig_run import read_rig_run
 from skill.manipulation_skill import ManipulationSkill
-from skill.rig_run import read_rig_run
+from tests.quick_scenario import SHOWN, make_quick_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 MEASURED_OF_A_TRIAL = ("time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "peak_moment_nm", "penetration_um")

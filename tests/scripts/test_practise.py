@@ -2,13 +2,13 @@ import json
 import math
 
 import pytest
-from conftest import make_quick_scenario
 from PIL import Image
 from typer.testing import CliRunner
 
 from models.scenario import dump_scenario
 from scripts.practise import app
 from skill.manipulation_skill import ManipulationSkill
+from tests.quick_scenario import make_quick_scenario
 
 
 def called(*arguments):

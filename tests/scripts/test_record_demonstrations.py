@@ -13,9 +13,9 @@ import yaml
 
 from models.scenario import load_scenario
 from scripts.record_demonstrations import record, sweep
-from skill.demonstration import read_demonstration
-from skill.tables import write_atomically
-from systems.demonstration_set import OPERATORS, requests
+from skill.data.demonstration import read_demonstration
+from skill.data.tables import write_atomically
+from systems.runs.demonstration_set import OPERATORS, requests
 
 ROOT = Path(__file__).resolve().parents[2]
 QUICK = {
@@ -77,7 +77,7 @@ def test_what_a_killed_write_left_is_swept_and_nothing_else(tmp_path):
 def test_a_full_disk_is_said_and_what_was_finished_stays(tmp_path, quick, capfd, monkeypatch):
     import typer
 
-    import skill.demonstration
+    import skill.data.demonstration
 
     written = []
 
@@ -87,8 +87,8 @@ def test_a_full_disk_is_said_and_what_was_finished_stays(tmp_path, quick, capfd,
         write_atomically(path, data)
         written.append(path)
 
-    monkeypatch.setattr("skill.tables.write_atomically", until_full)
-    assert skill.demonstration
+    monkeypatch.setattr("skill.data.tables.write_atomically", until_full)
+    assert skill.data.demonstration
     with pytest.raises(typer.Exit) as ended:
         record(out=tmp_path / "out", good=4, bad=0, seed=0, scenario=quick, jobs=1, overwrite=False)
     assert ended.value.exit_code == 1

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 from scripts.replay import app
-from scripts.replay_motion import motion_of_demonstration, motion_of_run, read_motion
-from scripts.replay_page import replay_page
-from scripts.replay_scene import arrow_scale
-from skill.demonstration import Demonstration, write_demonstration
-from skill.rig_run import RigRun, write_rig_run
-from skill.tables import write_table
+from skill.data.demonstration import Demonstration, write_demonstration
+from skill.data.rig_run import RigRun, write_rig_run
+from skill.data.tables import write_table
+from systems.reports.motion import motion_of_demonstration, motion_of_run, read_motion
+from systems.reports.replay_page import replay_page
+from systems.reports.scene import arrow_scale
 from tests.browser import blankness, open_page
 from tests.trajectories import STATE_NAMES, STEP, make_demonstration, make_rig_run
 

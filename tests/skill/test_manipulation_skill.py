@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from sklearn.linear_model import LinearRegression
 
-from skill.competitive_agglomeration import CompetitiveAgglomeration
-from skill.features import MEASURED
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import SKILL_VERSION, ManipulationSkill
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -257,7 +257,7 @@ def test_a_save_that_fails_leaves_the_old_skill(skill, skill_file, tmp_path, mon
     def full(handle):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("skill.tables.os.fsync", full)
+    monkeypatch.setattr("skill.data.tables.os.fsync", full)
     with pytest.raises(OSError, match="No space"):
         skill.save(path)
     assert path.read_bytes() == skill_file.read_bytes()

@@ -15,7 +15,7 @@ from pydrake.systems.framework import LeafSystem
 import systems
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
-from systems.virtual_fixture import FreeFixture
+from systems.haptics.virtual_fixture import FreeFixture
 
 S = Scenario()
 X = RigidTransform()
@@ -55,8 +55,8 @@ ARGUMENTS = {
 
 def leaf_systems():
     """Every subclass of LeafSystem that a module of systems/ defines."""
-    for module in pkgutil.iter_modules(systems.__path__):
-        loaded = importlib.import_module(f"systems.{module.name}")
+    for module in pkgutil.walk_packages(systems.__path__, "systems."):
+        loaded = importlib.import_module(module.name)
         for _, kind in inspect.getmembers(loaded, inspect.isclass):
             if issubclass(kind, LeafSystem) and kind.__module__ == loaded.__name__:
                 yield kind

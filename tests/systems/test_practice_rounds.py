@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-import systems.practice
+import systems.runs.practice_rounds
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, TRIAL_STREAM, resolve_scenario
-from skill.practice import VariedSkill, experience_of
-from systems.practice import Check, Practice, practise
-from systems.trial import run_trial
+from skill.practice.exploration import VariedSkill, experience_of
+from systems.runs.practice_rounds import Check, Practice, practise
+from systems.runs.trial import run_trial
 
 SHORT = Practice(rounds=1, starts=1, checks=1)
 
@@ -20,7 +20,7 @@ def brief(quick_scenario):
 
 def test_a_varied_run_is_what_the_varied_skill_wanted(brief, skill):
     """Where nothing holds it back, the feed on record is that which the varied skill wanted a row before."""
-    (number, varied), (same, other) = systems.practice._both_ways(skill, SHORT, brief, 3)
+    (number, varied), (same, other) = systems.runs.practice_rounds._both_ways(skill, SHORT, brief, 3)
     assert number == same == 3
     np.testing.assert_allclose(varied.variation.turn, -other.variation.turn)
     scenario = resolve_scenario(brief, seed=number, stream=PRACTICE_STREAM)
@@ -65,7 +65,7 @@ def test_a_skill_that_has_learnt_to_stand_still_is_discarded(brief, skill, monke
             return type(action)(turn=0 * action.turn, feed=0.0, probabilities=action.probabilities)
 
     idle = Idle.of(skill, SHORT.curiosity.draw(np.random.default_rng(0), 0.01))
-    monkeypatch.setattr(systems.practice, "remember", lambda *_: idle)
+    monkeypatch.setattr(systems.runs.practice_rounds, "remember", lambda *_: idle)
     rounds = list(practise(brief, skill, Practice(rounds=1, starts=1, checks=1), jobs=1))
     assert not rounds[1].check.results[0].inserted
     assert not rounds[1].kept

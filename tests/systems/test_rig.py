@@ -2,13 +2,13 @@ import copy
 
 import numpy as np
 import pytest
-from diagrams import graph_names, state_of, unconnected_inputs
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
 
 from models.scenario import TRIAL_STREAM, load_scenario, resolve_scenario
-from skill.rig_run import RUN_COLUMNS
+from skill.data.rig_run import RUN_COLUMNS
 from systems.rig import MakeRig
+from tests.diagrams import graph_names, state_of, unconnected_inputs
 
 NOT_CONNECTED = {  # of the plant: nothing pushes on it but its motors, whose PD or torque ports these are not
     ("plant", "actuation"),

@@ -1,16 +1,16 @@
 import numpy as np
 import pandas as pd
 import pytest
-from diagrams import graph_names, state_of, unconnected_inputs
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
 from scipy.spatial.transform import Rotation
 
 from models.scenario import DEMONSTRATION_STREAM, FIXTURES, load_scenario, parse_scenario, resolve_scenario
-from skill.demonstration import CHANNELS, COLUMNS
-from systems.demonstrate import run_demonstration
-from systems.demonstration_recorder import DemonstrationRecorder
+from skill.data.demonstration import CHANNELS, COLUMNS
+from systems.recording.demonstration_recorder import DemonstrationRecorder
+from systems.runs.demonstration_run import run_demonstration
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose
+from tests.diagrams import graph_names, state_of, unconnected_inputs
 
 NOT_CONNECTED = {  # ports of the plant for what this scene does not have
     ("plant", "actuation"),

@@ -1,0 +1,1 @@
+"""Comparisons with contact theory, other learners and other controllers."""

@@ -1,0 +1,257 @@
+"""Locally weighted regression beside its peers: accuracy on fresh data, and time, in one run.
+
+    python -m benchmarks.learners.regression [--json FILE] [--quick] [--only accuracy|latency]
+
+Every learner chooses its parameters by cross-validation over groups of the training set, and is judged on
+fresh seeds by the root mean squared error to the noiseless truth over the truth's standard deviation
+(nRMSE), averaged over outputs. Set OPENBLAS_NUM_THREADS=1 for figures of one core.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sklearn.base import clone
+from sklearn.ensemble import HistGradientBoostingRegressor
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
+from sklearn.linear_model import RidgeCV
+from sklearn.mixture import GaussianMixture
+from sklearn.model_selection import GridSearchCV, GroupKFold
+from sklearn.multioutput import MultiOutputRegressor
+from sklearn.neighbors import KNeighborsRegressor
+from sklearn.preprocessing import StandardScaler
+from threadpoolctl import threadpool_limits
+
+from benchmarks.learners.gaussian_mixture_regression import gmr_predict
+from benchmarks.learners.regression_sets import Problem, cross, friedman, insertion
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.regression.bandwidth_selection import select_bandwidth, select_feature_scale
+from skill.regression.locally_weighted_regression import LWRegressor
+
+Predict = Callable[[np.ndarray], np.ndarray]
+LARGEST_GP = 1500  # samples; its cost grows with their cube
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path, help="also write the figures to this file")
+    parser.add_argument("--quick", action="store_true", help="one seed, small sizes")
+    parser.add_argument("--only", choices=["accuracy", "latency"], help="leave the other out")
+    arguments = parser.parse_args()
+    seeds = range(1) if arguments.quick else range(3)
+    with threadpool_limits(1), warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        accuracy = compare(seeds, arguments.quick) if arguments.only != "latency" else None
+        latency = time_queries(arguments.quick) if arguments.only != "accuracy" else None
+    if arguments.json:
+        result = {"python": platform.python_version(), "accuracy": accuracy, "latency": latency}
+        arguments.json.write_text(json.dumps(result, indent=1))
+
+
+def problems(quick: bool) -> dict[str, Callable[[int], Problem]]:
+    few = 900 if quick else 3000
+    sets: dict[str, Callable[[int], Problem]] = {
+        "cross 500": lambda s: cross(500, s),
+        "friedman 1000": lambda s: friedman(1000, s),
+        "insertion canonical": lambda s: insertion(few, s, "canonical"),
+        "insertion normalised": lambda s: insertion(few, s, "normalised"),
+        "insertion raw": lambda s: insertion(few, s, "raw"),
+    }
+    if not quick:
+        sets["friedman 10000"] = lambda s: friedman(10_000, s)
+    return sets
+
+
+def compare(seeds: range, quick: bool) -> dict[str, Any]:
+    table: dict[str, Any] = {}
+    for name, problem in problems(quick).items():
+        table[name] = {}
+        for learner, fit in LEARNERS.items():
+            rows = []
+            for seed in seeds:
+                train, fresh = problem(seed), problem(1000 + seed)
+                if fit is fit_gp and len(train.X) > LARGEST_GP:
+                    continue
+                start = time.perf_counter()
+                scaler = StandardScaler().fit(train.X)
+                predict = fit(scaler.transform(train.X), train)
+                fitted = time.perf_counter()
+                out = predict(scaler.transform(fresh.X)).reshape(len(fresh.X), -1)
+                done = time.perf_counter()
+                out = fresh.judged(out)
+                error = np.sqrt(((out - fresh.truth) ** 2).mean(axis=0)) / fresh.truth.std(axis=0)
+                rows.append([float(error.mean()), fitted - start, 1e6 * (done - fitted) / len(out)])
+            if rows:
+                nrmse, seconds, query = np.mean(rows, axis=0)
+                table[name][learner] = {"nrmse": nrmse, "fit_s": seconds, "query_us": query}
+        report(name, table[name])
+    return table
+
+
+def report(name: str, results: dict[str, dict[str, float]]) -> None:
+    print(f"\n{name:28} {'nRMSE':>7} {'fit s':>8} {'us/query':>9}")
+    best = min(r["nrmse"] for r in results.values())
+    for learner, r in sorted(results.items(), key=lambda item: item[1]["nrmse"]):
+        mark = " <- best" if r["nrmse"] == best else ""
+        print(f"  {learner:26} {r['nrmse']:7.3f} {r['fit_s']:8.2f} {r['query_us']:9.1f}{mark}")
+
+
+def fit_ridge(X: np.ndarray, train: Problem) -> Predict:
+    return RidgeCV(np.geomspace(1e-3, 1e3, 13)).fit(X, train.y).predict
+
+
+def fit_knn(X: np.ndarray, train: Problem) -> Predict:
+    return search(KNeighborsRegressor(), {"n_neighbors": [1, 3, 5, 10, 20, 40, 80]}, X, train)
+
+
+def fit_gradient_boosting(X: np.ndarray, train: Problem) -> Predict:
+    model = MultiOutputRegressor(HistGradientBoostingRegressor(random_state=0))
+    return search(model, {"estimator__max_iter": [50, 100, 300]}, X, train)
+
+
+def search(model: Any, grid: dict[str, list[Any]], X: np.ndarray, train: Problem) -> Predict:
+    folds = GroupKFold(5).split(X, groups=train.groups)
+    found = GridSearchCV(model, grid, cv=list(folds), scoring="neg_mean_squared_error").fit(X, train.y)
+    return found.predict
+
+
+def fit_gp(X: np.ndarray, train: Problem) -> Predict:
+    kernel = ConstantKernel(1.0) * RBF(np.ones(X.shape[1])) + WhiteKernel(0.1)
+    return GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(X, train.y).predict
+
+
+def lwr(**settings: Any) -> Callable[[np.ndarray, Problem], Predict]:
+    def fit(X: np.ndarray, train: Problem) -> Predict:
+        model = LWRegressor(**settings)
+        chosen = select_bandwidth(model, X, train.y, train.groups)
+        return model.set_params(bandwidth=chosen.bandwidth).fit(X, train.y).predict
+
+    return fit
+
+
+def fit_scaled_lwr(X: np.ndarray, train: Problem) -> Predict:
+    """Bandwidth, then the scale of each feature, then the bandwidth again."""
+    model = LWRegressor()
+    model.set_params(bandwidth=select_bandwidth(model, X, train.y, train.groups).bandwidth)
+    scale = select_feature_scale(model, X, train.y, train.groups, max_queries=500).feature_scale
+    model.set_params(feature_scale=scale)
+    model.set_params(bandwidth=select_bandwidth(model, X, train.y, train.groups).bandwidth)
+    return model.fit(X, train.y).predict
+
+
+def fit_gmr(X: np.ndarray, train: Problem) -> Predict:
+    """Gaussians of inputs and outputs from a sweep of mixtures by BIC, one start each."""
+    spread = train.y.std(axis=0)
+    Z = np.hstack([X, train.y / spread])
+    models = [GaussianMixture(k, reg_covar=1e-4, random_state=0).fit(Z) for k in range(1, 16)]
+    best = min(models, key=lambda m: m.bic(Z))
+    return conditioned(best.means_, best.covariances_, best.weights_, X.shape[1], spread)
+
+
+def fit_gmr_ca(X: np.ndarray, train: Problem) -> Predict:
+    """Gaussians of inputs and outputs from Competitive Agglomeration."""
+    spread = train.y.std(axis=0)
+    states = CompetitiveAgglomeration(random_state=0).fit(np.hstack([X, train.y / spread]))
+    return conditioned(states.means_, states.covariances_, states.weights_, X.shape[1], spread)
+
+
+def conditioned(means: Any, covariances: Any, weights: Any, d: int, spread: np.ndarray) -> Predict:
+    outputs = np.arange(d, d + len(spread))
+    return lambda Q: gmr_predict(means, covariances, weights, Q, np.arange(d), outputs) * spread
+
+
+LEARNERS: dict[str, Callable[[np.ndarray, Problem], Predict]] = {
+    "global ridge": fit_ridge,
+    "KNN": fit_knn,
+    "kernel mean (degree 0)": lwr(degree=0),
+    "LWR": lwr(),
+    "LWR ridge 1e-6": lwr(ridge=1e-6),
+    "LWR adaptive": lwr(bandwidth_type="adaptive"),
+    "LWR, scale selected": fit_scaled_lwr,
+    "GMR, mixture by BIC": fit_gmr,
+    "GMR, CA": fit_gmr_ca,
+    "gradient boosting": fit_gradient_boosting,
+    "Gaussian process": fit_gp,
+}
+
+
+def time_queries(quick: bool) -> list[dict[str, Any]]:
+    """Median single and mean batched query of 200 neighbours, d = 14, on trajectories, beside KNN."""
+    rows = []
+    print(f"\n{'microseconds a query, d = 14':38} {'single':>8} {'p95':>8} {'batched':>8} {'ratio':>6}")
+    for n in (1_000, 10_000) if quick else (1_000, 10_000, 100_000):
+        X, y, P, queries, Q = trajectories(n)
+        one_hot = np.eye(P.shape[1])
+        model = LWRegressor().fit(X, y)
+        shared = LWRegressor().fit(X, y, memberships=P)
+        hard = LWRegressor().fit(X, y, memberships=one_hot[P.argmax(axis=1)])
+        peer = KNeighborsRegressor(10).fit(X, y)
+        for name, predict, memberships in (
+            ("LWR", model.predict, None),
+            ("LWR, states weighted", shared.predict, Q),
+            ("LWR, states hard", hard.predict, one_hot[Q.argmax(axis=1)]),
+            ("sklearn KNN, 10 neighbours", peer.predict, None),
+        ):
+            rows.append({"n": n, "what": name} | timed(predict, queries, memberships))
+            r = rows[-1]
+            print(
+                f"  N = {n:<7} {name:25} {r['single_us']:8.0f} {r['single_p95_us']:8.0f}"
+                f" {r['batched_us']:8.0f} {r['ratio']:6.1f}"
+            )
+    return rows
+
+
+def timed(predict: Any, queries: np.ndarray, memberships: np.ndarray | None) -> dict[str, float]:
+    def call(rows: slice) -> None:
+        predict(queries[rows]) if memberships is None else predict(queries[rows], memberships[rows])
+
+    single = []
+    for i in range(500):
+        start = time.perf_counter()
+        call(slice(i, i + 1))
+        single.append(time.perf_counter() - start)
+    batches = []
+    for _ in range(3):
+        start = time.perf_counter()
+        call(slice(None))
+        batches.append((time.perf_counter() - start) / len(queries))
+    one, batch = 1e6 * float(np.median(single)), 1e6 * min(batches)
+    return {
+        "single_us": one,
+        "single_p95_us": 1e6 * float(np.percentile(single, 95)),
+        "batched_us": batch,
+        "ratio": one / batch,
+    }
+
+
+def trajectories(n: int, states: int = 8) -> tuple[np.ndarray, ...]:
+    """Samples (n, 14) along thirty curves through ``states`` states, and 2000 queries like them."""
+    rng = np.random.default_rng(0)
+    total, demonstrations = n + 2000, 30
+    centres = 2.0 * rng.normal(size=(states, 14))
+    X, P = np.empty((total, 14)), np.empty((total, states))
+    for rows in np.array_split(np.arange(total), demonstrations):
+        phase = np.linspace(0.0, states - 1.0, len(rows))
+        P[rows] = np.exp(-4.0 * (phase[:, None] - np.arange(states)) ** 2)
+        P[rows] /= P[rows].sum(axis=1, keepdims=True)
+        own = centres + 0.5 * rng.normal(size=centres.shape)
+        X[rows] = P[rows] @ own + 0.1 * rng.normal(size=(len(rows), 14))
+    X = clone(StandardScaler()).fit_transform(X)
+    y = np.tanh(X @ rng.normal(size=(14, 3)) / 4.0)
+    order = rng.permutation(total)
+    train, query = order[2000:], order[:2000]
+    return X[train], y[train], P[train], X[query], P[query]
+
+
+if __name__ == "__main__":
+    main()

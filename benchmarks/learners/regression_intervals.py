@@ -1,0 +1,64 @@
+"""Coverage of locally weighted regression's intervals on fresh data, nominal 95 %.
+
+python -m benchmarks.learners.regression_intervals [--json FILE]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from sklearn.preprocessing import StandardScaler
+from threadpoolctl import threadpool_limits
+
+from benchmarks.learners.interval_calibration import conformal_factors, conformal_interval
+from benchmarks.learners.regression_sets import Problem, cross, friedman, insertion
+from skill.regression.bandwidth_selection import select_bandwidth
+from skill.regression.locally_weighted_regression import LWRegressor
+
+PROBLEMS: dict[str, Callable[[int], Problem]] = {
+    "cross 500": lambda s: cross(500, s),
+    "friedman 1000": lambda s: friedman(1000, s),
+    "insertion canonical": lambda s: insertion(3000, s, "canonical"),
+    "insertion raw": lambda s: insertion(3000, s, "raw"),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--json", type=Path, help="also write the figures to this file")
+    arguments = parser.parse_args()
+    table = {}
+    print(f"{'coverage, one figure an output':32} {'prediction':>22} {'calibrated':>22} {'mean, variance only':>22}")
+    with threadpool_limits(1):
+        for name, problem in PROBLEMS.items():
+            rows = [coverage(problem(seed), problem(1000 + seed)) for seed in range(3)]
+            means = {kind: np.mean([row[kind] for row in rows], axis=0).round(3).tolist() for kind in rows[0]}
+            table[name] = means
+            print(f"  {name:30} " + " ".join(f"{' '.join(f'{v:.3f}' for v in m):>22}" for m in means.values()))
+    if arguments.json:
+        arguments.json.write_text(json.dumps(table, indent=1))
+
+
+def coverage(train: Problem, fresh: Problem) -> dict[str, np.ndarray]:
+    """Shares (p,) of fresh observations in the prediction intervals, and of truths in those of the mean."""
+    scaler = StandardScaler().fit(train.X)
+    X, Q = scaler.transform(train.X), scaler.transform(fresh.X)
+    model = LWRegressor()
+    model.set_params(bandwidth=select_bandwidth(model, X, train.y, train.groups).bandwidth)
+    factors = conformal_factors(model, X, train.y, train.groups)
+    local = model.fit(X, train.y).predict_local(Q)
+    truth = fresh.framed(fresh.truth)
+    intervals = {
+        "prediction": (local.interval(), fresh.y),
+        "calibrated": (conformal_interval(local, factors), fresh.y),
+        "variance_only": (local.interval(kind="variance_only"), truth),
+    }
+    return {k: ((v >= lower) & (v <= upper)).mean(axis=0) for k, ((lower, upper), v) in intervals.items()}
+
+
+if __name__ == "__main__":
+    main()

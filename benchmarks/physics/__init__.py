@@ -1,0 +1,1 @@
+"""The contact against theory, finer discretisation and MuJoCo."""

@@ -1,0 +1,226 @@
+"""The bodies in MuJoCo: an exact cylinder in a ring of boxes, by hand as `ContactProbe` has them, or on the rig.
+
+The boxes' faces touch the true circle, so that the play of the round peg is the true one (to 0.1 % between two faces).
+Each side of the bore is three boxes: the wall, the chamfer, tilted by 45 degrees, and the block's face above; under
+them lies the floor. A box is wider than its side: beyond its edges it lies within its neighbours.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+
+from benchmarks.physics.contact_probe import AXES, PlanarPose
+from models.scenario import Geometry, Scenario
+from systems.plant.contact_plant import AddRigPlant
+
+PEG, BLOCK = 'contype="2" conaffinity="1"', 'contype="1" conaffinity="2"'
+
+
+@dataclass(frozen=True)
+class MujocoContact:
+    """How MuJoCo solves contact.
+
+    The defaults are those of the rig: of the settings that keep the planar cases of `benchmarks.physics.engines`
+    without
+    chatter, the one that on the rig lets the bodies overlap about as much as Drake's default contact does. MuJoCo's
+    softness is that of an acceleration, and so depends on the masses that meet: at equal settings the overlap on the
+    rig is several times that of the planar peg.
+
+    Attributes:
+        boxes: in the ring.
+        time_step: s.
+        time_constant: of a contact's return to zero overlap, in time steps; below 2 MuJoCo raises it to 2.
+        impedance: least and greatest part of a contact's acceleration that is taken out as if it were rigid, and the
+            overlap, m, over which it grows from one to the other.
+        precision: m, to which distances between bodies are found. MuJoCo's own default is 1e-6: as large as the
+            overlaps here, it leaves normals that are none, and pegs that stick where they should slide.
+    """
+
+    boxes: int = 64
+    time_step: float = 5e-4
+    time_constant: float = 6.0
+    impedance: tuple[float, float, float] = (0.8, 0.8, 1e-4)
+    precision: float = 1e-12
+
+
+def document(contact: MujocoContact, friction: float, gravity: float, bodies: str, rest: str = "") -> str:
+    """MJCF with the contact's options."""
+    impedance = " ".join(f"{v:g}" for v in contact.impedance)
+    return f"""
+<mujoco>
+  <compiler angle="radian"/>
+  <option timestep="{contact.time_step}" gravity="0 0 {-gravity}" cone="elliptic" integrator="implicitfast"
+          ccd_tolerance="{contact.precision}" ccd_iterations="200"/>
+  <default>
+    <geom friction="{friction} 0 0" condim="3" solref="{contact.time_constant * contact.time_step} 1"
+          solimp="{impedance}"/>
+  </default>
+  <worldbody>{bodies}</worldbody>
+  {rest}
+</mujoco>"""
+
+
+def bore(g: Geometry, boxes: int) -> str:
+    """Geoms of the block, in H."""
+    thickness = g.block_radius - g.hole_radius - g.chamfer
+    half = 0.5 * thickness
+    width = g.block_radius * np.tan(np.pi / boxes)
+    wall = 0.5 * (g.hole_depth - g.chamfer)
+    slope = g.chamfer / np.sqrt(2.0)  # half the chamfer's length
+    # (centre's radius, its height, tilt towards the axis, half sizes)
+    sides = [(g.hole_radius + half, -g.chamfer - wall, 0.0, (half, wall))]
+    if g.chamfer > 0:
+        behind = half / np.sqrt(2.0)  # of the face, outward and down
+        middle = (g.hole_radius + 0.5 * g.chamfer + behind, -0.5 * g.chamfer - behind)
+        sides += [(*middle, np.pi / 4, (half, slope))]
+        sides += [(g.hole_radius + g.chamfer + half, -0.5 * g.chamfer, 0.0, (half, 0.5 * g.chamfer))]
+    geoms = []
+    for k in range(boxes):
+        about = 2.0 * np.pi * k / boxes
+        for radius, z, tilt, (across, along) in sides:
+            x, y = radius * np.cos(about), radius * np.sin(about)
+            # First about y, which tips a wall outward, then about z.
+            turn = np.cos(about / 2), np.sin(about / 2)
+            lean = np.cos(tilt / 2), np.sin(tilt / 2)
+            q = (turn[0] * lean[0], -turn[1] * lean[1], turn[0] * lean[1], turn[1] * lean[0])
+            geoms.append(
+                f'<geom type="box" {BLOCK} pos="{x:.12f} {y:.12f} {z:.12f}"'
+                f' quat="{" ".join(f"{v:.15f}" for v in q)}" size="{across:.12f} {width:.12f} {along:.12f}"/>'
+            )
+    geoms.append(
+        f'<geom type="box" {BLOCK} pos="0 0 {-g.hole_depth - 0.5 * g.floor}"'
+        f' size="{g.block_radius} {g.block_radius} {0.5 * g.floor}"/>'
+    )
+    return "\n".join(geoms)
+
+
+def peg(g: Geometry) -> str:
+    """The peg's geom, in P."""
+    return f'<geom type="cylinder" {PEG} size="{g.peg_radius} {0.5 * g.peg_length}" pos="0 0 {0.5 * g.peg_length}"/>'
+
+
+def rig_document(scenario: Scenario, contact: MujocoContact) -> str:
+    """The rig's bodies, with the masses and inertias that they have in Drake, its mount, motors and sensor."""
+    plant = AddRigPlant(DiagramBuilder(), scenario).plant
+    g, rig, stepper, feed = scenario.geometry, scenario.rig, scenario.stepper, scenario.feed
+    pivot = rig.pivot_height
+    slide = f'type="slide" stiffness="{rig.mount_stiffness}" damping="{rig.mount_damping}"'
+    bodies = f"""
+    <body name="carriage">
+      <joint name="feed" type="slide" axis="0 0 1" damping="{rig.carriage_friction}"
+             armature="{feed.rotor_inertia * feed.ratio**2}"/>
+      {_inertial(plant, "carriage")}
+      <body name="mount_x"><joint name="mount_x" axis="1 0 0" {slide}/>{_inertial(plant, "mount_x")}
+        <body name="mount_y"><joint name="mount_y" axis="0 1 0" {slide}/>{_inertial(plant, "mount_y")}
+          <body name="peg" pos="0 0 {-scenario.sensor.height}">
+            {_inertial(plant, "peg")}{peg(g)}
+            <site name="sensor" pos="0 0 {scenario.sensor.height}"/>
+          </body>
+        </body>
+      </body>
+    </body>
+    <body name="pitch_ring" pos="0 0 {pivot}">
+      <joint name="pitch" type="hinge" axis="1 0 0" armature="{stepper.reflected_inertia}"/>
+      {_inertial(plant, "pitch_ring")}
+      <body name="yaw_ring">
+        <joint name="yaw" type="hinge" axis="0 1 0" armature="{stepper.reflected_inertia}"/>
+        {_inertial(plant, "yaw_ring")}
+        <body name="block" pos="0 0 {-pivot}">{_inertial(plant, "block")}{bore(g, contact.boxes)}</body>
+      </body>
+    </body>"""
+    spring = (
+        f'kp="{stepper.stiffness}" kv="{stepper.damping}"'
+        f' forcerange="{-stepper.holding_torque} {stepper.holding_torque}"'
+    )
+    rest = f"""
+  <actuator>
+    <motor joint="feed"/>
+    <position joint="pitch" {spring}/>
+    <position joint="yaw" {spring}/>
+  </actuator>
+  <sensor><force site="sensor"/><torque site="sensor"/></sensor>"""
+    gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
+    return document(contact, scenario.contact.friction, gravity, bodies, rest)
+
+
+def _inertial(plant: MultibodyPlant, name: str) -> str:
+    inertia = plant.GetBodyByName(name).default_spatial_inertia()
+    centre = inertia.get_com()
+    I = inertia.Shift(centre).CalcRotationalInertia()  # noqa: E741  (its name everywhere)
+    moments, products = I.get_moments(), I.get_products()
+    numbers = {"pos": centre, "fullinertia": [*moments, *products]}
+    return f'<inertial mass="{inertia.get_mass()}" {" ".join(_attribute(k, v) for k, v in numbers.items())}/>'
+
+
+def _attribute(name: str, values: ArrayLike) -> str:
+    return f'{name}="{" ".join(f"{v:.12g}" for v in np.asarray(values))}"'
+
+
+class MujocoProbe:
+    """`benchmarks.physics.contact_probe.ContactProbe` in MuJoCo: the same arguments and methods; the middle of a box
+    lies in
+    the plane of motion.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        contact: MujocoContact,
+        *,
+        mass: float = 0.5,
+        inertia: float = 1e-4,
+        damping: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> None:
+        self.time_step = contact.time_step
+        g = scenario.geometry
+        kinds = ('type="slide" axis="1 0 0"', 'type="slide" axis="0 0 1"', 'type="hinge" axis="0 1 0"')
+        drag = np.asarray(damping, dtype=float)
+        joints = "".join(
+            f'<joint name="{name}" {kind} damping="{d}"/>' for name, kind, d in zip(AXES, kinds, drag, strict=True)
+        )
+        own = f'<inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>'
+        bodies = f"{bore(g, contact.boxes)}<body>{joints}{own}{peg(g)}</body>"
+        self.model = mujoco.MjModel.from_xml_string(document(contact, scenario.contact.friction, 0.0, bodies))
+        self.data = mujoco.MjData(self.model)
+        self._damping = copy.deepcopy(self.model.dof_damping)
+
+    def place(self, pose: PlanarPose) -> None:
+        """As in `ContactProbe`."""
+        load = self.data.qfrc_applied.copy()
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qfrc_applied[:] = load
+        self.data.qpos[:] = [pose.x, pose.z, pose.tilt]
+
+    def load(self, force_x: float, force_z: float, moment: float) -> None:
+        """As in `ContactProbe`."""
+        self.data.qfrc_applied[:] = [force_x, force_z, moment]
+
+    def hold(self, *names: str) -> None:
+        """As in `ContactProbe`, by an inertia that no load here moves."""
+        held = np.array([name in names for name in AXES])
+        self.model.dof_armature[:] = np.where(held, 1e6, 0.0)
+        self.model.dof_damping[:] = np.where(held, 1e9, self._damping)
+        mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
+
+    def step(self, count: int = 1) -> None:
+        """As in `ContactProbe`."""
+        mujoco.mj_step(self.model, self.data, nstep=count)
+
+    def pose(self) -> PlanarPose:
+        """As in `ContactProbe`."""
+        return PlanarPose(*(float(v) for v in self.data.qpos))
+
+    def velocity(self) -> NDArray[np.float64]:
+        """As in `ContactProbe`."""
+        return np.array(self.data.qvel)
+
+    def contact_load(self) -> NDArray[np.float64]:
+        """As in `ContactProbe`."""
+        return np.array(self.data.qfrc_constraint)

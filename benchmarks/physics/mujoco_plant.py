@@ -1,0 +1,173 @@
+"""The rig's bodies in MuJoCo, as a Drake system: `systems.rig.WireRig` takes it for Drake's own plant."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from pydrake.common.value import AbstractValue, Value
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.math import SpatialForce
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    DiscreteValues,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+    ValueProducer,
+)
+
+from benchmarks.physics.mujoco_model import MujocoContact, rig_document
+from models.scenario import Scenario
+
+KEPT = mujoco.mjtState.mjSTATE_PHYSICS | mujoco.mjtState.mjSTATE_WARMSTART
+"""Of MuJoCo's state, from one step to the next; with the inputs it decides the step."""
+
+
+class MujocoPlant(LeafSystem):
+    """
+    .. pydrake_system::
+
+        name: MujocoPlant
+        input_ports:
+        - carriage_force
+        - gimbal_equilibrium
+        output_ports:
+        - carriage_state
+        - gimbal_state
+        - reaction_forces
+
+    A `systems.plant.rig_plant.RigPlant`. Every ``period`` it takes as many of MuJoCo's steps as fill it, at least
+    one. Its
+    discrete state is MuJoCo's positions, velocities and warm start, and what the sensor's site felt in the last step:
+    the mount's force and torque on the peg, at the mount, in P. The steppers are MuJoCo's position actuators, whose
+    force ends at the holding torque; it knows no desired rates, and those of ``gimbal_equilibrium`` have to be zero.
+    """
+
+    sensor = 0
+
+    def __init__(self, scenario: Scenario, contact: MujocoContact) -> None:
+        super().__init__()
+        period = scenario.contact.time_step
+        self._count = round(period / contact.time_step)
+        if self._count < 1 or abs(self._count * contact.time_step - period) > 1e-9:
+            raise ValueError(
+                f"MuJoCo's time step is {contact.time_step} s, expected a part of contact.time_step {period} s"
+            )
+        self._model = mujoco.MjModel.from_xml_string(rig_document(scenario, contact))
+        model = self._model
+        self._size = mujoco.mj_stateSize(model, KEPT)
+        at = {name: model.joint(name).qposadr[0] for name in ("feed", "pitch", "yaw")}
+        self._feed, self._gimbal = at["feed"], [at["pitch"], at["yaw"]]
+        self._tip = -scenario.sensor.height
+        self.weight = float(model.body("peg").mass[0] * np.linalg.norm(model.opt.gravity))
+        self._carriage_force = self.DeclareVectorInputPort("carriage_force", 1)
+        self._gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 4)
+        scratch = mujoco.MjData(model)
+        kept = np.zeros(self._size)
+        mujoco.mj_getState(model, scratch, kept, KEPT)
+        self._kept = self.DeclareDiscreteState(kept)
+        self._held = self.DeclareDiscreteState(np.array([0.0, 0.0, self.weight, 0.0, 0.0, 0.0]))
+        # A place to compute in, for each context its own; it holds nothing from one step to the next.
+        self._scratch = self.DeclareCacheEntry(
+            "scratch",
+            ValueProducer(lambda: Value[object](mujoco.MjData(model)), ValueProducer.NoopCalc),
+            {self.nothing_ticket()},
+        )
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        moved, felt = {self.discrete_state_ticket(self._kept)}, {self.discrete_state_ticket(self._held)}
+        self._carriage_state = self.DeclareVectorOutputPort("carriage_state", 2, self._calc_carriage, moved)
+        self._gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 4, self._calc_gimbal, moved)
+        self._reaction_forces = self.DeclareAbstractOutputPort(
+            "reaction_forces", lambda: AbstractValue.Make([SpatialForce.Zero()]), self._calc_reaction, felt
+        )
+
+    @staticmethod
+    def AddToBuilder(builder: DiagramBuilder, scenario: Scenario, contact: MujocoContact) -> MujocoPlant:
+        """Adds one of a resolved scenario; peg, mount and motors are those of
+        `systems.plant.contact_plant.AddRigPlant`.
+        """
+        plant: MujocoPlant = builder.AddNamedSystem("plant", MujocoPlant(scenario, contact))
+        return plant
+
+    @property
+    def carriage_force(self) -> InputPort:
+        """See `RigPlant`."""
+        return self._carriage_force
+
+    @property
+    def gimbal_equilibrium(self) -> InputPort:
+        """See `RigPlant`."""
+        return self._gimbal_equilibrium
+
+    @property
+    def carriage_state(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self._carriage_state
+
+    @property
+    def gimbal_state(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self._gimbal_state
+
+    @property
+    def reaction_forces(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self._reaction_forces
+
+    def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
+        """See `RigPlant`."""
+        own = self.GetMyMutableContextFromRoot(context)
+        data = mujoco.MjData(self._model)
+        data.qpos[self._feed], data.qpos[self._gimbal] = carriage, [pitch, yaw]
+        kept = np.zeros(self._size)
+        mujoco.mj_getState(self._model, data, kept, KEPT)
+        own.SetDiscreteState(self._kept, kept)
+
+    def tip_height(self, context: Context) -> float:
+        """See `RigPlant`."""
+        own = self.GetMyContextFromRoot(context)
+        return float(own.get_discrete_state(self._kept).value()[self._feed]) + self._tip
+
+    def peg_in_hole(self, context: Context) -> RigidTransform:
+        """See `RigPlant`."""
+        own = self.GetMyContextFromRoot(context)
+        data = self._scratch.Eval(own)
+        mujoco.mj_setState(self._model, data, own.get_discrete_state(self._kept).value(), KEPT)
+        mujoco.mj_kinematics(self._model, data)
+        X_WH, X_WP = (
+            RigidTransform(RotationMatrix(body.xmat.reshape(3, 3)), body.xpos)
+            for body in (data.body("block"), data.body("peg"))
+        )
+        return X_WH.inverse() @ X_WP
+
+    def advance(self, data: mujoco.MjData) -> None:
+        """Takes the period's steps."""
+        mujoco.mj_step(self._model, data, nstep=self._count)
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        data = self._scratch.Eval(context)
+        mujoco.mj_setState(self._model, data, context.get_discrete_state(self._kept).value(), KEPT)
+        data.ctrl[0] = self._carriage_force.Eval(context)[0]
+        data.ctrl[1:3] = self._gimbal_equilibrium.Eval(context)[:2]
+        self.advance(data)
+        kept = np.zeros(self._size)
+        mujoco.mj_getState(self._model, data, kept, KEPT)
+        discrete_state.get_mutable_vector(self._kept).SetFromVector(kept)
+        discrete_state.get_mutable_vector(self._held).SetFromVector(data.sensordata)
+
+    def _velocities(self, context: Context) -> np.ndarray:
+        return context.get_discrete_state(self._kept).value()[self._model.nq :]
+
+    def _calc_carriage(self, context: Context, output: BasicVector) -> None:
+        kept = context.get_discrete_state(self._kept).value()
+        output.SetFromVector([kept[self._feed], kept[self._model.nq + self._feed]])
+
+    def _calc_gimbal(self, context: Context, output: BasicVector) -> None:
+        kept = context.get_discrete_state(self._kept).value()
+        output.SetFromVector([*kept[self._gimbal], *kept[self._model.nq + np.array(self._gimbal)]])
+
+    def _calc_reaction(self, context: Context, output: AbstractValue) -> None:
+        held = context.get_discrete_state(self._held).value()
+        output.set_value([SpatialForce(tau=held[3:], f=held[:3])])

@@ -1,0 +1,139 @@
+"""Simulated contact against the laws of a rigid peg in a rigid hole.
+
+    python -m benchmarks.physics.theory [--tilts-deg 0.25,0.5,1,2,3] [--friction 0.2] [--points 200] [--seed 0]
+    [--json FILE]
+
+Two-point depth and largest entry tilt are measured from the meshes; jamming, wedging and the two-point force balance by
+simulating a peg with planar freedoms under dead loads, with stiffer contact and shorter steps than the default
+(`benchmarks.physics.contact_measurements.converged`). Depths are vertical, from the mouth (the inner edge of the
+chamfer) to the
+tip's centre. Jamming and force balance are measured at --depth-mm 20, where the tilt of two-point contact is small
+against the friction angle, as Whitney's laws have it.
+
+``wedge_angle_error`` is that to c / mu; beside it stands that to the exact plane condition (null where a peg cannot
+wedge at all). ``two_point_depth_error_default`` is the depth's error with the bore's polygon outside the true circle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.physics.contact_measurements import (
+    PegTheory,
+    force_balance,
+    jamming_trials,
+    measured_entry_tilt,
+    measured_two_point_depth,
+    measured_wedging_tilt,
+)
+from benchmarks.physics.contact_probe import ContactProbe
+from models.contact_theory import (
+    exact_wedging_tilt,
+    largest_entry_tilt,
+    two_point_depth,
+    wedging_tilt,
+)
+from models.scenario import Scenario
+
+
+def tilts(text: str) -> list[float]:
+    """Degrees, separated by commas."""
+    values = [float(part) for part in text.split(",")]
+    if not values or min(values) <= 0.0:
+        raise argparse.ArgumentTypeError(f"{text}: expected positive tilts in degrees, separated by commas")
+    return values
+
+
+def depths(scenario: Scenario, tilts_deg: list[float]) -> dict[str, Any]:
+    """Two-point depth and entry tilt, from the meshes."""
+    sizes = PegTheory.of(scenario)
+    size = {"peg_radius": sizes.r, "hole_radius": sizes.R}
+    angles = np.radians(tilts_deg)
+    exact = two_point_depth(angles, **size)
+    deepest = scenario.geometry.hole_depth - scenario.geometry.chamfer
+    limit = np.degrees(largest_entry_tilt(**size))
+    if (exact > deepest).any() or (angles >= np.radians(limit)).any():
+        raise ValueError(
+            f"tilts {tilts_deg} deg: two-point contact begins at {np.round(1e3 * exact, 1)} mm, expected within the"
+            f" bore's {1e3 * deepest:.1f} mm and below {limit:.2f} deg"
+        )
+    matched, outside = ContactProbe(scenario), ContactProbe(scenario, matched=False)
+    measured = np.array([measured_two_point_depth(matched, sizes, t) for t in angles])
+    default = np.array([measured_two_point_depth(outside, sizes, t) for t in angles])
+    entry = np.degrees(measured_entry_tilt(matched, sizes))
+    return {
+        "tilts_deg": list(tilts_deg),
+        "two_point_depth_exact_mm": (1e3 * exact).tolist(),
+        "two_point_depth_mm": (1e3 * measured).tolist(),
+        "two_point_depth_default_mm": (1e3 * default).tolist(),
+        "two_point_depth_error_max": float(np.abs(measured / exact - 1.0).max()),
+        "two_point_depth_error_default": float(np.abs(default / exact - 1.0).max()),
+        "entry_tilt_deg": entry,
+        "entry_tilt_exact_deg": limit,
+    }
+
+
+def laws(scenario: Scenario, friction: float, depth: float, points: int, seed: int) -> dict[str, Any]:
+    """Jamming, wedging and the force balance at one friction."""
+    sizes = PegTheory.of(scenario)
+    size = {"peg_radius": sizes.r, "hole_radius": sizes.R, "friction": friction}
+    trials = jamming_trials(scenario, friction, depth=depth, count=points, seed=seed)
+    wedge, kept = measured_wedging_tilt(scenario, friction)
+    law, exact = wedging_tilt(**size), exact_wedging_tilt(**size)
+    predicted, measured = force_balance(scenario, friction, depth=depth)
+    return {
+        "friction": friction,
+        "load_depth_mm": 1e3 * depth,
+        "jam_points": len(trials.load),
+        "jam_agreement": trials.agreement(),
+        "jam_trials": np.column_stack([trials.force, trials.moment, trials.load, trials.slid]).tolist(),
+        "wedge_angle_deg": _or_none(np.degrees(wedge)),
+        "wedge_angle_law_deg": float(np.degrees(law)),
+        "wedge_angle_exact_deg": _or_none(np.degrees(exact)),
+        "wedge_angle_error": _or_none(abs(wedge / law - 1.0)),
+        "wedge_angle_error_exact": _or_none(abs(wedge / exact - 1.0)),
+        "wedge_trials": kept.tolist(),
+        "axial_force_predicted": predicted.tolist(),
+        "axial_force_measured": measured.tolist(),
+        "force_balance_error": float(np.abs(measured / predicted - 1.0).max()),
+    }
+
+
+def _or_none(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--tilts-deg", type=tilts, default=[0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
+    parser.add_argument("--friction", type=float, default=0.2)
+    parser.add_argument("--points", type=int, default=200, help="trials in the jamming diagram")
+    parser.add_argument("--depth-mm", type=float, default=20.0, help="of jamming and force balance")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    arguments = parser.parse_args()
+    if not arguments.friction > 0.0:
+        parser.error(f"--friction is {arguments.friction}, expected > 0")
+    start = time.process_time()
+    scenario = Scenario()
+    try:
+        result = depths(scenario, arguments.tilts_deg)
+    except ValueError as error:
+        parser.error(str(error))
+    result |= laws(scenario, arguments.friction, 1e-3 * arguments.depth_mm, arguments.points, arguments.seed)
+    result |= {"seed": arguments.seed, "cpu_s": time.process_time() - start}
+    for name, value in result.items():
+        if not isinstance(value, list):
+            print(f"{name:32}{value if value is None or isinstance(value, int) else round(value, 5)}")
+    if arguments.json:
+        arguments.json.write_text(json.dumps(result, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""The skill against other policies on the rig."""

@@ -1,0 +1,90 @@
+"""The pictures of the comparisons on the rig: shares with their Wilson intervals, forces and times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from skill.figures.paper_figures import save_figure
+from skill.states.state_style import PALETTE
+
+BLUE, ORANGE, GREY = PALETTE[0], PALETTE[1], "0.55"
+PANELS = ("inserted, 95 % interval", "time [s], median", "peak force across [N]")
+
+Row = dict[str, Any]
+
+
+def draw_groups(groups: Sequence[tuple[str, Sequence[tuple[str, Row]]]], path: Path) -> None:
+    """One block of rows a group: its title, and a label with the summary of each arm."""
+    count = sum(len(rows) for _, rows in groups)
+    figure = Figure(figsize=(8.6, 0.9 + 0.27 * (count + 1.4 * len(groups))), layout="constrained")
+    axes: Sequence[Axes] = figure.subplots(1, 3, sharey=True, width_ratios=[1.2, 1, 1])
+    ticks, names, place = [], [], 0.0
+    for title, rows in groups:
+        axes[0].text(0.0, place, title, weight="bold", va="center", transform=axes[0].get_yaxis_transform())
+        for label, row in rows:
+            place += 1.0
+            ticks.append(place)
+            names.append(label)
+            _draw_row(axes, row, place)
+        place += 1.4
+    axes[0].set_yticks(ticks, names)
+    axes[0].set_ylim(place - 0.7, -0.7)
+    axes[0].set_xlim(-0.02, 1.02)
+    for axis, name in zip(axes, PANELS, strict=True):
+        axis.set_xlabel(name)
+        axis.grid(axis="x", alpha=0.3)
+        axis.tick_params(axis="y", length=0)
+        axis.spines[["top", "right", "left"]].set_visible(False)
+    for axis in axes[1:]:
+        axis.set_xlim(0.0, 1.06 * axis.dataLim.x1 if np.isfinite(axis.dataLim.x1) else 1.0)
+    axes[2].set_xlabel(f"{PANELS[2]}\nmedian and 95th percentile")
+    save_figure(figure, path)
+
+
+def _draw_row(axes: Sequence[Axes], row: Row, place: float) -> None:
+    if row["trials"]:
+        share, (low, high) = row["inserted"] / row["trials"], row["interval"]
+        axes[0].plot([low, high], [place, place], color=GREY, lw=2)
+        axes[0].plot(share, place, "o", color=BLUE, ms=6)
+    if row["median_time_s"] is not None:
+        axes[1].plot(row["median_time_s"], place, "o", color=BLUE, ms=6)
+    if row["median_lateral_n"] is not None:
+        axes[2].plot([row["median_lateral_n"], row["p95_lateral_n"]], [place, place], color=GREY, lw=2)
+        axes[2].plot(row["median_lateral_n"], place, "o", color=BLUE, ms=6)
+        axes[2].plot(row["p95_lateral_n"], place, "|", color=ORANGE, ms=9, mew=2)
+
+
+def draw_learning_curve(curve: Sequence[tuple[int, Row]], path: Path) -> None:
+    """Over the number of demonstrations; the points are arms that were performed."""
+    shown = [(number, row) for number, row in curve if row["trials"]]
+    numbers = [number for number, _ in shown]
+    figure = Figure(figsize=(8.6, 2.9), layout="constrained")
+    axes: Sequence[Axes] = figure.subplots(1, 3)
+    low, high = np.array([row["interval"] for _, row in shown]).T
+    axes[0].fill_between(numbers, low, high, color=BLUE, alpha=0.2, lw=0)
+    axes[0].plot(numbers, [row["inserted"] / row["trials"] for _, row in shown], "o-", color=BLUE)
+    axes[0].set_ylim(-0.02, 1.02)
+    _curve(axes[1], shown, "median_time_s", BLUE, None)
+    _curve(axes[2], shown, "median_lateral_n", BLUE, "median")
+    _curve(axes[2], shown, "p95_lateral_n", ORANGE, "95th percentile")
+    axes[2].legend(frameon=False)
+    for axis, name in zip(axes, PANELS, strict=True):
+        axis.set(xlabel="demonstrations", title=name, xscale="log")
+        axis.set_xticks(numbers, [str(number) for number in numbers])
+        axis.set_xticks([], minor=True)
+        axis.grid(alpha=0.3)
+        axis.spines[["top", "right"]].set_visible(False)
+    for axis in axes[1:]:
+        axis.set_ylim(0.0, 1.06 * axis.dataLim.y1 if np.isfinite(axis.dataLim.y1) else 1.0)
+    save_figure(figure, path)
+
+
+def _curve(axis: Axes, shown: Sequence[tuple[int, Row]], name: str, colour: str, label: str | None) -> None:
+    points = [(number, row[name]) for number, row in shown if row[name] is not None]
+    axis.plot([n for n, _ in points], [value for _, value in points], "o-", color=colour, label=label)

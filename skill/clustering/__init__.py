@@ -1,0 +1,1 @@
+"""Competitive Agglomeration with the fuzzy-maximum-likelihood distance, and Gaussian mixtures."""

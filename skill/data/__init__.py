@@ -1,0 +1,1 @@
+"""Demonstrations and rig runs on disk, and their refinement."""

@@ -1,0 +1,1 @@
+"""Features of the wrench and the depth."""

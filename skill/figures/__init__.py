@@ -1,0 +1,1 @@
+"""Figures of demonstrations, runs, states and practice."""

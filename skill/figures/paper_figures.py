@@ -1,0 +1,273 @@
+"""The paper's figures from stored data: the channels of a demonstration, an insertion, the outcomes of trials.
+
+Figures are made with matplotlib's objects, without its global state, and so in any thread and on any machine. A person
+reads them, so they speak mm, degrees, N and N mm.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from skill.data.demonstration import Demonstration
+from skill.data.rig_run import RigRun
+from skill.data.tables import write_atomically
+from skill.states.state_style import state_colours, state_labels
+
+Array = NDArray[np.float64]
+
+INK = "#1D2329"
+FIRST, SECOND, THIRD = "#0072B2", "#D55E00", "#009E73"  # x, y, z wherever the three stand together
+OTHER = "#A05A8C"
+DEGREES = float(np.degrees(1.0))
+WIDTH = 7.2  # in units of inches, of a text block
+ROW_PITCH = 2.3  # between the zero lines of stacked series that each fill -1 to 1
+SHORT_NAME = 12  # characters of a state's name, five of which stand side by side
+MOST_LISTED = 20  # trials that are numbered one by one
+
+
+def plot_demonstration(demonstration: Demonstration) -> Figure:
+    """The fourteen channels of one demonstration over time, as in the paper's Fig. 3."""
+    data = demonstration.samples
+    time = data["time"].to_numpy(dtype=float)
+    figure = new_figure(5.6)
+    panels = figure.subplots(3, 2, sharex=True)
+    groups = (
+        ("Position of the tip across the hole (mm)", 1e3, ("x", "y")),
+        ("Position of the tip along the hole (mm)", 1e3, ("z",)),
+        ("Force (N)", 1.0, ("fx", "fy", "fz")),
+        ("Moment about the tip (N mm)", 1e3, ("mx", "my", "mz")),
+        ("Axis of rotation", 1.0, ("ax", "ay", "az")),
+        ("Angle of rotation (deg)", DEGREES, ("angle",)),
+    )
+    colours = dict(zip("xyz", (FIRST, SECOND, THIRD), strict=True))
+    for axes, (title, factor, channels) in zip(panels.flat, groups, strict=True):
+        for channel in channels:
+            colour = colours.get(channel[-1], INK)
+            axes.plot(time, factor * data[channel], color=colour, label=_symbol(channel), linewidth=1.3)
+        axes.set_title(title, loc="left", fontsize=9)
+        tidy(axes)
+    turning = panels[2, 1]
+    change = turning.twinx()
+    change.plot(time, DEGREES * data["dangle"], color=OTHER, linewidth=0.9, label=_symbol("dangle"))
+    change.set_ylabel("change per sample (deg)", color=OTHER, fontsize=8)
+    change.tick_params(labelsize=8, colors=OTHER)
+    change.spines["top"].set_visible(False)
+    turning.plot([], [], color=OTHER, linewidth=0.9, label=_symbol("dangle"))
+    turning.set_zorder(change.get_zorder() + 1)
+    turning.patch.set_visible(False)
+    for axes in panels.flat:
+        axes.legend(ncols=3, fontsize=8, loc="best", frameon=False, handlelength=1.2, columnspacing=1.0)
+    for axes in panels[-1]:
+        axes.set_xlim(time[0], time[-1])
+        axes.set_xlabel("time (s)", fontsize=9)
+    force = np.linalg.norm(data[["fx", "fy", "fz"]], axis=1).max()
+    figure.suptitle(
+        f"{demonstration.outcome} ({'good' if demonstration.good else 'bad'}): {demonstration.duration:.2f} s,"
+        f" {len(data)} samples, to a depth of {-1e3 * data['z'].iloc[-1]:.1f} mm, force up to {force:.1f} N",
+        fontsize=9,
+    )
+    return figure
+
+
+def plot_run(run: RigRun, state_names: Sequence[str] | None = None) -> Figure:
+    """One insertion of the rig, as in the paper's Fig. 5: six normalised series over the contact states.
+
+    Args:
+        run: of the rig.
+        state_names: of the states; those among the run's metadata if None, else their numbers.
+    """
+    data = run.samples
+    time = data["time"].to_numpy(dtype=float)
+    state = np.rint(data["state"]).to_numpy(dtype=int)
+    names = run.metadata.get("state_names") if state_names is None else state_names
+    labels = state_labels(max(state.max() + 1, len(names or ())), names)
+    colours = state_colours(len(labels))
+
+    figure = new_figure(6.4)
+    series, steps = figure.subplots(2, 1, sharex=True, height_ratios=(3.6, 1.0))
+    for axes in (series, steps):
+        for start, end, k in _stretches(time, state):
+            axes.axvspan(start, end, color=colours[k], alpha=0.30, linewidth=0)
+    rows: tuple[tuple[str, Array, float, str], ...] = (
+        ("$f_x$", data["fx"].to_numpy(dtype=float), 1.0, "N"),
+        ("$f_y$", data["fy"].to_numpy(dtype=float), 1.0, "N"),
+        ("$f_z$", data["fz"].to_numpy(dtype=float), 1.0, "N"),
+        ("$M_x$", data["mx"].to_numpy(dtype=float), 1e3, "N mm"),
+        ("$M_y$", data["my"].to_numpy(dtype=float), 1e3, "N mm"),
+        ("$z$", -data["depth"].to_numpy(dtype=float), 1e3, "mm"),
+    )
+    heights, scales = [], []
+    for row, (_, values, factor, unit) in enumerate(rows):
+        height = -ROW_PITCH * row
+        largest = float(np.abs(values).max())
+        series.axhline(height, color="white", linewidth=0.8)
+        series.plot(time, height + values / (largest or 1.0), color=INK, linewidth=1.1)
+        heights.append(height)
+        scales.append(f"1 = {factor * largest:.3g} {unit}")
+    series.set_yticks(heights, [name for name, *_ in rows])
+    series.set_ylim(heights[-1] - 1.2, 1.2)
+    series.set_ylabel("each over its largest magnitude", fontsize=9)
+    right = series.secondary_yaxis("right")
+    right.set_yticks(heights, scales, fontsize=8)
+    right.tick_params(length=0)
+    right.spines["right"].set_visible(False)
+
+    for name, colour in (("pitch", FIRST), ("yaw", SECOND)):
+        turned = DEGREES * data[f"target_{name}"].to_numpy(dtype=float)
+        steps.step(time, turned, where="post", color=colour, linewidth=1.5, label=name)
+    steps.set_ylabel("correction (deg)", fontsize=9)
+    steps.set_xlabel("time (s)", fontsize=9)
+    handles, texts = steps.get_legend_handles_labels()
+    guard = data["guard"].to_numpy(dtype=float) > 0.5
+    if guard.any():
+        for start, end, on in _stretches(time, guard.astype(int)):
+            if on:
+                steps.axvspan(start, end, ymin=0.0, ymax=0.09, color=INK, linewidth=0)
+        handles, texts = [*handles, Patch(color=INK)], [*texts, "force guard"]
+    low, high = steps.get_ylim()
+    steps.set_ylim(low - 0.18 * (high - low), high)  # room for the guard below the curves
+    steps.legend(handles, texts, ncols=3, fontsize=8, loc="best", frameon=False)
+    for axes in (series, steps):
+        tidy(axes, grid=False)
+        axes.set_xlim(time[0], time[-1])
+    visited = [k for k in range(len(labels)) if (state == k).any()]
+    figure.legend(
+        handles=[Patch(facecolor=colours[k], alpha=0.45, edgecolor=colours[k], label=labels[k]) for k in visited],
+        loc="outside upper center",
+        ncols=min(len(visited), 5 if max(map(len, labels)) <= SHORT_NAME else 2),
+        fontsize=8,
+        frameon=False,
+        title=_run_title(run),
+        title_fontsize=9,
+    )
+    return figure
+
+
+def plot_outcomes(results: pd.DataFrame) -> Figure:
+    """Rig trials at a glance: time and peak forces of each, inserted or not, and the medians of those inserted.
+
+    Args:
+        results: one row a trial, with the columns inserted, time_s, peak_axial_n and peak_lateral_n; and seed, the
+            number of the trial, without which they are counted from 1.
+
+    Raises:
+        ValueError: if there is no trial, or a column is missing.
+    """
+    rows = (
+        ("time_s", "time (s)"),
+        ("peak_axial_n", "peak force\nalong the peg (N)"),
+        ("peak_lateral_n", "peak force\nacross it (N)"),
+    )
+    missing = [c for c in ("inserted", *(name for name, _ in rows)) if c not in results.columns]
+    if missing or results.empty:
+        raise ValueError(f"results: {len(results)} trials, missing columns {missing}; expected a row a trial")
+    inserted = results["inserted"].to_numpy(dtype=bool)
+    number = results["seed"].to_numpy() if "seed" in results.columns else np.arange(1, len(results) + 1)
+    figure = new_figure(4.8)
+    panels = figure.subplots(len(rows), 1, sharex=True)
+    for axes, (column, label) in zip(panels, rows, strict=True):
+        values = results[column].to_numpy(dtype=float)
+        axes.vlines(number, 0.0, values, color="#D3DAE0", linewidth=1.2, zorder=1)
+        axes.scatter(number[inserted], values[inserted], s=34, color=FIRST, zorder=3)
+        axes.scatter(number[~inserted], values[~inserted], s=42, color=SECOND, marker="X", zorder=3)
+        if inserted.any():
+            middle = float(np.median(values[inserted]))
+            axes.axhline(middle, color=FIRST, linewidth=1.0, linestyle=(0, (5, 3)), zorder=2)
+            axes.annotate(
+                f"{middle:.3g}",
+                (1.0, middle),
+                xycoords=("axes fraction", "data"),
+                xytext=(4, 0),
+                textcoords="offset points",
+                va="center",
+                color=FIRST,
+                fontsize=8,
+            )
+        axes.set_ylim(0.0, 1.15 * max(float(values.max()), 1e-9))
+        axes.set_ylabel(label, fontsize=9)
+        tidy(axes)
+        axes.grid(visible=False, axis="x")
+    panels[-1].set_xlabel("trial", fontsize=9)
+    panels[-1].set_xlim(number.min() - 0.6, number.max() + 0.6)
+    if len(results) <= MOST_LISTED:
+        panels[-1].set_xticks(number)
+    else:
+        panels[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
+    marks = [
+        Line2D([], [], marker="o", color=FIRST, linestyle="", label=f"inserted: {inserted.sum()}"),
+        Line2D([], [], marker="X", color=SECOND, linestyle="", label=f"not inserted: {(~inserted).sum()}"),
+        Line2D([], [], color=FIRST, linestyle=(0, (5, 3)), linewidth=1.0, label="median of the inserted"),
+    ]
+    kept = [m for m, wanted in zip(marks, (inserted.any(), (~inserted).any(), inserted.any()), strict=True) if wanted]
+    figure.legend(handles=kept, loc="outside upper center", ncols=3, fontsize=8, frameon=False)
+    return figure
+
+
+def save_figure(figure: Figure, path: Path, *, resolution: int = 200) -> None:
+    """Writes a figure whole or not at all, in the format that the path's suffix names (png, svg, pdf).
+
+    Args:
+        figure: any.
+        path: of the file.
+        resolution: dots an inch, of a PNG.
+
+    Raises:
+        ValueError: naming the path, if its suffix is no known format.
+    """
+    path = Path(path)
+    format_ = path.suffix[1:].lower()
+    known = figure.canvas.get_supported_filetypes()
+    if format_ not in known:
+        raise ValueError(f"{path}: suffix '{path.suffix}' is no figure format; expected one of {sorted(known)}")
+    stream = io.BytesIO()
+    figure.savefig(stream, format=format_, dpi=resolution)
+    write_atomically(path, stream.getvalue())
+
+
+def new_figure(height: float) -> Figure:
+    """An empty one of the common width, with a canvas; ``height`` in inches."""
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def tidy(axes: Axes, *, grid: bool = True) -> None:
+    """The common look of axes: no frame above and to the right, small ticks, a faint grid behind."""
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=8)
+    if grid:
+        axes.grid(color="#E3E7EB", linewidth=0.6)
+    axes.set_axisbelow(True)
+
+
+def _symbol(channel: str) -> str:
+    if channel in ("angle", "dangle"):
+        return {"angle": r"$\theta$", "dangle": r"$\Delta\theta$"}[channel]
+    return f"${channel[0]}_{channel[1]}$" if len(channel) == 2 else f"${channel}$"
+
+
+def _stretches(time: Array, value: NDArray[np.int64]) -> list[tuple[float, float, int]]:
+    """Start, end and value of each stretch of equal values; a sample holds until the next."""
+    starts = np.flatnonzero(np.diff(value, prepend=value[0] - 1))
+    ends = [*(float(time[k]) for k in starts[1:]), float(time[-1])]
+    return [(float(time[k]), end, int(value[k])) for k, end in zip(starts, ends, strict=True)]
+
+
+def _run_title(run: RigRun) -> str:
+    result = run.result
+    parts = [str(result.get("reason", "")), *([f"{result['time_s']:.2f} s"] if "time_s" in result else [])]
+    if "tilt_deg" in result and len(result["tilt_deg"]) == 2:
+        parts.append("from a tilt of {:.1f}° and {:.1f}°".format(*result["tilt_deg"]))
+    return ", ".join(p for p in parts if p)

@@ -1,0 +1,1 @@
+"""Practice: exploration noise, the policy update, and paired comparisons."""

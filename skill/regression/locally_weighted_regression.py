@@ -1,0 +1,396 @@
+"""Locally weighted regression with memberships: one regressor for hard, weighted and gated contact states.
+
+Around every query a linear model is fitted to the nearest samples, each weighted by a Gaussian kernel of its
+distance and, where memberships are given, by the probability that sample and query share their contact state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from numbers import Integral, Real
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sklearn.base import BaseEstimator, RegressorMixin, _fit_context
+from sklearn.utils._param_validation import Interval, StrOptions
+from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
+
+from skill.regression.explanation import Explanation
+from skill.regression.kernel_neighbourhood import Kernel, KernelNeighbourhood
+from skill.regression.local_model import (
+    LocalPrediction,
+    equivalent_kernel,
+    equivalent_kernels,
+    local_predictions,
+    normalised_weights,
+)
+from skill.regression.membership_index import check_memberships
+
+Array = NDArray[np.float64]
+
+
+# Queries beyond this are taken for it, so that their squared distances are numbers still.
+FARTHEST = 1e100
+
+
+class LWRegressor(RegressorMixin, BaseEstimator):
+    """Locally weighted regression (lazy, multi-output).
+
+    The kernel weight of sample i for query q is
+
+        w_i = exp(-|m (x_i - q)|^2 / h^2) . s_i . sum_k Q_qk P_ik,
+
+    with m the feature scale, h the bandwidth, s the sample weight, and P, Q the contact-state probabilities
+    of samples and query: the last factor is the probability that the two share their state. With one-hot P
+    and Q this is a regressor for each state; with P and Q from a classifier it fades from one into the
+    next.
+
+    Args:
+        bandwidth: h, in units of the scaled features; for ``bandwidth_type="adaptive"``, a multiple of the
+            distance to the farthest of the neighbours used.
+        bandwidth_type: "fixed" or "adaptive".
+        degree: 1, local linear; or 0, kernel mean.
+        ridge: penalty on the squared slope, in units of the scaled features, relative to weights of at most
+            1.
+        n_neighbors: the nearest samples that enter; None for all. With memberships, the nearest of each
+            state that the query may be in, and of those the ones of greatest weight.
+        feature_scale: m, (d,) positive; "standard" for one over each feature's standard deviation; None for
+            ones.
+        algorithm: "kd_tree", "brute" or "auto": by size and dimension.
+
+    Attributes:
+        X_: (n, d), the samples, times ``feature_scale_``.
+        y_: (n, p), their outputs.
+        rows_: (n,), their row numbers in the data given to ``fit``, where samples of zero weight may have
+            been among them.
+        memberships_: (n, K), or None.
+        feature_scale_: (d,).
+        marginal_variance_: (p,), of the outputs.
+
+    References:
+        Atkeson, Moore, Schaal, "Locally weighted learning", Artificial Intelligence Review 11, 1997.
+    """
+
+    _parameter_constraints: dict[str, list[Any]] = {
+        "bandwidth": [Interval(Real, 0, None, closed="neither")],
+        "bandwidth_type": [StrOptions({"fixed", "adaptive"})],
+        "degree": [Interval(Integral, 0, 1, closed="both")],
+        "ridge": [Interval(Real, 0, None, closed="left")],
+        "n_neighbors": [Interval(Integral, 1, None, closed="left"), None],
+        "feature_scale": [StrOptions({"standard"}), "array-like", None],
+        "algorithm": [StrOptions({"auto", "kd_tree", "brute"})],
+    }
+
+    def __init__(
+        self,
+        bandwidth: float = 1.0,
+        *,
+        bandwidth_type: str = "fixed",
+        degree: int = 1,
+        ridge: float = 1e-2,
+        n_neighbors: int | None = 200,
+        feature_scale: ArrayLike | str | None = None,
+        algorithm: str = "auto",
+    ) -> None:
+        self.bandwidth = bandwidth
+        self.bandwidth_type = bandwidth_type
+        self.degree = degree
+        self.ridge = ridge
+        self.n_neighbors = n_neighbors
+        self.feature_scale = feature_scale
+        self.algorithm = algorithm
+
+    @_fit_context(prefer_skip_nested_validation=True)
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        memberships: ArrayLike | None = None,
+        sample_weight: ArrayLike | None = None,
+    ) -> Self:
+        """Stores the samples and builds the index.
+
+        Args:
+            X: (n, d) features.
+            y: (n,) or (n, p) outputs.
+            memberships: (n, K), the contact-state probabilities of each sample; rows sum to one.
+            sample_weight: (n,), non-negative, multiplies the kernel; samples of weight zero are left out.
+
+        Raises:
+            ValueError: if a shape is wrong, a number is not finite, or memberships are not probabilities.
+        """
+        checked: tuple[Array, Array] = validate_data(self, X, y, multi_output=True, y_numeric=True, dtype=np.float64)
+        samples, outputs = checked[0], np.asarray(checked[1], dtype=float)
+        self.single_output_ = outputs.ndim == 1
+        outputs = outputs.reshape(len(samples), -1)
+        P = None if memberships is None else check_memberships(memberships, len(samples), exact=True)
+        weight = _check_sample_weight(sample_weight, samples, dtype=np.float64, ensure_non_negative=True)
+        rows = np.flatnonzero(weight > 0)
+        if rows.size == 0:
+            raise ValueError("every sample_weight is zero; give at least one sample a positive weight")
+        self.feature_scale_ = self._resolved_scale(samples[rows])
+        self.X_ = np.ascontiguousarray(samples[rows] * self.feature_scale_)
+        self.y_ = np.ascontiguousarray(outputs[rows])
+        self.memberships_ = None if P is None else np.ascontiguousarray(P[rows])
+        self.sample_weight_ = weight[rows]
+        self.rows_ = rows
+        self._build()
+        return self
+
+    def predict(
+        self,
+        X: ArrayLike,
+        memberships: ArrayLike | None = None,
+        *,
+        return_std: bool = False,
+        return_interval: bool = False,
+        level: float = 0.95,
+    ) -> Any:
+        """Predictions at queries.
+
+        Args:
+            X: (m, d).
+            memberships: (m, K), contact-state probabilities of the queries, non-negative with sums at most
+                one (less where an unknown state took a part). None: states are disregarded.
+            return_std: also the standard deviation of a new observation.
+            return_interval: also the prediction interval at ``level``.
+            level: nominal coverage.
+
+        Returns:
+            The predictions, (m,) or (m, p) like ``y``; with ``return_std`` or ``return_interval`` a tuple
+            (predictions[, std][, lower, upper]), all of that shape.
+        """
+        queries, Q = self._queries(X, memberships)
+        if return_std or return_interval:
+            local = self._local(queries, Q)
+            parts = [local.mean]
+            parts += [local.standard_deviation()] if return_std else []
+            parts += local.interval(level) if return_interval else []
+            return tuple(self._shaped(part) for part in parts)
+        if len(queries) == 1:
+            return self._shaped(self._predict_one(queries[0], None if Q is None else Q[0])[0][None])
+        out = np.empty((len(queries), self.y_.shape[1]))
+        for block, found, x, log_w in self._neighbourhood.blocks(queries, Q, self._kernel()):
+            weights, _, ridge = normalised_weights(log_w, self.ridge)
+            kernel = equivalent_kernels(queries[block], x, weights, ridge, self.degree)
+            out[block] = (kernel[:, None, :] @ self.y_[found])[:, 0, :]
+        return self._shaped(out)
+
+    def predict_local(self, X: ArrayLike, memberships: ArrayLike | None = None) -> LocalPrediction:
+        """Predictions with uncertainty and support; arguments as for ``predict``."""
+        return self._local(*self._queries(X, memberships))
+
+    def predict_with_support(self, X: ArrayLike, memberships: ArrayLike | None = None) -> tuple[Array, Array]:
+        """Predictions as of ``predict``, and the log of the greatest kernel weight of each query, (m,).
+
+        The latter is zero on top of a sample of a state that the query shares, and very negative far from all.
+        """
+        queries, Q = self._queries(X, memberships)
+        rows = [self._predict_one(query, None if Q is None else Q[k]) for k, query in enumerate(queries)]
+        return self._shaped(np.array([row for row, _ in rows])), np.array([log_w for _, log_w in rows])
+
+    def support_between(self, groups: ArrayLike) -> Array:
+        """Log of the greatest kernel weight (n,) that each sample finds among the samples of other groups.
+
+        Args:
+            groups: (n,), the demonstration of each sample of ``X_``; neighbours in time say nothing of the support that
+                a demonstration not yet seen would find.
+
+        Raises:
+            ValueError: if there is only one group.
+        """
+        names, group, sizes = np.unique(np.asarray(groups), return_inverse=True, return_counts=True)
+        if len(names) < 2:
+            raise ValueError(f"support between groups needs at least 2 groups; found {len(names)}")
+        best = np.empty(len(self.X_))
+        for block, found, _, log_w in self._neighbourhood.blocks(
+            self.X_, self.memberships_, self._kernel(), extra=int(sizes.max())
+        ):
+            own = group[found] == group[block, None]
+            best[block] = np.where(own, -np.inf, log_w).max(axis=1)
+        return best
+
+    def explain(self, x: ArrayLike, membership: ArrayLike | None = None, level: float = 0.95) -> Explanation:
+        """The samples, weights, interval and support behind the prediction at one query.
+
+        Args:
+            x: (d,).
+            membership: (K,), the query's contact-state probabilities, or None.
+            level: nominal coverage of the interval.
+        """
+        queries, Q = self._queries(
+            np.asarray(x, dtype=float)[None], None if membership is None else np.asarray(membership)[None]
+        )
+        local = self._local(queries, Q)
+        lower, upper = local.interval(level)
+        _, found, x, log_w = next(self._neighbourhood.blocks(queries, Q, self._kernel()))
+        weights, log_w_max, ridge = normalised_weights(log_w, self.ridge)
+        influence = equivalent_kernels(queries, x, weights, ridge, self.degree)
+        order = np.argsort(-weights[0], kind="stable")
+        order = order[weights[0, order] > 0]
+        return Explanation(
+            neighbours=self.rows_[found[0, order]],
+            weights=weights[0, order],
+            influence=influence[0, order],
+            prediction=local.mean[0],
+            lower=lower[0],
+            upper=upper[0],
+            level=level,
+            support=float(local.support[0]),
+            log_w_max=float(log_w_max[0]),
+        )
+
+    def leave_one_out(self, method: str = "direct") -> Array:
+        """Predictions at the samples, each without its own help, (n,) or (n, p) like ``y``.
+
+        Args:
+            method: "direct" leaves each sample out of its own neighbourhood and refits. "closed" uses the
+                equivalent kernel l of the fit with the sample: r_i / (1 - l_ii); exact but for the
+                neighbour that takes the sample's place, and 0 / 0 where a bandwidth is so small that a
+                sample stands alone. Select bandwidths by the direct one.
+        """
+        check_is_fitted(self)
+        if method not in ("direct", "closed"):
+            raise ValueError(f"method = {method!r}; expected 'direct' or 'closed'")
+        if len(self.X_) < 2:
+            raise ValueError("leaving one out needs at least 2 samples; found 1")
+        out = np.empty_like(self.y_)
+        for block, found, x, log_w in self._neighbourhood.blocks(self.X_, self.memberships_, self._kernel(), extra=1):
+            itself = found == np.arange(len(self.X_))[block, None]
+            if method == "direct":
+                log_w = np.where(itself, -np.inf, log_w)
+            weights, _, ridge = normalised_weights(log_w, self.ridge)
+            kernel = equivalent_kernels(self.X_[block], x, weights, ridge, self.degree)
+            fitted = (kernel[:, None, :] @ self.y_[found])[:, 0, :]
+            if method == "closed":
+                own_influence = np.where(itself, kernel, 0.0).sum(axis=1)[:, None]
+                fitted = self.y_[block] - (self.y_[block] - fitted) / (1.0 - own_influence)
+            out[block] = fitted
+        return self._shaped(out)
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """Everything that predicts, as plain arrays (no objects): for a file that needs no pickle."""
+        check_is_fitted(self)
+        arrays: dict[str, NDArray[Any]] = {
+            "bandwidth": np.array(float(self.bandwidth)),
+            "bandwidth_type": np.array(self.bandwidth_type),
+            "degree": np.array(int(self.degree)),
+            "ridge": np.array(float(self.ridge)),
+            "n_neighbors": np.array(-1 if self.n_neighbors is None else int(self.n_neighbors)),
+            "algorithm": np.array(self.algorithm),
+            "feature_scale": self.feature_scale_,
+            "X": self.X_,
+            "y": self.y_,
+            "sample_weight": self.sample_weight_,
+            "rows": self.rows_,
+            "single_output": np.array(self.single_output_),
+        }
+        if self.memberships_ is not None:
+            arrays["memberships"] = self.memberships_
+        if hasattr(self, "feature_names_in_"):
+            arrays["feature_names"] = np.array([str(name) for name in self.feature_names_in_])
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Self:
+        """The estimator that ``to_arrays`` described: it predicts identically to the last bit."""
+        missing = {"bandwidth", "feature_scale", "X", "y", "sample_weight", "rows"} - set(arrays)
+        if missing:
+            raise ValueError(f"arrays lack {sorted(missing)}; expected what LWRegressor.to_arrays returned")
+        k = int(arrays["n_neighbors"])
+        scale = np.array(arrays["feature_scale"], dtype=float)
+        self = cls(
+            bandwidth=float(arrays["bandwidth"]),
+            bandwidth_type=str(arrays["bandwidth_type"]),
+            degree=int(arrays["degree"]),
+            ridge=float(arrays["ridge"]),
+            n_neighbors=None if k < 0 else k,
+            feature_scale=scale,
+            algorithm=str(arrays["algorithm"]),
+        )
+        self.feature_scale_ = scale
+        self.X_ = np.array(arrays["X"], dtype=float, order="C")
+        self.y_ = np.array(arrays["y"], dtype=float, order="C")
+        self.sample_weight_ = np.array(arrays["sample_weight"], dtype=float)
+        self.rows_ = np.array(arrays["rows"], dtype=np.intp)
+        self.single_output_ = bool(arrays["single_output"])
+        P = arrays.get("memberships")
+        self.memberships_ = None if P is None else np.array(P, dtype=float, order="C")
+        if "feature_names" in arrays:
+            self.feature_names_in_ = np.array([str(name) for name in arrays["feature_names"]], dtype=object)
+        self.n_features_in_ = self.X_.shape[1]
+        self._build()
+        return self
+
+    def __sklearn_tags__(self) -> Any:
+        tags = super().__sklearn_tags__()
+        tags.target_tags.multi_output = True
+        return tags
+
+    def _build(self) -> None:
+        """What follows from the stored samples."""
+        self.marginal_variance_ = self.y_.var(axis=0)
+        self._neighbourhood = KernelNeighbourhood(self.X_, self.memberships_, self.sample_weight_, self.algorithm)
+
+    def _resolved_scale(self, X: Array) -> Array:
+        if self.feature_scale is None:
+            return np.ones(X.shape[1])
+        if isinstance(self.feature_scale, str):
+            spread = X.std(axis=0)
+            return np.divide(1.0, spread, out=np.ones(X.shape[1]), where=spread > 0)
+        scale = np.asarray(self.feature_scale, dtype=float)
+        if scale.shape != (X.shape[1],) or not (np.isfinite(scale).all() and (scale > 0).all()):
+            raise ValueError(
+                f"feature_scale has shape {scale.shape}; expected {X.shape[1]} positive numbers, one a feature"
+            )
+        return scale
+
+    def _queries(self, X: ArrayLike, memberships: ArrayLike | None) -> tuple[Array, Array | None]:
+        """Scaled queries (m, d) and their memberships (m, K), both checked."""
+        if (
+            # What a controller sends a thousand times a second can do without the general checks.
+            isinstance(X, np.ndarray)
+            and type(X) is np.ndarray
+            and hasattr(self, "_neighbourhood")
+            and X.dtype == np.float64
+            and X.ndim == 2
+            and X.shape[1] == self.n_features_in_
+            and len(X) > 0
+            and not hasattr(self, "feature_names_in_")
+            and np.isfinite(X).all()
+        ):
+            queries = X
+        else:
+            check_is_fitted(self)
+            queries = validate_data(self, X, reset=False, dtype=np.float64)
+        queries = np.minimum(np.maximum(queries * self.feature_scale_, -FARTHEST), FARTHEST)
+        if memberships is None:
+            return queries, None
+        if self.memberships_ is None:
+            raise ValueError("queries have memberships but the samples have none: give memberships to fit too")
+        return queries, check_memberships(memberships, len(queries), self.memberships_.shape[1])
+
+    def _predict_one(self, query: Array, q: Array | None) -> tuple[Array, float]:
+        """Prediction (p,) at one scaled query (d,), and log of the greatest weight: the batch without its overhead."""
+        found, x, log_w = self._neighbourhood.of_one(query, q, self._kernel())
+        weights, log_w_max, ridge = normalised_weights(log_w, self.ridge)
+        return equivalent_kernel(query, x, weights, float(ridge), self.degree) @ self.y_[found], float(log_w_max)
+
+    def _kernel(self) -> Kernel:
+        return Kernel(float(self.bandwidth), self.bandwidth_type == "adaptive", self.n_neighbors)
+
+    def _local(self, queries: Array, Q: Array | None) -> LocalPrediction:
+        parts = [
+            local_predictions(
+                queries[block], x, self.y_[found], log_w, self.ridge, self.degree, self.marginal_variance_
+            )
+            for block, found, x, log_w in self._neighbourhood.blocks(queries, Q, self._kernel())
+        ]
+        return LocalPrediction(
+            **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(LocalPrediction)}
+        )
+
+    def _shaped(self, values: Array) -> Array:
+        return values[:, 0] if self.single_output_ else values

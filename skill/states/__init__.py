@@ -1,0 +1,1 @@
+"""Contact states: clustering of demonstrations, on-line filter, graph, names and colours."""

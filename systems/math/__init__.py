@@ -1,0 +1,1 @@
+"""Rotations and noise, shared by the other rooms."""

@@ -1,0 +1,1 @@
+"""The contact plants: peg, hole and rig as Drake multibody plants."""

@@ -1,0 +1,262 @@
+"""The hydroelastic plant of either scene: a compliant peg, a rigid bore, and what carries them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    Cylinder,
+    InMemoryMesh,
+    Mesh,
+    ProximityProperties,
+    SceneGraph,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import (
+    AddMultibodyPlant,
+    CoulombFriction,
+    MultibodyPlant,
+    MultibodyPlantConfig,
+)
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    PdControllerGains,
+    PrismaticJoint,
+    RigidBody,
+    SpatialInertia,
+    UnitInertia,
+    WeldJoint,
+)
+from pydrake.systems.framework import Context, DiagramBuilder, InputPort, OutputPort
+from pydrake.systems.primitives import ConstantVectorSource
+
+import models
+from models.bore import make_bore
+from models.scenario import Geometry, Scenario
+
+ABSURD_FORCE = 1e5  # in units of N; nothing of this size holds it: a contact that reads more has diverged
+STEEL = 7850.0  # in units of kg/m^3
+ALUMINIUM = 2700.0  # in units of kg/m^3
+MOUNT_MASS = 0.05  # in units of kg, of each slide
+PEG_COLOUR = np.array([0.93, 0.60, 0.22, 0.65])
+BLOCK_COLOUR = np.array([0.62, 0.66, 0.70, 1.0])
+KEPT = (
+    3 / 8,
+    7 / 8,
+)  # of the ring, in turns, in the block's picture; the camera looks in from the other half
+
+
+@dataclass(frozen=True)
+class ContactPlant:
+    """A finalised plant and the parts of it that others ask for."""
+
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    peg: RigidBody
+    block: RigidBody
+
+
+@dataclass(frozen=True)
+class HydroelasticRig(ContactPlant):
+    """The rig's bodies on hydroelastic contact: a `systems.plant.rig_plant.RigPlant`."""
+
+    @property
+    def carriage_force(self) -> InputPort:
+        """See `RigPlant`."""
+        return self.plant.get_actuation_input_port(self.plant.GetModelInstanceByName("feed"))
+
+    @property
+    def gimbal_equilibrium(self) -> InputPort:
+        """See `RigPlant`."""
+        return self.plant.get_desired_state_input_port(self.plant.GetModelInstanceByName("gimbal"))
+
+    @property
+    def carriage_state(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self.plant.get_state_output_port(self.plant.GetModelInstanceByName("feed"))
+
+    @property
+    def gimbal_state(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self.plant.get_state_output_port(self.plant.GetModelInstanceByName("gimbal"))
+
+    @property
+    def reaction_forces(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self.plant.get_reaction_forces_output_port()
+
+    @property
+    def sensor(self) -> int:
+        """See `RigPlant`."""
+        return int(self.plant.GetJointByName("sensor").index())
+
+    @property
+    def weight(self) -> float:
+        """See `RigPlant`."""
+        return float(self.peg.default_mass() * np.linalg.norm(self.plant.gravity_field().gravity_vector()))
+
+    def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
+        """See `RigPlant`."""
+        own = self.plant.GetMyMutableContextFromRoot(context)
+        self.plant.GetJointByName("feed").set_translation(own, carriage)
+        self.plant.GetJointByName("pitch").set_angle(own, pitch)
+        self.plant.GetJointByName("yaw").set_angle(own, yaw)
+
+    def tip_height(self, context: Context) -> float:
+        """See `RigPlant`."""
+        own = self.plant.GetMyContextFromRoot(context)
+        return float(self.peg.EvalPoseInWorld(own).translation()[2])
+
+    def peg_in_hole(self, context: Context) -> RigidTransform:
+        """See `RigPlant`."""
+        own = self.plant.GetMyContextFromRoot(context)
+        return self.block.EvalPoseInWorld(own).inverse() @ self.peg.EvalPoseInWorld(own)
+
+
+def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
+    """A free peg of the coupling's virtual mass, its centre of mass at the tip, over a fixed block; no gravity."""
+    plant, scene_graph = add_hydroelastic_plant(builder, scenario)
+    coupling = scenario.coupling
+    radius = math.sqrt(2.5 * coupling.peg_inertia / coupling.peg_mass)  # a sphere with this inertia
+    peg = plant.AddRigidBody(
+        "peg",
+        plant.AddModelInstance("peg"),
+        SpatialInertia(coupling.peg_mass, np.zeros(3), UnitInertia.SolidSphere(radius)),
+    )
+    block = plant.AddRigidBody("block", plant.AddModelInstance("hole"), _block_inertia(scenario.geometry))
+    plant.WeldFrames(plant.world_frame(), block.body_frame())
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    return finish_contact_plant(plant, scene_graph, scenario, peg, block)
+
+
+def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
+    """The rig: a carriage on a screw, sensor and peg; a gimbal of two stepper axes and the block."""
+    plant, scene_graph = add_hydroelastic_plant(builder, scenario)
+    parser = Parser(plant)
+    folder = Path(models.__file__).parent
+    parser.package_map().AddPackageXml(str(folder / "package.xml"))
+    parser.AddModelsFromUrl("package://haptic_skill_models/rig.sdf")
+    feed, gimbal = plant.GetModelInstanceByName("feed"), plant.GetModelInstanceByName("gimbal")
+    g = scenario.geometry
+
+    peg = plant.AddRigidBody("peg", feed, _cylinder_inertia(STEEL, g.peg_radius, 0.0, g.peg_length))
+    carriage = plant.GetBodyByName("carriage", feed)
+    mount = plant.AddFrame(
+        FixedOffsetFrame("sensor_mount", peg.body_frame(), RigidTransform([0, 0, scenario.sensor.height]))
+    )
+    slide = _add_compliant_mount(plant, scenario, carriage)
+    # The reaction of this weld, at the mount, is what the force/torque sensor feels.
+    plant.AddJoint(WeldJoint("sensor", slide.body_frame(), mount, RigidTransform()))
+
+    if scenario.rig.pivot_height is None:
+        raise ValueError("scenario.rig.pivot_height is missing: the scenario is not resolved; use resolve_scenario")
+    pivot = RigidTransform([0.0, 0.0, scenario.rig.pivot_height])
+    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base", gimbal), pivot)
+    block = plant.AddRigidBody("block", gimbal, _block_inertia(g))
+    plant.WeldFrames(plant.GetFrameByName("yaw_ring", gimbal), block.body_frame(), pivot.inverse())
+
+    stepper = scenario.stepper
+    for name in ("pitch", "yaw"):
+        joint = plant.GetJointByName(name, gimbal)
+        axis = plant.AddJointActuator(name, joint, stepper.holding_torque)
+        axis.set_default_rotor_inertia(stepper.reflected_inertia)
+        axis.set_default_gear_ratio(1.0)
+        axis.set_controller_gains(PdControllerGains(p=stepper.stiffness, d=stepper.damping))
+    joint = plant.GetJointByName("feed", feed)
+    joint.set_default_damping(scenario.rig.carriage_friction)
+    screw = plant.AddJointActuator("feed", joint)
+    screw.set_default_rotor_inertia(scenario.feed.rotor_inertia)
+    screw.set_default_gear_ratio(scenario.feed.ratio)
+    finish_contact_plant(plant, scene_graph, scenario, peg, block)
+    centred = builder.AddNamedSystem("centred_mount", ConstantVectorSource(np.zeros(4)))
+    mount = plant.get_desired_state_input_port(plant.GetModelInstanceByName("mount"))
+    builder.Connect(centred.get_output_port(), mount)
+    return HydroelasticRig(plant, scene_graph, peg, block)
+
+
+def _add_compliant_mount(plant: MultibodyPlant, scenario: Scenario, carriage: RigidBody) -> RigidBody:
+    """Two sideways slides under the carriage, held by implicit springs; returns the one that carries the sensor."""
+    instance = plant.AddModelInstance("mount")
+    parent = carriage
+    for name, axis in (("mount_x", [1.0, 0.0, 0.0]), ("mount_y", [0.0, 1.0, 0.0])):
+        inertia = SpatialInertia(MOUNT_MASS, np.zeros(3), UnitInertia.SolidSphere(0.02))
+        body = plant.AddRigidBody(name, instance, inertia)
+        joint = plant.AddJoint(PrismaticJoint(name, parent.body_frame(), body.body_frame(), axis))
+        spring = plant.AddJointActuator(name, joint)
+        spring.set_controller_gains(PdControllerGains(p=scenario.rig.mount_stiffness, d=scenario.rig.mount_damping))
+        parent = body
+    return parent
+
+
+def add_hydroelastic_plant(builder: DiagramBuilder, scenario: Scenario) -> tuple[MultibodyPlant, SceneGraph]:
+    """An empty plant with the scenario's contact model, and its scene graph."""
+    # Strict hydroelastic contact: the default falls back to point contact, in which the bore is its convex hull.
+    config = MultibodyPlantConfig(
+        time_step=scenario.contact.time_step,
+        contact_model="hydroelastic",
+        discrete_contact_approximation=scenario.contact.approximation,
+    )
+    plant, scene_graph = AddMultibodyPlant(config, builder)
+    return plant, scene_graph
+
+
+def _cylinder_inertia(density: float, radius: float, bottom: float, top: float) -> SpatialInertia:
+    """Of a solid cylinder along z, about the body's origin."""
+    length = top - bottom
+    mass = density * math.pi * radius**2 * length
+    centre = np.array([0.0, 0.0, 0.5 * (bottom + top)])
+    central = SpatialInertia(mass, np.zeros(3), UnitInertia.SolidCylinder(radius, length, [0, 0, 1]))
+    return central.Shift(-centre)
+
+
+def _block_inertia(g: Geometry) -> SpatialInertia:
+    return _cylinder_inertia(ALUMINIUM, g.block_radius, -g.hole_depth - g.floor, 0.0)
+
+
+def finish_contact_plant(
+    plant: MultibodyPlant, scene_graph: SceneGraph, scenario: Scenario, peg: RigidBody, block: RigidBody
+) -> ContactPlant:
+    """Gives peg and block their shapes, and finalises the plant."""
+    g, contact = scenario.geometry, scenario.contact
+    friction = CoulombFriction(contact.friction, contact.friction)
+
+    rigid = ProximityProperties()
+    AddRigidHydroelasticProperties(rigid)
+    AddContactMaterial(friction=friction, properties=rigid)
+    plant.RegisterCollisionGeometry(block, RigidTransform(), _bore_mesh(g, None), "bore", rigid)
+
+    compliant = ProximityProperties()
+    # Drake cuts a cylinder into ceil(2 pi r / hint) facets; the factor guards against rounding up to one more.
+    hint = 2.0 * math.pi * g.peg_radius / g.facets * (1.0 + 1e-6)
+    AddCompliantHydroelasticProperties(resolution_hint=hint, hydroelastic_modulus=contact.modulus, properties=compliant)
+    AddContactMaterial(dissipation=contact.dissipation, friction=friction, properties=compliant)
+    X_PC = RigidTransform([0.0, 0.0, 0.5 * g.peg_length])
+    shape = Cylinder(g.peg_radius, g.peg_length)
+    plant.RegisterCollisionGeometry(peg, X_PC, shape, "peg", compliant)
+
+    plant.RegisterVisualGeometry(peg, X_PC, shape, "peg_picture", PEG_COLOUR)
+    kept = (round(KEPT[0] * g.facets), round(KEPT[1] * g.facets))
+    plant.RegisterVisualGeometry(block, RigidTransform(), _bore_mesh(g, kept), "block_picture", BLOCK_COLOUR)
+    plant.Finalize()
+    return ContactPlant(plant, scene_graph, peg, block)
+
+
+def _bore_mesh(g: Geometry, sector: tuple[int, int] | None) -> Mesh:
+    mesh = make_bore(
+        radius=g.hole_radius,
+        depth=g.hole_depth,
+        chamfer=g.chamfer,
+        facets=g.facets,
+        block_radius=g.block_radius,
+        floor=g.floor,
+        sector=sector,
+    )
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(mesh.to_obj(), ".obj", "bore.obj")))

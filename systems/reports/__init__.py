@@ -1,0 +1,1 @@
+"""Reports for a person: replay pages, batch pages and terminal output. Never imports Drake."""

@@ -1,0 +1,98 @@
+"""One demonstration: build the virtual environment, simulate it, judge and return what was recorded."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, EventStatus
+
+from models.contact_geometry import axes_of_rotation_vectors
+from models.scenario import Scenario, dump_scenario
+from skill.data.demonstration import Demonstration
+from systems.plant.contact_plant import ABSURD_FORCE
+from systems.recording.demonstration_recorder import DemonstrationRecorder
+from systems.runs.jamming import is_jammed
+from systems.runs.penetration import deepest_overlap
+from systems.runs.provenance import versions
+from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment
+
+DIVERGED = "diverged"
+
+
+class DemonstrationRun:
+    """A demonstration under way: simulated piece by piece, and judged when it is over.
+
+    Args:
+        scenario: resolved.
+        environment: built from it; by default with the simulated operator and no picture.
+    """
+
+    def __init__(self, scenario: Scenario, environment: VirtualEnvironment | None = None) -> None:
+        self._scenario = scenario
+        self._environment = environment if environment is not None else MakeVirtualEnvironment(scenario)
+        self.simulator = Simulator(self._environment.diagram)
+        self._environment.set_start(self.simulator.get_mutable_context())
+        self.simulator.set_monitor(self._monitor)
+        self.simulator.Initialize()
+
+    def _monitor(self, context: Context) -> EventStatus:
+        height = self._environment.peg_pose(context).translation()[2]
+        diagram = self._environment.diagram
+        if not np.isfinite(height):
+            return EventStatus.ReachedTermination(diagram, DIVERGED)
+        if -height >= self._scenario.full_depth:
+            return EventStatus.ReachedTermination(diagram, "inserted")
+        if height > 2.0 * self._scenario.start.height:
+            return EventStatus.ReachedTermination(diagram, "given up")
+        return EventStatus.DidNothing()
+
+    def advance(self, time: float) -> str | None:
+        """Simulates until ``time`` (s) or the end; returns what ended it, or None."""
+        try:
+            status = self.simulator.AdvanceTo(min(time, self._scenario.recorder.time_limit))
+        except RuntimeError as error:  # Drake's solver gave up
+            return f"{DIVERGED}: {str(error).splitlines()[0][:120]}"
+        if status.system() is not None:
+            return str(status.message())
+        return "time over" if time >= self._scenario.recorder.time_limit else None
+
+    def demonstration(self, outcome: str, *, good: bool | None = None, **metadata: Any) -> Demonstration:
+        """What was recorded, with its outcome; a given ``good`` is the person's own judgement."""
+        scenario, context = self._scenario, self.simulator.get_context()
+        samples = DemonstrationRecorder.samples(self._environment.log, context)
+        samples = samples[np.isfinite(samples.to_numpy()).all(axis=1)]  # what came before a divergence
+        contact = samples[["fx", "fy", "fz"]].to_numpy()
+        force = float(np.linalg.norm(contact, axis=1).max())
+        if force > ABSURD_FORCE:
+            outcome, good = f"{DIVERGED}: a contact force of {force:.3g} N", False
+        if outcome == "time over" and is_jammed(samples["time"].to_numpy(), -samples["z"].to_numpy(), contact):
+            outcome = "jammed"
+        if outcome == "inserted" and force > scenario.recorder.rough_force:
+            outcome = "inserted roughly"
+        axis_H = axes_of_rotation_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
+        overlap = deepest_overlap(scenario.geometry, samples[["x", "y", "z"]].to_numpy(), axis_H)
+        return Demonstration(
+            samples=samples,
+            good=outcome == "inserted" if good is None else good,
+            outcome=outcome,
+            metadata={
+                "seed": scenario.seed,
+                "habit": scenario.operator.habit,
+                "lowest_probe_energy_J": float(self._environment.energy_log.FindLog(context).data()[1].min()),
+                "penetration_um": round(1e6 * overlap, 1),
+                "geometry": asdict(scenario.geometry),
+                "scenario": dump_scenario(scenario),
+                "versions": versions(),
+                **metadata,
+            },
+        )
+
+
+def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Demonstration:
+    """Simulates a resolved scenario until the peg is in, the operator gives up, or the time is over."""
+    run = DemonstrationRun(scenario, MakeVirtualEnvironment(scenario, meshcat=meshcat))
+    return run.demonstration(run.advance(scenario.recorder.time_limit) or "time over")

@@ -1,0 +1,1 @@
+"""What Meshcat shows while a diagram runs."""

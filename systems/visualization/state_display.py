@@ -1,0 +1,169 @@
+"""Shows the estimated contact state in Meshcat: the peg in its colour, and its name beside it."""
+
+from __future__ import annotations
+
+import base64
+import io
+import json
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from pydrake.common import MemoryFile
+from pydrake.geometry import Cylinder, InMemoryMesh, Mesh, Meshcat, Rgba
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import Context, EventStatus, LeafSystem
+
+from models.scenario import Geometry
+from skill.states.state_style import state_colours
+
+PATH = "contact_state"
+COVER = 1.002  # size of the coloured peg over that of the drawn one, which it hides
+LABEL_HEIGHT = 0.0055  # in units of m
+LETTER_PIXELS = 44
+DOTS = 100.0  # an inch, of the picture of a name
+
+
+class StateDisplay(LeafSystem):
+    """
+    .. pydrake_system::
+
+        name: StateDisplay
+        input_ports:
+        - state
+        - carriage_state
+
+    Publishes into Meshcat, every ``period``, which contact state the estimator believes in: of the coloured pegs and
+    of the name plates, one each a state, the one of that state is visible. (A colour that changes is not replayed by a
+    recording; what is visible is.) The pegs follow the carriage, whose position less ``home`` is the height of the tip
+    above the mouth; the mount's give is not seen at this scale.
+    """
+
+    def __init__(
+        self,
+        *,
+        meshcat: Meshcat,
+        names: Sequence[str],
+        geometry: Geometry,
+        home: float,
+        period: float,
+        X_WL: RigidTransform,
+    ) -> None:
+        """Draws pegs and plates.
+
+        Args:
+            meshcat: where.
+            names: of the states.
+            geometry: of the peg.
+            home: position of the carriage with the tip level with the mouth, m.
+            period: s.
+            X_WL: pose of the plates' upper left corners; they lie in x and z of L and are read along -y.
+        """
+        super().__init__()
+        self._meshcat = meshcat
+        self._home = home
+        self._n_states = len(names)
+        self._state = self.DeclareVectorInputPort("state", 1)
+        self._carriage = self.DeclareVectorInputPort("carriage_state", 2)
+        peg = Cylinder(COVER * geometry.peg_radius, COVER * geometry.peg_length)
+        X_TipCentre = RigidTransform([0.0, 0.0, 0.5 * geometry.peg_length])
+        for k, (name, colour) in enumerate(zip(names, state_colours(len(names)), strict=True)):
+            red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+            meshcat.SetObject(f"{PATH}/peg/{k}", peg, Rgba(red, green, blue, 1.0))
+            meshcat.SetTransform(f"{PATH}/peg/{k}", X_TipCentre)
+            meshcat.SetObject(f"{PATH}/name/{k}", name_plate(name, colour, LABEL_HEIGHT))
+        meshcat.SetTransform(f"{PATH}/name", X_WL)
+        self.DeclarePeriodicPublishEvent(period, 0.0, self._publish)
+
+    def _publish(self, context: Context) -> EventStatus:
+        time = context.get_time()
+        state = round(float(self._state.Eval(context)[0]))
+        height = float(self._carriage.Eval(context)[0]) - self._home
+        self._meshcat.SetTransform(f"{PATH}/peg", RigidTransform([0.0, 0.0, height]), time)
+        for kind in ("peg", "name"):
+            for k in range(self._n_states):
+                self._meshcat.SetProperty(f"{PATH}/{kind}/{k}", "visible", k == state, time)
+        return EventStatus.Succeeded()
+
+
+def plate_pose(camera: NDArray[np.float64], target: NDArray[np.float64]) -> RigidTransform:
+    """X_WL of plates that face the camera (m, in W), to the lower left of what it looks at."""
+    towards = (camera - target) / np.linalg.norm(camera - target)
+    right = np.cross([0.0, 0.0, 1.0], towards)
+    right /= np.linalg.norm(right)
+    up = np.cross(towards, right)
+    R_WL = RotationMatrix(np.column_stack([right, -towards, up]))
+    return RigidTransform(R_WL, target + 0.25 * (camera - target) - 0.050 * right - 0.028 * up)
+
+
+def name_plate(name: str, colour: str, height: float) -> Mesh:
+    """A plate of one line of text with a patch of colour before it, its upper left corner at the origin.
+
+    It lies in the x-z plane and is read along +y. It is a glTF mesh that carries its own picture.
+
+    Args:
+        name: the text.
+        colour: hexadecimal.
+        height: of the plate, m.
+    """
+    picture, aspect = _text_picture(name, colour)
+    width = height * aspect
+    # A glTF has y upwards, which Drake turns into z.
+    corners = np.array([[0, -height, 0], [width, -height, 0], [width, 0, 0], [0, 0, 0]], dtype="<f4")
+    places = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], dtype="<f4")
+    triangles = np.array([0, 1, 2, 0, 2, 3], dtype="<u2")
+    parts = [corners.tobytes(), places.tobytes(), triangles.tobytes()]
+    offsets = np.cumsum([0, *map(len, parts)])
+    gltf = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
+        "materials": [
+            {
+                "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}},
+                "doubleSided": True,
+                "extensions": {"KHR_materials_unlit": {}},
+            }
+        ],
+        "extensionsUsed": ["KHR_materials_unlit"],
+        "textures": [{"source": 0}],
+        "images": [{"uri": _data_uri(picture, "image/png")}],
+        "buffers": [{"uri": _data_uri(b"".join(parts), "application/octet-stream"), "byteLength": int(offsets[-1])}],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": int(start), "byteLength": len(part)}
+            for start, part in zip(offsets, parts, strict=False)
+        ],
+        "accessors": [
+            {
+                **{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+                **{"min": corners.min(axis=0).tolist(), "max": corners.max(axis=0).tolist()},
+            },
+            {"bufferView": 1, "componentType": 5126, "count": 4, "type": "VEC2"},
+            {"bufferView": 2, "componentType": 5123, "count": 6, "type": "SCALAR"},
+        ],
+    }
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(json.dumps(gltf), ".gltf", f"plate '{name}'")))
+
+
+def _data_uri(data: bytes, kind: str) -> str:
+    return f"data:{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _text_picture(text: str, colour: str) -> tuple[bytes, float]:
+    """A PNG of the text, and its width over its height."""
+    figure = Figure(figsize=(1.0, 1.0), dpi=DOTS, facecolor="white")
+    canvas = FigureCanvasAgg(figure)
+    pixels, points = LETTER_PIXELS, 72.0 * LETTER_PIXELS / DOTS
+    patch = figure.text(0.0, 0.5, "\N{BLACK SQUARE}", color=colour, fontsize=points, va="center")
+    words = figure.text(0.0, 0.5, text, color="#1D2329", fontsize=points, va="center_baseline")
+    width, height = words.get_window_extent(canvas.get_renderer()).width + 2.2 * pixels, 1.7 * pixels
+    figure.set_size_inches(width / DOTS, height / DOTS)
+    patch.set_x(0.5 * pixels / width)
+    words.set_x(1.6 * pixels / width)
+    stream = io.BytesIO()
+    figure.savefig(stream, format="png")
+    return stream.getvalue(), width / height

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
+
+from benchmarks.learners.gaussian_mixture_regression import gmr_moments, gmr_predict
+
+
+def mixture(seed=0, M=3, d=4):
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(M, d, d))
+    return rng.normal(size=(M, d)) * 2, A @ A.transpose(0, 2, 1) + 0.2 * np.eye(d), rng.dirichlet(np.ones(M))
+
+
+def test_one_gaussian_is_linear_regression():
+    means, covariances, _ = mixture(M=1)
+    X = np.random.default_rng(1).normal(size=(10, 2))
+    gain = covariances[0][np.ix_([3, 1], [0, 2])] @ np.linalg.inv(covariances[0][np.ix_([0, 2], [0, 2])])
+    expected = means[0, [3, 1]] + (X - means[0, [0, 2]]) @ gain.T
+    np.testing.assert_allclose(gmr_predict(means, covariances, [1.0], X, [0, 2], [3, 1]), expected)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 1000))
+def test_the_moments_are_those_of_the_conditional_density(seed):
+    means, covariances, weights = mixture(seed, d=2)
+    x = means[0, 0] + 0.3
+    grid = np.linspace(means[:, 1].min() - 40, means[:, 1].max() + 40, 40001)
+    points = np.column_stack([np.full_like(grid, x), grid])
+    density = sum(
+        w * multivariate_normal(m, C).pdf(points) for m, C, w in zip(means, covariances, weights, strict=True)
+    )
+    density /= density.sum()
+    mean, variance = gmr_moments(means, covariances, weights, [[x]], [0], [1])
+    np.testing.assert_allclose(mean[0, 0], density @ grid, atol=1e-6)
+    np.testing.assert_allclose(variance[0, 0], density @ (grid - mean[0, 0]) ** 2, rtol=1e-4)
+
+
+def test_a_far_query_is_finite_and_follows_one_component():
+    means, covariances, weights = mixture()
+    for far in (1e3, 1e6, 1e9, 1e200):
+        assert np.isfinite(gmr_predict(means, covariances, weights, [[far, -far]], [0, 1], [2, 3])).all()
+
+
+def test_a_component_of_weight_zero_takes_no_part():
+    means, covariances, weights = mixture()
+    X = np.zeros((3, 2))
+    two = gmr_predict(means[:2], covariances[:2], weights[:2], X, [0, 1], [2, 3])
+    weights = np.append(weights[:2], 0.0)
+    np.testing.assert_allclose(gmr_predict(means, covariances, weights, X, [0, 1], [2, 3]), two)
+
+
+@pytest.mark.parametrize(
+    ("change", "remedy"),
+    [
+        ({"X": np.zeros((2, 3))}, "one column an input"),
+        ({"X": np.full((2, 2), np.nan)}, "drop these rows"),
+        ({"output_channels": [1]}, "distinct"),
+        ({"output_channels": [4]}, "from 0 to 3"),
+        ({"weights": np.zeros(3)}, "not all zero"),
+        ({"weights": np.ones(2)}, "expected \\(M, d\\)"),
+        ({"covariances": np.zeros((3, 4, 4))}, "greater covariance floor"),
+    ],
+)
+def test_bad_arguments_raise(change, remedy):
+    means, covariances, weights = mixture()
+    good = {"means": means, "covariances": covariances, "weights": weights, "X": np.zeros((2, 2))}
+    with pytest.raises(ValueError, match=remedy):
+        gmr_predict(**(good | {"input_channels": [0, 1], "output_channels": [2]} | change))

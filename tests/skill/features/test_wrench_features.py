@@ -1,0 +1,236 @@
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+from sklearn.base import clone
+from sklearn.utils.estimator_checks import check_estimator
+
+from skill.data.demonstration import CHANNELS
+from skill.features.contact_features import ContactFeatures
+from skill.features.wrench_features import MEASURED, CanonicalFeatures, NormalisedFeatures, RawFeatures
+
+ALL = [RawFeatures, NormalisedFeatures, CanonicalFeatures, ContactFeatures]
+
+angles = st.floats(-20.0, 20.0)
+forces = arrays(float, 3, elements=st.floats(-50.0, 50.0))
+moments = arrays(float, 3, elements=st.floats(-2.0, 2.0))
+actions = arrays(float, (1, 3), elements=st.floats(-0.01, 0.01))
+
+
+def measurement(force, moment, z=-0.01):
+    return np.concatenate([force, moment, [z]])[None]
+
+
+def turned_about_z(measured, angle):
+    R = Rotation.from_euler("z", angle)
+    wrench = measured[:, :6].reshape(-1, 3)
+    return np.hstack([R.apply(wrench).reshape(-1, 6), measured[:, 6:]])
+
+
+def random_measurements(n=200, seed=0):
+    rng = np.random.default_rng(seed)
+    scale = [20, 20, 20, 0.3, 0.3, 0.3, 0.01]
+    return rng.normal(size=(n, 7)) * scale
+
+
+def random_demonstration(n=40, seed=0):
+    rng = np.random.default_rng(seed)
+    frame = pd.DataFrame(random_measurements(n, seed), columns=list(MEASURED))
+    frame["x"], frame["y"] = rng.normal(size=(2, n)) * 1e-3
+    axis = rng.normal(size=(n, 3))
+    frame[["ax", "ay", "az"]] = axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    frame["angle"], frame["dangle"] = rng.uniform(0, 0.06, n), rng.uniform(0, 3e-3, n)
+    return frame[list(CHANNELS)]
+
+
+@given(forces, moments, angles, angles, st.floats(0.5, 50.0))
+def test_canonical_features_do_not_see_a_turn_about_the_axis(force, moment, angle, direction, lateral):
+    force[:2] = lateral * np.cos(direction), lateral * np.sin(direction)
+    X = measurement(force, moment)
+    dut = CanonicalFeatures()
+    np.testing.assert_allclose(dut.transform(turned_about_z(X, angle)), dut.transform(X), atol=1e-10)
+
+
+@given(forces, moments, angles, angles, st.floats(0.5, 50.0), actions)
+def test_an_action_of_the_canonical_frame_turns_with_the_wrench(force, moment, angle, direction, lateral, action):
+    force[:2] = lateral * np.cos(direction), lateral * np.sin(direction)
+    X = measurement(force, moment)
+    dut = CanonicalFeatures()
+    turned = dut.actions_from_frame(turned_about_z(X, angle), action)
+    expected = Rotation.from_euler("z", angle).apply(dut.actions_from_frame(X, action))
+    np.testing.assert_allclose(turned, expected, atol=1e-12)
+
+
+def test_below_the_floor_features_and_actions_turn_too():
+    rng = np.random.default_rng(0)
+    X = random_measurements(500)
+    X[:, :2] *= 0.2 / np.hypot(X[:, 0], X[:, 1])[:, None]
+    A = rng.normal(size=(500, 3))
+    dut = CanonicalFeatures(force_floor=0.5)
+    for angle in rng.uniform(-np.pi, np.pi, 5):
+        turned = turned_about_z(X, angle)
+        np.testing.assert_allclose(dut.transform(turned), dut.transform(X), atol=1e-10)
+        expected = Rotation.from_euler("z", angle).apply(dut.actions_from_frame(X, A))
+        np.testing.assert_allclose(dut.actions_from_frame(turned, A), expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("features", ALL)
+def test_actions_come_back_from_the_frame(features):
+    X = random_measurements()
+    A = np.random.default_rng(1).normal(size=(len(X), 3))
+    dut = features()
+    np.testing.assert_allclose(dut.actions_from_frame(X, dut.actions_to_frame(X, A)), A, atol=1e-15)
+    np.testing.assert_array_equal(dut.actions_to_frame(X, A)[:, 2], A[:, 2])
+
+
+def test_the_canonical_lateral_force_points_along_x():
+    X = random_measurements()
+    dut = CanonicalFeatures()
+    above = np.hypot(X[:, 0], X[:, 1]) > dut.force_floor
+    np.testing.assert_allclose(dut.rotation_angle(X)[above], np.arctan2(X[:, 1], X[:, 0])[above], atol=1e-15)
+    s = np.linalg.norm(np.hstack([X[:, :3], X[:, 3:6] / dut.peg_radius]), axis=1)
+    lateral = np.hypot(X[:, 0], X[:, 1]) / np.hypot(s, dut.force_floor)
+    np.testing.assert_allclose(dut.transform(X)[above, 0], lateral[above], atol=1e-14)
+
+
+@given(
+    size=st.floats(5.0, 100.0), friction=st.floats(0.0, 0.5), angle=st.floats(-3.0, 3.0), depth=st.floats(0.001, 0.02)
+)
+def test_the_canonical_moment_tells_a_contact_of_the_tip_from_one_of_the_mouth(size, friction, angle, depth):
+    """A wall pushes the peg towards `angle`, at the tip's rim or at the mouth, `depth` above the tip."""
+    dut = CanonicalFeatures()
+    outward = np.array([np.cos(angle), np.sin(angle), 0.0])
+    force = size * np.array([np.cos(angle), np.sin(angle), friction])
+    for height in (0.0, depth):
+        moment = np.cross([0.0, 0.0, height] - dut.peg_radius * outward, force)
+        features = dut.transform(np.array([[*force, *moment, -depth]]))[0]
+        names = list(dut.get_feature_names_out())
+        scale = np.hypot(np.linalg.norm([*force, *(moment / dut.peg_radius)]), dut.force_floor)
+        assert features[names.index("my")] == pytest.approx(height * size / dut.peg_radius / scale, abs=1e-12)
+        assert features[names.index("mx")] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_pure_couple_has_a_frame_and_the_way_there_is_continuous():
+    dut = CanonicalFeatures(force_floor=0.5)
+    moment = np.array([0.0, 0.4, 0.0])  # of a force along +x at the mouth
+    couple = measurement([0.0, 0.0, -5.0], moment)
+    np.testing.assert_allclose(dut.rotation_angle(couple), 0.0)
+    forces_across_the_floor = np.linspace(0.0, 1.0, 4001)
+    X = np.vstack([measurement([0.3 * f, f, -5.0], moment) for f in forces_across_the_floor])
+    assert np.abs(np.diff(dut.transform(X), axis=0)).max() < 5e-3
+
+
+@given(forces, moments, st.floats(1.0, 100.0))
+def test_the_direction_does_not_see_the_force_scale_far_above_the_floor(force, moment, factor):
+    force = force + np.array([0.0, 0.0, -200.0])
+    dut = NormalisedFeatures(force_floor=1e-3)
+    one = dut.transform(measurement(force, moment))
+    many = dut.transform(measurement(factor * force, factor * moment))
+    np.testing.assert_allclose(many[:, :7], one[:, :7], atol=1e-9)
+    assert many[0, 7] >= one[0, 7]
+
+
+def test_noise_in_free_motion_stays_small():
+    rng = np.random.default_rng(0)
+    noise = np.hstack([rng.normal(size=(500, 3)) * 0.01, rng.normal(size=(500, 3)) * 1e-4, np.zeros((500, 1))])
+    for dut in (NormalisedFeatures(force_floor=0.5), CanonicalFeatures(force_floor=0.5)):
+        assert np.abs(dut.transform(noise)).max() < 0.15
+
+
+@pytest.mark.parametrize("features", ALL)
+def test_features_have_order_one(features):
+    spread = features().transform(random_measurements(2000)).std(axis=0)
+    assert np.all((spread > 0.05) & (spread < 5.0))
+
+
+@pytest.mark.parametrize("features", ALL)
+def test_a_demonstration_has_the_measured_features_first_and_hidden_ones_behind(features):
+    samples, dut = random_demonstration(), features()
+    both = dut.transform_demonstration(samples)
+    k = len(dut.get_feature_names_out())
+    assert both.shape == (len(samples), k + len(dut.hidden_names()))
+    np.testing.assert_array_equal(both[:, :k], dut.transform(samples[list(MEASURED)].to_numpy()))
+    np.testing.assert_array_equal(both[:, :k], dut.transform(samples))
+
+
+@given(angles)
+def test_hidden_canonical_features_do_not_see_a_turn_of_the_whole_scene(angle):
+    samples = random_demonstration()
+    R = Rotation.from_euler("z", angle)
+    turned = samples.copy()
+    for names in (["fx", "fy", "fz"], ["mx", "my", "mz"], ["x", "y", "z"], ["ax", "ay", "az"]):
+        turned[names] = R.apply(samples[names].to_numpy(copy=True))
+    dut = CanonicalFeatures()
+    np.testing.assert_allclose(dut.transform_demonstration(turned), dut.transform_demonstration(samples), atol=1e-9)
+
+
+def test_the_rotation_vector_is_continuous_through_angle_zero():
+    samples = random_demonstration(2)
+    samples[["ax", "ay", "az"]] = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    samples["angle"] = [1e-12, 0.0]
+    tilt = RawFeatures().transform_demonstration(samples)[:, 9:12]
+    np.testing.assert_allclose(tilt[0], tilt[1], atol=1e-9)
+
+
+@pytest.mark.parametrize("features", ALL)
+@pytest.mark.parametrize(
+    ("X", "remedy"),
+    [
+        (np.zeros(7), "reshape"),
+        (np.zeros((3, 6)), "expected \\(n, 7\\)"),
+        (np.full((2, 7), np.nan), "drop or repair"),
+        (np.full((2, 7), np.inf), "drop or repair"),
+        (pd.DataFrame(np.zeros((2, 2)), columns=["fx", "fy"]), "lack the columns"),
+    ],
+)
+def test_bad_measurements_raise_errors_that_name_the_remedy(features, X, remedy):
+    with pytest.raises(ValueError, match=remedy):
+        features().transform(X)
+    with pytest.raises(ValueError, match=remedy):
+        features().fit(X)
+
+
+@pytest.mark.parametrize("features", ALL)
+def test_bad_actions_and_parameters_raise(features):
+    X = random_measurements(4)
+    with pytest.raises(ValueError, match="one row \\(omega_x"):
+        features().actions_to_frame(X, np.zeros((3, 3)))
+    with pytest.raises(ValueError, match="peg_radius"):
+        features(peg_radius=-1.0).fit(X)
+
+
+@pytest.mark.parametrize("features", ALL)
+def test_scikit_learn_manners(features):
+    X = random_measurements(10)
+    dut = clone(features(peg_radius=0.02)).fit(X)
+    assert dut.get_params()["peg_radius"] == 0.02
+    before = X.copy()
+    as_frame = dut.set_output(transform="pandas").transform(X)
+    assert list(as_frame.columns) == list(dut.get_feature_names_out())
+    np.testing.assert_array_equal(X, before)
+    np.testing.assert_array_equal(features(peg_radius=0.02).fit_transform(X), as_frame.to_numpy())
+    assert dut.transform(X[:0]).shape == (0, as_frame.shape[1])
+
+
+@pytest.mark.parametrize("features", ALL)
+def test_scikit_learn_checks_fail_only_for_their_number_of_columns(features):
+    results = check_estimator(features(), on_fail=None)
+    others = [r for r in results if r["status"] == "failed" and "expected (n, 7)" not in chain(r["exception"])]
+    assert not others, [(r["check_name"], r["exception"]) for r in others]
+    assert sum(r["status"] == "passed" for r in results) >= 10
+
+
+def chain(error):
+    """Messages of an exception and of those that led to it."""
+    return "" if error is None else f"{error} {chain(error.__cause__ or error.__context__)}"
+
+
+def test_depth_counts_in_proportions_and_heights_above_the_floor_are_one():
+    dut = NormalisedFeatures(depth_floor=1e-3)
+    column = list(dut.get_feature_names_out()).index("z")
+    z = np.array([0.02, 0.005, 0.001, 0.0, -0.001, -0.003, -0.007, -0.015])
+    found = dut.transform(np.column_stack([np.zeros((len(z), 6)), z]))[:, column]
+    np.testing.assert_allclose(found, np.log(2.0) * np.array([1, 1, 1, 0, -1, -2, -3, -4]), atol=1e-12)

@@ -1,0 +1,124 @@
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skill.data.demonstration import CHANNELS
+from skill.figures.paper_figures import plot_demonstration, plot_outcomes, plot_run, save_figure
+from skill.states.state_style import PALETTE, state_colours, state_labels
+from tests.trajectories import STATE_NAMES, make_demonstration, make_rig_run
+
+
+def outcomes(inserted: list[bool]) -> pd.DataFrame:
+    n = len(inserted)
+    return pd.DataFrame(
+        {
+            "inserted": inserted,
+            "time_s": np.arange(1.0, n + 1),
+            "peak_axial_n": np.arange(1.0, n + 1) * 10,
+            "peak_lateral_n": np.arange(1.0, n + 1) * 20,
+        }
+    )
+
+
+def test_every_channel_of_a_demonstration_is_drawn_in_its_unit():
+    demonstration = make_demonstration()
+    figure = plot_demonstration(demonstration)
+    drawn = [line.get_ydata() for axes in figure.axes for line in axes.lines if len(line.get_ydata())]
+    factors = dict.fromkeys(("x", "y", "z", "mx", "my", "mz"), 1000.0) | {c: np.degrees(1) for c in ("angle", "dangle")}
+    for channel in CHANNELS:
+        expected = factors.get(channel, 1.0) * demonstration.samples[channel].to_numpy()
+        assert any(np.allclose(expected, values) for values in drawn), channel
+    assert len(drawn) == len(CHANNELS) == 14
+
+
+def test_series_of_a_run_are_normalised_and_stacked():
+    run = make_rig_run()
+    series = plot_run(run).axes[0]
+    curves = [line.get_ydata() for line in series.lines if len(line.get_ydata()) == len(run.samples)]
+    assert len(curves) == 6
+    for height, curve, column in zip(series.get_yticks(), curves, ("fx", "fy", "fz", "mx", "my"), strict=False):
+        values = run.samples[column].to_numpy()
+        np.testing.assert_allclose(curve - height, values / np.abs(values).max(), atol=1e-12)
+    assert [t.get_text() for t in series.get_yticklabels()] == ["$f_x$", "$f_y$", "$f_z$", "$M_x$", "$M_y$", "$z$"]
+
+
+def test_bands_of_a_run_are_its_states():
+    run = make_rig_run()
+    figure = plot_run(run)
+    bands = [p for p in figure.axes[0].patches if p.get_width() > 0]
+    turns = 1 + int(np.count_nonzero(np.diff(run.samples["state"])))
+    assert len(bands) == turns
+    assert sum(p.get_width() for p in bands) == pytest.approx(run.samples["time"].iloc[-1])
+    texts = [t.get_text() for t in figure.legends[0].get_texts()]
+    assert texts == STATE_NAMES
+    assert [t.get_text() for t in plot_run(run, ["a", "b", "c", "d"]).legends[0].get_texts()] == ["a", "b", "c", "d"]
+
+
+def test_steps_and_the_guard_of_a_run_are_drawn():
+    run = make_rig_run()
+    steps = plot_run(run).axes[1]
+    yaw = next(line for line in steps.lines if line.get_label() == "yaw")
+    np.testing.assert_allclose(yaw.get_ydata(), np.degrees(run.samples["target_yaw"]))
+    assert "force guard" in [t.get_text() for t in steps.get_legend().get_texts()]
+    guarded = run.samples.loc[run.samples["guard"] > 0, "time"]
+    dark = [p for p in steps.patches if p.get_height() < 0.5]
+    assert [p.get_x() for p in dark] == [guarded.iloc[0]]
+
+
+def test_too_few_state_names_are_refused():
+    with pytest.raises(ValueError, match=r"1 state names \['free'\], expected one for each of 4 states"):
+        plot_run(make_rig_run(), ["free"])
+
+
+def test_medians_are_those_of_the_inserted():
+    figure = plot_outcomes(outcomes([True, True, True, False]))
+    assert [axes.texts[0].get_text() for axes in figure.axes] == ["2", "20", "40"]
+    assert [t.get_text() for t in figure.legends[0].get_texts()][:2] == ["inserted: 3", "not inserted: 1"]
+
+
+def test_outcomes_need_no_success_but_a_trial():
+    assert len(plot_outcomes(outcomes([False, False])).axes) == 3
+    with pytest.raises(ValueError, match="0 trials"):
+        plot_outcomes(outcomes([]))
+    with pytest.raises(ValueError, match="time_s"):
+        plot_outcomes(outcomes([True]).drop(columns="time_s"))
+
+
+@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
+def test_a_figure_is_written_whole(tmp_path, suffix):
+    path = tmp_path / f"figure.{suffix}"
+    save_figure(plot_outcomes(outcomes([True, False])), path, resolution=60)
+    assert path.stat().st_size > 3000
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_an_unknown_format_is_named_and_nothing_written(tmp_path):
+    with pytest.raises(ValueError, match=r"figure\.xyz"):
+        save_figure(plot_outcomes(outcomes([True])), tmp_path / "figure.xyz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_figures_leave_matplotlibs_global_state_alone():
+    script = (
+        "import sys; from tests.trajectories import *; from skill.figures.paper_figures import *; "
+        "plot_demonstration(make_demonstration()); plot_run(make_rig_run()); "
+        "assert 'matplotlib.pyplot' not in sys.modules; assert 'pydrake' not in sys.modules"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=Path(__file__).parents[3], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_states_keep_their_colour_and_are_told_apart():
+    assert state_colours(3) == list(PALETTE[:3])
+    many = state_colours(2 * len(PALETTE) + 3)
+    assert len(set(many)) == len(many)
+    with pytest.raises(ValueError, match="28 states"):
+        state_colours(3 * len(PALETTE) + 1)
+    assert state_labels(2) == ["state 0", "state 1"]
+    assert state_labels(1, ["free", "pressed"]) == ["free", "pressed"]

@@ -1,0 +1,173 @@
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+
+from skill.figures.state_graph_figure import draw_state_graph
+from skill.states.state_graph import StateGraph
+
+matplotlib.use("Agg")
+
+SEQUENCES = [[0, 0, 1, 1, 1, 2], [0, 1, 0, 1, 2, 2], [0, 0, 0, 3], [0, 1, 3, 3, 3, 3]]
+OUTCOMES = ["inserted", "inserted", "jammed", "inserted"]
+
+
+def example():
+    return StateGraph(sample_period=0.1).fit(SEQUENCES, OUTCOMES)
+
+
+def test_counts_by_hand():
+    dut = example()
+    np.testing.assert_array_equal(dut.counts_, [[0, 4, 0, 1], [1, 0, 2, 1], [0, 0, 0, 0], [0, 0, 0, 0]])
+    assert list(dut.outcomes_) == ["inserted", "jammed"]
+    np.testing.assert_array_equal(dut.exits_, [[0, 0], [0, 0], [2, 0], [1, 1]])
+    np.testing.assert_array_equal(dut.visits_, [5, 4, 2, 2])
+    np.testing.assert_allclose(dut.dwell_mean_, [8 / 5, 6 / 4, 3 / 2, 5 / 2])
+    np.testing.assert_allclose(dut.dwell_std_[2:], [0.5, 1.5])
+    assert dut.sample_counts_.sum() == sum(len(s) - 1 for s in SEQUENCES)
+
+
+def test_the_probability_of_success_by_hand():
+    # b3 = 1/2; b2 = 1; b1 = 1/4 b0 + 1/2 + 1/8; b0 = 4/5 b1 + 1/5 1/2
+    dut = example()
+    b0 = (0.8 * 0.625 + 0.1) / (1 - 0.2)
+    np.testing.assert_allclose(dut.reach_, [b0, 0.25 * b0 + 0.625, 1.0, 0.5])
+
+
+def test_the_chain_agrees_with_its_own_simulation():
+    dut = example()
+    rng = np.random.default_rng(0)
+    successes = 0
+    for _ in range(4000):
+        state = 0
+        while state < 4:
+            state = rng.choice(6, p=dut.moves_[state])
+        successes += dut.outcomes_[state - 4] == "inserted"
+    assert successes / 4000 == pytest.approx(dut.reach_[0], abs=4 * 0.5 / np.sqrt(4000))
+
+
+def test_the_desired_next_state():
+    dut = example()
+    assert [dut.desired_next(k) for k in range(4)] == [1, 2, None, None]
+    hopeless = StateGraph().fit([[0, 1], [0, 2]], ["jammed", "inserted"])
+    assert [hopeless.desired_next(k) for k in range(3)] == [2, 1, None]
+
+
+def test_a_lucky_jump_does_not_outweigh_the_usual_way():
+    dut = StateGraph().fit([[0, 1, 2]] * 9 + [[0, 1]] + [[0, 2]], ["inserted"] * 9 + ["jammed", "inserted"])
+    assert dut.reach_[2] > dut.reach_[1]
+    assert dut.desired_next(0) == 1
+
+
+def test_transition_matrix():
+    dut = StateGraph(n_states=5).fit(SEQUENCES, OUTCOMES)
+    matrix = dut.transition_matrix()
+    np.testing.assert_allclose(matrix.sum(axis=1), 1.0)
+    assert (matrix > 0).all()
+    np.testing.assert_allclose(matrix[4], 0.2)
+    np.testing.assert_allclose(
+        dut.transition_matrix(1e-12)[0], dut.sample_counts_[0] / dut.sample_counts_[0].sum(), atol=1e-9
+    )
+
+
+def test_states_never_seen_are_told_apart():
+    dut = StateGraph(n_states=6).fit(SEQUENCES, OUTCOMES)
+    assert np.isnan(dut.reach_[4:]).all()
+    assert np.isnan(dut.dwell_mean_[4:]).all()
+    assert dut.desired_next(5) == 5
+    np.testing.assert_allclose(dut.reach_[:4], example().reach_)
+
+
+def test_the_table_is_printable():
+    table = str(example())
+    assert "P(inserted)" in table
+    assert len(table.splitlines()) == 6
+    assert example().to_frame().loc[2, "desired_next"] == "inserted"
+    assert "StateGraph" in str(StateGraph())
+
+
+def test_arrays_restore_the_graph(tmp_path):
+    dut = StateGraph(n_states=5).fit(SEQUENCES, OUTCOMES)
+    np.savez(tmp_path / "graph.npz", **dut.to_arrays())
+    with np.load(tmp_path / "graph.npz", allow_pickle=False) as arrays:
+        again = StateGraph.from_arrays(arrays)
+    np.testing.assert_array_equal(again.reach_, dut.reach_)
+    np.testing.assert_array_equal(again.transition_matrix(), dut.transition_matrix())
+    assert str(again) == str(dut)
+
+
+@settings(deadline=None)
+@given(
+    st.lists(
+        st.tuples(st.lists(st.integers(0, 5), min_size=1, max_size=30), st.sampled_from(["inserted", "jammed"])),
+        min_size=1,
+        max_size=8,
+    )
+)
+def test_probabilities_are_probabilities(demonstrations):
+    sequences, outcomes = zip(*demonstrations, strict=True)
+    dut = StateGraph(n_states=6).fit(sequences, outcomes)
+    seen = dut.visits_ > 0
+    assert np.all((dut.reach_[seen] >= 0) & (dut.reach_[seen] <= 1))
+    np.testing.assert_allclose(dut.moves_[seen].sum(axis=1), 1.0)
+    np.testing.assert_allclose(dut.transition_matrix().sum(axis=1), 1.0)
+    assert dut.exits_.sum() == len(sequences)
+    # The mean number of samples adds up to all samples.
+    assert np.nansum(dut.visits_ * dut.dwell_mean_) == pytest.approx(sum(map(len, sequences)))
+    conditional = dut.next_given_success_.sum(axis=1)
+    assert np.all(np.isclose(conditional, 1.0) | (conditional == 0.0))
+
+
+@pytest.mark.parametrize(
+    ("sequences", "outcomes", "remedy"),
+    [
+        ([], [], "at least one demonstration"),
+        ([[0]], [], "one outcome for each demonstration"),
+        ([[]], ["inserted"], "at least one sample"),
+        ([[0, -1]], ["inserted"], "nearest state"),
+        ([[0, 0.5]], ["inserted"], "nearest state"),
+        ([[0, 9]], ["inserted"], "raise n_states"),
+    ],
+)
+def test_bad_sequences_raise(sequences, outcomes, remedy):
+    with pytest.raises(ValueError, match=remedy):
+        StateGraph(n_states=4).fit(sequences, outcomes)
+
+
+def test_other_errors():
+    with pytest.raises(ValueError, match="from 0 to 3"):
+        example().desired_next(4)
+    with pytest.raises(ValueError, match="pseudo-counts"):
+        example().transition_matrix(0.0)
+    with pytest.raises(ValueError, match="seconds"):
+        StateGraph(sample_period=0.0).fit(SEQUENCES, OUTCOMES)
+    with pytest.raises(ValueError, match="to_arrays"):
+        StateGraph.from_arrays({})
+
+
+def test_times_make_up_for_dropped_samples():
+    whole = StateGraph(sample_period=0.1).fit([[0, 0, 0, 1, 1, 1, 2, 2]], ["inserted"])
+    thinned = StateGraph(sample_period=0.1).fit([[0, 1, 1, 2, 2]], ["inserted"], times=[[0.0, 0.3, 0.5, 0.6, 0.7]])
+    np.testing.assert_allclose(thinned.dwell_mean_s_, whole.dwell_mean_s_)
+    np.testing.assert_allclose(whole.dwell_mean_s_, 0.1 * whole.dwell_mean_)
+    np.testing.assert_array_equal(thinned.sample_counts_, whole.sample_counts_)
+    np.testing.assert_array_equal(thinned.counts_, whole.counts_)
+    np.testing.assert_array_equal(thinned.dwell_mean_, [1, 2, 2])
+    with pytest.raises(ValueError, match="one time a label"):
+        StateGraph().fit([[0, 1]], ["inserted"], times=[[0.0]])
+    with pytest.raises(ValueError, match="do not increase"):
+        StateGraph().fit([[0, 1]], ["inserted"], times=[[0.1, 0.1]])
+
+
+def test_the_figure_shows_every_state_and_outcome():
+    figure = Figure()
+    axes = figure.add_subplot()
+    draw_state_graph(example(), axes, names=["free", "rim", "wedge", "in"])
+    figure.canvas.draw()
+    texts = " ".join(t.get_text() for t in axes.texts)
+    for word in ("free", "rim", "wedge", "in", "inserted (3)", "jammed (1)"):
+        assert word in texts
+    with pytest.raises(ValueError, match="one for each state"):
+        draw_state_graph(example(), axes, names=["free"])

@@ -1,0 +1,102 @@
+"""The controller feels a wrench and a depth: nothing true about pose or angle can reach it."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from models.scenario import TRIAL_STREAM, resolve_scenario
+from systems import rig as rig_module
+from systems.hardware.depth_encoder import DepthEncoder
+from systems.hardware.wrench_sensor import WrenchSensor
+from systems.rig import MakeRig
+
+SENSORS = {"wrench_sensor", "depth_encoder"}
+COMMANDED = ["target_pitch", "target_yaw", "feed_speed", "guard", "state", "known", "support"]
+
+
+@pytest.fixture
+def scenario(quick_scenario):
+    quick_scenario.start.height = 2e-4
+    quick_scenario.start.tilt = [0.04, -0.03]
+    return quick_scenario
+
+
+def resolved(scenario):
+    return resolve_scenario(scenario, seed=1, stream=TRIAL_STREAM)
+
+
+def upstream(diagram, start, stop=frozenset()):
+    """Names of all systems that can influence ``start``, through any of their inputs, without passing ``stop``."""
+    sources = {}
+    for (system, _), (source, port) in diagram.connection_map().items():
+        sources.setdefault(system.get_name(), set()).add((source.get_name(), source.get_output_port(port).get_name()))
+    reached, edges, waiting = set(), set(), list(start)
+    while waiting:
+        name = waiting.pop()
+        for source in sources.get(name, ()):
+            edges.add((name, source))
+            if source[0] not in reached:
+                reached.add(source[0])
+                if source[0] not in stop:
+                    waiting.append(source[0])
+    return reached, edges
+
+
+def test_every_path_from_the_plant_to_the_controller_leads_through_the_two_sensors(scenario, skill):
+    rig = MakeRig(resolved(scenario), skill)
+    controlling = {"lwr_controller", "contact_state_estimator"}
+    reached, edges = upstream(rig.diagram, controlling, stop=SENSORS)
+    assert reached == SENSORS | {"measurement_check", "contact_state_estimator"}
+    # What leads from the sensors on is a wrench and a depth, and from the estimator what it makes of them.
+    assert {source for _, source in edges} == {
+        ("wrench_sensor", "wrench"),
+        ("depth_encoder", "depth"),
+        ("measurement_check", "wrench"),
+        ("measurement_check", "depth"),
+        ("contact_state_estimator", "probabilities"),
+        ("contact_state_estimator", "known"),
+    }
+    # The sensors themselves see of the plant the forces in its joints, and the carriage alone.
+    _, behind = upstream(rig.diagram, SENSORS, stop={"plant"})
+    assert {source for _, source in behind} == {("plant", "reaction_forces"), ("plant", "feed_state")}
+    # The search does find what is there: without the sensors in its way it comes to the motors.
+    everything, _ = upstream(rig.diagram, controlling)
+    assert {"plant", "dc_motor", "pitch_stepper"} <= everything
+
+
+def replaying(kind, port, readings, period):
+    """A sensor that plays back recorded readings, one a period, whatever there is to measure."""
+
+    class Replaying(kind):
+        pass
+
+    def calc(self, context, output):
+        output.SetFromVector(np.atleast_1d(readings[min(int(context.get_time() / period + 0.5), len(readings) - 1)]))
+
+    setattr(Replaying, port, calc)
+    return Replaying
+
+
+def test_with_equal_readings_the_commands_are_equal_to_the_last_bit_whatever_the_truth(scenario, skill, monkeypatch):
+    """Two rigs, tilted to opposite sides, one a millimetre higher, hear the same sensors: a recording of the first."""
+    first = MakeRig(resolved(scenario), skill)
+    period = scenario.controller.period
+
+    def run(rig):
+        simulator = Simulator(rig.diagram)
+        rig.set_start(simulator.get_mutable_context())
+        simulator.AdvanceTo(0.4)
+        return rig.recorder.samples(simulator.get_context())
+
+    heard = run(first)
+    wrenches, depths = heard[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(), heard["depth"].to_numpy()
+    monkeypatch.setattr(rig_module, "WrenchSensor", replaying(WrenchSensor, "_calc_wrench", wrenches, period))
+    monkeypatch.setattr(rig_module, "DepthEncoder", replaying(DepthEncoder, "_calc", depths, period))
+    runs = []
+    for tilt, height in (([0.04, -0.03], 2e-4), ([-0.05, 0.02], 1.2e-3)):
+        scenario.start.tilt, scenario.start.height = tilt, height
+        runs.append(run(MakeRig(resolved(scenario), skill)))
+    one, other = runs
+    np.testing.assert_array_equal(one[COMMANDED], other[COMMANDED])
+    assert one["target_pitch"].abs().max() > 0
+    assert np.abs(one[["pitch", "yaw", "tip_z"]] - other[["pitch", "yaw", "tip_z"]]).to_numpy().min() > 1e-4

@@ -1,0 +1,150 @@
+import math
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from scipy.spatial.transform import Rotation
+
+from models.hardware import DEVICE_PRESETS
+from models.hardware import HapticDevice as Parameters
+from systems.haptics.haptic_device import VELOCITY_BANDWIDTH, HapticDevice
+from systems.math.rotation import from_rotation_vector, rotation_vector
+from tests.stepping import fixed_context, update
+
+P = Parameters()
+T = P.servo_period
+START = RigidTransform(from_rotation_vector(np.array([0.03, -0.02, 0.0])), [0.001, 0.002, 0.003])
+
+
+def device(*, hand=START, wrench=(0.0,) * 6, parameters=P, start=START):
+    dut = HapticDevice(parameters=parameters, X_HD_start=start)
+    return dut, fixed_context(dut, hand_pose=hand, virtual_wrench=list(wrench))
+
+
+def rendered(dut, context):
+    return dut.GetOutputPort("rendered_wrench").Eval(context)
+
+
+def test_before_the_first_reading_the_probe_is_at_its_start():
+    dut, context = device(hand=RigidTransform([0.05, 0.0, 0.0]))
+    X = dut.GetOutputPort("probe_pose").Eval(context)
+    np.testing.assert_allclose(X.GetAsMatrix34(), START.GetAsMatrix34(), atol=1e-15)
+    np.testing.assert_array_equal(dut.GetOutputPort("probe_velocity").Eval(context), np.zeros(6))
+
+
+def test_the_reading_is_quantised_to_the_encoders_resolution():
+    turn = np.array([0.123456, -0.04321, 0.0101])
+    hand = RigidTransform(from_rotation_vector(turn), [0.0123456, -0.0234567, 0.0301234])
+    dut, context = device(hand=hand)
+    update(dut, context, period=T)
+    X = dut.GetOutputPort("probe_pose").Eval(context)
+    counts = X.translation() / P.position_resolution
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
+    np.testing.assert_array_equal(
+        np.round(counts), np.round(np.array([0.0123456, -0.0234567, 0.0301234]) / P.position_resolution)
+    )
+    counts = rotation_vector(X.rotation()) / P.angle_resolution
+    np.testing.assert_allclose(counts, np.round(turn / P.angle_resolution), atol=1e-6)
+
+
+def test_a_hand_outside_the_workspace_is_read_at_its_edge():
+    direction = np.array([2.0, -1.0, 2.0]) / 3.0
+    hand = RigidTransform(START.rotation(), START.translation() + 1.7 * P.workspace_radius * direction)
+    dut, context = device(hand=hand)
+    update(dut, context, period=T)
+    offset = dut.GetOutputPort("probe_pose").Eval(context).translation() - START.translation()
+    np.testing.assert_allclose(offset, P.workspace_radius * direction, atol=P.position_resolution)
+
+
+def test_the_velocity_of_a_ramp_rises_like_a_first_order_filter():
+    start = RigidTransform()
+    speed = 40 * P.position_resolution / T * np.array([1.0, -2.0, 0.0])  # whole counts a period
+    rate = 30 * P.angle_resolution / T * np.array([0.0, 0.0, 1.0])
+    dut, context = device(start=start, hand=start)
+    blend = 1.0 - math.exp(-2.0 * math.pi * VELOCITY_BANDWIDTH * T)
+    for k in range(1, 31):
+        hand = RigidTransform(from_rotation_vector(rate * T * k), speed * T * k)
+        dut.GetInputPort("hand_pose").FixValue(context, hand)
+        update(dut, context, period=T)
+        share = 1.0 - (1.0 - blend) ** k
+        np.testing.assert_allclose(
+            dut.GetOutputPort("probe_velocity").Eval(context),
+            np.concatenate([rate, speed]) * share,
+            rtol=1e-6,
+            atol=1e-9,
+        )
+    assert share > 0.99
+
+
+def test_the_angular_velocity_is_that_of_a_turn_about_a_fixed_axis_of_a_tilted_probe():
+    # Coarse encoders would turn the axis: these are ten thousand times finer.
+    fine = Parameters(angle_resolution=1e-9, position_resolution=1e-9)
+    axis, rate = np.array([0.0, 0.6, 0.8]), 2.0
+    begin = Rotation.from_rotvec([0.3, -0.2, 0.1])
+    poses = [(Rotation.from_rotvec(rate * T * k * axis) * begin).as_rotvec() for k in range(60)]
+    hands = [RigidTransform(from_rotation_vector(v), np.zeros(3)) for v in poses]
+    dut, context = device(start=hands[0], hand=hands[0], parameters=fine)
+    for hand in hands[1:]:
+        dut.GetInputPort("hand_pose").FixValue(context, hand)
+        update(dut, context, period=T)
+    np.testing.assert_allclose(dut.GetOutputPort("probe_velocity").Eval(context)[:3], rate * axis, atol=1e-4)
+
+
+def test_a_wrench_within_the_limits_is_rendered_as_it_is():
+    wrench = np.array([0.01, -0.02, 0.03, 1.0, 2.0, -1.5])
+    np.testing.assert_array_equal(rendered(*device(wrench=wrench)), wrench)
+
+
+@pytest.mark.parametrize("preset", sorted(DEVICE_PRESETS))
+def test_a_cold_motor_gives_its_peak_and_keeps_the_direction(preset):
+    p = DEVICE_PRESETS[preset]
+    force = 3.0 * p.peak_force * np.array([0.6, 0.0, -0.8])
+    wrench = np.concatenate([[0.001, 0.002, 0.0], force])
+    np.testing.assert_allclose(rendered(*device(wrench=wrench, parameters=p)), wrench / 3.0, rtol=1e-12)
+    torque = 2.0 * p.peak_torque * np.array([0.0, 1.0, 0.0])
+    wrench = np.concatenate([torque, [0.1, 0.2, 0.3]])
+    np.testing.assert_allclose(rendered(*device(wrench=wrench, parameters=p)), wrench / 2.0, rtol=1e-12)
+
+
+def test_where_both_limits_are_passed_the_smaller_scale_holds_for_both():
+    wrench = np.concatenate([2.0 * P.peak_torque * np.eye(3)[0], 5.0 * P.peak_force * np.eye(3)[2]])
+    np.testing.assert_allclose(rendered(*device(wrench=wrench)), wrench / 5.0, rtol=1e-12)
+
+
+def test_the_cap_after_one_period_is_the_formula():
+    wrench = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1000.0])
+    dut, context = device(wrench=wrench)
+    assert rendered(dut, context)[5] == pytest.approx(P.peak_force)
+    update(dut, context, period=T)
+    mean = T / P.thermal_time_constant * P.peak_force**2
+    p2, s2 = P.peak_force**2, P.sustained_force**2
+    assert rendered(dut, context)[5] == pytest.approx(math.sqrt(s2 + (p2 - s2) * (1 - mean / s2)))
+
+
+@pytest.mark.parametrize("part", [slice(0, 3), slice(3, 6)])
+def test_held_for_long_the_cap_falls_to_what_is_sustained(part):
+    quick = Parameters(thermal_time_constant=0.1)
+    sustained = quick.sustained_torque if part.start == 0 else quick.sustained_force
+    wrench = np.zeros(6)
+    wrench[part] = 1000.0 * np.array([2.0, 1.0, -2.0]) / 3.0
+    dut, context = device(wrench=wrench, parameters=quick)
+    sizes = []
+    for _ in range(1500):
+        update(dut, context, period=T)
+        sizes.append(np.linalg.norm(rendered(dut, context)[part]))
+    assert (np.diff(sizes) <= 1e-12).all()
+    assert sizes[-1] == pytest.approx(sustained, rel=1e-3)
+    # Let go for a few time constants, and it is cold again.
+    dut.GetInputPort("virtual_wrench").FixValue(context, np.zeros(6))
+    update(dut, context, period=T, times=1500)
+    dut.GetInputPort("virtual_wrench").FixValue(context, wrench)
+    peak = quick.peak_torque if part.start == 0 else quick.peak_force
+    assert np.linalg.norm(rendered(dut, context)[part]) == pytest.approx(peak, rel=1e-3)
+
+
+def test_the_sustained_wrench_itself_may_be_held_for_ever():
+    quick = Parameters(thermal_time_constant=0.05)
+    wrench = np.array([0.0, 0.0, 0.0, quick.sustained_force, 0.0, 0.0])
+    dut, context = device(wrench=wrench, parameters=quick)
+    update(dut, context, period=T, times=1000)
+    np.testing.assert_allclose(rendered(dut, context), wrench, rtol=1e-9)

@@ -1,0 +1,180 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.math import RigidTransform
+from pydrake.multibody.tree import BodyIndex
+from scipy.spatial.transform import Rotation
+
+from models.scenario import Coupling
+from systems.haptics.haptic_proxy import HapticProxy
+from systems.haptics.virtual_fixture import AxialFixture, FreeFixture, RigFixture
+from systems.math.rotation import from_rotation_vector
+from tests.stepping import fixed_context
+
+C = Coupling()
+PEG = BodyIndex(3)
+
+
+def pose(turn, position):
+    return RigidTransform(from_rotation_vector(np.asarray(turn, dtype=float)), position)
+
+
+def peg_state(X, V=(0.0,) * 6):
+    q = X.rotation().ToQuaternion()
+    return np.concatenate([[q.w(), q.x(), q.y(), q.z()], X.translation(), V])
+
+
+def proxy(fixture, *, X_HD=None, V_HD=(0.0,) * 6, X_HP=None, V_HP=(0.0,) * 6):
+    X_HD, X_HP = X_HD or RigidTransform(), X_HP or RigidTransform()
+    dut = HapticProxy(coupling=C, fixture=fixture, peg=PEG)
+    return dut, fixed_context(dut, probe_pose=X_HD, probe_velocity=list(V_HD), peg_state=peg_state(X_HP, V_HP))
+
+
+def test_a_probe_on_the_peg_pulls_at_nothing():
+    X = pose([0.1, -0.2, 0.3], [0.01, 0.02, 0.03])
+    dut, context = proxy(FreeFixture(), X_HD=X, X_HP=X)
+    np.testing.assert_allclose(dut.GetOutputPort("coupling_wrench").Eval(context), np.zeros(6), atol=1e-9)
+
+
+def test_the_force_is_that_of_a_spring_and_a_damper():
+    p_HD, p_HP = np.array([0.003, -0.001, 0.002]), np.array([0.001, 0.001, -0.004])
+    v_HD, v_HP = np.array([0.01, 0.0, -0.02]), np.array([0.0, 0.03, -0.01])
+    dut, context = proxy(
+        FreeFixture(),
+        X_HD=pose([0, 0, 0], p_HD),
+        V_HD=[0, 0, 0, *v_HD],
+        X_HP=pose([0, 0, 0], p_HP),
+        V_HP=[0, 0, 0, *v_HP],
+    )
+    wrench = dut.GetOutputPort("coupling_wrench").Eval(context)
+    np.testing.assert_allclose(
+        wrench[3:],
+        [
+            C.stiffness * 0.002 + C.damping * 0.01,
+            C.stiffness * -0.002 + C.damping * -0.03,
+            C.stiffness * 0.006 + C.damping * -0.01,
+        ],
+    )
+    np.testing.assert_allclose(wrench[:3], np.zeros(3), atol=1e-12)
+
+
+def test_the_torque_is_along_the_rotation_vector_between_them_in_three_dimensions():
+    R_HP = Rotation.from_rotvec([0.2, -0.1, 0.3])
+    between = np.array([0.05, 0.04, -0.03])  # of D relative to P, in H
+    R_HD = Rotation.from_rotvec(between) * R_HP
+    w_HD, w_HP = np.array([0.1, -0.2, 0.0]), np.array([0.0, 0.1, 0.3])
+    dut, context = proxy(
+        FreeFixture(),
+        X_HD=pose(R_HD.as_rotvec(), [0, 0, 0]),
+        V_HD=[*w_HD, 0, 0, 0],
+        X_HP=pose(R_HP.as_rotvec(), [0, 0, 0]),
+        V_HP=[*w_HP, 0, 0, 0],
+    )
+    np.testing.assert_allclose(
+        dut.GetOutputPort("coupling_wrench").Eval(context)[:3],
+        C.angular_stiffness * between + C.angular_damping * (w_HD - w_HP),
+        rtol=1e-9,
+    )
+
+
+def test_the_probe_feels_the_reaction_scaled_and_the_peg_the_wrench_itself():
+    X_HD, X_HP = pose([0.02, 0.01, -0.03], [0.001, 0.002, -0.003]), pose([0.0, 0.03, 0.01], [0.0, -0.001, 0.001])
+    dut, context = proxy(FreeFixture(), X_HD=X_HD, X_HP=X_HP, V_HP=[0.1, 0.2, 0.3, 0.01, 0.02, 0.03])
+    wrench = dut.GetOutputPort("coupling_wrench").Eval(context)
+    assert (np.abs(wrench) > 1e-3).all()
+    felt = dut.GetOutputPort("probe_wrench").Eval(context)
+    np.testing.assert_allclose(felt[:3], -C.torque_scale * wrench[:3])
+    np.testing.assert_allclose(felt[3:], -C.force_scale * wrench[3:])
+    (force,) = dut.GetOutputPort("peg_forces").Eval(context)
+    assert force.body_index == PEG
+    np.testing.assert_array_equal(force.p_BoBq_B, np.zeros(3))  # the peg's origin is its tip
+    np.testing.assert_allclose(force.F_Bq_W.rotational(), wrench[:3])
+    np.testing.assert_allclose(force.F_Bq_W.translational(), wrench[3:])
+
+
+def test_the_peg_feels_the_guide_too_and_the_probe_does_not():
+    X = pose([0.0, 0.0, 0.0], [0.0005, 0.0, -0.01])
+    dut, context = proxy(RigFixture(), X_HD=X, X_HP=X)
+    (force,) = dut.GetOutputPort("peg_forces").Eval(context)
+    np.testing.assert_allclose(force.F_Bq_W.translational(), [-C.guide_stiffness * 0.0005, 0.0, 0.0], atol=1e-9)
+    # It acts at the mouth, 10 mm above the tip: a torque about y.
+    np.testing.assert_allclose(force.F_Bq_W.rotational(), [0.0, -C.guide_stiffness * 0.0005 * 0.01, 0.0], atol=1e-9)
+    np.testing.assert_array_equal(dut.GetOutputPort("probe_wrench").Eval(context), np.zeros(6))
+
+
+def test_a_quaternion_off_its_sphere_does_not_matter():
+    X_HP = pose([0.1, 0.2, -0.1], [0.001, 0.002, 0.003])
+    dut, context = proxy(FreeFixture(), X_HP=X_HP)
+    expected = dut.GetOutputPort("coupling_wrench").Eval(context).copy()
+    state = peg_state(X_HP)
+    state[:4] *= 1.01
+    dut.GetInputPort("peg_state").FixValue(context, state)
+    np.testing.assert_allclose(dut.GetOutputPort("coupling_wrench").Eval(context), expected, rtol=1e-9)
+
+
+# ------------------------------------------------------------------ guides
+
+small = st.floats(-0.1, 0.1)
+speeds = st.floats(-0.5, 0.5)
+
+
+def guide(fixture, X, V=(0.0,) * 6):
+    dut = HapticProxy(coupling=C, fixture=fixture, peg=PEG)
+    return dut.guide_wrench(X_HP=X, V_HP=np.asarray(V, dtype=float))
+
+
+@given(tilt=st.tuples(small, small), height=st.floats(-0.03, 0.01), w=st.tuples(speeds, speeds), slide=speeds)
+def test_the_rigs_guide_is_not_felt_along_the_rigs_freedoms(tilt, height, w, slide):
+    R = from_rotation_vector(np.array([*tilt, 0.0]))
+    X = RigidTransform(R, height * R.col(2))
+    omega = w[0] * R.col(0) + w[1] * R.col(1)  # turning about the mouth, without spin
+    V = np.concatenate([omega, np.cross(omega, X.translation()) + slide * R.col(2)])
+    np.testing.assert_allclose(guide(RigFixture(), X, V), np.zeros(6), atol=1e-7)
+
+
+@given(
+    tilt=st.tuples(small, small),
+    spin=st.floats(-0.05, 0.05),
+    height=st.floats(-0.03, 0.01),
+    aside=st.tuples(st.floats(-1e-3, 1e-3), st.floats(-1e-3, 1e-3)),
+    w=st.tuples(speeds, speeds),
+    slide=speeds,
+)
+def test_off_the_constraint_the_rigs_guide_still_does_no_work_along_its_freedoms(tilt, spin, height, aside, w, slide):
+    R = from_rotation_vector(np.array([*tilt, 0.0])) @ from_rotation_vector(np.array([0.0, 0.0, spin]))
+    X = RigidTransform(R, R.multiply(np.array([*aside, height])))
+    omega = w[0] * R.col(0) + w[1] * R.col(1)
+    V = np.concatenate([omega, np.cross(omega, X.translation()) + slide * R.col(2)])
+    assert guide(RigFixture(), X) @ V == pytest.approx(0.0, abs=1e-6)
+
+
+@given(position=st.tuples(*[st.floats(-1e-3, 1e-3)] * 3), slide=speeds)
+def test_the_axial_guide_is_not_felt_along_the_axis(position, slide):
+    X = pose([0.01, -0.02, 0.03], position)
+    still, moving = guide(AxialFixture(), X), guide(AxialFixture(), X, [0, 0, 0, 0, 0, slide])
+    np.testing.assert_allclose(still, moving, atol=1e-9)
+    assert still[5] == 0.0
+
+
+@pytest.mark.parametrize("fixture", [RigFixture(), AxialFixture()], ids=["rig", "axial"])
+@given(data=st.data())
+def test_a_guide_pulls_back_and_damps(fixture, data):
+    turn = data.draw(st.tuples(*[st.floats(-0.05, 0.05)] * 3))
+    position = data.draw(st.tuples(*[st.floats(-1e-3, 1e-3)] * 3))
+    V = np.array(data.draw(st.tuples(*[speeds] * 6)))
+    X = pose(turn, position)
+    found = fixture.deviation(X)
+    elastic = guide(fixture, X)
+    # A spring: the force at the guided point is -k d, the torque about that point -k_r theta.
+    lever = found.p_HQ - X.translation()
+    np.testing.assert_allclose(elastic[3:], -C.guide_stiffness * found.d_HQ, atol=1e-9)
+    np.testing.assert_allclose(
+        elastic[:3] - np.cross(lever, elastic[3:]), -C.angular_stiffness * found.theta_H, atol=1e-9
+    )
+    # A damper: it takes power whatever the motion.
+    assert (guide(fixture, X, V) - elastic) @ V <= 1e-9
+
+
+def test_the_free_fixture_has_no_guide():
+    np.testing.assert_array_equal(guide(FreeFixture(), pose([0.3, 0.2, 0.1], [1, 2, 3]), [1] * 6), np.zeros(6))

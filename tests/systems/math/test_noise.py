@@ -1,0 +1,41 @@
+import numpy as np
+import pytest
+from scipy import stats
+
+from systems.math.noise import standard_normal
+
+N = 6000
+
+
+def draws(seed, stream):
+    return np.array([standard_normal(seed, stream, tick, 1)[0] for tick in range(N)])
+
+
+@pytest.fixture(scope="module")
+def series():
+    return {(seed, stream): draws(seed, stream) for seed in (1, 2) for stream in ("sight", "sensor noise")}
+
+
+def test_each_series_is_standard_normal(series):
+    for x in series.values():
+        assert abs(x.mean()) < 5 / np.sqrt(N)
+        assert abs(x.std() - 1) < 5 / np.sqrt(2 * N)
+        # Kolmogorov's distance exceeds 2.2/sqrt(n) with probability 2 exp(-2 x 2.2^2) = 1.3e-4.
+        assert stats.kstest(x, "norm").statistic < 2.2 / np.sqrt(N)
+
+
+def test_streams_seeds_and_ticks_are_independent(series):
+    names = list(series)
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            assert abs(np.corrcoef(series[a], series[b])[0, 1]) < 5 / np.sqrt(N), (a, b)
+        assert abs(np.corrcoef(series[a][:-1], series[a][1:])[0, 1]) < 5 / np.sqrt(N), a
+
+
+def test_a_draw_is_a_function_of_its_arguments():
+    first = standard_normal(3, "a", 4, 6)
+    standard_normal(9, "b", 1, 100)
+    np.testing.assert_array_equal(standard_normal(3, "a", 4, 6), first)
+    for other in (standard_normal(4, "a", 4, 6), standard_normal(3, "b", 4, 6), standard_normal(3, "a", 5, 6)):
+        assert not np.isin(other, first).any()
+    assert len(set(first)) == 6

@@ -1,0 +1,68 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from pydrake.math import RotationMatrix
+from scipy.spatial.transform import Rotation
+
+from systems.math.rotation import from_rotation_vector, rotation_between, rotation_vector
+
+components = st.floats(-1.0, 1.0)
+directions = st.tuples(components, components, components).map(np.array).filter(lambda v: np.linalg.norm(v) > 0.1)
+angles = st.one_of(st.floats(0.0, math.pi - 1e-6), st.floats(0.0, 1e-6), st.floats(math.pi - 1e-4, math.pi - 1e-6))
+
+
+def unit(v):
+    return v / np.linalg.norm(v)
+
+
+@given(direction=directions, angle=angles)
+def test_the_matrix_of_a_rotation_vector_is_scipys(direction, angle):
+    vector = unit(direction) * angle
+    np.testing.assert_allclose(
+        from_rotation_vector(vector).matrix(), Rotation.from_rotvec(vector).as_matrix(), atol=1e-11
+    )
+
+
+@given(direction=directions, angle=angles)
+def test_the_rotation_vector_of_a_matrix_is_scipys(direction, angle):
+    vector = unit(direction) * angle
+    R = Rotation.from_rotvec(vector)
+    found = rotation_vector(RotationMatrix(R.as_matrix()))
+    np.testing.assert_allclose(found, R.as_rotvec(), atol=1e-8)
+    np.testing.assert_allclose(found, vector, atol=1e-7)
+
+
+@given(direction=directions, angle=st.floats(1e-8, math.pi - 1e-3))
+def test_there_and_back_keeps_the_digits_of_small_angles(direction, angle):
+    vector = unit(direction) * angle
+    np.testing.assert_allclose(rotation_vector(from_rotation_vector(vector)), vector, rtol=1e-6, atol=1e-15)
+
+
+@pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.0, 0.8)])
+def test_half_a_turn_is_pi_about_the_axis(axis):
+    R = RotationMatrix(Rotation.from_rotvec(math.pi * np.array(axis)).as_matrix())
+    found = rotation_vector(R)
+    assert np.linalg.norm(found) == pytest.approx(math.pi)
+    np.testing.assert_allclose(np.abs(found @ np.array(axis)), math.pi, rtol=1e-9)
+
+
+def test_no_rotation_is_the_zero_vector():
+    np.testing.assert_array_equal(rotation_vector(RotationMatrix()), np.zeros(3))
+    np.testing.assert_array_equal(from_rotation_vector(np.zeros(3)).matrix(), np.eye(3))
+
+
+@given(a=directions, b=directions)
+def test_the_shortest_turn_carries_one_direction_onto_the_other(a, b):
+    a, b = unit(a), unit(b)
+    assume(a @ b > -0.999)
+    turn = rotation_between(a, b)
+    np.testing.assert_allclose(Rotation.from_rotvec(turn).apply(a), b, atol=1e-9)
+    assert np.linalg.norm(turn) == pytest.approx(math.acos(np.clip(a @ b, -1, 1)), abs=1e-7)
+    assert abs(turn @ a) < 1e-9  # no spin
+
+
+def test_a_direction_needs_no_turn_onto_itself():
+    np.testing.assert_array_equal(rotation_between(np.array([0.0, 0.6, 0.8]), np.array([0.0, 0.6, 0.8])), np.zeros(3))

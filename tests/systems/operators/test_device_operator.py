@@ -1,0 +1,110 @@
+"""A device of a person's own is found through an entry point, and is read and written at 1 kHz."""
+
+import sys
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+from scipy.spatial.transform import Rotation
+
+from models.scenario import DEMONSTRATION_STREAM, resolve_scenario
+from systems.math.rotation import from_rotation_vector
+from systems.operators.device_operator import GROUP, DeviceOperator, find_device
+from systems.runs.demonstration_run import DemonstrationRun
+from systems.virtual_environment import MakeVirtualEnvironment, start_pose
+from tests.stepping import fixed_context, update
+
+LOOPBACK = '''
+import numpy as np
+from pydrake.math import RigidTransform
+
+class Loopback:
+    """A handle on a spring: it sinks, and what it is given pushes it back."""
+
+    def __init__(self):
+        self.z, self.written, self.reads, self.open = 0.0, [], 0, True
+
+    def read_pose(self):
+        if not self.open:
+            raise OSError("unplugged")
+        self.reads += 1
+        force = self.written[-1][5] if self.written else 0.0
+        self.z += 1e-3 * (-0.02 + 0.01 * force)
+        return RigidTransform([0.0, 0.0, self.z])
+
+    def write_wrench(self, wrench):
+        self.written.append(np.array(wrench))
+
+    def close(self):
+        self.open = False
+'''
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """A package with a device, as an installer would leave it."""
+    (tmp_path / "my_loopback.py").write_text(LOOPBACK)
+    info = tmp_path / "my_loopback-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: my-loopback\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(f"[{GROUP}]\nloopback = my_loopback:Loopback\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield
+    sys.modules.pop("my_loopback", None)
+
+
+def test_an_installed_device_is_found_by_its_name(installed):
+    device = find_device("loopback")()
+    assert device.read_pose().translation()[2] < 0.0
+
+
+def test_an_unknown_device_is_refused_with_what_there_is(installed):
+    with pytest.raises(ValueError, match=r"'joystick' is not installed; found \['loopback', 'spacemouse'\].*" + GROUP):
+        find_device("joystick")
+
+
+def test_it_is_read_and_written_once_a_millisecond_and_feels_the_hole(installed, quick_scenario):
+    quick_scenario.start.tilt = [0.05, 0.0]
+    quick_scenario.start.height = 2e-4
+    resolved = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
+    device = find_device("loopback")()
+    operator = DeviceOperator(device=device, period=1e-3, X_HD_start=start_pose(resolved))
+    run = DemonstrationRun(resolved, MakeVirtualEnvironment(resolved, operator=operator))
+    assert run.advance(0.3) is None
+    assert device.reads == pytest.approx(300, abs=2)
+    assert len(device.written) == device.reads
+    forces = np.array(device.written)[:, 3:]
+    assert forces[:, 2].max() > 0.3  # it pushes the handle out of the hole
+    assert np.linalg.norm(forces, axis=1).max() <= 22.0
+    shown = run.demonstration("stopped", good=True)
+    assert shown.samples["z"].iloc[-1] < 0.0
+
+
+def test_the_peg_starts_where_the_handle_is(installed):
+    class Held:
+        def read_pose(self):
+            return RigidTransform(from_rotation_vector(np.array([0.3, 0.1, 0.0])), [0.01, 0.02, 0.03])
+
+        def write_wrench(self, wrench):
+            self.wrench = wrench
+
+    start = RigidTransform(from_rotation_vector(np.array([0.02, -0.01, 0.0])), [0.0, 0.001, 0.002])
+    device = Held()
+    dut = DeviceOperator(device=device, period=1e-3, X_HD_start=start, moved_before=device.read_pose())
+    context = fixed_context(dut, rendered_wrench=[1, 2, 3, 4, 5, 6])
+    update(dut, context, period=1e-3)
+    found = dut.GetOutputPort("hand_pose").Eval(context)
+    np.testing.assert_allclose(found.GetAsMatrix34(), start.GetAsMatrix34(), atol=1e-12)
+    np.testing.assert_array_equal(device.wrench, [1, 2, 3, 4, 5, 6])
+    assert Rotation.from_matrix(found.rotation().matrix()).magnitude() < 0.03
+
+
+def test_a_device_that_is_unplugged_ends_the_run_with_an_oserror(installed, quick_scenario):
+    resolved = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
+    device = find_device("loopback")()
+    operator = DeviceOperator(device=device, period=1e-3, X_HD_start=start_pose(resolved))
+    run = DemonstrationRun(resolved, MakeVirtualEnvironment(resolved, operator=operator))
+    run.advance(0.01)
+    device.close()
+    with pytest.raises(OSError, match="unplugged"):
+        run.advance(0.02)

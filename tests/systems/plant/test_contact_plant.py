@@ -1,0 +1,271 @@
+import math
+
+import numpy as np
+import pytest
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ContactModel, ExternallyAppliedSpatialForce
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from systems.hardware.wrench_sensor import WrenchSensor
+from systems.math.rotation import from_rotation_vector
+from systems.plant.contact_plant import STEEL, AddRigPlant, AddVirtualPlant
+
+G = 9.81
+
+
+@pytest.fixture
+def scenario(quick_scenario):
+    quick_scenario.sensor.force_noise = quick_scenario.sensor.torque_noise = [0.0] * 3
+    quick_scenario.sensor.force_drift = quick_scenario.sensor.torque_drift = 0.0
+    quick_scenario.sensor.force_bias = quick_scenario.sensor.torque_bias = 0.0
+    quick_scenario.rig.pivot_height = 0.0
+    quick_scenario.sensor.force_quantum = quick_scenario.sensor.torque_quantum = 1e-9
+    return quick_scenario
+
+
+class Bench:
+    """The rig's plant alone, with a constant push on the carriage, torques on the gimbal, and the sensor."""
+
+    def __init__(self, scenario, *, push=0.0, torques=(0.0, 0.0)):
+        builder = DiagramBuilder()
+        self.contact = AddRigPlant(builder, scenario)
+        self.scenario, self.plant = scenario, self.contact.plant
+        plant = self.plant
+        feed, gimbal = plant.GetModelInstanceByName("feed"), plant.GetModelInstanceByName("gimbal")
+        weight = plant.GetBodyByName("peg").default_mass() * plant.gravity_field().gravity_vector()
+        self.sensor = builder.AddSystem(
+            WrenchSensor(
+                parameters=scenario.sensor,
+                seed=0,
+                weld=int(plant.GetJointByName("sensor").index()),
+                tare=np.concatenate([-weight, np.zeros(3)]),
+            )
+        )
+        force = builder.AddSystem(ConstantVectorSource([push]))
+        builder.Connect(force.get_output_port(), plant.get_actuation_input_port(feed))
+        rest = builder.AddSystem(ConstantVectorSource(np.zeros(4)))
+        builder.Connect(rest.get_output_port(), plant.get_desired_state_input_port(gimbal))
+        applied = np.zeros(plant.num_velocities())
+        for name, torque in zip(("pitch", "yaw"), torques, strict=True):
+            applied[plant.GetJointByName(name).velocity_start()] = torque
+        load = builder.AddSystem(ConstantVectorSource(applied))
+        builder.Connect(load.get_output_port(), plant.get_applied_generalized_force_input_port())
+        builder.Connect(plant.get_reaction_forces_output_port(), self.sensor.GetInputPort("reaction_forces"))
+        self.simulator = Simulator(builder.Build())
+
+    def settle(self, *, tip_z, seconds):
+        root = self.simulator.get_mutable_context()
+        own = self.plant.GetMyMutableContextFromRoot(root)
+        self.plant.GetJointByName("feed").set_translation(own, self.scenario.sensor.height + tip_z)
+        self.simulator.AdvanceTo(seconds)
+        return own
+
+    def wrench(self):
+        root = self.simulator.get_context()
+        return self.sensor.GetOutputPort("wrench").Eval(self.sensor.GetMyContextFromRoot(root))
+
+    @property
+    def hanging(self):
+        """Weight of all that hangs on the screw, N."""
+        instances = [self.plant.GetModelInstanceByName(name) for name in ("feed", "mount")]
+        bodies = [self.plant.get_body(b) for i in instances for b in self.plant.GetBodyIndices(i)]
+        return G * sum(body.default_mass() for body in bodies)
+
+
+# --------------------------------------------------------------------- rig
+
+
+def test_the_peg_is_a_steel_cylinder(scenario):
+    g = scenario.geometry
+    bench = Bench(scenario)
+    mass = STEEL * math.pi * g.peg_radius**2 * g.peg_length
+    assert bench.plant.GetBodyByName("peg").default_mass() == pytest.approx(mass)
+
+
+@pytest.mark.parametrize("load", [5.0, 20.0])
+def test_a_peg_pressed_on_the_floor_of_the_hole_reads_the_force_it_is_pressed_with(scenario, load):
+    bench = Bench(scenario)
+    bench = Bench(scenario, push=bench.hanging - load)  # what the screw does not carry rests on the floor
+    own = bench.settle(tip_z=-scenario.geometry.hole_depth + 2e-5, seconds=0.5)
+    wrench = bench.wrench()
+    assert wrench[2] == pytest.approx(load, rel=1e-3)
+    np.testing.assert_allclose(wrench[[0, 1, 3, 4, 5]], 0.0, atol=2e-3 * load)
+    speed = bench.plant.GetJointByName("feed").get_translation_rate(own)
+    assert abs(speed) < 1e-4
+    # And by the contact itself: strict hydroelastic, no contact of points.
+    results = bench.plant.get_contact_results_output_port().Eval(own)
+    assert results.num_point_pair_contacts() == 0
+    assert results.num_hydroelastic_contacts() == 1
+    info = results.hydroelastic_contact_info(0)
+    assert abs(info.F_Ac_W().translational()[2]) == pytest.approx(load, rel=1e-3)
+
+
+def test_a_peg_in_free_air_reads_nothing(scenario):
+    bench = Bench(scenario)
+    bench = Bench(scenario, push=bench.hanging)
+    own = bench.settle(tip_z=0.005, seconds=0.2)
+    np.testing.assert_allclose(bench.wrench(), np.zeros(6), atol=1e-6)
+    assert bench.plant.GetJointByName("feed").get_translation(own) == pytest.approx(
+        scenario.sensor.height + 0.005, abs=1e-9
+    )
+
+
+@pytest.mark.parametrize(("axis", "name"), [(0, "pitch"), (1, "yaw")])
+@pytest.mark.parametrize("torque", [-0.8, 0.5])
+def test_a_torque_deflects_a_stepper_by_torque_over_stiffness(scenario, axis, name, torque):
+    torques = [0.0, 0.0]
+    torques[axis] = torque
+    bench = Bench(scenario)
+    bench = Bench(scenario, push=bench.hanging, torques=torques)
+    own = bench.settle(tip_z=0.02, seconds=0.6)
+    angle = bench.plant.GetJointByName(name).get_angle(own)
+    plant = bench.plant
+    # The block's weight acts below the axes: it holds the gimbal back like a pendulum.
+    bodies = [plant.GetBodyByName(n) for n in ("block", "pitch_ring", "yaw_ring")]
+    pivot = np.array([0.0, 0.0, scenario.rig.pivot_height])
+    moment = sum(
+        np.cross(
+            plant.EvalBodyPoseInWorld(own, body).multiply(body.CalcCenterOfMassInBodyFrame(own)) - pivot,
+            [0.0, 0.0, -G * body.default_mass()],
+        )
+        for body in bodies
+    )
+    assert angle == pytest.approx((torque + moment[axis]) / scenario.stepper.stiffness, rel=1e-3)
+    assert abs(angle) > 0.5 * abs(torque) / scenario.stepper.stiffness
+
+
+def test_an_overloaded_stepper_gives_its_holding_torque_and_no_more(scenario):
+    torque = 1.5 * scenario.stepper.holding_torque
+    bench = Bench(scenario)
+    bench = Bench(scenario, push=bench.hanging, torques=[torque, 0.0])
+    own = bench.settle(tip_z=0.05, seconds=0.05)
+    plant = bench.plant
+    net = plant.get_net_actuation_output_port(plant.GetModelInstanceByName("gimbal")).Eval(own)
+    assert abs(net[0]) == pytest.approx(scenario.stepper.holding_torque, rel=1e-6)
+
+
+def test_a_peg_pressed_on_the_wall_reads_the_moment_that_presses_it(scenario):
+    """The gimbal presses the wall of the hole on the upright peg; what the motor does not take, the contact takes."""
+    scenario.geometry.hole_depth, scenario.geometry.peg_length = 0.040, 0.070
+    scenario.stepper.holding_torque = 20.0  # it is not to slip
+    scenario.rig.mount_stiffness = 1e7  # nor is the peg to yield
+    depth, stiffness = 0.036, scenario.stepper.stiffness
+    pressing = 3.0
+    g = scenario.geometry
+    torque = stiffness * g.clearance / depth + pressing
+    bench = Bench(scenario)
+    bench = Bench(scenario, push=bench.hanging, torques=[torque, 0.0])
+    own = bench.settle(tip_z=-depth, seconds=0.5)
+    plant = bench.plant
+    motor = plant.get_net_actuation_output_port(plant.GetModelInstanceByName("gimbal")).Eval(own)[0]
+    assert motor == pytest.approx(-stiffness * plant.GetJointByName("pitch").get_angle(own), rel=1e-3)
+    wrench = bench.wrench()
+    tip = plant.EvalBodyPoseInWorld(own, bench.contact.peg).translation()
+    pivot = np.array([0.0, 0.0, scenario.rig.pivot_height])
+    about_pivot = wrench[3:] + np.cross(tip - pivot, wrench[:3])
+    block = plant.GetBodyByName("block")
+    centre = plant.EvalBodyPoseInWorld(own, block).multiply(block.CalcCenterOfMassInBodyFrame(own)) - pivot
+    weight = np.cross(centre, [0.0, 0.0, -G * block.default_mass()])[0]
+    assert about_pivot[0] == pytest.approx(torque + motor + weight, rel=0.01)
+    assert about_pivot[0] > 0.1 * pressing
+    # The lower end of the hole turns towards +y, and pushes the peg that way.
+    assert wrench[1] > 0.5 * about_pivot[0] / depth
+
+
+def test_the_pivot_may_lie_below_the_mouth(scenario):
+    scenario.rig.pivot_height = -0.010
+    bench = Bench(scenario)
+    plant = bench.plant
+    own = plant.GetMyMutableContextFromRoot(bench.simulator.get_mutable_context())
+    plant.GetJointByName("pitch").set_angle(own, 0.1)
+    X_WH = plant.EvalBodyPoseInWorld(own, bench.contact.block)
+    # The mouth's centre goes round a circle of 10 mm about x.
+    np.testing.assert_allclose(
+        X_WH.translation(), [0.0, -0.010 * math.sin(0.1), -0.010 + 0.010 * math.cos(0.1)], atol=1e-12
+    )
+
+
+def test_a_tilted_rig_is_a_tilted_peg_seen_from_the_hole(scenario):
+    bench = Bench(scenario)
+    plant = bench.plant
+    own = plant.GetMyMutableContextFromRoot(bench.simulator.get_mutable_context())
+    plant.GetJointByName("pitch").set_angle(own, -0.03)
+    plant.GetJointByName("yaw").set_angle(own, 0.02)
+    X_WH, X_WP = (plant.EvalBodyPoseInWorld(own, body) for body in (bench.contact.block, bench.contact.peg))
+    axis = (X_WH.inverse() @ X_WP).rotation().col(2)
+    # theta = (0.03, -0.02) tips z towards (theta_y, -theta_x), to first order.
+    np.testing.assert_allclose(axis[:2], [-0.02, -0.03], atol=1e-4)
+
+
+# ----------------------------------------------------------------- virtual
+
+
+def virtual(scenario):
+    builder = DiagramBuilder()
+    contact = AddVirtualPlant(builder, scenario)
+    contact.plant.get_applied_spatial_force_input_port()
+    simulator = Simulator(builder.Build())
+    own = contact.plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    return contact, simulator, own
+
+
+def test_a_virtual_peg_left_alone_stays_where_it_is(scenario):
+    contact, simulator, own = virtual(scenario)
+    X = RigidTransform(from_rotation_vector(np.array([0.1, 0.2, 0.3])), [0.01, 0.02, 0.05])
+    contact.plant.SetFreeBodyPose(own, contact.peg, X)
+    simulator.AdvanceTo(0.5)
+    np.testing.assert_allclose(contact.peg.EvalPoseInWorld(own).GetAsMatrix34(), X.GetAsMatrix34(), atol=1e-12)
+
+
+def test_a_virtual_peg_has_the_couplings_mass_and_inertia_about_its_tip(scenario):
+    contact, _, own = virtual(scenario)
+    inertia = contact.peg.CalcSpatialInertiaInBodyFrame(own)
+    assert inertia.get_mass() == pytest.approx(scenario.coupling.peg_mass)
+    np.testing.assert_array_equal(inertia.get_com(), np.zeros(3))
+    np.testing.assert_allclose(
+        inertia.CalcRotationalInertia().CopyToFullMatrix3(), scenario.coupling.peg_inertia * np.eye(3), rtol=1e-9
+    )
+
+
+def test_a_push_at_the_tip_of_a_virtual_peg_does_not_turn_it(scenario):
+    contact, simulator, own = virtual(scenario)
+    contact.plant.SetFreeBodyPose(own, contact.peg, RigidTransform([0.0, 0.0, 0.05]))
+    contact.plant.SetVelocities(own, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.1]))
+    push = ExternallyAppliedSpatialForce()
+    push.body_index = contact.peg.index()
+    push.p_BoBq_B = np.zeros(3)
+    push.F_Bq_W = SpatialForce(tau=np.zeros(3), f=np.array([0.3, 0.0, 0.0]))
+    contact.plant.get_applied_spatial_force_input_port().FixValue(
+        own, Value[list[ExternallyAppliedSpatialForce]]([push])
+    )
+    simulator.AdvanceTo(0.2)
+    velocity = contact.plant.EvalBodySpatialVelocityInWorld(own, contact.peg)
+    np.testing.assert_allclose(
+        velocity.translational(), [0.3 / scenario.coupling.peg_mass * 0.2, 0.0, 0.1], rtol=1e-9, atol=1e-12
+    )
+    np.testing.assert_allclose(velocity.rotational(), np.zeros(3), atol=1e-9)
+
+
+@pytest.mark.parametrize("add", [AddVirtualPlant, AddRigPlant])
+def test_contact_is_strictly_hydroelastic(add, scenario):
+    contact = add(DiagramBuilder(), scenario)
+    assert contact.plant.get_contact_model() == ContactModel.kHydroelastic
+    assert contact.plant.time_step() == scenario.contact.time_step
+
+
+@pytest.mark.parametrize("add", [AddVirtualPlant, AddRigPlant])
+def test_peg_and_bore_are_made_of_as_many_facets_as_the_scenario_says(add, scenario):
+    contact = add(DiagramBuilder(), scenario)
+    g = scenario.geometry
+    inspector = contact.scene_graph.model_inspector()
+    peg = inspector.GetProximityProperties(contact.plant.GetCollisionGeometriesForBody(contact.peg)[0])
+    hint = peg.GetProperty("hydroelastic", "resolution_hint")
+    assert math.ceil(2 * math.pi * g.peg_radius / hint) == g.facets
+    assert peg.GetProperty("hydroelastic", "hydroelastic_modulus") == scenario.contact.modulus
+    for body in (contact.peg, contact.block):
+        properties = inspector.GetProximityProperties(contact.plant.GetCollisionGeometriesForBody(body)[0])
+        assert properties.GetProperty("material", "coulomb_friction").dynamic_friction() == scenario.contact.friction

@@ -1,0 +1,77 @@
+"""What holds for the channels of every scenario: deterministic, finite, alive, unaliased, really randomised."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from models.scenario import DEMONSTRATION_STREAM, SCENARIO_FOLDER, load_scenario, resolve_scenario
+from skill.data.demonstration import COLUMNS, validate_samples
+from systems.runs.demonstration_run import run_demonstration
+from systems.virtual_environment import start_pose
+
+NAMES = sorted(path.stem for path in SCENARIO_FOLDER.glob("*.yaml"))
+CONSTANT = {"free": set(), "rig": set(), "axial": {"ax", "ay", "az"}}
+
+
+def shown(name, seed):
+    """A quarter of a second that begins at the mouth, so that there is contact."""
+    scenario = load_scenario(name)
+    scenario.start.height = 1e-4
+    scenario.recorder.time_limit = 0.3
+    if scenario.start.tilt is None:
+        scenario.start.demonstrated_tilt_range = 0.05
+    return resolve_scenario(scenario, seed=seed, stream=DEMONSTRATION_STREAM)
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def runs(request):
+    """The same seed twice, and another."""
+    scenarios = [shown(request.param, seed) for seed in (3, 3, 4)]
+    return scenarios, [run_demonstration(s) for s in scenarios]
+
+
+def test_the_same_seed_gives_the_same_numbers_and_another_others(runs):
+    _, (first, again, other) = runs
+    np.testing.assert_array_equal(first.samples.to_numpy(), again.samples.to_numpy())
+    assert not np.array_equal(first.samples.to_numpy(), other.samples.to_numpy())
+
+
+def test_every_channel_is_finite_named_and_alive(runs):
+    scenarios, demonstrations = runs
+    samples = demonstrations[0].samples
+    assert tuple(samples.columns) == COLUMNS
+    validate_samples(samples, "demonstration")
+    assert np.isfinite(samples.to_numpy()).all()
+    assert np.linalg.norm(samples[["fx", "fy", "fz"]], axis=1).max() > 0.1  # there is contact
+    dead = {c for c in COLUMNS if samples[c].nunique() < 3}
+    assert dead <= CONSTANT[scenarios[0].fixture]
+
+
+def test_what_is_returned_is_not_shared(runs):
+    _, (first, again, _) = runs
+    assert not np.shares_memory(first.samples.to_numpy(), again.samples.to_numpy())
+    columns = [first.samples[c].to_numpy() for c in COLUMNS]
+    before = columns[1].copy()
+    again.samples.iloc[0, 1] += 1.0
+    np.testing.assert_array_equal(columns[1], before)
+    again.samples.iloc[0, 1] -= 1.0
+
+
+def test_the_first_sample_is_the_start_that_was_drawn(runs):
+    scenarios, demonstrations = runs
+    for scenario, demonstration in zip(scenarios, demonstrations, strict=True):
+        row = demonstration.samples.iloc[0]
+        X = start_pose(scenario)
+        np.testing.assert_allclose(row[["x", "y", "z"]].to_numpy(float), X.translation(), atol=1e-9)
+        turn = Rotation.from_matrix(X.rotation().matrix()).as_rotvec()
+        np.testing.assert_allclose(row["angle"] * row[["ax", "ay", "az"]].to_numpy(float), turn, atol=1e-9)
+    given = load_scenario("one_of_everything").start.tilt
+    starts = [s.start.tilt for s in scenarios]
+    assert starts[0] == starts[1]
+    assert starts[0] != starts[2] or starts[0] == given
+
+
+def test_the_turn_of_a_sample_is_that_between_its_neighbours(runs):
+    samples = runs[1][0].samples
+    R = Rotation.from_rotvec(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
+    np.testing.assert_allclose(samples["dangle"][1:], (R[:-1].inv() * R[1:]).magnitude(), atol=1e-9)

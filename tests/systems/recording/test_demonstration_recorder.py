@@ -1,0 +1,150 @@
+import numpy as np
+import pytest
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from scipy.spatial.transform import Rotation
+
+from skill.data.demonstration import ACTIONS, CHANNELS, COLUMNS, validate_samples
+from systems.math.rotation import from_rotation_vector
+from systems.recording.demonstration_recorder import DemonstrationRecorder, demonstration_sample
+from tests.stepping import fixed_context, update_unrestricted
+
+PERIOD = 0.02
+NAMES = (*CHANNELS, *ACTIONS)
+
+
+def pose(turn, position):
+    return RigidTransform(from_rotation_vector(np.asarray(turn, dtype=float)), position)
+
+
+def peg_state(X):
+    q = X.rotation().ToQuaternion()
+    return np.array([q.w(), q.x(), q.y(), q.z(), *X.translation(), *np.zeros(6)])
+
+
+def named(row):
+    return dict(zip(NAMES, row, strict=True))
+
+
+def test_a_row_worked_by_hand():
+    # The peg is turned by 90 degrees about z: its x axis points along y of the hole.
+    row = named(
+        demonstration_sample(
+            X_HP=pose([0, 0, np.pi / 2], [0.001, -0.002, -0.003]),
+            contact_wrench_W=np.array([0.1, 0.2, 0.3, 4.0, 5.0, 6.0]),
+            X_HD=pose([0, 0, np.pi / 2], [0.011, 0.020, 0.030]),
+            R_HP_previous=from_rotation_vector(np.array([0, 0, np.pi / 2 - 0.05])),
+            X_HD_previous=pose([0, 0, np.pi / 2 - 0.01], [0.010, 0.022, 0.033]),
+        )
+    )
+    assert [row[c] for c in "xyz"] == [0.001, -0.002, -0.003]
+    # v_P = (v_y, -v_x, v_z)
+    np.testing.assert_allclose([row[f"f{c}"] for c in "xyz"], [5.0, -4.0, 6.0], atol=1e-12)
+    np.testing.assert_allclose([row[f"m{c}"] for c in "xyz"], [0.2, -0.1, 0.3], atol=1e-12)
+    np.testing.assert_allclose([row[f"a{c}"] for c in "xyz"], [0.0, 0.0, 1.0], atol=1e-12)
+    assert row["angle"] == pytest.approx(np.pi / 2)
+    assert row["dangle"] == pytest.approx(0.05)
+    np.testing.assert_allclose([row[f"u{c}"] for c in "xyz"], [-0.002, -0.001, -0.003], atol=1e-12)
+    np.testing.assert_allclose([row[f"r{c}"] for c in "xyz"], [0.0, 0.0, 0.01], atol=1e-12)
+
+
+def test_a_general_row_against_scipy():
+    rng = np.random.default_rng(2)
+    R_HP, R_old, R_HD, R_HD_old = (Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)) for _ in range(4))
+    p_HP, p_HD, p_HD_old, torque, force = rng.uniform(-1, 1, (5, 3))
+    row = demonstration_sample(
+        X_HP=pose(R_HP.as_rotvec(), p_HP),
+        contact_wrench_W=np.concatenate([torque, force]),
+        X_HD=pose(R_HD.as_rotvec(), p_HD),
+        R_HP_previous=from_rotation_vector(R_old.as_rotvec()),
+        X_HD_previous=pose(R_HD_old.as_rotvec(), p_HD_old),
+    )
+    turn = R_HP.as_rotvec()
+    expected = [
+        *p_HP,
+        *R_HP.inv().apply(force),
+        *R_HP.inv().apply(torque),
+        *(turn / np.linalg.norm(turn)),
+        np.linalg.norm(turn),
+        (R_old.inv() * R_HP).magnitude(),
+        *R_HP.inv().apply(p_HD - p_HD_old),
+        *R_HP.inv().apply((R_HD * R_HD_old.inv()).as_rotvec()),
+    ]
+    np.testing.assert_allclose(row, expected, atol=1e-9)
+
+
+def test_an_upright_peg_has_the_z_axis_and_no_angle():
+    still = pose([0, 0, 0], [0, 0, 0])
+    row = named(
+        demonstration_sample(
+            X_HP=still, contact_wrench_W=np.zeros(6), X_HD=still, R_HP_previous=still.rotation(), X_HD_previous=still
+        )
+    )
+    assert (row["ax"], row["ay"], row["az"], row["angle"], row["dangle"]) == (0.0, 0.0, 1.0, 0.0, 0.0)
+
+
+def test_the_first_row_is_a_motion_from_the_start():
+    start = pose([0.05, 0.0, 0.0], [0.0, 0.0, 0.003])
+    dut = DemonstrationRecorder(period=PERIOD, X_HP_start=start)
+    moved = pose([0.05, 0.0, 0.0], [0.0, 0.0, 0.002])
+    context = fixed_context(dut, peg_state=peg_state(start), contact_wrench=np.zeros(6), probe_pose=moved)
+    row = named(dut.GetOutputPort("sample").Eval(context))
+    np.testing.assert_allclose(
+        [row[f"u{c}"] for c in "xyz"], start.rotation().inverse().multiply(np.array([0, 0, -0.001])), atol=1e-15
+    )
+    assert row["dangle"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_it_remembers_the_last_sample():
+    dut = DemonstrationRecorder(period=PERIOD, X_HP_start=RigidTransform())
+    poses = [pose([0.01 * k, 0, 0], [0, 0.001 * k**2, 0]) for k in range(4)]
+    context = fixed_context(dut, peg_state=peg_state(poses[0]), contact_wrench=np.zeros(6), probe_pose=poses[0])
+    for k in range(1, 4):
+        update_unrestricted(dut, context, period=PERIOD)
+        dut.GetInputPort("peg_state").FixValue(context, peg_state(poses[k]))
+        dut.GetInputPort("probe_pose").FixValue(context, poses[k])
+        row = named(dut.GetOutputPort("sample").Eval(context))
+        assert row["dangle"] == pytest.approx(0.01, abs=1e-9)
+        assert np.linalg.norm([row[f"u{c}"] for c in "xyz"]) == pytest.approx(0.001 * (2 * k - 1))
+        assert row["rx"] == pytest.approx(0.01)
+
+
+class Hand(LeafSystem):
+    """A probe and a peg that turn steadily about x and go down, the probe ahead."""
+
+    SPEED, RATE = -0.02, 0.3
+
+    def __init__(self):
+        super().__init__()
+        self.DeclareAbstractOutputPort("probe", Value[RigidTransform], lambda c, y: y.set_value(self.at(c.get_time())))
+        self.DeclareVectorOutputPort("peg", 13, lambda c, y: y.SetFromVector(peg_state(self.at(c.get_time() - 0.05))))
+        self.DeclareVectorOutputPort("wrench", 6, lambda c, y: y.SetFromVector(np.arange(6) * c.get_time()))
+
+    def at(self, time):
+        return pose([self.RATE * time, 0, 0], [0, 0, self.SPEED * time])
+
+
+def test_the_log_of_a_simulation_holds_one_row_a_period_with_the_motion_between():
+    builder = DiagramBuilder()
+    hand = builder.AddSystem(Hand())
+    dut, log = DemonstrationRecorder.AddToBuilder(builder=builder, period=PERIOD, X_HP_start=hand.at(0.0))
+    builder.Connect(hand.GetOutputPort("probe"), dut.GetInputPort("probe_pose"))
+    builder.Connect(hand.GetOutputPort("peg"), dut.GetInputPort("peg_state"))
+    builder.Connect(hand.GetOutputPort("wrench"), dut.GetInputPort("contact_wrench"))
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(0.4)
+    samples = DemonstrationRecorder.samples(log, simulator.get_context())
+    assert tuple(samples.columns) == COLUMNS
+    validate_samples(samples, "test")
+    np.testing.assert_allclose(samples["time"], PERIOD * np.arange(21), atol=1e-12)
+    later = samples.iloc[1:]
+    np.testing.assert_allclose(later["rx"], Hand.RATE * PERIOD, rtol=1e-6)
+    np.testing.assert_allclose(np.linalg.norm(later[["ux", "uy", "uz"]], axis=1), -Hand.SPEED * PERIOD, rtol=1e-6)
+    np.testing.assert_allclose(later["dangle"].iloc[1:], Hand.RATE * PERIOD, rtol=1e-6)
+    np.testing.assert_allclose(samples["z"], Hand.SPEED * (samples["time"] - 0.05), atol=1e-12)
+    np.testing.assert_allclose(samples["mx"], 0.0, atol=1e-12)
+    np.testing.assert_allclose(samples["fx"], 3 * samples["time"], atol=1e-12)
+    # The first row has no sample before it: nothing has moved since the start.
+    assert (samples.iloc[0][["ux", "uy", "uz", "rx", "ry", "rz"]] == 0).all()

@@ -1,0 +1,180 @@
+import json
+import math
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from models.scenario import parse_scenario, resolve_scenario
+from skill.manipulation_skill import Action, ManipulationSkill
+from systems.runs.penetration import round_bodies
+from systems.runs.trial import TRIAL_STREAM, run_trial, run_trials, trial_scenario
+
+
+@pytest.fixture(scope="module")
+def inserted(skill):
+    """One whole trial from a tilt of three degrees, and what it came to."""
+    from tests.quick_scenario import make_quick_scenario
+
+    scenario = make_quick_scenario()
+    scenario.start.tilt = [0.04, -0.035]
+    scenario.trial.time_limit = 8.0
+    resolved = trial_scenario(scenario, number=1000)
+    return resolved, *run_trial(resolved, skill, seed=1000)
+
+
+def test_a_skill_learnt_from_five_demonstrations_inserts(inserted):
+    scenario, result, _ = inserted
+    assert result.inserted
+    assert result.reason == "inserted"
+    assert result.depth_mm == pytest.approx(1e3 * scenario.full_depth, abs=0.1)
+    assert 0 < result.time_s < scenario.trial.time_limit
+    assert result.seed == 1000
+    assert result.tilt_deg == [round(math.degrees(t), 2) for t in scenario.start.tilt]
+
+
+def test_the_tilt_was_taken_out_by_the_motors(inserted):
+    scenario, result, run = inserted
+    assert result.steps > 0
+    first, last = run.samples.iloc[0], run.samples.iloc[-1]
+    before = math.hypot(first["pitch"], first["yaw"])
+    assert before == pytest.approx(math.hypot(*scenario.start.tilt), abs=2e-3)
+    assert math.hypot(last["pitch"], last["yaw"]) < 0.4 * before
+
+
+def test_the_row_is_the_sum_of_the_record(inserted):
+    scenario, result, run = inserted
+    s = run.samples
+    last = s.iloc[-1]
+    assert result.steps == last["pitch_taken"] + last["yaw_taken"]
+    assert result.lost_steps == last["pitch_lost"] + last["yaw_lost"]
+    assert result.lost_steps == 0
+    assert (s["fault"] == 0).all()
+    assert result.unsupported_s == pytest.approx(scenario.controller.period * (s["support"] < 1).sum(), abs=0.005)
+    visited = [int(v) for v in s["state"]]
+    assert result.states == [v for k, v in enumerate(visited) if k == 0 or visited[k - 1] != v]
+    # Peaks are those of the contact at every step; the sensor's samples, filtered and fewer, come close from below.
+    lateral = np.hypot(s["fx"], s["fy"]).max()
+    noise = 5 * (scenario.sensor.force_bias + max(scenario.sensor.force_noise)) + scenario.sensor.force_quantum
+    assert lateral - noise <= result.peak_lateral_n
+    assert result.peak_lateral_n < 3 * lateral + 5
+    assert np.abs(s["fz"]).max() - noise <= result.peak_axial_n
+    moment = np.linalg.norm(s[["mx", "my", "mz"]], axis=1).max()
+    lever = 5 * (scenario.sensor.torque_bias + scenario.sensor.height * scenario.sensor.force_bias) + 0.01
+    assert moment - lever <= result.peak_moment_nm < 3 * moment + 0.1
+    assert run.result == asdict(result)
+
+
+def test_the_overlap_is_that_of_the_round_bodies_at_the_recorded_poses(inserted):
+    """Contact presses a compliant peg into the wall; only the mount gives way sideways."""
+    scenario, result, run = inserted
+    bodies = round_bodies(scenario.geometry)
+    s = run.samples
+    # The hole turns about its pivot, by yaw within pitch; the peg stays upright, and nearly on its axis.
+    R_WH = Rotation.from_euler("XY", s[["pitch", "yaw"]].to_numpy())
+    pivot = np.array([0.0, 0.0, scenario.rig.pivot_height])
+    tip = np.column_stack([np.zeros(len(s)), np.zeros(len(s)), s["tip_z"]])
+    p_HP = R_WH.inv().apply(tip - pivot) + pivot
+    unbent = -bodies.gap(p_HP, R_WH.inv().apply([0.0, 0.0, 1.0])).min()
+    bend = result.peak_lateral_n / scenario.rig.mount_stiffness
+    assert result.penetration_um == pytest.approx(1e6 * unbent, abs=1e6 * bend + 0.1)
+    assert result.penetration_um > 1.0
+
+
+def test_a_peg_that_is_stuck_when_the_time_runs_out_is_jammed(quick_scenario, skill):
+    """Nothing turns the hole, so the peg stays wedged however often it is drawn back."""
+    quick_scenario.controller.gain = 1e-9
+    quick_scenario.start.tilt = [0.05, 0.0]
+    quick_scenario.start.height = 1e-4
+    quick_scenario.trial.time_limit = 1.6
+    result, run = run_trial(trial_scenario(quick_scenario, number=0), skill, seed=0)
+    assert (result.inserted, result.reason) == (False, "jammed")
+    assert result.time_s == pytest.approx(1.6)
+    assert run.result["reason"] == "jammed"
+
+
+def test_the_record_holds_all_that_is_needed_to_make_it_again(inserted, skill):
+    scenario, _, run = inserted
+    assert json.loads(json.dumps(run.metadata)) == run.metadata
+    again = parse_scenario(run.metadata["scenario"], "record")
+    assert again == scenario
+    assert run.metadata["geometry"] == asdict(scenario.geometry)
+    assert len(run.metadata["state_names"]) == skill.n_states
+    assert {"drake", "numpy", "haptic-skill", "python"} <= set(run.metadata["versions"])
+    assert scenario.seed == resolve_scenario(scenario, seed=1000, stream=TRIAL_STREAM).seed
+
+
+def test_a_trial_that_has_too_little_time_says_so(quick_scenario, skill):
+    quick_scenario.trial.time_limit = 0.1
+    result, run = run_trial(trial_scenario(quick_scenario, number=2), skill, seed=2)
+    assert (result.inserted, result.reason) == (False, "time over")
+    assert result.time_s == pytest.approx(0.1)
+    assert len(run.samples) == 1 + round(0.1 / quick_scenario.controller.period)
+
+
+class Unsure(ManipulationSkill):
+    """A skill that computes a number that is none, some time after the start; picklable for other processes."""
+
+    def act(self, measured, probabilities=None):
+        action = super().act(measured, probabilities)
+        if self.when_depth_exceeds < -np.asarray(measured)[-1]:
+            return Action(turn=action.turn, feed=math.nan, probabilities=action.probabilities)
+        return action
+
+
+@pytest.fixture
+def unsure(skill_file):
+    skill = Unsure.load(skill_file)
+    skill.when_depth_exceeds = -5e-4  # just before the mouth
+    return skill
+
+
+def test_numbers_that_are_none_end_the_trial_with_its_reason_and_the_others_go_on(quick_scenario, unsure):
+    quick_scenario.trial.time_limit = 1.0
+    quick_scenario.start.height = 1e-3
+    quick_scenario.start.tilt = [0.0, 0.0]
+    results = list(run_trials(quick_scenario, unsure, [0, 1, 2], jobs=1))
+    assert [result.seed for result, _ in results] == [0, 1, 2]
+    for result, run in results:
+        assert not result.inserted
+        assert result.reason.startswith("controller failed: ValueError: the action is not finite")
+        assert 0 < result.time_s < 1.0
+        assert np.isfinite(run.samples.to_numpy()).all()
+        # Its row is one of a JSON file: every number in it is a number.
+        json.dumps(asdict(result), allow_nan=False)
+
+
+def test_a_trial_that_fails_does_not_take_the_good_ones_along(quick_scenario, skill_file):
+    quick_scenario.trial.time_limit = 0.1  # too short to draw back after the fault, which is named all the same
+    skill = Unsure.load(skill_file)
+    ends = []
+    for threshold in (1.0, -5e-2, 1.0):  # never, at once, never
+        skill.when_depth_exceeds = threshold
+        ends += [r.reason for r, _ in run_trials(quick_scenario, skill, [len(ends)], jobs=1)]
+    assert ends[0] == ends[2] == "time over"
+    assert ends[1].startswith("controller failed")
+
+
+def test_a_rig_that_cannot_be_simulated_ends_its_trial_too(quick_scenario, skill):
+    """A peg so stiff that its contact forces are near the largest numbers that there are."""
+    quick_scenario.contact.modulus = 1e300
+    quick_scenario.trial.time_limit = 0.5
+    quick_scenario.start.height = 1e-4
+    result, run = run_trial(trial_scenario(quick_scenario, number=0), skill, seed=0)
+    assert not result.inserted
+    assert result.reason.startswith("diverged")
+    json.dumps(asdict(result), allow_nan=False)
+    assert np.isfinite(run.samples.to_numpy()).all()
+
+
+def test_jobs_do_not_change_the_results(quick_scenario, skill):
+    quick_scenario.trial.time_limit = 0.15
+    alone = [asdict(r) for r, _ in run_trials(quick_scenario, skill, [3, 4], jobs=1)]
+    together = [asdict(r) for r, _ in run_trials(quick_scenario, skill, [3, 4], jobs=2)]
+    assert alone == together
+
+
+def test_trials_differ_in_their_start(quick_scenario):
+    tilts = [tuple(trial_scenario(quick_scenario, number=n).start.tilt) for n in range(50)]
+    assert len(set(tilts)) == 50
