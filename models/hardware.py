@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass
-class HapticDevice:
+class HapticDeviceParameters:
     """A six-degree-of-freedom force-feedback device (defaults: the paper's PHANToM Premium 1.5)."""
 
     name: str = "paper"
@@ -28,30 +28,30 @@ class HapticDevice:
     friction_force: float = 0.04  # in units of N [choice]
     friction_torque: float = 1e-3  # in units of N m [choice]
     # The hardest spring-damper that the driver's supplier lets it render; unlimited where none is published.
-    most_stiffness: float = math.inf  # in units of N/m
-    most_damping: float = math.inf  # in units of N s/m
-    most_angular_stiffness: float = math.inf  # in units of N m/rad
-    most_angular_damping: float = math.inf  # in units of N m s/rad
+    max_stiffness: float = math.inf  # in units of N/m
+    max_damping: float = math.inf  # in units of N s/m
+    max_angular_stiffness: float = math.inf  # in units of N m/rad
+    max_angular_damping: float = math.inf  # in units of N m s/rad
 
 
-DEVICE_PRESETS: dict[str, HapticDevice] = {
-    "paper": HapticDevice(),
-    "premium_1_5_6dof": HapticDevice(
+DEVICE_PRESETS: dict[str, HapticDeviceParameters] = {
+    "paper": HapticDeviceParameters(),
+    "premium_1_5_6dof": HapticDeviceParameters(
         name="premium_1_5_6dof",
         peak_force=4.0,  # [driver]
         sustained_force=3.0,  # [paper]
         peak_torque=0.188,  # [driver]
         sustained_torque=0.104,  # [paper]
-        most_stiffness=800.0,  # [driver]
-        most_damping=5.0,  # [driver]
-        most_angular_stiffness=0.3,  # [driver]
-        most_angular_damping=0.004,  # [driver]
+        max_stiffness=800.0,  # [driver]
+        max_damping=5.0,  # [driver]
+        max_angular_stiffness=0.3,  # [driver]
+        max_angular_damping=0.004,  # [driver]
     ),
 }
 
 
 @dataclass
-class StepperMotor:
+class StepperMotorParameters:
     """A hybrid stepper behind a reduction gear, seen at the gear's output; it holds like a magnetic spring."""
 
     step_angle: float = math.radians(0.18)  # in units of rad [paper]
@@ -68,7 +68,7 @@ class StepperMotor:
 
 
 @dataclass
-class DcMotor:
+class DcMotorParameters:
     """A small DC motor on a lead screw, under a speed loop with a current limit."""
 
     resistance: float = 2.3  # in units of ohm [choice]
@@ -101,7 +101,7 @@ class DcMotor:
 
 
 @dataclass
-class WrenchSensor:
+class WrenchSensorParameters:
     """A six-axis force/torque sensor of the Mini45 class."""
 
     force_range: list[float] = field(default_factory=lambda: [145.0, 145.0, 290.0])  # N [sheet]

@@ -8,7 +8,7 @@ import numpy as np
 
 
 @dataclass
-class Operator:
+class OperatorParameters:
     """The simulated person; ranges of personal parameters are drawn by `draw_person`."""
 
     habit: str = "expert"  # see HABITS
@@ -53,7 +53,7 @@ PERSONAL = ("align_gain", "align_rate", "insertion_speed", "comfortable_force", 
 """Parameters of which everybody has their own multiple."""
 
 
-def draw_person(operator: Operator, rng: np.random.Generator) -> Operator:
+def draw_person(operator: OperatorParameters, rng: np.random.Generator) -> OperatorParameters:
     """One person: the habit applied, every range drawn; what is left is concrete."""
     person = copy.deepcopy(operator)
     for name, factor in HABITS[person.habit].items():

@@ -15,8 +15,8 @@ import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from models.bore import facet_sagitta, minimum_facets
-from models.hardware import DEVICE_PRESETS, DcMotor, StepperMotor, WrenchSensor
-from models.operator import HABITS, Operator, draw_person
+from models.hardware import DEVICE_PRESETS, DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
+from models.operator import HABITS, OperatorParameters, draw_person
 from models.validation import check_document, check_numbers
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
@@ -42,7 +42,7 @@ class Geometry:
 
 
 @dataclass
-class Contact:
+class ContactParameters:
     """The hydroelastic contact model."""
 
     time_step: float = 2e-3  # in units of s
@@ -54,7 +54,7 @@ class Contact:
 
 
 @dataclass
-class Start:
+class StartParameters:
     """Where the peg starts; the tilt is drawn from the range unless it is given."""
 
     height: float = 0.003  # in units of m, of the tip above the mouth
@@ -66,7 +66,7 @@ class Start:
 
 
 @dataclass
-class Coupling:
+class CouplingParameters:
     """The virtual coupling between probe and peg, and the stiff guide of the virtual fixture."""
 
     stiffness: float = 4000.0  # in units of N/m
@@ -82,7 +82,7 @@ class Coupling:
 
 
 @dataclass
-class Recorder:
+class RecorderParameters:
     """How a demonstration is sampled, and when it ends."""
 
     period: float = 0.02  # in units of s
@@ -91,7 +91,7 @@ class Recorder:
 
 
 @dataclass
-class Rig:
+class RigParameters:
     """The 3-DOF rig's mechanics."""
 
     pivot_height: float | None = None  # in units of m, of the gimbal's axes above the mouth (negative: below)
@@ -104,7 +104,7 @@ class Rig:
 
 
 @dataclass
-class Controller:
+class ControllerParameters:
     """The on-line estimator and controller, and the guards round them."""
 
     period: float = 0.02  # in units of s
@@ -129,7 +129,7 @@ class Controller:
 
 
 @dataclass
-class Trial:
+class TrialParameters:
     """When a rig trial ends."""
 
     time_limit: float = 10.0  # in units of s
@@ -142,19 +142,19 @@ class Scenario:
 
     seed: int = 0
     geometry: Geometry = field(default_factory=Geometry)
-    contact: Contact = field(default_factory=Contact)
-    start: Start = field(default_factory=Start)
+    contact: ContactParameters = field(default_factory=ContactParameters)
+    start: StartParameters = field(default_factory=StartParameters)
     device: str = "paper"
-    coupling: Coupling = field(default_factory=Coupling)
+    coupling: CouplingParameters = field(default_factory=CouplingParameters)
     fixture: str = "rig"
-    operator: Operator = field(default_factory=Operator)
-    recorder: Recorder = field(default_factory=Recorder)
-    rig: Rig = field(default_factory=Rig)
-    stepper: StepperMotor = field(default_factory=StepperMotor)
-    feed: DcMotor = field(default_factory=DcMotor)
-    sensor: WrenchSensor = field(default_factory=WrenchSensor)
-    controller: Controller = field(default_factory=Controller)
-    trial: Trial = field(default_factory=Trial)
+    operator: OperatorParameters = field(default_factory=OperatorParameters)
+    recorder: RecorderParameters = field(default_factory=RecorderParameters)
+    rig: RigParameters = field(default_factory=RigParameters)
+    stepper: StepperMotorParameters = field(default_factory=StepperMotorParameters)
+    feed: DcMotorParameters = field(default_factory=DcMotorParameters)
+    sensor: WrenchSensorParameters = field(default_factory=WrenchSensorParameters)
+    controller: ControllerParameters = field(default_factory=ControllerParameters)
+    trial: TrialParameters = field(default_factory=TrialParameters)
 
     @property
     def full_depth(self) -> float:

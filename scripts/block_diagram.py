@@ -12,7 +12,7 @@ from pydrake.systems.framework import Diagram
 from models.scenario import DEMONSTRATION_STREAM, TRIAL_STREAM, load_scenario, resolve_scenario
 from skill.data.tables import write_atomically
 from skill.manipulation_skill import ManipulationSkill
-from systems.reports.terminal import console, says_what_is_wrong
+from systems.reports.terminal import console, report_errors
 from systems.rig import MakeRig
 from systems.virtual_environment import MakeVirtualEnvironment
 
@@ -34,7 +34,7 @@ def write_svg(diagram: Diagram, path: Path) -> None:
 
 
 @app.command()
-@says_what_is_wrong
+@report_errors
 def main(
     skill: Annotated[Path, typer.Option(help="A skill file of train_skill: the rig's ports depend on it.")] = Path(
         "out/skill.npz"

@@ -20,7 +20,7 @@ from skill.data.tables import write_atomically
 from skill.figures.paper_figures import plot_demonstration, plot_outcomes, plot_run, save_figure
 from systems.reports.motion import read_motion
 from systems.reports.replay_page import replay_page
-from systems.reports.terminal import console, progress, says_what_is_wrong
+from systems.reports.terminal import console, progress, report_errors
 from systems.runs.demonstration_run import run_demonstration
 from systems.runs.trial import run_trial
 from systems.runs.trial_result import TrialResult
@@ -29,7 +29,7 @@ from systems.visualization.scene import recorded
 app = typer.Typer(add_completion=False)
 
 
-@says_what_is_wrong
+@report_errors
 def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: str, jobs: int) -> None:
     """Runs the chain into the folder ``out``."""
     began = time.monotonic()

@@ -18,7 +18,7 @@ from skill.figures.paper_figures import save_figure
 from skill.figures.practice_figure import plot_practice
 from skill.manipulation_skill import ManipulationSkill
 from skill.practice.paired_comparison import PairedChange, paired_change
-from systems.reports.terminal import console, progress, says_what_is_wrong, write_json
+from systems.reports.terminal import console, progress, report_errors, write_json
 from systems.runs.practice_rounds import Practice, Round, practise
 from systems.runs.provenance import versions
 from systems.runs.trial import run_trials
@@ -72,7 +72,7 @@ def change_table(changes: dict[str, PairedChange], before: list[TrialResult], af
     return table
 
 
-@says_what_is_wrong
+@report_errors
 def run(
     *,
     skill: Path,

@@ -20,13 +20,13 @@ from systems.haptics.coupling_margins import Margin, require_margins
 from systems.live.page import open_live_page
 from systems.live.session import LiveSession
 from systems.operators.device_operator import find_device
-from systems.reports.terminal import console, progress, says_what_is_wrong
+from systems.reports.terminal import console, progress, report_errors
 from systems.runs.demonstration_set import demonstrate_all, requests
 
 app = typer.Typer(add_completion=False)
 
 
-@says_what_is_wrong
+@report_errors
 def record(*, out: Path, good: int, bad: int, seed: int, scenario: str, jobs: int, overwrite: bool) -> list[Path]:
     """Records ``good`` + ``bad`` demonstrations into the folder ``out``, one Parquet file each; returns their paths."""
     chosen = load_scenario(scenario)
@@ -56,7 +56,7 @@ def record(*, out: Path, good: int, bad: int, seed: int, scenario: str, jobs: in
     return made
 
 
-@says_what_is_wrong
+@report_errors
 def record_live(*, out: Path, seed: int, scenario: str, driver: str | None, port: int | None) -> list[Path]:
     """A session of a person at the controls, in the browser; returns what was kept."""
     chosen = load_scenario(scenario)

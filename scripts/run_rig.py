@@ -19,7 +19,7 @@ from skill.manipulation_skill import ManipulationSkill
 from systems.reports.batch_page import batch_report, worst_trial
 from systems.reports.motion import read_motion
 from systems.reports.replay_page import replay_page
-from systems.reports.terminal import console, progress, says_what_is_wrong, write_json
+from systems.reports.terminal import console, progress, report_errors, write_json
 from systems.runs.provenance import versions
 from systems.runs.trial import run_trials
 from systems.runs.trial_result import TrialResult
@@ -55,7 +55,7 @@ def result_table(results: list[TrialResult]) -> Table:
     return table
 
 
-@says_what_is_wrong
+@report_errors
 def run(
     *,
     skill: Path,

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
-from systems.reports.terminal import console, says_what_is_wrong
+from systems.reports.terminal import console, report_errors
 from systems.runs.exact_states import give_names
 
 app = typer.Typer(add_completion=False)
@@ -37,7 +37,7 @@ def state_table(skill: ManipulationSkill) -> Table:
     return table
 
 
-@says_what_is_wrong
+@report_errors
 def train(*, demonstrations: Path, out: Path, seed: int) -> ManipulationSkill:
     """Reads the folder, fits the skill, saves it."""
     recorded = read_demonstrations(demonstrations)

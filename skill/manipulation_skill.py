@@ -105,7 +105,7 @@ class ManipulationSkill:
         graph_: the `StateGraph` of the demonstrations.
         period_: of a sample, s.
         sources_: (n, 2), demonstration number and time (s) of each sample that the regressor remembers.
-        least_log_support_: log of the kernel weight below which support is low: all but one in a hundred of the
+        min_log_support_: log of the kernel weight below which support is low: all but one in a hundred of the
             remembered samples find more in other demonstrations. -inf where nothing is known about it.
         names_: of the states; None while they are only numbered.
         metadata_: numbers of demonstrations, and the geometry they were made with.
@@ -182,7 +182,7 @@ class ManipulationSkill:
         knows_states = isinstance(self.regressor_, LWRegressor)
         self.regressor_.fit(X, Y, **({"memberships": P} if knows_states else {}))
         self.sources_ = np.column_stack([groups[good], samples["time"].to_numpy()])
-        self.least_log_support_ = self._least_log_support()
+        self.min_log_support_ = self._min_log_support()
         self.metadata_: dict[str, Any] = {
             "demonstrations": len(refined),
             "good": int(sum(d.good for d in demonstrations)),
@@ -213,7 +213,7 @@ class ManipulationSkill:
         sensed[list(MEASURED[:6])] += sigma * rng.standard_normal((len(samples), 6))
         return sensed
 
-    def _least_log_support(self) -> float:
+    def _min_log_support(self) -> float:
         if not isinstance(self.regressor_, LWRegressor):
             return -math.inf
         demonstrations = self.sources_[self.regressor_.rows_, 0]
@@ -252,7 +252,7 @@ class ManipulationSkill:
         P = self.state_probabilities(row) if probabilities is None else np.asarray(probabilities, float).reshape(1, -1)
         if isinstance(self.regressor_, LWRegressor):
             predicted, log_support = self.regressor_.predict_with_support(X, memberships=P)
-            support = math.exp(min(0.0, float(log_support[0]) - self.least_log_support_))
+            support = math.exp(min(0.0, float(log_support[0]) - self.min_log_support_))
         else:
             predicted, support = self.regressor_.predict(X), 1.0
         local = self.features_.actions_from_frame(row, predicted)[0]
@@ -319,7 +319,7 @@ class ManipulationSkill:
             "period": self.period_,
             "metadata": self.metadata_,
             "names": self.names_,
-            "least_log_support": self.least_log_support_,
+            "least_log_support": self.min_log_support_,
         }
         arrays: dict[str, Any] = {"sources": self.sources_}
         for part, fitted in (
@@ -367,7 +367,7 @@ class ManipulationSkill:
             skill.regressor_ = LWRegressor.from_arrays(parts["regressor"])
             skill.graph_ = StateGraph.from_arrays(parts["graph"])
             skill.period_, skill.metadata_, skill.names_ = (header[k] for k in ("period", "metadata", "names"))
-            skill.least_log_support_ = float(header["least_log_support"])
+            skill.min_log_support_ = float(header["least_log_support"])
         except (KeyError, TypeError, ValueError) as error:
             raise ValueError(f"{path}: not a complete skill file ({error})") from error
         return skill

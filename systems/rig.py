@@ -14,8 +14,8 @@ from models.scenario import Scenario
 from systems.control.contact_state_estimator import ContactStateEstimator
 from systems.control.faults import FAULT_NAMES, Fault
 from systems.control.policy import RigPolicy
-from systems.control.policy_controller import LwrController
-from systems.control.sensor_monitor import MeasurementCheck
+from systems.control.policy_controller import PolicyController
+from systems.control.sensor_monitor import SensorMonitor
 from systems.control.watchdog import COMMANDS, Watchdog
 from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
@@ -46,7 +46,7 @@ class RigDiagram:
     diagram: Diagram
     contact: RigPlant
     recorder: RunRecorder
-    controller: LwrController
+    controller: PolicyController
     watchdog: Watchdog
     start: tuple[float, float, float]
     tare: NDArray[np.float64]
@@ -128,12 +128,12 @@ def WireRig(
         ContactStateEstimator(skill=skill, period=scenario.controller.period),
     )
     controller = builder.AddNamedSystem(
-        "lwr_controller",
-        LwrController(skill=skill, parameters=scenario.controller, peg_radius=scenario.geometry.peg_radius),
+        "policy_controller",
+        PolicyController(skill=skill, parameters=scenario.controller, peg_radius=scenario.geometry.peg_radius),
     )
     check = builder.AddNamedSystem(
-        "measurement_check",
-        MeasurementCheck(
+        "sensor_monitor",
+        SensorMonitor(
             sensor=scenario.sensor, top_speed=scenario.feed.no_load_speed, resolution=scenario.rig.encoder_resolution
         ),
     )

@@ -26,7 +26,7 @@ from threadpoolctl import threadpool_limits
 from benchmarks.learners import cluster_sets as sets
 from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.clustering.expectation_maximization import CovariancePrior, sweep
+from skill.clustering.expectation_maximization import CovariancePrior, em_step
 from skill.states.contact_state_filter import ContactStateFilter
 
 
@@ -49,9 +49,9 @@ def step_against_products(N: int = 100_000, M: int = 30, d: int = 14) -> dict[st
     Z = rng.normal(size=(N, d))
     prior = CovariancePrior(count=d + 1.0, variance=1.0, floor=np.full(d, 1e-6), diagonal=False)
     components = components_of_partition(Z, rng.integers(0, M, N), prior)
-    cardinalities = sweep(Z, components).cardinalities
-    plain = fastest(lambda: sweep(Z, components))
-    competing = fastest(lambda: sweep(Z, components, eta=1.0, cardinalities=cardinalities, fuzzy=True))
+    cardinalities = em_step(Z, components).cardinalities
+    plain = fastest(lambda: em_step(Z, components))
+    competing = fastest(lambda: em_step(Z, components, eta=1.0, cardinalities=cardinalities, fuzzy=True))
     return {
         "dgemm_gflops": rate / 1e9,
         "bound_s": bound,

@@ -57,7 +57,7 @@ from systems.runs.exact_states import exact_bodies
 FORCE_NOISE, MOMENT_NOISE = 0.06, 5e-3  # N, N m: of the sensor the skill will feel through
 STILL, ROUGH = 2e-5, 4e-4  # m: of the refinement
 LASTING = 3  # samples that a change of label must last to ask for its recognition
-MOST = 15  # states tried by the criteria
+MAX_STATES = 15  # states tried by the criteria
 
 
 @dataclass(frozen=True)
@@ -142,12 +142,12 @@ def on_regressor_features(data: Recorded, seed: int) -> Found:
 
 def mixture_by_bic(data: Recorded, seed: int) -> Found:
     settings = {"reg_covar": STATE_FLOOR, "n_init": 2, "random_state": seed}
-    mixtures = [GaussianMixture(k, **settings).fit(data.Z) for k in range(1, MOST + 1)]
+    mixtures = [GaussianMixture(k, **settings).fit(data.Z) for k in range(1, MAX_STATES + 1)]
     return min(mixtures, key=lambda mixture: mixture.bic(data.Z)).predict(data.Z), None
 
 
 def bayesian_mixture(data: Recorded, seed: int) -> Found:
-    mixture = BayesianGaussianMixture(n_components=MOST, max_iter=500, reg_covar=STATE_FLOOR, random_state=seed)
+    mixture = BayesianGaussianMixture(n_components=MAX_STATES, max_iter=500, reg_covar=STATE_FLOOR, random_state=seed)
     return mixture.fit_predict(data.Z), None
 
 
@@ -158,7 +158,7 @@ def k_means(data: Recorded, seed: int) -> Found:
 
 def hidden_markov(data: Recorded, seed: int) -> Found:
     models = []
-    for k in range(1, MOST + 1, 2):
+    for k in range(1, MAX_STATES + 1, 2):
         model = GaussianHMM(k, covariance_type="full", min_covar=STATE_FLOOR, n_iter=60, random_state=seed)
         models.append(model.fit(data.Z, data.lengths))
     best = min(models, key=lambda model: model.bic(data.Z, data.lengths))

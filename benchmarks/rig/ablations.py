@@ -50,7 +50,7 @@ from skill.data.demonstration import Demonstration, read_demonstrations
 from skill.features.wrench_features import NormalisedFeatures, RawFeatures
 from skill.manipulation_skill import ManipulationSkill
 from systems.control.policy import RigPolicy
-from systems.reports.terminal import says_what_is_wrong
+from systems.reports.terminal import report_errors
 
 SIZES = (1, 2, 3, 5, 8, 12, 20)  # of the learning curve; the whole set is its last point
 DRAWS = 4
@@ -84,10 +84,10 @@ def drawn(size: int) -> Callable[[Shown, int], Shown]:
         good = [d for d in shown if d.good]
         bad = [d for d in shown if not d.good]
         share = len(good) / len(shown)
-        most_good = min(len(good), max(1, round(size * share)))
+        max_good = min(len(good), max(1, round(size * share)))
         return [
-            *(good[k] for k in rng.permutation(len(good))[:most_good]),
-            *(bad[k] for k in rng.permutation(len(bad))[: size - most_good]),
+            *(good[k] for k in rng.permutation(len(good))[:max_good]),
+            *(bad[k] for k in rng.permutation(len(bad))[: size - max_good]),
         ]
 
     return choose
@@ -152,7 +152,7 @@ def in_free_space(scenario: Scenario) -> Scenario:
     return free
 
 
-@says_what_is_wrong
+@report_errors
 def main() -> None:
     parser = command_line(__doc__)
     parser.add_argument("--figures", type=Path, help="folder for ablations.svg and learning_curve.svg")

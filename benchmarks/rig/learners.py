@@ -29,14 +29,14 @@ from skill.clustering.gaussian_states import GaussianStates
 
 FOLDS = KFold(5)
 LARGEST_GP = 1500  # samples; its cost grows with their cube
-MOST = 30  # components that BIC chooses from
+MAX_STATES = 30  # components that BIC chooses from
 
 
 def best_mixture(Z: np.ndarray, random_state: int) -> GaussianMixture:
     """Of least BIC among one to thirty components."""
     mixtures = [
         GaussianMixture(k, reg_covar=1e-4, random_state=random_state).fit(Z)
-        for k in range(1, min(MOST, len(Z) // (2 * Z.shape[1])) + 1)
+        for k in range(1, min(MAX_STATES, len(Z) // (2 * Z.shape[1])) + 1)
     ]
     return min(mixtures, key=lambda mixture: mixture.bic(Z))
 

@@ -32,7 +32,7 @@ from models.scenario import load_scenario
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.manipulation_skill import ManipulationSkill
 from systems.control.policy import RigPolicy
-from systems.reports.terminal import says_what_is_wrong
+from systems.reports.terminal import report_errors
 
 
 def push(setting: Setting, record: Record, advance: Advance, draw: int) -> RigPolicy:
@@ -73,7 +73,7 @@ def arms(candidates: int) -> list[Arm]:
     ]
 
 
-@says_what_is_wrong
+@report_errors
 def main() -> None:
     parser = command_line(__doc__)
     parser.add_argument("--candidates", type=int, default=24, help="of each tuning by hand")

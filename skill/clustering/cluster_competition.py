@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from skill.clustering.expectation_maximization import CovariancePrior, retained, sweep, updated
+from skill.clustering.expectation_maximization import CovariancePrior, em_step, retained, updated
 from skill.clustering.gaussian_components import Array, GaussianComponents
 
 Schedule = Callable[[int], float]
@@ -86,10 +86,10 @@ def compete(
     prior: CovariancePrior,
     schedule: Schedule,
     *,
-    least_cardinality: float,
+    min_cardinality: float,
     max_iter: int,
     tol: float,
-    least_eta: float = 0.0,
+    min_eta: float = 0.0,
 ) -> tuple[GaussianComponents, History, bool]:
     """Runs the competition from ``components`` until centres and number rest.
 
@@ -98,10 +98,10 @@ def compete(
         components: the first, too many, Gaussians.
         prior: regularisation of the covariances.
         schedule: strength of the competition for each iteration.
-        least_cardinality: clusters of a smaller cardinality vanish.
+        min_cardinality: clusters of a smaller cardinality vanish.
         max_iter: largest number of iterations.
         tol: stop when no centre moves by more than this (in units of Z) in three iterations without a death.
-        least_eta: stop when the competition has become weaker than this, if mergers are to follow anyway.
+        min_eta: stop when the competition has become weaker than this, if mergers are to follow anyway.
 
     Returns:
         The surviving components, the history, and whether it came to rest.
@@ -111,17 +111,17 @@ def compete(
     calm = 0
     for k in range(max_iter):
         eta = schedule(k)
-        result = sweep(Z, components, eta=eta, cardinalities=cardinalities, fuzzy=True)
+        result = em_step(Z, components, eta=eta, cardinalities=cardinalities, fuzzy=True)
         history.append(len(components), eta, result.log_likelihood)
         moved = float(np.abs(result.means - components.means).max())
         components = updated(result, prior)
-        keep = survivors(result.cardinalities, least_cardinality)
+        keep = survivors(result.cardinalities, min_cardinality)
         cardinalities = result.cardinalities[keep]
         if keep.all():
             calm = calm + 1 if moved < tol else 0
         else:
             calm = 0
             components = retained(components, keep)
-        if calm >= 3 or schedule(k + 1) < least_eta <= eta:
+        if calm >= 3 or schedule(k + 1) < min_eta <= eta:
             return components, history, True
     return components, history, False

@@ -24,7 +24,7 @@ from skill.clustering.cluster_initialization import (
 from skill.clustering.cluster_merging import Mixture, best_of_each_number, merge_path, polished
 from skill.clustering.clustering_arguments import check_parameters, checked_groups, checked_phase
 from skill.clustering.effective_sample_size import design_effect
-from skill.clustering.expectation_maximization import CovariancePrior, expectation_maximization, sweep
+from skill.clustering.expectation_maximization import CovariancePrior, em_step, expectation_maximization
 from skill.clustering.gaussian_components import Array, GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
 from skill.clustering.prototype_competition import FUZZY_ITERATIONS, compete_for_prototypes
@@ -42,7 +42,7 @@ NEGLIGIBLE_ETA = 0.05
 """Competition weaker than this hardly moves a membership; what is left to do is done sooner by merging."""
 
 
-MOST_SEARCHED = 20_000
+MAX_SEARCHED = 20_000
 """Independent samples drawn to search for mixtures; all then polish them and choose their number.
 
 A state rarer than ``min_cardinality`` among so many, 0.3 % with 14 channels, is not found."""
@@ -83,7 +83,7 @@ class _Start:
 
     components: GaussianComponents
     history: History
-    rested: bool
+    converged: bool
     path: list[Mixture]
 
 
@@ -233,8 +233,8 @@ class CompetitiveAgglomeration(GaussianStates):
         first = self._first_components(Z, data, prior, phase, random_state)
         searched = Z
         # Demonstrations are searched whole: thinned, their mixtures were less often the likeliest.
-        if self.merge == "bic" and groups is None and N > MOST_SEARCHED:
-            searched = Z[np.sort(random_state.choice(N, MOST_SEARCHED, replace=False))]
+        if self.merge == "bic" and groups is None and N > MAX_SEARCHED:
+            searched = Z[np.sort(random_state.choice(N, MAX_SEARCHED, replace=False))]
         starts = [self._start(searched, components, prior, with_phase=phase is not None) for components in first]
         T = prior.parameters
         tau = 1.0
@@ -247,27 +247,27 @@ class CompetitiveAgglomeration(GaussianStates):
                 M, tau = number_of_demonstrated(candidates, T, Z, groups)
             chosen = candidates[M]
             winner = next(start for start in starts if any(mixture is found[M] for mixture in start.path))
-            components, log_likelihood, rested = expectation_maximization(
+            components, log_likelihood, converged = expectation_maximization(
                 Z, chosen.components, prior, max_iter=self.max_iter, tol=1e-5 * N
             )
             path = [(m, mixture.log_likelihood) for m, mixture in candidates.items()]
         else:
-            scored = [(sweep(Z, start.components).log_likelihood, start) for start in starts]
+            scored = [(em_step(Z, start.components).log_likelihood, start) for start in starts]
             log_likelihood, winner = min(
                 scored,
                 key=lambda pair: bayesian_information_criterion(pair[0], len(pair[1].components), T, N),
             )
-            components, rested = winner.components, winner.rested
+            components, converged = winner.components, winner.converged
             if groups is not None:
                 tau = design_effect(Z, components, groups)
             path = [(len(components), log_likelihood)]
-        if not (rested and winner.rested):
+        if not (converged and winner.converged):
             warnings.warn(
                 f"not at rest after max_iter={self.max_iter} iterations: raise max_iter or tol",
                 ConvergenceWarning,
                 stacklevel=3,
             )
-        self.converged_ = rested and winner.rested
+        self.converged_ = converged and winner.converged
         self.history_ = winner.history.arrays()
         self.n_iter_ = len(self.history_["eta"])
         self.merge_path_ = np.array(
@@ -311,15 +311,15 @@ class CompetitiveAgglomeration(GaussianStates):
             if given.ndim == 2 and given.shape[1] == d and len(given) >= 1:
                 return [components_at_centres(Z, (given - data.shift) / data.scale, prior)]
             raise ValueError(f"init has shape {given.shape}, expected centres (M, {d}) or labels ({N},), or 'auto'")
-        most = max(1, min(self.m_init, N // (2 * (d + 1))))
+        n_initial = max(1, min(self.m_init, N // (2 * (d + 1))))
         n_init = 5 if self.n_init is None else self.n_init
         if self.init == "phase" and phase is None:
             raise ValueError("init='phase' needs phase: pass fit(X, phase=...) or use init='k-means++'")
         if phase is not None and self.init != "k-means++":
-            slices = {max(1, round(most / SLICE_RATIO**r)): None for r in range(n_init)}
+            slices = {max(1, round(n_initial / SLICE_RATIO**r)): None for r in range(n_init)}
             partitions = [phase_slices(phase, m) for m in slices]
         else:
-            partitions = [nearest_centre(Z, seed_centres(Z, most, random_state)) for _ in range(n_init)]
+            partitions = [nearest_centre(Z, seed_centres(Z, n_initial, random_state)) for _ in range(n_init)]
         return [components_of_partition(Z, labels, prior) for labels in partitions]
 
     def _schedule(self, *, with_phase: bool) -> Schedule:
@@ -342,15 +342,15 @@ class CompetitiveAgglomeration(GaussianStates):
         merging = self.merge == "bic"
         if self.distance == "fmle" and self.bias == "posterior":
             least = max(5.0, prior.parameters / 2) if self.min_cardinality is None else self.min_cardinality
-            components, history, rested = compete(
+            components, history, converged = compete(
                 Z,
                 components,
                 prior,
                 schedule,
-                least_cardinality=least,
+                min_cardinality=least,
                 max_iter=self.max_iter,
                 tol=self.tol * float(np.sqrt(prior.variance)),
-                least_eta=NEGLIGIBLE_ETA if merging else 0.0,
+                min_eta=NEGLIGIBLE_ETA if merging else 0.0,
             )
         else:
             outcome = compete_for_prototypes(
@@ -361,11 +361,11 @@ class CompetitiveAgglomeration(GaussianStates):
                 distance=self.distance,
                 # The ramp is the schedule of the author's program, whose rule for deaths goes with it.
                 deaths="cardinality" if self.schedule == "exp" else "nearest",
-                least_count=5.0 if self.min_cardinality is None else self.min_cardinality,
+                min_count=5.0 if self.min_cardinality is None else self.min_cardinality,
                 max_iter=self.max_iter,
                 tol=self.tol,
             )
-            components, history, rested = outcome.components, outcome.history, outcome.rested
+            components, history, converged = outcome.components, outcome.history, outcome.converged
             if merging:
                 components = components_of_partition(Z, outcome.labels, prior)
-        return _Start(components, history, rested, merge_path(Z, components, prior) if merging else [])
+        return _Start(components, history, converged, merge_path(Z, components, prior) if merging else [])

@@ -62,7 +62,7 @@ class CovariancePrior:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class EmStep:
     """What one pass over the samples leaves behind.
 
     Attributes:
@@ -80,14 +80,14 @@ class Sweep:
     log_likelihood: float
 
 
-def sweep(
+def em_step(
     Z: Array,
     components: GaussianComponents,
     *,
     eta: float = 0.0,
     cardinalities: Array | None = None,
     fuzzy: bool = False,
-) -> Sweep:
+) -> EmStep:
     """Memberships and weighted moments of all samples.
 
     With h the posterior, the competition is u_ij = h_ij [1 + alpha (N_i - sum_k h_kj N_k)],
@@ -133,10 +133,10 @@ def sweep(
             np.square(U, out=U)
         sums += U @ phi.T
     weight_sums, means, covariances = features.moments(sums)
-    return Sweep(totals, weight_sums, means, covariances, log_likelihood)
+    return EmStep(totals, weight_sums, means, covariances, log_likelihood)
 
 
-def updated(result: Sweep, prior: CovariancePrior) -> GaussianComponents:
+def updated(result: EmStep, prior: CovariancePrior) -> GaussianComponents:
     """The Gaussians that a sweep implies."""
     return GaussianComponents(
         weights=result.cardinalities / result.cardinalities.sum(),
@@ -177,7 +177,7 @@ def expectation_maximization(
     log_likelihood = -np.inf
     for _ in range(max_iter):
         evaluated = components
-        result = sweep(Z, components)
+        result = em_step(Z, components)
         log_likelihood = result.log_likelihood
         if log_likelihood - previous < tol:
             return evaluated, log_likelihood, True

@@ -28,7 +28,7 @@ from skill.clustering.gaussian_components import (
     squared_mahalanobis,
 )
 
-LEAST_SQUARED_DISTANCE = 1e-6
+MIN_SQUARED_DISTANCE = 1e-6
 """Least squared distance, so that a sample on a prototype has a finite weight (units of Z)."""
 
 FUZZY_ITERATIONS = 3
@@ -44,7 +44,7 @@ class Competition:
     components: GaussianComponents
     labels: NDArray[np.intp]
     history: History
-    rested: bool
+    converged: bool
 
 
 def log_squared_distances(Z: Array, components: GaussianComponents, distance: str) -> Array:
@@ -66,7 +66,7 @@ def log_squared_distances(Z: Array, components: GaussianComponents, distance: st
     else:
         raise ValueError(f"distance is {distance!r}, expected 'fmle', 'gk' or 'euclid'")
     squared = squared_mahalanobis(Z, components.means, factors)
-    return volumes + np.log(np.maximum(squared, LEAST_SQUARED_DISTANCE))
+    return volumes + np.log(np.maximum(squared, MIN_SQUARED_DISTANCE))
 
 
 def competitive_memberships(log_d2: Array, previous: Array | None, eta: float) -> Array:
@@ -99,7 +99,7 @@ def fuzzy_prototypes(Z: Array, U: Array, prior: CovariancePrior, *, literal: boo
     W = U**2
     sums = W.sum(axis=0)
     N_i = U.sum(axis=0)
-    means = (W.T @ Z) / (sums + LEAST_SQUARED_DISTANCE)[:, None]
+    means = (W.T @ Z) / (sums + MIN_SQUARED_DISTANCE)[:, None]
     divisors = N_i if literal else sums
     covariances = np.stack(
         [
@@ -118,15 +118,15 @@ def compete_for_prototypes(
     *,
     distance: str,
     deaths: str,
-    least_count: float,
+    min_count: float,
     max_iter: int,
     tol: float,
 ) -> Competition:
     """The published algorithm.
 
     Once the competition has started, clusters die: with ``deaths="cardinality"``, as published, when N_i is below
-    ``least_count``; with "nearest", as in the author's later program, when fewer samples than one (in the first
-    half of the iterations) or ``least_count`` (in the second) are nearest to them. It rests when the number has
+    ``min_count``; with "nearest", as in the author's later program, when fewer samples than one (in the first
+    half of the iterations) or ``min_count`` (in the second) are nearest to them. It rests when the number has
     not changed and the centres moved by less than ``tol`` in all.
 
     Args:
@@ -136,23 +136,23 @@ def compete_for_prototypes(
         schedule: strength of the competition for each iteration.
         distance: ``euclid``, ``gk`` or ``fmle``.
         deaths: ``cardinality`` or ``nearest``.
-        least_count: cardinality, or number of nearest samples, that a cluster needs.
+        min_count: cardinality, or number of nearest samples, that a cluster needs.
         max_iter: largest number of iterations.
         tol: sum of the absolute changes of all centres at which to stop, in units of Z.
     """
     history = History()
     U: Array | None = None
-    rested = False
+    converged = False
     for k in range(max_iter):
         eta = schedule(k)
         log_d2 = log_squared_distances(Z, components, distance if k >= FUZZY_ITERATIONS else "euclid")
         history.append(len(components), eta, float("nan"))
         U = competitive_memberships(log_d2, U if k >= FUZZY_ITERATIONS else None, eta)
         if deaths == "cardinality":
-            counts, least = U.sum(axis=0), least_count
+            counts, least = U.sum(axis=0), min_count
         else:
             counts = np.bincount(np.argmin(log_d2, axis=1), minlength=len(components)).astype(float)
-            least = 1.0 if k < max_iter / 2 else least_count
+            least = 1.0 if k < max_iter / 2 else min_count
         keep = counts >= least
         if k < FUZZY_ITERATIONS:
             keep[:] = True
@@ -162,7 +162,7 @@ def compete_for_prototypes(
         before = components.means[keep]
         components = fuzzy_prototypes(Z, U, prior, literal=distance == "fmle")
         if keep.all() and float(np.abs(components.means - before).sum()) < tol:
-            rested = True
+            converged = True
             break
     labels = np.argmin(log_squared_distances(Z, components, distance), axis=1)
-    return Competition(components, labels, history, rested)
+    return Competition(components, labels, history, converged)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skill.features.wrench_features import Array, CanonicalFeatures
 
-LEAST_LEVER = 0.1
+MIN_LEVER = 0.1
 """Of the peg's radius: at less depth than this nothing tells the mouth from the tip."""
 
 SATURATION = 2.0
@@ -80,7 +80,7 @@ class ContactFeatures(CanonicalFeatures):
         return turned[:, 0] - mouth, mouth
 
     def _lever(self, measured: Array) -> Array:
-        return np.maximum(-measured[:, 6], LEAST_LEVER * self.peg_radius)
+        return np.maximum(-measured[:, 6], MIN_LEVER * self.peg_radius)
 
     def _features(self, measured: Array) -> Array:
         tip, mouth = self._contact_forces(measured)

@@ -34,7 +34,7 @@ DEGREES = float(np.degrees(1.0))
 WIDTH = 7.2  # in units of inches, of a text block
 ROW_PITCH = 2.3  # between the zero lines of stacked series that each fill -1 to 1
 SHORT_NAME = 12  # characters of a state's name, five of which stand side by side
-MOST_LISTED = 20  # trials that are numbered one by one
+MAX_LISTED = 20  # trials that are numbered one by one
 
 
 def plot_demonstration(demonstration: Demonstration) -> Figure:
@@ -201,7 +201,7 @@ def plot_outcomes(results: pd.DataFrame) -> Figure:
         axes.grid(visible=False, axis="x")
     panels[-1].set_xlabel("trial", fontsize=9)
     panels[-1].set_xlim(number.min() - 0.6, number.max() + 0.6)
-    if len(results) <= MOST_LISTED:
+    if len(results) <= MAX_LISTED:
         panels[-1].set_xticks(number)
     else:
         panels[-1].xaxis.set_major_locator(MaxNLocator(integer=True))

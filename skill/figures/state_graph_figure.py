@@ -12,8 +12,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from skill.states.state_graph import StateGraph
 
-LEAST_SHOWN = 0.02  # moves of less probability would only clutter the figure
-LEAST_LABELLED = 0.1
+MIN_SHOWN = 0.02  # moves of less probability would only clutter the figure
+MIN_LABELLED = 0.1
 
 
 def draw_state_graph(
@@ -58,7 +58,7 @@ def draw_state_graph(
     shares = shares / shares.sum()
     for start in seen:
         for end, probability in enumerate(graph.moves_[start]):
-            if probability >= LEAST_SHOWN and end in points:
+            if probability >= MIN_SHOWN and end in points:
                 _draw_move(axes, points[start], points[end], float(probability), colours[start])
     for state in seen:
         axes.scatter(*points[state], s=250 + 2500 * shares[state], color=colours[state], edgecolor="black", zorder=3)
@@ -114,7 +114,7 @@ def _draw_move(
             zorder=1,
         )
     )
-    if probability < LEAST_LABELLED:
+    if probability < MIN_LABELLED:
         return
     (x0, y0), (x1, y1) = start, end
     middle = (0.5 * (x0 + x1) - 0.5 * bow * (y1 - y0), 0.5 * (y0 + y1) + 0.5 * bow * (x1 - x0))

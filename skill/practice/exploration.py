@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Variation:
+class Perturbation:
     """Factors on the skill's actions over the depth, their logarithms interpolated linearly between knots.
 
     Attributes:
@@ -38,13 +38,13 @@ class Variation:
         """On turn and feed, (..., 2), at depths (...), m."""
         return np.stack([np.interp(depth, self.depths, values) for values in (self.turn, self.feed)], axis=-1)
 
-    def opposite(self) -> Variation:
+    def opposite(self) -> Perturbation:
         """The reciprocal factors."""
-        return Variation(self.depths, -self.turn, -self.feed)
+        return Perturbation(self.depths, -self.turn, -self.feed)
 
 
 @dataclass(frozen=True)
-class Curiosity:
+class ExplorationNoise:
     """How far practice departs from the skill.
 
     Attributes:
@@ -57,33 +57,33 @@ class Curiosity:
     feed: float = 1.5
     spacing: float = 5e-3
 
-    def draw(self, rng: np.random.Generator, full_depth: float) -> Variation:
+    def draw(self, rng: np.random.Generator, full_depth: float) -> Perturbation:
         """Logarithms uniform between the limits, independent from knot to knot, from the mouth to ``full_depth`` (m).
 
         On average they are zero: where practice leads is decided by what it costs, not by what it tries.
         """
         depths = np.linspace(0.0, full_depth, 1 + max(1, round(full_depth / self.spacing)))
         turn, feed = np.log([self.turn, self.feed])
-        return Variation(depths, turn * rng.uniform(-1, 1, len(depths)), feed * rng.uniform(-1, 1, len(depths)))
+        return Perturbation(depths, turn * rng.uniform(-1, 1, len(depths)), feed * rng.uniform(-1, 1, len(depths)))
 
 
-class VariedSkill(ManipulationSkill):
+class PerturbedPolicy(ManipulationSkill):
     """A skill that acts like another, but for a `Variation` of turn and feed."""
 
-    variation: Variation
+    perturbation: Perturbation
 
     @classmethod
-    def of(cls, skill: ManipulationSkill, variation: Variation) -> Self:
+    def of(cls, skill: ManipulationSkill, perturbation: Perturbation) -> Self:
         """Shares all parts with ``skill``, which is not changed."""
         varied = cls.__new__(cls)
         varied.__dict__.update(skill.__dict__)
-        varied.variation = variation
+        varied.perturbation = perturbation
         return varied
 
     def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
         """As `ManipulationSkill.act`, times the factors at the measured depth."""
         action = super().act(measured, probabilities)
-        turn, feed = np.exp(self.variation.log_factors(-float(np.asarray(measured)[-1])))
+        turn, feed = np.exp(self.perturbation.log_factors(-float(np.asarray(measured)[-1])))
         return Action(turn=turn * action.turn, feed=float(feed * action.feed), probabilities=action.probabilities)
 
 
@@ -122,7 +122,7 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Experience:
+class Rollout:
     """What one practice trial felt, tried and paid, n rows.
 
     Attributes:
@@ -143,7 +143,7 @@ class Experience:
         return np.cumsum(self.costs[::-1])[::-1]
 
 
-def experience_of(run: RigRun, skill: VariedSkill, cost: Cost) -> Experience:
+def rollout_of(run: RigRun, skill: PerturbedPolicy, cost: Cost) -> Rollout:
     """Goes once more through a recorded run with the skill that made it.
 
     What was felt is on record; features, filtered states and factors follow from it as they did on the rig. Where the
@@ -169,9 +169,9 @@ def experience_of(run: RigRun, skill: VariedSkill, cost: Cost) -> Experience:
     acted = ~np.append(guard[1:], guard[-1])  # a command is on record one row after what was felt
     # Each row that stays takes the costs of those left out behind it.
     totals = np.cumsum(cost.of_steps(run)[::-1])[::-1][acted]
-    return Experience(
+    return Rollout(
         features=features[acted],
         memberships=memberships[acted],
-        tried=skill.variation.log_factors(-measured[acted, -1]),
+        tried=skill.perturbation.log_factors(-measured[acted, -1]),
         costs=-np.diff(totals, append=0.0),
     )

@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from sklearn.base import clone
 
 from skill.manipulation_skill import ManipulationSkill
-from skill.practice.exploration import Experience
+from skill.practice.exploration import Rollout
 from skill.regression.locally_weighted_regression import LWRegressor
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ SAME = 1e-3  # in units of s; costs that spread less than this are the same
 
 
 @dataclass(frozen=True)
-class Memory:
+class AdvantageWeighting:
     """How experience becomes memory.
 
     Attributes:
@@ -51,48 +51,53 @@ class Memory:
             millimetres of depth and in few trials.
     """
 
-    greed: float = 1.0
-    most: float = 2.0
-    breadth: float = 2.0
+    inverse_temperature: float = 1.0
+    advantage_clip: float = 2.0
+    bandwidth_factor: float = 2.0
 
 
-def advantages(experiences: Sequence[Experience], regressor: LWRegressor) -> Array:
+def advantages(rollouts: Sequence[Rollout], regressor: LWRegressor) -> Array:
     """The z (n,) of all rows of the experiences; zero where costs never varied.
 
     Args:
-        experiences: of one skill and its variations.
+        rollouts: practice trials of one skill and its perturbations.
         regressor: whose notion of similarity, its kernel, V and s share.
     """
-    X, P = _felt(experiences)
-    G = np.concatenate([e.costs_to_go for e in experiences])
+    X, P = _felt(rollouts)
+    G = np.concatenate([e.costs_to_go for e in rollouts])
     expected = clone(regressor).set_params(feature_scale=regressor.feature_scale_).fit(X, G, memberships=P)
     V, s = expected.predict(X, memberships=P, return_std=True)
     z: Array = (V - G) / np.maximum(s, SAME)
     return z
 
 
-def remember(skill: ManipulationSkill, experiences: Sequence[Experience], memory: Memory) -> ManipulationSkill:
+def advantage_weighted_update(
+    skill: ManipulationSkill, rollouts: Sequence[Rollout], weighting: AdvantageWeighting
+) -> ManipulationSkill:
     """A skill that has learnt from practice; ``skill`` is not changed. Only the remembered actions differ.
 
     Args:
         skill: that was practised; its regressor is a `LWRegressor` with states.
-        experiences: of variations of it.
-        memory: how they count.
+        rollouts: practice trials of perturbations of it.
+        weighting: how the rollouts are weighted.
 
     Raises:
         ValueError: if there is no experience, or the regressor is of another kind.
     """
     old = skill.regressor_
-    if not experiences:
+    if not rollouts:
         raise ValueError("no experience to learn from; expected at least one practice trial")
     if not isinstance(old, LWRegressor) or old.memberships_ is None:
         raise ValueError(f"the skill's regressor is {old}; expected a LWRegressor that was given states")
-    z = advantages(experiences, old)
-    weights = np.exp(memory.greed * np.clip(z, -memory.most, memory.most))
-    X, P = _felt(experiences)
-    g = np.vstack([e.tried for e in experiences])
+    z = advantages(rollouts, old)
+    weights = np.exp(weighting.inverse_temperature * np.clip(z, -weighting.advantage_clip, weighting.advantage_clip))
+    X, P = _felt(rollouts)
+    g = np.vstack([e.tried for e in rollouts])
     mean = LWRegressor(
-        bandwidth=memory.breadth * old.bandwidth, degree=0, n_neighbors=None, feature_scale=old.feature_scale_
+        bandwidth=weighting.bandwidth_factor * old.bandwidth,
+        degree=0,
+        n_neighbors=None,
+        feature_scale=old.feature_scale_,
     )
     remembered = old.X_ / old.feature_scale_
     went_well, was_tried = (
@@ -104,11 +109,11 @@ def remember(skill: ManipulationSkill, experiences: Sequence[Experience], memory
     learnt.regressor_ = LWRegressor.from_arrays({**old.to_arrays(), "y": old.y_ * np.column_stack([turn, turn, feed])})
     learnt.metadata_ = {
         **skill.metadata_,
-        "practice_trials": skill.metadata_.get("practice_trials", 0) + len(experiences),
+        "practice_trials": skill.metadata_.get("practice_trials", 0) + len(rollouts),
     }
     return learnt
 
 
-def _felt(experiences: Sequence[Experience]) -> tuple[Array, Array]:
+def _felt(rollouts: Sequence[Rollout]) -> tuple[Array, Array]:
     """Features (n, d) and memberships (n, K) of all rows."""
-    return np.vstack([e.features for e in experiences]), np.vstack([e.memberships for e in experiences])
+    return np.vstack([e.features for e in rollouts]), np.vstack([e.memberships for e in rollouts])

@@ -120,7 +120,7 @@ def select_feature_scale(
     sample_weight: ArrayLike | None = None,
     n_splits: int = 5,
     max_queries: int | None = 1000,
-    least_gain: float = 1e-3,
+    min_gain: float = 1e-3,
     max_passes: int = 4,
     random_state: int = 0,
 ) -> FeatureScaleSelection:
@@ -140,7 +140,7 @@ def select_feature_scale(
         sample_weight: (n,), likewise.
         n_splits: folds, at most the number of groups.
         max_queries: left-out samples used for the error, drawn at random; None for all.
-        least_gain: relative lowering of the error below which a change is not worth it.
+        min_gain: relative lowering of the error below which a change is not worth it.
         max_passes: over all features.
         random_state: of the draw.
     """
@@ -165,7 +165,7 @@ def select_feature_scale(
                 trial = scale.copy()
                 trial[j] *= change
                 error = error_of(trial)
-                if error < best * (1.0 - least_gain):
+                if error < best * (1.0 - min_gain):
                     scale, best, gained = trial, error, True
                     break
         if not gained:

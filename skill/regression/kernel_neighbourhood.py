@@ -19,7 +19,7 @@ BLOCK = 1 << 17
 # Candidates found at once: enough queries share one walk through the indices of their states.
 SEARCH_BLOCK = 1 << 18
 # The least logarithm of a weight by distance: the farthest samples compare as equal and not as NaN.
-LEAST_LOG = -1e300
+MIN_LOG = -1e300
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class KernelNeighbourhood:
             log_w: Array = squared / -h2
         else:
             log_w = squared / -(kernel.bandwidth**2)
-        np.maximum(log_w, LEAST_LOG, out=log_w)
+        np.maximum(log_w, MIN_LOG, out=log_w)
         if log_share is not None:
             log_w += log_share
         if self._log_sample_weight is not None:

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 NEGLIGIBLE = 1e-3
 # A sample that shares no state with the query keeps this share: if all do, distance alone decides, and the
 # tiny greatest weight makes the model a kernel mean and tells the caller that support is missing.
-LEAST_SHARE = 1e-300
+MIN_SHARE = 1e-300
 
 
 class MembershipIndex:
@@ -94,7 +94,7 @@ class MembershipIndex:
         """Logarithms of the shares of samples (..., c) with queries (..., K)."""
         assert self._memberships is not None
         share = (self._memberships[found] @ q[..., None])[..., 0]
-        return np.log(np.maximum(share, LEAST_SHARE, out=share), out=share)
+        return np.log(np.maximum(share, MIN_SHARE, out=share), out=share)
 
 
 def check_memberships(values: ArrayLike, n: int, states: int | None = None, exact: bool = False) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from enum import IntEnum
 
-from models.hardware import WrenchSensor
+from models.hardware import WrenchSensorParameters
 
 
 class Fault(IntEnum):
@@ -43,7 +43,7 @@ FALSE_ALARM = 1e-9
 """Probability that a healthy sensor repeats itself for as long as counts as stuck."""
 
 
-def repeats_of_a_stuck_sensor(p: WrenchSensor) -> float:
+def repeats_of_a_stuck_sensor(p: WrenchSensorParameters) -> float:
     """How often in a row all six readings may be the same before the sensor counts as stuck; inf if it has no noise.
 
     A channel with noise sigma and quantum q repeats its reading with probability at most erf(q / (2 sqrt(2) sigma)),
@@ -58,6 +58,6 @@ def repeats_of_a_stuck_sensor(p: WrenchSensor) -> float:
     return math.ceil(math.log(FALSE_ALARM) / math.log(repeat)) if repeat < 1.0 else math.inf
 
 
-def in_a_line(error: BaseException) -> str:
+def one_line(error: BaseException) -> str:
     """Kind and first line of an exception, for the reason of a trial."""
     return f"{type(error).__name__}: {(str(error).splitlines() or [''])[0][:120]}"

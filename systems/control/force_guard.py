@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from models.scenario import Controller
+from models.scenario import ControllerParameters
 
 WORKING, BACKING_OFF = 0.0, 1.0
 
 
 @dataclass(frozen=True)
-class Watch:
+class GuardState:
     """What the supervisor remembers from one period to the next; `as_list` fits a discrete state.
 
     Attributes:
@@ -34,7 +34,7 @@ class Watch:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class GuardDecision:
     """What the supervisor lets through.
 
     Attributes:
@@ -44,7 +44,7 @@ class Verdict:
         unwinding: whether the hole is to turn back to where the load was last light.
     """
 
-    watch: Watch
+    watch: GuardState
     feed_speed: float
     turning: bool
     unwinding: bool = False
@@ -58,9 +58,9 @@ def contact_load(wrench: NDArray[np.float64], peg_radius: float) -> float:
     return float(np.hypot(np.linalg.norm(wrench[:3]), np.linalg.norm(wrench[3:6]) / peg_radius))
 
 
-def supervise(
-    p: Controller,
-    watch: Watch,
+def guard_step(
+    p: ControllerParameters,
+    watch: GuardState,
     *,
     period: float,
     feed_speed: float,
@@ -68,7 +68,7 @@ def supervise(
     depth: float,
     known: bool,
     support: float,
-) -> Verdict:
+) -> GuardDecision:
     """One period of supervision.
 
     While working, the learnt feed v into the hole is lowered to
@@ -100,17 +100,19 @@ def supervise(
         if not done:
             stuck = watch.elapsed >= 0.5 * p.back_off_time and watch.anchor - depth < p.stall_depth
             watch = replace(watch, elapsed=watch.elapsed + period)
-            return Verdict(watch, p.retract_speed, turning=False, unwinding=stuck)
-        watch = Watch(anchor=depth)
+            return GuardDecision(watch, p.retract_speed, turning=False, unwinding=stuck)
+        watch = GuardState(anchor=depth)
     progressed = depth - watch.anchor >= p.stall_depth
     doubt = 0.0 if known and support >= 1.0 else watch.doubt + period
     watch = (
-        Watch(anchor=depth, doubt=doubt) if progressed else replace(watch, elapsed=watch.elapsed + period, doubt=doubt)
+        GuardState(anchor=depth, doubt=doubt)
+        if progressed
+        else replace(watch, elapsed=watch.elapsed + period, doubt=doubt)
     )
     pushing = feed_speed < 0.0
     if load > p.force_limit or (pushing and (watch.elapsed > p.stall_time or watch.doubt > p.doubt_time)):
-        return Verdict(Watch(BACKING_OFF, anchor=depth), p.retract_speed, turning=False)
+        return GuardDecision(GuardState(BACKING_OFF, anchor=depth), p.retract_speed, turning=False)
     if pushing:
         feed_speed *= support * min(1.0, max(0.0, (p.hold_force - load) / (p.hold_force - p.soft_force)))
         feed_speed *= 1.0 if known else p.unknown_feed
-    return Verdict(watch, feed_speed, turning=True)
+    return GuardDecision(watch, feed_speed, turning=True)

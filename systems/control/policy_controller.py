@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from models.scenario import Controller
+from models.scenario import ControllerParameters
 from skill.manipulation_skill import Action
-from systems.control.faults import in_a_line
-from systems.control.force_guard import Watch, contact_load, supervise
+from systems.control.faults import one_line
+from systems.control.force_guard import GuardState, contact_load, guard_step
 from systems.control.policy import RigPolicy
 
 TURN, FEED, WATCH, SUPPORT, EASE = slice(0, 2), 2, slice(3, 7), 7, slice(8, 10)
 COMMANDS = ("target_pitch", "target_yaw", "feed_speed", "guard")
 
 
-class LwrController(LeafSystem):
+class PolicyController(LeafSystem):
     """
     .. pydrake_system::
 
-        name: LwrController
+        name: PolicyController
         input_ports:
         - wrench
         - depth
@@ -51,7 +51,7 @@ class LwrController(LeafSystem):
     its angles count from where the axes stood at time 0.
     """
 
-    def __init__(self, *, skill: RigPolicy, parameters: Controller, peg_radius: float) -> None:
+    def __init__(self, *, skill: RigPolicy, parameters: ControllerParameters, peg_radius: float) -> None:
         super().__init__()
         self._skill = skill
         self._parameters = parameters
@@ -61,7 +61,7 @@ class LwrController(LeafSystem):
         self._probabilities = self.DeclareVectorInputPort("probabilities", skill.n_states)
         self._known = self.DeclareVectorInputPort("known", 1)
         # [pitch, yaw, feed speed, the supervisor's watch, whose first is the guard, support, pitch and yaw at ease]
-        self._command = self.DeclareDiscreteState(np.array([0.0, 0.0, 0.0, *Watch().as_list(), 1.0, 0.0, 0.0]))
+        self._command = self.DeclareDiscreteState(np.array([0.0, 0.0, 0.0, *GuardState().as_list(), 1.0, 0.0, 0.0]))
         self._failure = self.DeclareAbstractState(AbstractValue.Make(""))
         self.DeclarePeriodicUnrestrictedUpdateEvent(parameters.period, 0.0, self._update)
         self.DeclareForcedUnrestrictedUpdateEvent(self._update)
@@ -92,7 +92,7 @@ class LwrController(LeafSystem):
             action = self._checked_action(np.array([*wrench, -depth]), self._probabilities.Eval(context))
         except Exception as error:  # a learner of one's own may raise anything, and the rig must stop
             command[FEED] = 0.0
-            state.get_mutable_abstract_state(int(self._failure)).set_value(in_a_line(error))
+            state.get_mutable_abstract_state(int(self._failure)).set_value(one_line(error))
         else:
             self._follow(command, action, wrench, depth, known=bool(self._known.Eval(context)[0]))
         state.get_mutable_discrete_state(self._command).SetFromVector(command)
@@ -111,9 +111,9 @@ class LwrController(LeafSystem):
         load = contact_load(wrench, self._peg_radius)
         if load <= p.soft_force:
             command[EASE] = command[TURN]
-        verdict = supervise(
+        verdict = guard_step(
             p,
-            Watch(*command[WATCH]),
+            GuardState(*command[WATCH]),
             period=p.period,
             feed_speed=float(np.clip(action.feed / self._skill.period_, -p.max_feed_speed, p.max_feed_speed)),
             load=load,

@@ -6,18 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.hardware import WrenchSensor as SensorParameters
+from models.hardware import WrenchSensorParameters
 from systems.control.faults import Fault, repeats_of_a_stuck_sensor
 from systems.hardware.wrench_sensor import wrench_at_tip
 
 WRENCH, DEPTH, REPEATS, FAULT, STARTED = slice(0, 6), 6, 7, 8, 9
 
 
-class MeasurementCheck(LeafSystem):
+class SensorMonitor(LeafSystem):
     """
     .. pydrake_system::
 
-        name: MeasurementCheck
+        name: SensorMonitor
         input_ports:
         - raw_wrench
         - raw_depth
@@ -38,7 +38,7 @@ class MeasurementCheck(LeafSystem):
     a number is none, the last sound measurement is. Wrench (N, N m) about the tip in P, depth in m.
     """
 
-    def __init__(self, *, sensor: SensorParameters, top_speed: float, resolution: float) -> None:
+    def __init__(self, *, sensor: WrenchSensorParameters, top_speed: float, resolution: float) -> None:
         """Takes the sensor, the feed's greatest possible speed (m/s), and the depth encoder's resolution (m)."""
         super().__init__()
         self._height = sensor.height

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.hardware import DcMotor as MotorParameters
-from models.scenario import Controller
+from models.hardware import DcMotorParameters
+from models.scenario import ControllerParameters
 from systems.control.faults import Fault
 
 FAULT, SINCE, PITCH, YAW, PUSHED, ANCHOR = range(6)
@@ -41,7 +41,7 @@ class Watchdog(LeafSystem):
 
     Every period it looks at what the drives and the checked sensors report. A fault is
 
-    * what the `MeasurementCheck` found, or the controller's own failure,
+    * what the `SensorMonitor` found, or the controller's own failure,
     * a stepper whose drive has found steps lost,
     * a feed that was commanded into the hole by ``back_off_distance`` without the depth changing by ``stall_depth``,
       while the contact carries less than half of the drive's force N eta k_t |i|, so that it is not the contact that
@@ -53,7 +53,7 @@ class Watchdog(LeafSystem):
     It has nothing to say to the controller: what it knows of the drives does not reach the skill.
     """
 
-    def __init__(self, *, parameters: Controller, motor: MotorParameters) -> None:
+    def __init__(self, *, parameters: ControllerParameters, motor: DcMotorParameters) -> None:
         super().__init__()
         self._parameters = parameters
         self._motor = motor

@@ -23,8 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.hardware import DEVICE_PRESETS, HapticDevice
-from models.scenario import Coupling, Scenario
+from models.hardware import DEVICE_PRESETS, HapticDeviceParameters
+from models.scenario import CouplingParameters, Scenario
 from systems.haptics.haptic_device import VELOCITY_BANDWIDTH
 
 STEP_LIMIT = 2.0  # of B dt/m + K dt^2/(2 m)
@@ -118,17 +118,17 @@ def _simulation_margins(scenario: Scenario) -> list[Margin]:
     return margins
 
 
-def _device_margins(c: Coupling, device: HapticDevice) -> list[Margin]:
+def _device_margins(c: CouplingParameters, device: HapticDeviceParameters) -> list[Margin]:
     margins = []
     for turning, K, B, b, friction, resolution, most_K, most_B, units in (
         (
             *("", c.force_scale * c.stiffness, c.force_scale * c.damping, device.grip_damping, device.friction_force),
-            *(device.position_resolution, device.most_stiffness, device.most_damping, ("N/m", "N s/m")),
+            *(device.position_resolution, device.max_stiffness, device.max_damping, ("N/m", "N s/m")),
         ),
         (
             *(", turning", c.torque_scale * c.angular_stiffness, c.torque_scale * c.angular_damping),
             *(device.grip_angular_damping, device.friction_torque, device.angle_resolution),
-            *(device.most_angular_stiffness, device.most_angular_damping, ("N m/rad", "N m s/rad")),
+            *(device.max_angular_stiffness, device.max_angular_damping, ("N m/rad", "N m s/rad")),
         ),
     ):
         T = device.servo_period

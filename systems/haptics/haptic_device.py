@@ -10,7 +10,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.hardware import HapticDevice as DeviceParameters
+from models.hardware import HapticDeviceParameters
 from systems.math.rotation import from_rotation_vector, rotation_vector
 
 VELOCITY_BANDWIDTH = 60.0  # in units of Hz, of the low-pass on the differentiated pose
@@ -43,7 +43,7 @@ class HapticDevice(LeafSystem):
     expressed in H.
     """
 
-    def __init__(self, *, parameters: DeviceParameters, X_HD_start: RigidTransform) -> None:
+    def __init__(self, *, parameters: HapticDeviceParameters, X_HD_start: RigidTransform) -> None:
         super().__init__()
         self._parameters = parameters
         self._origin = X_HD_start.translation().copy()
@@ -94,8 +94,8 @@ class HapticDevice(LeafSystem):
             (wrench[3:], mean_squares[1], p.peak_force, p.sustained_force),
         ):
             cold = max(0.0, 1.0 - mean / sustained**2)
-            most = math.sqrt(sustained**2 + (peak**2 - sustained**2) * cold)
-            load = max(load, math.sqrt(part @ part) / most)
+            maximum = math.sqrt(sustained**2 + (peak**2 - sustained**2) * cold)
+            load = max(load, math.sqrt(part @ part) / maximum)
         return load
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:

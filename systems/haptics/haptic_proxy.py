@@ -15,7 +15,7 @@ from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
 
-from models.scenario import Coupling
+from models.scenario import CouplingParameters
 from systems.haptics.virtual_fixture import VirtualFixture
 from systems.math.rotation import cross, rotation_vector
 
@@ -55,7 +55,7 @@ class HapticProxy(LeafSystem):
     virtual environment. Wrenches and velocities have their angular part first.
     """
 
-    def __init__(self, *, coupling: Coupling, fixture: VirtualFixture, peg: BodyIndex) -> None:
+    def __init__(self, *, coupling: CouplingParameters, fixture: VirtualFixture, peg: BodyIndex) -> None:
         super().__init__()
         self._coupling = coupling
         self._fixture = fixture

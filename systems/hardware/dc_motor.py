@@ -7,7 +7,7 @@ import math
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.hardware import DcMotor as MotorParameters
+from models.hardware import DcMotorParameters
 
 CURRENT, INTEGRAL = range(2)
 FRICTION_SPEED = 2.0  # in units of rad/s, over which Coulomb friction changes sign
@@ -39,7 +39,7 @@ class DcMotor(LeafSystem):
     velocity] in m, m/s.
     """
 
-    def __init__(self, *, parameters: MotorParameters, period: float) -> None:
+    def __init__(self, *, parameters: DcMotorParameters, period: float) -> None:
         super().__init__()
         self._parameters = parameters
         self._period = period

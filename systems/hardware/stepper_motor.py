@@ -7,7 +7,7 @@ import math
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.hardware import StepperMotor as StepperParameters
+from models.hardware import StepperMotorParameters
 
 POSITION, SPEED, SHIFT, TAKEN, LOST = range(5)
 PERIOD_STEPS = 4  # full steps in one electrical period: a slipping rotor falls into the next equilibrium
@@ -39,7 +39,7 @@ class StepperMotor(LeafSystem):
     axis stood at time 0, which the driver does not know.
     """
 
-    def __init__(self, *, parameters: StepperParameters, period: float, start_angle: float) -> None:
+    def __init__(self, *, parameters: StepperMotorParameters, period: float, start_angle: float) -> None:
         super().__init__()
         self._parameters = parameters
         self._period = period

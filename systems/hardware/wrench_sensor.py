@@ -10,7 +10,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.multibody.math import SpatialForce
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.hardware import WrenchSensor as SensorParameters
+from models.hardware import WrenchSensorParameters
 from systems.math.noise import standard_normal
 from systems.math.rotation import cross
 
@@ -44,7 +44,7 @@ class WrenchSensor(LeafSystem):
     tip, in P, as in the fourteen channels. Until the first reading has come through it is zero.
     """
 
-    def __init__(self, *, parameters: SensorParameters, seed: int, weld: int, tare: NDArray[np.float64]) -> None:
+    def __init__(self, *, parameters: WrenchSensorParameters, seed: int, weld: int, tare: NDArray[np.float64]) -> None:
         super().__init__()
         p = self._parameters = parameters
         self._seed = seed

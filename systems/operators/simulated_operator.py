@@ -10,7 +10,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from models.scenario import Operator
+from models.scenario import OperatorParameters
 from systems.math.noise import standard_normal
 from systems.math.rotation import from_rotation_vector, rotation_between
 
@@ -51,7 +51,7 @@ class SimulatedOperator(LeafSystem):
     """
 
     def __init__(
-        self, *, operator: Operator, seed: int, start_height: float, tilt: list[float], offset: list[float]
+        self, *, operator: OperatorParameters, seed: int, start_height: float, tilt: list[float], offset: list[float]
     ) -> None:
         super().__init__()
         self._operator = operator

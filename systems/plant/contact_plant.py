@@ -42,7 +42,7 @@ import models
 from models.bore import make_bore
 from models.scenario import Geometry, Scenario
 
-ABSURD_FORCE = 1e5  # in units of N; nothing of this size holds it: a contact that reads more has diverged
+DIVERGENCE_FORCE = 1e5  # in units of N; nothing of this size holds it: a contact that reads more has diverged
 STEEL = 7850.0  # in units of kg/m^3
 ALUMINIUM = 2700.0  # in units of kg/m^3
 MOUNT_MASS = 0.05  # in units of kg, of each slide

@@ -25,7 +25,7 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def says_what_is_wrong(command: Callable[P, R]) -> Callable[P, R]:
+def report_errors(command: Callable[P, R]) -> Callable[P, R]:
     """Turns a ValueError, which names file, field and remedy, into one message and exit code 1."""
 
     @wraps(command)

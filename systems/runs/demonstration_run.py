@@ -13,7 +13,7 @@ from pydrake.systems.framework import Context, EventStatus
 from models.contact_geometry import axes_of_rotation_vectors
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import Demonstration
-from systems.plant.contact_plant import ABSURD_FORCE
+from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.runs.jamming import is_jammed
 from systems.runs.penetration import deepest_overlap
@@ -67,7 +67,7 @@ class DemonstrationRun:
         samples = samples[np.isfinite(samples.to_numpy()).all(axis=1)]  # what came before a divergence
         contact = samples[["fx", "fy", "fz"]].to_numpy()
         force = float(np.linalg.norm(contact, axis=1).max())
-        if force > ABSURD_FORCE:
+        if force > DIVERGENCE_FORCE:
             outcome, good = f"{DIVERGED}: a contact force of {force:.3g} N", False
         if outcome == "time over" and is_jammed(samples["time"].to_numpy(), -samples["z"].to_numpy(), contact):
             outcome = "jammed"

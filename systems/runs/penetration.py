@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from models.contact_geometry import PegInHole
 from models.scenario import Geometry
 
-LEAST_UPRIGHT = math.cos(math.radians(44.9))  # beyond 45 degrees the exact gap is not defined
+MIN_UPRIGHT = math.cos(math.radians(44.9))  # beyond 45 degrees the exact gap is not defined
 
 
 def round_bodies(geometry: Geometry) -> PegInHole:
@@ -29,7 +29,7 @@ def deepest_overlap(geometry: Geometry, p_HP: ArrayLike, axis_H: ArrayLike) -> f
         axis_H: (n, 3), unit, the peg's axis away from the tip.
     """
     p, axis = np.reshape(p_HP, (-1, 3)), np.reshape(axis_H, (-1, 3))
-    real = np.isfinite(p).all(axis=1) & (axis[:, 2] > LEAST_UPRIGHT)
+    real = np.isfinite(p).all(axis=1) & (axis[:, 2] > MIN_UPRIGHT)
     if not real.any():
         return 0.0
     return max(0.0, -float(round_bodies(geometry).gap(p[real], axis[real]).min()))

@@ -11,8 +11,8 @@ from joblib import Parallel, delayed
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, Scenario, resolve_scenario
 from skill.data.rig_run import RigRun
 from skill.manipulation_skill import ManipulationSkill
-from skill.practice.exploration import Cost, Curiosity, Experience, VariedSkill, experience_of
-from skill.practice.policy_update import Memory, remember
+from skill.practice.exploration import Cost, ExplorationNoise, PerturbedPolicy, Rollout, rollout_of
+from skill.practice.policy_update import AdvantageWeighting, advantage_weighted_update
 from systems.runs.trial import run_trial
 from systems.runs.trial_result import TrialResult
 
@@ -36,9 +36,9 @@ class Practice:
     starts: int = 8
     checks: int = 8
     seed: int = 0
-    curiosity: Curiosity = field(default_factory=Curiosity)
+    exploration: ExplorationNoise = field(default_factory=ExplorationNoise)
     cost: Cost = field(default_factory=Cost)
-    memory: Memory = field(default_factory=Memory)
+    weighting: AdvantageWeighting = field(default_factory=AdvantageWeighting)
 
     @property
     def n_trials(self) -> int:
@@ -110,13 +110,13 @@ def practise(
 
     best, standing = skill, checked(skill)
     yield Round(best, [], standing, kept=True)
-    pool: list[Experience] = []
+    pool: list[Rollout] = []
     for number in range(practice.rounds):
         first = (practice.seed * practice.rounds + number) * practice.starts
         tried = [t for n in range(first, first + practice.starts) for t in _both_ways(best, practice, scenario, n)]
         runs = _run(scenario, tried, PRACTICE_STREAM, jobs, f"round {number + 1}", advance)
-        pool += [experience_of(run, s, practice.cost) for (_, s), (_, run) in zip(tried, runs, strict=True)]
-        candidate = remember(best, pool, practice.memory)
+        pool += [rollout_of(run, s, practice.cost) for (_, s), (_, run) in zip(tried, runs, strict=True)]
+        candidate = advantage_weighted_update(best, pool, practice.weighting)
         check = checked(candidate)
         kept = check.beats(standing)
         if kept:
@@ -126,11 +126,11 @@ def practise(
 
 def _both_ways(
     skill: ManipulationSkill, practice: Practice, scenario: Scenario, number: int
-) -> list[tuple[int, VariedSkill]]:
+) -> list[tuple[int, PerturbedPolicy]]:
     """One start, numbered, twice."""
     rng = np.random.default_rng([PRACTICE_STREAM, number, 1])  # the start of the trial is a draw of [stream, number]
-    variation = practice.curiosity.draw(rng, scenario.full_depth)
-    return [(number, VariedSkill.of(skill, v)) for v in (variation, variation.opposite())]
+    perturbation = practice.exploration.draw(rng, scenario.full_depth)
+    return [(number, PerturbedPolicy.of(skill, v)) for v in (perturbation, perturbation.opposite())]
 
 
 def _run(

@@ -14,9 +14,9 @@ from pydrake.systems.framework import Context, EventStatus
 
 from models.scenario import TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
 from skill.data.rig_run import RigRun
-from systems.control.faults import in_a_line
+from systems.control.faults import one_line
 from systems.control.policy import RigPolicy
-from systems.plant.contact_plant import ABSURD_FORCE
+from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.rig import MakeRig, RigDiagram
 from systems.runs.jamming import is_jammed
 from systems.runs.penetration import deepest_overlap
@@ -49,7 +49,7 @@ class TrialMonitor:
         if not (np.isfinite(wrench).all() and np.isfinite(self.depth)):
             return self._end("diverged: a force or a position is not finite")
         force = float(np.linalg.norm(wrench[:3]))
-        if force > ABSURD_FORCE:
+        if force > DIVERGENCE_FORCE:
             return self._end(f"diverged: a contact force of {force:.3g} N")
         time = context.get_time()
         if time > 0:
@@ -113,9 +113,9 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
     try:
         simulator.AdvanceTo(scenario.trial.time_limit)
     except RuntimeError as error:  # Drake's solver gave up
-        monitor.reason = f"diverged: {in_a_line(error)}"
+        monitor.reason = f"diverged: {one_line(error)}"
     except (Exception, SystemExit) as error:  # one faulty trial does not end the others
-        monitor.reason = f"failed: {in_a_line(error)}"  # Drake's assertions raise SystemExit
+        monitor.reason = f"failed: {one_line(error)}"  # Drake's assertions raise SystemExit
     samples = rig.recorder.samples(context)
     if monitor.reason == "time over":
         stuck = is_jammed(

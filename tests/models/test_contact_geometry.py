@@ -85,7 +85,7 @@ def test_gap_of_a_free_pose_is_the_brute_force_distance(values):
         assert gap == pytest.approx(brute_force_distance(p[0], a[0]), abs=1e-9)
 
 
-def least_on_circle(f):
+def min_on_circle(f):
     """Ten thousand samples, and a thousand more round each of the best thirty."""
     t = np.linspace(0.0, 2 * np.pi, 10_000, endpoint=False)
     best = t[np.argsort(f(t))[:30]]
@@ -109,7 +109,7 @@ def test_overlap_is_found_by_dense_circles(values):
         return np.where((along > 0) & (beside < 0), np.maximum(beside, -along), np.where(along > 0, beside, outside))
 
     overlap = min(
-        least_on_circle(rim), least_on_circle(lambda t: edge(t, R, -C)), least_on_circle(lambda t: edge(t, R + C, 0.0))
+        min_on_circle(rim), min_on_circle(lambda t: edge(t, R, -C)), min_on_circle(lambda t: edge(t, R + C, 0.0))
     )
     assert (gap < 0) == (overlap < 0) or abs(gap) < 1e-9
     # In the corner of wall and floor the gap is the deeper of two overlaps, the distance is that to the corner.

@@ -16,7 +16,7 @@ from models.scenario import (
     HABITS,
     SCENARIO_FOLDER,
     TRIAL_STREAM,
-    Operator,
+    OperatorParameters,
     Scenario,
     dump_scenario,
     load_scenario,
@@ -310,7 +310,7 @@ def test_a_habit_multiplies_what_it_names(habit):
     scenario.operator.habit = habit
     resolved = resolve_scenario(scenario, seed=1, stream=DEMONSTRATION_STREAM).operator
     drawn = {"habit", "sight_bias", "offset_bias", "tremor_frequency", "tremor_spread"}
-    for f in fields(Operator):
+    for f in fields(OperatorParameters):
         if f.name not in drawn:
             factor = HABITS[habit].get(f.name, 1.0)
             assert getattr(resolved, f.name) == pytest.approx(getattr(scenario.operator, f.name) * factor), f.name

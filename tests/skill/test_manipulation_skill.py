@@ -267,7 +267,7 @@ def test_a_save_that_fails_leaves_the_old_skill(skill, skill_file, tmp_path, mon
 def test_one_demonstrated_sample_in_a_hundred_has_less_than_full_support(skill):
     regressor = skill.regressor_
     found = regressor.support_between(skill.sources_[regressor.rows_, 0])
-    assert np.mean(found < skill.least_log_support_) == pytest.approx(0.01, abs=1.0 / len(found))
+    assert np.mean(found < skill.min_log_support_) == pytest.approx(0.01, abs=1.0 / len(found))
 
 
 def test_support_falls_with_the_distance_from_all_that_is_remembered(skill, demonstrations):
@@ -283,12 +283,12 @@ def test_support_falls_with_the_distance_from_all_that_is_remembered(skill, demo
 def test_support_is_stored_with_the_skill(skill, tmp_path):
     skill.save(tmp_path / "skill.npz")
     again = ManipulationSkill.load(tmp_path / "skill.npz")
-    assert again.least_log_support_ == skill.least_log_support_
+    assert again.min_log_support_ == skill.min_log_support_
 
 
 def test_a_regressor_that_does_not_know_its_support_claims_full_support(demonstrations):
     skill = ManipulationSkill(regressor=LinearRegression(), states=CompetitiveAgglomeration(m_init=1)).fit(
         demonstrations
     )
-    assert skill.least_log_support_ == -math.inf
+    assert skill.min_log_support_ == -math.inf
     assert skill.act(np.full(7, 1e3)).support == 1.0

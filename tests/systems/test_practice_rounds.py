@@ -3,7 +3,7 @@ import pytest
 
 import systems.runs.practice_rounds
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, TRIAL_STREAM, resolve_scenario
-from skill.practice.exploration import VariedSkill, experience_of
+from skill.practice.exploration import PerturbedPolicy, rollout_of
 from systems.runs.practice_rounds import Check, Practice, practise
 from systems.runs.trial import run_trial
 
@@ -22,10 +22,10 @@ def test_a_varied_run_is_what_the_varied_skill_wanted(brief, skill):
     """Where nothing holds it back, the feed on record is that which the varied skill wanted a row before."""
     (number, varied), (same, other) = systems.runs.practice_rounds._both_ways(skill, SHORT, brief, 3)
     assert number == same == 3
-    np.testing.assert_allclose(varied.variation.turn, -other.variation.turn)
+    np.testing.assert_allclose(varied.perturbation.turn, -other.perturbation.turn)
     scenario = resolve_scenario(brief, seed=number, stream=PRACTICE_STREAM)
     _, run = run_trial(scenario, varied, seed=number)
-    e, samples = experience_of(run, varied, SHORT.cost), run.samples
+    e, samples = rollout_of(run, varied, SHORT.cost), run.samples
     assert e.memberships.argmax(axis=1).tolist() == samples["state"].tolist()
     loose = (samples["known"] == 1) & (samples[["fx", "fy", "fz"]].abs().sum(axis=1) < 1.0)
     rows = [k for k in samples.index[loose] if k + 1 < len(samples)]
@@ -55,16 +55,16 @@ def test_a_round_of_practice_keeps_what_beats_the_check_and_nothing_else(brief, 
     assert [r.seed for r in second.practised] == [0, 0]
     assert second.kept == second.check.beats(first.check)
     assert (second.skill is not skill) == second.kept
-    assert not isinstance(second.skill, VariedSkill)
+    assert not isinstance(second.skill, PerturbedPolicy)
 
 
 def test_a_skill_that_has_learnt_to_stand_still_is_discarded(brief, skill, monkeypatch):
-    class Idle(VariedSkill):
+    class Idle(PerturbedPolicy):
         def act(self, measured, probabilities=None):
             action = super().act(measured, probabilities)
             return type(action)(turn=0 * action.turn, feed=0.0, probabilities=action.probabilities)
 
-    idle = Idle.of(skill, SHORT.curiosity.draw(np.random.default_rng(0), 0.01))
+    idle = Idle.of(skill, SHORT.exploration.draw(np.random.default_rng(0), 0.01))
     monkeypatch.setattr(systems.runs.practice_rounds, "remember", lambda *_: idle)
     rounds = list(practise(brief, skill, Practice(rounds=1, starts=1, checks=1), jobs=1))
     assert not rounds[1].check.results[0].inserted

@@ -74,7 +74,7 @@ def test_euclidean_competition_agrees_with_its_authors_program(case):
 
 
 @pytest.mark.parametrize(
-    ("generate", "number", "least_ari"),
+    ("generate", "number", "min_ari"),
     [
         (spheres, 4, 0.98),
         (ellipses, 6, 0.96),
@@ -86,11 +86,11 @@ def test_euclidean_competition_agrees_with_its_authors_program(case):
     ids=["spheres", "ellipses", "overlapping", "c=2", "c=1", "iris"],
 )
 @pytest.mark.parametrize("seed", [100, 101])
-def test_finds_the_number_of_gaussian_clusters(generate, number, least_ari, seed):
+def test_finds_the_number_of_gaussian_clusters(generate, number, min_ari, seed):
     X, y = generate(seed)
     dut = CompetitiveAgglomeration(random_state=seed).fit(X)
     assert dut.n_clusters_ == number
-    assert adjusted_rand_score(y, dut.labels_) >= least_ari
+    assert adjusted_rand_score(y, dut.labels_) >= min_ari
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.cluster_merging import merge_closest, merge_path, merged_pair
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.effective_sample_size import design_effect
-from skill.clustering.expectation_maximization import CovariancePrior, sweep, updated
+from skill.clustering.expectation_maximization import CovariancePrior, em_step, updated
 from skill.clustering.gaussian_components import (
     GaussianComponents,
     QuadraticFeatures,
@@ -71,9 +71,9 @@ def test_quadratic_features_give_log_densities_and_moments(seed, d, M):
 def test_blocks_do_not_matter(monkeypatch):
     X, _ = separated(0, N=900, d=5)
     components = random_components(1, 4, 5)
-    whole = sweep(X, components)
+    whole = em_step(X, components)
     monkeypatch.setattr("skill.clustering.expectation_maximization.BLOCK", 7)
-    blocks = sweep(X, components)
+    blocks = em_step(X, components)
     np.testing.assert_allclose(blocks.means, whole.means, rtol=1e-9)
     np.testing.assert_allclose(blocks.covariances, whole.covariances, rtol=1e-7, atol=1e-9)
     assert blocks.log_likelihood == pytest.approx(whole.log_likelihood, rel=1e-12)
@@ -89,7 +89,7 @@ def test_posteriors_equal_those_of_scikit_learn():
     log_density = log_densities(X, components.weights, components.means, precision_factors(components.covariances))
     posterior = np.exp(log_density - np.logaddexp.reduce(log_density, axis=1)[:, None])
     np.testing.assert_allclose(posterior, mixture.predict_proba(X), atol=1e-10)
-    assert sweep(X, components).log_likelihood == pytest.approx(mixture.score(X) * len(X), rel=1e-12)
+    assert em_step(X, components).log_likelihood == pytest.approx(mixture.score(X) * len(X), rel=1e-12)
 
 
 def test_likelihood_never_falls_without_competition_and_prior():
@@ -98,7 +98,7 @@ def test_likelihood_never_falls_without_competition_and_prior():
     components = components_of_partition(X, rng.integers(0, 5, len(X)), no_prior(2))
     values = []
     for _ in range(60):
-        result = sweep(X, components)
+        result = em_step(X, components)
         values.append(result.log_likelihood)
         components = updated(result, no_prior(2))
     assert np.diff(values).min() > -1e-8 * abs(values[0])
@@ -160,8 +160,8 @@ def test_competition_takes_from_the_small_and_gives_to_the_large():
     labels = (X[:, 0] > 60).astype(int)
     components = components_of_partition((X - X.mean(0)) / X.std(0), labels, no_prior(2))
     Z = (X - X.mean(0)) / X.std(0)
-    plain = sweep(Z, components)
-    biased = sweep(Z, components, eta=1.0, cardinalities=plain.cardinalities)
+    plain = em_step(Z, components)
+    biased = em_step(Z, components, eta=1.0, cardinalities=plain.cardinalities)
     large = int(np.argmax(plain.cardinalities))
     assert biased.cardinalities[large] > plain.cardinalities[large]
     assert biased.cardinalities.sum() == pytest.approx(len(Z))

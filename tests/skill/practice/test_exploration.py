@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from skill.data.rig_run import RigRun
-from skill.practice.exploration import Cost, Curiosity, Variation, VariedSkill, experience_of
+from skill.practice.exploration import Cost, ExplorationNoise, Perturbation, PerturbedPolicy, rollout_of
 from tests.trajectories import GEOMETRY, make_rig_run
 
-DOUBLED = Variation(np.array([0.0, 0.01]), np.log([1.0, 4.0]), np.log([1.0, 0.25]))
+DOUBLED = Perturbation(np.array([0.0, 0.01]), np.log([1.0, 4.0]), np.log([1.0, 0.25]))
 
 
 def run_of(samples, **result):
@@ -22,7 +22,7 @@ def test_factors_run_evenly_in_their_logarithm_and_hold_beyond_the_knots(depth, 
 
 def test_curiosity_stays_within_its_limits_and_prefers_no_direction():
     rng = np.random.default_rng(0)
-    drawn = [Curiosity(turn=3.0, feed=1.5).draw(rng, 0.0247) for _ in range(2000)]
+    drawn = [ExplorationNoise(turn=3.0, feed=1.5).draw(rng, 0.0247) for _ in range(2000)]
     np.testing.assert_allclose(drawn[0].depths, np.linspace(0.0, 0.0247, 6))
     for part, limit in (("turn", 3.0), ("feed", 1.5)):
         logs = np.array([getattr(v, part) for v in drawn])
@@ -34,7 +34,7 @@ def test_curiosity_stays_within_its_limits_and_prefers_no_direction():
 def test_a_varied_skill_acts_like_the_other_times_its_factors(skill):
     measured = np.array([5.0, 3.0, 2.0, 0.01, 0.02, 0.0, -0.005])
     plain = skill.act(measured)
-    varied = VariedSkill.of(skill, DOUBLED).act(measured)
+    varied = PerturbedPolicy.of(skill, DOUBLED).act(measured)
     np.testing.assert_allclose(varied.turn, 2.0 * plain.turn)
     assert varied.feed == pytest.approx(0.5 * plain.feed)
     np.testing.assert_array_equal(varied.probabilities, plain.probabilities)
@@ -54,7 +54,7 @@ def test_a_trial_under_the_reference_force_costs_twice_its_time_and_failing_cost
 
 def test_an_experience_is_what_the_skill_felt_and_tried(skill):
     run = run_of(make_rig_run().samples.assign(guard=0.0))
-    e = experience_of(run, VariedSkill.of(skill, DOUBLED), Cost())
+    e = rollout_of(run, PerturbedPolicy.of(skill, DOUBLED), Cost())
     n, k = len(run.samples), 61
     assert len(e.features) == len(e.costs) == n
     row = run.samples.iloc[k]
@@ -71,7 +71,7 @@ def test_what_the_guard_did_is_not_tried_but_paid_for(skill):
     samples = make_rig_run().samples.assign(guard=0.0)
     samples.loc[[40, 41], "guard"] = 1.0
     run = run_of(samples)
-    e = experience_of(run, VariedSkill.of(skill, DOUBLED), Cost())
+    e = rollout_of(run, PerturbedPolicy.of(skill, DOUBLED), Cost())
     paid = Cost().of_steps(run)
     assert len(e.costs) == len(paid) - 2
     assert e.costs[38] == pytest.approx(paid[38:41].sum())

@@ -4,9 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from models.scenario import Controller
+from models.scenario import ControllerParameters
 from skill.manipulation_skill import MEASURED, Action
-from systems.control.policy_controller import COMMANDS, LwrController
+from systems.control.policy_controller import COMMANDS, PolicyController
 from tests.stepping import fixed_context, update_unrestricted
 
 RADIUS = 0.01
@@ -25,7 +25,7 @@ class Answering:
         return self.answer
 
 
-GENTLE = Controller(
+GENTLE = ControllerParameters(
     gain=1.0, max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
 )  # no limit is reached
 
@@ -36,7 +36,7 @@ def measurements(demonstrations):
 
 
 def controller(skill, row, parameters=GENTLE):
-    dut = LwrController(skill=skill, parameters=parameters, peg_radius=RADIUS)
+    dut = PolicyController(skill=skill, parameters=parameters, peg_radius=RADIUS)
     probabilities = skill.state_probabilities(row[None])[0]
     context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], probabilities=probabilities, known=[1.0])
     return dut, context, None if isinstance(skill, Answering) else skill.act(row, probabilities)
@@ -85,7 +85,7 @@ def test_the_angles_add_up_and_the_speed_does_not(skill, measurements):
 def test_the_gain_scales_the_correction_and_not_the_feed(skill, measurements, gain):
     row = measurements[len(measurements) // 3]
     one = step(*controller(skill, row)[:2])
-    scaled = Controller(
+    scaled = ControllerParameters(
         gain=gain,
         max_turn=1e9,
         max_turn_rate=100.0,
@@ -104,7 +104,7 @@ def test_the_turn_keeps_its_direction_at_the_rate_limit(skill, measurements):
     free = step(*controller(skill, row)[:2])
     wanted = np.array([free["target_pitch"], free["target_yaw"]])
     size = np.linalg.norm(wanted)
-    slow = Controller(
+    slow = ControllerParameters(
         max_turn_rate=0.3 * size / GENTLE.period, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
     )
     found = step(*controller(skill, row, slow)[:2], slow)
@@ -114,7 +114,7 @@ def test_the_turn_keeps_its_direction_at_the_rate_limit(skill, measurements):
 def test_the_hole_is_turned_no_further_than_the_gimbal_goes(skill, measurements):
     row = measurements[len(measurements) // 3]
     free = step(*controller(skill, row)[:2])
-    near = Controller(
+    near = ControllerParameters(
         max_turn=1.5 * abs(free["target_pitch"]), max_turn_rate=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
     )
     found = step(*controller(skill, row, near)[:2], near, times=40)
@@ -126,13 +126,15 @@ def test_the_feed_is_no_faster_than_its_limit(skill, measurements):
     row = measurements[0]
     free = step(*controller(skill, row)[:2])["feed_speed"]
     assert free < 0  # into the hole
-    slow = Controller(max_feed_speed=0.4 * abs(free), soft_force=1e8, hold_force=1e9, force_limit=1e9)
+    slow = ControllerParameters(max_feed_speed=0.4 * abs(free), soft_force=1e8, hold_force=1e9, force_limit=1e9)
     assert step(*controller(skill, row, slow)[:2], slow)["feed_speed"] == pytest.approx(0.4 * free)
 
 
 @pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.48, 0.64, 0.6]])
 def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, measurements, direction):
-    guarded = Controller(soft_force=19.0, hold_force=20.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0)
+    guarded = ControllerParameters(
+        soft_force=19.0, hold_force=20.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0
+    )
     row = measurements[len(measurements) // 3].copy()
     row[3:6] = 0.0
     row[:3] = 19.99 * np.array(direction)
@@ -145,7 +147,9 @@ def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, meas
 
 def test_a_couple_counts_as_load_too(skill, measurements):
     """A wedged peg: no net force, but a moment."""
-    guarded = Controller(soft_force=19.0, hold_force=20.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0)
+    guarded = ControllerParameters(
+        soft_force=19.0, hold_force=20.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0
+    )
     row = measurements[len(measurements) // 3].copy()
     for size, guard in ((19.99, 0.0), (20.01, 1.0)):
         row[:6] = [0.0, 0.0, 0.0, 0.6 * size * RADIUS, 0.8 * size * RADIUS, 0.0]
@@ -214,7 +218,7 @@ def test_a_skill_that_fails_is_not_asked_again(skill, measurements, answer, says
 
 def test_the_turns_that_wedged_the_peg_are_unwound_when_it_cannot_be_drawn_back(skill, measurements):
     turning = Answering(skill, Action(turn=np.array([1e-3, -2e-3]), feed=-1e-5, probabilities=np.ones(skill.n_states)))
-    guarded = Controller(gain=1.0, max_turn_rate=0.5, soft_force=5.0, hold_force=20.0, force_limit=30.0)
+    guarded = ControllerParameters(gain=1.0, max_turn_rate=0.5, soft_force=5.0, hold_force=20.0, force_limit=30.0)
     easy, wedged = np.zeros(7), np.zeros(7)
     wedged[:3] = [0.0, 0.0, 31.0]
     dut, context, _ = controller(turning, easy, guarded)

@@ -3,19 +3,19 @@ import math
 import numpy as np
 import pytest
 
-from models.hardware import WrenchSensor
+from models.hardware import WrenchSensorParameters
 from systems.control.faults import FALSE_ALARM, Fault, repeats_of_a_stuck_sensor
-from systems.control.sensor_monitor import MeasurementCheck
+from systems.control.sensor_monitor import SensorMonitor
 from systems.hardware.wrench_sensor import wrench_at_tip
 from tests.stepping import fixed_context, update
 
-SENSOR = WrenchSensor()
+SENSOR = WrenchSensorParameters()
 TOP_SPEED, RESOLUTION = 0.4, 5e-6
 
 
 @pytest.fixture
 def dut():
-    return MeasurementCheck(sensor=SENSOR, top_speed=TOP_SPEED, resolution=RESOLUTION)
+    return SensorMonitor(sensor=SENSOR, top_speed=TOP_SPEED, resolution=RESOLUTION)
 
 
 def sample(k):
@@ -77,25 +77,25 @@ def test_each_channel_of_the_sensor_has_its_end(channel, sign):
     ends = np.array([*SENSOR.force_range, *SENSOR.torque_range])
     quanta = np.repeat([SENSOR.force_quantum, SENSOR.torque_quantum], 3)
     for steps, fault in ((0, Fault.SENSOR_SATURATED), (1, Fault.NONE)):
-        dut = MeasurementCheck(sensor=SENSOR, top_speed=TOP_SPEED, resolution=RESOLUTION)
+        dut = SensorMonitor(sensor=SENSOR, top_speed=TOP_SPEED, resolution=RESOLUTION)
         reading = np.zeros(6)
         reading[channel] = sign * (np.floor(ends[channel] / quanta[channel]) - steps) * quanta[channel]
         assert show(dut, started(dut), wrench_at_tip(reading, SENSOR.height))[2] == fault
 
 
 def test_a_sensor_that_repeats_itself_longer_than_its_noise_allows_is_stuck(dut):
-    most = repeats_of_a_stuck_sensor(SENSOR)
+    maximum = repeats_of_a_stuck_sensor(SENSOR)
     context = started(dut)
-    for k in range(most + 1):
+    for k in range(maximum + 1):
         assert show(dut, context, sample(9))[2] == Fault.NONE, k
     assert show(dut, context, sample(9))[2] == Fault.SENSOR_STUCK
 
 
 def test_how_long_that_is_follows_from_noise_and_quantum():
     assert 5 <= repeats_of_a_stuck_sensor(SENSOR) <= 30
-    fine = WrenchSensor(force_quantum=1e-6)
+    fine = WrenchSensorParameters(force_quantum=1e-6)
     assert repeats_of_a_stuck_sensor(fine) <= 2
-    quiet = WrenchSensor(force_noise=[0.0] * 3, torque_noise=[0.0] * 3)
+    quiet = WrenchSensorParameters(force_noise=[0.0] * 3, torque_noise=[0.0] * 3)
     assert repeats_of_a_stuck_sensor(quiet) == math.inf  # it may repeat itself for ever
 
 

@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from models.hardware import DcMotor
-from models.scenario import Controller
+from models.hardware import DcMotorParameters
+from models.scenario import ControllerParameters
 from systems.control.faults import Fault
 from systems.control.watchdog import COMMANDS, Watchdog
 from tests.stepping import fixed_context, update
 
-P, MOTOR = Controller(), DcMotor()
+P, MOTOR = ControllerParameters(), DcMotorParameters()
 COMMANDED = {"target_pitch": [0.01], "target_yaw": [-0.02], "feed_speed": [-0.01]}
 
 

@@ -44,15 +44,15 @@ def upstream(diagram, start, stop=frozenset()):
 
 def test_every_path_from_the_plant_to_the_controller_leads_through_the_two_sensors(scenario, skill):
     rig = MakeRig(resolved(scenario), skill)
-    controlling = {"lwr_controller", "contact_state_estimator"}
+    controlling = {"policy_controller", "contact_state_estimator"}
     reached, edges = upstream(rig.diagram, controlling, stop=SENSORS)
-    assert reached == SENSORS | {"measurement_check", "contact_state_estimator"}
+    assert reached == SENSORS | {"sensor_monitor", "contact_state_estimator"}
     # What leads from the sensors on is a wrench and a depth, and from the estimator what it makes of them.
     assert {source for _, source in edges} == {
         ("wrench_sensor", "wrench"),
         ("depth_encoder", "depth"),
-        ("measurement_check", "wrench"),
-        ("measurement_check", "depth"),
+        ("sensor_monitor", "wrench"),
+        ("sensor_monitor", "depth"),
         ("contact_state_estimator", "probabilities"),
         ("contact_state_estimator", "known"),
     }

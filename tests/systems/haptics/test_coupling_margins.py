@@ -15,7 +15,14 @@ from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from scipy.linalg import expm
 
 from models.hardware import DEVICE_PRESETS
-from models.scenario import DEMONSTRATION_STREAM, SCENARIO_FOLDER, Coupling, Scenario, load_scenario, resolve_scenario
+from models.scenario import (
+    DEMONSTRATION_STREAM,
+    SCENARIO_FOLDER,
+    CouplingParameters,
+    Scenario,
+    load_scenario,
+    resolve_scenario,
+)
 from systems.haptics.coupling_margins import (
     STEP_LIMIT,
     coupling_margins,
@@ -71,7 +78,7 @@ def farthest(coupling, *, turning):
 @pytest.mark.parametrize(("share", "stable"), [(0.97, True), (1.03, False)])
 def test_the_peg_comes_to_rest_within_the_step_limit_and_flies_off_outside(turning, beta, kappa, share, stable):
     scale = share * STEP_LIMIT / (beta + kappa / 2)
-    c = Coupling()
+    c = CouplingParameters()
     mass = c.peg_inertia if turning else c.peg_mass
     B, K = scale * beta * mass / T, scale * kappa * mass / T**2
     assert step_number(stiffness=K, damping=B, inertia=mass, time_step=T) == pytest.approx(share * STEP_LIMIT)

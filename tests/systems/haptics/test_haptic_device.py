@@ -5,13 +5,12 @@ import pytest
 from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
 
-from models.hardware import DEVICE_PRESETS
-from models.hardware import HapticDevice as Parameters
+from models.hardware import DEVICE_PRESETS, HapticDeviceParameters
 from systems.haptics.haptic_device import VELOCITY_BANDWIDTH, HapticDevice
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from tests.stepping import fixed_context, update
 
-P = Parameters()
+P = HapticDeviceParameters()
 T = P.servo_period
 START = RigidTransform(from_rotation_vector(np.array([0.03, -0.02, 0.0])), [0.001, 0.002, 0.003])
 
@@ -78,7 +77,7 @@ def test_the_velocity_of_a_ramp_rises_like_a_first_order_filter():
 
 def test_the_angular_velocity_is_that_of_a_turn_about_a_fixed_axis_of_a_tilted_probe():
     # Coarse encoders would turn the axis: these are ten thousand times finer.
-    fine = Parameters(angle_resolution=1e-9, position_resolution=1e-9)
+    fine = HapticDeviceParameters(angle_resolution=1e-9, position_resolution=1e-9)
     axis, rate = np.array([0.0, 0.6, 0.8]), 2.0
     begin = Rotation.from_rotvec([0.3, -0.2, 0.1])
     poses = [(Rotation.from_rotvec(rate * T * k * axis) * begin).as_rotvec() for k in range(60)]
@@ -123,7 +122,7 @@ def test_the_cap_after_one_period_is_the_formula():
 
 @pytest.mark.parametrize("part", [slice(0, 3), slice(3, 6)])
 def test_held_for_long_the_cap_falls_to_what_is_sustained(part):
-    quick = Parameters(thermal_time_constant=0.1)
+    quick = HapticDeviceParameters(thermal_time_constant=0.1)
     sustained = quick.sustained_torque if part.start == 0 else quick.sustained_force
     wrench = np.zeros(6)
     wrench[part] = 1000.0 * np.array([2.0, 1.0, -2.0]) / 3.0
@@ -143,7 +142,7 @@ def test_held_for_long_the_cap_falls_to_what_is_sustained(part):
 
 
 def test_the_sustained_wrench_itself_may_be_held_for_ever():
-    quick = Parameters(thermal_time_constant=0.05)
+    quick = HapticDeviceParameters(thermal_time_constant=0.05)
     wrench = np.array([0.0, 0.0, 0.0, quick.sustained_force, 0.0, 0.0])
     dut, context = device(wrench=wrench, parameters=quick)
     update(dut, context, period=T, times=1000)

@@ -6,13 +6,13 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex
 from scipy.spatial.transform import Rotation
 
-from models.scenario import Coupling
+from models.scenario import CouplingParameters
 from systems.haptics.haptic_proxy import HapticProxy
 from systems.haptics.virtual_fixture import AxialFixture, FreeFixture, RigFixture
 from systems.math.rotation import from_rotation_vector
 from tests.stepping import fixed_context
 
-C = Coupling()
+C = CouplingParameters()
 PEG = BodyIndex(3)
 
 

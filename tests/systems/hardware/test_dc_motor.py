@@ -7,11 +7,11 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
 from scipy.signal import TransferFunction, step
 
-from models.hardware import DcMotor as Parameters
+from models.hardware import DcMotorParameters
 from systems.hardware.dc_motor import INTEGRAL, DcMotor
 from tests.stepping import fixed_context, update
 
-P = Parameters()
+P = DcMotorParameters()
 PERIOD = 1e-3
 MASS = 1.5  # in units of kg, carriage and rotor together
 
@@ -46,7 +46,7 @@ def test_one_period_at_standstill_is_the_rise_of_an_rl_circuit():
 
 def test_one_period_in_motion_matches_a_finely_integrated_circuit():
     v, command = -0.012, -0.013
-    parameters = Parameters(inductance=4e-3)  # a time constant longer than the period
+    parameters = DcMotorParameters(inductance=4e-3)  # a time constant longer than the period
     dut, context = motor(command, (0.05, v), parameters)
     i0, integral = 0.11, 1e-3
     context.SetDiscreteState([i0, integral])
@@ -83,7 +83,7 @@ def test_the_current_never_passes_its_limit_whatever_the_speed():
 
 
 def test_a_weak_supply_limits_the_current_before_the_limiter_does():
-    parameters = Parameters(supply_voltage=1.0)
+    parameters = DcMotorParameters(supply_voltage=1.0)
     dut, context = motor(0.5, parameters=parameters)
     update(dut, context, period=PERIOD, times=100)
     assert current(dut, context) == pytest.approx(parameters.supply_voltage / parameters.resistance, rel=1e-9)
@@ -163,7 +163,7 @@ def damping_and_inertia(p):
 @pytest.mark.parametrize("friction", [0.0, 1e-3])
 def test_at_full_voltage_it_runs_up_with_its_mechanical_time_constant_to_its_no_load_speed(friction):
     """w_0 = (eta k_t V/R - tau_c) / (eta k_t k_e/R + b), tau = J / (eta k_t k_e/R + b)."""
-    p = Parameters(coulomb_friction=friction, inductance=1e-6, current_limit=1e3)  # the voltage alone limits
+    p = DcMotorParameters(coulomb_friction=friction, inductance=1e-6, current_limit=1e3)  # the voltage alone limits
     damping, inertia = damping_and_inertia(p)
     drive = p.ratio * (p.screw_efficiency * p.torque_constant * p.supply_voltage / p.resistance - friction)
     no_load, tau = drive / damping, inertia / damping
@@ -175,7 +175,7 @@ def test_at_full_voltage_it_runs_up_with_its_mechanical_time_constant_to_its_no_
 
 def test_at_standstill_the_current_rises_with_the_electrical_time_constant():
     """i = V/R (1 - e^(-R t/L)) at full voltage."""
-    p = Parameters(inductance=4e-3, current_limit=1e3)
+    p = DcMotorParameters(inductance=4e-3, current_limit=1e3)
     dut, context = motor(10.0, parameters=p)
     for k in range(1, 12):
         update(dut, context, period=PERIOD)
@@ -188,7 +188,7 @@ def test_a_small_step_of_the_speed_loop_is_that_of_its_second_order_transfer_fun
 
     The command is fed forward by the back-EMF constant, so the zero is at -k_i / (k_p + k_e).
     """
-    p = Parameters(coulomb_friction=0.0, inductance=1e-6, current_limit=1e3)
+    p = DcMotorParameters(coulomb_friction=0.0, inductance=1e-6, current_limit=1e3)
     gain = p.ratio**2 * p.screw_efficiency * p.torque_constant / p.resistance
     viscous = p.ratio**2 * p.viscous_friction
     numerator = [gain * (p.speed_kp + p.torque_constant), gain * p.speed_ki]

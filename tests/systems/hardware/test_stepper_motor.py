@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.hardware import StepperMotor as Parameters
+from models.hardware import StepperMotorParameters
 from systems.hardware.stepper_motor import POSITION, SPEED, StepperMotor, ramp_speed
 from tests.stepping import fixed_context, update
 
-P = Parameters()
+P = StepperMotorParameters()
 PERIOD = 1e-3
 
 
@@ -67,7 +67,7 @@ def ramp_profile(distance, parameters, times):
 @pytest.mark.parametrize(("rate", "acceleration"), [(400.0, 2e4), (2500.0, 1e4), (300.0, 777.0)])
 def test_a_move_is_a_trapezoid_that_ends_on_its_step(distance, rate, acceleration):
     """n steps take n/v + v/a where the top rate is reached, else 2 sqrt(n/a); a few periods are lost to rounding."""
-    parameters = Parameters(max_step_rate=rate, max_step_acceleration=acceleration)
+    parameters = StepperMotorParameters(max_step_rate=rate, max_step_acceleration=acceleration)
     n = abs(distance)
     time = n / rate + rate / acceleration if n > rate**2 / acceleration else 2 * math.sqrt(n / acceleration)
     position, speed = ramp_profile(distance, parameters, math.ceil(time / PERIOD) + 10)
@@ -106,7 +106,7 @@ def test_whatever_is_asked_the_ramp_keeps_its_limits_and_arrives(targets, rate, 
 
 
 def test_a_target_nearer_than_it_can_brake_is_overrun_and_returned_to():
-    parameters = Parameters(max_step_rate=400.0, max_step_acceleration=4000.0)
+    parameters = StepperMotorParameters(max_step_rate=400.0, max_step_acceleration=4000.0)
     dut, context = motor(100 * P.step_angle, parameters=parameters)
     follow(dut, context, times=150)  # at 400 steps/s; stopping takes 20 steps
     dut.GetInputPort("target_angle").FixValue(context, [0.0])

@@ -5,7 +5,7 @@ import pytest
 from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 
-from models.hardware import WrenchSensor as Parameters
+from models.hardware import WrenchSensorParameters
 from systems.hardware.wrench_sensor import WrenchSensor
 from tests.stepping import update
 
@@ -28,7 +28,7 @@ WELD = 2
 
 def sensor(held, *, tare=(0.0,) * 6, seed=5, **changes):
     """``held`` is what the carriage holds the peg with: force, then torque, at the sensor."""
-    p = Parameters(**{**QUIET, **changes})
+    p = WrenchSensorParameters(**{**QUIET, **changes})
     dut = WrenchSensor(parameters=p, seed=seed, weld=WELD, tare=np.array(tare, dtype=float))
     context = dut.CreateDefaultContext()
     hold(dut, context, held)

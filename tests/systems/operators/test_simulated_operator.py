@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from models.operator import PERSONAL, Operator, draw_person
+from models.operator import PERSONAL, OperatorParameters, draw_person
 from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
 from systems.math.rotation import from_rotation_vector, rotation_between
 from systems.operators.simulated_operator import HINDERED_SHARE, SimulatedOperator, minimum_jerk, seen_misalignment
@@ -21,7 +21,7 @@ def person(**changes):
         **{"offset_noise": 0.0, "offset_bias": [0.0, 0.0], "offset_dead_zone": 0.0},
         **{"tremor": 0.0, "tremor_angle": 0.0},
     }
-    return Operator(**{**steady, **changes})
+    return OperatorParameters(**{**steady, **changes})
 
 
 def operator(o, *, tilt=(0.0, 0.0), offset=(0.0, 0.0), peg=None, wrench=(0.0,) * 6, seed=3):
@@ -257,7 +257,7 @@ def test_tremor_is_a_sine_of_its_amplitude_and_frequency():
 
 
 def wander(seed, *, n=40, **changes):
-    o = Operator(sight_bias=[0.0, 0.0], offset_bias=[0.0, 0.0], **changes)
+    o = OperatorParameters(sight_bias=[0.0, 0.0], offset_bias=[0.0, 0.0], **changes)
     dut, context = operator(o, tilt=[0.03, 0.0], seed=seed)
     trace = []
     for _ in range(n):
@@ -310,19 +310,19 @@ def test_a_person_is_the_same_in_whatever_they_do_and_another_is_not():
 
 
 def test_people_keep_within_what_people_do():
-    people = [draw_person(Operator(), np.random.default_rng(k)) for k in range(200)]
+    people = [draw_person(OperatorParameters(), np.random.default_rng(k)) for k in range(200)]
     frequencies = [p.tremor_frequency for p in people]
     assert 8.0 <= min(frequencies) < 8.2
     assert 11.8 < max(frequencies) <= 12.0
     delays = np.array([p.sight_delay for p in people])
-    assert np.median(delays) == pytest.approx(Operator().sight_delay, rel=0.05)
+    assert np.median(delays) == pytest.approx(OperatorParameters().sight_delay, rel=0.05)
     np.testing.assert_allclose(
-        np.std([p.offset_bias for p in people]), Operator().offset_bias_sigma, rtol=5 / math.sqrt(2 * 400)
+        np.std([p.offset_bias for p in people]), OperatorParameters().offset_bias_sigma, rtol=5 / math.sqrt(2 * 400)
     )
 
 
 def test_a_habit_keeps_the_person():
     """A bad example is shown by somebody who can also show a good one."""
-    good, bad = (draw_person(Operator(habit=h), np.random.default_rng(3)) for h in ("expert", "slams"))
+    good, bad = (draw_person(OperatorParameters(habit=h), np.random.default_rng(3)) for h in ("expert", "slams"))
     assert bad.sight_bias == good.sight_bias
     assert bad.insertion_speed == pytest.approx(3.0 * good.insertion_speed)

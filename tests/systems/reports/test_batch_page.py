@@ -67,10 +67,10 @@ def test_where_all_inserted_the_worst_pushed_hardest_across():
 
 
 @pytest.mark.parametrize(
-    ("span", "most", "step"), [(10, 10, 1), (10.1, 10, 2), (0.3, 10, 0.05), (45, 10, 5), (0, 5, 0.2)]
+    ("span", "maximum", "step"), [(10, 10, 1), (10.1, 10, 2), (0.3, 10, 0.05), (45, 10, 5), (0, 5, 0.2)]
 )
-def test_steps_are_round_and_no_more_than_asked(span, most, step):
-    assert nice_step(span, most) == pytest.approx(step)
+def test_steps_are_round_and_no_more_than_asked(span, maximum, step):
+    assert nice_step(span, maximum) == pytest.approx(step)
 
 
 @pytest.mark.parametrize("values", [[0.0], [0.0, 0.0], [1.0, 10.0], [2.999, 3.0], list(range(100))])
