@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,29 +44,25 @@ GapFunction = Callable[[Array], tuple[Any, ...]]
 
 
 class ContactLabel(IntEnum):
-    """The contact state, by geometry alone."""
+    """The contact state by geometry alone; ``label`` is its name for a person."""
 
-    FREE = 0
-    FACE = 1
-    CHAMFER = 2
-    MOUTH = 3
-    TIP = 4
-    TWO_POINT = 5
-    LINE = 6
-    SEATED = 7
+    label: str
 
+    FREE = 0, "free"
+    FACE = 1, "on the face"
+    CHAMFER = 2, "on the chamfer"
+    MOUTH = 3, "one point at the mouth"
+    TIP = 4, "one point at the tip"
+    TWO_POINT = 5, "two-point contact"
+    LINE = 6, "line contact"
+    SEATED = 7, "seated"
 
-LABEL_NAMES = (
-    "free",
-    "on the face",
-    "on the chamfer",
-    "one point at the mouth",
-    "one point at the tip",
-    "two-point contact",
-    "line contact",
-    "seated",
-)
-"""Of each `ContactLabel`, for people."""
+    def __new__(cls, value: int, label: str = "") -> Self:
+        """A member of this number and label."""
+        member = int.__new__(cls, value)
+        member._value_ = value
+        member.label = label
+        return member
 
 
 class Surface(IntEnum):

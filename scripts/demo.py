@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -50,7 +49,7 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
     )
     # The picture is worth most where the start was worst.
     shown = max(recordings, key=lambda path: starting_tilt(read_demonstration(path)))
-    hardest = max(results, key=lambda r: (r.inserted, abs(r.tilt_deg[0]) + abs(r.tilt_deg[1])))
+    hardest = max(results, key=lambda r: (r.inserted, abs(r.tilt[0]) + abs(r.tilt[1])))
     run_file = out / "rig" / f"run_{hardest.seed:04d}.parquet"
     with progress("figures and replays", 4) as advance:
         draw(shown, run_file, results, out)
@@ -82,7 +81,7 @@ def draw(demonstration: Path, run_file: Path, results: list[TrialResult], out: P
     """The paper's Fig. 3 and Fig. 5, and all trials."""
     save_figure(plot_demonstration(read_demonstration(demonstration)), out / "fig3_demonstration.png")
     save_figure(plot_run(read_rig_run(run_file)), out / "fig5_insertion.png")
-    save_figure(plot_outcomes(pd.DataFrame([asdict(r) for r in results])), out / "rig_trials.png")
+    save_figure(plot_outcomes(pd.DataFrame([r.record() for r in results])), out / "rig_trials.png")
 
 
 def write_replays(demonstration: Path, run_file: Path, out: Path) -> None:

@@ -26,7 +26,11 @@ from systems.runs.trial_result import TrialResult
 
 app = typer.Typer(add_completion=False)
 
-MEASURES = {"time_s": "time (s)", "peak_lateral_n": "peak force across (N)", "peak_axial_n": "peak force along (N)"}
+MEASURES = {  # key in the JSON file: field of a result, and its title
+    "time_s": ("time", "time (s)"),
+    "peak_lateral_n": ("peak_lateral_force", "peak force across (N)"),
+    "peak_axial_n": ("peak_axial_force", "peak force along (N)"),
+}
 WORTHWHILE = 0.20  # a change of a median that is called one, if its interval leaves out zero
 
 
@@ -57,14 +61,14 @@ def change_table(changes: dict[str, PairedChange], before: list[TrialResult], af
         table.add_column(name, justify="right")
     for name, change in changes.items():
         table.add_row(
-            MEASURES[name],
+            MEASURES[name][1],
             *(f"{change.before:.2f}", f"{change.after:.2f}", f"{100 * change.change:+.0f} %"),
             f"{100 * change.lower:+.0f} to {100 * change.upper:+.0f} %",
             f"{change.p_value:.2g}",
         )
     table.add_row("inserted", str(sum(r.inserted for r in before)), str(sum(r.inserted for r in after)), "", "", "")
-    fell = [MEASURES[n].split(" (")[0] for n, c in changes.items() if c.change <= -WORTHWHILE and c.upper < 0]
-    rose = [MEASURES[n].split(" (")[0] for n, c in changes.items() if c.change >= WORTHWHILE and c.lower > 0]
+    fell = [MEASURES[n][1].split(" (")[0] for n, c in changes.items() if c.change <= -WORTHWHILE and c.upper < 0]
+    rose = [MEASURES[n][1].split(" (")[0] for n, c in changes.items() if c.change >= WORTHWHILE and c.lower > 0]
     share = f"{100 * WORTHWHILE:.0f} %"
     table.caption = f"fell by {share} or more: {', '.join(fell) or 'nothing'}" + (
         f"; rose by {share} or more: {', '.join(rose)}" if rose else ""
@@ -97,10 +101,13 @@ def run(
     numbers = list(range(held_out_seed, held_out_seed + held_out))
     with progress("held-out trials", 2 * held_out) as advance:
         before, after = (_measured(chosen, s, numbers, jobs, advance) for s in (began, learnt))
-    changes = {n: paired_change([getattr(r, n) for r in before], [getattr(r, n) for r in after]) for n in MEASURES}
+    changes = {
+        name: paired_change([getattr(r, field) for r in before], [getattr(r, field) for r in after])
+        for name, (field, _) in MEASURES.items()
+    }
     write_json(out.with_suffix(".json"), _record(chosen, practice, rounds, before, after, changes))
     figure = plot_practice(
-        _checks(rounds), *(pd.DataFrame([asdict(r) for r in results]) for results in (before, after))
+        _checks(rounds), *(pd.DataFrame([r.record() for r in results]) for results in (before, after))
     )
     save_figure(figure, out.with_suffix(".png"))
     console.print(change_table(changes, before, after))
@@ -114,7 +121,7 @@ def _measured(
     results = []
     for result, _ in run_trials(scenario, skill, numbers, jobs=jobs):
         results.append(result)
-        advance(f"trial {result.seed}: {result.reason}, {result.time_s:.1f} s")
+        advance(f"trial {result.seed}: {result.reason}, {result.time:.1f} s")
     return results
 
 
@@ -139,9 +146,9 @@ def _record(
         "rounds": [
             {
                 "kept": r.kept,
-                "practised": [asdict(p) for p in r.practised],
+                "practised": [p.record() for p in r.practised],
                 "checks": [
-                    {"cost_s": round(c, 3), **asdict(p)} for p, c in zip(r.check.results, r.check.costs, strict=True)
+                    {"cost_s": round(c, 3), **p.record()} for p, c in zip(r.check.results, r.check.costs, strict=True)
                 ],
             }
             for r in rounds
@@ -149,7 +156,7 @@ def _record(
         "held_out": {
             "changes": {name: asdict(change) for name, change in changes.items()},
             "trials": [
-                {"seed": b.seed, "before": asdict(b), "after": asdict(a)} for b, a in zip(before, after, strict=True)
+                {"seed": b.seed, "before": b.record(), "after": a.record()} for b, a in zip(before, after, strict=True)
             ],
         },
     }

@@ -48,7 +48,7 @@ def record(*, out: Path, good: int, bad: int, seed: int, scenario: str, jobs: in
             write_demonstration(demonstration, path)
             made.append(path)
             lowest.append(demonstration.metadata["lowest_probe_energy_J"])
-            advance(f"{request.habit}: {demonstration.outcome}, {demonstration.duration:.1f} s")
+            advance(f"{request.habit}: {demonstration.reason}, {demonstration.duration:.1f} s")
     figure = out / "demonstrations.png"
     save_figure(plot_set(read_demonstrations(out), rough_force=chosen.recorder.rough_force), figure)
     console.print(f"{len(made)} demonstrations in {out}; outcomes, forces and times in {figure.name}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -42,15 +41,15 @@ def result_table(results: list[TrialResult]) -> Table:
     for r in results:
         colour = "green" if r.inserted else "red"
         table.add_row(
-            *(str(r.seed), f"{r.tilt_deg[0]:+.1f} {r.tilt_deg[1]:+.1f}", f"[{colour}]{r.reason}[/]"),
-            *(f"{r.time_s:.2f}", f"{r.depth_mm:.1f}", f"{r.peak_axial_n:.1f}", f"{r.peak_lateral_n:.1f}"),
+            *(str(r.seed), "{:+.1f} {:+.1f}".format(*np.degrees(r.tilt)), f"[{colour}]{r.reason}[/]"),
+            *(f"{r.time:.2f}", f"{1e3 * r.depth:.1f}", f"{r.peak_axial_force:.1f}", f"{r.peak_lateral_force:.1f}"),
             *(str(r.steps), f"{' '.join(map(str, dict.fromkeys(r.states)))} ({len(r.states)})"),
         )
     table.caption = (
         f"{sum(r.inserted for r in results)} of {len(results)} inserted;"
-        f" medians: {np.median([r.time_s for r in results]):.2f} s,"
-        f" peak force across {np.median([r.peak_lateral_n for r in results]):.0f} N,"
-        f" overlap {np.median([r.penetration_um for r in results]):.0f} um"
+        f" medians: {np.median([r.time for r in results]):.2f} s,"
+        f" peak force across {np.median([r.peak_lateral_force for r in results]):.0f} N,"
+        f" overlap {1e6 * np.median([r.penetration for r in results]):.0f} um"
     )
     return table
 
@@ -81,8 +80,8 @@ def run(
         for result, record in run_trials(chosen, learnt, list(range(seed, seed + trials)), jobs=jobs):
             write_rig_run(record, out / f"run_{result.seed:04d}.parquet")
             results.append(result)
-            advance(f"trial {result.seed}: {result.reason}, {result.time_s:.1f} s")
-    write_json(json if json is not None else out / "results.json", [asdict(r) for r in results])
+            advance(f"trial {result.seed}: {result.reason}, {result.time:.1f} s")
+    write_json(json if json is not None else out / "results.json", [r.record() for r in results])
     write_report(results, out, title=f"{trials} insertions on the rig", skill=str(skill), scenario=chosen)
     console.print(result_table(results))
     console.print(f"report in {out / 'report.html'}")

@@ -18,6 +18,7 @@ from sklearn.base import clone
 
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import ACTIONS, Demonstration
+from skill.data.outcome import Outcome
 from skill.data.refinement import refine_demonstration
 from skill.data.tables import write_atomically
 from skill.features.contact_features import ContactFeatures
@@ -141,7 +142,7 @@ class ManipulationSkill:
             ValueError: if no demonstration is good: there is nothing to imitate.
         """
         if not any(d.good for d in demonstrations):
-            outcomes = sorted({d.outcome for d in demonstrations})
+            outcomes = sorted({d.reason for d in demonstrations})
             raise ValueError(
                 f"none of the {len(demonstrations)} demonstrations inserts gently (outcomes: {outcomes});"
                 " expected at least one good demonstration to learn from"
@@ -168,7 +169,7 @@ class ManipulationSkill:
         labels = self.states_.predict(Z)
         self.graph_ = StateGraph(n_states=self.n_states, sample_period=self.period_).fit(
             [labels[groups == g] for g in range(len(refined))],
-            ["inserted" if d.good else d.outcome for d in demonstrations],
+            [str(Outcome.INSERTED) if d.good else d.reason for d in demonstrations],
             times=[r["time"] for r in refined],
         )
 

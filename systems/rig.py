@@ -12,7 +12,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Mult
 
 from models.scenario import Scenario
 from systems.control.contact_state_estimator import ContactStateEstimator
-from systems.control.faults import FAULT_NAMES, Fault
+from systems.control.faults import Fault
 from systems.control.policy import RigPolicy
 from systems.control.policy_controller import PolicyController
 from systems.control.sensor_monitor import SensorMonitor
@@ -67,15 +67,14 @@ class RigDiagram:
         held = np.concatenate([reaction.translational(), reaction.rotational()])
         return wrench_at_tip(self.tare - held, self.sensor_height)
 
-    def fault(self, context: Context) -> str:
-        """Name of the fault that the rig has noticed, "" if none."""
+    def fault(self, context: Context) -> Fault:
+        """The fault that the rig has noticed; ``context`` is the diagram's."""
         own = self.watchdog.GetMyContextFromRoot(context)
-        fault = Fault(int(self.watchdog.GetOutputPort("fault").Eval(own)[0]))
-        if fault == Fault.NONE:
-            return ""
-        if fault == Fault.CONTROLLER_FAILED:
-            return f"{FAULT_NAMES[fault]}: {self.controller.failure(self.controller.GetMyContextFromRoot(context))}"
-        return FAULT_NAMES[fault]
+        return Fault(int(self.watchdog.GetOutputPort("fault").Eval(own)[0]))
+
+    def failure(self, context: Context) -> str:
+        """Why the policy failed, "" if it did not; ``context`` is the diagram's."""
+        return self.controller.failure(self.controller.GetMyContextFromRoot(context))
 
     def stopped(self, context: Context) -> bool:
         """Whether the watchdog has drawn the peg back after a fault and stands still."""

@@ -39,7 +39,7 @@ from sklearn.metrics import adjusted_rand_score, normalized_mutual_info_score
 from sklearn.mixture import BayesianGaussianMixture, GaussianMixture
 from threadpoolctl import threadpool_limits
 
-from models.contact_geometry import LABEL_NAMES, axes_of_rotation_vectors
+from models.contact_geometry import ContactLabel, axes_of_rotation_vectors
 from models.scenario import Scenario
 from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
@@ -57,6 +57,7 @@ from systems.runs.exact_states import exact_bodies
 FORCE_NOISE, MOMENT_NOISE = 0.06, 5e-3  # N, N m: of the sensor the skill will feel through
 STILL, ROUGH = 2e-5, 4e-4  # m: of the refinement
 LASTING = 3  # samples that a change of label must last to ask for its recognition
+LABEL_NAMES = tuple(label.label for label in ContactLabel)
 MAX_STATES = 15  # states tried by the criteria
 
 

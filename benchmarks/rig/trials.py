@@ -15,7 +15,7 @@ import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -166,7 +166,7 @@ def recorded(scenario: Scenario, out: Path, *, jobs: int) -> Path:
         with progress(f"demonstrations, {scenario.fixture} fixture", len(wanted)) as advance:
             for request, demonstration in demonstrate_all(scenario, wanted, seed=0, jobs=jobs):
                 write_demonstration(demonstration, names[request])
-                advance(f"{request.habit}: {demonstration.outcome}")
+                advance(f"{request.habit}: {demonstration.reason}")
     return folder
 
 
@@ -175,7 +175,7 @@ def attempt(scenario: Scenario, policy: RigPolicy, number: int) -> dict[str, Any
     start = time.process_time()
     try:
         with threadpool_limits(1):
-            row = asdict(run_trial(trial_scenario(scenario, number=number), policy, seed=number)[0])
+            row = run_trial(trial_scenario(scenario, number=number), policy, seed=number)[0].record()
     except Exception as error:  # a comparison goes on whatever one policy does
         row = {"seed": number, "inserted": False, "reason": f"failed: {type(error).__name__}: {error}"[:200]}
         row |= {"time_s": None, "peak_lateral_n": None}

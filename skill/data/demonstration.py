@@ -28,6 +28,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from skill.data.outcome import Outcome, parse_outcome
 from skill.data.tables import read_table, validate_table, write_table
 
 CHANNELS = (
@@ -51,17 +52,25 @@ class Demonstration:
     Attributes:
         samples: DataFrame with exactly the columns ``COLUMNS``, float64, one row a sample, time increasing.
         good: whether the demonstration reached full depth gently enough to be imitated.
-        outcome: in a word or two, what happened ("inserted", "jammed", ...).
+        outcome: how it ended.
         metadata: everything needed to make it again (seed, resolved scenario, geometry, versions).
+        detail: what the outcome alone does not say; the word itself of an outcome that is not ours.
     """
 
     samples: pd.DataFrame
     good: bool
-    outcome: str
+    outcome: Outcome
     metadata: dict[str, Any] = field(default_factory=dict)
+    detail: str = ""
 
     def __post_init__(self) -> None:
         validate_samples(self.samples, "demonstration")
+        object.__setattr__(self, "outcome", Outcome(self.outcome))  # a plain string is accepted
+
+    @property
+    def reason(self) -> str:
+        """How it ended, for a person."""
+        return self.outcome.text(self.detail)
 
     @property
     def duration(self) -> float:
@@ -85,7 +94,7 @@ def write_demonstration(demonstration: Demonstration, path: Path) -> None:
     """One Parquet file, written whole or not at all."""
     header = {
         "good": demonstration.good,
-        "outcome": demonstration.outcome,
+        "outcome": demonstration.reason,
         "duration_s": demonstration.duration,
         **demonstration.metadata,
     }
@@ -96,9 +105,10 @@ def read_demonstration(path: Path) -> Demonstration:
     """Reads and validates one file; every fault is a ValueError that names the file."""
     samples, header = read_table(path, COLUMNS, kind="demonstration", version=FORMAT_VERSION, keys=("good", "outcome"))
     validate_samples(samples, str(path))
-    good, outcome = bool(header.pop("good")), str(header.pop("outcome"))
+    good = bool(header.pop("good"))
+    outcome, detail = parse_outcome(str(header.pop("outcome")))
     header.pop("duration_s", None)
-    return Demonstration(samples=samples, good=good, outcome=outcome, metadata=header)
+    return Demonstration(samples=samples, good=good, outcome=outcome, metadata=header, detail=detail)
 
 
 def read_demonstrations(folder: Path) -> list[Demonstration]:

@@ -27,7 +27,7 @@ def summarise(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
                 "habit": shown.metadata.get("habit", "unknown"),
                 "person": shown.metadata.get("operator", 0),
                 "good": shown.good,
-                "outcome": shown.outcome,
+                "outcome": shown.outcome.value,
                 "peak_force": float(force.max()),
                 "time": shown.duration,
                 "tilt": float(shown.samples["angle"].iloc[0]),

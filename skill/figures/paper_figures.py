@@ -74,7 +74,7 @@ def plot_demonstration(demonstration: Demonstration) -> Figure:
         axes.set_xlabel("time (s)", fontsize=9)
     force = np.linalg.norm(data[["fx", "fy", "fz"]], axis=1).max()
     figure.suptitle(
-        f"{demonstration.outcome} ({'good' if demonstration.good else 'bad'}): {demonstration.duration:.2f} s,"
+        f"{demonstration.reason} ({'good' if demonstration.good else 'bad'}): {demonstration.duration:.2f} s,"
         f" {len(data)} samples, to a depth of {-1e3 * data['z'].iloc[-1]:.1f} mm, force up to {force:.1f} N",
         fontsize=9,
     )

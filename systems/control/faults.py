@@ -4,40 +4,35 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
+from typing import Self
 
 from models.hardware import WrenchSensorParameters
 
 
 class Fault(IntEnum):
-    """What is wrong, as it is written into a run's record."""
+    """What is wrong, as it is written into a run's record; ``label`` is the text for a person."""
 
-    NONE = 0
-    SENSOR_DISCONNECTED = 1
-    SENSOR_SATURATED = 2
-    SENSOR_STUCK = 3
-    ENCODER_DISCONNECTED = 4
-    ENCODER_JUMPED = 5
-    ENCODER_STUCK = 6
-    MOTOR_STALLED = 7
-    PITCH_STEPS_LOST = 8
-    YAW_STEPS_LOST = 9
-    CONTROLLER_FAILED = 10
+    label: str
 
+    NONE = 0, "none"
+    SENSOR_DISCONNECTED = 1, "sensor disconnected"
+    SENSOR_SATURATED = 2, "sensor saturated"
+    SENSOR_STUCK = 3, "sensor stuck"
+    ENCODER_DISCONNECTED = 4, "depth encoder disconnected"
+    ENCODER_JUMPED = 5, "depth encoder jumped"
+    ENCODER_STUCK = 6, "depth encoder stuck"
+    MOTOR_STALLED = 7, "motor stalled"
+    PITCH_STEPS_LOST = 8, "pitch stepper blocked or overloaded: steps lost"
+    YAW_STEPS_LOST = 9, "yaw stepper blocked or overloaded: steps lost"
+    CONTROLLER_FAILED = 10, "controller failed"
 
-FAULT_NAMES = (
-    "none",
-    "sensor disconnected",
-    "sensor saturated",
-    "sensor stuck",
-    "depth encoder disconnected",
-    "depth encoder jumped",
-    "depth encoder stuck",
-    "motor stalled",
-    "pitch stepper blocked or overloaded: steps lost",
-    "yaw stepper blocked or overloaded: steps lost",
-    "controller failed",
-)
-"""Of each `Fault`, for people."""
+    def __new__(cls, value: int, label: str = "") -> Self:
+        """A member of this number and label."""
+        member = int.__new__(cls, value)
+        member._value_ = value
+        member.label = label
+        return member
+
 
 FALSE_ALARM = 1e-9
 """Probability that a healthy sensor repeats itself for as long as counts as stuck."""
@@ -59,5 +54,5 @@ def repeats_of_a_stuck_sensor(p: WrenchSensorParameters) -> float:
 
 
 def one_line(error: BaseException) -> str:
-    """Kind and first line of an exception, for the reason of a trial."""
+    """The type and the first line of an exception, for the outcome of a run."""
     return f"{type(error).__name__}: {(str(error).splitlines() or [''])[0][:120]}"

@@ -14,6 +14,7 @@ from pydrake.geometry import Meshcat
 from models.hardware import DEVICE_PRESETS
 from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
+from skill.data.outcome import Ending, Outcome
 from systems.live.display import LiveDisplay
 from systems.live.page import LivePage
 from systems.operators.device_operator import DeviceOperator, LiveDevice
@@ -189,15 +190,15 @@ class LiveSession:
         try:
             environment = self._build(resolved)
             run = DemonstrationRun(resolved, environment)
-            outcome = self._simulate(run, environment, resolved)
+            ending = self._simulate(run, environment, resolved)
         except OSError as error:  # the person's device
             self._release()
             self._say(f"device lost ({error}): demonstration discarded, Space starts another")
             return False
-        if outcome == "page closed":
+        if ending is None:
             self._say("the page was closed: the demonstration is discarded; Space starts another")
             return False
-        return self._judge(run, outcome, number)
+        return self._judge(run, ending, number)
 
     def _build(self, resolved: Scenario) -> VirtualEnvironment:
         X_HP_start = start_pose(resolved)
@@ -215,8 +216,8 @@ class LiveSession:
             operator = MeshcatOperator(meshcat=self._meshcat, period=0.02, X_HD_start=X_HP_start)
         return MakeVirtualEnvironment(resolved, operator=operator, meshcat=self._meshcat, contact_forces=False)
 
-    def _simulate(self, run: DemonstrationRun, environment: VirtualEnvironment, resolved: Scenario) -> str:
-        """What ended it: an outcome, a button, or a closed page."""
+    def _simulate(self, run: DemonstrationRun, environment: VirtualEnvironment, resolved: Scenario) -> Ending | None:
+        """Returns how the demonstration ended, or None if the page was closed."""
         servo = DEVICE_PRESETS[resolved.device].servo_period
         clock = Clock(servo, max(1, round(resolved.contact.time_step / servo)), began=time.monotonic())
         drawn, shown, shown_at = 0.0, time.monotonic(), 0.0
@@ -234,13 +235,13 @@ class LiveSession:
                 self._display.follow_views()
                 self._watch_gamepad()
                 if not self._present():
-                    return "page closed"
+                    return None
             if ended is not None:
                 return ended
             if any(self._meshcat.GetButtonClicks(b) != self._clicks[b] for b in (GOOD, BAD, DISCARD, QUIT)):
-                return "stopped"
+                return Ending(Outcome.STOPPED)
 
-    def _advance(self, run: DemonstrationRun, clock: Clock, *, ticks: int) -> str | None:
+    def _advance(self, run: DemonstrationRun, clock: Clock, *, ticks: int) -> Ending | None:
         """Simulates so many ticks of the servo, each in its time; returns what ended the demonstration, or None."""
         for _ in range(ticks):
             ended = run.advance((clock.ticks + 1) * clock.period)
@@ -249,19 +250,19 @@ class LiveSession:
                 return ended
         return None
 
-    def _judge(self, run: DemonstrationRun, outcome: str, number: int) -> bool:
+    def _judge(self, run: DemonstrationRun, ending: Ending, number: int) -> bool:
         """Waits for the person's verdict on what was shown; True if they quit."""
         try:
-            shown = run.demonstration(outcome, habit="live", number=number)
+            shown = run.demonstration(ending, habit="live", number=number)
         except ValueError:
             self._say("too short to keep; Space starts another")
             self._forget_clicks()
             return False
-        self._say(f"{shown.outcome}: G keep as good, B keep as bad, X discard")
+        self._say(f"{shown.reason}: G keep as good, B keep as bad, X discard")
         while True:
             for button, good in ((GOOD, True), (BAD, False)):
                 if self._clicked(button) and self._keep(
-                    run.demonstration(outcome, good=good, habit="live", number=number)
+                    run.demonstration(ending, good=good, habit="live", number=number)
                 ):
                     return False
             if self._clicked(DISCARD):

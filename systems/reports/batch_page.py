@@ -100,7 +100,7 @@ TEXT_COLUMNS = ("outcome", "states")
 def worst_trial(results: Sequence[TrialResult]) -> TrialResult:
     """Of those not inserted the shallowest; where all inserted, the one with the greatest peak force across."""
     failed = [r for r in results if not r.inserted]
-    return min(failed, key=lambda r: r.depth_mm) if failed else max(results, key=lambda r: r.peak_lateral_n)
+    return min(failed, key=lambda r: r.depth) if failed else max(results, key=lambda r: r.peak_lateral_force)
 
 
 def batch_report(
@@ -147,15 +147,15 @@ def batch_report(
 
 
 QUANTITIES = (
-    ("time", "s", "time_s"),
-    ("peak force across the peg", "N", "peak_lateral_n"),
-    ("peak force along the peg", "N", "peak_axial_n"),
+    ("time", "s", "time"),
+    ("peak force across the peg", "N", "peak_lateral_force"),
+    ("peak force along the peg", "N", "peak_axial_force"),
     ("steps of both motors", "", "steps"),
 )
 
 
 def _about(results: Sequence[TrialResult]) -> str:
-    tilts = np.abs([r.tilt_deg for r in results])
+    tilts = np.degrees(np.abs([r.tilt for r in results]))
     return (
         f"trials {results[0].seed} to {results[-1].seed}, from tilts of up to {tilts.max():.1f} degrees on an axis;"
         " times and forces over all trials, inserted or not"
@@ -165,8 +165,8 @@ def _about(results: Sequence[TrialResult]) -> str:
 def _tiles(results: Sequence[TrialResult]) -> list[tuple[str, str]]:
     n, inserted = len(results), sum(r.inserted for r in results)
     interval = binomtest(inserted, n).proportion_ci(method="wilson")
-    times = np.array([r.time_s for r in results])
-    across = np.array([r.peak_lateral_n for r in results])
+    times = np.array([r.time for r in results])
+    across = np.array([r.peak_lateral_force for r in results])
     lost, backs = sum(r.lost_steps for r in results), sum(r.back_offs for r in results)
     return [
         (
@@ -197,21 +197,22 @@ def _worst(worst: TrialResult, replay: str) -> str:
     )
     return (
         f'<b>Worst trial: <a href="{html.escape(replay)}">replay of trial {worst.seed}</a></b> &ndash; {why}:'
-        f" {html.escape(worst.reason)} after {worst.time_s:.2f} s at {worst.depth_mm:.1f} mm,"
-        f" {worst.peak_lateral_n:.1f} N across, {worst.peak_axial_n:.1f} N along"
+        f" {html.escape(worst.reason)} after {worst.time:.2f} s at {1e3 * worst.depth:.1f} mm,"
+        f" {worst.peak_lateral_force:.1f} N across, {worst.peak_axial_force:.1f} N along"
     )
 
 
 def _row(r: TrialResult, colours: Sequence[str], replay: str | None) -> str:
     number = str(r.seed) if replay is None else f'<a href="{html.escape(replay)}">{r.seed}</a>'
     visits = "".join(f'<i style="background: {colours[k]}" title="{k}"></i>' for k in r.states)
+    tilt = np.degrees(r.tilt)
     cells = (
-        *((r.seed, number), (float(np.linalg.norm(r.tilt_deg)), f"{r.tilt_deg[0]:+.1f} {r.tilt_deg[1]:+.1f}")),
-        *((r.reason, html.escape(r.reason)), (r.time_s, f"{r.time_s:.2f}"), (r.depth_mm, f"{r.depth_mm:.1f}")),
-        *((r.peak_axial_n, f"{r.peak_axial_n:.1f}"), (r.peak_lateral_n, f"{r.peak_lateral_n:.1f}")),
-        *((r.peak_moment_nm, f"{r.peak_moment_nm:.2f}"), (r.penetration_um, f"{r.penetration_um:.0f}")),
+        *((r.seed, number), (float(np.linalg.norm(tilt)), f"{tilt[0]:+.1f} {tilt[1]:+.1f}")),
+        *((r.reason, html.escape(r.reason)), (r.time, f"{r.time:.2f}"), (r.depth, f"{1e3 * r.depth:.1f}")),
+        *((r.peak_axial_force, f"{r.peak_axial_force:.1f}"), (r.peak_lateral_force, f"{r.peak_lateral_force:.1f}")),
+        *((r.peak_moment, f"{r.peak_moment:.2f}"), (r.penetration, f"{1e6 * r.penetration:.0f}")),
         *((r.steps, str(r.steps)), (r.lost_steps, str(r.lost_steps)), (r.back_offs, str(r.back_offs))),
-        *((r.unknown_s, f"{r.unknown_s:.2f}"), (r.unsupported_s, f"{r.unsupported_s:.2f}")),
+        *((r.unknown_time, f"{r.unknown_time:.2f}"), (r.unsupported_time, f"{r.unsupported_time:.2f}")),
         (len(r.states), f'<span class="visits">{visits}</span>'),
     )
     row = "".join(

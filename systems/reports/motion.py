@@ -149,7 +149,7 @@ def motion_of_demonstration(
         colours, colouring = list(LEVEL_COLOURS), "contact force"
     return Motion(
         kind="demonstration",
-        outcome=f"{demonstration.outcome}, {'good' if demonstration.good else 'bad'}",
+        outcome=f"{demonstration.reason}, {'good' if demonstration.good else 'bad'}",
         time=samples["time"].to_numpy() - samples["time"].iloc[0],
         R_WP=Rotation.from_rotvec(axis * angle[:, None]),
         p_WP=_columns(samples, "x", "y", "z"),

@@ -13,14 +13,14 @@ from pydrake.systems.framework import Context, EventStatus
 from models.contact_geometry import axes_of_rotation_vectors
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import Demonstration
+from skill.data.outcome import Ending, Outcome
+from systems.control.faults import one_line
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.runs.jamming import is_jammed
 from systems.runs.penetration import deepest_overlap
 from systems.runs.provenance import versions
 from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment
-
-DIVERGED = "diverged"
 
 
 class DemonstrationRun:
@@ -43,42 +43,44 @@ class DemonstrationRun:
         height = self._environment.peg_pose(context).translation()[2]
         diagram = self._environment.diagram
         if not np.isfinite(height):
-            return EventStatus.ReachedTermination(diagram, DIVERGED)
+            return EventStatus.ReachedTermination(diagram, Outcome.DIVERGED)
         if -height >= self._scenario.full_depth:
-            return EventStatus.ReachedTermination(diagram, "inserted")
+            return EventStatus.ReachedTermination(diagram, Outcome.INSERTED)
         if height > 2.0 * self._scenario.start.height:
-            return EventStatus.ReachedTermination(diagram, "given up")
+            return EventStatus.ReachedTermination(diagram, Outcome.GIVEN_UP)
         return EventStatus.DidNothing()
 
-    def advance(self, time: float) -> str | None:
-        """Simulates until ``time`` (s) or the end; returns what ended it, or None."""
+    def advance(self, time: float) -> Ending | None:
+        """Simulates until ``time`` (s) or the end; returns how it ended, or None."""
         try:
             status = self.simulator.AdvanceTo(min(time, self._scenario.recorder.time_limit))
         except RuntimeError as error:  # Drake's solver gave up
-            return f"{DIVERGED}: {str(error).splitlines()[0][:120]}"
+            return Ending(Outcome.DIVERGED, one_line(error))
         if status.system() is not None:
-            return str(status.message())
-        return "time over" if time >= self._scenario.recorder.time_limit else None
+            return Ending(Outcome(status.message()))
+        return Ending(Outcome.TIME_OVER) if time >= self._scenario.recorder.time_limit else None
 
-    def demonstration(self, outcome: str, *, good: bool | None = None, **metadata: Any) -> Demonstration:
+    def demonstration(self, ending: Ending, *, good: bool | None = None, **metadata: Any) -> Demonstration:
         """What was recorded, with its outcome; a given ``good`` is the person's own judgement."""
         scenario, context = self._scenario, self.simulator.get_context()
+        outcome, detail = ending.outcome, ending.detail
         samples = DemonstrationRecorder.samples(self._environment.log, context)
         samples = samples[np.isfinite(samples.to_numpy()).all(axis=1)]  # what came before a divergence
         contact = samples[["fx", "fy", "fz"]].to_numpy()
         force = float(np.linalg.norm(contact, axis=1).max())
         if force > DIVERGENCE_FORCE:
-            outcome, good = f"{DIVERGED}: a contact force of {force:.3g} N", False
-        if outcome == "time over" and is_jammed(samples["time"].to_numpy(), -samples["z"].to_numpy(), contact):
-            outcome = "jammed"
-        if outcome == "inserted" and force > scenario.recorder.rough_force:
-            outcome = "inserted roughly"
+            outcome, detail, good = Outcome.DIVERGED, f"a contact force of {force:.3g} N", False
+        if outcome is Outcome.TIME_OVER and is_jammed(samples["time"].to_numpy(), -samples["z"].to_numpy(), contact):
+            outcome = Outcome.JAMMED
+        if outcome is Outcome.INSERTED and force > scenario.recorder.rough_force:
+            outcome = Outcome.INSERTED_ROUGHLY
         axis_H = axes_of_rotation_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
         overlap = deepest_overlap(scenario.geometry, samples[["x", "y", "z"]].to_numpy(), axis_H)
         return Demonstration(
             samples=samples,
-            good=outcome == "inserted" if good is None else good,
+            good=outcome is Outcome.INSERTED if good is None else good,
             outcome=outcome,
+            detail=detail,
             metadata={
                 "seed": scenario.seed,
                 "habit": scenario.operator.habit,
@@ -95,4 +97,4 @@ class DemonstrationRun:
 def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Demonstration:
     """Simulates a resolved scenario until the peg is in, the operator gives up, or the time is over."""
     run = DemonstrationRun(scenario, MakeVirtualEnvironment(scenario, meshcat=meshcat))
-    return run.demonstration(run.advance(scenario.recorder.time_limit) or "time over")
+    return run.demonstration(run.advance(scenario.recorder.time_limit) or Ending(Outcome.TIME_OVER))

@@ -10,7 +10,8 @@ from joblib import Parallel, delayed
 
 from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
 from skill.data.demonstration import Demonstration
-from systems.runs.demonstration_run import DIVERGED, run_demonstration
+from skill.data.outcome import Outcome
+from systems.runs.demonstration_run import run_demonstration
 
 GOOD_HABITS = ("expert", "novice")
 BAD_HABITS = ("blind", "slams", "gives_up", "overcorrects")
@@ -61,10 +62,10 @@ def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstra
         number = attempt_seed(seed, request.number, attempt)
         resolved = resolve_scenario(shown, seed=number, stream=DEMONSTRATION_STREAM, person=person)
         demonstration = run_demonstration(resolved)
-        if demonstration.good == request.good and not demonstration.outcome.startswith(DIVERGED):
+        if demonstration.good == request.good and demonstration.outcome is not Outcome.DIVERGED:
             demonstration.metadata.update({"number": number, "operator": person, "attempts": attempt + 1})
             return demonstration
-        outcomes.append(demonstration.outcome)
+        outcomes.append(demonstration.reason)
         if len(outcomes) >= 8 and len(set(outcomes)) == 1:
             break  # luck would have shown by now
     wanted = "good" if request.good else "bad"

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from models.contact_geometry import LABEL_NAMES, PegInHole, axes_of_rotation_vectors
+from models.contact_geometry import ContactLabel, PegInHole, axes_of_rotation_vectors
 from skill.data.demonstration import Demonstration
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
@@ -44,4 +44,6 @@ def give_names(skill: ManipulationSkill, demonstrations: Sequence[Demonstration]
     labels = np.concatenate([exact_labels(d) for d in judged])
     measured = np.concatenate([d.samples[list(MEASURED)].to_numpy() for d in judged])
     states = skill.state_probabilities(measured).argmax(axis=1)
-    skill.name_states(name_states(states, labels, LABEL_NAMES, n_states=skill.n_states).names)
+    skill.name_states(
+        name_states(states, labels, [label.label for label in ContactLabel], n_states=skill.n_states).names
+    )

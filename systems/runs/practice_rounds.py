@@ -146,5 +146,5 @@ def _run(
         delayed(run_trial)(resolve_scenario(scenario, seed=n, stream=stream), skill, seed=n) for n, skill in tried
     ):
         done.append((result, run))
-        advance(f"{title}, trial {result.seed}: {result.reason}, {result.time_s:.1f} s")
+        advance(f"{title}, trial {result.seed}: {result.reason}, {result.time:.1f} s")
     return done

@@ -13,8 +13,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
 from models.scenario import TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
+from skill.data.outcome import Outcome
 from skill.data.rig_run import RigRun
-from systems.control.faults import one_line
+from systems.control.faults import Fault, one_line
 from systems.control.policy import RigPolicy
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.rig import MakeRig, RigDiagram
@@ -28,7 +29,8 @@ class TrialMonitor:
     """Watches a running rig: ends the trial when the peg is in or the numbers are not, and keeps what is measured.
 
     Attributes:
-        reason: why the trial ended; "time over" until something else does.
+        outcome: how the trial ended; ``TIME_OVER`` until something else ends it.
+        detail: what the outcome alone does not say.
         peaks: largest axial and lateral contact force (N) and moment about the tip (N m) so far.
         depth: of the tip, m.
     """
@@ -38,7 +40,8 @@ class TrialMonitor:
         self._scenario = scenario
         self._next_pose = 0.0
         self._poses: list[NDArray[np.float64]] = []
-        self.reason = "time over"
+        self.outcome = Outcome.TIME_OVER
+        self.detail = ""
         self.peaks = np.zeros(3)
         self.depth = float("nan")
 
@@ -47,10 +50,10 @@ class TrialMonitor:
         wrench = self._rig.contact_wrench(context)
         self.depth = -self._rig.contact.tip_height(context)
         if not (np.isfinite(wrench).all() and np.isfinite(self.depth)):
-            return self._end("diverged: a force or a position is not finite")
+            return self._end(Outcome.DIVERGED, "a force or a position is not finite")
         force = float(np.linalg.norm(wrench[:3]))
         if force > DIVERGENCE_FORCE:
-            return self._end(f"diverged: a contact force of {force:.3g} N")
+            return self._end(Outcome.DIVERGED, f"a contact force of {force:.3g} N")
         time = context.get_time()
         if time > 0:
             sizes = [abs(wrench[2]), np.hypot(wrench[0], wrench[1]), np.linalg.norm(wrench[3:])]
@@ -60,9 +63,9 @@ class TrialMonitor:
             self._poses.append(np.concatenate([X_HP.translation(), X_HP.rotation().col(2)]))
             self._next_pose += self._scenario.controller.period
         if self.depth >= self._scenario.full_depth:
-            return self._end("inserted")
+            return self._end(Outcome.INSERTED)
         if self._rig.stopped(context):
-            return self._end(self._rig.fault(context))
+            return self._end(Outcome.FAULT)
         return EventStatus.DidNothing()
 
     def penetration(self) -> float:
@@ -70,9 +73,9 @@ class TrialMonitor:
         poses = np.array(self._poses).reshape(-1, 6)
         return deepest_overlap(self._scenario.geometry, poses[:, :3], poses[:, 3:])
 
-    def _end(self, reason: str) -> EventStatus:
-        self.reason = reason
-        return EventStatus.ReachedTermination(self._rig.diagram, reason)
+    def _end(self, outcome: Outcome, detail: str = "") -> EventStatus:
+        self.outcome, self.detail = outcome, detail
+        return EventStatus.ReachedTermination(self._rig.diagram, outcome.text(detail))
 
 
 def trial_scenario(scenario: Scenario, *, number: int) -> Scenario:
@@ -113,34 +116,38 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
     try:
         simulator.AdvanceTo(scenario.trial.time_limit)
     except RuntimeError as error:  # Drake's solver gave up
-        monitor.reason = f"diverged: {one_line(error)}"
+        monitor.outcome, monitor.detail = Outcome.DIVERGED, one_line(error)
     except (Exception, SystemExit) as error:  # one faulty trial does not end the others
-        monitor.reason = f"failed: {one_line(error)}"  # Drake's assertions raise SystemExit
+        monitor.outcome, monitor.detail = Outcome.FAILED, one_line(error)  # Drake's assertions raise SystemExit
     samples = rig.recorder.samples(context)
-    if monitor.reason == "time over":
-        stuck = is_jammed(
-            samples["time"].to_numpy(), samples["depth"].to_numpy(), samples[["fx", "fy", "fz"]].to_numpy()
-        )
-        monitor.reason = rig.fault(context) or ("jammed" if stuck else "time over")
+    fault = Fault.NONE
+    if monitor.outcome in (Outcome.TIME_OVER, Outcome.FAULT):
+        fault = rig.fault(context)
+        if fault is not Fault.NONE:
+            monitor.outcome, monitor.detail = Outcome.FAULT, rig.failure(context)
+        elif is_jammed(samples["time"].to_numpy(), samples["depth"].to_numpy(), samples[["fx", "fy", "fz"]].to_numpy()):
+            monitor.outcome = Outcome.JAMMED
     last = samples.iloc[-1]
     states = samples["state"].to_numpy(dtype=int)
+    tilt = scenario.start.tilt or [0.0, 0.0]
     result = TrialResult(
         seed=seed,
-        tilt_deg=[round(float(np.degrees(t)), 2) for t in scenario.start.tilt or []],
-        inserted=monitor.reason == "inserted",
-        reason=monitor.reason,
-        time_s=round(context.get_time(), 3),
-        depth_mm=round(1e3 * monitor.depth, 2),
-        peak_axial_n=round(float(monitor.peaks[0]), 1),
-        peak_lateral_n=round(float(monitor.peaks[1]), 1),
-        peak_moment_nm=round(float(monitor.peaks[2]), 3),
-        penetration_um=round(1e6 * monitor.penetration(), 1),
+        tilt=(tilt[0], tilt[1]),
+        outcome=monitor.outcome,
+        detail=monitor.detail,
+        fault=fault,
+        time=context.get_time(),
+        depth=monitor.depth,
+        peak_axial_force=float(monitor.peaks[0]),
+        peak_lateral_force=float(monitor.peaks[1]),
+        peak_moment=float(monitor.peaks[2]),
+        penetration=monitor.penetration(),
         steps=int(last["pitch_taken"] + last["yaw_taken"]),
         lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
         back_offs=int((samples["guard"].diff() > 0).sum()),
-        unknown_s=round(scenario.controller.period * float((samples["known"] == 0).sum()), 2),
-        unsupported_s=round(scenario.controller.period * float((samples["support"] < 1.0).sum()), 2),
-        states=[int(s) for s in states[np.flatnonzero(np.diff(states, prepend=-1))]],
+        unknown_time=scenario.controller.period * float((samples["known"] == 0).sum()),
+        unsupported_time=scenario.controller.period * float((samples["support"] < 1.0).sum()),
+        states=tuple(int(s) for s in states[np.flatnonzero(np.diff(states, prepend=-1))]),
     )
     metadata = {
         "geometry": asdict(scenario.geometry),
@@ -150,4 +157,4 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
         "scenario": dump_scenario(scenario),
         "versions": versions(),
     }
-    return result, RigRun(samples=samples, result=asdict(result), metadata=metadata)
+    return result, RigRun(samples=samples, result=result.record(), metadata=metadata)

@@ -9,9 +9,10 @@ import math
 import numpy as np
 import pytest
 
+from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
 from systems import rig as rig_module
-from systems.control.faults import FAULT_NAMES, Fault
+from systems.control.faults import Fault
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.runs import trial as trial_module
@@ -104,9 +105,11 @@ class Clumsy(ManipulationSkill):
 def ends_safely(result, run, fault):
     """The trial was ended by this fault, in time, without force, with the peg drawn back or at rest."""
     assert not result.inserted
-    assert result.reason.startswith(FAULT_NAMES[fault])
-    assert result.time_s < 2.0
-    assert max(result.peak_axial_n, result.peak_lateral_n) < SAFE_FORCE
+    assert result.outcome is Outcome.FAULT
+    assert result.fault is fault
+    assert result.reason.startswith(fault.label)
+    assert result.time < 2.0
+    assert max(result.peak_axial_force, result.peak_lateral_force) < SAFE_FORCE
     s = run.samples
     assert np.isfinite(s.to_numpy()).all()
     noticed = s["fault"].to_numpy() == fault
@@ -198,7 +201,7 @@ def test_a_simulation_that_fails_ends_its_own_trial_and_not_the_batch(quick_scen
     monkeypatch.setattr(rig_module, "DepthEncoder", Broken)
     for result, run in run_trials(quick_scenario, skill, [0, 1], jobs=1):
         assert result.reason == "failed: KeyError: 'count'"
-        assert result.time_s == pytest.approx(0.05, abs=2e-3)
+        assert result.record()["time_s"] == pytest.approx(0.05, abs=2e-3)
         assert len(run.samples) >= 3
 
 

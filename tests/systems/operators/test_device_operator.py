@@ -8,6 +8,7 @@ from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
 
 from models.scenario import DEMONSTRATION_STREAM, resolve_scenario
+from skill.data.outcome import Ending, Outcome
 from systems.math.rotation import from_rotation_vector
 from systems.operators.device_operator import GROUP, DeviceOperator, find_device
 from systems.runs.demonstration_run import DemonstrationRun
@@ -76,7 +77,7 @@ def test_it_is_read_and_written_once_a_millisecond_and_feels_the_hole(installed,
     forces = np.array(device.written)[:, 3:]
     assert forces[:, 2].max() > 0.3  # it pushes the handle out of the hole
     assert np.linalg.norm(forces, axis=1).max() <= 22.0
-    shown = run.demonstration("stopped", good=True)
+    shown = run.demonstration(Ending(Outcome.STOPPED), good=True)
     assert shown.samples["z"].iloc[-1] < 0.0
 
 

@@ -1,3 +1,4 @@
+import math
 import re
 from dataclasses import replace
 
@@ -6,6 +7,7 @@ import pytest
 
 from models.scenario import Scenario
 from scripts.run_rig import write_report
+from skill.data.outcome import Outcome
 from skill.data.rig_run import write_rig_run
 from systems.reports.batch_page import batch_report, worst_trial
 from systems.reports.histogram import bin_edges, histogram, nice_step
@@ -15,31 +17,30 @@ from tests.trajectories import STATE_NAMES, make_rig_run
 
 PLAIN = TrialResult(
     seed=0,
-    tilt_deg=[1.0, -2.0],
-    inserted=True,
-    reason="inserted",
-    time_s=2.5,
-    depth_mm=24.7,
-    peak_axial_n=6.0,
-    peak_lateral_n=12.0,
-    peak_moment_nm=0.1,
-    penetration_um=20.0,
+    tilt=(math.radians(1.0), math.radians(-2.0)),
+    outcome=Outcome.INSERTED,
+    time=2.5,
+    depth=0.0247,
+    peak_axial_force=6.0,
+    peak_lateral_force=12.0,
+    peak_moment=0.1,
+    penetration=20e-6,
     steps=20,
     lost_steps=0,
     back_offs=0,
-    unknown_s=0.1,
-    unsupported_s=0.0,
-    states=[0, 1, 2, 3],
+    unknown_time=0.1,
+    unsupported_time=0.0,
+    states=(0, 1, 2, 3),
 )
 
 
 def make_results(n=12):
     rng = np.random.default_rng(1)
     results = [
-        replace(PLAIN, seed=k, time_s=round(float(t), 3), peak_lateral_n=round(float(f), 1))
+        replace(PLAIN, seed=k, time=round(float(t), 3), peak_lateral_force=round(float(f), 1))
         for k, (t, f) in enumerate(zip(rng.uniform(2, 5, n), rng.uniform(5, 40, n), strict=True))
     ]
-    results[4] = replace(results[4], inserted=False, reason="time over", time_s=10.0, depth_mm=11.0, back_offs=5)
+    results[4] = replace(results[4], outcome=Outcome.TIME_OVER, time=10.0, depth=0.011, back_offs=5)
     return results
 
 
@@ -52,14 +53,14 @@ def page_of(results, **changes):
 
 
 def test_the_worst_is_the_shallowest_that_failed():
-    deeper = replace(PLAIN, seed=1, inserted=False, depth_mm=20.0, peak_lateral_n=99.0)
-    shallower = replace(PLAIN, seed=2, inserted=False, depth_mm=3.0, peak_lateral_n=1.0)
+    deeper = replace(PLAIN, seed=1, outcome=Outcome.TIME_OVER, depth=0.020, peak_lateral_force=99.0)
+    shallower = replace(PLAIN, seed=2, outcome=Outcome.TIME_OVER, depth=0.003, peak_lateral_force=1.0)
     assert worst_trial([PLAIN, deeper, shallower]) is shallower
 
 
 def test_where_all_inserted_the_worst_pushed_hardest_across():
-    hard = replace(PLAIN, seed=1, peak_lateral_n=40.0)
-    long_ = replace(PLAIN, seed=2, time_s=9.0, peak_axial_n=90.0)
+    hard = replace(PLAIN, seed=1, peak_lateral_force=40.0)
+    long_ = replace(PLAIN, seed=2, time=9.0, peak_axial_force=90.0)
     assert worst_trial([PLAIN, hard, long_]) is hard
 
 
@@ -102,7 +103,7 @@ def test_the_summary_counts_and_gives_wilsons_interval():
 
 
 def test_what_is_named_oddly_is_shown_and_not_obeyed():
-    odd = replace(PLAIN, inserted=False, reason='diverged: <b>"x" & y</b>')
+    odd = replace(PLAIN, outcome=Outcome.DIVERGED, detail='<b>"x" & y</b>')
     page = page_of([odd], title="<script>alert(1)</script>", made_by={"skill": "<i>.npz"}, scenario="a: <b>")
     assert "<script>alert" not in page
     assert page.count("<script>") == 1
