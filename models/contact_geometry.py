@@ -22,7 +22,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from models.arrays import Array
 
 SAMPLES = 256
 """Angles at which a circle is searched. Where two surfaces of the bore are equally near the gap has kinks, two of

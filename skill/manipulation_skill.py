@@ -16,6 +16,7 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 
+from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import ACTIONS, Demonstration
 from skill.data.outcome import Outcome
@@ -29,8 +30,6 @@ from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.contact_state_filter import ContactStateFilter
 from skill.states.state_graph import StateGraph
 from skill.states.state_style import state_labels
-
-Array = NDArray[np.float64]
 
 UNSUPPORTED = 0.01  # share of the demonstrated samples that find less support than the least in other demonstrations
 FOLDS = 5  # of the cross-validation over demonstrations

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.special import logsumexp
 
-Array = NDArray[np.float64]
+from skill.arrays import Array
 
 # Queries beyond this are taken for it, so that their squared distances are numbers still.
 FARTHEST = 1e100

@@ -13,14 +13,13 @@ Statistics 49, 2021, for left-out folds.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from sklearn.base import clone
 
+from skill.arrays import Array
 from skill.regression.bandwidth_selection import GroupedSamples
 from skill.regression.local_model import LocalPrediction
 from skill.regression.locally_weighted_regression import LWRegressor
-
-Array = NDArray[np.float64]
 
 
 def conformal_factors(

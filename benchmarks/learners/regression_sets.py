@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skill.arrays import Array
 from skill.features.wrench_features import CanonicalFeatures, NormalisedFeatures, RawFeatures
-
-Array = NDArray[np.float64]
 
 FEATURES = {"raw": RawFeatures, "normalised": NormalisedFeatures, "canonical": CanonicalFeatures}
 

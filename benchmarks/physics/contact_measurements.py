@@ -23,8 +23,7 @@ from models.contact_theory import (
     wedging_tilt,
 )
 from models.scenario import Scenario
-
-Array = NDArray[np.float64]
+from skill.arrays import Array
 
 # The drag on z makes the peg crawl, so that no inertia and no drag on the tilt enters the balance.
 CRAWLING: dict[str, Any] = {"mass": 0.15, "inertia": 3e-5, "damping": (5.0, 400.0, 0.01)}

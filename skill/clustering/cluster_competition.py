@@ -15,8 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from skill.arrays import Array
 from skill.clustering.expectation_maximization import CovariancePrior, em_step, retained, updated
-from skill.clustering.gaussian_components import Array, GaussianComponents
+from skill.clustering.gaussian_components import GaussianComponents
 
 Schedule = Callable[[int], float]
 

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.cluster import kmeans_plusplus
 
+from skill.arrays import Array
 from skill.clustering.expectation_maximization import CovariancePrior
-from skill.clustering.gaussian_components import Array, GaussianComponents
+from skill.clustering.gaussian_components import GaussianComponents
 
 
 def seed_centres(Z: Array, M: int, random_state: np.random.RandomState) -> Array:

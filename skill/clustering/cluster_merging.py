@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skill.arrays import Array
 from skill.clustering.expectation_maximization import CovariancePrior, expectation_maximization
-from skill.clustering.gaussian_components import Array, GaussianComponents, cholesky_factors
+from skill.clustering.gaussian_components import GaussianComponents, cholesky_factors
 
 Indices = NDArray[np.intp]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skill.clustering.gaussian_components import Array
+from skill.arrays import Array
 
 CHOICES: dict[str, tuple[Any, ...]] = {
     "distance": ("fmle", "gk", "euclid"),

@@ -13,6 +13,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import validate_data
 from threadpoolctl import threadpool_limits
 
+from skill.arrays import Array
 from skill.clustering.cluster_competition import History, Schedule, compete, exponential_schedule, ramp_schedule
 from skill.clustering.cluster_initialization import (
     components_at_centres,
@@ -25,7 +26,7 @@ from skill.clustering.cluster_merging import Mixture, best_of_each_number, merge
 from skill.clustering.clustering_arguments import check_parameters, checked_groups, checked_phase
 from skill.clustering.effective_sample_size import design_effect
 from skill.clustering.expectation_maximization import CovariancePrior, em_step, expectation_maximization
-from skill.clustering.gaussian_components import Array, GaussianComponents
+from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
 from skill.clustering.prototype_competition import FUZZY_ITERATIONS, compete_for_prototypes
 from skill.clustering.state_number import (

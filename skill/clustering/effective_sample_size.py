@@ -13,9 +13,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from skill.arrays import Array
 from skill.clustering.expectation_maximization import BLOCK
 from skill.clustering.gaussian_components import (
-    Array,
     GaussianComponents,
     QuadraticFeatures,
     log_density_coefficients,

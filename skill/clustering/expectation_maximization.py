@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from skill.arrays import Array
 from skill.clustering.gaussian_components import (
-    Array,
     GaussianComponents,
     QuadraticFeatures,
     log_density_coefficients,

@@ -12,8 +12,8 @@ from scipy.stats import chi2
 from sklearn.base import BaseEstimator, ClusterMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
+from skill.arrays import Array
 from skill.clustering.gaussian_components import (
-    Array,
     GaussianComponents,
     log_normalizers,
     precision_factors,

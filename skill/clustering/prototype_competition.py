@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from skill.arrays import Array
 from skill.clustering.cluster_competition import History, Schedule
 from skill.clustering.expectation_maximization import CovariancePrior
 from skill.clustering.gaussian_components import (
-    Array,
     GaussianComponents,
     log_densities,
     precision_factors,

@@ -20,9 +20,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from skill.arrays import Array
 from skill.clustering.cluster_merging import Mixture
 from skill.clustering.effective_sample_size import design_effect
-from skill.clustering.gaussian_components import Array
 
 
 def mixture_parameters(M: int, T: int) -> int:

@@ -65,7 +65,10 @@ class Demonstration:
 
     def __post_init__(self) -> None:
         validate_samples(self.samples, "demonstration")
-        object.__setattr__(self, "outcome", Outcome(self.outcome))  # a plain string is accepted
+        if not isinstance(self.outcome, Outcome):  # a plain string, perhaps a word of another program
+            outcome, detail = parse_outcome(self.outcome)
+            object.__setattr__(self, "outcome", outcome)
+            object.__setattr__(self, "detail", detail or self.detail)
 
     @property
     def reason(self) -> str:

@@ -23,9 +23,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from skill.arrays import Array
 from skill.data.demonstration import ACTIONS
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-12
 

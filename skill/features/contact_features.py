@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skill.features.wrench_features import Array, CanonicalFeatures
+from skill.arrays import Array
+from skill.features.wrench_features import CanonicalFeatures
 
 MIN_LEVER = 0.1
 """Of the peg's radius: at less depth than this nothing tells the mouth from the tip."""

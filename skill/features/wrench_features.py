@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import issparse
 from sklearn.base import BaseEstimator, TransformerMixin
 
-Array = NDArray[np.float64]
+from skill.arrays import Array
 
 MEASURED = ("fx", "fy", "fz", "mx", "my", "mz", "z")
 """What the rig can measure: the wrench on the peg about its tip, expressed in P (N, N m), and (p_HP)_z (m),

@@ -20,12 +20,11 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.rig_run import RigRun
 from skill.data.tables import write_atomically
 from skill.states.state_style import state_colours, state_labels
-
-Array = NDArray[np.float64]
 
 INK = "#1D2329"
 FIRST, SECOND, THIRD = "#0072B2", "#D55E00", "#009E73"  # x, y, z wherever the three stand together

@@ -11,13 +11,12 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skill.arrays import Array
 from skill.data.rig_run import RigRun
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import Action, ManipulationSkill
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -28,14 +28,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.base import clone
 
+from skill.arrays import Array
 from skill.manipulation_skill import ManipulationSkill
 from skill.practice.exploration import Rollout
 from skill.regression.locally_weighted_regression import LWRegressor
-
-Array = NDArray[np.float64]
 
 SAME = 1e-3  # in units of s; costs that spread less than this are the same
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from skill.arrays import Array
 
 SHOWN = 5  # remembered samples in the printed form
 

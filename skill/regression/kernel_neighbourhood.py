@@ -6,12 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from skill.arrays import Array
 from skill.regression.membership_index import MembershipIndex
 from skill.regression.neighbour_index import Rows
-
-Array = NDArray[np.float64]
 
 # Numbers held at once by one block of a batch, neighbours times features: they stay within a processor's
 # cache.

@@ -23,11 +23,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 from scipy.special import stdtrit
 
-Array = NDArray[np.float64]
+from skill.arrays import Array
 
 # exp(690) is the largest power that leaves headroom in a double; slopes are long zero by then.
 LARGEST_EXPONENT = 690.0

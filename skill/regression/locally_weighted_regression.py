@@ -17,6 +17,7 @@ from sklearn.base import BaseEstimator, RegressorMixin, _fit_context
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
+from skill.arrays import Array
 from skill.regression.explanation import Explanation
 from skill.regression.kernel_neighbourhood import Kernel, KernelNeighbourhood
 from skill.regression.local_model import (
@@ -27,9 +28,6 @@ from skill.regression.local_model import (
     normalised_weights,
 )
 from skill.regression.membership_index import check_memberships
-
-Array = NDArray[np.float64]
-
 
 # Queries beyond this are taken for it, so that their squared distances are numbers still.
 FARTHEST = 1e100

@@ -8,11 +8,10 @@ anyhow.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skill.arrays import Array
 from skill.regression.neighbour_index import NeighbourIndex, Rows
-
-Array = NDArray[np.float64]
 
 # "May be in": a state of less probability is left out of the search, though not of the weights. It bounds by
 # as much the weight, relative to a like sample in a certain state, of any sample that the search leaves out.

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
+from skill.arrays import Array
+
 Rows = NDArray[np.intp]
 
 # Leaves much larger than usual: with some hundred neighbours a query visits thousands of samples anyhow.

@@ -11,7 +11,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skill.clustering.gaussian_components import Array, log_normalizers
+from skill.arrays import Array
+from skill.clustering.gaussian_components import log_normalizers
 from skill.clustering.gaussian_states import UNKNOWN, GaussianStates, chi_square_gate
 
 

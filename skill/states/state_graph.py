@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-Array = NDArray[np.float64]
+from skill.arrays import Array
 
 FITTED = (
     *("counts_", "exits_", "sample_counts_", "visits_", "phase_", "outcomes_"),

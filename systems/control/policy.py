@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from skill.arrays import Array
 from skill.manipulation_skill import Action
 from skill.states.contact_state_filter import Estimate
-
-Array = NDArray[np.float64]
 
 
 class StateFollower(Protocol):

@@ -17,14 +17,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from models.bore import TriangleMesh, make_bore
+from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.rig_run import RigRun, read_rig_run
 from skill.states.state_style import state_colours, state_labels
 
 if TYPE_CHECKING:
     from skill.manipulation_skill import ManipulationSkill
-
-Array = NDArray[np.float64]
 
 SIZES = (
     *("peg_radius", "peg_length", "hole_radius", "hole_depth", "chamfer"),

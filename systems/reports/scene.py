@@ -13,12 +13,10 @@ import numpy as np
 import umsgpack
 from meshcat.animation import Animation, AnimationClip, AnimationTrack
 from meshcat.commands import SetAnimation
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from skill.arrays import Array
 from systems.reports.motion import KEPT, Motion, make_block
-
-Array = NDArray[np.float64]
 
 TARGET = np.array([0.0, 0.0, 0.004])  # in units of m, in W; the camera looks at it
 CAMERA = np.array([0.124, 0.110, 0.070])  # in units of m, in W

@@ -81,7 +81,7 @@ def test_a_folder_is_read_in_the_order_of_names(demonstration, tmp_path):
             Demonstration(demonstration.samples, good=True, outcome=outcome), tmp_path / f"{name}.parquet"
         )
     (tmp_path / "notes.txt").write_text("not a recording")
-    assert [d.outcome for d in read_demonstrations(tmp_path)] == ["first", "second", "third"]
+    assert [d.reason for d in read_demonstrations(tmp_path)] == ["first", "second", "third"]
 
 
 # --------------------------------------------------------------- bad input

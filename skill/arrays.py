@@ -1,0 +1,7 @@
+"""The array type of the skill and of the systems around it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+"""An array of 64-bit floats; docstrings give the shape and the unit."""
