@@ -1,1 +1,1 @@
-"""What exists: geometry, materials, hardware presets and scenarios. Imports nothing of ours."""
+"""Geometry, materials, hardware presets and scenarios. Imports no other package of this project."""

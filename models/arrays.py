@@ -1,4 +1,4 @@
-"""The array type of the geometry and the contact theory."""
+"""Defines the array type of this package."""
 
 import numpy as np
 from numpy.typing import NDArray

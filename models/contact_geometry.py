@@ -1,15 +1,16 @@
-"""Exact contact between a flat-ended cylinder and a chamfered blind bore: gaps, points, normals, and a name for it.
+"""Exact contact geometry of a flat-ended cylindrical peg and a chamfered blind bore.
 
-No meshes and no simulation: this is what simulated contact and discovered contact states are judged by.
+Computes gaps, contact points and normals, and the contact label of a pose. It uses no meshes and no simulation, so it
+serves as the reference for simulated contact and for learnt contact states.
 
-Along each of the peg's generatrices the distance from the bore's axis is a convex function, so it is greatest at an
-end. Two bodies therefore come closest, or overlap most, at one of three circles: the rim of the peg's tip against
-the surfaces of the bore, or one of the two edges of the bore (outer and inner edge of the chamfer) against the peg. On
-each circle the distance has a closed form; it is minimised over the one angle that is left. This holds for tilts
-below 45 degrees, where the peg's side cannot lie flat on the chamfer.
+Along each generatrix of the peg, the distance from the bore's axis is a convex function, so its maximum is at an end.
+The closest points of the two bodies, or their deepest overlap, therefore lie on one of three circles: the rim of the
+peg's tip (against the surfaces of the bore), or the outer or inner edge of the chamfer (against the peg). On each
+circle the distance is a closed-form function of one angle, which is minimised numerically. This holds for tilts below
+45 degrees, where the peg's side cannot lie flat on the chamfer.
 
-Frames as everywhere: H, origin at the centre of the mouth, z out of the hole; P, origin at the centre of the tip
-face, z along the peg away from the tip. The block's top face is unbounded and the peg is endless.
+Frames: H has its origin at the centre of the mouth and z out of the hole. P has its origin at the centre of the tip
+face and z along the peg, away from the tip. The top face of the block is unbounded and the peg is infinitely long.
 """
 
 from __future__ import annotations
@@ -17,36 +18,34 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from models.arrays import Array
+from models.labelled_enum import LabelledEnum
 
 SAMPLES = 256
-"""Angles at which a circle is searched. Where two surfaces of the bore are equally near the gap has kinks, two of
-which can be a fifth of a radian apart; of 60,000 poses round the chamfer 64 samples miss one, 128 none."""
+"""Number of angles at which a circle is sampled. The gap has kinks where two surfaces of the bore are equally near, and
+two kinks can be 0.2 rad apart. Of 60,000 poses near the chamfer, 64 samples miss one minimum and 128 miss none."""
 
 MINIMA = 4
-"""Kept of each circle."""
+"""Number of local minima that are kept on each circle."""
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 GOLDEN_STEPS = 48
-"""Shrink the bracket of two sample distances to 5e-12 rad."""
-
+"""Number of golden-section steps; they shrink a bracket of two sample distances to 5e-12 rad."""
 
 TINY = 1e-300
-"""Keeps a quotient of zeros zero."""
+"""Minimum of a denominator, so that 0/0 gives 0."""
 
 GapFunction = Callable[[Array], tuple[Any, ...]]
-"""Of angles (n, k) on a circle: the fields of `Contacts` there."""
+"""Maps angles (n, k) on a circle to the fields of `Contacts` at these angles."""
 
 
-class ContactLabel(IntEnum):
-    """The contact state by geometry alone; ``label`` is its name for a person."""
-
-    label: str
+class ContactLabel(LabelledEnum):
+    """Contact state determined from geometry alone; ``label`` is its display name."""
 
     FREE = 0, "free"
     FACE = 1, "on the face"
@@ -57,16 +56,9 @@ class ContactLabel(IntEnum):
     LINE = 6, "line contact"
     SEATED = 7, "seated"
 
-    def __new__(cls, value: int, label: str = "") -> Self:
-        """A member of this number and label."""
-        member = int.__new__(cls, value)
-        member._value_ = value
-        member.label = label
-        return member
-
 
 class Surface(IntEnum):
-    """What touches what: the rim of the tip the nearest surface of the bore, or an edge of the bore the peg."""
+    """Pair of features in contact: the tip's rim and a surface of the bore, or an edge of the bore and the peg."""
 
     RIM_FACE = 0
     RIM_CHAMFER = 1
@@ -78,14 +70,14 @@ class Surface(IntEnum):
 
 @dataclass(frozen=True)
 class Contacts:
-    """Closest places of n poses, m = 16 to a pose: `MINIMA` on each circle, and as many against the floor.
+    """Candidate contacts of n poses, m = 16 for each: `MINIMA` on each circle and `MINIMA` against the floor.
 
     Attributes:
-        gap: (n, m), m; negative where the bodies overlap, infinite where a circle has fewer minima.
-        point: (n, m, 3), on the bore, in H, m.
-        normal: (n, m, 3), unit, in H: the direction in which the bore pushes the peg.
-        side: (n, m), whether it is the peg's side (not its tip face or rim) that an edge of the bore meets.
-        surface: (n, m), `Surface` of each place.
+        gap: Signed gaps (n, m), m. Negative where the bodies overlap, infinite where a circle has fewer minima.
+        point: Points on the bore (n, m, 3), in H, m.
+        normal: Unit vectors (n, m, 3), in H, in the direction in which the bore pushes the peg.
+        side: Whether an edge of the bore meets the peg's side rather than its tip face or rim, (n, m).
+        surface: `Surface` of each contact, (n, m).
     """
 
     gap: Array
@@ -95,20 +87,23 @@ class Contacts:
     surface: NDArray[np.intp]
 
     def points_on_peg(self) -> Array:
-        """(n, m, 3), in H, m."""
+        """Returns the contact points on the peg (n, m, 3), in H, m."""
         gap = np.where(np.isfinite(self.gap), self.gap, 0.0)
         return self.point + self.normal * gap[..., None]
 
 
 @dataclass(frozen=True)
 class PegInHole:
-    """Sizes in m.
+    """Peg and bore, given by their sizes.
 
     Attributes:
-        peg_radius: r.
-        hole_radius: R.
-        hole_depth: from mouth to floor.
-        chamfer: width and height of the 45 degree chamfer; 0 for a sharp edge.
+        peg_radius: Radius r of the peg, m.
+        hole_radius: Radius R of the bore, m.
+        hole_depth: Depth from mouth to floor, m.
+        chamfer: Width and height of the 45 degree chamfer, m; 0 for a sharp edge.
+
+    Raises:
+        ValueError: If a size is not positive and finite, or the chamfer is not smaller than the depth.
     """
 
     peg_radius: float
@@ -124,17 +119,16 @@ class PegInHole:
                 f" {self.chamfer} (m): expected positive sizes and a chamfer smaller than the depth"
             )
 
-    # ------------------------------------------------------------------ what is asked
-
     def contacts(self, p_HP: ArrayLike, axis_H: ArrayLike) -> Contacts:
-        """Closest places of every pair of surfaces.
+        """Returns the candidate contacts of every pair of features.
 
         Args:
-            p_HP: (n, 3), centre of the tip, m.
-            axis_H: (n, 3), unit, the peg's axis away from the tip; tilted less than 45 degrees from z of H.
+            p_HP: Centres of the tip (n, 3), m.
+            axis_H: Unit vectors (n, 3) along the peg's axis, away from the tip, less than 45 degrees from z of H.
 
         Raises:
-            ValueError: if the shapes differ from these, or a number is not finite, or the tilt is too large.
+            ValueError: If a shape is wrong, a number is NaN or infinite, an axis is not a unit vector, or a tilt is
+                too large.
         """
         p, a = _checked_poses(p_HP, axis_H)
         parts = []
@@ -145,23 +139,21 @@ class PegInHole:
         return Contacts(*(np.concatenate(columns, axis=1) for columns in zip(*parts, strict=True)))
 
     def gap(self, p_HP: ArrayLike, axis_H: ArrayLike) -> Array:
-        """Signed gap (n,), m: the distance between peg and block, or minus their deepest overlap."""
+        """Returns the signed gap (n,), m: the distance between peg and block, or minus their deepest overlap."""
         return np.asarray(self.contacts(p_HP, axis_H).gap.min(axis=1))
 
     def label(self, p_HP: ArrayLike, axis_H: ArrayLike, *, tolerance: float = 0.0) -> NDArray[np.intp]:
-        """`ContactLabel` of each pose (n,).
+        """Returns the `ContactLabel` of each pose (n,).
 
         Args:
-            p_HP: as for `contacts`.
-            axis_H: as for `contacts`.
-            tolerance: largest gap, in m, that counts as touching.
+            p_HP: See `contacts`.
+            axis_H: See `contacts`.
+            tolerance: Largest gap that counts as contact, m.
         """
         return label_contacts(self.contacts(p_HP, axis_H), tolerance=tolerance)
 
-    # ------------------------------------------------------------------ distances on a circle
-
     def _rim(self, p: Array, a: Array) -> Callable[[Array], Array]:
-        """Of an angle (n, k): points (n, k, 3) on the rim of the tip."""
+        """Returns a function from angles (n, k) to points (n, k, 3) on the rim of the tip."""
         u, v = _across(a)
 
         def rim(angle: Array) -> Array:
@@ -171,9 +163,12 @@ class PegInHole:
         return rim
 
     def _rim_function(self, p: Array, a: Array) -> GapFunction:
-        """The rim against face, chamfer and wall, whose block is convex in (rho, z); the wall has no lower end."""
+        """Returns the gap of the tip's rim to face, chamfer and wall.
+
+        These bound a convex region in (rho, z). The wall is treated as infinitely deep.
+        """
         rim, R, c, half = self._rim(p, a), self.hole_radius, self.chamfer, np.sqrt(0.5)
-        # Origin, direction, normal into the open and end of each piece, in `Surface`'s order; they start at 0.
+        # Origin, direction, normal out of the block, and length of each piece, in the order of `Surface`.
         pieces = (
             ((R + c, 0.0), (1.0, 0.0), (0.0, 1.0), np.inf),
             ((R, -c), (half, half), (-half, half), c / half),
@@ -199,7 +194,7 @@ class PegInHole:
                 normals.append(unit)
             depths = np.stack(signed)
             inside = (depths < 0.0).all(axis=0)
-            # Inside a convex block the nearest surface is the one with the least depth, and the foot is on it.
+            # Inside a convex block, the nearest surface is the one with the smallest depth.
             nearest = np.where(inside, depths.argmax(axis=0), np.stack(distance).argmin(axis=0))
             gap = np.where(inside, depths.max(axis=0), np.stack(distance).min(axis=0))
             flat = np.array([piece[2] for piece in pieces])[nearest]
@@ -212,7 +207,7 @@ class PegInHole:
         return evaluate
 
     def _floor_function(self, p: Array, a: Array) -> GapFunction:
-        """The rim against the floor, which has no end."""
+        """Returns the gap of the tip's rim to the floor, which is treated as unbounded."""
         rim = self._rim(p, a)
 
         def evaluate(angle: Array) -> tuple[Any, ...]:
@@ -225,9 +220,9 @@ class PegInHole:
         return evaluate
 
     def _edge_functions(self, p: Array, a: Array) -> list[GapFunction]:
-        """The outer and the inner edge of the chamfer against the peg."""
+        """Returns the gaps of the outer and the inner edge of the chamfer to the peg."""
 
-        def of(radius: float, height: float, kind: Surface) -> GapFunction:
+        def edge_function(radius: float, height: float, kind: Surface) -> GapFunction:
             def evaluate(angle: Array) -> tuple[Any, ...]:
                 heights = np.full_like(angle, height)
                 e = np.stack([radius * np.cos(angle), radius * np.sin(angle), heights], axis=-1)
@@ -236,10 +231,10 @@ class PegInHole:
             return evaluate
 
         R, c = self.hole_radius, self.chamfer
-        return [of(R + c, 0.0, Surface.OUTER_EDGE), of(R, -c, Surface.INNER_EDGE)]
+        return [edge_function(R + c, 0.0, Surface.OUTER_EDGE), edge_function(R, -c, Surface.INNER_EDGE)]
 
     def _edge_to_peg(self, e: Array, p: Array, a: Array) -> tuple[Any, ...]:
-        """Distance of points e from the endless cylinder, and what it is measured along."""
+        """Returns the gap of points ``e`` to the infinitely long peg, the points, the normals, and `Contacts.side`."""
         along = np.einsum("...i,...i", e - p, a)
         radial = (e - p) - along[..., None] * a
         off = np.linalg.norm(radial, axis=-1)
@@ -255,17 +250,17 @@ class PegInHole:
 
 
 def label_contacts(contacts: Contacts, *, tolerance: float = 0.0) -> NDArray[np.intp]:
-    """`ContactLabel` (n,) of contacts whose gap is at most ``tolerance`` m.
+    """Returns the `ContactLabel` (n,) of contacts whose gap is at most ``tolerance`` (m).
 
-    A tip that stands on the floor is seated whatever else touches; one that has not passed the chamfer is on the
-    chamfer or the face, whichever it presses harder. Inside, the inner edge of the chamfer is the mouth: contact there
-    and at the tip is two-point contact on opposite sides of the bore, line contact on the same side.
+    A tip on the floor is seated, whatever else touches. A tip that has not passed the chamfer is on the chamfer or on
+    the face, whichever has the deeper overlap. Inside the bore, the inner edge of the chamfer is the mouth. Contact at
+    both mouth and tip is two-point contact if they are on opposite sides of the bore, and line contact otherwise.
     """
     on = contacts.gap <= tolerance
     kind = contacts.surface
 
     def deepest(chosen: NDArray[np.bool_]) -> Array:
-        return np.where(chosen, contacts.gap, np.inf).min(axis=1)
+        return np.asarray(np.where(chosen, contacts.gap, np.inf).min(axis=1))
 
     face = deepest(on & ((kind == Surface.RIM_FACE) | ((kind == Surface.OUTER_EDGE) & ~contacts.side)))
     chamfer = deepest(
@@ -305,7 +300,11 @@ def label_contacts(contacts: Contacts, *, tolerance: float = 0.0) -> NDArray[np.
 
 
 def axes_of_rotation_vectors(rotation: ArrayLike) -> Array:
-    """The peg's axis (n, 3) in H from rotation vectors (n, 3) of R_HP, rad: the third column, by Rodrigues."""
+    """Returns the peg's axes (n, 3) in H: the third column of R_HP by Rodrigues' formula.
+
+    Args:
+        rotation: Rotation vectors (n, 3) of R_HP, rad.
+    """
     w = np.asarray(rotation, dtype=np.float64)
     angle = np.linalg.norm(w, axis=-1, keepdims=True)
     k = w / np.where(angle > 0.0, angle, 1.0)
@@ -315,14 +314,17 @@ def axes_of_rotation_vectors(rotation: ArrayLike) -> Array:
 
 
 def _across(a: Array) -> tuple[Array, Array]:
-    """Two unit vectors (n, 3) that make a right-handed frame with the axes."""
+    """Returns two unit vectors (n, 3) that form a right-handed frame with the axes."""
     u = np.cross(np.array([0.0, 1.0, 0.0]), a)
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     return u, np.cross(a, u)
 
 
 def _minima(evaluate: GapFunction, n: int) -> Array:
-    """Angles (n, MINIMA) of the lowest local minima of a periodic function; NaN where there is no second one."""
+    """Returns the angles (n, MINIMA) of the lowest local minima of a periodic function.
+
+    Entries are NaN where there are fewer minima.
+    """
 
     def f(angle: Array) -> Array:
         return np.asarray(evaluate(angle)[0])
@@ -334,7 +336,7 @@ def _minima(evaluate: GapFunction, n: int) -> Array:
     lowest[np.arange(n), values.argmin(axis=1)] = True
     ranked = np.where(lowest, values, np.inf)
     best = np.argsort(ranked, axis=1)[:, :MINIMA]
-    there = np.isfinite(np.take_along_axis(ranked, best, axis=1))
+    exists = np.isfinite(np.take_along_axis(ranked, best, axis=1))
     low, high = step * (best - 1.0), step * (best + 1.0)
     left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
     f_left, f_right = f(left), f(right)
@@ -346,15 +348,16 @@ def _minima(evaluate: GapFunction, n: int) -> Array:
         f_new = f(new)
         left, right = np.where(smaller, new, kept), np.where(smaller, kept, new)
         f_left, f_right = np.where(smaller, f_new, f_kept), np.where(smaller, f_kept, f_new)
-    return np.where(there, 0.5 * (low + high), np.nan)
+    return np.where(exists, 0.5 * (low + high), np.nan)
 
 
 def _checked_poses(p_HP: ArrayLike, axis_H: ArrayLike) -> tuple[Array, Array]:
+    """Returns both as arrays (n, 3); see `PegInHole.contacts` for the errors."""
     p, a = np.asarray(p_HP, dtype=np.float64), np.asarray(axis_H, dtype=np.float64)
     if p.ndim != 2 or p.shape[1] != 3 or a.shape != p.shape:
-        raise ValueError(f"p_HP has shape {p.shape} and axis_H {a.shape}, expected (n, 3) both")
+        raise ValueError(f"p_HP has shape {p.shape} and axis_H {a.shape}, expected (n, 3) for both")
     if not (np.isfinite(p).all() and np.isfinite(a).all()):
-        raise ValueError("p_HP or axis_H has a number that is not finite")
+        raise ValueError("p_HP or axis_H contains NaN or infinite numbers")
     off = np.abs(np.linalg.norm(a, axis=1) - 1.0)
     if off.size and off.max() > 1e-9:
         raise ValueError(f"axis_H has length {1 + off.max():.9g} in row {int(off.argmax())}, expected unit vectors")

@@ -1,7 +1,7 @@
-"""Hardware parameters, in SI units, each with its source; presets instead of blended numbers.
+"""Defines the hardware parameters in SI units, each with its source, and the presets of the haptic devices.
 
 Sources: [paper] the source paper; [driver] defaults published for the device in open haptics frameworks; [sheet] a
-manufacturer's published figure; [choice] chosen here for a plausible laboratory rig.
+manufacturer's data sheet; [choice] chosen here for a plausible laboratory rig.
 """
 
 import math
@@ -20,14 +20,14 @@ class HapticDeviceParameters:
     sustained_force: float = 3.0  # in units of N [paper]
     peak_torque: float = 0.670  # in units of N m [paper]
     sustained_torque: float = 0.104  # in units of N m [paper]
-    thermal_time_constant: float = 10.0  # in units of s; the window of the sustained limit [choice]
+    thermal_time_constant: float = 10.0  # in units of s; averaging time of the sustained limit [choice]
     servo_period: float = 1e-3  # in units of s [sheet]
-    # The damping of device and gripping hand, and the device's friction: what the stability of the display rests on.
+    # Damping of the device and the gripping hand, and friction of the device; the stability margins depend on them.
     grip_damping: float = 10.0  # in units of N s/m [choice]
     grip_angular_damping: float = 0.02  # in units of N m s/rad [choice]
     friction_force: float = 0.04  # in units of N [choice]
     friction_torque: float = 1e-3  # in units of N m [choice]
-    # The hardest spring-damper that the driver's supplier lets it render; unlimited where none is published.
+    # Maximum gains that the device's driver accepts; infinite where no limit is published.
     max_stiffness: float = math.inf  # in units of N/m
     max_damping: float = math.inf  # in units of N s/m
     max_angular_stiffness: float = math.inf  # in units of N m/rad
@@ -52,24 +52,24 @@ DEVICE_PRESETS: dict[str, HapticDeviceParameters] = {
 
 @dataclass
 class StepperMotorParameters:
-    """A hybrid stepper behind a reduction gear, seen at the gear's output; it holds like a magnetic spring."""
+    """A hybrid stepper motor with a reduction gear, described at the gear's output; it holds like a magnetic spring."""
 
     step_angle: float = math.radians(0.18)  # in units of rad [paper]
     holding_torque: float = 1.3  # in units of N m, at the output [choice]
     damping: float = 1.2  # in units of N m s/rad [choice]
     reflected_inertia: float = 1.0e-3  # in units of kg m^2 [choice]
-    max_step_rate: float = 250.0  # in units of steps/s; loses none under 0.8 of the holding torque [choice]
-    max_step_acceleration: float = 2.0e4  # in units of steps/s^2; takes a tenth of the holding torque [choice]
+    max_step_rate: float = 250.0  # in units of steps/s; no step is lost up to 0.8 of the holding torque [choice]
+    max_step_acceleration: float = 2.0e4  # in units of steps/s^2; needs a tenth of the holding torque [choice]
 
     @property
     def stiffness(self) -> float:
-        """N_r T_h of the magnetic spring at small angles, in N m/rad, where a step is a quarter period: (pi/2)/N_r."""
+        """Stiffness (pi/2) T_h / step of the magnetic spring at small angles, N m/rad; a step is a quarter period."""
         return 0.5 * math.pi * self.holding_torque / self.step_angle
 
 
 @dataclass
 class DcMotorParameters:
-    """A small DC motor on a lead screw, under a speed loop with a current limit."""
+    """A small DC motor on a lead screw, with a speed controller and a current limit."""
 
     resistance: float = 2.3  # in units of ohm [choice]
     inductance: float = 0.24e-3  # in units of H [choice]
@@ -86,17 +86,17 @@ class DcMotorParameters:
 
     @property
     def ratio(self) -> float:
-        """Motor angle over carriage travel, in rad/m."""
+        """Ratio of motor angle to carriage travel, rad/m."""
         return 2.0 * math.pi / self.screw_lead
 
     @property
     def force_constant(self) -> float:
-        """Force on the carriage over current, without friction, in N/A."""
+        """Ratio of force on the carriage to current, without friction, N/A."""
         return self.ratio * self.screw_efficiency * self.torque_constant
 
     @property
     def no_load_speed(self) -> float:
-        """Of the carriage at full voltage without friction, in m/s: it cannot drive itself faster."""
+        """Speed of the carriage at full voltage without friction, m/s; the motor cannot drive it faster."""
         return self.supply_voltage / (self.torque_constant * self.ratio)
 
 
@@ -106,16 +106,16 @@ class WrenchSensorParameters:
 
     force_range: list[float] = field(default_factory=lambda: [145.0, 145.0, 290.0])  # N [sheet]
     torque_range: list[float] = field(default_factory=lambda: [5.0, 5.0, 5.0])  # N m [sheet]
-    force_noise: list[float] = field(default_factory=lambda: [0.02, 0.02, 0.05])  # N, one sigma [sheet]
+    force_noise: list[float] = field(default_factory=lambda: [0.02, 0.02, 0.05])  # N, standard deviation [sheet]
     torque_noise: list[float] = field(default_factory=lambda: [5e-4, 5e-4, 5e-4])  # N m [sheet]
-    force_bias: float = 0.05  # in units of N; sigma of what is left after taring [choice]
-    torque_bias: float = 1e-3  # in units of N m; sigma of what is left after taring [choice]
-    # What is left after taring wanders, mostly with the temperature: a random walk, 0.06 N and 1.3 mN m within 10 s.
-    force_drift: float = 0.02  # in units of N/sqrt(s), sigma of the walk after 1 s [choice]
+    force_bias: float = 0.05  # in units of N; standard deviation of the bias after taring [choice]
+    torque_bias: float = 1e-3  # in units of N m; standard deviation of the bias after taring [choice]
+    # The bias drifts, mostly with temperature, as a random walk: 0.06 N and 1.3 mN m within 10 s.
+    force_drift: float = 0.02  # in units of N/sqrt(s); standard deviation of the walk after 1 s [choice]
     torque_drift: float = 4e-4  # in units of N m/sqrt(s) [choice]
     force_quantum: float = 1.0 / 16.0  # in units of N [sheet]
     torque_quantum: float = 1.0 / 752.0  # in units of N m [sheet]
     bandwidth: float = 100.0  # in units of Hz; first-order low-pass [choice]
     period: float = 1e-3  # in units of s [choice]
-    delay: float = 2e-3  # in units of s, whole periods; of conversion and network, beside the low-pass [choice]
-    height: float = 0.080  # in units of m; from the peg's tip to the sensor [choice]
+    delay: float = 2e-3  # in units of s, whole periods; of conversion and network, without the low-pass [choice]
+    height: float = 0.080  # in units of m, of the sensor above the peg's tip [choice]

@@ -1,4 +1,4 @@
-"""The simulated person: what they see, feel and do; their habits; and the person drawn by a seed."""
+"""Defines the parameters of the simulated operator, the habits, and how a seed draws a person."""
 
 import copy
 import math
@@ -9,37 +9,36 @@ import numpy as np
 
 @dataclass
 class OperatorParameters:
-    """The simulated person; ranges of personal parameters are drawn by `draw_person`."""
+    """The simulated operator; `draw_person` draws the personal parameters."""
 
-    habit: str = "expert"  # see HABITS
+    habit: str = "expert"  # a key of HABITS
     sight_delay: float = 0.16  # in units of s
-    sight_noise: float = math.radians(0.15)  # in units of rad, one sigma, of the tilt
-    sight_bias: list[float] | None = None  # in units of rad; drawn from sight_bias_sigma unless given
+    sight_noise: float = math.radians(0.15)  # in units of rad; standard deviation of the seen tilt
+    sight_bias: list[float] | None = None  # in units of rad; None: drawn with sight_bias_sigma
     sight_bias_sigma: float = math.radians(0.25)  # in units of rad
-    offset_noise: float = 0.10e-3  # in units of m, one sigma, of the seen offset
-    offset_bias: list[float] | None = None  # in units of m; drawn from offset_bias_sigma unless given
+    offset_noise: float = 0.10e-3  # in units of m; standard deviation of the seen offset
+    offset_bias: list[float] | None = None  # in units of m; None: drawn with offset_bias_sigma
     offset_bias_sigma: float = 0.10e-3  # in units of m
-    dead_zone: float = math.radians(0.1)  # in units of rad; seen tilts below it are let be
-    offset_dead_zone: float = 0.10e-3  # in units of m; seen offsets below it are let be
-    correction_period: float = 0.28  # in units of s, from one correction by sight to the next
-    correction_time: float = 0.20  # in units of s, that one takes
-    align_gain: float = 1.6  # in units of 1/s, mean turning rate over seen tilt
-    align_rate: float = math.radians(4.0)  # in units of rad/s, fastest mean turn
+    dead_zone: float = math.radians(0.1)  # in units of rad; smaller seen tilts are not corrected
+    offset_dead_zone: float = 0.10e-3  # in units of m; smaller seen offsets are not corrected
+    correction_period: float = 0.28  # in units of s, from one visual correction to the next
+    correction_time: float = 0.20  # in units of s; duration of a visual correction
+    align_gain: float = 1.6  # in units of 1/s; mean turning rate over seen tilt
+    align_rate: float = math.radians(4.0)  # in units of rad/s; maximum mean turning rate
     touch_gain: float = 3.0  # in units of rad/s per N m of felt moment
     touch_slide: float = 0.010  # in units of m/s per N of felt force across the axis
-    insertion_speed: float = 0.020  # in units of m/s, unhindered
-    comfortable_force: float = 1.6  # in units of N, felt; the speed falls to zero at this push
-    patience: float = 1e9  # in units of s of hindered pushing, after which the peg is pulled out again
+    insertion_speed: float = 0.020  # in units of m/s, without contact
+    comfortable_force: float = 1.6  # in units of N; felt push at which the speed falls to zero
+    patience: float = 1e9  # in units of s of hindered pushing, after which the peg is pulled out
     decision_period: float = 0.02  # in units of s
-    tremor: float = 0.02e-3  # in units of m, amplitude along and across the axis
-    tremor_angle: float = math.radians(0.01)  # in units of rad, amplitude
+    tremor: float = 0.02e-3  # in units of m; amplitude along and across the axis
+    tremor_angle: float = math.radians(0.01)  # in units of rad; amplitude
     tremor_frequency: float = 10.0  # in units of Hz
-    tremor_spread: float = 2.0  # in units of Hz; a person's frequency is uniform within this of tremor_frequency
-    personal_spread: float = 0.15  # one sigma of the logarithm of the factor on gains, speed, force and delay
+    tremor_spread: float = 2.0  # in units of Hz; half width of the uniform distribution about tremor_frequency
+    personal_spread: float = 0.15  # standard deviation of the logarithm of the factors on the PERSONAL parameters
 
 
 HABITS: dict[str, dict[str, float]] = {
-    # A habit multiplies personal parameters; the bad ones fail, or are rough, for the reason their name says.
     "expert": {},
     "novice": {"sight_bias_sigma": 1.6, "align_gain": 0.7, "insertion_speed": 0.7, "tremor": 1.5, "tremor_angle": 1.5},
     "blind": {"align_gain": 0.0, "touch_gain": 0.0, "comfortable_force": 1.1},
@@ -47,22 +46,27 @@ HABITS: dict[str, dict[str, float]] = {
     "gives_up": {"align_gain": 0.15, "touch_gain": 0.0, "patience": 1e-9},
     "overcorrects": {"align_gain": 10.0, "align_rate": 6.0, "sight_delay": 2.0, "touch_gain": 0.0},
 }
-"""Factors on the operator's parameters, by habit."""
+"""Factors on the operator's parameters, by habit. The name of a bad habit says why it fails or is rough."""
 
 PERSONAL = ("align_gain", "align_rate", "insertion_speed", "comfortable_force", "sight_delay", "touch_gain")
-"""Parameters of which everybody has their own multiple."""
+"""Parameters that are multiplied by a random factor for each person."""
 
 
 def draw_person(operator: OperatorParameters, rng: np.random.Generator) -> OperatorParameters:
-    """One person: the habit applied, every range drawn; what is left is concrete."""
+    """Returns the parameters of one person: the habit is applied and every range is drawn.
+
+    Args:
+        operator: Parameters with ranges; not modified.
+        rng: Random generator of the person.
+    """
     person = copy.deepcopy(operator)
     for name, factor in HABITS[person.habit].items():
         setattr(person, name, getattr(person, name) * factor)
     bias = rng.normal(0.0, 1.0, 2) * person.sight_bias_sigma
     person.sight_bias = [float(v) for v in bias] if person.sight_bias is None else person.sight_bias
     for name in PERSONAL:
-        own = float(np.exp(person.personal_spread * rng.normal()))
-        setattr(person, name, getattr(person, name) * own)
+        factor = float(np.exp(person.personal_spread * rng.normal()))
+        setattr(person, name, getattr(person, name) * factor)
     person.personal_spread = 0.0
     bias = rng.normal(0.0, 1.0, 2) * person.offset_bias_sigma
     person.offset_bias = [float(v) for v in bias] if person.offset_bias is None else person.offset_bias

@@ -1,30 +1,36 @@
-"""The one configuration tree: what a YAML file may say, in SI units.
+"""Defines the scenario, the configuration tree of a run, in SI units; reads, checks, writes and resolves it.
 
-A scenario with ranges is *resolved* by a seed into a concrete one, which is stored beside every result, so that any
-demonstration or rig trial can be made again from its own record.
+A scenario contains ranges. A seed *resolves* it into a concrete scenario, which is stored with every result, so that
+any demonstration or rig trial can be repeated from its own record.
 """
 
 import copy
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from models.bore import facet_sagitta, minimum_facets
+from models.contact_theory import largest_entry_tilt
 from models.hardware import DEVICE_PRESETS, DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
 from models.operator import HABITS, OperatorParameters, draw_person
-from models.validation import check_document, check_numbers
+from models.validation import Violation, check_document, number_violations, raise_first
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
+APPROXIMATIONS = ("lagged", "similar", "sap")
+"""Drake's discrete contact approximations that a scenario may name; "tamsi" is deprecated."""
+
+FREE_FIXTURE, RIG_FIXTURE, AXIAL_FIXTURE = FIXTURES = ("free", "rig", "axial")
+"""Names of the virtual fixtures: six degrees of freedom, those of the rig, or one (see `virtual_fixture`)."""
 
 
 @dataclass
 class Geometry:
-    """The peg and the hole, and how finely they are meshed."""
+    """Sizes of the peg and the hole, and the resolution of their meshes."""
 
     peg_radius: float = 0.010  # in units of m
     peg_length: float = 0.060  # in units of m
@@ -49,25 +55,25 @@ class ContactParameters:
     modulus: float = 1e10  # in units of Pa, of the compliant peg
     dissipation: float = 1.0  # in units of s/m, Hunt-Crossley
     friction: float = 0.2
-    friction_spread: float = 0.5  # the friction is drawn uniformly within this share of it
-    approximation: str = "lagged"
+    friction_spread: float = 0.5  # relative half width of the uniform distribution of the friction
+    approximation: str = "lagged"  # one of APPROXIMATIONS
 
 
 @dataclass
 class StartParameters:
-    """Where the peg starts; the tilt is drawn from the range unless it is given."""
+    """Initial pose of the peg; tilt and offset are drawn from their ranges if they are None."""
 
     height: float = 0.003  # in units of m, of the tip above the mouth
     tilt_range: float = math.radians(3.4)  # in units of rad, uniform on each axis
-    demonstrated_tilt_range: float = math.radians(4.0)  # in units of rad; wider than the rig will meet
-    offset_range: float = 0.0  # in units of m, uniform on each axis; felt in the `free` fixture only
+    demonstrated_tilt_range: float = math.radians(4.0)  # in units of rad; wider than in a rig trial
+    offset_range: float = 0.0  # in units of m, uniform on each axis; has an effect in the `free` fixture only
     tilt: list[float] | None = None  # in units of rad, about x and y of the hole
     offset: list[float] | None = None  # in units of m, along x and y of the hole
 
 
 @dataclass
 class CouplingParameters:
-    """The virtual coupling between probe and peg, and the stiff guide of the virtual fixture."""
+    """The virtual coupling between probe and peg, and the guide of the virtual fixture."""
 
     stiffness: float = 4000.0  # in units of N/m
     damping: float = 180.0  # in units of N s/m
@@ -77,76 +83,97 @@ class CouplingParameters:
     guide_damping: float = 600.0  # in units of N s/m
     peg_mass: float = 4.0  # in units of kg, of the virtual peg
     peg_inertia: float = 2.0e-2  # in units of kg m^2, about its tip
-    force_scale: float = 0.2  # rendered over virtual force
-    torque_scale: float = 0.02  # rendered over virtual torque
+    force_scale: float = 0.2  # ratio of rendered to virtual force
+    torque_scale: float = 0.02  # ratio of rendered to virtual torque
 
 
 @dataclass
 class RecorderParameters:
-    """How a demonstration is sampled, and when it ends."""
+    """Sampling, time limit and quality limit of a demonstration."""
 
     period: float = 0.02  # in units of s
     time_limit: float = 8.0  # in units of s
-    rough_force: float = 20.0  # in units of N; a larger contact force makes a demonstration a bad one
+    rough_force: float = 20.0  # in units of N; a demonstration with a larger contact force is bad
 
 
 @dataclass
 class RigParameters:
-    """The 3-DOF rig's mechanics."""
+    """Mechanics of the 3-DOF rig."""
 
-    pivot_height: float | None = None  # in units of m, of the gimbal's axes above the mouth (negative: below)
-    pivot_range: float = 0.003  # in units of m; the pivot height is drawn within this unless it is given
-    demonstrated_pivot_range: float = 0.005  # in units of m; of the virtual fixture's, wider than the rig will meet
-    carriage_friction: float = 5.0  # in units of N s/m
-    mount_stiffness: float = 2.0e5  # in units of N/m, sideways, of the compliant mount that carries the peg
-    mount_damping: float = 100.0  # in units of N s/m
+    pivot_height: float | None = None  # in units of m, of the gimbal's axes above the mouth; None: drawn
+    pivot_range: float = 0.003  # in units of m; half width of the uniform distribution of the pivot height
+    demonstrated_pivot_range: float = 0.005  # in units of m; the same in demonstrations, wider than in a rig trial
+    carriage_friction: float = 5.0  # in units of N s/m, viscous
+    mount_stiffness: float = 2.0e5  # in units of N/m, lateral, of the compliant mount that carries the peg
+    mount_damping: float = 100.0  # in units of N s/m, lateral
     encoder_resolution: float = 5.0e-6  # in units of m
 
 
 @dataclass
-class ControllerParameters:
-    """The on-line estimator and controller, and the guards round them."""
+class PolicyControllerParameters:
+    """Gain and limits of the policy controller."""
 
     period: float = 0.02  # in units of s
-    # A regression on what people do late and inexactly turns less than they do: it averages.
-    gain: float = 1.25  # on the learnt corrections
+    # A regression on late and inexact human corrections averages them, so it predicts smaller turns.
+    gain: float = 1.25  # factor on the turns of the policy
     max_turn_rate: float = math.radians(12.0)  # in units of rad/s
-    max_turn: float = math.radians(8.0)  # in units of rad, each way on each axis, from where it stood at the start
+    max_turn: float = math.radians(8.0)  # in units of rad, on each axis, to either side of the start
     max_feed_speed: float = 0.030  # in units of m/s
-    # The load is the norm of force and moment over peg radius.
-    # Nine in ten samples of the default good demonstrations stay below 12 N, all but one in a hundred below 18 N: a
-    # skill that pushes harder feels what nobody has shown it.
-    soft_force: float = 10.0  # in units of N of load; above it the feed is lowered ...
-    hold_force: float = 20.0  # ... in units of N of load ... to nothing
-    force_limit: float = 50.0  # in units of N of load; above it the peg is backed off
+
+
+@dataclass
+class ForceGuardParameters:
+    """Thresholds of the force guard. The load is the norm of force and moment / peg radius, in N."""
+
+    # 90 % of the samples of the default good demonstrations stay below 12 N of load, 99 % below 18 N. A skill that
+    # pushes harder measures loads that no demonstration contains.
+    soft_force: float = 10.0  # in units of N of load, above which the feed is reduced
+    hold_force: float = 20.0  # in units of N of load, at which the feed is zero
+    force_limit: float = 50.0  # in units of N of load, above which the peg is backed off
     retract_speed: float = 0.015  # in units of m/s
     back_off_distance: float = 1.0e-3  # in units of m
-    back_off_time: float = 0.4  # in units of s, at the most
-    stall_time: float = 0.6  # in units of s of pushing without coming ...
-    stall_depth: float = 0.2e-3  # ... in units of m ... deeper, after which the peg is backed off
-    unknown_feed: float = 0.5  # share of the feed that is left while the contact state is unknown
-    doubt_time: float = 1.0  # in units of s of not recognising what is felt, after which the peg is backed off
+    back_off_time: float = 0.4  # in units of s, maximum duration of a back-off
+    stall_time: float = 0.6  # in units of s; pushing this long without progress backs the peg off
+    stall_depth: float = 0.2e-3  # in units of m; a smaller increase of the depth is no progress
+    unknown_feed: float = 0.5  # factor on the feed while the contact state is unknown
+    doubt_time: float = 1.0  # in units of s; the peg is backed off if nothing is recognised for this long
+
+
+@dataclass
+class WatchdogParameters:
+    """Detection of a stalled feed, and the retraction after a fault; most keys are shared with the force guard."""
+
+    period: float = PolicyControllerParameters.period  # in units of s
+    retract_speed: float = ForceGuardParameters.retract_speed  # in units of m/s
+    back_off_time: float = ForceGuardParameters.back_off_time  # in units of s, duration of the retraction
+    stall_depth: float = ForceGuardParameters.stall_depth  # in units of m; a smaller change of depth is no motion
+    feed_stall_distance: float = 1.0e-3  # in units of m, commanded without motion before the feed counts as stalled
+
+
+@dataclass
+class ControllerParameters(WatchdogParameters, ForceGuardParameters, PolicyControllerParameters):
+    """All parameters of the control loop, as the flat keys of ``controller:`` in a scenario."""
 
 
 @dataclass
 class TrialParameters:
-    """When a rig trial ends."""
+    """End of a rig trial."""
 
     time_limit: float = 10.0  # in units of s
-    full_depth_margin: float = 0.3e-3  # in units of m, short of the bottom of the bore
+    full_depth_margin: float = 0.3e-3  # in units of m; largest distance from the bottom that counts as inserted
 
 
 @dataclass
 class Scenario:
-    """Everything that decides a run."""
+    """All parameters of a run."""
 
     seed: int = 0
     geometry: Geometry = field(default_factory=Geometry)
     contact: ContactParameters = field(default_factory=ContactParameters)
     start: StartParameters = field(default_factory=StartParameters)
-    device: str = "paper"
+    device: str = "paper"  # a key of DEVICE_PRESETS
     coupling: CouplingParameters = field(default_factory=CouplingParameters)
-    fixture: str = "rig"
+    fixture: str = RIG_FIXTURE  # one of FIXTURES
     operator: OperatorParameters = field(default_factory=OperatorParameters)
     recorder: RecorderParameters = field(default_factory=RecorderParameters)
     rig: RigParameters = field(default_factory=RigParameters)
@@ -158,19 +185,18 @@ class Scenario:
 
     @property
     def full_depth(self) -> float:
-        """Depth in m at which the peg counts as inserted."""
+        """Depth at which the peg counts as inserted, m."""
         return self.geometry.hole_depth - self.trial.full_depth_margin
 
 
-APPROXIMATIONS = ("lagged", "similar", "sap")  # of Drake's discrete contact; its "tamsi" is deprecated
-FIXTURES = ("free", "rig", "axial")
-
-
 def load_scenario(name: str | Path = "nominal") -> Scenario:
-    """Reads a scenario: the name of one in ``models/scenarios``, or the path of a YAML file.
+    """Reads a scenario from a file.
+
+    Args:
+        name: Name of a scenario in ``models/scenarios``, or path of a YAML file.
 
     Raises:
-        ValueError: naming the file and the fault (unknown key, wrong type, impossible geometry).
+        ValueError: Naming the file and the problem, e.g. an unknown key, a wrong type or an impossible geometry.
     """
     path = Path(name)
     if path.suffix != ".yaml":
@@ -182,16 +208,24 @@ def load_scenario(name: str | Path = "nominal") -> Scenario:
 
 
 def dump_scenario(scenario: Scenario) -> str:
-    """The whole tree as YAML text."""
+    """Returns the whole tree as YAML text."""
     return str(yaml_dump_typed(scenario, schema=Scenario))
 
 
 def parse_scenario(text: str, where: str) -> Scenario:
-    """Reads YAML text, a whole scenario or a part of one; ``where`` names the source in errors."""
+    """Reads a scenario from YAML text; keys that are missing keep their defaults.
+
+    Args:
+        text: YAML text.
+        where: Name of the source in error messages.
+
+    Raises:
+        ValueError: Naming ``where`` and the problem.
+    """
     try:
         document = yaml.safe_load(text)
     except yaml.YAMLError as error:
-        raise ValueError(f"{where}: not YAML: {' '.join(str(error).split())}") from error
+        raise ValueError(f"{where}: invalid YAML: {' '.join(str(error).split())}") from error
     check_document({} if document is None else document, Scenario, where)
     scenario: Scenario = yaml_load_typed(schema=Scenario, data=text, defaults=Scenario()) if document else Scenario()
     validate_scenario(scenario, where)
@@ -199,132 +233,138 @@ def parse_scenario(text: str, where: str) -> Scenario:
 
 
 def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
-    """Raises a ValueError that names ``where``, the field, what was found and what was expected."""
-    check_numbers(scenario, where)
-    g = scenario.geometry
+    """Checks every value of a scenario.
 
-    def require(condition: bool, name: str, found: Any, expected: str) -> None:
-        if not condition:
-            raise ValueError(f"{where}: {name} is {found}, expected {expected}")
+    Raises:
+        ValueError: Naming ``where``, the field, the value found and the values expected.
+    """
+    raise_first(_violations(scenario), where)
 
-    require(
-        g.clearance > 0,
-        "geometry clearance (hole_radius - peg_radius)",
-        f"{1e3 * g.clearance:.4g} mm",
-        "> 0: the hole must be wider than the peg",
-    )
-    require(0 <= g.chamfer < g.hole_depth, "geometry.chamfer", f"{g.chamfer} m", "at least 0 and below hole_depth")
-    require(
-        g.peg_length > g.hole_depth,
-        "geometry.peg_length",
-        f"{g.peg_length} m",
-        f"> hole_depth {g.hole_depth}",
-    )
-    require(
-        g.block_radius > g.hole_radius + g.chamfer,
-        "geometry.block_radius",
-        f"{g.block_radius} m",
-        "> hole_radius + chamfer",
-    )
-    needed = minimum_facets(g.hole_radius, g.clearance)
-    sagitta = facet_sagitta(g.hole_radius, max(g.facets, 3))
-    require(
-        g.facets >= needed,
-        "geometry.facets",
-        f"{g.facets} (sagitta {1e6 * sagitta:.1f} um)",
-        f"at least {needed}, so that the sagitta is below a quarter of the clearance ({1e6 * g.clearance / 4:.1f} um)",
-    )
-    require(
-        scenario.contact.approximation in APPROXIMATIONS,
-        "contact.approximation",
-        repr(scenario.contact.approximation),
-        f"one of {APPROXIMATIONS}",
-    )
-    require(
-        scenario.trial.full_depth_margin < g.hole_depth,
-        "trial.full_depth_margin",
-        f"{scenario.trial.full_depth_margin} m",
-        f"below geometry.hole_depth {g.hole_depth} m",
-    )
-    require(
-        scenario.contact.friction_spread <= 1, "contact.friction_spread", scenario.contact.friction_spread, "at most 1"
-    )
-    require(scenario.device in DEVICE_PRESETS, "device", repr(scenario.device), f"one of {sorted(DEVICE_PRESETS)}")
-    require(scenario.fixture in FIXTURES, "fixture", repr(scenario.fixture), f"one of {FIXTURES}")
-    require(
-        scenario.operator.habit in HABITS,
-        "operator.habit",
-        repr(scenario.operator.habit),
-        f"one of {sorted(HABITS)}",
-    )
-    o = scenario.operator
-    require(
-        0 < o.correction_time <= o.correction_period,
-        "operator.correction_time",
-        f"{o.correction_time} s",
-        f"above 0 and at most operator.correction_period {o.correction_period} s",
-    )
-    largest = math.acos(min(1.0, g.peg_radius / g.hole_radius))
-    for name, value in zip("xy", scenario.start.tilt or [], strict=False):
-        require(
-            abs(value) < largest,
-            f"start.tilt about {name}",
-            f"{math.degrees(value):.3g} deg",
-            f"below {math.degrees(largest):.3g} deg, the largest tilt at which this peg enters this hole",
+
+def _violations(scenario: Scenario) -> Iterator[Violation]:
+    """Yields the violations in a scenario; a later check may assume that all earlier ones have passed."""
+    yield from number_violations(scenario)
+    yield from _geometry_violations(scenario.geometry)
+    yield from _name_violations(scenario)
+    yield from _limit_violations(scenario)
+    yield from _tilt_violations(scenario.start, scenario.geometry)
+    yield from _timing_violations(scenario)
+
+
+def _geometry_violations(g: Geometry) -> Iterator[Violation]:
+    """Checks that the sizes describe a peg that fits into a closed bore, meshed finely enough for the clearance."""
+    if g.clearance <= 0:
+        name, found = "geometry clearance (hole_radius - peg_radius)", f"{1e3 * g.clearance:.4g} mm"
+        yield Violation(name, found, "> 0: the hole must be wider than the peg")
+    if not 0 <= g.chamfer < g.hole_depth:
+        yield Violation("geometry.chamfer", f"{g.chamfer} m", "at least 0 and below hole_depth")
+    if g.peg_length <= g.hole_depth:
+        yield Violation("geometry.peg_length", f"{g.peg_length} m", f"> hole_depth {g.hole_depth}")
+    if g.block_radius <= g.hole_radius + g.chamfer:
+        yield Violation("geometry.block_radius", f"{g.block_radius} m", "> hole_radius + chamfer")
+    minimum = minimum_facets(g.hole_radius, g.clearance)
+    if g.facets < minimum:
+        sagitta = facet_sagitta(g.hole_radius, max(g.facets, 3))
+        bound = f"a quarter of the clearance ({1e6 * g.clearance / 4:.1f} um)"
+        yield Violation(
+            "geometry.facets",
+            f"{g.facets} (sagitta {1e6 * sagitta:.1f} um)",
+            f"at least {minimum}, so that the sagitta is below {bound}",
         )
-    guards = scenario.controller
-    require(
-        guards.soft_force < guards.hold_force <= guards.force_limit,
-        "controller.hold_force",
-        f"{guards.hold_force} N",
-        f"above controller.soft_force {guards.soft_force} N and at most controller.force_limit {guards.force_limit} N",
-    )
-    step, period = scenario.contact.time_step, scenario.recorder.period
-    for name, value in (("recorder.period", period), ("controller.period", scenario.controller.period)):
-        require(
-            value > 0 and abs(value / step - round(value / step)) < 1e-6,
-            name,
-            f"{value} s",
-            f"a multiple of contact.time_step {step} s",
+
+
+def _name_violations(scenario: Scenario) -> Iterator[Violation]:
+    """Checks the fields that hold the name of a choice."""
+    approximation, habit = scenario.contact.approximation, scenario.operator.habit
+    if approximation not in APPROXIMATIONS:
+        yield Violation("contact.approximation", repr(approximation), f"one of {APPROXIMATIONS}")
+    if scenario.device not in DEVICE_PRESETS:
+        yield Violation("device", repr(scenario.device), f"one of {sorted(DEVICE_PRESETS)}")
+    if scenario.fixture not in FIXTURES:
+        yield Violation("fixture", repr(scenario.fixture), f"one of {FIXTURES}")
+    if habit not in HABITS:
+        yield Violation("operator.habit", repr(habit), f"one of {sorted(HABITS)}")
+
+
+def _limit_violations(scenario: Scenario) -> Iterator[Violation]:
+    """Checks the upper limits of single values, and the order of the force limits."""
+    margin, hole_depth = scenario.trial.full_depth_margin, scenario.geometry.hole_depth
+    if margin >= hole_depth:
+        yield Violation("trial.full_depth_margin", f"{margin} m", f"below geometry.hole_depth {hole_depth} m")
+    if scenario.contact.friction_spread > 1:
+        yield Violation("contact.friction_spread", scenario.contact.friction_spread, "at most 1")
+    guard = scenario.controller
+    if not guard.soft_force < guard.hold_force <= guard.force_limit:
+        yield Violation(
+            "controller.hold_force",
+            f"{guard.hold_force} N",
+            f"above controller.soft_force {guard.soft_force} N and at most controller.force_limit"
+            f" {guard.force_limit} N",
         )
-    delay, period = scenario.sensor.delay, scenario.sensor.period
-    require(
-        abs(delay / period - round(delay / period)) < 1e-6,
-        "sensor.delay",
-        f"{delay} s",
-        f"a multiple of sensor.period {period} s",
-    )
 
 
-DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM, PRACTICE_STREAM, CHECK_STREAM = 1, 2, 3, 4, 5
+def _tilt_violations(start: StartParameters, g: Geometry) -> Iterator[Violation]:
+    """Checks that the peg can enter the hole from the initial tilt, if that is given."""
+    largest = largest_entry_tilt(peg_radius=g.peg_radius, hole_radius=g.hole_radius)
+    for name, value in zip("xy", start.tilt or [], strict=False):
+        if abs(value) >= largest:
+            bound = f"below {math.degrees(largest):.3g} deg, the largest tilt at which this peg enters this hole"
+            yield Violation(f"start.tilt about {name}", f"{math.degrees(value):.3g} deg", bound)
+
+
+def _timing_violations(scenario: Scenario) -> Iterator[Violation]:
+    """Checks that periods are multiples of the steps that they are counted in."""
+    operator, sensor, step = scenario.operator, scenario.sensor, scenario.contact.time_step
+    if operator.correction_time > operator.correction_period:
+        bound = f"above 0 and at most operator.correction_period {operator.correction_period} s"
+        yield Violation("operator.correction_time", f"{operator.correction_time} s", bound)
+    for name, period in (
+        ("recorder.period", scenario.recorder.period),
+        ("controller.period", scenario.controller.period),
+    ):
+        if not _is_multiple(period, step):
+            yield Violation(name, f"{period} s", f"a multiple of contact.time_step {step} s")
+    if not _is_multiple(sensor.delay, sensor.period):
+        yield Violation("sensor.delay", f"{sensor.delay} s", f"a multiple of sensor.period {sensor.period} s")
+
+
+def _is_multiple(value: float, step: float) -> bool:
+    return abs(value / step - round(value / step)) < 1e-6
+
+
+DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM, PRACTICE_STREAM, CHECK_STREAM, LIVE_STREAM = 1, 2, 3, 4, 5, 6
+"""Random streams; equal seeds in different streams give independent draws."""
 
 
 def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int | None = None) -> Scenario:
-    """Draws every range of ``scenario`` with ``seed``: the start, and the operator's person.
+    """Returns a copy of ``scenario`` in which every range is drawn: the start, the pivot, the friction, the operator.
 
     Args:
-        scenario: with ranges; it is not changed.
-        seed: any non-negative integer.
-        stream: `DEMONSTRATION_STREAM`, `TRIAL_STREAM`, or those of practice; equal seeds in different streams share
-            no draw.
-        person: number of the person, who is the same in whatever they do; None makes a new one of ``seed``.
+        scenario: Scenario with ranges; not modified.
+        seed: Non-negative integer.
+        stream: `DEMONSTRATION_STREAM`, `LIVE_STREAM`, `TRIAL_STREAM`, `PRACTICE_STREAM` or `CHECK_STREAM`.
+        person: Number of the person; the same number gives the same operator for every seed and stream. None draws a
+            new person with ``seed``.
+
+    Raises:
+        ValueError: If the resolved scenario is invalid; the message names ``seed``.
     """
     rng = np.random.default_rng([stream, seed])
     resolved = copy.deepcopy(scenario)
     resolved.seed = int(np.random.SeedSequence([stream, seed]).generate_state(1)[0] >> 1)
     start = resolved.start
-    shown = stream == DEMONSTRATION_STREAM
-    tilt = rng.uniform(-1.0, 1.0, 2) * (start.demonstrated_tilt_range if shown else start.tilt_range)
+    demonstrated = stream in (DEMONSTRATION_STREAM, LIVE_STREAM)
+    tilt = rng.uniform(-1.0, 1.0, 2) * (start.demonstrated_tilt_range if demonstrated else start.tilt_range)
     offset = rng.uniform(-1.0, 1.0, 2) * start.offset_range
-    # A gimbal is never mounted exactly; demonstrations vary more than the rig does, so that the skill has felt it.
+    # A gimbal is not mounted exactly. Demonstrations vary more than the rig does, so that they cover its range.
     rig = resolved.rig
-    pivot = float(rng.uniform(-1.0, 1.0)) * (rig.demonstrated_pivot_range if shown else rig.pivot_range)
-    resolved.rig.pivot_height = pivot if resolved.rig.pivot_height is None else resolved.rig.pivot_height
+    pivot = float(rng.uniform(-1.0, 1.0)) * (rig.demonstrated_pivot_range if demonstrated else rig.pivot_range)
+    rig.pivot_height = pivot if rig.pivot_height is None else rig.pivot_height
     resolved.contact.friction *= 1.0 + float(rng.uniform(-1.0, 1.0)) * resolved.contact.friction_spread
     resolved.contact.friction_spread = 0.0
     start.tilt = [float(v) for v in tilt] if start.tilt is None else start.tilt
     start.offset = [float(v) for v in offset] if start.offset is None else start.offset
-    known = rng if person is None else np.random.default_rng([PERSON_STREAM, person])
-    resolved.operator = draw_person(resolved.operator, known)
+    personal = rng if person is None else np.random.default_rng([PERSON_STREAM, person])
+    resolved.operator = draw_person(resolved.operator, personal)
     validate_scenario(resolved, f"scenario resolved with seed {seed}")
     return resolved

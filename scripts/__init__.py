@@ -1,1 +1,1 @@
-"""Thin command-line shells, one a task."""
+"""Command lines, one per task; `haptic-skill` is all of them in one command."""

@@ -4,27 +4,25 @@ from __future__ import annotations
 
 import subprocess
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING
 
-import typer
-from pydrake.systems.framework import Diagram
+from scripts.command_line import command, make_app, run_app
+from scripts.options import OutFolder, SkillFile
 
-from models.scenario import DEMONSTRATION_STREAM, TRIAL_STREAM, load_scenario, resolve_scenario
-from skill.data.tables import write_atomically
-from skill.manipulation_skill import ManipulationSkill
-from systems.reports.terminal import console, report_errors
-from systems.rig import MakeRig
-from systems.virtual_environment import MakeVirtualEnvironment
+if TYPE_CHECKING:
+    from pydrake.systems.framework import Diagram
 
-app = typer.Typer(add_completion=False)
+app = make_app()
 
 
 def write_svg(diagram: Diagram, path: Path) -> None:
-    """Lays the diagram out with Graphviz and writes an SVG.
+    """Lays out a diagram with Graphviz and writes it as an SVG file.
 
     Raises:
         ValueError: if Graphviz is not installed.
     """
+    from skill.data.tables import write_atomically
+
     text = diagram.GetGraphvizString(max_depth=1)
     try:
         drawn = subprocess.run(["dot", "-Tsvg"], input=text.encode(), capture_output=True, check=True)
@@ -34,24 +32,31 @@ def write_svg(diagram: Diagram, path: Path) -> None:
 
 
 @app.command()
-@report_errors
-def main(
-    skill: Annotated[Path, typer.Option(help="A skill file of train_skill: the rig's ports depend on it.")] = Path(
-        "out/skill.npz"
-    ),
-    out: Annotated[Path, typer.Option(help="Folder for the two SVG files.")] = Path("out"),
-) -> None:
-    """Draw the block diagrams of the virtual environment and of the rig as SVG files.
+@command
+def main(skill: SkillFile = Path("out/skill.npz"), out: OutFolder = Path("out")) -> None:
+    """Draws the block diagrams of the virtual environment and of the rig.
 
-    Example: python -m scripts.block_diagram --out docs/pictures
+    Reads a skill, because the ports of the rig depend on it. Writes virtual_environment.svg and rig.svg into the folder
+    of `--out`. Needs Graphviz.
+
+    For example:
+
+        haptic-skill diagram --out docs/pictures
     """
+    from models.scenario import DEMONSTRATION_STREAM, TRIAL_STREAM, load_scenario, resolve_scenario
+    from skill.manipulation_skill import ManipulationSkill
+    from systems.reports.terminal import say
+    from systems.rig import MakeRig
+    from systems.virtual_environment import MakeVirtualEnvironment
+
     scenario = load_scenario()
+    learnt = ManipulationSkill.load(skill)
     environment = MakeVirtualEnvironment(resolve_scenario(scenario, seed=0, stream=DEMONSTRATION_STREAM))
     write_svg(environment.diagram, out / "virtual_environment.svg")
-    rig = MakeRig(resolve_scenario(scenario, seed=0, stream=TRIAL_STREAM), ManipulationSkill.load(skill))
+    rig = MakeRig(resolve_scenario(scenario, seed=0, stream=TRIAL_STREAM), learnt)
     write_svg(rig.diagram, out / "rig.svg")
-    console.print(f"virtual_environment.svg and rig.svg in {out}")
+    say(f"virtual_environment.svg and rig.svg in {out}")
 
 
 if __name__ == "__main__":
-    app()
+    run_app(app)

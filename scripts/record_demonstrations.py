@@ -1,100 +1,126 @@
-"""Records demonstrations by the simulated operator in the virtual environment."""
+"""Records demonstrations in the virtual environment, by the simulated operator or by a person."""
 
 from __future__ import annotations
 
 import os
 import sys
 import webbrowser
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
-from models.scenario import load_scenario
-from skill.data.demonstration import read_demonstrations, write_demonstration
-from skill.figures.demonstration_figure import plot_set
-from skill.figures.paper_figures import save_figure
-from systems.haptics.coupling_margins import Margin, require_margins
-from systems.live.page import open_live_page
-from systems.live.session import LiveSession
-from systems.operators.device_operator import find_device
-from systems.reports.terminal import console, progress, report_errors
-from systems.runs.demonstration_set import demonstrate_all, requests
+from scripts.command_line import command, make_app, run_app
+from scripts.options import Bad, Good, Jobs, OptionalScenarioName, OutFolder, Seed
 
-app = typer.Typer(add_completion=False)
+if TYPE_CHECKING:
+    from systems.haptics.coupling_margins import Margin
+
+app = make_app()
 
 
-@report_errors
 def record(*, out: Path, good: int, bad: int, seed: int, scenario: str, jobs: int, overwrite: bool) -> list[Path]:
-    """Records ``good`` + ``bad`` demonstrations into the folder ``out``, one Parquet file each; returns their paths."""
+    """Records ``good`` + ``bad`` demonstrations into the folder ``out``, and returns the paths of their files.
+
+    Raises:
+        ValueError: if no demonstration is requested, the folder holds recordings and ``overwrite`` is false, or the
+            scenario is not valid or not stable.
+        OSError: if a file cannot be written. The recordings that were finished stay.
+    """
+    from models.scenario import load_scenario
+    from skill.data.demonstration import read_demonstrations, write_demonstration
+    from skill.figures.demonstration_figure import plot_set
+    from skill.figures.paper_figures import save_figure
+    from systems.haptics.coupling_margins import require_margins
+    from systems.reports.terminal import progress, say
+    from systems.runs.demonstration_set import demonstrate_all, requests
+
     chosen = load_scenario(scenario)
-    wanted = requests(good, bad)
-    if not wanted:
-        raise ValueError("0 demonstrations asked for; expected --good or --bad to be at least 1")
-    stale = sorted(out.glob("*.parquet"))
-    if stale and not overwrite:
-        raise ValueError(f"{out}: holds {len(stale)} recordings already; choose another --out, or give --overwrite")
-    for path in stale:
+    requested = requests(good, bad)
+    if not requested:
+        raise ValueError("0 demonstrations requested; expected --good or --bad to be at least 1")
+    old = sorted(out.glob("*.parquet"))
+    if old and not overwrite:
+        raise ValueError(f"{out}: holds {len(old)} recordings already; choose another --out, or add --overwrite")
+    margins = require_margins(chosen)
+    for path in old:
         path.unlink()
-    sweep(out)
-    print_margins(require_margins(chosen))
-    made: list[Path] = []
+    remove_unfinished(out)
+    print_margins(margins)
+    written: list[Path] = []
     lowest: list[float] = []
-    with progress("demonstrations", len(wanted)) as advance:
-        for request, demonstration in demonstrate_all(chosen, wanted, seed=seed, jobs=jobs):
+    with progress("demonstrations", len(requested)) as advance:
+        for request, demonstration in demonstrate_all(chosen, requested, seed=seed, jobs=jobs):
             path = out / f"{request.number:03d}_{'good' if request.good else 'bad'}_{request.habit}.parquet"
             write_demonstration(demonstration, path)
-            made.append(path)
+            written.append(path)
             lowest.append(demonstration.metadata["lowest_probe_energy_J"])
             advance(f"{request.habit}: {demonstration.reason}, {demonstration.duration:.1f} s")
     figure = out / "demonstrations.png"
     save_figure(plot_set(read_demonstrations(out), rough_force=chosen.recorder.rough_force), figure)
-    console.print(f"{len(made)} demonstrations in {out}; outcomes, forces and times in {figure.name}")
-    console.print(f"lowest energy at the probe's port: {1e3 * min(lowest):.3f} mJ (below 0 the display gave some)")
-    return made
+    say(f"{len(written)} demonstrations in {out}; outcomes, forces and times in {figure.name}")
+    say(f"minimum energy at the probe's port: {1e3 * min(lowest):.3f} mJ (negative: the display produced energy)")
+    return written
 
 
-@report_errors
 def record_live(*, out: Path, seed: int, scenario: str, driver: str | None, port: int | None) -> list[Path]:
-    """A session of a person at the controls, in the browser; returns what was kept."""
+    """Runs a session in the browser with a person at the controls, and returns the recordings that they kept.
+
+    Raises:
+        ValueError: if the scenario is not valid or not stable, or no device driver has the name ``driver``.
+        OSError: if the folder ``out`` cannot be written, or the port is in use.
+    """
+    from models.scenario import load_scenario
+    from systems.haptics.coupling_margins import require_margins
+    from systems.live.page import open_live_page
+    from systems.live.session import LiveSession
+    from systems.operators.device_operator import find_device
+    from systems.reports.terminal import say
+
     chosen = load_scenario(scenario)
     print_margins(require_margins(chosen))
     out.mkdir(parents=True, exist_ok=True)
-    sweep(out)
+    remove_unfinished(out)
     meshcat, page = open_live_page(port)
-    console.print(f"open {page.address} in a browser", soft_wrap=True, highlight=False)
+    say(f"open {page.address} in a browser")
     if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        webbrowser.open(page.address)  # without a desktop it might be one of text
+        webbrowser.open(page.address)  # without a desktop this could start a text browser in the terminal
     session = LiveSession(
         scenario=chosen,
         out=out,
         seed=seed,
         meshcat=meshcat,
         page=page,
-        tell=lambda message: console.print(message, highlight=False),
+        tell=say,
         open_device=find_device(driver) if driver is not None else None,
     )
     try:
         kept = session.run()
     finally:
         page.close()
-    console.print(f"{len(kept)} demonstrations kept in {out}")
+    say(f"{len(kept)} demonstrations kept in {out}")
     return kept
 
 
-def sweep(folder: Path) -> None:
-    """Removes what a session that was killed in the middle of a write has left: never a finished recording."""
-    left = sorted(folder.glob(".*.parquet.*"))
-    for path in left:
+def remove_unfinished(folder: Path) -> None:
+    """Removes the temporary files of a session that was killed while writing, never a finished recording."""
+    from systems.reports.terminal import say
+
+    unfinished = sorted(folder.glob(".*.parquet.*"))
+    for path in unfinished:
         path.unlink()
-    if left:
-        console.print(f"{len(left)} unfinished file(s) of an earlier session removed; what was finished is whole")
+    if unfinished:
+        say(f"removed {len(unfinished)} unfinished file(s) of an earlier session; finished recordings are complete")
 
 
-def print_margins(margins: list[Margin]) -> None:
-    """One line a condition: what it is, what it may be, and how often it fits."""
+def print_margins(margins: Sequence[Margin]) -> None:
+    """Prints the stability conditions of the coupling, one row each: value, limit, and the factor between them."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from systems.reports.terminal import console
+
     table = Table(title="stability margins of the coupling", box=SIMPLE_HEAD)
     for column in ("condition", "value", "below", "unit", "margin"):
         table.add_column(column, justify="left" if column in ("condition", "unit") else "right")
@@ -105,36 +131,38 @@ def print_margins(margins: list[Margin]) -> None:
 
 
 @app.command()
+@command
 def main(
-    out: Annotated[Path, typer.Option(help="Folder for the recordings, one .parquet file each.")] = Path(
-        "out/demonstrations"
-    ),
-    good: Annotated[int, typer.Option(min=0, help="Good examples: they insert gently.")] = 24,
-    bad: Annotated[int, typer.Option(min=0, help="Bad examples: they jam, slam, give up or over-correct.")] = 6,
-    seed: Annotated[int, typer.Option(min=0, help="Another seed, other operators and starts.")] = 0,
-    scenario: Annotated[
-        str | None,
-        typer.Option(help="Name of a scenario in models/scenarios, or the path of your own YAML file."),
-    ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="Processes to use.")] = 2,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Remove what the folder holds first.")] = False,
-    live: Annotated[bool, typer.Option("--live", help="Show it yourself, in the browser.")] = False,
+    out: OutFolder = Path("out/demonstrations"),
+    good: Good = 24,
+    bad: Bad = 6,
+    seed: Seed = 0,
+    scenario: OptionalScenarioName = None,
+    jobs: Jobs = 2,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Remove the recordings in the folder of --out first.")
+    ] = False,
+    live: Annotated[bool, typer.Option("--live", help="Demonstrate yourself, in the browser.")] = False,
     driver: Annotated[
-        str | None, typer.Option(help="With --live: a device of your own, or 'spacemouse' (see docs/haptics.md).")
+        str | None, typer.Option(help="With --live: name of your device driver, or 'spacemouse' (see docs/haptics.md).")
     ] = None,
     port: Annotated[
         int | None,
-        typer.Option(help="With --live: of the page, which takes the one after it too; free ones if not given."),
+        typer.Option(help="With --live: port of the page, which also uses the next one.", show_default="free ports"),
     ] = None,
 ) -> None:
-    """Record demonstrations of peg-in-hole insertion in the virtual environment.
+    """Records demonstrations of peg-in-hole insertion in the virtual environment.
 
     A simulated person moves a haptic probe that is coupled to the peg, sees its tilt (late and inexactly) and feels the
-    contact. Each demonstration holds the fourteen channels and the action, sampled at 50 Hz.
+    contact. With `--live` a page opens in the browser, and you move the peg with sliders, keys or a gamepad.
 
-    With --live a page opens in the browser: sliders, keys or a gamepad move the peg; what is kept joins the folder.
+    Reads a scenario (nominal, or live with `--live`). Writes into the folder of `--out` one .parquet file per
+    demonstration, with the fourteen channels and the action, sampled at 50 Hz, and demonstrations.png. The seed
+    chooses the operators and the starting poses.
 
-    Example: python -m scripts.record_demonstrations --good 8 --bad 2 --out out/few
+    For example:
+
+        haptic-skill record --good 8 --bad 2 --out out/few
     """
     if live:
         record_live(out=out, seed=seed, scenario=scenario or "live", driver=driver, port=port)
@@ -145,4 +173,4 @@ def main(
 
 
 if __name__ == "__main__":
-    app()
+    run_app(app)

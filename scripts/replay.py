@@ -5,21 +5,48 @@ from __future__ import annotations
 import sys
 import webbrowser
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 
-from skill.data.tables import write_atomically
-from systems.reports.motion import read_motion
-from systems.reports.replay_page import replay_page
+from scripts.command_line import command, make_app, run_app
+from scripts.options import OptionalSkillFile
 
-app = typer.Typer(add_completion=False, rich_markup_mode="markdown")
+if TYPE_CHECKING:
+    from systems.reports.motion import Motion
+
+app = make_app()
+
+
+def write_replay(
+    file: Path, page: Path, *, title: str | None = None, skill: Path | None = None, speed: float = 1.0
+) -> Motion:
+    """Writes the replay of a stored demonstration or rig run, and returns its motion.
+
+    Args:
+        file: demonstration or rig run (.parquet).
+        page: HTML file to write.
+        title: heading of the page; None takes the name of the file.
+        skill: skill file that names the contact states of a demonstration.
+        speed: speed of the replay; 1 is the speed of the motion.
+
+    Raises:
+        ValueError: if a file is not valid, or the speed is not positive.
+        OSError: if the page cannot be written.
+    """
+    from skill.data.tables import write_atomically
+    from systems.reports.motion import read_motion
+    from systems.reports.replay_page import replay_page
+
+    motion = read_motion(file, skill)
+    html = replay_page(motion, title=file.stem if title is None else title, speed=speed)
+    write_atomically(page, html.encode())
+    return motion
 
 
 @app.command()
-def replay(
+@command
+def main(
     file: Annotated[
         Path,
         typer.Argument(
@@ -30,65 +57,50 @@ def replay(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(help="The page to write.", metavar="FILE.html", show_default="FILE, ending in .html"),
-    ] = None,
-    skill: Annotated[
-        Path | None,
         typer.Option(
-            help="A trained skill, which tells the contact states of a demonstration; without one the peg is coloured"
-            " by the contact force. A rig run holds its own states.",
-            metavar="FILE.npz",
-            show_default=False,
+            help="HTML page to write; replaces an existing file.", metavar="FILE", show_default="FILE, ending in .html"
         ),
     ] = None,
-    speed: Annotated[float, typer.Option(help="Of the replay: 0.25 is slow motion, 1 the speed of the motion.")] = 1.0,
+    skill: OptionalSkillFile = None,
+    speed: Annotated[
+        float, typer.Option(help="Speed of the replay; 1 is the speed of the motion, 0.25 slow motion.")
+    ] = 1.0,
     open_page: Annotated[
         bool | None,
-        typer.Option(
-            "--open/--no-open", help="Show the page in the web browser.", show_default="open, when run at a terminal"
-        ),
+        typer.Option("--open/--no-open", help="Show the page in the web browser.", show_default="open at a terminal"),
     ] = None,
 ) -> None:
     """Turns a stored demonstration or rig run into one HTML page, and shows it.
 
-    The page needs neither network nor this program: it carries the scene, its motion and the viewer. It shows the block
-    cut open, the peg in the colour of its contact state, contact force and moment as arrows at the tip, and beside them
-    the read-outs, a dial that magnifies the tilt, and a timeline. Drag in the view to turn it, scroll to zoom, drag on
-    the timeline to move in time; the space bar plays and pauses. Opened as `page.html#t=1.5` it stands still
-    at 1.5 seconds.
+    Reads the recording. The colour of the peg shows the contact state: a rig run contains its states, a demonstration
+    needs a skill. Without one the colour shows the contact force. Writes one page with the scene, its motion and the
+    viewer, which needs neither a network nor this program.
 
-    For instance:
+    The page shows the block cut open, the peg, contact force and moment as arrows at the tip, and beside them the
+    readings, a dial that magnifies the tilt, and a timeline. Drag in the view to turn it, scroll to zoom, drag on the
+    timeline to move in time; the space bar plays and pauses. `page.html#t=1.5` opens it, paused, at 1.5 seconds.
 
-        python -m scripts.replay out/demonstrations/00.parquet --skill out/skill.npz
+    For example (in a checkout also `python -m scripts.replay`):
 
-        python -m scripts.replay out/runs/03.parquet --speed 0.25 --out jam.html
+        haptic-skill replay out/demonstrations/000_good_expert.parquet --skill out/skill.npz
+
+        haptic-skill replay out/rig/run_0003.parquet --speed 0.25 --out slow.html
     """
-    console = Console(stderr=True)
-    target = file.with_suffix(".html") if out is None else out
-    try:
-        if target.resolve() == file.resolve():
-            raise ValueError(f"{file}: is also the page to write; name another with --out")
-        with console.status(f"drawing {file.name}"):
-            motion = read_motion(file, skill)
-            page = replay_page(motion, title=file.stem, speed=speed)
-            write_atomically(target, page.encode())
-    except (ValueError, OSError) as error:
-        console.print(f"[bold red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True)
-        raise typer.Exit(1) from None
-    size = target.stat().st_size / 1e6
-    summary = f"{target}: {motion.kind}, {motion.time[-1]:.2f} s, {motion.outcome} ({size:.1f} MB)"
-    console.print(escape(summary), soft_wrap=True)
+    from systems.reports.terminal import busy, say
+
+    page = file.with_suffix(".html") if out is None else out
+    if page.resolve() == file.resolve():
+        raise ValueError(f"{file} is the recording; choose another file for the page with --out")
+    with busy(f"drawing {file.name}"):
+        motion = write_replay(file, page, skill=skill, speed=speed)
+    say(f"{page}: {motion.kind}, {motion.time[-1]:.2f} s, {motion.outcome} ({page.stat().st_size / 1e6:.1f} MB)")
     if skill is not None and motion.kind == "rig run":
-        console.print("The rig run holds its own contact states; --skill was not needed.")
-    wanted = sys.stdout.isatty() if open_page is None else open_page
-    if wanted and not webbrowser.open(target.resolve().as_uri()):
-        console.print("No web browser could be started; open the page by hand.")
-
-
-def main() -> None:
-    """The command line."""
-    app()
+        say("The rig run contains its own contact states; --skill was not used.")
+    if open_page is None:
+        open_page = sys.stdout.isatty()
+    if open_page and not webbrowser.open(page.resolve().as_uri()):
+        say("No web browser could be started; open the page yourself.")
 
 
 if __name__ == "__main__":
-    main()
+    run_app(app)

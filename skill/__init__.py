@@ -1,6 +1,6 @@
-"""What is learnt: contact states, local regressors and their graph. Never imports Drake.
+"""Skills learnt from demonstrations: contact states, regressors of the actions, and state graphs; without Drake.
 
-The names below are imported on first use, so that `import skill` and a single learner stay cheap.
+The names below are imported on first use, so that `import skill` is fast.
 """
 
 from importlib import import_module

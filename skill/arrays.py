@@ -1,7 +1,7 @@
-"""The array type of the skill and of the systems around it."""
+"""The array type of `skill` and of the packages that use it."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-"""An array of 64-bit floats; docstrings give the shape and the unit."""
+"""An array of 64-bit floats; docstrings give shape and unit."""

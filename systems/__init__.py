@@ -1,1 +1,1 @@
-"""What moves: one LeafSystem a file, and the two diagrams built from them."""
+"""Drake systems of the virtual environment and of the rig, and the two diagrams built from them."""

@@ -1,19 +1,20 @@
-"""The 3-DOF rig: a peg on a DC feed drive, a hole on two steppers, and a controller that feels."""
+"""The diagram of the 3-DOF rig: a peg on a DC feed drive, a hole on two steppers, and their controller."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
 
 from models.scenario import Scenario
+from skill.arrays import Array
+from skill.data.geometry import PegHoleGeometry
+from skill.policy import RigPolicy
 from systems.control.contact_state_estimator import ContactStateEstimator
 from systems.control.faults import Fault
-from systems.control.policy import RigPolicy
 from systems.control.policy_controller import PolicyController
 from systems.control.sensor_monitor import SensorMonitor
 from systems.control.watchdog import COMMANDS, Watchdog
@@ -23,7 +24,7 @@ from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor, wrench_at_tip
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.rig_plant import RigPlant
-from systems.recording.run_recorder import RunRecorder
+from systems.recording.run_recorder import AddRunRecorder, RunRecorder
 from systems.visualization.scene import CAMERA, FRAME, TARGET, AddVisualization
 from systems.visualization.state_display import StateDisplay, plate_pose
 
@@ -33,14 +34,14 @@ class RigDiagram:
     """A built diagram and the parts that a run reads.
 
     Attributes:
-        diagram: what a Simulator runs.
+        diagram: the diagram, for a Simulator.
         contact: the plant and its bodies.
-        recorder: of what the rig measures, commands and does.
-        controller: the skill's.
-        watchdog: between controller and motors.
-        start: of the carriage, m, and of pitch and yaw, rad.
-        tare: (6,), what the sensor's weld holds in free air: force (N), then moment (N m), in P.
-        sensor_height: of that weld above the tip, m.
+        recorder: recorder of measurements, commands and motions.
+        controller: the system that runs the policy.
+        watchdog: the system between controller and motors.
+        start: position of the carriage, m, and angles of pitch and yaw, rad, at the start.
+        tare: (6,), reaction in the sensor's weld in free air: force (N), then moment (N m), in P.
+        sensor_height: height of that weld above the tip, m.
     """
 
     diagram: Diagram
@@ -49,18 +50,19 @@ class RigDiagram:
     controller: PolicyController
     watchdog: Watchdog
     start: tuple[float, float, float]
-    tare: NDArray[np.float64]
+    tare: Array
     sensor_height: float
 
     def set_start(self, context: Context) -> None:
-        """Puts carriage and gimbal at the scenario's start; ``context`` is the diagram's."""
+        """Moves carriage and gimbal to the start of the scenario; ``context`` is the diagram's."""
         carriage, pitch, yaw = self.start
         self.contact.set_start(context, carriage=carriage, pitch=pitch, yaw=yaw)
 
-    def contact_wrench(self, context: Context) -> NDArray[np.float64]:
-        """The true wrench (6,) on the peg about its tip, in P: force (N), then moment (N m); for measuring a run.
+    def contact_wrench(self, context: Context) -> Array:
+        """Returns the true wrench (6,) on the peg about its tip, in P: force (N), then moment (N m).
 
-        The inertia of the peg is in it too; at the rig's speeds that is a small part of a newton.
+        It serves the evaluation of a run. It includes the inertial force of the peg, which is a small part of a newton
+        at the speeds of the rig.
         """
         port = self.contact.reaction_forces
         reaction = port.Eval(port.get_system().GetMyContextFromRoot(context))[self.contact.sensor]
@@ -68,29 +70,29 @@ class RigDiagram:
         return wrench_at_tip(self.tare - held, self.sensor_height)
 
     def fault(self, context: Context) -> Fault:
-        """The fault that the rig has noticed; ``context`` is the diagram's."""
+        """Returns the fault that the rig has detected; ``context`` is the diagram's."""
         own = self.watchdog.GetMyContextFromRoot(context)
         return Fault(int(self.watchdog.GetOutputPort("fault").Eval(own)[0]))
 
     def failure(self, context: Context) -> str:
-        """Why the policy failed, "" if it did not; ``context`` is the diagram's."""
+        """Returns why the policy failed, or "" if it has not; ``context`` is the diagram's."""
         return self.controller.failure(self.controller.GetMyContextFromRoot(context))
 
     def stopped(self, context: Context) -> bool:
-        """Whether the watchdog has drawn the peg back after a fault and stands still."""
+        """Returns whether the watchdog has retracted the peg after a fault and stopped."""
         return bool(self.watchdog.GetOutputPort("stopped").Eval(self.watchdog.GetMyContextFromRoot(context))[0])
 
 
 def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = None) -> RigDiagram:
-    """Builds the diagram of a resolved scenario; it simulates nothing.
+    """Builds the diagram of a resolved scenario.
 
     Args:
-        scenario: resolved; its start's tilt is that of the peg relative to the hole.
-        skill: fitted or loaded; or a control law of one's own (see `systems.control.policy`).
+        scenario: resolved; the tilt of its start is that of the peg relative to the hole.
+        skill: the policy, such as a skill or a control law (see `systems.control.policy`).
         meshcat: where to draw; None draws nothing.
 
     Raises:
-        ValueError: if the scenario is not resolved, or the skill was trained for another peg or hole.
+        ValueError: if the scenario is not resolved, or the policy was trained for another peg or hole.
     """
     builder = DiagramBuilder()
     contact = AddRigPlant(builder, scenario)
@@ -107,129 +109,183 @@ def WireRig(
     *,
     meshcat: Meshcat | None = None,
 ) -> RigDiagram:
-    """Adds sensor, motors, controller and a display of the state to a plant and builds the diagram; see `MakeRig`."""
+    """Adds sensors, motors, controller and a display of the state to a plant, and builds the diagram; see `MakeRig`."""
     if scenario.start.tilt is None:
         raise ValueError("scenario.start.tilt is missing: the scenario is not resolved; use resolve_scenario first")
     _check_geometry(scenario, skill)
-    period = scenario.contact.time_step
-    # The peg tilted by theta relative to the hole is the hole turned by -theta.
+    # Tilting the peg by theta relative to the hole is the same as turning the hole by -theta.
     pitch, yaw = -scenario.start.tilt[0], -scenario.start.tilt[1]
     tare = np.array([0.0, 0.0, contact.weight, 0.0, 0.0, 0.0])
-    sensor = builder.AddNamedSystem(
-        "wrench_sensor",
-        WrenchSensor(parameters=scenario.sensor, seed=scenario.seed, weld=contact.sensor, tare=tare),
-    )
-    encoder = builder.AddNamedSystem(
-        "depth_encoder", DepthEncoder(home=scenario.sensor.height, resolution=scenario.rig.encoder_resolution)
-    )
-    estimator = builder.AddNamedSystem(
-        "contact_state_estimator",
-        ContactStateEstimator(skill=skill, period=scenario.controller.period),
-    )
-    controller = builder.AddNamedSystem(
-        "policy_controller",
-        PolicyController(skill=skill, parameters=scenario.controller, peg_radius=scenario.geometry.peg_radius),
-    )
-    check = builder.AddNamedSystem(
-        "sensor_monitor",
-        SensorMonitor(
-            sensor=scenario.sensor, top_speed=scenario.feed.no_load_speed, resolution=scenario.rig.encoder_resolution
-        ),
-    )
-    watchdog = builder.AddNamedSystem("watchdog", Watchdog(parameters=scenario.controller, motor=scenario.feed))
-    motor = builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=period))
-    steppers = {
-        name: builder.AddNamedSystem(
-            f"{name}_stepper", StepperMotor(parameters=scenario.stepper, period=period, start_angle=angle)
-        )
-        for name, angle in (("pitch", pitch), ("yaw", yaw))
-    }
-    carriage_state = contact.carriage_state
-    gimbal_state = builder.AddNamedSystem("gimbal_angles", Demultiplexer(4))
-    rest = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(2)))
-    equilibrium = builder.AddNamedSystem("equilibrium", Multiplexer([1, 1, 2]))
-
-    wrench = check.GetOutputPort("wrench")
-    depth = check.GetOutputPort("depth")
-    builder.Connect(contact.reaction_forces, sensor.GetInputPort("reaction_forces"))
-    builder.Connect(carriage_state, encoder.GetInputPort("carriage_state"))
-    builder.Connect(sensor.GetOutputPort("wrench"), check.GetInputPort("raw_wrench"))
-    builder.Connect(encoder.GetOutputPort("depth"), check.GetInputPort("raw_depth"))
-    for system in (estimator, controller, watchdog):
-        builder.Connect(wrench, system.GetInputPort("wrench"))
-        builder.Connect(depth, system.GetInputPort("depth"))
-    builder.Connect(estimator.GetOutputPort("probabilities"), controller.GetInputPort("probabilities"))
-    builder.Connect(estimator.GetOutputPort("known"), controller.GetInputPort("known"))
-    for name in COMMANDS:
-        builder.Connect(controller.GetOutputPort(name), watchdog.GetInputPort(name))
-    builder.Connect(controller.GetOutputPort("failed"), watchdog.GetInputPort("controller_failed"))
-    builder.Connect(check.GetOutputPort("fault"), watchdog.GetInputPort("measurement_fault"))
-    builder.Connect(motor.GetOutputPort("current"), watchdog.GetInputPort("current"))
-    builder.Connect(watchdog.GetOutputPort("feed_speed"), motor.GetInputPort("speed_command"))
-    builder.Connect(carriage_state, motor.GetInputPort("carriage_state"))
-    builder.Connect(motor.GetOutputPort("carriage_force"), contact.carriage_force)
-    builder.Connect(contact.gimbal_state, gimbal_state.get_input_port())
-    for k, (name, stepper) in enumerate(steppers.items()):
-        builder.Connect(watchdog.GetOutputPort(f"target_{name}"), stepper.GetInputPort("target_angle"))
-        builder.Connect(stepper.GetOutputPort("step_counts"), watchdog.GetInputPort(f"{name}_counts"))
-        builder.Connect(gimbal_state.get_output_port(k), stepper.GetInputPort("measured_angle"))
-        builder.Connect(stepper.GetOutputPort("equilibrium_angle"), equilibrium.get_input_port(k))
-    builder.Connect(rest.get_output_port(), equilibrium.get_input_port(2))
-    builder.Connect(equilibrium.get_output_port(), contact.gimbal_equilibrium)
+    parts = _add_parts(builder, scenario, skill, contact, tare=tare, angles={"pitch": pitch, "yaw": yaw})
+    _connect_sensors(builder, contact, parts)
+    _connect_controller(builder, parts)
+    _connect_motors(builder, contact, parts)
     if meshcat is not None:
-        display = builder.AddNamedSystem(
-            "state_display",
-            StateDisplay(
-                meshcat=meshcat,
-                names=skill.state_names(),
-                geometry=scenario.geometry,
-                home=scenario.sensor.height,
-                period=FRAME,
-                X_WL=plate_pose(CAMERA, TARGET),
-            ),
-        )
-        builder.Connect(estimator.GetOutputPort("state"), display.GetInputPort("state"))
-        builder.Connect(carriage_state, display.GetInputPort("carriage_state"))
-    recorder = RunRecorder.AddToBuilder(
-        builder=builder,
-        ports={
-            ("fx", "fy", "fz", "mx", "my", "mz"): wrench,
-            ("depth",): depth,
-            ("state",): estimator.GetOutputPort("state"),
-            ("known",): estimator.GetOutputPort("known"),
-            **{(n,): watchdog.GetOutputPort(n) for n in COMMANDS},
-            **{(n,): controller.GetOutputPort(n) for n in ("guard", "support")},
-            ("fault",): watchdog.GetOutputPort("fault"),
-            **{(f"{n}_taken", f"{n}_lost"): s.GetOutputPort("step_counts") for n, s in steppers.items()},
-            ("carriage", "carriage_speed"): carriage_state,
-            ("pitch",): gimbal_state.get_output_port(0),
-            ("yaw",): gimbal_state.get_output_port(1),
-        },
-        period=scenario.controller.period,
-        home=scenario.sensor.height,
-    )
+        _add_state_display(builder, scenario, skill, contact, parts, meshcat)
+    recorder = _add_recorder(builder, scenario, contact, parts)
     diagram = builder.Build()
     diagram.set_name("rig")
     return RigDiagram(
         diagram,
         contact,
         recorder,
-        controller,
-        watchdog,
+        parts.controller,
+        parts.watchdog,
         start=(scenario.sensor.height + scenario.start.height, pitch, yaw),
         tare=tare,
         sensor_height=scenario.sensor.height,
     )
 
 
-def _check_geometry(scenario: Scenario, skill: RigPolicy) -> None:
-    trained = skill.metadata_.get("geometry")
+@dataclass(frozen=True)
+class _Parts:
+    """The systems of the rig, except for the plant and the recorder."""
+
+    sensor: WrenchSensor
+    encoder: DepthEncoder
+    estimator: ContactStateEstimator
+    controller: PolicyController
+    monitor: SensorMonitor
+    watchdog: Watchdog
+    motor: DcMotor
+    steppers: dict[str, StepperMotor]  # pitch, then yaw
+    gimbal_angles: Demultiplexer  # pitch, yaw and their rates
+
+
+def _add_parts(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    policy: RigPolicy,
+    contact: RigPlant,
+    *,
+    tare: Array,
+    angles: dict[str, float],
+) -> _Parts:
+    sensor, step = scenario.sensor, scenario.contact.time_step
+    resolution = scenario.rig.encoder_resolution
+    return _Parts(
+        sensor=builder.AddNamedSystem(
+            "wrench_sensor", WrenchSensor(parameters=sensor, seed=scenario.seed, weld=contact.sensor, tare=tare)
+        ),
+        encoder=builder.AddNamedSystem("depth_encoder", DepthEncoder(home=sensor.height, resolution=resolution)),
+        estimator=builder.AddNamedSystem(
+            "contact_state_estimator", ContactStateEstimator(policy=policy, period=scenario.controller.period)
+        ),
+        controller=builder.AddNamedSystem(
+            "policy_controller",
+            PolicyController(
+                policy=policy,
+                parameters=scenario.controller,
+                guard=scenario.controller,
+                peg_radius=scenario.geometry.peg_radius,
+            ),
+        ),
+        monitor=builder.AddNamedSystem(
+            "sensor_monitor",
+            SensorMonitor(sensor=sensor, top_speed=scenario.feed.no_load_speed, resolution=resolution),
+        ),
+        watchdog=builder.AddNamedSystem("watchdog", Watchdog(parameters=scenario.controller, motor=scenario.feed)),
+        motor=builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=step)),
+        steppers={
+            name: builder.AddNamedSystem(
+                f"{name}_stepper", StepperMotor(parameters=scenario.stepper, period=step, start_angle=angle)
+            )
+            for name, angle in angles.items()
+        },
+        gimbal_angles=builder.AddNamedSystem("gimbal_angles", Demultiplexer(4)),
+    )
+
+
+def _connect_sensors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) -> None:
+    builder.Connect(contact.reaction_forces, parts.sensor.GetInputPort("reaction_forces"))
+    builder.Connect(contact.carriage_state, parts.encoder.GetInputPort("carriage_state"))
+    builder.Connect(parts.sensor.GetOutputPort("wrench"), parts.monitor.GetInputPort("raw_wrench"))
+    builder.Connect(parts.encoder.GetOutputPort("depth"), parts.monitor.GetInputPort("raw_depth"))
+    for reader in (parts.estimator, parts.controller, parts.watchdog):
+        for name in ("wrench", "depth"):
+            builder.Connect(parts.monitor.GetOutputPort(name), reader.GetInputPort(name))
+
+
+def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
+    for name in ("probabilities", "known"):
+        builder.Connect(parts.estimator.GetOutputPort(name), parts.controller.GetInputPort(name))
+    for name in COMMANDS:
+        builder.Connect(parts.controller.GetOutputPort(name), parts.watchdog.GetInputPort(name))
+    builder.Connect(parts.controller.GetOutputPort("failed"), parts.watchdog.GetInputPort("controller_failed"))
+    builder.Connect(parts.monitor.GetOutputPort("fault"), parts.watchdog.GetInputPort("measurement_fault"))
+    builder.Connect(parts.motor.GetOutputPort("current"), parts.watchdog.GetInputPort("current"))
+    for name, stepper in parts.steppers.items():
+        builder.Connect(stepper.GetOutputPort("step_counts"), parts.watchdog.GetInputPort(f"{name}_counts"))
+
+
+def _connect_motors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) -> None:
+    builder.Connect(parts.watchdog.GetOutputPort("feed_speed"), parts.motor.GetInputPort("speed_command"))
+    builder.Connect(contact.carriage_state, parts.motor.GetInputPort("carriage_state"))
+    builder.Connect(parts.motor.GetOutputPort("carriage_force"), contact.carriage_force)
+    rates = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(2)))
+    equilibrium = builder.AddNamedSystem("equilibrium", Multiplexer([1, 1, 2]))
+    builder.Connect(contact.gimbal_state, parts.gimbal_angles.get_input_port())
+    for k, (name, stepper) in enumerate(parts.steppers.items()):
+        builder.Connect(parts.watchdog.GetOutputPort(f"target_{name}"), stepper.GetInputPort("target_angle"))
+        builder.Connect(parts.gimbal_angles.get_output_port(k), stepper.GetInputPort("measured_angle"))
+        builder.Connect(stepper.GetOutputPort("equilibrium_angle"), equilibrium.get_input_port(k))
+    builder.Connect(rates.get_output_port(), equilibrium.get_input_port(2))
+    builder.Connect(equilibrium.get_output_port(), contact.gimbal_equilibrium)
+
+
+def _add_state_display(
+    builder: DiagramBuilder,
+    scenario: Scenario,
+    policy: RigPolicy,
+    contact: RigPlant,
+    parts: _Parts,
+    meshcat: Meshcat,
+) -> None:
+    display = builder.AddNamedSystem(
+        "state_display",
+        StateDisplay(
+            meshcat=meshcat,
+            names=policy.state_names(),
+            geometry=scenario.geometry,
+            home=scenario.sensor.height,
+            period=FRAME,
+            X_WL=plate_pose(CAMERA, TARGET),
+        ),
+    )
+    builder.Connect(parts.estimator.GetOutputPort("state"), display.GetInputPort("state"))
+    builder.Connect(contact.carriage_state, display.GetInputPort("carriage_state"))
+
+
+def _add_recorder(builder: DiagramBuilder, scenario: Scenario, contact: RigPlant, parts: _Parts) -> RunRecorder:
+    return AddRunRecorder(
+        builder=builder,
+        ports={
+            ("fx", "fy", "fz", "mx", "my", "mz"): parts.monitor.GetOutputPort("wrench"),
+            ("depth",): parts.monitor.GetOutputPort("depth"),
+            **{(name,): parts.estimator.GetOutputPort(name) for name in ("state", "known")},
+            **{(name,): parts.watchdog.GetOutputPort(name) for name in COMMANDS},
+            **{(name,): parts.controller.GetOutputPort(name) for name in ("guard", "support")},
+            ("fault",): parts.watchdog.GetOutputPort("fault"),
+            **{
+                (f"{name}_taken", f"{name}_lost"): stepper.GetOutputPort("step_counts")
+                for name, stepper in parts.steppers.items()
+            },
+            ("carriage", "carriage_speed"): contact.carriage_state,
+            **{(name,): parts.gimbal_angles.get_output_port(k) for k, name in enumerate(parts.steppers)},
+        },
+        period=scenario.controller.period,
+        home=scenario.sensor.height,
+    )
+
+
+def _check_geometry(scenario: Scenario, policy: RigPolicy) -> None:
+    trained = PegHoleGeometry.find(policy.metadata_, "the skill")
     if trained is None:
-        return  # demonstrations from elsewhere need not say
+        return  # foreign demonstrations need not state their geometry
     for name in ("peg_radius", "hole_radius", "hole_depth", "chamfer"):
-        found, wanted = trained.get(name), getattr(scenario.geometry, name)
-        if found != wanted:
+        found, expected = getattr(trained, name), getattr(scenario.geometry, name)
+        if found != expected:
             raise ValueError(
-                f"the skill was trained for geometry.{name} = {found} m, the scenario has {wanted} m;"
+                f"the skill was trained for geometry.{name} = {found} m, the scenario has {expected} m;"
                 " train a skill with demonstrations of this geometry"
             )

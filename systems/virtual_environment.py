@@ -1,11 +1,11 @@
-"""The virtual environment: operator, haptic device, virtual coupling, peg and hole."""
+"""The virtual environment: a diagram of operator, haptic device, virtual coupling, peg and hole."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
@@ -13,7 +13,8 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 from pydrake.systems.primitives import VectorLogSink
 
 from models.hardware import DEVICE_PRESETS
-from models.scenario import Scenario
+from models.scenario import RIG_FIXTURE, Scenario
+from skill.arrays import Array
 from systems.haptics.coupling_margins import require_margins
 from systems.haptics.haptic_device import HapticDevice
 from systems.haptics.haptic_proxy import HapticProxy
@@ -27,9 +28,45 @@ from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.visualization.scene import AddVisualization
 
 
+class RenderedWrench(NamedTuple):
+    """What the device renders.
+
+    Attributes:
+        wrench: (6,), [torque; force] on the hand in H, N m and N.
+        load: ratio of the commanded wrench to the present limit of the device; above 1 the wrench is scaled down.
+    """
+
+    wrench: Array
+    load: float
+
+
+class ProbeEnergy(NamedTuple):
+    """Energy that the hand has put in, as the passivity observer measures it.
+
+    Attributes:
+        total: energy so far, J.
+        minimum: its minimum so far, J.
+    """
+
+    total: float
+    minimum: float
+
+
 @dataclass(frozen=True)
 class VirtualEnvironment:
-    """A built diagram and the parts that a run reads."""
+    """A built diagram and the parts that a run reads.
+
+    The ``context`` of all methods is a context of the diagram.
+
+    Attributes:
+        diagram: the whole diagram.
+        contact: the plant with peg and hole.
+        log: log of the recorded channels.
+        energy_log: log of [total, minimum] of `ProbeEnergy`.
+        device: the haptic device.
+        observer: the passivity observer at the probe.
+        X_HP_start: pose of the peg at the start.
+    """
 
     diagram: Diagram
     contact: ContactPlant
@@ -40,59 +77,70 @@ class VirtualEnvironment:
     X_HP_start: RigidTransform
 
     def set_start(self, context: Context) -> None:
-        """Puts the peg at the scenario's start; ``context`` is the diagram's."""
+        """Moves the peg to the start of the scenario."""
         plant = self.contact.plant
         plant.SetFreeBodyPose(plant.GetMyMutableContextFromRoot(context), self.contact.peg, self.X_HP_start)
 
     def peg_pose(self, context: Context) -> RigidTransform:
-        """X_HP in the diagram's ``context``."""
+        """Returns X_HP."""
         plant = self.contact.plant
         return self.contact.peg.EvalPoseInWorld(plant.GetMyContextFromRoot(context))
 
-    def energy(self, context: Context) -> NDArray[np.float64]:
-        """[energy that the hand has put in, the lowest so far] in J, in the diagram's ``context``."""
-        return np.asarray(self.observer.GetOutputPort("energy").Eval(self.observer.GetMyContextFromRoot(context)))
+    def energy(self, context: Context) -> ProbeEnergy:
+        """Returns the energy at the probe."""
+        energy = self.observer.GetOutputPort("energy").Eval(self.observer.GetMyContextFromRoot(context))
+        return ProbeEnergy(*(float(value) for value in energy))
 
-    def touch(self, context: Context) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """The middle of the contact (m) and the contact force on the peg (N), both in W; None out of contact."""
+    def contact_force(self, context: Context) -> tuple[Array, Array] | None:
+        """Returns the centroid of the contact surface (m) and the contact force on the peg (N), in W.
+
+        Returns None if there is no contact.
+        """
         plant = self.contact.plant
-        own = plant.GetMyContextFromRoot(context)
-        results = plant.get_contact_results_output_port().Eval(own)
+        plant_context = plant.GetMyContextFromRoot(context)
+        results = plant.get_contact_results_output_port().Eval(plant_context)
         if results.num_hydroelastic_contacts() == 0:
             return None
-        middle = results.hydroelastic_contact_info(0).contact_surface().centroid()
-        wrench = plant.get_generalized_contact_forces_output_port(self.contact.peg.model_instance()).Eval(own)
-        return np.asarray(middle), np.asarray(wrench[3:])
+        centroid = results.hydroelastic_contact_info(0).contact_surface().centroid()
+        forces_port = plant.get_generalized_contact_forces_output_port(self.contact.peg.model_instance())
+        return np.asarray(centroid), np.asarray(forces_port.Eval(plant_context)[3:])
 
-    def felt(self, context: Context) -> tuple[NDArray[np.float64], float]:
-        """The rendered wrench [torque; force], and what was asked for over the most that the device gives now."""
-        own = self.device.GetMyContextFromRoot(context)
-        return np.asarray(self.device.GetOutputPort("rendered_wrench").Eval(own)), self.device.load(own)
+    def rendered_wrench(self, context: Context) -> RenderedWrench:
+        """Returns the wrench that the device renders, and the load of the device."""
+        device_context = self.device.GetMyContextFromRoot(context)
+        wrench = np.asarray(self.device.GetOutputPort("rendered_wrench").Eval(device_context))
+        return RenderedWrench(wrench, self.device.load(device_context))
 
 
 def start_pose(scenario: Scenario) -> RigidTransform:
-    """X_HP of a resolved scenario's start: the tilted axis passes the pivot at the scenario's offset.
+    """Returns X_HP at the start of a resolved scenario.
 
-    The pivot of the free peg is the centre of the mouth.
+    The axis of the peg has the scenario's tilt and passes the pivot at the scenario's offset. The pivot of a free peg
+    is the centre of the mouth.
+
+    Raises:
+        ValueError: if the scenario is not resolved.
     """
     tilt, offset = scenario.start.tilt, scenario.start.offset
     if tilt is None or offset is None:
         raise ValueError("scenario.start is not resolved: tilt or offset is missing; use resolve_scenario first")
     R_HP = from_rotation_vector(np.array([*tilt, 0.0]))
-    pivot = scenario.rig.pivot_height or 0.0 if scenario.fixture == "rig" else 0.0
-    reach = scenario.start.height - pivot  # from the pivot along the axis to the tip
-    return RigidTransform(R_HP, np.array([*offset, pivot]) + reach * R_HP.col(2))
+    pivot = 0.0
+    if scenario.fixture == RIG_FIXTURE and scenario.rig.pivot_height is not None:
+        pivot = scenario.rig.pivot_height
+    distance = scenario.start.height - pivot  # from the pivot along the axis to the tip, m
+    return RigidTransform(R_HP, np.array([*offset, pivot]) + distance * R_HP.col(2))
 
 
 def show_start(scenario: Scenario, *, meshcat: Meshcat) -> None:
-    """Draws a resolved scenario's peg and hole into ``meshcat`` as they stand at the start."""
+    """Draws peg and hole into ``meshcat`` as they are at the start of a resolved scenario."""
     builder = DiagramBuilder()
     contact = AddVirtualPlant(builder, scenario)
     AddVisualization(builder=builder, contact=contact, meshcat=meshcat, contact_forces=False)
     simulator = Simulator(builder.Build())
     plant_context = contact.plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
     contact.plant.SetFreeBodyPose(plant_context, contact.peg, start_pose(scenario))
-    simulator.Initialize()  # takes away what was drawn before, and draws
+    simulator.Initialize()  # replaces the previous drawing
 
 
 def MakeVirtualEnvironment(
@@ -103,15 +151,15 @@ def MakeVirtualEnvironment(
     meshcat: Meshcat | None = None,
     contact_forces: bool = True,
 ) -> VirtualEnvironment:
-    """Builds the diagram of a resolved scenario; it simulates nothing.
+    """Builds the diagram of a resolved scenario; simulates nothing.
 
     Args:
         scenario: resolved (see `resolve_scenario`).
-        fixture: a user's own; by default the one that the scenario names.
-        operator: whoever moves the probe, with an output ``hand_pose`` and, if wanted, inputs ``peg_pose`` and
-            ``rendered_wrench``; by default the simulated operator.
-        meshcat: where to draw; None draws nothing.
-        contact_forces: whether Drake's visualizer of them draws too.
+        fixture: virtual fixture; None makes the one that the scenario names.
+        operator: system with an output ``hand_pose``, the pose to which it moves the probe, and optional inputs
+            ``peg_pose`` and ``rendered_wrench``; None makes the simulated operator.
+        meshcat: Meshcat to draw into; None draws nothing.
+        contact_forces: whether to draw arrows of the contact forces too.
 
     Raises:
         ValueError: if the scenario is not resolved, or its coupling is not stable (see `coupling_margins`).
@@ -119,29 +167,16 @@ def MakeVirtualEnvironment(
     require_margins(scenario)
     builder = DiagramBuilder()
     contact = AddVirtualPlant(builder, scenario)
-    plant, peg = contact.plant, contact.peg
     X_HP_start = start_pose(scenario)
-    start = scenario.start
     if operator is None:
-        operator = SimulatedOperator(
-            operator=scenario.operator,
-            seed=scenario.seed,
-            start_height=start.height,
-            tilt=start.tilt or [0.0, 0.0],
-            offset=start.offset or [0.0, 0.0],
-        )
-    builder.AddNamedSystem("operator", operator)
+        operator = _make_operator(scenario)
+    if fixture is None:
+        fixture = MakeFixture(scenario.fixture, pivot_height=scenario.rig.pivot_height or 0.0)
     parameters = DEVICE_PRESETS[scenario.device]
+    builder.AddNamedSystem("operator", operator)
     device = builder.AddNamedSystem("haptic_device", HapticDevice(parameters=parameters, X_HD_start=X_HP_start))
     proxy = builder.AddNamedSystem(
-        "haptic_proxy",
-        HapticProxy(
-            coupling=scenario.coupling,
-            fixture=fixture
-            if fixture is not None
-            else MakeFixture(scenario.fixture, pivot_height=scenario.rig.pivot_height or 0.0),
-            peg=peg.index(),
-        ),
+        "haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture, peg=contact.peg.index())
     )
     recorder, log = DemonstrationRecorder.AddToBuilder(
         builder=builder, period=scenario.recorder.period, X_HP_start=X_HP_start
@@ -152,30 +187,64 @@ def MakeVirtualEnvironment(
         log_period=scenario.recorder.period,
         X_HD_start=X_HP_start,
     )
-    sight = builder.AddNamedSystem("sight", BodyPose(peg.index()))
-    peg_state = plant.get_state_output_port(peg.model_instance())
-    contact_wrench = plant.get_generalized_contact_forces_output_port(peg.model_instance())
-
-    builder.Connect(plant.get_body_poses_output_port(), sight.GetInputPort("body_poses"))
-    for perceived, name in (
-        (sight.GetOutputPort("pose"), "peg_pose"),
-        (device.GetOutputPort("rendered_wrench"), "rendered_wrench"),
-    ):
-        if operator.HasInputPort(name):
-            builder.Connect(perceived, operator.GetInputPort(name))
-    builder.Connect(operator.GetOutputPort("hand_pose"), device.GetInputPort("hand_pose"))
-    builder.Connect(proxy.GetOutputPort("probe_wrench"), device.GetInputPort("virtual_wrench"))
-    builder.Connect(device.GetOutputPort("probe_pose"), proxy.GetInputPort("probe_pose"))
-    builder.Connect(device.GetOutputPort("probe_velocity"), proxy.GetInputPort("probe_velocity"))
-    builder.Connect(peg_state, proxy.GetInputPort("peg_state"))
-    builder.Connect(proxy.GetOutputPort("peg_forces"), plant.get_applied_spatial_force_input_port())
-    builder.Connect(peg_state, recorder.GetInputPort("peg_state"))
-    builder.Connect(contact_wrench, recorder.GetInputPort("contact_wrench"))
-    builder.Connect(device.GetOutputPort("probe_pose"), recorder.GetInputPort("probe_pose"))
-    builder.Connect(device.GetOutputPort("probe_pose"), observer.GetInputPort("probe_pose"))
-    builder.Connect(device.GetOutputPort("rendered_wrench"), observer.GetInputPort("rendered_wrench"))
+    sight = builder.AddNamedSystem("sight", BodyPose(contact.peg.index()))
+    _connect(
+        builder,
+        contact=contact,
+        operator=operator,
+        sight=sight,
+        device=device,
+        proxy=proxy,
+        recorder=recorder,
+        observer=observer,
+    )
     if meshcat is not None:
         AddVisualization(builder=builder, contact=contact, meshcat=meshcat, contact_forces=contact_forces)
     diagram = builder.Build()
     diagram.set_name("virtual_environment")
     return VirtualEnvironment(diagram, contact, log, energy_log, device, observer, X_HP_start)
+
+
+def _make_operator(scenario: Scenario) -> SimulatedOperator:
+    start = scenario.start
+    return SimulatedOperator(
+        operator=scenario.operator,
+        seed=scenario.seed,
+        start_height=start.height,
+        tilt=start.tilt or [0.0, 0.0],
+        offset=start.offset or [0.0, 0.0],
+    )
+
+
+def _connect(
+    builder: DiagramBuilder,
+    *,
+    contact: ContactPlant,
+    operator: LeafSystem,
+    sight: BodyPose,
+    device: HapticDevice,
+    proxy: HapticProxy,
+    recorder: DemonstrationRecorder,
+    observer: PassivityObserver,
+) -> None:
+    """Connects the systems of the virtual environment."""
+    plant, peg = contact.plant, contact.peg
+    peg_state = plant.get_state_output_port(peg.model_instance())
+    contact_wrench = plant.get_generalized_contact_forces_output_port(peg.model_instance())
+    probe_pose, rendered_wrench = device.GetOutputPort("probe_pose"), device.GetOutputPort("rendered_wrench")
+
+    builder.Connect(plant.get_body_poses_output_port(), sight.GetInputPort("body_poses"))
+    for port, name in ((sight.GetOutputPort("pose"), "peg_pose"), (rendered_wrench, "rendered_wrench")):
+        if operator.HasInputPort(name):
+            builder.Connect(port, operator.GetInputPort(name))
+    builder.Connect(operator.GetOutputPort("hand_pose"), device.GetInputPort("hand_pose"))
+    builder.Connect(proxy.GetOutputPort("probe_wrench"), device.GetInputPort("virtual_wrench"))
+    builder.Connect(probe_pose, proxy.GetInputPort("probe_pose"))
+    builder.Connect(device.GetOutputPort("probe_velocity"), proxy.GetInputPort("probe_velocity"))
+    builder.Connect(peg_state, proxy.GetInputPort("peg_state"))
+    builder.Connect(proxy.GetOutputPort("peg_forces"), plant.get_applied_spatial_force_input_port())
+    builder.Connect(peg_state, recorder.GetInputPort("peg_state"))
+    builder.Connect(contact_wrench, recorder.GetInputPort("contact_wrench"))
+    builder.Connect(probe_pose, recorder.GetInputPort("probe_pose"))
+    builder.Connect(probe_pose, observer.GetInputPort("probe_pose"))
+    builder.Connect(rendered_wrench, observer.GetInputPort("rendered_wrench"))

@@ -1,4 +1,4 @@
-"""Opens a stored page in headless Chromium and looks at it: console, screenshot, requests, scripts."""
+"""Opens a page in headless Chromium for tests, with access to console, screenshots, requests and scripts."""
 
 from __future__ import annotations
 
@@ -39,25 +39,25 @@ FLAGS = (
 
 @dataclass
 class Page:
-    """A page that is open in the browser.
+    """An open page.
 
     Attributes:
-        driver: of selenium.
-        severe: console messages of level SEVERE so far, as text.
+        driver: selenium's driver of the browser.
+        severe: text of the console messages of level SEVERE so far.
     """
 
     driver: Any
     severe: list[str] = field(default_factory=list)
 
     def run(self, script: str, *arguments: Any) -> Any:
-        """Runs JavaScript in the page; its ``return`` value comes back."""
+        """Runs the body of a JavaScript function in the page, and returns its result."""
         return self.driver.execute_script(script, *arguments)
 
     def wait(self, condition: str, timeout: float = 20.0) -> None:
         """Waits until a JavaScript expression is true.
 
         Raises:
-            AssertionError: after ``timeout`` s, with what the console said.
+            AssertionError: after ``timeout`` s; the message contains the errors of the console.
         """
         end = time.monotonic() + timeout
         while not self.run(f"return Boolean({condition})"):
@@ -66,23 +66,23 @@ class Page:
             time.sleep(0.05)
 
     def errors(self) -> list[str]:
-        """Console messages of level SEVERE since the page was opened."""
+        """Returns the console messages of level SEVERE since the page was opened."""
         self.severe += [e["message"] for e in self.driver.get_log("browser") if e["level"] == "SEVERE"]
         return list(self.severe)
 
     def requests(self) -> list[str]:
-        """Addresses that the page has asked for outside itself; what it carries as data does not count."""
-        wanted = []
+        """Returns the addresses that the page has requested from outside itself; embedded data do not count."""
+        addresses = []
         for entry in self.driver.get_log("performance"):
             message = json.loads(entry["message"])["message"]
             if message["method"] == "Network.requestWillBeSent":
-                wanted.append(message["params"]["request"]["url"])
+                addresses.append(message["params"]["request"]["url"])
         own = self.driver.current_url.split("#")[0]
-        inside = ("data:", "blob:", "chrome:", "about:")  # an opening browser shows pages of its own
-        return [u for u in wanted if not u.startswith(inside) and u.split("#")[0] != own]
+        embedded = ("data:", "blob:", "chrome:", "about:")  # a starting browser loads chrome: and about: pages
+        return [a for a in addresses if not a.startswith(embedded) and a.split("#")[0] != own]
 
     def screenshot(self, path: Path | None = None) -> NDArray[np.uint8]:
-        """(height, width, 3), what is seen now; also written to ``path`` if given."""
+        """Returns a picture of the page (height, width, 3); also writes it to ``path`` if given."""
         png = self.driver.get_screenshot_as_png()
         if path is not None:
             Path(path).write_bytes(png)
@@ -91,9 +91,15 @@ class Page:
 
 @contextmanager
 def open_page(path: Path | str, *, size: tuple[int, int] = (1100, 720), fragment: str = "") -> Iterator[Page]:
-    """Opens a file, or an address, in a fresh browser of ``size`` pixels, with an optional ``#fragment``.
+    """Opens a file or an address in a new browser.
 
-    A machine without the browser fails: a page that nobody has opened is not tested.
+    Args:
+        path: file, or address.
+        size: width and height of the window, pixels.
+        fragment: appended to the address, beginning with ``#``.
+
+    Raises:
+        AssertionError: if selenium, the browser or its driver is not installed.
     """
     try:
         from selenium import webdriver
@@ -127,12 +133,12 @@ def open_page(path: Path | str, *, size: tuple[int, int] = (1100, 720), fragment
 
 @dataclass(frozen=True)
 class Blankness:
-    """How much there is to see in a picture.
+    """How much content a picture has.
 
     Attributes:
-        colours: number of distinct colours, each channel cut to four bits so that noise does not count.
-        drawn: fraction of the pixels that differ visibly from their row's most common colour; a plain or vertically
-            shaded background, however bright, has none.
+        colours: number of distinct colours, with four bits per channel to suppress noise.
+        drawn: fraction of the pixels that differ visibly from the most common colour of their row; 0 for a plain or
+            vertically shaded background.
     """
 
     colours: int
@@ -140,7 +146,7 @@ class Blankness:
 
 
 def blankness(picture: NDArray[np.uint8]) -> Blankness:
-    """Measures a picture (height, width, 3)."""
+    """Measures the content of a picture (height, width, 3)."""
     coarse = (picture >> 4).astype(np.int64)
     code = (coarse[..., 0] << 8) | (coarse[..., 1] << 4) | coarse[..., 2]
     drawn = 0

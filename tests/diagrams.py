@@ -1,4 +1,4 @@
-"""Questions that tests ask of any diagram."""
+"""Helpers that inspect a diagram."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydrake.systems.framework import Diagram
 
 
 def unconnected_inputs(diagram: Diagram) -> set[tuple[str, str]]:
-    """(system, port) of every input of a subsystem that neither an output nor the diagram's own input feeds."""
+    """Returns (system, port) of every input port of a subsystem that has no value."""
     context = diagram.CreateDefaultContext()
     return {
         (system.get_name(), system.get_input_port(k).get_name())
@@ -22,14 +22,14 @@ def unconnected_inputs(diagram: Diagram) -> set[tuple[str, str]]:
 
 
 def graph_names(diagram: Diagram) -> set[str]:
-    """Every word in the diagram's Graphviz picture."""
+    """Returns every word in the Graphviz text of a diagram."""
     text = diagram.GetGraphvizString()
     assert text.startswith("digraph")
     return set(re.findall(r"\w+", text))
 
 
 def state_of(simulator: Simulator) -> NDArray[np.float64]:
-    """All discrete and continuous state of a simulator's context, and its time."""
+    """Returns the time and all continuous and discrete state of a simulator's context."""
     context = simulator.get_context()
     parts = [context.get_discrete_state(k).value() for k in range(context.num_discrete_state_groups())]
     return np.concatenate([[context.get_time()], context.get_continuous_state_vector().CopyToVector(), *parts])

@@ -1,18 +1,18 @@
-"""A quick scenario, and the demonstrations that the tests record in it."""
+"""A scenario that simulates quickly, and the demonstrations that the tests record in it."""
 
 from models.scenario import Scenario
 from systems.runs.demonstration_set import Request
 
-SHOWN = [*(Request(number, "expert", True) for number in range(5)), Request(5, "slams", False)]
+REQUESTS = [*(Request(number, "expert", True) for number in range(5)), Request(5, "slams", False)]
 
 
 def make_quick_scenario() -> Scenario:
-    """A shallow hole, reached at once: an insertion takes half a second."""
+    """A shallow hole just below the peg: an insertion takes half a second."""
     scenario = Scenario()
     scenario.geometry.hole_depth = 0.012
     scenario.geometry.peg_length = 0.040
     scenario.start.height = 0.001
-    # Five demonstrations cannot show as much as thirty: the gimbal's pivot and the friction vary less.
+    # Five demonstrations cover less than thirty, so the gimbal's pivot and the friction vary less.
     scenario.rig.pivot_range = scenario.rig.demonstrated_pivot_range = 0.001
     scenario.contact.friction_spread = 0.1
     scenario.recorder.time_limit = 3.0

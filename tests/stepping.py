@@ -1,4 +1,4 @@
-"""Steps a system under test by hand: fixed inputs, one discrete update at a time."""
+"""Helpers that evaluate a system under test with fixed inputs, one discrete update at a time."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pydrake.systems.framework import Context, LeafSystem
 
 
 def fixed_context(dut: LeafSystem, **inputs: Any) -> Context:
-    """A default context of ``dut`` with the named input ports fixed."""
+    """Returns a default context of ``dut`` with the named input ports fixed."""
     context = dut.CreateDefaultContext()
     for name, value in inputs.items():
         dut.GetInputPort(name).FixValue(context, value)
@@ -16,7 +16,7 @@ def fixed_context(dut: LeafSystem, **inputs: Any) -> Context:
 
 
 def update(dut: LeafSystem, context: Context, *, period: float, times: int = 1) -> None:
-    """Performs the periodic discrete update ``times`` times, and moves the clock one period after each."""
+    """Performs the periodic discrete update ``times`` times, and advances the time by one period after each."""
     for _ in range(times):
         values = dut.EvalUniquePeriodicDiscreteUpdate(context)
         context.SetDiscreteState(values)
@@ -24,7 +24,7 @@ def update(dut: LeafSystem, context: Context, *, period: float, times: int = 1) 
 
 
 def update_unrestricted(dut: LeafSystem, context: Context, *, period: float, times: int = 1) -> None:
-    """The same, of a system whose update is unrestricted."""
+    """Performs the forced unrestricted update ``times`` times, and advances the time by one period after each."""
     for _ in range(times):
         after = context.Clone()
         dut.CalcForcedUnrestrictedUpdate(context, after.get_mutable_state())

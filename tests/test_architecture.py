@@ -130,6 +130,7 @@ def test_no_room_imports_itself_through_others():
     assert order.index("systems.plant") < order.index("systems.rig")
 
 
+@pytest.mark.slow
 def test_the_skill_is_imported_where_there_is_no_drake():
     code = """
 import importlib, pkgutil, sys

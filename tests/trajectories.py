@@ -1,7 +1,7 @@
-"""Small made-up trajectories with the physics of an insertion: geometry, statics and motor steps, but no simulation.
+"""Small synthetic recordings of an insertion with plausible geometry, statics and motor steps, without a simulation.
 
-A tilted peg of radius r touches the mouth with its lower edge, slides down as the tilt shrinks, and is pressed against
-the wall with a spring's force as long as its tilt exceeds what the clearance allows at that depth, c / (r l)-like.
+A tilted peg touches the mouth with its lower edge and slides down while its tilt decreases. The wall pushes it with a
+force proportional to the tilt in excess of 2 c / l, where c is the clearance and l the depth.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from skill.data.demonstration import COLUMNS, Demonstration
+from skill.data.outcome import Outcome
 from skill.data.rig_run import RUN_COLUMNS, RigRun
 
 GEOMETRY = {
@@ -25,12 +26,17 @@ GEOMETRY = {
     "floor": 0.010,
 }
 STEP = np.radians(0.18)  # in units of rad
-STIFFNESS = 600.0  # in units of N/rad, of the lateral force over the excess of the tilt
+STIFFNESS = 600.0  # in units of N/rad, lateral force per excess tilt
 STATE_NAMES = ["free", "on the chamfer", "against the wall", "sliding freely"]
 
 
-def _course(period: float, tilt: float) -> tuple[np.ndarray, ...]:
-    """Time, height of the tip, tilt and the state, of an insertion that starts ``tilt`` rad off at 3 mm above."""
+def _insertion(period: float, tilt: float) -> tuple[np.ndarray, ...]:
+    """Returns time (s), height of the tip (m), tilt (rad), lateral force (N) and contact state of an insertion.
+
+    Args:
+        period: sample period, s.
+        tilt: tilt at the start, 3 mm above the mouth, rad.
+    """
     time = np.arange(0.0, 2.4, period)
     depth = np.interp(time, [0.0, 0.3, 0.7, 1.6, 2.2, 2.4], [-0.003, 0.0, 0.002, 0.009, 0.0247, 0.0247])
     angle = tilt * np.interp(time, [0.0, 0.35, 1.7, 2.4], [1.0, 1.0, 0.05, 0.02])
@@ -43,15 +49,15 @@ def _course(period: float, tilt: float) -> tuple[np.ndarray, ...]:
 
 
 def make_demonstration(*, tilt: float = np.radians(2.5), direction: float = 0.9, **metadata: Any) -> Demonstration:
-    """The hole stands still; the peg leans by ``tilt`` rad towards ``direction`` rad and is righted on its way."""
-    time, z, angle, push, _ = _course(0.02, tilt)
+    """A demonstration whose peg starts with ``tilt`` rad in ``direction`` rad about z and is aligned on its way."""
+    time, z, angle, push, _ = _insertion(0.02, tilt)
     lean = np.array([np.cos(direction), np.sin(direction)])
     friction = 0.2
     samples = pd.DataFrame(0.0, index=range(len(time)), columns=list(COLUMNS))
     samples["time"], samples["z"], samples["angle"] = time, z, angle
     slack = np.where(z < 0, 5e-5, 2e-4)
     samples["x"], samples["y"] = (-slack * angle / tilt * c for c in lean)
-    samples["ax"], samples["ay"] = -lean[1], lean[0]  # turning about it leans the axis towards `direction`
+    samples["ax"], samples["ay"] = -lean[1], lean[0]  # a rotation about it tilts the axis towards `direction`
     samples["dangle"] = np.abs(np.diff(angle, prepend=angle[0]))
     samples["fx"], samples["fy"], samples["fz"] = (*(push * c for c in lean), friction * push)
     lever = np.maximum(-z, 0.0) / 2
@@ -59,12 +65,12 @@ def make_demonstration(*, tilt: float = np.radians(2.5), direction: float = 0.9,
     samples["uz"] = np.diff(z, prepend=z[0])
     turn = np.diff(angle, prepend=angle[0])
     samples["rx"], samples["ry"] = -turn * lean[1], turn * lean[0]
-    return Demonstration(samples, True, "inserted", {"seed": 1, "geometry": dict(GEOMETRY), **metadata})
+    return Demonstration(samples, True, Outcome.INSERTED, {"seed": 1, "geometry": dict(GEOMETRY), **metadata})
 
 
 def make_rig_run(*, tilt: float = np.radians(3.0), **metadata: Any) -> RigRun:
-    """The hole turns in steps, by pitch and twice as far by yaw; the force guard acts for a moment."""
-    time, z, angle, push, state = _course(0.02, tilt)
+    """A rig run whose hole turns in steps, by yaw twice as far as by pitch; the force guard acts for 0.1 s."""
+    time, z, angle, push, state = _insertion(0.02, tilt)
     rng = np.random.default_rng(7)
     samples = pd.DataFrame(0.0, index=range(len(time)), columns=list(RUN_COLUMNS))
     share = {"pitch": 1 / np.sqrt(5), "yaw": -2 / np.sqrt(5)}
@@ -77,7 +83,7 @@ def make_rig_run(*, tilt: float = np.radians(3.0), **metadata: Any) -> RigRun:
     samples["known"] = samples["support"] = 1.0
     samples["guard"] = ((time > 0.82) & (time < 0.92)).astype(float)
     samples["feed_speed"] = np.where(samples["guard"] > 0, 0.01, np.gradient(z, time))
-    # Leaning of the peg in the hole: against the hole's own turn.
+    # The peg tilts in the hole by the opposite of the rotation of the hole.
     samples["fx"] = -push * share["yaw"] + 0.05 * rng.standard_normal(len(time))
     samples["fy"] = push * share["pitch"] + 0.05 * rng.standard_normal(len(time))
     samples["fz"] = 0.2 * push + 0.05 * rng.standard_normal(len(time))

@@ -1,1 +1,1 @@
-"""The learners against other learners."""
+"""Comparisons of this project's learners with other learners."""

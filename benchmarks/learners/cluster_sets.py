@@ -1,39 +1,49 @@
-"""Labelled sets on which clusterings are judged; every generator takes a seed and returns (X, y).
+"""Labelled data sets for judging clusterings; every generator takes a seed and returns samples X (N, d), labels y (N,).
 
-Seeds 0 to 4 are for development and seeds from 100 on for judgement.
+Seeds 0 to 4 are for development; seeds from 100 on are for evaluation.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from sklearn.datasets import load_iris, load_wine
 
-Samples = NDArray[np.float64]
+from skill.arrays import Array
+
+Samples = Array
 Labels = NDArray[np.intp]
 
 
-def gaussian_mixture(rng, counts, means, covariances):
-    """Shuffled samples of Gaussians with the given counts."""
+def gaussian_mixture(
+    rng: np.random.Generator, counts: ArrayLike, means: ArrayLike, covariances: ArrayLike
+) -> tuple[Samples, Labels]:
+    """Shuffled samples of Gaussians.
+
+    Args:
+        rng: source of the random numbers.
+        counts: (K,), number of samples of each Gaussian.
+        means: (K, d), means of the Gaussians.
+        covariances: (K, d, d), their covariances.
+    """
+    sizes, m, C = np.asarray(counts, dtype=int), np.asarray(means, dtype=float), np.asarray(covariances, dtype=float)
     X = np.vstack(
-        [
-            rng.multivariate_normal(mean, covariance, n)
-            for n, mean, covariance in zip(counts, means, covariances, strict=True)
-        ]
+        [rng.multivariate_normal(mean, covariance, n) for n, mean, covariance in zip(sizes, m, C, strict=True)]
     )
-    y = np.repeat(np.arange(len(counts)), counts)
+    y = np.repeat(np.arange(len(sizes)), sizes)
     order = rng.permutation(len(X))
     return X[order], y[order]
 
 
-def ellipse(major, minor, degrees):
-    """Covariance (2, 2) of an ellipse with the given standard deviations and direction."""
+def ellipse(major: float, minor: float, degrees: float) -> Array:
+    """Covariance (2, 2) of an ellipse with the given standard deviations and direction of the major axis."""
     t = np.deg2rad(degrees)
     R = np.array([[np.cos(t), -np.sin(t)], [np.sin(t), np.cos(t)]])
-    return R @ np.diag([major**2, minor**2]) @ R.T
+    covariance: Array = R @ np.diag([major**2, minor**2]) @ R.T
+    return covariance
 
 
-def spheres(seed) -> tuple[Samples, Labels]:
+def spheres(seed: int) -> tuple[Samples, Labels]:
     """Four spherical clusters of different size and density, after Frigui and Krishnapuram 1997, figure 1."""
     return gaussian_mixture(
         np.random.default_rng(seed),
@@ -43,7 +53,7 @@ def spheres(seed) -> tuple[Samples, Labels]:
     )
 
 
-def ellipses(seed) -> tuple[Samples, Labels]:
+def ellipses(seed: int) -> tuple[Samples, Labels]:
     """Six ellipsoids, 1,100 points, after Frigui and Krishnapuram 1997, figure 2."""
     shapes = [(8.5, 4, 35), (9, 4, -40), (7, 6.5, 0), (11.5, 3.5, 72), (2.6, 2.6, 0), (5, 5, 0)]
     return gaussian_mixture(
@@ -54,19 +64,23 @@ def ellipses(seed) -> tuple[Samples, Labels]:
     )
 
 
-def overlapping(seed, N=1000) -> tuple[Samples, Labels]:
+def overlapping(seed: int, N: int = 1000) -> tuple[Samples, Labels]:
     """Four overlapping Gaussians, two with the same mean, after Figueiredo and Jain 2002."""
     rng = np.random.default_rng(seed)
     return gaussian_mixture(
         rng,
         rng.multinomial(N, [0.3, 0.3, 0.3, 0.1]),
         [(-4, -4), (-4, -4), (2, 2), (-1, -6)],
-        [[[1, 0.5], [0.5, 1]], [[6, -2], [-2, 6]], [[2, -1], [-1, 2]], [[0.125, 0], [0, 0.125]]],
+        np.array([[[1, 0.5], [0.5, 1]], [[6, -2], [-2, 6]], [[2, -1], [-1, 2]], [[0.125, 0], [0, 0.125]]]),
     )
 
 
-def separated(seed, c=2.0, N=3000, d=14, K=6) -> tuple[Samples, Labels]:
-    """K full Gaussians with log-uniform spectra, their centres c-separated in the sense of Dasgupta."""
+def separated(seed: int, c: float = 2.0, N: int = 3000, d: int = 14, K: int = 6) -> tuple[Samples, Labels]:
+    """K Gaussians with full covariances and log-uniform spectra, with c-separated centres.
+
+    Two Gaussians are c-separated if their means are at least c sqrt(max(trace C_1, trace C_2)) apart (Dasgupta,
+    "Learning mixtures of Gaussians", FOCS 1999).
+    """
     rng = np.random.default_rng(seed)
     covariances = []
     for _ in range(K):
@@ -88,12 +102,12 @@ def separated(seed, c=2.0, N=3000, d=14, K=6) -> tuple[Samples, Labels]:
     return gaussian_mixture(rng, rng.multinomial(N, shares / shares.sum()), means, covariances)
 
 
-def insertion(seed, N=3000, T=30) -> tuple[Samples, Labels]:
-    """T demonstrations of an insertion in 14 channels and six contact states that are not Gaussian.
+def insertion(seed: int, N: int = 3000, T: int = 30) -> tuple[Samples, Labels]:
+    """T demonstrations of an insertion in 14 channels, with six contact states that are not Gaussian.
 
-    Position (mm), force (N), moment (N mm), axis, angle and its change (rad). Within a demonstration the
-    offset, the axis and the initial angle hardly change, the moment is r x F, and free motion has almost no
-    force. More samples mean a higher sampling rate, not more demonstrations.
+    The channels are position (mm), force (N), moment (N mm), axis, angle and change of angle (rad). Within a
+    demonstration the offset, the axis and the initial angle are nearly constant, the moment is r x F, and the force is
+    nearly zero in free motion. A larger N means a higher sampling rate, not more demonstrations.
     """
     rng = np.random.default_rng(seed)
     shares = np.array([0.22, 0.16, 0.18, 0.12, 0.26, 0.06])
@@ -119,8 +133,8 @@ def insertion(seed, N=3000, T=30) -> tuple[Samples, Labels]:
     return np.vstack(X), np.concatenate(y)
 
 
-def _visit(state, u, offset, tilt):
-    """Position, force and angle during one state, u in [0, 1] being the progress through it."""
+def _visit(state: int, u: Array, offset: Array, tilt: float) -> tuple[Array, Array, Array]:
+    """Position (n, 3), force (n, 3) and angle (n,) during one state; u (n,) in [0, 1] is the progress through it."""
     a, b = offset
     one = np.ones_like(u)
     if state == 0:  # free approach
@@ -143,20 +157,20 @@ def _visit(state, u, offset, tilt):
 
 
 def demonstrations_and_phase(y: Labels) -> tuple[Labels, Samples]:
-    """Demonstration and normalised time in [0, 1) of each row of `insertion`."""
+    """Number of the demonstration (N,) and normalised time in [0, 1) (N,) of each sample of `insertion`."""
     starts = np.r_[0, np.flatnonzero((y[:-1] == 5) & (y[1:] == 0)) + 1, len(y)]
     groups = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     phase = np.concatenate([np.arange(n) / n for n in np.diff(starts)])
     return groups, phase
 
 
-def iris(seed=None) -> tuple[Samples, Labels]:
-    """Fisher's iris, standardised."""
+def iris(seed: int | None = None) -> tuple[Samples, Labels]:
+    """Fisher's iris data, standardised; the same for every seed."""
     X, y = load_iris(return_X_y=True)
     return (X - X.mean(0)) / X.std(0), y
 
 
-def wine(seed=None) -> tuple[Samples, Labels]:
-    """Wine recognition, standardised."""
+def wine(seed: int | None = None) -> tuple[Samples, Labels]:
+    """Wine recognition data, standardised; the same for every seed."""
     X, y = load_wine(return_X_y=True)
     return (X - X.mean(0)) / X.std(0), y

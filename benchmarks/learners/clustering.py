@@ -1,62 +1,78 @@
-"""Does the competition earn its place? Learners of the number of clusters side by side, in one run.
+"""Competitive Agglomeration against other clusterings that choose the number of clusters, on labelled data sets.
 
     python -m benchmarks.learners.clustering [--seeds 5] [--first-seed 100] [--only NAME ...] [--json FILE]
 
-For each set: how often the number is right, mean and least adjusted Rand index, and the time as a ratio to the
-default learner's in the same run. "oracle" classifies with Gaussians fitted to the true labels: no learner of
-Gaussians can be expected to do better. Sets on which the default learner loses are part of the table.
+Columns of the table, one row per learner and data set:
+
+- right: in how many of the seeds the number of clusters is the number of labels;
+- ARI mean, ARI min: adjusted Rand index between clusters and labels, mean and minimum over the seeds;
+- time ratio: time of a fit over that of the default learner ("competition") in the same run;
+- numbers: number of clusters for each seed.
+
+"oracle" classifies with Gaussians fitted to the true labels, and is an upper bound for learners of Gaussians.
+Learners that are slow on large sets are left out there.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from sklearn.cluster import HDBSCAN
 from sklearn.metrics import adjusted_rand_score
-from sklearn.mixture import BayesianGaussianMixture, GaussianMixture
+from sklearn.mixture import BayesianGaussianMixture
 from threadpoolctl import threadpool_limits
 
+from benchmarks.command_line import argument_parser, run
 from benchmarks.learners import cluster_sets as sets
+from benchmarks.learners.cluster_sets import Labels
+from benchmarks.learners.gaussian_mixture_regression import best_mixture
+from skill.arrays import Array
 from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.expectation_maximization import CovariancePrior
 from skill.clustering.gaussian_components import log_densities, precision_factors
+from systems.reports.terminal import progress, write_json
 
 DEFAULT = "competition"
 
 
 @dataclass(frozen=True)
 class LabelledSet:
-    """Samples, true labels, and what is known of the demonstrations."""
+    """A labelled data set.
 
-    X: np.ndarray
-    y: np.ndarray
+    Attributes:
+        X: (N, d), standardised samples.
+        y: (N,), true labels; -1 for outliers.
+        demonstrations: ``groups`` (N,) and ``phase`` (N,) of the samples, as far as they are known to the learner.
+    """
+
+    X: Array
+    y: Labels
     demonstrations: dict[str, np.ndarray]
 
 
-def plain(generate: Callable[[int], tuple[np.ndarray, np.ndarray]], seed: int) -> LabelledSet:
+def plain(generate: Callable[[int], tuple[Array, Labels]], seed: int) -> LabelledSet:
+    """A set of independent samples, standardised."""
     X, y = generate(seed)
     return LabelledSet((X - X.mean(0)) / X.std(0), y, {})
 
 
 def demonstrated(seed: int, N: int, T: int = 30, *, phase: bool = True) -> LabelledSet:
+    """Standardised samples of T demonstrations of `sets.insertion`; without ``phase`` the learner gets groups alone."""
     X, y = sets.insertion(seed, N, T)
     groups, time_in_demonstration = sets.demonstrations_and_phase(y)
     known = {"groups": groups, **({"phase": time_in_demonstration} if phase else {})}
     return LabelledSet((X - X.mean(0)) / X.std(0), y, known)
 
 
-def with_outliers(seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """The ellipses and 5 % of uniform outliers, which belong to no cluster (label -1)."""
+def with_outliers(seed: int) -> tuple[Array, Labels]:
+    """The ellipses with 5 % of uniform outliers, which belong to no cluster (label -1)."""
     X, y = sets.ellipses(seed)
     rng = np.random.default_rng(seed + 1)
     n = len(X) // 20
@@ -80,36 +96,40 @@ SETS: dict[str, Callable[[int], LabelledSet]] = {
 }
 
 
-def agglomerate(data: LabelledSet, seed: int, *, ignore: tuple[str, ...] = (), **parameters: Any) -> np.ndarray:
+def agglomerate(data: LabelledSet, seed: int, *, ignore: tuple[str, ...] = (), **parameters: Any) -> Labels:
+    """Competitive Agglomeration, without the arguments of ``fit`` that are named in ``ignore``."""
     known = {name: value for name, value in data.demonstrations.items() if name not in ignore}
-    return CompetitiveAgglomeration(random_state=seed, **parameters).fit(data.X, **known).labels_
+    return np.asarray(CompetitiveAgglomeration(random_state=seed, **parameters).fit(data.X, **known).labels_)
 
 
-def mixture_by_bic(data: LabelledSet, seed: int, *, starts: int) -> np.ndarray:
-    mixtures = [GaussianMixture(k, n_init=starts, random_state=seed, reg_covar=1e-6).fit(data.X) for k in range(1, 16)]
-    best = min(mixtures, key=lambda mixture: mixture.bic(data.X))
+def mixture_by_bic(data: LabelledSet, seed: int, *, starts: int) -> Labels:
+    """The Gaussian mixture of smallest BIC among 1 to 15 components."""
+    best = best_mixture(data.X, 15, n_init=starts, random_state=seed, reg_covar=1e-6)
     return np.asarray(best.predict(data.X))
 
 
-def bayesian_mixture(data: LabelledSet, seed: int) -> np.ndarray:
+def bayesian_mixture(data: LabelledSet, seed: int) -> Labels:
+    """A variational mixture of at most 30 components."""
     mixture = BayesianGaussianMixture(n_components=30, max_iter=300, random_state=seed).fit(data.X)
     return np.asarray(mixture.predict(data.X))
 
 
-def density_tree(data: LabelledSet, seed: int) -> np.ndarray:
+def density_tree(data: LabelledSet, seed: int) -> Labels:
+    """HDBSCAN with clusters of at least 1 % of the samples."""
     return np.asarray(HDBSCAN(min_cluster_size=max(5, len(data.X) // 100), copy=True).fit_predict(data.X))
 
 
-def oracle(data: LabelledSet, seed: int) -> np.ndarray:
+def oracle(data: LabelledSet, seed: int) -> Labels:
+    """The maximum-likelihood class of each sample under Gaussians fitted to the true labels."""
     known = data.y >= 0
     d = data.X.shape[1]
     floor = CovariancePrior(count=0.0, variance=1.0, floor=np.full(d, 1e-6), diagonal=False)
     true = components_of_partition(data.X[known], data.y[known], floor)
     factors = precision_factors(true.covariances)
-    return np.argmax(log_densities(data.X, true.weights, true.means, factors), axis=1)
+    return np.asarray(np.argmax(log_densities(data.X, true.weights, true.means, factors), axis=1))
 
 
-LEARNERS: dict[str, Callable[[LabelledSet, int], np.ndarray]] = {
+LEARNERS: dict[str, Callable[[LabelledSet, int], Labels]] = {
     DEFAULT: agglomerate,
     "eta0 = 0": partial(agglomerate, eta0=0.0),
     "samples independent": partial(agglomerate, ignore=("groups",)),
@@ -124,14 +144,16 @@ LEARNERS: dict[str, Callable[[LabelledSet, int], np.ndarray]] = {
 SLOW_ABOVE_5000 = ("GMM-BIC, 5 starts", "BayesianGaussianMixture", "HDBSCAN", "Gustafson-Kessel")
 
 
-def judge(name: str, generate: Callable[[int], LabelledSet], seeds: range) -> list[dict[str, Any]]:
-    """One row for each learner on one set."""
-    rows: list[dict[str, Any]] = []
+def evaluate(name: str, generate: Callable[[int], LabelledSet], seeds: range) -> Iterator[dict[str, Any]]:
+    """Yields one row of the table for each learner on one set."""
     data = {seed: generate(seed) for seed in seeds}
+    first = data[seeds[0]]
+    truth = len(np.unique(first.y[first.y >= 0]))
+    reference = None
     for learner, find in LEARNERS.items():
-        if len(data[seeds[0]].X) > 5_000 and learner in SLOW_ABOVE_5000:
+        if len(first.X) > 5_000 and learner in SLOW_ABOVE_5000:
             continue
-        if learner == "samples independent" and not data[seeds[0]].demonstrations:
+        if learner == "samples independent" and not first.demonstrations:
             continue
         numbers, indices, seconds = [], [], 0.0
         for seed, case in data.items():
@@ -141,48 +163,49 @@ def judge(name: str, generate: Callable[[int], LabelledSet], seeds: range) -> li
             member = case.y >= 0
             numbers.append(len(np.unique(labels[labels >= 0])))
             indices.append(adjusted_rand_score(case.y[member], labels[member]))
-        truth = len(np.unique(data[seeds[0]].y[data[seeds[0]].y >= 0]))
-        rows.append(
-            {
-                "set": name,
-                "learner": learner,
-                "right": int(np.sum(np.array(numbers) == truth)),
-                "of": len(numbers),
-                "numbers": numbers,
-                "ari_mean": float(np.mean(indices)),
-                "ari_min": float(np.min(indices)),
-                "seconds": seconds / len(numbers),
-                "time_ratio": seconds / len(numbers) / (rows[0]["seconds"] if rows else seconds / len(numbers)),
-            }
-        )
-    return rows
+        mean_seconds = seconds / len(numbers)
+        reference = reference or mean_seconds
+        yield {
+            "set": name,
+            "learner": learner,
+            "right": int(np.sum(np.array(numbers) == truth)),
+            "of": len(numbers),
+            "numbers": numbers,
+            "ari_mean": float(np.mean(indices)),
+            "ari_min": float(np.min(indices)),
+            "seconds": mean_seconds,
+            "time_ratio": mean_seconds / reference,
+        }
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=5, help="how many seeds")
-    parser.add_argument("--first-seed", type=int, default=100)
-    parser.add_argument("--only", nargs="*", help="sets whose name contains one of these")
-    parser.add_argument("--json", type=Path, help="write all rows to this file")
+    parser = argument_parser(__doc__)
+    parser.add_argument("--seeds", type=int, default=5, help="number of seeds (default: 5)")
+    parser.add_argument("--first-seed", type=int, default=100, help="first seed (default: 100)")
+    parser.add_argument("--only", nargs="*", metavar="NAME", help="only the sets whose name contains one of these")
     arguments = parser.parse_args()
+    if arguments.seeds < 1:
+        raise ValueError(f"--seeds {arguments.seeds}; expected at least 1")
+    chosen = {name: s for name, s in SETS.items() if not arguments.only or any(part in name for part in arguments.only)}
+    if not chosen:
+        raise ValueError(f"--only {' '.join(arguments.only)} matches none of the sets {list(SETS)}")
     warnings.simplefilter("ignore")
     seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
     rows: list[dict[str, Any]] = []
-    with threadpool_limits(1):
-        for name, generate in SETS.items():
-            if arguments.only and not any(part in name for part in arguments.only):
-                continue
+    with threadpool_limits(1), progress("clustering", len(chosen)) as advance:
+        for name, generate in chosen.items():
             print(f"\n{name}\n{'':26}right   ARI mean   min   time ratio   numbers")
-            for row in judge(name, generate, seeds):
+            for row in evaluate(name, generate, seeds):
                 rows.append(row)
                 print(
                     f"  {row['learner']:24}{row['right']}/{row['of']}    {row['ari_mean']:8.3f}"
                     f" {row['ari_min']:7.3f}{row['time_ratio']:9.2f}     {row['numbers']}",
                     flush=True,
                 )
+            advance(name)
     if arguments.json:
-        arguments.json.write_text(json.dumps(rows, indent=1))
+        write_json(arguments.json, rows)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

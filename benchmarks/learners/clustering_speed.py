@@ -1,47 +1,51 @@
-"""Speed and memory of Competitive Agglomeration, as ratios to references measured in the same run.
+"""Speed and memory of Competitive Agglomeration, as ratios to references that are measured in the same run.
 
     python -m benchmarks.learners.clustering_speed [--million] [--json FILE]
 
-- one E and M step at N = 1e5, M = 30, d = 14 against the bound of two products of N M d^2 at the measured dgemm rate;
-- a whole fit at N = 1e4 and 1e5 against one sweep of Gaussian mixtures (1..15 components, one start, BIC);
-- one on-line estimate of the contact state against one matrix-vector product of the same size;
-- with --million: time and peak memory of a fit at N = 1e6.
+Each row is one measurement; its ratios are own time over reference time:
+
+- E and M step: one step at N = 1e5, M = 30, d = 14, against the time bound of two products of N M d^2 multiplications
+  and additions at the measured dgemm rate;
+- fit: a whole fit at N = 1e4 and 1e5, against the choice among Gaussian mixtures of 1 to 15 components by BIC, one
+  start each;
+- online estimate: one estimate of the contact state, against one matrix-vector product of the same size;
+- with --million: time and peak memory of one fit at N = 1e6, instead of the others.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import resource
 import time
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from sklearn.mixture import GaussianMixture
 from threadpoolctl import threadpool_limits
 
+from benchmarks.command_line import argument_parser, run
 from benchmarks.learners import cluster_sets as sets
+from benchmarks.learners.gaussian_mixture_regression import best_mixture
 from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.expectation_maximization import CovariancePrior, em_step
 from skill.states.contact_state_filter import ContactStateFilter
+from systems.reports.terminal import progress, write_json
 
 
 def fastest(action: Callable[[], Any], repeats: int = 5, number: int = 1) -> float:
-    """Least seconds of one call."""
-    least = np.inf
+    """Minimum time of one call over the repeats, s; each repeat averages ``number`` calls."""
+    minimum = np.inf
     for _ in range(repeats):
         start = time.perf_counter()
         for _ in range(number):
             action()
-        least = min(least, (time.perf_counter() - start) / number)
-    return float(least)
+        minimum = min(minimum, (time.perf_counter() - start) / number)
+    return float(minimum)
 
 
 def step_against_products(N: int = 100_000, M: int = 30, d: int = 14) -> dict[str, float]:
+    """One E and M step, plain and with competition, over the time of two products of N M d^2 multiply-adds."""
     rng = np.random.default_rng(0)
     A = rng.normal(size=(1500, 1500))
     rate = 2 * 1500**3 / fastest(lambda: A @ A)
@@ -63,6 +67,7 @@ def step_against_products(N: int = 100_000, M: int = 30, d: int = 14) -> dict[st
 
 
 def fit_against_mixtures(N: int, *, demonstrated: bool, seed: int = 100) -> dict[str, float]:
+    """A whole fit over the choice of a Gaussian mixture by BIC, on insertions or on separated Gaussians."""
     X, y = sets.insertion(seed, N) if demonstrated else sets.separated(seed, c=2.0, N=N)
     known: dict[str, Any] = {}
     if demonstrated:
@@ -70,11 +75,12 @@ def fit_against_mixtures(N: int, *, demonstrated: bool, seed: int = 100) -> dict
         known = {"groups": groups, "phase": phase}
     Z = (X - X.mean(0)) / X.std(0)
     ours = fastest(lambda: CompetitiveAgglomeration(random_state=0).fit(X, **known), repeats=1)
-    theirs = fastest(lambda: [GaussianMixture(k, random_state=0).fit(Z).bic(Z) for k in range(1, 16)], repeats=1)
+    theirs = fastest(lambda: best_mixture(Z, 15, random_state=0), repeats=1)
     return {"fit_s": ours, "mixtures_s": theirs, "ratio": ours / theirs}
 
 
 def estimate_against_product() -> dict[str, float]:
+    """One on-line estimate of the contact state, without and with a transition matrix, over a matrix-vector product."""
     X, y = sets.insertion(100)
     groups, phase = sets.demonstrations_and_phase(y)
     model = CompetitiveAgglomeration(random_state=0).fit(X, groups=groups, phase=phase)
@@ -96,6 +102,7 @@ def estimate_against_product() -> dict[str, float]:
 
 
 def million() -> dict[str, float]:
+    """Time (s) and peak memory (GiB) of one fit of a million samples."""
     X, y = sets.insertion(100, 1_000_000)
     groups, phase = sets.demonstrations_and_phase(y)
     start = time.perf_counter()
@@ -109,9 +116,8 @@ def million() -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--million", action="store_true", help="fit a million samples (minutes)")
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser = argument_parser(__doc__)
+    parser.add_argument("--million", action="store_true", help="fit a million samples instead (minutes)")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     measurements: dict[str, Callable[[], dict[str, float]]] = {
@@ -125,13 +131,14 @@ def main() -> None:
     if arguments.million:
         measurements = {"fit, N=1e6": million}
     figures: dict[str, dict[str, float]] = {}
-    with threadpool_limits(1):
+    with threadpool_limits(1), progress("clustering speed", len(measurements)) as advance:
         for name, measure in measurements.items():
             figures[name] = measure()
             print(f"{name:24}" + "  ".join(f"{k} {v:.4g}" for k, v in figures[name].items()), flush=True)
+            advance(name)
     if arguments.json:
-        arguments.json.write_text(json.dumps(figures, indent=1))
+        write_json(arguments.json, figures)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -1,28 +1,42 @@
-"""Gaussian mixture regression: outputs from inputs by conditioning the Gaussians of their joint distribution.
+"""Gaussian mixture regression, and the choice of a mixture by the Bayesian information criterion (BIC).
 
-With means m, covariances C split into inputs x and outputs y, and weights p, component k predicts
+Gaussian mixture regression predicts outputs by conditioning the Gaussians of the joint distribution on the inputs.
+
+With means m, covariances C split into inputs x and outputs y, and weights p, component k predicts the mean and variance
 
     y_k(x) = m_y + C_yx C_xx^-1 (x - m_x),    V_k = C_yy - C_yx C_xx^-1 C_xy,
 
-and the mixture weighs the components by h_k(x) ~ p_k N(x | m_x, C_xx). It needs nothing but the Gaussians
-that the clustering has found already.
+and the mixture weighs the components by h_k(x) ~ p_k N(x | m_x, C_xx). The Gaussians may come from any clustering.
 
 Source: Ghahramani and Jordan, "Supervised learning from incomplete data via an EM approach", NIPS 6, 1994.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.special import logsumexp
+from sklearn.mixture import GaussianMixture
 
 from skill.arrays import Array
 
-# Queries beyond this are taken for it, so that their squared distances are numbers still.
-FARTHEST = 1e100
+MAX_QUERY = 1e100
+"""Queries are clipped to this magnitude, so that their squared distances stay finite."""
+
+
+def best_mixture(Z: ArrayLike, max_components: int, **settings: Any) -> GaussianMixture:
+    """The Gaussian mixture with the smallest BIC among those with 1 to ``max_components`` components.
+
+    Args:
+        Z: (N, d), samples.
+        max_components: largest number of components.
+        **settings: further arguments of ``GaussianMixture``.
+    """
+    mixtures = [GaussianMixture(k, **settings).fit(Z) for k in range(1, max_components + 1)]
+    return min(mixtures, key=lambda mixture: mixture.bic(Z))
 
 
 def gmr_predict(
@@ -30,24 +44,24 @@ def gmr_predict(
     covariances: ArrayLike,
     weights: ArrayLike,
     X: ArrayLike,
-    input_channels: Sequence[int],
-    output_channels: Sequence[int],
+    input_channels: ArrayLike,
+    output_channels: ArrayLike,
 ) -> Array:
     """Conditional mean of the output channels.
 
     Args:
-        means: (M, d).
+        means: (M, d), means of the Gaussians.
         covariances: (M, d, d), positive definite on the input channels.
         weights: (M,), non-negative, not all zero.
         X: (n, a), values of the input channels.
-        input_channels: the a channels of ``X``, as indices into d.
-        output_channels: the b channels to predict.
+        input_channels: (a,), the channels of ``X``, as indices into d.
+        output_channels: (b,), the channels to predict.
 
     Returns:
-        (n, b).
+        The conditional mean, (n, b).
 
     Raises:
-        ValueError: if shapes disagree, channels overlap or a covariance is not positive definite.
+        ValueError: if shapes do not match, channels overlap or a covariance is not positive definite.
     """
     mean, _ = gmr_moments(means, covariances, weights, X, input_channels, output_channels)
     return mean
@@ -58,15 +72,15 @@ def gmr_moments(
     covariances: ArrayLike,
     weights: ArrayLike,
     X: ArrayLike,
-    input_channels: Sequence[int],
-    output_channels: Sequence[int],
+    input_channels: ArrayLike,
+    output_channels: ArrayLike,
 ) -> tuple[Array, Array]:
-    """Conditional mean (n, b) and variance (n, b) of the outputs; arguments as for ``gmr_predict``."""
+    """Conditional mean (n, b) and variance (n, b) of the outputs; arguments and errors as for ``gmr_predict``."""
     m, C = np.asarray(means, dtype=float), np.asarray(covariances, dtype=float)
     p, queries = np.asarray(weights, dtype=float), np.asarray(X, dtype=float)
     a, b = np.asarray(input_channels, dtype=np.intp), np.asarray(output_channels, dtype=np.intp)
     _check_shapes(m, C, p, queries, a, b)
-    queries = queries.clip(-FARTHEST, FARTHEST)
+    queries = queries.clip(-MAX_QUERY, MAX_QUERY)
     n, M = len(queries), len(m)
     log_h = np.empty((n, M))
     y = np.empty((n, M, len(b)))
@@ -83,7 +97,7 @@ def gmr_moments(
         gain = solve_triangular(L, C[k][np.ix_(a, b)], lower=True)
         y[:, k] = m[k, b] + whitened.T @ gain
         variance[k] = C[k][b, b] - (gain**2).sum(axis=0)
-        with np.errstate(divide="ignore"):  # a component of weight zero takes no part
+        with np.errstate(divide="ignore"):  # a component of weight zero has no effect
             log_h[:, k] = np.log(p[k]) - np.log(np.diag(L)).sum() - 0.5 * (whitened**2).sum(axis=0)
     h = np.exp(log_h - logsumexp(log_h, axis=1, keepdims=True))
     mean = np.einsum("nk,nkb->nb", h, y)

@@ -1,13 +1,13 @@
-"""Prediction intervals that hold on new demonstrations.
+"""Calibration of prediction intervals, so that they have the nominal coverage on new demonstrations.
 
-The intervals of a local model come from the residuals around it: they know noise, but neither the bias of smoothing
-nor what differs from one demonstration to the next. On outputs with little noise that is most of the error.
-Predictions of left-out demonstrations tell how much too narrow (or wide) the intervals are, and one factor per
-output puts that right: conformal prediction with normalised scores, cross-validated over groups.
+The interval of a local model is computed from the residuals around it. It contains the noise, but neither the bias of
+smoothing nor the differences between demonstrations. On outputs with little noise these are most of the error.
+Predictions of left-out demonstrations show by how much the intervals are too narrow or too wide, and one factor per
+output corrects this: conformal prediction with normalised scores, cross-validated over groups.
 
-Source: Lei, G'Sell, Rinaldo, Tibshirani, Wasserman, "Distribution-free predictive inference for regression", JASA
-113, 2018, section 5.2; Barber, Candes, Ramdas, Tibshirani, "Predictive inference with the jackknife+", Annals of
-Statistics 49, 2021, for left-out folds.
+Sources: Lei, G'Sell, Rinaldo, Tibshirani, Wasserman, "Distribution-free predictive inference for regression", JASA
+113, 2018, section 5.2; for left-out folds Barber, Candes, Ramdas, Tibshirani, "Predictive inference with the
+jackknife+", Annals of Statistics 49, 2021.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ def conformal_factors(
     memberships: ArrayLike | None = None,
     n_splits: int = 5,
 ) -> Array:
-    """Standard deviations on either side that cover left-out demonstrations.
+    """Half widths of the interval, in standard deviations, that cover the samples of left-out demonstrations.
 
-    Coverage is that of the average sample of a new demonstration; single demonstrations may fare better or worse.
+    The coverage is an average over the samples of new demonstrations; that of a single demonstration may differ.
 
     Args:
-        regressor: all settings are taken from it; it is not changed.
-        X: (n, d).
-        y: (n,) or (n, p).
-        groups: (n,), the demonstration of each sample.
-        level: nominal coverage.
+        regressor: the regressor to calibrate; it is cloned, not changed.
+        X: (n, d), inputs.
+        y: (n,) or (n, p), outputs.
+        groups: (n,), number of the demonstration of each sample.
+        level: nominal coverage, between 0 and 1.
         memberships: (n, K), see ``LWRegressor``.
-        n_splits: folds, at most the number of groups.
+        n_splits: number of folds; at most the number of groups are used.
 
     Returns:
-        (p,) factors for ``conformal_interval``.
+        The factors (p,) for ``conformal_interval``.
 
     Raises:
         ValueError: if ``level`` is not within (0, 1) or there are fewer than two groups.
@@ -60,7 +60,7 @@ def conformal_factors(
         local = model.predict_local(data.X[test], None if data.P is None else data.P[test])
         deviation = local.standard_deviation()
         residual = np.abs(local.mean - data.y[test])
-        # Where neither varies the score is zero; where only the residual does, nothing finite would cover it.
+        # The score is zero where the deviation is zero: no finite factor would cover a residual there.
         scores[test] = np.divide(residual, deviation, out=np.zeros_like(residual), where=deviation > 0)
     n = len(scores)
     rank = min(1.0, np.ceil((n + 1) * level) / n)
@@ -69,6 +69,6 @@ def conformal_factors(
 
 
 def conformal_interval(local: LocalPrediction, factors: ArrayLike) -> tuple[Array, Array]:
-    """Bounds (lower, upper), each (m, p), at the level that the factors (p,) were made for."""
+    """Lower and upper bound, each (m, p), at the level for which the factors (p,) were computed."""
     half = np.asarray(factors, dtype=float) * local.standard_deviation()
     return local.mean - half, local.mean + half

@@ -1,52 +1,62 @@
-"""Locally weighted regression beside its peers: accuracy on fresh data, and time, in one run.
+"""Locally weighted regression against other regressors: accuracy on fresh data, and time.
 
     python -m benchmarks.learners.regression [--json FILE] [--quick] [--only accuracy|latency]
 
-Every learner chooses its parameters by cross-validation over groups of the training set, and is judged on
-fresh seeds by the root mean squared error to the noiseless truth over the truth's standard deviation
-(nRMSE), averaged over outputs. Set OPENBLAS_NUM_THREADS=1 for figures of one core.
+Every learner chooses its parameters by cross-validation over groups of the training set. Accuracy, one row per learner:
+
+- nRMSE: root mean squared error to the noiseless outputs of fresh seeds, over their standard deviation, averaged over
+  outputs and seeds;
+- fit s: time of a fit, the choice of parameters included;
+- us/query: time of a query, all queries in one call.
+
+Latency, one row per learner and number N of samples, in microseconds per query: median and 95th percentile of a single
+query, mean of 2000 queries in one call (batched), and single over batched (ratio).
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import platform
 import time
 import warnings
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 from sklearn.linear_model import RidgeCV
-from sklearn.mixture import GaussianMixture
 from sklearn.model_selection import GridSearchCV, GroupKFold
 from sklearn.multioutput import MultiOutputRegressor
 from sklearn.neighbors import KNeighborsRegressor
 from sklearn.preprocessing import StandardScaler
 from threadpoolctl import threadpool_limits
 
-from benchmarks.learners.gaussian_mixture_regression import gmr_predict
+from benchmarks.command_line import argument_parser, run
+from benchmarks.learners.gaussian_mixture_regression import best_mixture, gmr_predict
 from benchmarks.learners.regression_sets import Problem, cross, friedman, insertion
+from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.regression.bandwidth_selection import select_bandwidth, select_feature_scale
 from skill.regression.locally_weighted_regression import LWRegressor
+from systems.reports.terminal import progress, write_json
 
-Predict = Callable[[np.ndarray], np.ndarray]
-LARGEST_GP = 1500  # samples; its cost grows with their cube
+Predict = Callable[[Array], Array]
+"""Outputs (n, p) for inputs (n, d)."""
+
+Fit = Callable[[Array, Problem], Predict]
+"""Trains on standardised inputs (n, d) of a problem."""
+
+MAX_GP_SAMPLES = 1500  # the cost of a Gaussian process grows with their cube
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
+    parser = argument_parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="one seed, small sizes")
-    parser.add_argument("--only", choices=["accuracy", "latency"], help="leave the other out")
+    parser.add_argument("--only", choices=["accuracy", "latency"], help="measure this alone")
     arguments = parser.parse_args()
     seeds = range(1) if arguments.quick else range(3)
     with threadpool_limits(1), warnings.catch_warnings():
@@ -55,10 +65,11 @@ def main() -> None:
         latency = time_queries(arguments.quick) if arguments.only != "accuracy" else None
     if arguments.json:
         result = {"python": platform.python_version(), "accuracy": accuracy, "latency": latency}
-        arguments.json.write_text(json.dumps(result, indent=1))
+        write_json(arguments.json, result)
 
 
 def problems(quick: bool) -> dict[str, Callable[[int], Problem]]:
+    """The problems by name, as functions of the seed."""
     few = 900 if quick else 3000
     sets: dict[str, Callable[[int], Problem]] = {
         "cross 500": lambda s: cross(500, s),
@@ -73,32 +84,37 @@ def problems(quick: bool) -> dict[str, Callable[[int], Problem]]:
 
 
 def compare(seeds: range, quick: bool) -> dict[str, Any]:
+    """Accuracy and time of every learner on every problem, by the names of both."""
     table: dict[str, Any] = {}
-    for name, problem in problems(quick).items():
-        table[name] = {}
-        for learner, fit in LEARNERS.items():
-            rows = []
-            for seed in seeds:
-                train, fresh = problem(seed), problem(1000 + seed)
-                if fit is fit_gp and len(train.X) > LARGEST_GP:
-                    continue
-                start = time.perf_counter()
-                scaler = StandardScaler().fit(train.X)
-                predict = fit(scaler.transform(train.X), train)
-                fitted = time.perf_counter()
-                out = predict(scaler.transform(fresh.X)).reshape(len(fresh.X), -1)
-                done = time.perf_counter()
-                out = fresh.judged(out)
-                error = np.sqrt(((out - fresh.truth) ** 2).mean(axis=0)) / fresh.truth.std(axis=0)
-                rows.append([float(error.mean()), fitted - start, 1e6 * (done - fitted) / len(out)])
-            if rows:
-                nrmse, seconds, query = np.mean(rows, axis=0)
-                table[name][learner] = {"nrmse": nrmse, "fit_s": seconds, "query_us": query}
-        report(name, table[name])
+    chosen = problems(quick)
+    with progress("regression", len(chosen) * len(LEARNERS)) as advance:
+        for name, problem in chosen.items():
+            table[name] = {}
+            for learner, fit in LEARNERS.items():
+                pairs = [(problem(seed), problem(1000 + seed)) for seed in seeds]
+                if not (fit is fit_gp and len(pairs[0][0].X) > MAX_GP_SAMPLES):
+                    nrmse, seconds, query = np.mean([evaluate(fit, *pair) for pair in pairs], axis=0)
+                    table[name][learner] = {"nrmse": nrmse, "fit_s": seconds, "query_us": query}
+                advance(f"{name}: {learner}")
+            report(name, table[name])
     return table
 
 
+def evaluate(fit: Fit, train: Problem, fresh: Problem) -> tuple[float, float, float]:
+    """The normalised error on fresh data, the time of the fit, s, and the time of a query, us."""
+    start = time.perf_counter()
+    scaler = StandardScaler().fit(train.X)
+    predict = fit(scaler.transform(train.X), train)
+    fitted = time.perf_counter()
+    out = predict(scaler.transform(fresh.X)).reshape(len(fresh.X), -1)
+    done = time.perf_counter()
+    out = fresh.judged(out)
+    error = np.sqrt(((out - fresh.truth) ** 2).mean(axis=0)) / fresh.truth.std(axis=0)
+    return float(error.mean()), fitted - start, 1e6 * (done - fitted) / len(out)
+
+
 def report(name: str, results: dict[str, dict[str, float]]) -> None:
+    """Prints the results on one problem, the most accurate learner first."""
     print(f"\n{name:28} {'nRMSE':>7} {'fit s':>8} {'us/query':>9}")
     best = min(r["nrmse"] for r in results.values())
     for learner, r in sorted(results.items(), key=lambda item: item[1]["nrmse"]):
@@ -106,71 +122,78 @@ def report(name: str, results: dict[str, dict[str, float]]) -> None:
         print(f"  {learner:26} {r['nrmse']:7.3f} {r['fit_s']:8.2f} {r['query_us']:9.1f}{mark}")
 
 
-def fit_ridge(X: np.ndarray, train: Problem) -> Predict:
-    return RidgeCV(np.geomspace(1e-3, 1e3, 13)).fit(X, train.y).predict
+def predictor(model: Any) -> Predict:
+    """The ``predict`` of a fitted model."""
+    return lambda Q: np.asarray(model.predict(Q))
 
 
-def fit_knn(X: np.ndarray, train: Problem) -> Predict:
+def fit_ridge(X: Array, train: Problem) -> Predict:
+    return predictor(RidgeCV(np.geomspace(1e-3, 1e3, 13)).fit(X, train.y))
+
+
+def fit_knn(X: Array, train: Problem) -> Predict:
     return search(KNeighborsRegressor(), {"n_neighbors": [1, 3, 5, 10, 20, 40, 80]}, X, train)
 
 
-def fit_gradient_boosting(X: np.ndarray, train: Problem) -> Predict:
+def fit_gradient_boosting(X: Array, train: Problem) -> Predict:
     model = MultiOutputRegressor(HistGradientBoostingRegressor(random_state=0))
     return search(model, {"estimator__max_iter": [50, 100, 300]}, X, train)
 
 
-def search(model: Any, grid: dict[str, list[Any]], X: np.ndarray, train: Problem) -> Predict:
+def search(model: Any, grid: dict[str, list[Any]], X: Array, train: Problem) -> Predict:
+    """The model with the best parameters of the grid, by cross-validation over groups."""
     folds = GroupKFold(5).split(X, groups=train.groups)
-    found = GridSearchCV(model, grid, cv=list(folds), scoring="neg_mean_squared_error").fit(X, train.y)
-    return found.predict
+    return predictor(GridSearchCV(model, grid, cv=list(folds), scoring="neg_mean_squared_error").fit(X, train.y))
 
 
-def fit_gp(X: np.ndarray, train: Problem) -> Predict:
+def fit_gp(X: Array, train: Problem) -> Predict:
     kernel = ConstantKernel(1.0) * RBF(np.ones(X.shape[1])) + WhiteKernel(0.1)
-    return GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(X, train.y).predict
+    return predictor(GaussianProcessRegressor(kernel, normalize_y=True, random_state=0).fit(X, train.y))
 
 
-def lwr(**settings: Any) -> Callable[[np.ndarray, Problem], Predict]:
-    def fit(X: np.ndarray, train: Problem) -> Predict:
+def lwr(**settings: Any) -> Fit:
+    """Locally weighted regression with these settings; the bandwidth is chosen by cross-validation."""
+
+    def fit(X: Array, train: Problem) -> Predict:
         model = LWRegressor(**settings)
         chosen = select_bandwidth(model, X, train.y, train.groups)
-        return model.set_params(bandwidth=chosen.bandwidth).fit(X, train.y).predict
+        return predictor(model.set_params(bandwidth=chosen.bandwidth).fit(X, train.y))
 
     return fit
 
 
-def fit_scaled_lwr(X: np.ndarray, train: Problem) -> Predict:
-    """Bandwidth, then the scale of each feature, then the bandwidth again."""
+def fit_scaled_lwr(X: Array, train: Problem) -> Predict:
+    """Chooses the bandwidth, then the scale of each feature, then the bandwidth again."""
     model = LWRegressor()
     model.set_params(bandwidth=select_bandwidth(model, X, train.y, train.groups).bandwidth)
     scale = select_feature_scale(model, X, train.y, train.groups, max_queries=500).feature_scale
     model.set_params(feature_scale=scale)
     model.set_params(bandwidth=select_bandwidth(model, X, train.y, train.groups).bandwidth)
-    return model.fit(X, train.y).predict
+    return predictor(model.fit(X, train.y))
 
 
-def fit_gmr(X: np.ndarray, train: Problem) -> Predict:
-    """Gaussians of inputs and outputs from a sweep of mixtures by BIC, one start each."""
+def fit_gmr(X: Array, train: Problem) -> Predict:
+    """Gaussian mixture regression; the mixture is chosen by BIC, one start each."""
     spread = train.y.std(axis=0)
     Z = np.hstack([X, train.y / spread])
-    models = [GaussianMixture(k, reg_covar=1e-4, random_state=0).fit(Z) for k in range(1, 16)]
-    best = min(models, key=lambda m: m.bic(Z))
+    best = best_mixture(Z, 15, reg_covar=1e-4, random_state=0)
     return conditioned(best.means_, best.covariances_, best.weights_, X.shape[1], spread)
 
 
-def fit_gmr_ca(X: np.ndarray, train: Problem) -> Predict:
-    """Gaussians of inputs and outputs from Competitive Agglomeration."""
+def fit_gmr_ca(X: Array, train: Problem) -> Predict:
+    """Gaussian mixture regression; the Gaussians are found by Competitive Agglomeration."""
     spread = train.y.std(axis=0)
     states = CompetitiveAgglomeration(random_state=0).fit(np.hstack([X, train.y / spread]))
     return conditioned(states.means_, states.covariances_, states.weights_, X.shape[1], spread)
 
 
-def conditioned(means: Any, covariances: Any, weights: Any, d: int, spread: np.ndarray) -> Predict:
+def conditioned(means: ArrayLike, covariances: ArrayLike, weights: ArrayLike, d: int, spread: Array) -> Predict:
+    """The regression of Gaussians over d inputs and the outputs divided by their ``spread`` (p,)."""
     outputs = np.arange(d, d + len(spread))
     return lambda Q: gmr_predict(means, covariances, weights, Q, np.arange(d), outputs) * spread
 
 
-LEARNERS: dict[str, Callable[[np.ndarray, Problem], Predict]] = {
+LEARNERS: dict[str, Fit] = {
     "global ridge": fit_ridge,
     "KNN": fit_knn,
     "kernel mean (degree 0)": lwr(degree=0),
@@ -186,9 +209,9 @@ LEARNERS: dict[str, Callable[[np.ndarray, Problem], Predict]] = {
 
 
 def time_queries(quick: bool) -> list[dict[str, Any]]:
-    """Median single and mean batched query of 200 neighbours, d = 14, on trajectories, beside KNN."""
+    """Time of single and batched queries with 14 features on trajectories, of LWR and of nearest neighbours."""
     rows = []
-    print(f"\n{'microseconds a query, d = 14':38} {'single':>8} {'p95':>8} {'batched':>8} {'ratio':>6}")
+    print(f"\n{'microseconds per query, d = 14':38} {'single':>8} {'p95':>8} {'batched':>8} {'ratio':>6}")
     for n in (1_000, 10_000) if quick else (1_000, 10_000, 100_000):
         X, y, P, queries, Q = trajectories(n)
         one_hot = np.eye(P.shape[1])
@@ -211,7 +234,9 @@ def time_queries(quick: bool) -> list[dict[str, Any]]:
     return rows
 
 
-def timed(predict: Any, queries: np.ndarray, memberships: np.ndarray | None) -> dict[str, float]:
+def timed(predict: Any, queries: Array, memberships: Array | None) -> dict[str, float]:
+    """Times of single and batched queries, us, and their ratio."""
+
     def call(rows: slice) -> None:
         predict(queries[rows]) if memberships is None else predict(queries[rows], memberships[rows])
 
@@ -234,8 +259,12 @@ def timed(predict: Any, queries: np.ndarray, memberships: np.ndarray | None) -> 
     }
 
 
-def trajectories(n: int, states: int = 8) -> tuple[np.ndarray, ...]:
-    """Samples (n, 14) along thirty curves through ``states`` states, and 2000 queries like them."""
+def trajectories(n: int, states: int = 8) -> tuple[Array, ...]:
+    """Samples along thirty curves through ``states`` states, and 2000 queries from the same curves.
+
+    Returns:
+        Inputs (n, 14), outputs (n, 3), memberships (n, states), queries (2000, 14), their memberships (2000, states).
+    """
     rng = np.random.default_rng(0)
     total, demonstrations = n + 2000, 30
     centres = 2.0 * rng.normal(size=(states, 14))
@@ -254,4 +283,4 @@ def trajectories(n: int, states: int = 8) -> tuple[np.ndarray, ...]:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -1,23 +1,29 @@
-"""Coverage of locally weighted regression's intervals on fresh data, nominal 95 %.
+"""Coverage of the 95 % intervals of locally weighted regression on fresh data.
 
-python -m benchmarks.learners.regression_intervals [--json FILE]
+    python -m benchmarks.learners.regression_intervals [--json FILE]
+
+Each row is a problem; each cell has one coverage per output, averaged over three seeds. The nominal value is 0.95.
+
+- prediction: share of new noisy outputs within the prediction interval;
+- calibrated: the same for the interval calibrated on left-out groups (`benchmarks.learners.interval_calibration`);
+- mean, variance only: share of noiseless outputs within the interval of the mean, which leaves out the bias.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from sklearn.preprocessing import StandardScaler
 from threadpoolctl import threadpool_limits
 
+from benchmarks.command_line import argument_parser, run
 from benchmarks.learners.interval_calibration import conformal_factors, conformal_interval
 from benchmarks.learners.regression_sets import Problem, cross, friedman, insertion
+from skill.arrays import Array
 from skill.regression.bandwidth_selection import select_bandwidth
 from skill.regression.locally_weighted_regression import LWRegressor
+from systems.reports.terminal import progress, write_json
 
 PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "cross 500": lambda s: cross(500, s),
@@ -28,23 +34,22 @@ PROBLEMS: dict[str, Callable[[int], Problem]] = {
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", type=Path, help="also write the figures to this file")
-    arguments = parser.parse_args()
+    arguments = argument_parser(__doc__).parse_args()
     table = {}
-    print(f"{'coverage, one figure an output':32} {'prediction':>22} {'calibrated':>22} {'mean, variance only':>22}")
-    with threadpool_limits(1):
+    print(f"{'coverage, one figure per output':32} {'prediction':>22} {'calibrated':>22} {'mean, variance only':>22}")
+    with threadpool_limits(1), progress("coverage of intervals", len(PROBLEMS)) as advance:
         for name, problem in PROBLEMS.items():
             rows = [coverage(problem(seed), problem(1000 + seed)) for seed in range(3)]
             means = {kind: np.mean([row[kind] for row in rows], axis=0).round(3).tolist() for kind in rows[0]}
             table[name] = means
             print(f"  {name:30} " + " ".join(f"{' '.join(f'{v:.3f}' for v in m):>22}" for m in means.values()))
+            advance(name)
     if arguments.json:
-        arguments.json.write_text(json.dumps(table, indent=1))
+        write_json(arguments.json, table)
 
 
-def coverage(train: Problem, fresh: Problem) -> dict[str, np.ndarray]:
-    """Shares (p,) of fresh observations in the prediction intervals, and of truths in those of the mean."""
+def coverage(train: Problem, fresh: Problem) -> dict[str, Array]:
+    """Shares (p,) of fresh outputs, and for the interval of the mean of noiseless outputs, within the intervals."""
     scaler = StandardScaler().fit(train.X)
     X, Q = scaler.transform(train.X), scaler.transform(fresh.X)
     model = LWRegressor()
@@ -61,4 +66,4 @@ def coverage(train: Problem, fresh: Problem) -> dict[str, np.ndarray]:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -1,7 +1,7 @@
-"""Regression problems with known truth, for benchmarks.
+"""Regression problems with known noiseless outputs.
 
-Each generator takes a number of samples and a seed, and returns a ``Problem``: features, noisy outputs,
-groups and noiseless outputs. Judge on other seeds than those learnt from.
+Each generator takes a number of samples and a seed and returns a ``Problem``. Use different seeds for training and
+evaluation.
 """
 
 from __future__ import annotations
@@ -20,10 +20,15 @@ FEATURES = {"raw": RawFeatures, "normalised": NormalisedFeatures, "canonical": C
 
 @dataclass(frozen=True)
 class Problem:
-    """Features X (n, d), outputs y (n, p), groups (n,), noiseless outputs truth (n, p).
+    """A regression problem.
 
-    ``judged`` turns outputs of the learner's frame into those of the truth's, the same for all features, and
-    ``framed`` turns them back.
+    Attributes:
+        X: (n, d), features.
+        y: (n, p), noisy outputs, in the frame of the features.
+        groups: (n,), number of the group (demonstration) of each sample.
+        truth: (n, p), noiseless outputs, in a frame that does not depend on the features.
+        judged: converts outputs (n, p) from the frame of the features to that of ``truth``.
+        framed: converts outputs (n, p) from the frame of ``truth`` to that of the features.
     """
 
     X: Array
@@ -53,15 +58,22 @@ def friedman(n: int, seed: int) -> Problem:
 
 
 def insertion(n: int, seed: int, features: str = "canonical", demonstrations: int = 30) -> Problem:
-    """A quasi-static caricature of insertions: a tilted peg is aligned while it goes in.
+    """A simplified quasi-static model of insertions: a tilted peg is aligned while it goes in.
 
-    Per demonstration: a tilt in any direction up to 3.5 deg, walls of some stiffness, friction 0.2. Once
-    the tilt exceeds what the clearance leaves at the present depth, two contacts wedge the peg: a couple
-    that grows with the excess, a smaller net lateral force, and axial friction on both. The operator sees
-    the tilt with noise, turns it away at 4 / s and feeds the slower the harder the contact. The learner
-    sees the wrench and the depth only.
+    Each demonstration has a tilt of at most 3.5 deg in a random direction, a random wall stiffness and friction 0.2.
+    When the tilt exceeds what the clearance allows at the present depth, two contacts wedge the peg. They cause a
+    couple that grows with the excess, a smaller net lateral force, and axial friction at both contacts. The operator
+    sees the tilt with noise, reduces it at a rate of 4 / s, and feeds more slowly under a larger contact force. The
+    learner sees only the wrench and the depth.
 
-    Outputs: (omega_x, omega_y, feed) in the features' frame, mrad and 0.1 mm a sample of 20 ms; judged in P.
+    The outputs are the turn about x and y and the feed within one sample of 20 ms, in mrad and 0.1 mm. ``y`` is in the
+    frame of the features, ``truth`` in P.
+
+    Args:
+        n: number of samples, rounded down to a multiple of ``demonstrations``.
+        seed: seed of all random draws.
+        features: a key of `FEATURES`.
+        demonstrations: number of demonstrations.
     """
     rng = np.random.default_rng(seed)
     period, radius, clearance, friction = 0.02, 0.01, 50e-6, 0.2
@@ -73,13 +85,13 @@ def insertion(n: int, seed: int, features: str = "canonical", demonstrations: in
         stiffness = 30.0 * np.exp(0.5 * rng.normal())  # N m / rad, of the wedge
         depth = rng.uniform(2e-3, 6e-3)
         for _ in range(length):
-            theta = np.linalg.norm(tilt)
+            theta = float(np.linalg.norm(tilt))
             axis = tilt / max(theta, 1e-9)
             free = min(2 * clearance / depth, theta)
             couple = stiffness * (theta - free)  # resists the tilt
             contact = couple / depth  # the force of each of the two contacts
             lateral = 0.3 * contact + 40.0 * theta
-            # z cross axis: where the upper end of the peg leans; the mouth pushes it back.
+            # z x axis is the direction in which the upper end of the peg leans; the mouth pushes it back.
             across = np.array([-axis[1], axis[0]])
             wrench = np.zeros(6)
             wrench[:2] = -lateral * across

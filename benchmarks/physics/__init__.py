@@ -1,1 +1,1 @@
-"""The contact against theory, finer discretisation and MuJoCo."""
+"""Comparisons of the simulated contact with theory, finer discretisations and MuJoCo."""

@@ -1,19 +1,19 @@
-"""What the simulated contact does in the cases for which there is a theory: see `models.contact_theory`.
+"""Measurements of the simulated contact in cases that have a theory (`models.contact_theory`).
 
-Every measurement moves a `ContactProbe`; lengths in m, angles in rad, forces in N. The depth l or h is that of the
-tip's centre below the mouth, which is the inner edge of the chamfer.
+Every measurement moves a `ContactProbe`. Lengths are in m, angles in rad, forces in N. The depth l or h is that of the
+tip's centre below the mouth, the inner edge of the chamfer.
 """
 
 from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from benchmarks.physics.contact_probe import ContactProbe, PlanarPose
+from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe
 from models.contact_theory import (
     jamming_load,
     slenderness,
@@ -25,34 +25,43 @@ from models.contact_theory import (
 from models.scenario import Scenario
 from skill.arrays import Array
 
-# The drag on z makes the peg crawl, so that no inertia and no drag on the tilt enters the balance.
 CRAWLING: dict[str, Any] = {"mass": 0.15, "inertia": 3e-5, "damping": (5.0, 400.0, 0.01)}
+"""A probe whose large damping of z makes the peg slide slowly, so that inertia and the damping of the tilt are
+negligible in the force balance."""
+
 SETTLE, SLIDE = 0.03, 0.10
-"""s: the peg settles sideways with its height held, then it is let go."""
+"""Time for which the peg settles sideways at constant height, and time for which it may then slide, s."""
 
 SLIDING_SPEED = 1e-3
-"""m/s. A stuck contact creeps a thousand times slower; a load 5 % inside the edges reaches ten times this."""
+"""Minimum speed of a sliding peg, m/s. A stuck contact creeps at a thousandth of it; under a load 5 % inside the edges
+of the jamming diagram the peg reaches ten times this speed."""
 
 AXIAL_FORCE = 0.3
-"""N. Small, so that a contact patch is narrow and its normals are nearly parallel, as the plane theory has them."""
+"""Axial force of the jamming trials, N; small, so that contact patches are narrow, as the planar theory assumes."""
 
-KEPT = 0.9
-"""Part of its squeeze that a wedged peg keeps."""
+MIN_KEPT_SQUEEZE = 0.9
+"""Minimum part of its squeeze that a wedged peg keeps."""
 
 
 def converged(scenario: Scenario, friction: float) -> Scenario:
-    """The scenario with contact as stiff and steps as short as the theory's rigid bodies need."""
+    """The scenario with contact so stiff and steps so short that the bodies are nearly rigid, as the theory assumes."""
     finer = copy.deepcopy(scenario)
     finer.contact.friction = friction
     finer.contact.modulus = 3e10
-    # At 5e-4 s a line contact under a tilting load rocks, and holds where it should slide.
+    # At 5e-4 s a line contact under a tilting load rocks, and sticks where it should slide.
     finer.contact.time_step = 2.5e-4
     return finer
 
 
 @dataclass(frozen=True)
 class PegTheory:
-    """The sizes that the laws need, from a scenario."""
+    """The sizes in the equations of the theory, m.
+
+    Attributes:
+        r: radius of the peg.
+        R: radius of the hole.
+        mouth: height of the mouth in H.
+    """
 
     r: float
     R: float
@@ -60,30 +69,31 @@ class PegTheory:
 
     @classmethod
     def of(cls, scenario: Scenario) -> PegTheory:
-        """From the scenario's geometry."""
+        """The sizes of a scenario's geometry."""
         g = scenario.geometry
         return cls(g.peg_radius, g.hole_radius, -g.chamfer)
 
     def two_point_pose(self, tilt: float, depth: float) -> PlanarPose:
-        """With the tip's upper edge on the wall; the other contact is at the mouth if the depth is h(tilt)."""
+        """The pose with the tip's upper edge on the wall; at depth h(tilt) the peg also touches the mouth."""
         side = np.copysign(1.0, tilt)
         return PlanarPose(-side * (self.R - self.r * np.cos(tilt)), self.mouth - depth, tilt)
 
 
 def measured_two_point_depth(probe: ContactProbe, sizes: PegTheory, tilt: float) -> float:
-    """Depth at which the sideways play of the tilted peg ends, from the meshes alone.
+    """Depth at which the sideways play of the tilted peg is zero, m, from the meshes alone.
 
-    The play between tip on the wall and side on the mouth is measured at two shallower depths. It falls linearly
-    with depth, and where it reaches zero both touch.
+    The play between tip and wall and between side and mouth falls linearly with depth. It is measured at two shallower
+    depths and extrapolated to zero, where both touch.
     """
     h = float(two_point_depth(tilt, peg_radius=sizes.r, hole_radius=sizes.R))
-    upper = sizes.r * np.sin(tilt)  # of the tip's edge that touches, above its centre
+    upper = sizes.r * np.sin(tilt)  # height of the touching edge of the tip above its centre
     depths = upper + np.array([0.5, 0.9]) * (h - upper)
     play = [_play(probe, sizes, tilt, depth) for depth in depths]
     return float(depths[0] + (depths[1] - depths[0]) * play[0] / (play[0] - play[1]))
 
 
 def _play(probe: ContactProbe, sizes: PegTheory, tilt: float, depth: float) -> float:
+    """Sideways play of the tilted peg, m, by bisection to 1e-9 m."""
     tip = sizes.r * np.cos(tilt) - sizes.R
     mouth = sizes.R - sizes.r / np.cos(tilt) - depth * np.tan(tilt)
     ends = []
@@ -94,14 +104,14 @@ def _play(probe: ContactProbe, sizes: PegTheory, tilt: float, depth: float) -> f
             probe.place(PlanarPose(middle, sizes.mouth - depth, tilt))
             free, touching = (free, middle) if probe.touches() else (middle, touching)
         ends.append(free)
-    return ends[1] - ends[0]
+    return float(ends[1] - ends[0])
 
 
 def measured_entry_tilt(probe: ContactProbe, sizes: PegTheory) -> float:
-    """Largest tilt at which the tip passes the mouth.
+    """Largest tilt at which the tip enters the mouth, rad.
 
-    There the upper edge of the tip is still at the mouth when both contacts close. Its depth h - r sin(theta) is
-    measured at three smaller tilts and continued to zero by a parabola.
+    At this tilt the upper edge of the tip is at the mouth when both contacts close. Its depth h - r sin(theta) is
+    measured at three smaller tilts and extrapolated to zero by a parabola.
     """
     limit = float(np.arccos(sizes.r / sizes.R))
     tilts = limit * np.array([0.80, 0.87, 0.94])
@@ -115,10 +125,10 @@ class JammingTrials:
     """Trials in the jamming diagram.
 
     Attributes:
-        force: (n,) F_x / F_z in Whitney's sense.
-        moment: (n,) M / (r F_z).
-        load: (n,) `jamming_load`: below 1 the peg is predicted to slide.
-        slid: (n,) whether it did.
+        force: (n,), F_x / F_z with Whitney's sign of F_x.
+        moment: (n,), M / (r F_z).
+        load: (n,), `jamming_load`; the peg is predicted to slide where it is below 1.
+        slid: (n,), whether the simulated peg slid.
         slenderness: lambda.
     """
 
@@ -129,7 +139,7 @@ class JammingTrials:
     slenderness: float
 
     def agreement(self, margin: float = 0.05) -> float:
-        """Part of the trials that went as predicted, of those further than ``margin`` from the edges."""
+        """Share of correct predictions among the trials whose load differs from 1 by more than ``margin``."""
         clear = np.abs(self.load - 1.0) > margin
         return float(((self.load < 1.0) == self.slid)[clear].mean())
 
@@ -137,7 +147,16 @@ class JammingTrials:
 def jamming_trials(
     scenario: Scenario, friction: float, *, depth: float, count: int, seed: int, reach: float = 1.5
 ) -> JammingTrials:
-    """Loads spread evenly over the parallelogram and its surroundings, ``reach`` times its size."""
+    """Trials with random loads, uniform over an area ``reach`` times the parallelogram in both directions.
+
+    Args:
+        scenario: geometry of the bodies.
+        friction: coefficient mu.
+        depth: l, m.
+        count: number of trials.
+        seed: seed of the loads.
+        reach: size of the area over that of the parallelogram.
+    """
     sizes = PegTheory.of(scenario)
     lam = float(slenderness(depth, peg_radius=sizes.r, friction=friction))
     rng = np.random.default_rng(seed)
@@ -150,10 +169,11 @@ def jamming_trials(
 
 
 def _slides(probe: ContactProbe, sizes: PegTheory, depth: float, x: float, m: float, side: float) -> bool:
+    """Whether the peg slides under F_x / F_z = x and M / (r F_z) = m; ``side`` is the sign of its tilt."""
     tilt = side * two_point_tilt(depth, peg_radius=sizes.r, hole_radius=sizes.R)
     probe.hold()
     probe.place(sizes.two_point_pose(tilt, depth))
-    # Whitney's F_x points from the mouth's contact to the tip's, against our x for a positive tilt.
+    # Whitney's F_x points from the contact at the mouth to that at the tip: along -x for a positive tilt.
     lateral, moment = -AXIAL_FORCE * x, AXIAL_FORCE * m * sizes.r
     probe.load(lateral, 0.0, moment)
     probe.hold("z")
@@ -170,13 +190,13 @@ def _slides(probe: ContactProbe, sizes: PegTheory, depth: float, x: float, m: fl
 def force_balance(
     scenario: Scenario, friction: float, *, depth: float, shares: ArrayLike = (0.0, 0.25, 0.5, 0.75, 0.9)
 ) -> tuple[Array, Array]:
-    """Axial force of slow sliding in two-point contact, predicted and measured, N.
+    """Axial force of slow sliding in two-point contact, N: predicted (n,) and measured (n,).
 
     Args:
-        scenario: of the bodies.
-        friction: mu.
+        scenario: geometry of the bodies.
+        friction: coefficient mu.
         depth: l, m.
-        shares: of the lateral force in mu d F_x / M, against which the formula is linear.
+        shares: (n,), part of the load of 4 mN m that is a lateral force F_x = share * 4 mN m / l; the rest is a moment.
     """
     sizes = PegTheory.of(scenario)
     probe = ContactProbe(converged(scenario, friction), **CRAWLING)
@@ -189,45 +209,21 @@ def force_balance(
     return predicted_all, measured_all
 
 
-class PlanarProbe(Protocol):
-    """What a measurement moves: `ContactProbe` has it, and so may a probe of another engine."""
-
-    time_step: float
-
-    def place(self, pose: PlanarPose) -> None:
-        """See `ContactProbe`."""
-
-    def load(self, force_x: float, force_z: float, moment: float) -> None:
-        """See `ContactProbe`."""
-
-    def hold(self, *names: str) -> None:
-        """See `ContactProbe`."""
-
-    def step(self, count: int = 1) -> None:
-        """See `ContactProbe`."""
-
-    def pose(self) -> PlanarPose:
-        """See `ContactProbe`."""
-
-    def contact_load(self) -> Array:
-        """See `ContactProbe`."""
-
-
 def crawl(
     probe: PlanarProbe, sizes: PegTheory, friction: float, *, lateral: float, moment: float, depth: float
 ) -> tuple[float, Array]:
     """Axial force of a peg that slides slowly under a constant load in two-point contact.
 
     Args:
-        probe: with the freedoms of `CRAWLING`.
+        probe: with the parameters `CRAWLING`.
         sizes: of the bodies.
-        friction: mu.
-        lateral: F_x in Whitney's sense, N.
+        friction: coefficient mu.
+        lateral: F_x with Whitney's sign, N.
         moment: M about the tip, N m.
-        depth: l, m, at the start.
+        depth: l at the start, m.
 
     Returns:
-        the predicted force, N, where the peg ends, and the 20 measured over the last 40 ms.
+        The predicted force at the depth where the peg ends, N, and the force measured over the last 40 ms, (20,), N.
     """
     law = {"peg_radius": sizes.r, "friction": friction}
     tilt = two_point_tilt(depth, peg_radius=sizes.r, hole_radius=sizes.R)
@@ -245,13 +241,15 @@ def crawl(
 
 
 def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float, push: float = 1.0) -> float:
-    """What part of its squeeze a peg in two-point contact keeps 20 ms after a moment on it has gone.
+    """Part of its squeeze that a peg in two-point contact keeps 20 ms after the moment on it is removed.
+
+    The squeeze is the tilt beyond that at which both contacts close.
 
     Args:
-        probe: undamped, or the damping would hold the peg.
+        probe: without damping of x and z, which would hold the peg.
         sizes: of the bodies.
-        tilt: rad.
-        push: N, normal force at each contact under the moment.
+        tilt: at which both contacts close, rad.
+        push: normal force at each contact under the moment, N.
     """
     facets = probe.facets
     shrunk = np.cos(np.pi / facets)
@@ -276,9 +274,9 @@ def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float, push: float
 
 
 def measured_wedging_tilt(scenario: Scenario, friction: float) -> tuple[float, Array]:
-    """Smallest tilt at which a squeezed peg stays squeezed, and the (tilt, kept part) of every trial (n, 2).
+    """Minimum tilt at which a squeezed peg stays squeezed, rad, and tilt (rad) and kept part of every trial, (n, 2).
 
-    The tilt is NaN where no change from slipping to holding lies between the tilts that the bore allows.
+    The tilt is NaN if the peg does not change from slipping to holding within the tilts that the bore allows.
     """
     sizes = PegTheory.of(scenario)
     stiff = converged(scenario, friction)
@@ -292,10 +290,10 @@ def measured_wedging_tilt(scenario: Scenario, friction: float) -> tuple[float, A
     if not free < wedged:
         return float("nan"), np.empty((0, 2))
     trials = [(t, squeeze_kept(probe, sizes, t)) for t in (free, wedged)]
-    if trials[0][1] >= KEPT or trials[1][1] < KEPT:
+    if trials[0][1] >= MIN_KEPT_SQUEEZE or trials[1][1] < MIN_KEPT_SQUEEZE:
         return float("nan"), np.array(trials)
     while wedged - free > 0.005 * law:
         middle = 0.5 * (free + wedged)
         trials.append((middle, squeeze_kept(probe, sizes, middle)))
-        free, wedged = (free, middle) if trials[-1][1] >= KEPT else (middle, wedged)
+        free, wedged = (free, middle) if trials[-1][1] >= MIN_KEPT_SQUEEZE else (middle, wedged)
     return 0.5 * (free + wedged), np.array(sorted(trials))

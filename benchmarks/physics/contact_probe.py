@@ -1,16 +1,17 @@
-"""A peg with three planar freedoms and nothing else, to measure contact against theory.
+"""A simulated peg with three planar freedoms, for measurements of contact against theory.
 
-The peg slides along x and z and turns about y, all at the centre of its tip, under prescribed loads; the bore is
-fixed. The bore's polygon is turned so that a corner of it, and one of the peg's, lies in the plane of motion.
+The peg slides along x and z and turns about y, at the centre of its tip, under prescribed loads; the bore is fixed.
+One corner of the bore's polygon and one of the peg's lie in the plane of motion.
 """
 
 from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.geometry import HydroelasticContactRepresentation
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint, SpatialInertia, UnitInertia
@@ -18,36 +19,65 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from models.scenario import Scenario
+from skill.arrays import Array
 from systems.plant.contact_plant import add_hydroelastic_plant, finish_contact_plant
 
 AXES = ("x", "z", "tilt")
-"""Of the probe's loads and velocities: N, N, N m and m/s, m/s, rad/s."""
+"""Names of the freedoms, in the order of loads (N, N, N m) and velocities (m/s, m/s, rad/s)."""
 
 STAGE_MASS = 1e-3
-"""kg, of each of the two slides that the peg's mass does not ride on."""
+"""Mass of each of the two slides between the bore and the peg, kg."""
 
 
 @dataclass(frozen=True)
 class PlanarPose:
-    """Of the peg: the centre of its tip in H, and its tilt about y."""
+    """Pose of the peg: the centre of its tip in H, and its tilt about y."""
 
     x: float  # in units of m
     z: float  # in units of m
     tilt: float  # in units of rad
 
 
+class PlanarProbe(Protocol):
+    """The interface of a probe in any engine; `ContactProbe` implements it with Drake.
+
+    Attributes:
+        time_step: of the simulation, s.
+    """
+
+    time_step: float
+
+    def place(self, pose: PlanarPose) -> None:
+        """Puts the peg at a pose, at rest, and starts a new simulation."""
+
+    def load(self, force_x: float, force_z: float, moment: float) -> None:
+        """Sets the force on the tip's centre, N, and the moment about y at the tip's centre, N m."""
+
+    def hold(self, *names: str) -> None:
+        """Locks the named freedoms of `AXES` and frees the others."""
+
+    def step(self, count: int = 1) -> None:
+        """Takes ``count`` time steps."""
+
+    def pose(self) -> PlanarPose:
+        """The pose of the peg."""
+
+    def contact_load(self) -> Array:
+        """The contact force along x and z, N, and moment about y at the tip's centre, N m, of the last step: (3,)."""
+
+
 class ContactProbe:
-    """A simulated peg that is moved or loaded by hand, one time step after another.
+    """A peg in Drake that is placed, loaded and simulated step by step, without gravity.
 
     Args:
-        scenario: geometry and contact of the bodies. ``geometry.hole_radius`` is that of the true bore: see
-            ``matched``.
-        matched: whether the bore's polygon has its corners on the true circle, like the peg's, as `make_bore` has
-            them, so that both shrink by the same factor cos(pi/n); otherwise its sides lie on it.
-        mass: kg, of the peg; gravity is off.
-        inertia: kg m^2, about the tip.
-        damping: N s/m, N s/m and N m s/rad on x, z and tilt.
-        stiction_tolerance: m/s, at which friction is fully mobilised: a stuck contact creeps at up to this speed.
+        scenario: geometry and contact of the bodies; ``geometry.hole_radius`` is the radius of the true bore.
+        matched: whether the corners of the bore's polygon lie on the true circle, like those of the peg (as in
+            `make_bore`), so that both shrink by the same factor cos(pi/n). Otherwise the polygon's sides touch the
+            circle from outside.
+        mass: of the peg, kg.
+        inertia: of the peg about its tip, kg m^2.
+        damping: of x, z and tilt, N s/m, N s/m and N m s/rad.
+        stiction_tolerance: speed at which friction is fully mobilised, m/s; a stuck contact creeps at up to this speed.
     """
 
     def __init__(
@@ -95,7 +125,7 @@ class ContactProbe:
         self.load(0.0, 0.0, 0.0)
 
     def place(self, pose: PlanarPose) -> None:
-        """Puts the peg there, at rest, and begins a new run."""
+        """Puts the peg at a pose, at rest, and starts a new simulation."""
         self._simulator.get_mutable_context().SetTime(0.0)
         self._steps = 0
         state = np.array([pose.x, pose.z, pose.tilt, 0.0, 0.0, 0.0])
@@ -103,12 +133,12 @@ class ContactProbe:
         self._simulator.Initialize()
 
     def load(self, force_x: float, force_z: float, moment: float) -> None:
-        """Force on the tip's centre, N, and moment about it and y, N m, from now on."""
+        """Sets the force on the tip's centre, N, and the moment about y at the tip's centre, N m."""
         port = self.plant.get_applied_generalized_force_input_port()
         port.FixValue(self._own, np.array([force_x, force_z, moment]))
 
     def hold(self, *names: str) -> None:
-        """Locks these of `AXES` and frees the others."""
+        """Locks the named freedoms of `AXES` and frees the others."""
         for name in AXES:
             joint = self.plant.GetJointByName(name)
             if name in names:
@@ -122,18 +152,18 @@ class ContactProbe:
         self._simulator.AdvanceTo(self._steps * self.time_step)
 
     def pose(self) -> PlanarPose:
-        """Where the peg is."""
+        """The pose of the peg."""
         return PlanarPose(*(float(v) for v in self.plant.GetPositions(self._own)))
 
-    def velocity(self) -> NDArray[np.float64]:
-        """(3,) along `AXES`."""
+    def velocity(self) -> Array:
+        """The velocities (3,) of `AXES`, m/s, m/s and rad/s."""
         return np.array(self.plant.GetVelocities(self._own))
 
-    def contact_load(self) -> NDArray[np.float64]:
-        """(3,) force x, z and moment y of contact about the tip's centre, as in the last step."""
+    def contact_load(self) -> Array:
+        """The contact force along x and z, N, and moment about y at the tip's centre, N m, of the last step: (3,)."""
         return np.array(self.plant.get_generalized_contact_forces_output_port(self._instance).Eval(self._own))
 
     def touches(self) -> bool:
-        """Whether the meshes overlap at this pose, from geometry alone."""
+        """Whether the meshes overlap at the present pose."""
         query = self.plant.get_geometry_query_input_port().Eval(self._own)
         return bool(query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon))

@@ -1,38 +1,43 @@
-"""How far the simulated contact is from the rigid bodies, against facets, modulus, time step and approximation.
+"""Errors of the simulated contact over number of facets, modulus, time step and contact approximation.
 
     python -m benchmarks.physics.convergence [--tilt-deg 1] [--force 5] [--json FILE]
 
-A peg whose tilt is held is pushed into two-point contact and left to come to rest, free sideways. For every setting:
+A peg with a fixed tilt is pushed into two-point contact, free to move sideways, until it is at rest. Columns, one row
+per setting:
 
-- play depth: where two-point contact begins, from the meshes alone, against the exact h(theta);
-- depth: where the peg comes to rest under the push, against the same h(theta): what the compliance adds;
-- moment: that keeps the tilt, against the finest setting (256 facets, 0.1 ms, corners on the circles);
-- overlap: how deep the peg's circle overlaps the bore's at rest, by exact geometry of the simulated bodies;
-- cost: process CPU time of a step in contact.
+- play depth: error of the depth at which two-point contact begins, from the meshes alone, relative to the exact h;
+- depth: error of the depth at rest under the push, relative to the same h; it includes the compliance of the contact;
+- moment: moment that keeps the tilt, relative to the finest setting (256 facets, 0.1 ms, corners on the circle);
+- overlap: depth of overlap of the round bodies at rest, by exact geometry, um;
+- ms a step: CPU time of a step in contact.
 
-"corners" is where the corners of the bore's polygon lie: on the true circle, like those of the peg, as `make_bore` has
-them, or outside it.
+"corners" says where the corners of the bore's polygon lie: on the true circle, like those of the peg (as in
+`make_bore`), or outside it.
 """
 
 from __future__ import annotations
 
-import argparse
 import copy
-import json
 import time
-from pathlib import Path
 from typing import Any
+
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml")
 
 import numpy as np
 
-from benchmarks.physics.contact_measurements import PegTheory, PlanarProbe, measured_two_point_depth
-from benchmarks.physics.contact_probe import ContactProbe, PlanarPose
+from benchmarks.command_line import argument_parser, run
+from benchmarks.physics.contact_measurements import PegTheory, measured_two_point_depth
+from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe
 from models.contact_geometry import PegInHole, axes_of_rotation_vectors
 from models.contact_theory import two_point_depth
 from models.scenario import Scenario
+from systems.reports.terminal import progress, write_json
 
-REST = 0.08  # s, until the peg has come to rest
-TIMED = 0.02  # s, of those at rest, over which a step's cost is taken
+REST = 0.08  # s; simulated time until the peg is at rest
+TIMED = 0.02  # s; simulated time at rest over which the cost of a step is averaged
 
 FINEST = {"facets": 256, "time_step": 1e-4}
 SETTINGS: list[dict[str, Any]] = [
@@ -44,6 +49,13 @@ SETTINGS: list[dict[str, Any]] = [
 
 
 def measure(setting: dict[str, Any], tilt: float, force: float) -> dict[str, Any]:
+    """The results of one setting.
+
+    Args:
+        setting: some of ``facets``, ``corners``, ``modulus``, ``time_step``, ``approximation``; the others are default.
+        tilt: of the peg, rad.
+        force: axial push, N.
+    """
     scenario = copy.deepcopy(Scenario())
     scenario.geometry.facets = setting.get("facets", 64)
     for name in ("modulus", "time_step", "approximation"):
@@ -59,7 +71,19 @@ def measure(setting: dict[str, Any], tilt: float, force: float) -> dict[str, Any
 
 
 def press(probe: PlanarProbe, sizes: PegTheory, bodies: PegInHole, tilt: float, force: float) -> dict[str, float]:
-    """The peg at rest under a push with its tilt held, and the cost of a step; see the module."""
+    """Pushes the peg at a fixed tilt until it is at rest.
+
+    Args:
+        probe: moves the peg.
+        sizes: of the bodies.
+        bodies: the round bodies whose overlap is measured.
+        tilt: rad.
+        force: axial push, N.
+
+    Returns:
+        ``depth_error`` relative to h, ``moment`` that keeps the tilt (N m), ``overlap_um`` of the round bodies, and
+        ``cost_ms``, the CPU time of a step.
+    """
     h = float(two_point_depth(tilt, peg_radius=sizes.r, hole_radius=sizes.R))
     probe.hold()
     start = sizes.two_point_pose(tilt, h - 2e-5)
@@ -82,31 +106,28 @@ def press(probe: PlanarProbe, sizes: PegTheory, bodies: PegInHole, tilt: float, 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tilt-deg", type=float, default=1.0)
-    parser.add_argument("--force", type=float, default=5.0, help="axial push, N")
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser = argument_parser(__doc__)
+    parser.add_argument("--tilt-deg", type=float, default=1.0, help="fixed tilt of the peg, deg (default: 1)")
+    parser.add_argument("--force", type=float, default=5.0, help="axial push, N (default: 5)")
     arguments = parser.parse_args()
     tilt = np.radians(arguments.tilt_deg)
-    finest = measure(FINEST, tilt, arguments.force)
-    rows = [{"setting": FINEST, **finest, "moment_error": 0.0}]
-    heading = f"{'setting':44} {'play depth':>10} {'depth':>8} {'moment':>8} {'overlap um':>10} {'ms a step':>9}"
-    print(heading)
-    for setting in [FINEST, *SETTINGS]:
-        if setting is not FINEST:
+    rows: list[dict[str, Any]] = []
+    print(f"{'setting':44} {'play depth':>10} {'depth':>8} {'moment':>8} {'overlap um':>10} {'ms a step':>9}")
+    with progress("convergence", 1 + len(SETTINGS)) as advance:
+        for setting in [FINEST, *SETTINGS]:
             row = {"setting": setting, **measure(setting, tilt, arguments.force)}
-            row["moment_error"] = row["moment"] / finest["moment"] - 1.0
             rows.append(row)
-        row = rows[-1]
-        text = ", ".join(f"{name} {value}" for name, value in setting.items())
-        print(
-            f"{text:44} {100 * row['play_depth_error']:8.2f} % {100 * row['depth_error']:6.1f} %"
-            f" {100 * row['moment_error']:6.1f} % {row['overlap_um']:10.1f} {row['cost_ms']:9.2f}",
-            flush=True,
-        )
+            row["moment_error"] = row["moment"] / rows[0]["moment"] - 1.0
+            text = ", ".join(f"{name} {value}" for name, value in setting.items())
+            print(
+                f"{text:44} {100 * row['play_depth_error']:8.2f} % {100 * row['depth_error']:6.1f} %"
+                f" {100 * row['moment_error']:6.1f} % {row['overlap_um']:10.1f} {row['cost_ms']:9.2f}",
+                flush=True,
+            )
+            advance(text)
     if arguments.json:
-        arguments.json.write_text(json.dumps(rows, indent=1))
+        write_json(arguments.json, rows)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -1,39 +1,44 @@
-"""Two-point contact in Drake and in MuJoCo: how near to rigid bodies, and at what cost of a step.
+"""Two-point contact in Drake and in MuJoCo: error relative to rigid bodies, and cost of a step.
 
     python -m benchmarks.physics.engines [--json FILE]       needs the extra [peers]
 
-Both engines move the same peg with the same planar freedoms through the same cases:
+Both engines move the same peg with the same planar freedoms. Columns, one row per engine and setting; the first three
+are from a press, the next three from slow slides:
 
-- press: a peg whose tilt is held at 1 degree is pushed with 5 N until it rests on two points (case of
-  `benchmarks.physics.convergence`): its depth against the exact h(theta), how deep the round bodies overlap, and the
-  moment
-  that the contacts need to carry the push, against that of both contacts slipping;
-- light and firm crawl: 20 mm deep, the peg slides slowly under a moment that presses each contact with 0.2 and with
-  10 N; the axial contact force against Whitney's balance, and for the firm crawl its standard deviation.
+- depth, overlap um, moment: a peg with a fixed tilt of 1 degree is pushed with 5 N until it rests on two points (see
+  `benchmarks.physics.convergence`): error of its depth relative to the exact h, overlap of the round bodies, and error
+  of the moment of the contacts relative to that of two slipping contacts;
+- light crawl, firm crawl: the peg slides slowly at a depth of 20 mm under a moment that presses each contact with
+  0.2 N or 10 N: error of the axial contact force relative to Whitney's balance; "its spread" is the standard deviation
+  of the force in the firm crawl, relative to the same balance;
+- ms a step: CPU time of a step in contact.
 
-In MuJoCo the peg is an exact cylinder and the bore a ring of boxes (`benchmarks.physics.mujoco_model`). The rig and
-its trials
-in both engines are in `benchmarks.rig.mujoco`.
+In MuJoCo the peg is an exact cylinder and the bore a ring of boxes (`benchmarks.physics.mujoco_model`).
+`benchmarks.rig.mujoco` compares the engines in trials of the rig.
 """
 
 from __future__ import annotations
 
-import argparse
 import copy
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
+
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml", "mujoco")
 
 import numpy as np
 
-from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, PlanarProbe, converged, crawl
-from benchmarks.physics.contact_probe import ContactProbe
+from benchmarks.command_line import argument_parser, run
+from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, converged, crawl
+from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
 from benchmarks.physics.convergence import FINEST, press
 from benchmarks.physics.mujoco_model import MujocoContact, MujocoProbe
 from models.contact_theory import two_point_push_moment
 from models.scenario import Scenario
+from systems.reports.terminal import progress, write_json
 from systems.runs.penetration import round_bodies
 
 TILT, PUSH = np.radians(1.0), 5.0  # rad, N
@@ -42,7 +47,7 @@ PRESSED: dict[str, Any] = {"mass": 0.5, "damping": (5.0, 40.0, 0.0)}
 
 
 def measure(make: Callable[..., PlanarProbe], scenario: Scenario) -> dict[str, float]:
-    """All cases with one engine and one setting."""
+    """The results of one engine and setting; ``make`` returns a probe with given mass, inertia and damping."""
     friction, sizes = scenario.contact.friction, PegTheory.of(scenario)
     bodies = round_bodies(scenario.geometry)
     row = press(make(**PRESSED), sizes, bodies, TILT, PUSH)
@@ -57,10 +62,10 @@ def measure(make: Callable[..., PlanarProbe], scenario: Scenario) -> dict[str, f
 
 
 def settings() -> Iterator[tuple[str, Callable[..., PlanarProbe], Scenario]]:
-    """Name, maker of probes, and scenario of every row."""
+    """Yields the name, the constructor of probes, and the scenario of every row."""
     default = Scenario()
     finest = copy.deepcopy(default)
-    finest.geometry.facets, finest.contact.time_step = FINEST["facets"], FINEST["time_step"]
+    finest.geometry.facets, finest.contact.time_step = int(FINEST["facets"]), FINEST["time_step"]
     for name, scenario in (
         ("default", default),
         ("finest", finest),
@@ -90,9 +95,7 @@ def settings() -> Iterator[tuple[str, Callable[..., PlanarProbe], Scenario]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
-    arguments = parser.parse_args()
+    arguments = argument_parser(__doc__).parse_args()
     rows: dict[str, dict[str, float]] = {}
     columns = {
         "depth_error": "depth",
@@ -104,16 +107,22 @@ def main() -> None:
         "cost_ms": "ms a step",
     }
     print(f"{'':52}" + "".join(f"{title:>13}" for title in columns.values()))
-    for name, make, scenario in settings():
-        row = rows[name] = measure(make, scenario)
-        cells = [
-            f"{row[key]:.3f}" if key == "cost_ms" else f"{row[key]:.1f}" if "um" in key else f"{100 * row[key]:.1f} %"
-            for key in columns
-        ]
-        print(f"{name:52}" + "".join(f"{cell:>13}" for cell in cells), flush=True)
+    chosen = list(settings())
+    with progress("engines", len(chosen)) as advance:
+        for name, make, scenario in chosen:
+            row = rows[name] = measure(make, scenario)
+            print(f"{name:52}" + "".join(f"{cell(key, row[key]):>13}" for key in columns), flush=True)
+            advance(name)
     if arguments.json:
-        arguments.json.write_text(json.dumps(rows, indent=1))
+        write_json(arguments.json, rows)
+
+
+def cell(key: str, value: float) -> str:
+    """The text of a value in the table."""
+    if key == "cost_ms":
+        return f"{value:.3f}"
+    return f"{value:.1f}" if key == "overlap_um" else f"{100 * value:.1f} %"
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -1,6 +1,9 @@
-"""The pictures of docs/physics.md, from what the benchmarks wrote.
+"""The pictures of docs/physics.md.
 
-python -m benchmarks.physics.figures --theory FILE [FILE ...] --out docs/pictures
+    python -m benchmarks.physics.figures --theory FILE [FILE ...] [--out docs/pictures]
+
+Each FILE is a result of `benchmarks.physics.theory --json`, one per friction. `draw_states` is called by
+`benchmarks.learners.contact_states`.
 """
 
 from __future__ import annotations
@@ -11,6 +14,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml")
+
 import matplotlib
 import matplotlib.colors
 
@@ -18,11 +26,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from models.contact_theory import (
-    jamming_vertices,
-    slenderness,
-    two_point_depth,
-)
+from benchmarks.command_line import run
+from models.contact_theory import jamming_vertices, slenderness, two_point_depth
 from models.scenario import Scenario
 from skill.states.state_naming import StateNames
 from skill.states.state_style import PALETTE
@@ -31,7 +36,7 @@ BLUE, ORANGE, GREEN, WINE = PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[7]
 
 
 def draw_depth(result: dict[str, Any], path: Path) -> None:
-    """Two-point depth over tilt."""
+    """Draws the two-point depth over the tilt."""
     g = Scenario().geometry
     tilt = np.linspace(0.22, 3.2, 300)
     figure, axis = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
@@ -52,7 +57,7 @@ def draw_depth(result: dict[str, Any], path: Path) -> None:
 
 
 def draw_jamming(results: Sequence[dict[str, Any]], path: Path) -> None:
-    """Slide and stick in the jamming diagram, one panel a friction."""
+    """Draws the loads that slid and stuck in the jamming diagram, one panel per friction."""
     figure, axes = plt.subplots(1, len(results), figsize=(3.6 * len(results), 3.8), layout="constrained", squeeze=False)
     for axis, result in zip(axes[0], results, strict=True):
         trials = np.array(result["jam_trials"])
@@ -73,7 +78,7 @@ def draw_jamming(results: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def draw_wedging(results: Sequence[dict[str, Any]], path: Path) -> None:
-    """What part of its squeeze a peg keeps, over tilt / (c / mu)."""
+    """Draws the part of its squeeze that a peg keeps over tilt / (c / mu)."""
     figure, axis = plt.subplots(figsize=(6.4, 3.6), layout="constrained")
     for colour, result in zip((BLUE, ORANGE, GREEN, WINE), results, strict=False):
         tilt, kept = np.array(result["wedge_trials"]).T
@@ -93,7 +98,7 @@ def draw_wedging(results: Sequence[dict[str, Any]], path: Path) -> None:
 
 
 def draw_balance(results: Sequence[dict[str, Any]], path: Path) -> None:
-    """Axial force of sliding, simulated over predicted."""
+    """Draws the simulated over the predicted axial force of a sliding peg."""
     figure, axis = plt.subplots(figsize=(4.6, 4.0), layout="constrained")
     for colour, result in zip((BLUE, ORANGE, GREEN, WINE), results, strict=False):
         predicted = 1e3 * np.array(result["axial_force_predicted"])
@@ -115,11 +120,20 @@ def draw_states(
     states: np.ndarray,
     named: StateNames,
 ) -> None:
-    """One insertion: true labels above discovered states, each in the colour of its label or a tint of it."""
+    """Draws one insertion: true labels above discovered states, each in the colour of its label or a tint of it.
+
+    Args:
+        path: of the file (.png or .svg).
+        times: (n,), s.
+        labels: (n,), true label of each sample.
+        label_names: names of all labels.
+        states: (n,), discovered state of each sample.
+        named: names and dominant labels of the states.
+    """
     figure, axes = plt.subplots(2, 1, figsize=(8.6, 2.9), sharex=True, layout="constrained")
     ends = np.append(times[1:], times[-1] + 0.02)
     colours = {k: matplotlib.colors.to_rgb(PALETTE[rank]) for rank, k in enumerate(np.unique(labels))}
-    tints = {}
+    tints: dict[int, tuple[float, ...]] = {}
     for k in np.unique(states):
         base = np.array(colours.get(int(named.labels[k]), (0.5, 0.5, 0.5)))
         strength = (1.0, 0.6, 0.35)[min(2, sum(named.labels[j] == named.labels[k] for j in tints))]
@@ -149,8 +163,12 @@ def _finish(figure: Any, path: Path) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--theory", type=Path, nargs="+", required=True, help="what benchmarks.physics.theory wrote")
-    parser.add_argument("--out", type=Path, default=Path("docs/pictures"))
+    parser.add_argument(
+        "--theory", type=Path, nargs="+", required=True, metavar="FILE", help="results of benchmarks.physics.theory"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("docs/pictures"), metavar="FOLDER", help="default: docs/pictures"
+    )
     arguments = parser.parse_args()
     plt.rcParams["svg.hashsalt"] = "physics"
     results = sorted((json.loads(path.read_text()) for path in arguments.theory), key=lambda r: r["friction"])
@@ -161,4 +179,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -1,8 +1,8 @@
-"""The bodies in MuJoCo: an exact cylinder in a ring of boxes, by hand as `ContactProbe` has them, or on the rig.
+"""The bodies in MuJoCo: an exact cylinder in a ring of boxes, as a probe or on the rig.
 
-The boxes' faces touch the true circle, so that the play of the round peg is the true one (to 0.1 % between two faces).
-Each side of the bore is three boxes: the wall, the chamfer, tilted by 45 degrees, and the block's face above; under
-them lies the floor. A box is wider than its side: beyond its edges it lies within its neighbours.
+The faces of the boxes touch the true circle, so that the play of the round peg is exact (to 0.1 % between two faces).
+Each side of the bore has three boxes: the wall, the chamfer, tilted by 45 degrees, and the face of the block above. The
+floor lies below. A box is wider than its side; its ends lie within its neighbours.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from benchmarks.physics.contact_probe import AXES, PlanarPose
 from models.scenario import Geometry, Scenario
+from skill.arrays import Array
 from systems.plant.contact_plant import AddRigPlant
 
 PEG, BLOCK = 'contype="2" conaffinity="1"', 'contype="1" conaffinity="2"'
@@ -25,22 +26,21 @@ PEG, BLOCK = 'contype="2" conaffinity="1"', 'contype="1" conaffinity="2"'
 
 @dataclass(frozen=True)
 class MujocoContact:
-    """How MuJoCo solves contact.
+    """Parameters of MuJoCo's contact.
 
-    The defaults are those of the rig: of the settings that keep the planar cases of `benchmarks.physics.engines`
-    without
-    chatter, the one that on the rig lets the bodies overlap about as much as Drake's default contact does. MuJoCo's
-    softness is that of an acceleration, and so depends on the masses that meet: at equal settings the overlap on the
-    rig is several times that of the planar peg.
+    The defaults are those of the rig. Of the settings without chatter in the planar cases of
+    `benchmarks.physics.engines`, they give about the same overlap on the rig as Drake's default contact. MuJoCo's
+    contact has a prescribed acceleration, so that its compliance depends on the masses in contact: with the same
+    parameters the overlap on the rig is several times that of the planar peg.
 
     Attributes:
-        boxes: in the ring.
+        boxes: number of boxes in the ring.
         time_step: s.
-        time_constant: of a contact's return to zero overlap, in time steps; below 2 MuJoCo raises it to 2.
-        impedance: least and greatest part of a contact's acceleration that is taken out as if it were rigid, and the
-            overlap, m, over which it grows from one to the other.
-        precision: m, to which distances between bodies are found. MuJoCo's own default is 1e-6: as large as the
-            overlaps here, it leaves normals that are none, and pegs that stick where they should slide.
+        time_constant: of a contact's return to zero overlap, in time steps; MuJoCo raises values below 2 to 2.
+        impedance: minimum and maximum part of a contact's acceleration that is removed as for rigid bodies, and the
+            overlap over which it grows from one to the other, m.
+        precision: of the distances between bodies, m. MuJoCo's own default of 1e-6 is as large as the overlaps here:
+            the normals are then noise, and pegs stick where they should slide.
     """
 
     boxes: int = 64
@@ -51,7 +51,15 @@ class MujocoContact:
 
 
 def document(contact: MujocoContact, friction: float, gravity: float, bodies: str, rest: str = "") -> str:
-    """MJCF with the contact's options."""
+    """An MJCF document.
+
+    Args:
+        contact: parameters of the contact.
+        friction: coefficient mu.
+        gravity: m/s^2, along -z.
+        bodies: MJCF elements of the world body.
+        rest: further MJCF elements.
+    """
     impedance = " ".join(f"{v:g}" for v in contact.impedance)
     return f"""
 <mujoco>
@@ -68,16 +76,16 @@ def document(contact: MujocoContact, friction: float, gravity: float, bodies: st
 
 
 def bore(g: Geometry, boxes: int) -> str:
-    """Geoms of the block, in H."""
+    """MJCF geoms of the block in H, with the given number of boxes around the bore."""
     thickness = g.block_radius - g.hole_radius - g.chamfer
     half = 0.5 * thickness
     width = g.block_radius * np.tan(np.pi / boxes)
     wall = 0.5 * (g.hole_depth - g.chamfer)
     slope = g.chamfer / np.sqrt(2.0)  # half the chamfer's length
-    # (centre's radius, its height, tilt towards the axis, half sizes)
+    # (radius and height of the centre, tilt towards the axis, half sizes)
     sides = [(g.hole_radius + half, -g.chamfer - wall, 0.0, (half, wall))]
     if g.chamfer > 0:
-        behind = half / np.sqrt(2.0)  # of the face, outward and down
+        behind = half / np.sqrt(2.0)  # distance of the centre from the face, outward and down
         middle = (g.hole_radius + 0.5 * g.chamfer + behind, -0.5 * g.chamfer - behind)
         sides += [(*middle, np.pi / 4, (half, slope))]
         sides += [(g.hole_radius + g.chamfer + half, -0.5 * g.chamfer, 0.0, (half, 0.5 * g.chamfer))]
@@ -86,7 +94,7 @@ def bore(g: Geometry, boxes: int) -> str:
         about = 2.0 * np.pi * k / boxes
         for radius, z, tilt, (across, along) in sides:
             x, y = radius * np.cos(about), radius * np.sin(about)
-            # First about y, which tips a wall outward, then about z.
+            # A rotation about y, which tilts a wall outward, then about z.
             turn = np.cos(about / 2), np.sin(about / 2)
             lean = np.cos(tilt / 2), np.sin(tilt / 2)
             q = (turn[0] * lean[0], -turn[1] * lean[1], turn[0] * lean[1], turn[1] * lean[0])
@@ -102,15 +110,17 @@ def bore(g: Geometry, boxes: int) -> str:
 
 
 def peg(g: Geometry) -> str:
-    """The peg's geom, in P."""
+    """The MJCF geom of the peg in P."""
     return f'<geom type="cylinder" {PEG} size="{g.peg_radius} {0.5 * g.peg_length}" pos="0 0 {0.5 * g.peg_length}"/>'
 
 
 def rig_document(scenario: Scenario, contact: MujocoContact) -> str:
-    """The rig's bodies, with the masses and inertias that they have in Drake, its mount, motors and sensor."""
+    """The MJCF document of the rig: bodies with the masses and inertias of Drake's plant, mount, motors and sensor."""
     plant = AddRigPlant(DiagramBuilder(), scenario).plant
     g, rig, stepper, feed = scenario.geometry, scenario.rig, scenario.stepper, scenario.feed
     pivot = rig.pivot_height
+    if pivot is None:
+        raise ValueError("rig.pivot_height is not set; resolve the scenario first (`resolve_scenario`)")
     slide = f'type="slide" stiffness="{rig.mount_stiffness}" damping="{rig.mount_damping}"'
     bodies = f"""
     <body name="carriage">
@@ -153,7 +163,7 @@ def rig_document(scenario: Scenario, contact: MujocoContact) -> str:
 def _inertial(plant: MultibodyPlant, name: str) -> str:
     inertia = plant.GetBodyByName(name).default_spatial_inertia()
     centre = inertia.get_com()
-    I = inertia.Shift(centre).CalcRotationalInertia()  # noqa: E741  (its name everywhere)
+    I = inertia.Shift(centre).CalcRotationalInertia()  # noqa: E741  (the usual symbol)
     moments, products = I.get_moments(), I.get_products()
     numbers = {"pos": centre, "fullinertia": [*moments, *products]}
     return f'<inertial mass="{inertia.get_mass()}" {" ".join(_attribute(k, v) for k, v in numbers.items())}/>'
@@ -164,9 +174,14 @@ def _attribute(name: str, values: ArrayLike) -> str:
 
 
 class MujocoProbe:
-    """`benchmarks.physics.contact_probe.ContactProbe` in MuJoCo: the same arguments and methods; the middle of a box
-    lies in
-    the plane of motion.
+    """A `benchmarks.physics.contact_probe.PlanarProbe` in MuJoCo; the middle of a box lies in the plane of motion.
+
+    Args:
+        scenario: geometry of the bodies and friction.
+        contact: parameters of the contact.
+        mass: of the peg, kg.
+        inertia: of the peg about its tip, kg m^2.
+        damping: of x, z and tilt, N s/m, N s/m and N m s/rad.
     """
 
     def __init__(
@@ -192,35 +207,35 @@ class MujocoProbe:
         self._damping = copy.deepcopy(self.model.dof_damping)
 
     def place(self, pose: PlanarPose) -> None:
-        """As in `ContactProbe`."""
+        """See `PlanarProbe`."""
         load = self.data.qfrc_applied.copy()
         mujoco.mj_resetData(self.model, self.data)
         self.data.qfrc_applied[:] = load
         self.data.qpos[:] = [pose.x, pose.z, pose.tilt]
 
     def load(self, force_x: float, force_z: float, moment: float) -> None:
-        """As in `ContactProbe`."""
+        """See `PlanarProbe`."""
         self.data.qfrc_applied[:] = [force_x, force_z, moment]
 
     def hold(self, *names: str) -> None:
-        """As in `ContactProbe`, by an inertia that no load here moves."""
+        """Locks the named freedoms of `AXES` by a very large inertia and damping, and frees the others."""
         held = np.array([name in names for name in AXES])
         self.model.dof_armature[:] = np.where(held, 1e6, 0.0)
         self.model.dof_damping[:] = np.where(held, 1e9, self._damping)
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
 
     def step(self, count: int = 1) -> None:
-        """As in `ContactProbe`."""
+        """See `PlanarProbe`."""
         mujoco.mj_step(self.model, self.data, nstep=count)
 
     def pose(self) -> PlanarPose:
-        """As in `ContactProbe`."""
+        """See `PlanarProbe`."""
         return PlanarPose(*(float(v) for v in self.data.qpos))
 
-    def velocity(self) -> NDArray[np.float64]:
-        """As in `ContactProbe`."""
+    def velocity(self) -> Array:
+        """The velocities (3,) of `AXES`, m/s, m/s and rad/s."""
         return np.array(self.data.qvel)
 
-    def contact_load(self) -> NDArray[np.float64]:
-        """As in `ContactProbe`."""
+    def contact_load(self) -> Array:
+        """See `PlanarProbe`."""
         return np.array(self.data.qfrc_constraint)

@@ -1,4 +1,4 @@
-"""The rig's bodies in MuJoCo, as a Drake system: `systems.rig.WireRig` takes it for Drake's own plant."""
+"""The bodies of the rig in MuJoCo, as a Drake system that `systems.rig.WireRig` takes in place of Drake's plant."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from benchmarks.physics.mujoco_model import MujocoContact, rig_document
 from models.scenario import Scenario
 
 KEPT = mujoco.mjtState.mjSTATE_PHYSICS | mujoco.mjtState.mjSTATE_WARMSTART
-"""Of MuJoCo's state, from one step to the next; with the inputs it decides the step."""
+"""The parts of MuJoCo's state that, with the inputs, determine the next step."""
 
 
 class MujocoPlant(LeafSystem):
@@ -38,11 +38,18 @@ class MujocoPlant(LeafSystem):
         - gimbal_state
         - reaction_forces
 
-    A `systems.plant.rig_plant.RigPlant`. Every ``period`` it takes as many of MuJoCo's steps as fill it, at least
-    one. Its
-    discrete state is MuJoCo's positions, velocities and warm start, and what the sensor's site felt in the last step:
-    the mount's force and torque on the peg, at the mount, in P. The steppers are MuJoCo's position actuators, whose
-    force ends at the holding torque; it knows no desired rates, and those of ``gimbal_equilibrium`` have to be zero.
+    A `systems.plant.rig_plant.RigPlant`. In every period, the contact time step of the scenario, it takes as many of
+    MuJoCo's steps as fill the period. The discrete state has two groups: MuJoCo's positions, velocities and warm start;
+    and the force (N) and torque (N m) of the mount on the peg, at the mount, in P, as measured by MuJoCo's sensor in
+    the last step. The steppers are MuJoCo's position actuators, with the holding torque as their force limit. They have
+    no desired rates: those of ``gimbal_equilibrium`` must be zero.
+
+    Args:
+        scenario: resolved.
+        contact: parameters of MuJoCo's contact.
+
+    Raises:
+        ValueError: if MuJoCo's time step does not divide the period.
     """
 
     sensor = 0
@@ -69,25 +76,23 @@ class MujocoPlant(LeafSystem):
         mujoco.mj_getState(model, scratch, kept, KEPT)
         self._kept = self.DeclareDiscreteState(kept)
         self._held = self.DeclareDiscreteState(np.array([0.0, 0.0, self.weight, 0.0, 0.0, 0.0]))
-        # A place to compute in, for each context its own; it holds nothing from one step to the next.
+        # Work space for each context; it keeps nothing from one step to the next.
         self._scratch = self.DeclareCacheEntry(
             "scratch",
             ValueProducer(lambda: Value[object](mujoco.MjData(model)), ValueProducer.NoopCalc),
             {self.nothing_ticket()},
         )
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        moved, felt = {self.discrete_state_ticket(self._kept)}, {self.discrete_state_ticket(self._held)}
-        self._carriage_state = self.DeclareVectorOutputPort("carriage_state", 2, self._calc_carriage, moved)
-        self._gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 4, self._calc_gimbal, moved)
+        motion, measurement = {self.discrete_state_ticket(self._kept)}, {self.discrete_state_ticket(self._held)}
+        self._carriage_state = self.DeclareVectorOutputPort("carriage_state", 2, self._calc_carriage, motion)
+        self._gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 4, self._calc_gimbal, motion)
         self._reaction_forces = self.DeclareAbstractOutputPort(
-            "reaction_forces", lambda: AbstractValue.Make([SpatialForce.Zero()]), self._calc_reaction, felt
+            "reaction_forces", lambda: AbstractValue.Make([SpatialForce.Zero()]), self._calc_reaction, measurement
         )
 
     @staticmethod
     def AddToBuilder(builder: DiagramBuilder, scenario: Scenario, contact: MujocoContact) -> MujocoPlant:
-        """Adds one of a resolved scenario; peg, mount and motors are those of
-        `systems.plant.contact_plant.AddRigPlant`.
-        """
+        """Adds the plant of a resolved scenario; its bodies are those of `systems.plant.contact_plant.AddRigPlant`."""
         plant: MujocoPlant = builder.AddNamedSystem("plant", MujocoPlant(scenario, contact))
         return plant
 
@@ -143,7 +148,7 @@ class MujocoPlant(LeafSystem):
         return X_WH.inverse() @ X_WP
 
     def advance(self, data: mujoco.MjData) -> None:
-        """Takes the period's steps."""
+        """Takes the steps of one period."""
         mujoco.mj_step(self._model, data, nstep=self._count)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
@@ -156,9 +161,6 @@ class MujocoPlant(LeafSystem):
         mujoco.mj_getState(self._model, data, kept, KEPT)
         discrete_state.get_mutable_vector(self._kept).SetFromVector(kept)
         discrete_state.get_mutable_vector(self._held).SetFromVector(data.sensordata)
-
-    def _velocities(self, context: Context) -> np.ndarray:
-        return context.get_discrete_state(self._kept).value()[self._model.nq :]
 
     def _calc_carriage(self, context: Context, output: BasicVector) -> None:
         kept = context.get_discrete_state(self._kept).value()

@@ -1,41 +1,55 @@
-"""Whether a whole contact-rich demonstration keeps up with the clock, on one core.
+"""Real-time rate of a demonstration with much contact, on one core.
 
-A demonstration from a large tilt is simulated one contact step after another, and each step's processor time is taken
-(not the wall's, which another program on the machine would spoil). `missed_deadlines` replays these times on a clock:
-a step may begin when its period begins, and its deadline is the period's end, so that one slow step can make the next
-ones late. `servo_ticks_late` does the same for every tick of the 1 kHz servo, all in one thread.
+    python -m benchmarks.physics.realtime [--scenario nominal] [--seed 1] [--json FILE]
 
-What the slower contact costs is shown beside it: the same hand is led along the same path at 1 ms, and the contact
-forces are compared.
+A demonstration from a tilt of 3.3 degrees is simulated twice, with the scenario's contact step and with one of 1 ms.
+The CPU time of each step is measured; unlike the wall time it does not depend on other programs. Main results:
 
-    python -m benchmarks.physics.realtime --json out/realtime.json
+- realtime_rate: simulated time over CPU time;
+- step_ms_p50, step_ms_p99, step_ms_max: percentiles of the CPU time of a contact step;
+- missed_deadlines: number of steps that would end after their period, if each starts at the beginning of its period or
+  after the step before it, whichever is later; servo_ticks_late: the same for the ticks of the servo;
+- contact_fraction: share of samples in contact;
+- peak_force_N, mean_force_N: contact force with the scenario's step, beside those with 1 ms (reference_...);
+  force_error_rms_N: root mean square of their difference;
+- smallest_margin: smallest required stability margin of the virtual coupling.
 """
 
 from __future__ import annotations
 
-import json
+import copy
 import time
-from pathlib import Path
-from typing import Annotated
+from collections.abc import Sequence
+
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml")
 
 import numpy as np
-import typer
-from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
 
+from benchmarks.command_line import argument_parser, run
 from models.bore import facet_sagitta
 from models.hardware import DEVICE_PRESETS
 from models.scenario import DEMONSTRATION_STREAM, Scenario, load_scenario, resolve_scenario
+from skill.arrays import Array
 from systems.haptics.coupling_margins import coupling_margins
+from systems.reports.terminal import progress, write_json
 from systems.virtual_environment import MakeVirtualEnvironment
 
-TILT = [0.05, 0.03]  # in units of rad: 3.3 degrees
-TOUCHING = 0.05  # in units of N
-REFERENCE_STEP = 1e-3  # in units of s
+TILT = [0.05, 0.03]  # rad; 3.3 degrees together
+TOUCHING_FORCE = 0.05  # N; a larger force counts as contact
+REFERENCE_STEP = 1e-3  # s
+MAX_DURATION = 8.0  # s
 
 
-def timed(scenario: Scenario, duration: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Processor seconds of every servo tick until full depth, and the samples of the recorder (20 rows of channels)."""
+def timed(scenario: Scenario, duration: float) -> tuple[Array, Array]:
+    """Simulates until full depth or for ``duration`` (s).
+
+    Returns:
+        The CPU time of every servo tick (n,), s, and the samples of the recorder (20, m), one row per channel.
+    """
     environment = MakeVirtualEnvironment(scenario)
     simulator = Simulator(environment.diagram)
     environment.set_start(simulator.get_mutable_context())
@@ -51,8 +65,13 @@ def timed(scenario: Scenario, duration: float) -> tuple[NDArray[np.float64], NDA
     return np.array(ticks), np.array(environment.log.FindLog(simulator.get_context()).data())
 
 
-def late(costs: NDArray[np.float64], period: float) -> int:
-    """How many steps end after their period's end, when none begins before its own."""
+def late(costs: Array, period: float) -> int:
+    """Number of steps that end after their period, if no step starts before its period or before the last one ends.
+
+    Args:
+        costs: (n,), duration of each step, s.
+        period: s.
+    """
     free, missed = 0.0, 0
     for k, cost in enumerate(costs):
         free = max(free, k * period) + cost
@@ -61,17 +80,21 @@ def late(costs: NDArray[np.float64], period: float) -> int:
 
 
 def measure(name: str, seed: int) -> dict[str, float]:
-    """All keys of the report."""
+    """All results for a scenario (name or path) and a seed."""
     scenario = load_scenario(name)
     scenario.start.tilt = list(TILT)
     resolved = resolve_scenario(scenario, seed=seed, stream=DEMONSTRATION_STREAM)
-    ticks, samples = timed(resolved, 8.0)
+    with progress("real-time rate", 2) as advance:
+        ticks, samples = timed(resolved, MAX_DURATION)
+        advance("contact step of the scenario")
+        reference_scenario = copy.deepcopy(resolved)
+        reference_scenario.contact.time_step = REFERENCE_STEP
+        _, exact = timed(reference_scenario, MAX_DURATION)
+        advance("reference contact step")
     servo = DEVICE_PRESETS[resolved.device].servo_period
     per_step = max(1, round(resolved.contact.time_step / servo))
     steps = ticks[: len(ticks) // per_step * per_step].reshape(-1, per_step).sum(axis=1)
     force = np.linalg.norm(samples[3:6], axis=0)
-    resolved.contact.time_step = REFERENCE_STEP
-    _, exact = timed(resolved, 8.0)
     reference = np.linalg.norm(exact[3:6], axis=0)
     shared = min(len(force), len(reference))
     return {
@@ -82,7 +105,7 @@ def measure(name: str, seed: int) -> dict[str, float]:
         "missed_deadlines": late(steps, per_step * servo),
         "steps": len(steps),
         "facets": resolved.geometry.facets,
-        "contact_fraction": float((force > TOUCHING).mean()),
+        "contact_fraction": float((force > TOUCHING_FORCE).mean()),
         "sagitta_over_clearance": facet_sagitta(resolved.geometry.hole_radius, resolved.geometry.facets)
         / resolved.geometry.clearance,
         "contact_step_ms": 1e3 * per_step * servo,
@@ -99,19 +122,19 @@ def measure(name: str, seed: int) -> dict[str, float]:
     }
 
 
-def main(
-    json_file: Annotated[Path | None, typer.Option("--json", help="Where to write the figures.")] = None,
-    scenario: Annotated[str, typer.Option(help="Name or path of a scenario.")] = "nominal",
-    seed: Annotated[int, typer.Option(min=0, help="Of the operator.")] = 1,
-) -> None:
-    """Measures the real-time rate of a demonstration, and what the separated rates cost in force."""
-    figures = measure(scenario, seed)
-    for key, value in figures.items():
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argument_parser(__doc__)
+    parser.add_argument("--scenario", default="nominal", help="name or path of a scenario (default: nominal)")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the operator (default: 1)")
+    options = parser.parse_args(arguments)
+    if options.seed < 0:
+        parser.error(f"--seed is {options.seed}; expected at least 0")
+    results = measure(options.scenario, options.seed)
+    for key, value in results.items():
         print(f"{key:24s} {value:.4g}")
-    if json_file is not None:
-        json_file.parent.mkdir(parents=True, exist_ok=True)
-        json_file.write_text(json.dumps(figures, indent=1) + "\n")
+    if options.json is not None:
+        write_json(options.json, results)
 
 
 if __name__ == "__main__":
-    typer.run(main)
+    run(main)

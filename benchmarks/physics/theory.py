@@ -1,29 +1,41 @@
 """Simulated contact against the laws of a rigid peg in a rigid hole.
 
-    python -m benchmarks.physics.theory [--tilts-deg 0.25,0.5,1,2,3] [--friction 0.2] [--points 200] [--seed 0]
-    [--json FILE]
+    python -m benchmarks.physics.theory [--tilts-deg 0.25,0.5,1,2,3] [--friction 0.2] [--points 200] [--depth-mm 20]
+                                        [--seed 0] [--json FILE]
 
-Two-point depth and largest entry tilt are measured from the meshes; jamming, wedging and the two-point force balance by
-simulating a peg with planar freedoms under dead loads, with stiffer contact and shorter steps than the default
-(`benchmarks.physics.contact_measurements.converged`). Depths are vertical, from the mouth (the inner edge of the
-chamfer) to the
-tip's centre. Jamming and force balance are measured at --depth-mm 20, where the tilt of two-point contact is small
-against the friction angle, as Whitney's laws have it.
+Two-point depth and largest entry tilt are measured from the meshes. Jamming, wedging and the two-point force balance
+are measured by simulating a peg with planar freedoms under constant loads, with stiffer contact and shorter steps than
+the default (`benchmarks.physics.contact_measurements.converged`). Depths are vertical, from the mouth (the inner edge
+of the chamfer) to the tip's centre. At the default --depth-mm 20 the tilt of two-point contact is small compared with
+the friction angle, as Whitney's laws assume.
 
-``wedge_angle_error`` is that to c / mu; beside it stands that to the exact plane condition (null where a peg cannot
-wedge at all). ``two_point_depth_error_default`` is the depth's error with the bore's polygon outside the true circle.
+Main results; the file has the single measurements as well:
+
+- two_point_depth_error_max: largest relative error of the depth of two-point contact;
+- two_point_depth_error_default: the same with the bore's polygon outside the true circle;
+- entry_tilt_deg: largest tilt that enters, beside its exact value;
+- jam_agreement: share of the loads further than 5 % from the edges of the jamming diagram that slid or stuck as
+  predicted;
+- wedge_angle_error: relative error of the smallest tilt that wedges, to the law c / mu; wedge_angle_error_exact: to the
+  exact planar condition (None if a peg cannot wedge);
+- force_balance_error: largest relative error of the axial force of a sliding peg.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import time
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
+
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml")
 
 import numpy as np
 
+from benchmarks.command_line import argument_parser, run
 from benchmarks.physics.contact_measurements import (
     PegTheory,
     force_balance,
@@ -40,10 +52,13 @@ from models.contact_theory import (
     wedging_tilt,
 )
 from models.scenario import Scenario
+from systems.reports.terminal import progress, write_json
+
+STEPS = 4  # of the progress bar
 
 
 def tilts(text: str) -> list[float]:
-    """Degrees, separated by commas."""
+    """Reads positive tilts in degrees, separated by commas."""
     values = [float(part) for part in text.split(",")]
     if not values or min(values) <= 0.0:
         raise argparse.ArgumentTypeError(f"{text}: expected positive tilts in degrees, separated by commas")
@@ -51,7 +66,11 @@ def tilts(text: str) -> list[float]:
 
 
 def depths(scenario: Scenario, tilts_deg: list[float]) -> dict[str, Any]:
-    """Two-point depth and entry tilt, from the meshes."""
+    """Two-point depth and entry tilt, from the meshes.
+
+    Raises:
+        ValueError: if a tilt has no two-point contact within the bore.
+    """
     sizes = PegTheory.of(scenario)
     size = {"peg_radius": sizes.r, "hole_radius": sizes.R}
     angles = np.radians(tilts_deg)
@@ -79,14 +98,28 @@ def depths(scenario: Scenario, tilts_deg: list[float]) -> dict[str, Any]:
     }
 
 
-def laws(scenario: Scenario, friction: float, depth: float, points: int, seed: int) -> dict[str, Any]:
-    """Jamming, wedging and the force balance at one friction."""
+def laws(
+    scenario: Scenario, friction: float, depth: float, points: int, seed: int, advance: Callable[[str], None]
+) -> dict[str, Any]:
+    """Jamming, wedging and the force balance at one friction.
+
+    Args:
+        scenario: geometry of the bodies.
+        friction: coefficient mu.
+        depth: depth of jamming and force balance, m.
+        points: number of loads in the jamming diagram.
+        seed: seed of the loads.
+        advance: is called with a note after each of the three measurements.
+    """
     sizes = PegTheory.of(scenario)
     size = {"peg_radius": sizes.r, "hole_radius": sizes.R, "friction": friction}
     trials = jamming_trials(scenario, friction, depth=depth, count=points, seed=seed)
+    advance("jamming")
     wedge, kept = measured_wedging_tilt(scenario, friction)
+    advance("wedging")
     law, exact = wedging_tilt(**size), exact_wedging_tilt(**size)
     predicted, measured = force_balance(scenario, friction, depth=depth)
+    advance("force balance")
     return {
         "friction": friction,
         "load_depth_mm": 1e3 * depth,
@@ -110,30 +143,30 @@ def _or_none(value: float) -> float | None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--tilts-deg", type=tilts, default=[0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0])
-    parser.add_argument("--friction", type=float, default=0.2)
-    parser.add_argument("--points", type=int, default=200, help="trials in the jamming diagram")
-    parser.add_argument("--depth-mm", type=float, default=20.0, help="of jamming and force balance")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
+    parser = argument_parser(__doc__)
+    default = [0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
+    parser.add_argument("--tilts-deg", type=tilts, default=default, help="tilts of two-point contact, deg")
+    parser.add_argument("--friction", type=float, default=0.2, help="coefficient of friction (default: 0.2)")
+    parser.add_argument("--points", type=int, default=200, help="loads in the jamming diagram (default: 200)")
+    parser.add_argument("--depth-mm", type=float, default=20.0, help="depth of jamming and force balance (default: 20)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the loads (default: 0)")
     arguments = parser.parse_args()
     if not arguments.friction > 0.0:
         parser.error(f"--friction is {arguments.friction}, expected > 0")
     start = time.process_time()
     scenario = Scenario()
-    try:
+    with progress("contact theory", STEPS) as advance:
         result = depths(scenario, arguments.tilts_deg)
-    except ValueError as error:
-        parser.error(str(error))
-    result |= laws(scenario, arguments.friction, 1e-3 * arguments.depth_mm, arguments.points, arguments.seed)
+        advance("two-point depth and entry tilt")
+        depth = 1e-3 * arguments.depth_mm
+        result |= laws(scenario, arguments.friction, depth, arguments.points, arguments.seed, advance)
     result |= {"seed": arguments.seed, "cpu_s": time.process_time() - start}
     for name, value in result.items():
         if not isinstance(value, list):
             print(f"{name:32}{value if value is None or isinstance(value, int) else round(value, 5)}")
     if arguments.json:
-        arguments.json.write_text(json.dumps(result, indent=1))
+        write_json(arguments.json, result)
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

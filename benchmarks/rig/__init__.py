@@ -1,1 +1,1 @@
-"""The skill against other policies on the rig."""
+"""Comparisons of the learnt skill with other policies on the rig."""

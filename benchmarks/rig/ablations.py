@@ -1,22 +1,24 @@
-"""Why the skill works: each of its choices undone by itself, and the learning curve, on the same trials of the rig.
+"""The skill with one of its choices undone at a time, and its learning curve, on the same trials of the rig.
 
     python -m benchmarks.rig.ablations [--demonstrations FOLDER] [--trials 20] [--jobs 1] [--only NAME ...]
                                        [--json FILE] [--figures FOLDER] [--scenario NAME] [--out FOLDER]
 
-"CA states + LWR" is the product: canonical features; states by the repaired Competitive Agglomeration; demonstrations
-in the rig's fixture, good and bad. Every other row differs from it in what its name says.
+"CA states + LWR" is the product: canonical features, states by the repaired Competitive Agglomeration, good and bad
+demonstrations in the fixture of the rig. Every other row differs from it in what its name says. The columns of the
+table are those of `benchmarks.rig.peers`.
 
-How bad demonstrations are used. A skill learns *states* and their graph from all demonstrations, and *actions* from the
-good ones alone. The bad ones show contacts that gentle people avoid (a jam, a slam), so that the filter knows such a
-contact for what it is instead of calling it unknown, and the graph knows from which states insertions fail; but what
-the hand did there is what led into it, and is not imitated. Two rows put this to the test: "bad left out" learns from
-the good ones alone, "bad imitated" takes the bad ones' actions for good.
+A skill learns states and their graph from all demonstrations, but actions from the good ones alone. The bad ones show
+contacts that careful operators avoid (a jam, a slam), so that the filter recognises such a contact instead of calling
+it unknown, and the graph contains the states from which insertions fail. The operator's actions there led to the
+failure and are not imitated. Two rows test this: "bad left out" learns from the good demonstrations alone, "bad
+imitated" treats the bad ones as good.
 
-The learning curve keeps four good ones in five, as the whole set does. Which demonstrations a small set happens to hold
-matters; so each of its points is four skills, from four draws, that share the trials between them.
+The sets of the learning curve have four good demonstrations in five, like the whole set. The choice of a small set
+matters, so that each point of the curve has four skills, from four draws, which share the trials.
 
-Without --demonstrations thirty are recorded; those in the free fixture (six freedoms, no virtual guide) always are. The
-run can be interrupted and given again; what `benchmarks.rig.peers` has stored in the same --out counts.
+Without --demonstrations thirty are recorded; those in the free fixture (six freedoms, no virtual guide) are always
+recorded. An interrupted run continues when it is started again, and uses the results that `benchmarks.rig.peers` has
+stored in the same --out.
 """
 
 from __future__ import annotations
@@ -28,87 +30,69 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml")
+
 import numpy as np
 
+from benchmarks.command_line import run
+from benchmarks.rig.comparison import command_line, compare, prepared, recorded, recording_folder, selected
 from benchmarks.rig.figures import draw_groups, draw_learning_curve
-from benchmarks.rig.peers import one_state, selected
-from benchmarks.rig.trials import (
-    Advance,
-    Arm,
-    Record,
-    Setting,
-    Train,
-    command_line,
-    compare,
-    prepared,
-    recorded,
-    recording_folder,
-)
+from benchmarks.rig.learners import Demonstrations, one_state, skill_from
+from benchmarks.rig.trials import Arm
 from models.scenario import Scenario, load_scenario
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.data.demonstration import Demonstration, read_demonstrations
 from skill.features.wrench_features import NormalisedFeatures, RawFeatures
-from skill.manipulation_skill import ManipulationSkill
-from systems.control.policy import RigPolicy
-from systems.reports.terminal import report_errors
 
-SIZES = (1, 2, 3, 5, 8, 12, 20)  # of the learning curve; the whole set is its last point
-DRAWS = 4
+SIZES = (1, 2, 3, 5, 8, 12, 20)  # numbers of demonstrations of the learning curve; its last point is the whole set
+DRAWS = 4  # skills per point of the learning curve
 SKILL, STATELESS, FREE = "CA states + LWR", "LWR without states", "free demonstrations"
 
-Shown = list[Demonstration]
 
-
-def literal() -> CompetitiveAgglomeration:
-    """The equations as printed, one start, no merging."""
+def literal_competition() -> CompetitiveAgglomeration:
+    """Competitive Agglomeration as printed in the paper: one start, no merging."""
     return CompetitiveAgglomeration(bias="literal", merge=None, n_init=1, random_state=0)
 
 
-def as_shown(shown: Shown, draw: int) -> Shown:
-    return shown
+def bad_left_out(demonstrations: Demonstrations, draw: int) -> Demonstrations:
+    """Chooses the good demonstrations."""
+    return [d for d in demonstrations if d.good]
 
 
-def bad_left_out(shown: Shown, draw: int) -> Shown:
-    return [d for d in shown if d.good]
+def bad_imitated(demonstrations: Demonstrations, draw: int) -> Demonstrations:
+    """Chooses all demonstrations and labels them good."""
+    return [replace(d, good=True) for d in demonstrations]
 
 
-def bad_imitated(shown: Shown, draw: int) -> Shown:
-    return [replace(d, good=True) for d in shown]
+def drawn(size: int) -> Callable[[Demonstrations, int], Demonstrations]:
+    """Chooses ``size`` demonstrations, with as large a share of good ones as in the whole set.
 
+    In one draw, a larger set contains the smaller ones.
+    """
 
-def drawn(size: int) -> Callable[[Shown, int], Shown]:
-    """So many of them, four in five of them good; the sets of one draw contain each other."""
-
-    def choose(shown: Shown, draw: int) -> Shown:
+    def choose(demonstrations: Demonstrations, draw: int) -> Demonstrations:
         rng = np.random.default_rng([17, draw])
-        good = [d for d in shown if d.good]
-        bad = [d for d in shown if not d.good]
-        share = len(good) / len(shown)
-        max_good = min(len(good), max(1, round(size * share)))
+        good = [d for d in demonstrations if d.good]
+        bad = [d for d in demonstrations if not d.good]
+        share = len(good) / len(demonstrations)
+        n_good = min(len(good), max(1, round(size * share)))
         return [
-            *(good[k] for k in rng.permutation(len(good))[:max_good]),
-            *(bad[k] for k in rng.permutation(len(bad))[: size - max_good]),
+            *(good[k] for k in rng.permutation(len(good))[:n_good]),
+            *(bad[k] for k in rng.permutation(len(bad))[: size - n_good]),
         ]
 
     return choose
 
 
-def skill_from(choose: Callable[[Shown, int], Shown] = as_shown, folder: Path | None = None, **parts: Any) -> Train:
-    """The skill from chosen demonstrations, of another folder if given, with some parts exchanged."""
-
-    def train(setting: Setting, record: Record, advance: Advance, draw: int) -> RigPolicy:
-        shown = setting.demonstrations if folder is None else read_demonstrations(folder)
-        return ManipulationSkill(**{name: part() for name, part in parts.items()}).fit(choose(shown, draw))
-
-    return train
-
-
 def arms(free: Path) -> list[Arm]:
+    """The product, its variants, and the points of the learning curve; ``free`` has the free demonstrations."""
     return [
         Arm(SKILL, skill_from()),
         Arm("raw features", skill_from(features=RawFeatures)),
         Arm("normalised features", skill_from(features=NormalisedFeatures)),
-        Arm("states by literal CA", skill_from(states=literal)),
+        Arm("states by literal CA", skill_from(states=literal_competition)),
         Arm(STATELESS, skill_from(states=one_state)),
         Arm("bad left out", skill_from(bad_left_out)),
         Arm("bad imitated", skill_from(bad_imitated)),
@@ -118,6 +102,7 @@ def arms(free: Path) -> list[Arm]:
 
 
 def curve_name(size: int) -> str:
+    """The name of the arm that learns from this number of demonstrations."""
     return f"{size} demonstration{'s' if size > 1 else ''}"
 
 
@@ -130,11 +115,17 @@ GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ),
     ("demonstrated in", (("free space", FREE), ("the rig's fixture", SKILL))),
 )
-"""Of the figure: a title, and a label and an arm a row."""
+"""Groups of the figure: a title, and for each row its label and the name of its arm."""
 
 
 def draw(summaries: list[dict[str, Any]], folder: Path, whole: int) -> None:
-    """``ablations.svg`` and ``learning_curve.svg``, of the arms that were performed."""
+    """Draws ``ablations.svg`` and ``learning_curve.svg`` from the arms that were performed.
+
+    Args:
+        summaries: results of `compare`.
+        folder: of the files.
+        whole: number of demonstrations of the whole set.
+    """
     by_name = {row["name"]: row for row in summaries}
     groups = [(title, [(label, by_name[name]) for label, name in rows if name in by_name]) for title, rows in GROUPS]
     present = [(title, rows) for title, rows in groups if rows]
@@ -147,17 +138,17 @@ def draw(summaries: list[dict[str, Any]], folder: Path, whole: int) -> None:
 
 
 def in_free_space(scenario: Scenario) -> Scenario:
+    """The scenario with the free fixture."""
     free = copy.deepcopy(scenario)
     free.fixture = "free"
     return free
 
 
-@report_errors
 def main() -> None:
     parser = command_line(__doc__)
-    parser.add_argument("--figures", type=Path, help="folder for ablations.svg and learning_curve.svg")
+    parser.add_argument("--figures", type=Path, metavar="FOLDER", help="draw ablations.svg and learning_curve.svg here")
     arguments = parser.parse_args()
-    for known in ("bias='literal'", "groups names a single demonstration"):  # what their rows are there to show
+    for known in ("bias='literal'", "groups names a single demonstration"):  # warnings that some rows cause on purpose
         warnings.filterwarnings("ignore", message=known)
     scenario = load_scenario(arguments.scenario)
     free = in_free_space(scenario)
@@ -171,4 +162,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -1,85 +1,101 @@
-"""What people use on a rig that feels, without learning from anybody: push, comply, search. And how they are tuned.
+"""Control laws that need no demonstrations: push, compliance and search, and the tuning of their parameters.
 
-Each is a `ControlLaw` and stands behind the same limits, supervisor and motors as a learnt skill.
+Each is a `ControlLaw` with the same limits, force guard and motors as a learnt skill.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
 from benchmarks.rig.trials import FIRST_TUNING, Record, Setting, attempts
+from skill.arrays import Array
+from skill.features.measurement import contact_load
 from skill.manipulation_skill import Action
-from systems.control.force_guard import contact_load
 from systems.control.policy import ControlLaw
 
 Range = tuple[float, float, bool]
-"""Lowest, highest, and whether the middle is the geometric one."""
+"""Minimum, maximum, and whether the parameter is spaced geometrically."""
 
 
 @dataclass(frozen=True)
 class TunedLaw(ControlLaw):
-    """A law with parameters, each with the range in which it is looked for; its defaults are a first guess by hand.
+    """A control law whose parameters are tuned within ranges; the defaults are a first guess by hand.
 
-    It feeds by its speed times clip(1 - F / yield_force, -1/2, 1), F the load as the supervisor reckons it.
+    Its feed speed is ``speed`` clip(1 - F / yield_force, -1/2, 1), where F is the load of the force guard
+    (`contact_load`).
+
+    Attributes:
+        speed: feed speed without load, m/s.
+        yield_force: load at which the feed stops, N.
+        peg_radius: m.
+        ranges: range of each tuned parameter.
     """
 
-    speed: float = 0.012  # m/s
-    yield_force: float = 15.0  # N
-    peg_radius: float = 0.010  # m
+    speed: float = 0.012
+    yield_force: float = 15.0
+    peg_radius: float = 0.010
 
     ranges: ClassVar[dict[str, Range]] = {"speed": (0.005, 0.025, True), "yield_force": (5.0, 50.0, True)}
 
     @classmethod
-    def at(cls, place: np.ndarray, **known: float) -> Self:
-        """The law at a place (d,) of the unit cube over its ranges."""
+    def at(cls, place: Array, **known: float) -> Self:
+        """The law at a point (d,) of the unit cube over its ranges; ``known`` are the other parameters."""
         values = {}
         for share, (name, (low, high, geometric)) in zip(place, cls.ranges.items(), strict=True):
             values[name] = low * (high / low) ** share if geometric else low + (high - low) * share
         return cls(**{k: float(v) for k, v in values.items()}, **known)
 
     def parameters(self) -> dict[str, float]:
-        """By name, SI units."""
+        """The parameters by name, in SI units."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
-    def load(self, measured: np.ndarray) -> float:
-        """N."""
+    def load(self, measured: Array) -> float:
+        """The load of a measurement (7,), N."""
         return contact_load(measured, self.peg_radius)
 
-    def feed(self, measured: np.ndarray) -> float:
-        """m, within the period."""
+    def feed(self, measured: Array) -> float:
+        """The feed within one period, m; negative into the hole."""
         return -self.speed * self.period_ * float(np.clip(1.0 - self.load(measured) / self.yield_force, -0.5, 1.0))
 
 
 @dataclass(frozen=True)
 class StraightPush(ControlLaw):
-    """No correction: the feed alone, at the speed of an unhindered operator."""
+    """A push without correction, at a constant feed speed (m/s)."""
 
-    speed: float  # m/s
+    speed: float
 
-    def act(self, measured: Any, probabilities: Any = None) -> Action:
+    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+        """See `ControlLaw`."""
         return Action(turn=np.zeros(2), feed=-self.speed * self.period_, probabilities=np.ones(1))
 
 
 @dataclass(frozen=True)
 class MomentCompliance(TunedLaw):
-    """Accommodation: the peg yields to the moment about a centre of compliance.
+    """Compliance: the peg turns with the moment about a centre of compliance.
 
     With f and m the force and the moment about the tip, the moment about the point at height c on the peg's axis is
 
         m_c = m - c z x f = (m_x + c f_y, m_y - c f_x),
 
-    and omega = g m_c max(0, 1 - m_0 / |m_c|), after Whitney, "Force feedback control of manipulator fine motions",
-    1977. Moment and lateral force so enter in proportions that the tuning finds.
+    and the angular velocity is omega = g m_c max(0, 1 - m_0 / |m_c|), after Whitney, "Force feedback control of
+    manipulator fine motions", 1977. The tuned height determines the proportion of moment and lateral force.
+
+    Attributes:
+        gain: g, rad/s per N m.
+        height: c, of the centre of compliance above the tip, m.
+        dead_zone: m_0, N m.
     """
 
-    gain: float = 1.0  # rad/s per N m
-    height: float = 0.005  # m, of the centre of compliance above the tip
-    dead_zone: float = 0.02  # N m
+    gain: float = 1.0
+    height: float = 0.005
+    dead_zone: float = 0.02
 
     ranges: ClassVar[dict[str, Range]] = {
         **TunedLaw.ranges,
@@ -88,7 +104,9 @@ class MomentCompliance(TunedLaw):
         "dead_zone": (0.005, 0.05, True),
     }
 
-    def act(self, measured: Any, probabilities: Any = None) -> Action:
+    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+        """See `ControlLaw`."""
+        measured = np.asarray(measured, dtype=float)
         fx, fy, _, mx, my = measured[:5]
         moment = np.array([mx + self.height * fy, my - self.height * fx])
         size = float(np.linalg.norm(moment))
@@ -98,18 +116,24 @@ class MomentCompliance(TunedLaw):
 
 @dataclass(frozen=True)
 class SpiralSearch(TunedLaw):
-    """A growing spiral in pitch and yaw, walked at a steady rate while pressing, as long as something resists.
+    """A search along a growing spiral in pitch and yaw, at a constant rate, while the pressed peg meets resistance.
 
-    A rig whose only lateral freedoms are two angles searches over them. Point k of the spiral has the angle phi and
-    the radius spacing phi / 2 pi with spacing phi^2 / 4 pi = rate T k, the length walked; from the outermost point
-    the walk goes straight back to the first, and begins anew. Where the load falls below ``touch`` the search rests:
-    whatever tilt lets the peg slide is kept. The points are the law's phases.
+    The rig's only lateral freedoms are two angles, so that the search is over them. Point k of the spiral has the angle
+    phi and the radius spacing phi / 2 pi, with path length spacing phi^2 / 4 pi = rate T k for the period T. From the
+    outermost point the path returns straight to the first one and starts again. The search pauses while the load is
+    below ``touch``, so that a tilt at which the peg slides is kept. The points are the phases of the law.
+
+    Attributes:
+        spacing: between turns of the spiral, rad.
+        rate: rad/s.
+        outer: radius of the outermost point, rad.
+        touch: load above which the search goes on, N.
     """
 
-    spacing: float = 0.010  # rad, between turns of the spiral
-    rate: float = 0.10  # rad/s
-    outer: float = 0.06  # rad
-    touch: float = 3.0  # N
+    spacing: float = 0.010
+    rate: float = 0.10
+    outer: float = 0.06
+    touch: float = 3.0
 
     ranges: ClassVar[dict[str, Range]] = {
         **TunedLaw.ranges,
@@ -120,49 +144,66 @@ class SpiralSearch(TunedLaw):
     }
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "phases", tuple(f"point {k}" for k in range(len(self._moves))))
+
+    @cached_property
+    def _moves(self) -> Array:
+        """Turn from the point before to each point, (points, 2), rad."""
         step = self.rate * self.period_
         points = int(np.pi * self.outer**2 / self.spacing / step)
         phi = np.sqrt(4.0 * np.pi * step * np.arange(points + 1) / self.spacing)
         out = self.spacing * phi / (2.0 * np.pi) * np.array([np.cos(phi), np.sin(phi)])
         back = np.linspace(1.0, 0.0, 1 + int(np.ceil(np.linalg.norm(out[:, -1]) / step)))[1:-1]
         path = np.hstack([out, out[:, -1:] * back]).T
-        object.__setattr__(self, "_moves", path - np.roll(path, 1, axis=0))
-        object.__setattr__(self, "phases", tuple(f"point {k}" for k in range(len(path))))
+        moves: Array = path - np.roll(path, 1, axis=0)
+        return moves
 
-    def follow(self, phase: int, measured: np.ndarray) -> int:
+    def follow(self, phase: int, measured: Array) -> int:
+        """The next point while the load is above ``touch``."""
         return (phase + 1) % self.n_states if self.load(measured) > self.touch else phase
 
-    def act(self, measured: Any, probabilities: Any = None) -> Action:
-        one = np.eye(self.n_states)[0] if probabilities is None else np.asarray(probabilities)
-        walking = self.load(measured) > self.touch
-        turn = self._moves[int(np.argmax(one))] if walking else np.zeros(2)
-        return Action(turn=turn, feed=self.feed(measured), probabilities=one)
+    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+        """See `ControlLaw`."""
+        measured = np.asarray(measured, dtype=float)
+        phase = np.eye(self.n_states)[0] if probabilities is None else np.asarray(probabilities)
+        searching = self.load(measured) > self.touch
+        turn = self._moves[int(np.argmax(phase))] if searching else np.zeros(2)
+        return Action(turn=turn, feed=self.feed(measured), probabilities=phase)
 
 
 ROUNDS = ((1, 2), (3, 4), (8, 8))
-"""Of the tuning: the best of 1/1, 1/3, 1/8 of the candidates, each on so many further trials."""
+"""Rounds of the tuning, as (share, trials): the best 1/share of the candidates perform so many further trials each."""
 
-FAILED = 3.0
+FAILURE_COST = 3.0
 
 
 def cost(row: dict[str, Any], setting: Setting) -> float:
-    """Of a trial: its time over the limit plus its peak lateral force over the supervisor's; a failure costs 3."""
+    """The cost of a trial: its time over the time limit plus its peak lateral force over the limit of the force guard.
+
+    A failure costs 3.
+    """
     if not row["inserted"]:
-        return FAILED
+        return FAILURE_COST
     controller = setting.scenario.controller
     return float(row["time_s"] / setting.scenario.trial.time_limit + row["peak_lateral_n"] / controller.force_limit)
 
 
 def tuning_trials(candidates: int) -> int:
-    """How many trials `tuned` will make."""
+    """Number of trials that `tuned` performs for a number of candidates."""
     return sum(max(1, candidates // share) * trials for share, trials in ROUNDS)
 
 
 def tuned(law: type[TunedLaw], setting: Setting, record: Record, advance: Callable[[str], None]) -> TunedLaw:
-    """Successive halving over the law's ranges, on trials that are not evaluated; what is done is not done again.
+    """Tunes a law by successive halving, on trials that no comparison uses.
 
-    The candidates are the guess by hand and a Latin hypercube. After each round the cheapest go on (`cost`), judged by
-    all trials that they have had; the one of least mean cost at the end is the tuned law.
+    The candidates are the default parameters and a Latin hypercube over the ranges of the law. After each round the
+    candidates with the lowest mean `cost` over all their trials go on; the best of the last round is returned.
+
+    Args:
+        law: the class of the law.
+        setting: scenario, number of candidates and processes.
+        record: results of an interrupted tuning, which are not computed again; receives the new ones.
+        advance: is called with a note after each trial.
     """
     count = setting.candidates
     peg_radius = setting.scenario.geometry.peg_radius

@@ -1,4 +1,4 @@
-"""The pictures of the comparisons on the rig: shares with their Wilson intervals, forces and times."""
+"""Figures of the comparisons on the rig: shares of insertions with Wilson intervals, times and forces."""
 
 from __future__ import annotations
 
@@ -17,10 +17,16 @@ BLUE, ORANGE, GREY = PALETTE[0], PALETTE[1], "0.55"
 PANELS = ("inserted, 95 % interval", "time [s], median", "peak force across [N]")
 
 Row = dict[str, Any]
+"""A result of `benchmarks.rig.trials.summary`."""
 
 
 def draw_groups(groups: Sequence[tuple[str, Sequence[tuple[str, Row]]]], path: Path) -> None:
-    """One block of rows a group: its title, and a label with the summary of each arm."""
+    """Draws one row per policy, in groups.
+
+    Args:
+        groups: for each group its title, and for each policy its label and its summary.
+        path: of the file.
+    """
     count = sum(len(rows) for _, rows in groups)
     figure = Figure(figsize=(8.6, 0.9 + 0.27 * (count + 1.4 * len(groups))), layout="constrained")
     axes: Sequence[Axes] = figure.subplots(1, 3, sharey=True, width_ratios=[1.2, 1, 1])
@@ -61,18 +67,23 @@ def _draw_row(axes: Sequence[Axes], row: Row, place: float) -> None:
 
 
 def draw_learning_curve(curve: Sequence[tuple[int, Row]], path: Path) -> None:
-    """Over the number of demonstrations; the points are arms that were performed."""
-    shown = [(number, row) for number, row in curve if row["trials"]]
-    numbers = [number for number, _ in shown]
+    """Draws the results over the number of demonstrations.
+
+    Args:
+        curve: numbers of demonstrations and summaries; those without trials are left out.
+        path: of the file.
+    """
+    points = [(number, row) for number, row in curve if row["trials"]]
+    numbers = [number for number, _ in points]
     figure = Figure(figsize=(8.6, 2.9), layout="constrained")
     axes: Sequence[Axes] = figure.subplots(1, 3)
-    low, high = np.array([row["interval"] for _, row in shown]).T
+    low, high = np.array([row["interval"] for _, row in points]).T
     axes[0].fill_between(numbers, low, high, color=BLUE, alpha=0.2, lw=0)
-    axes[0].plot(numbers, [row["inserted"] / row["trials"] for _, row in shown], "o-", color=BLUE)
+    axes[0].plot(numbers, [row["inserted"] / row["trials"] for _, row in points], "o-", color=BLUE)
     axes[0].set_ylim(-0.02, 1.02)
-    _curve(axes[1], shown, "median_time_s", BLUE, None)
-    _curve(axes[2], shown, "median_lateral_n", BLUE, "median")
-    _curve(axes[2], shown, "p95_lateral_n", ORANGE, "95th percentile")
+    _curve(axes[1], points, "median_time_s", BLUE, None)
+    _curve(axes[2], points, "median_lateral_n", BLUE, "median")
+    _curve(axes[2], points, "p95_lateral_n", ORANGE, "95th percentile")
     axes[2].legend(frameon=False)
     for axis, name in zip(axes, PANELS, strict=True):
         axis.set(xlabel="demonstrations", title=name, xscale="log")
@@ -85,6 +96,6 @@ def draw_learning_curve(curve: Sequence[tuple[int, Row]], path: Path) -> None:
     save_figure(figure, path)
 
 
-def _curve(axis: Axes, shown: Sequence[tuple[int, Row]], name: str, colour: str, label: str | None) -> None:
-    points = [(number, row[name]) for number, row in shown if row[name] is not None]
-    axis.plot([n for n, _ in points], [value for _, value in points], "o-", color=colour, label=label)
+def _curve(axis: Axes, points: Sequence[tuple[int, Row]], name: str, colour: str, label: str | None) -> None:
+    known = [(number, row[name]) for number, row in points if row[name] is not None]
+    axis.plot([n for n, _ in known], [value for _, value in known], "o-", color=colour, label=label)

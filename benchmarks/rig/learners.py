@@ -1,13 +1,15 @@
-"""Other learners in the place of ours: each a part of a `ManipulationSkill`, given the same features and samples.
+"""Skills to compare on the rig: the product with other regressors, other states, or other demonstrations.
 
-Samples come demonstration by demonstration, so that unshuffled folds hold out whole demonstrations, but for the one at
-each fold's edge; every learner chooses its parameters by cross-validation over such folds. Features and outputs are
-standardised for those whose answer depends on their units.
+All get the same features and samples. The samples are ordered by demonstration, so that folds without shuffling hold
+out whole demonstrations, except for those at the edges of a fold; every regressor chooses its parameters by
+cross-validation over such folds. Features and outputs are standardised where the regressor depends on their units.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -23,85 +25,127 @@ from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from benchmarks.learners.gaussian_mixture_regression import gmr_predict
+from benchmarks.learners.gaussian_mixture_regression import best_mixture, gmr_predict
+from benchmarks.rig.trials import Advance, Record, Setting, Train
+from skill.arrays import Array
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
+from skill.data.demonstration import Demonstration, read_demonstrations
+from skill.manipulation_skill import ManipulationSkill
+from skill.policy import RigPolicy
 
 FOLDS = KFold(5)
-LARGEST_GP = 1500  # samples; its cost grows with their cube
-MAX_STATES = 30  # components that BIC chooses from
+MAX_GP_SAMPLES = 1500  # the cost of a Gaussian process grows with their cube
+MAX_COMPONENTS = 30  # of the mixtures from which BIC chooses
+
+Demonstrations = list[Demonstration]
+Choose = Callable[[Demonstrations, int], Demonstrations]
+"""The demonstrations to learn from, given all of them and the number of a draw."""
 
 
-def best_mixture(Z: np.ndarray, random_state: int) -> GaussianMixture:
-    """Of least BIC among one to thirty components."""
-    mixtures = [
-        GaussianMixture(k, reg_covar=1e-4, random_state=random_state).fit(Z)
-        for k in range(1, min(MAX_STATES, len(Z) // (2 * Z.shape[1])) + 1)
-    ]
-    return min(mixtures, key=lambda mixture: mixture.bic(Z))
+def all_demonstrations(demonstrations: Demonstrations, draw: int) -> Demonstrations:
+    """Chooses all demonstrations in every draw."""
+    return demonstrations
+
+
+def skill_from(choose: Choose = all_demonstrations, folder: Path | None = None, **parts: Callable[[], Any]) -> Train:
+    """The training of a skill.
+
+    Args:
+        choose: chooses the demonstrations of a draw.
+        folder: of other demonstrations; None for those of the setting.
+        **parts: constructors of the parts of `ManipulationSkill` that are not the default ones.
+    """
+
+    def train(setting: Setting, record: Record, advance: Advance, draw: int) -> RigPolicy:
+        demonstrations = setting.demonstrations if folder is None else read_demonstrations(folder)
+        return ManipulationSkill(**{name: part() for name, part in parts.items()}).fit(choose(demonstrations, draw))
+
+    return train
+
+
+def one_state() -> CompetitiveAgglomeration:
+    """A single contact state; its gate still detects measurements unlike those of the demonstrations."""
+    return CompetitiveAgglomeration(m_init=1)
+
+
+def _mixture(Z: Array, random_state: int) -> GaussianMixture:
+    """The mixture of smallest BIC with at most 30 components and at least 2 d samples per component."""
+    most = min(MAX_COMPONENTS, len(Z) // (2 * Z.shape[1]))
+    return best_mixture(Z, most, reg_covar=1e-4, random_state=random_state)
 
 
 class MixtureRegressor(RegressorMixin, BaseEstimator):
-    """Gaussian mixture regression (`gmr_predict`) over an ordinary mixture of inputs and outputs, chosen by BIC."""
+    """Gaussian mixture regression (`gmr_predict`); the mixture of inputs and outputs is chosen by BIC."""
 
     def __init__(self, random_state: int = 0) -> None:
         self.random_state = random_state
 
-    def fit(self, X: np.ndarray, y: np.ndarray) -> Self:
+    def fit(self, X: Array, y: Array) -> Self:
+        """Fits inputs X (n, d) and outputs y (n, p)."""
         self.x_, self.y_ = StandardScaler().fit(X), StandardScaler().fit(y)
-        self.mixture_ = best_mixture(np.hstack([self.x_.transform(X), self.y_.transform(y)]), self.random_state)
+        self.mixture_ = _mixture(np.hstack([self.x_.transform(X), self.y_.transform(y)]), self.random_state)
         self.n_features_in_ = X.shape[1]
         return self
 
-    def predict(self, X: np.ndarray) -> np.ndarray:
+    def predict(self, X: Array) -> Array:
+        """Outputs (n, p) for inputs (n, d)."""
         m, d = self.mixture_, self.n_features_in_
         outputs = np.arange(d, m.means_.shape[1])
-        found = gmr_predict(m.means_, m.covariances_, m.weights_, self.x_.transform(X), np.arange(d), outputs)
-        return np.asarray(self.y_.inverse_transform(found))
+        scaled = gmr_predict(m.means_, m.covariances_, m.weights_, self.x_.transform(X), np.arange(d), outputs)
+        return np.asarray(self.y_.inverse_transform(scaled))
 
 
 class SubsetGaussianProcess(RegressorMixin, BaseEstimator):
-    """A Gaussian process with a length scale a feature, on at most `LARGEST_GP` samples drawn at random."""
+    """A Gaussian process with one length scale per feature, on at most `MAX_GP_SAMPLES` random samples."""
 
     def __init__(self, random_state: int = 0) -> None:
         self.random_state = random_state
 
-    def fit(self, X: np.ndarray, y: np.ndarray) -> Self:
+    def fit(self, X: Array, y: Array) -> Self:
+        """Fits inputs X (n, d) and outputs y (n, p)."""
         rng = np.random.default_rng(self.random_state)
-        kept = rng.permutation(len(X))[:LARGEST_GP]
+        kept = rng.permutation(len(X))[:MAX_GP_SAMPLES]
         kernel = ConstantKernel(1.0) * RBF(np.ones(X.shape[1]), (1e-2, 1e3)) + WhiteKernel(0.1)
         process = GaussianProcessRegressor(kernel, normalize_y=True, random_state=self.random_state)
         self.model_ = make_pipeline(StandardScaler(), process)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ConvergenceWarning)  # a feature that does not matter ends at its bound
+            warnings.simplefilter(
+                "ignore", ConvergenceWarning
+            )  # the length scale of an irrelevant feature ends at its bound
             self.model_.fit(X[kept], y[kept])
         return self
 
-    def predict(self, X: np.ndarray) -> np.ndarray:
+    def predict(self, X: Array) -> Array:
+        """Outputs (n, p) for inputs (n, d)."""
         return np.asarray(self.model_.predict(X))
 
 
 class MixtureStates(GaussianStates):
-    """Contact states from an ordinary Gaussian mixture, their number by BIC, every sample counting in full."""
+    """Contact states from a Gaussian mixture; BIC chooses their number, as if all samples were independent."""
 
     def __init__(self, random_state: int = 0) -> None:
         self.random_state = random_state
 
-    def fit(self, X: np.ndarray, y: Any = None, groups: Any = None, phase: Any = None) -> Self:
+    def fit(self, X: Array, y: Any = None, groups: Any = None, phase: Any = None) -> Self:
+        """Fits samples X (n, d); ``y``, ``groups`` and ``phase`` are ignored."""
         scaler = StandardScaler().fit(X)
-        found = best_mixture(scaler.transform(X), self.random_state)
+        mixture = _mixture(scaler.transform(X), self.random_state)
         self.n_features_in_ = X.shape[1]
         scale = scaler.scale_
         self._set_states(
             GaussianComponents(
-                found.weights_, scaler.inverse_transform(found.means_), scale[:, None] * found.covariances_ * scale
+                mixture.weights_,
+                scaler.inverse_transform(mixture.means_),
+                scale[:, None] * mixture.covariances_ * scale,
             )
         )
         return self
 
 
 def nearest_neighbours() -> GridSearchCV:
-    """The number of neighbours and their weighting by cross-validation."""
+    """Nearest neighbours; cross-validation chooses their number and weighting."""
     grid = {
         "kneighborsregressor__n_neighbors": [1, 3, 5, 10, 20, 40, 80],
         "kneighborsregressor__weights": ["uniform", "distance"],
@@ -110,7 +154,7 @@ def nearest_neighbours() -> GridSearchCV:
 
 
 def network(random_state: int = 0) -> GridSearchCV:
-    """Two hidden layers, their width and the weight decay by cross-validation."""
+    """A network with two hidden layers; cross-validation chooses their width and the weight decay."""
     model = MLPRegressor(max_iter=400, early_stopping=True, n_iter_no_change=20, random_state=random_state)
     scaled = TransformedTargetRegressor(make_pipeline(StandardScaler(), model), transformer=StandardScaler())
     grid = {

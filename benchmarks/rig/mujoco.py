@@ -1,46 +1,53 @@
-"""The rig's trials in Drake and in MuJoCo, one by one: do they come out alike, and what does each cost?
+"""Trials of the rig in Drake and in MuJoCo: agreement of their results, and cost.
 
     python -m benchmarks.rig.mujoco [--skill FILE] [--trials 20] [--seed 0] [--blind 20] [--scenario nominal]
                                     [--json FILE]                                     needs the extra [peers]
 
-A trial is the same in both: the resolved scenario of its seed (tilt, pivot, friction, sensor noise), the same skill,
-and the same motors, sensor, estimator and controller, which are this project's own; only the bodies and their contact
-are MuJoCo's (`benchmarks.physics.mujoco_plant`). The first ``--trials`` are controlled by the skill. The next
-``--blind`` push
-only (gain 0, for 4 s), from the same starts: many jam, so that the engines can disagree. Without ``--skill`` thirty
-demonstrations are recorded and learnt first, in Drake.
+A trial has the same resolved scenario in both engines (tilt, pivot, friction, sensor noise), the same skill, and the
+same motors, sensor, estimator and controller. Only the bodies and their contact are MuJoCo's
+(`benchmarks.physics.mujoco_plant`). The first --trials are controlled by a skill. The next --blind only push (gain 0,
+for 4 s), from the same starts; many of them jam, so that the engines can disagree. Without --skill a skill is learnt
+first, from thirty demonstrations in Drake.
 
-How far two runs part that differ in nothing but the draws of the sensor's noise is measured too, in MuJoCo: engines
-cannot agree better than that.
+Each trial is repeated in MuJoCo with other sensor noise ("again"). The engines cannot be expected to agree better than
+two such runs.
 
-Times are CPU time of this process. "A step's physics" is for MuJoCo the time in its own step; for Drake it is the time
-of a whole trial less what the same systems around the plant cost in the MuJoCo trial, by the step.
+Columns of the summary, one row per engine: number of insertions; medians of time, depth, largest force along and
+across the peg, and overlap of the round bodies; median CPU time of a trial and of the physics of a step; CPU time per
+simulated second. The physics of a step is, for MuJoCo, the time in its own step; for Drake it is the time of a whole
+trial minus the time of the same systems around the plant in the MuJoCo trial, per step.
 """
 
 from __future__ import annotations
 
-import argparse
 import copy
 import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml", "mujoco")
+
 import mujoco
 import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
+from benchmarks.command_line import argument_parser, run
 from benchmarks.physics.mujoco_model import MujocoContact
 from benchmarks.physics.mujoco_plant import MujocoPlant
-from benchmarks.rig.trials import wilson
+from benchmarks.recording import record_demonstrations
+from benchmarks.rig.comparison import BAD, GOOD, wilson
 from models.scenario import Scenario, load_scenario
 from skill.manipulation_skill import ManipulationSkill
-from systems.reports.terminal import write_json
+from systems.reports.terminal import progress, write_json
 from systems.rig import MakeRig, RigDiagram, WireRig
-from systems.runs.demonstration_set import demonstrate_all, requests
+from systems.runs.demonstration_set import requests
 from systems.runs.trial import run_rig, trial_scenario
 
-BLIND_TIME = 4.0  # in units of s; what has not gone in by then does not
+BLIND_TIME = 4.0  # s; time limit of the blind pushes: later insertions do not occur
 
 
 class TimedPlant(MujocoPlant):
@@ -56,39 +63,42 @@ class TimedPlant(MujocoPlant):
         - gimbal_state
         - reaction_forces
 
-    Knows how long MuJoCo took, s of CPU, all contexts together; this decides nothing.
+    A `MujocoPlant` that measures its own cost.
+
+    Attributes:
+        seconds: CPU time of MuJoCo's steps in all contexts, s; it does not influence the simulation.
     """
 
     seconds = 0.0
 
     def advance(self, data: mujoco.MjData) -> None:
-        """Takes the period's steps."""
+        """Takes the steps of one period."""
         begun = time.process_time()
         super().advance(data)
         self.seconds += time.process_time() - begun
 
 
-def run(rig: RigDiagram, scenario: Scenario, skill: ManipulationSkill, number: int) -> dict[str, Any]:
-    """One trial of a built rig, with its cost."""
+def run_timed(rig: RigDiagram, scenario: Scenario, skill: ManipulationSkill, number: int) -> dict[str, Any]:
+    """The result of one trial of a built rig (`TrialResult.record`) with its CPU time."""
     begun = time.process_time()
     result, _ = run_rig(rig, scenario, skill, seed=number)
-    return asdict(result) | {"cpu_s": time.process_time() - begun}
+    return result.record() | {"cpu_s": time.process_time() - begun}
 
 
 def run_mujoco(
     scenario: Scenario, skill: ManipulationSkill, contact: MujocoContact, number: int
 ) -> tuple[dict[str, Any], float]:
-    """One trial in MuJoCo, and the CPU time in s of what is around the plant, by period."""
+    """The result of one trial in MuJoCo, and the CPU time per period of the systems around the plant, s."""
     builder = DiagramBuilder()
     plant = builder.AddNamedSystem("plant", TimedPlant(scenario, contact))
-    row = run(WireRig(builder, scenario, skill, plant), scenario, skill, number)
+    row = run_timed(WireRig(builder, scenario, skill, plant), scenario, skill, number)
     row["physics_ms"] = 1e3 * plant.seconds / (row["time_s"] / contact.time_step)
     return row, (row["cpu_s"] - plant.seconds) / (row["time_s"] / scenario.contact.time_step)
 
 
 def compare(scenario: Scenario, skill: ManipulationSkill, contact: MujocoContact, number: int) -> dict[str, Any]:
-    """One trial in both engines, and in MuJoCo with other noise."""
-    drake = run(MakeRig(scenario, skill), scenario, skill, number)
+    """The results of one trial in both engines, and in MuJoCo with other sensor noise."""
+    drake = run_timed(MakeRig(scenario, skill), scenario, skill, number)
     other, around = run_mujoco(scenario, skill, contact, number)
     drake["physics_ms"] = 1e3 * (drake["cpu_s"] / (drake["time_s"] / scenario.contact.time_step) - around)
     noisy = copy.deepcopy(scenario)
@@ -101,7 +111,7 @@ MEASURED = ("time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "penetration
 
 
 def agreement(trials: list[dict[str, Any]], one: str, other: str) -> dict[str, Any]:
-    """How far two columns of trials agree; differences are of the trials that insert in both."""
+    """Agreement of two columns of the trials; the median differences are those of the trials that insert in both."""
     agreed = sum(t[one]["inserted"] == t[other]["inserted"] for t in trials)
     both = [t for t in trials if t[one]["inserted"] and t[other]["inserted"]]
     return {
@@ -117,7 +127,7 @@ def agreement(trials: list[dict[str, Any]], one: str, other: str) -> dict[str, A
 
 
 def summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
-    """Agreement, and the engines beside each other."""
+    """Agreement of the trials, and the medians of each engine."""
     found: dict[str, Any] = {
         "engines": agreement(trials, "drake", "mujoco"),
         "noise": agreement(trials, "mujoco", "again"),
@@ -135,38 +145,49 @@ def summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def learn(scenario: Scenario) -> ManipulationSkill:
-    """A skill of thirty demonstrations."""
-    shown = [d for _, d in demonstrate_all(scenario, requests(24, 6), seed=0, jobs=1)]
-    return ManipulationSkill(random_state=0).fit(shown)
+    """A skill learnt from thirty new demonstrations."""
+    demonstrations = [d for _, d in record_demonstrations(scenario, requests(GOOD, BAD), seed=0)]
+    return ManipulationSkill(random_state=0).fit(demonstrations)
 
 
-def show(name: str, found: dict[str, Any]) -> None:
-    """Prints a summary."""
+def print_trial(name: str, number: int, trial: dict[str, Any]) -> None:
+    """Prints one line per column of a trial."""
+    for column in ("drake", "mujoco", "again"):
+        r = trial[column]
+        print(
+            f"{name} {number:4d} {column:7} {r['reason']:10} {r['time_s']:6.2f} s {r['depth_mm']:6.2f} mm"
+            f" {r['peak_axial_n']:6.1f} N along {r['peak_lateral_n']:6.1f} N across, {r['steps']} steps,"
+            f" {r['cpu_s']:.2f} s of CPU",
+            flush=True,
+        )
+
+
+def print_summary(name: str, found: dict[str, Any]) -> None:
+    """Prints the result of `summary`."""
     titles = ("inserted", "time s", "depth mm", "axial N", "across N", "overlap um", "CPU s", "physics ms", "CPU s/s")
     print(f"\n{name:10}" + "".join(f"{title:>12}" for title in titles))
     for engine in ("drake", "mujoco"):
         e = found[engine]
         medians = "".join(f"{e[f'median_{key}']:12.2f}" for key in (*MEASURED, "cpu_s", "physics_ms"))
         print(f"{engine:10}{e['inserted']:12}{medians}{e['cpu_s_per_simulated_s']:12.2f}")
-    for what, a in (("Drake and MuJoCo", found["engines"]), ("MuJoCo and MuJoCo with other noise", found["noise"])):
+    for pair, a in (("Drake and MuJoCo", found["engines"]), ("MuJoCo with two draws of noise", found["noise"])):
         low, high = a["interval"]
         differences = ", ".join(f"{key} {value:.2g}" for key, value in a["median_difference"].items())
         print(
-            f"{what}: the same outcome in {a['agreed']} of {a['trials']} trials (95 % Wilson interval {low:.2f} to"
-            f" {high:.2f}), the same reason in {a['same_reason']};\n    median difference where both insert:"
-            f" {differences}; largest of the depth: {a['largest_depth_difference_mm']:.2f} mm",
+            f"{pair}: same outcome in {a['agreed']} of {a['trials']} trials (95 % Wilson interval {low:.2f} to"
+            f" {high:.2f}), same reason in {a['same_reason']};\n    median difference where both insert:"
+            f" {differences}; largest difference in depth: {a['largest_depth_difference_mm']:.2f} mm",
             flush=True,
         )
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--skill", type=Path, help="a skill file; without it one is taught first")
-    parser.add_argument("--scenario", default="nominal")
-    parser.add_argument("--trials", type=int, default=20)
-    parser.add_argument("--blind", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=0, help="number of the first trial")
-    parser.add_argument("--json", type=Path, help="write all trials to this file")
+    parser = argument_parser(__doc__)
+    parser.add_argument("--skill", type=Path, metavar="FILE", help="a skill file; without it, learns one")
+    parser.add_argument("--scenario", default="nominal", help="name or YAML file of a scenario (default: nominal)")
+    parser.add_argument("--trials", type=int, default=20, help="trials controlled by the skill (default: 20)")
+    parser.add_argument("--blind", type=int, default=20, help="trials that only push (default: 20)")
+    parser.add_argument("--seed", type=int, default=0, help="number of the first trial (default: 0)")
     arguments = parser.parse_args()
     scenario = load_scenario(arguments.scenario)
     skill = ManipulationSkill.load(arguments.skill) if arguments.skill else learn(scenario)
@@ -177,23 +198,17 @@ def main() -> None:
     found: dict[str, Any] = {"contact": asdict(contact), "time_step": scenario.contact.time_step}
     for name, chosen, count in (("skill", scenario, arguments.trials), ("blind", pushing, arguments.blind)):
         trials: list[dict[str, Any]] = []
-        for number in range(arguments.seed, arguments.seed + count):
-            trial = trial_scenario(chosen, number=number)
-            trials.append(compare(trial, skill, contact, number))
-            for engine in ("drake", "mujoco", "again"):
-                r = trials[-1][engine]
-                print(
-                    f"{name} {number:4d} {engine:7} {r['reason']:10} {r['time_s']:6.2f} s {r['depth_mm']:6.2f} mm"
-                    f" {r['peak_axial_n']:6.1f} N along {r['peak_lateral_n']:6.1f} N across, {r['steps']} steps,"
-                    f" {r['cpu_s']:.2f} s of CPU",
-                    flush=True,
-                )
-            found[name] = {"summary": summary(trials), "trials": trials}
-            if arguments.json:  # after every trial: a long run that is stopped has not run for nothing
-                write_json(arguments.json, found)
+        with progress(f"trials, {name}", count) as advance:
+            for number in range(arguments.seed, arguments.seed + count):
+                trials.append(compare(trial_scenario(chosen, number=number), skill, contact, number))
+                print_trial(name, number, trials[-1])
+                found[name] = {"summary": summary(trials), "trials": trials}
+                if arguments.json:  # after every trial, so that an interrupted run leaves its results
+                    write_json(arguments.json, found)
+                advance(f"trial {number}")
         if trials:
-            show(name, found[name]["summary"])
+            print_summary(name, found[name]["summary"])
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

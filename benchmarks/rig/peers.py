@@ -1,23 +1,38 @@
-"""Against what else a person would use: policies side by side on the same trials of the rig, in one run.
+"""The learnt skill against other policies on the same trials of the rig.
 
     python -m benchmarks.rig.peers [--demonstrations FOLDER] [--trials 20] [--jobs 1] [--only NAME ...] [--json FILE]
                                    [--figure FILE] [--scenario NAME] [--candidates 24] [--out FOLDER]
 
-All stand behind the same limits, supervisor, motors and sensor; all that learn get the same demonstrations, refined and
-seen through the sensor alike, and the same canonical features. Without --demonstrations thirty are recorded. Trials are
-numbered from 7000 on. Compliance and search have parameters that people set by hand: these are tuned on rig trials of
-their own, from 9000 on (`benchmarks.rig.control_laws.tuned`; by default 24 candidates, 104 trials), which the learners
-do not get; their time to train is the time of those trials on one core.
+All policies have the same limits, force guard, motors and sensor. All learners get the same demonstrations, with the
+same refinement and sensor noise, and the same canonical features. Without --demonstrations thirty are recorded. The
+first trial is number 7000. The parameters of compliance and search are tuned on other trials of the rig, from 9000 on
+(`benchmarks.rig.control_laws.tuned`; 24 candidates need 104 trials); their training time is the time of these trials
+on one core.
 
-The run can be interrupted and given again: what is stored below --out is not done again. A policy that fails, to
-train or in a trial, is a row of the table like any other.
+Columns, one row per policy:
+
+- inserted, 95 %: number of insertions, and Wilson's interval of their probability in percent;
+- time s: median time of the insertions;
+- across N: largest contact force across the peg in each trial, failures included: median, 95th percentile, maximum;
+- states: number of contact states or phases;
+- train s: training time on one core; query ms: median time of one decision;
+- otherwise: how the other trials ended.
+
+An interrupted run continues when it is started again: the results below --out are kept. A policy that fails, in
+training or in a trial, has a row in the table as well.
 """
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml")
+
+from benchmarks.command_line import run
+from benchmarks.rig.comparison import command_line, compare, prepared, selected
 from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, StraightPush, TunedLaw, tuned, tuning_trials
 from benchmarks.rig.figures import draw_groups
 from benchmarks.rig.learners import (
@@ -26,58 +41,45 @@ from benchmarks.rig.learners import (
     SubsetGaussianProcess,
     nearest_neighbours,
     network,
+    one_state,
+    skill_from,
 )
-from benchmarks.rig.trials import Advance, Arm, Record, Setting, Train, command_line, compare, prepared
+from benchmarks.rig.trials import Advance, Arm, Record, Setting, Train
 from models.scenario import load_scenario
-from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.manipulation_skill import ManipulationSkill
-from systems.control.policy import RigPolicy
-from systems.reports.terminal import report_errors
+from skill.policy import RigPolicy
 
 
 def push(setting: Setting, record: Record, advance: Advance, draw: int) -> RigPolicy:
+    """A push without correction, at the feed speed of the simulated operator."""
     return StraightPush(speed=setting.scenario.operator.insertion_speed)
 
 
-def by_hand(law: type[TunedLaw]) -> Train:
+def tuning_of(law: type[TunedLaw]) -> Train:
+    """The training of a control law: its parameters are tuned on the rig."""
     return lambda setting, record, advance, draw: tuned(law, setting, record, advance)
 
 
-def one_state() -> CompetitiveAgglomeration:
-    """No contact states: a single one, whose gate still tells what was never felt."""
-    return CompetitiveAgglomeration(m_init=1)
-
-
-def learnt(**parts: Any) -> Train:
-    """A skill with some of its parts exchanged; ``parts`` are functions that make them."""
-
-    def train(setting: Setting, record: Record, advance: Advance, draw: int) -> RigPolicy:
-        return ManipulationSkill(**{name: part() for name, part in parts.items()}).fit(setting.demonstrations)
-
-    return train
-
-
 def arms(candidates: int) -> list[Arm]:
+    """The policies; compliance and search are tuned with this number of candidates."""
     tuning = tuning_trials(candidates)
     return [
         Arm("no correction", push),
-        Arm("moment compliance, tuned", by_hand(MomentCompliance), tuning=tuning),
-        Arm("spiral search, tuned", by_hand(SpiralSearch), tuning=tuning),
-        Arm("k nearest neighbours", learnt(states=one_state, regressor=nearest_neighbours)),
-        Arm("LWR without states", learnt(states=one_state)),
-        Arm("Gaussian mixture regression", learnt(states=one_state, regressor=MixtureRegressor)),
-        Arm("neural network (MLP)", learnt(states=one_state, regressor=network)),
-        Arm("Gaussian process", learnt(states=one_state, regressor=SubsetGaussianProcess)),
-        Arm("GMM-BIC states + LWR", learnt(states=MixtureStates)),
-        Arm("CA states + LWR", learnt()),
+        Arm("moment compliance, tuned", tuning_of(MomentCompliance), tuning=tuning),
+        Arm("spiral search, tuned", tuning_of(SpiralSearch), tuning=tuning),
+        Arm("k nearest neighbours", skill_from(states=one_state, regressor=nearest_neighbours)),
+        Arm("LWR without states", skill_from(states=one_state)),
+        Arm("Gaussian mixture regression", skill_from(states=one_state, regressor=MixtureRegressor)),
+        Arm("neural network (MLP)", skill_from(states=one_state, regressor=network)),
+        Arm("Gaussian process", skill_from(states=one_state, regressor=SubsetGaussianProcess)),
+        Arm("GMM-BIC states + LWR", skill_from(states=MixtureStates)),
+        Arm("CA states + LWR", skill_from()),
     ]
 
 
-@report_errors
 def main() -> None:
     parser = command_line(__doc__)
-    parser.add_argument("--candidates", type=int, default=24, help="of each tuning by hand")
-    parser.add_argument("--figure", type=Path, help="draw the table to this file (.png or .svg)")
+    parser.add_argument("--candidates", type=int, default=24, help="parameter sets in each tuning (default: 24)")
+    parser.add_argument("--figure", type=Path, metavar="FILE", help="draw the table to this file (.png or .svg)")
     arguments = parser.parse_args()
     chosen = selected(arms(arguments.candidates), arguments.only)
     setting = prepared(
@@ -93,13 +95,5 @@ def main() -> None:
         draw_groups([("policies", [(row["name"], row) for row in summaries])], arguments.figure)
 
 
-def selected(all_arms: list[Arm], only: list[str] | None) -> list[Arm]:
-    """Those whose name has one of the given parts; all if none is given."""
-    chosen = [arm for arm in all_arms if only is None or any(part.lower() in arm.name.lower() for part in only)]
-    if not chosen:
-        raise ValueError(f"--only {only} names none of {[arm.name for arm in all_arms]}")
-    return chosen
-
-
 if __name__ == "__main__":
-    main()
+    run(main)

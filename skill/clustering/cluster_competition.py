@@ -1,9 +1,9 @@
-"""The competition: clusters with large cardinalities take samples from small ones until some vanish.
+"""Competition between clusters: large clusters take samples from small ones until the small ones vanish.
 
-This is Competitive Agglomeration (Frigui and Krishnapuram, Pattern Recognition 30(7), 1997) with the fuzzy-
-maximum-likelihood distance (Gath and Geva, IEEE PAMI 11(7), 1989) *normalised for each sample*: with d^2_ij =
-1 / h_ij, h the posterior of cluster i, the membership without competition is unchanged, but the weight of the
-competition no longer hangs on the few samples of least density, which is what makes the printed equations
+This is Competitive Agglomeration (Frigui and Krishnapuram, Pattern Recognition 30(7), 1997) with the fuzzy-maximum-
+likelihood distance (Gath and Geva, IEEE PAMI 11(7), 1989), *normalised for each sample*: d^2_ij = 1 / h_ij, where h_ij
+is the posterior of cluster i. Without competition, the memberships are the same as for the printed distance. With
+competition, its strength no longer depends on the few samples of lowest density, which make the printed equations
 collapse to a single cluster.
 """
 
@@ -16,22 +16,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.clustering.expectation_maximization import CovariancePrior, em_step, retained, updated
+from skill.clustering.expectation_maximization import CovariancePrior, em_step, retained, updated_components
 from skill.clustering.gaussian_components import GaussianComponents
 
 Schedule = Callable[[int], float]
+"""Strength of the competition, eta, as a function of the iteration."""
+
+MIN_STILL_ITERATIONS = 3
+"""The competition has converged after this many consecutive iterations in which no centre moved and no cluster died."""
 
 
 def exponential_schedule(eta0: float, tau: float, begin: int = 0) -> Schedule:
-    """eta(k) = eta0 exp(-(k - begin) / tau) from iteration ``begin``, eta0 before."""
+    """Returns eta(k) = eta0 exp(-(k - begin) / tau), and eta0 before iteration ``begin``."""
     return lambda k: eta0 * float(np.exp(-max(k - begin, 0) / tau))
 
 
 def ramp_schedule(eta0: float, tau: float, rise: int, decay: int) -> Schedule:
-    """eta(k) grows as eta0 exp((k - rise) / tau) up to ``rise``, rests, falls as exp((decay - k) / tau)."""
+    """Returns a schedule that rises to a plateau and falls again.
+
+    eta(k) is eta0 exp((k - rise) / tau) before iteration ``rise``, eta0 exp((decay - k) / tau) from iteration
+    ``decay``, and eta0 in between.
+    """
 
     def eta(k: int) -> float:
-        exponent = (k - rise) / tau if k < rise else (0.0 if k < decay else (decay - k) / tau)
+        if k < rise:
+            exponent = (k - rise) / tau
+        elif k < decay:
+            exponent = 0.0
+        else:
+            exponent = (decay - k) / tau
         return eta0 * float(np.exp(exponent))
 
     return eta
@@ -39,13 +52,13 @@ def ramp_schedule(eta0: float, tau: float, rise: int, decay: int) -> Schedule:
 
 @dataclass
 class History:
-    """One entry for each iteration of the competition.
+    """Course of the competition, one entry for each iteration.
 
     Attributes:
-        n_clusters: clusters alive.
+        n_clusters: number of clusters before the update.
         eta: strength of the competition.
-        log_likelihood: of all samples, before the update, in nats (NaN for distances that are not
-            likelihoods).
+        log_likelihood: log-likelihood of all samples before the update, in nats; NaN for distances without a
+            likelihood.
     """
 
     n_clusters: list[int] = field(default_factory=list)
@@ -59,7 +72,7 @@ class History:
         self.log_likelihood.append(log_likelihood)
 
     def arrays(self) -> dict[str, Array]:
-        """The history as arrays of shape (n_iter,)."""
+        """Returns the history as arrays of shape (n_iter,), keyed by attribute."""
         return {
             "n_clusters": np.asarray(self.n_clusters, dtype=float),
             "eta": np.asarray(self.eta, dtype=float),
@@ -67,15 +80,17 @@ class History:
         }
 
 
-def survivors(cardinalities: Array, least: float) -> NDArray[np.bool_]:
-    """Mask of the clusters that stay: the smallest below ``least`` go, at most a tenth of all at once.
+def survivors(cardinalities: Array, min_cardinality: float) -> NDArray[np.bool_]:
+    """Returns the mask (M,) of the clusters that survive an iteration.
 
-    Without the limit all die at once whenever their number times ``least`` exceeds the number of samples.
+    Clusters with a cardinality below ``min_cardinality`` die, the smallest first, but at most a tenth of all clusters
+    (at least one) in an iteration. Without this limit all clusters would die at once if M ``min_cardinality`` exceeds
+    the number of samples. The last cluster never dies.
     """
     keep = np.ones(len(cardinalities), dtype=bool)
-    at_most = max(1, len(cardinalities) // 10)
-    smallest_first = np.argsort(cardinalities, kind="stable")[:at_most]
-    keep[smallest_first[cardinalities[smallest_first] < least]] = False
+    max_deaths = max(1, len(cardinalities) // 10)
+    smallest = np.argsort(cardinalities, kind="stable")[:max_deaths]
+    keep[smallest[cardinalities[smallest] < min_cardinality]] = False
     if not keep.any():
         keep[int(np.argmax(cardinalities))] = True
     return keep
@@ -92,37 +107,40 @@ def compete(
     tol: float,
     min_eta: float = 0.0,
 ) -> tuple[GaussianComponents, History, bool]:
-    """Runs the competition from ``components`` until centres and number rest.
+    """Runs the competition until it converges.
+
+    It converges when in `MIN_STILL_ITERATIONS` consecutive iterations no cluster died and no coordinate of a centre
+    moved by ``tol``, or when its strength falls below ``min_eta``.
 
     Args:
         Z: samples, shape (N, d), of mean zero.
-        components: the first, too many, Gaussians.
+        components: initial Gaussians, more than there are clusters.
         prior: regularisation of the covariances.
-        schedule: strength of the competition for each iteration.
-        min_cardinality: clusters of a smaller cardinality vanish.
-        max_iter: largest number of iterations.
-        tol: stop when no centre moves by more than this (in units of Z) in three iterations without a death.
-        min_eta: stop when the competition has become weaker than this, if mergers are to follow anyway.
+        schedule: strength of the competition in each iteration.
+        min_cardinality: clusters with a smaller cardinality die.
+        max_iter: maximum number of iterations.
+        tol: distance in the units of Z below which a centre counts as still.
+        min_eta: strength below which the competition ends. Use it if mergers follow.
 
     Returns:
-        The surviving components, the history, and whether it came to rest.
+        The surviving components, the history, and whether the competition converged.
     """
     history = History()
     cardinalities = components.weights * len(Z)
-    calm = 0
+    still_iterations = 0
     for k in range(max_iter):
         eta = schedule(k)
-        result = em_step(Z, components, eta=eta, cardinalities=cardinalities, fuzzy=True)
-        history.append(len(components), eta, result.log_likelihood)
-        moved = float(np.abs(result.means - components.means).max())
-        components = updated(result, prior)
-        keep = survivors(result.cardinalities, min_cardinality)
-        cardinalities = result.cardinalities[keep]
+        step = em_step(Z, components, eta=eta, cardinalities=cardinalities, fuzzy=True)
+        history.append(len(components), eta, step.log_likelihood)
+        movement = float(np.abs(step.means - components.means).max())
+        components = updated_components(step, prior)
+        keep = survivors(step.cardinalities, min_cardinality)
+        cardinalities = step.cardinalities[keep]
         if keep.all():
-            calm = calm + 1 if moved < tol else 0
+            still_iterations = still_iterations + 1 if movement < tol else 0
         else:
-            calm = 0
+            still_iterations = 0
             components = retained(components, keep)
-        if calm >= 3 or schedule(k + 1) < min_eta <= eta:
+        if still_iterations >= MIN_STILL_ITERATIONS or schedule(k + 1) < min_eta <= eta:
             return components, history, True
     return components, history, False

@@ -1,4 +1,4 @@
-"""Where the competition starts: a first, too fine, partition of the samples."""
+"""Initial components of the competition: partitions of the samples into more clusters than there are states."""
 
 from __future__ import annotations
 
@@ -12,13 +12,16 @@ from skill.clustering.gaussian_components import GaussianComponents
 
 
 def seed_centres(Z: Array, M: int, random_state: np.random.RandomState) -> Array:
-    """``M`` k-means++ seeds (M, d), not improved by k-means, which would flatten elongated clusters."""
+    """Returns ``M`` k-means++ seeds, shape (M, d).
+
+    They are not improved by k-means, which would split elongated clusters.
+    """
     centres, _ = kmeans_plusplus(Z, M, random_state=random_state)
     return np.asarray(centres, dtype=float)
 
 
 def nearest_centre(Z: Array, centres: Array, block: int = 8192) -> NDArray[np.intp]:
-    """Index of the Euclidean-nearest centre of each sample, shape (N,)."""
+    """Returns the index of the Euclidean-nearest centre of each sample, shape (N,)."""
     labels = np.empty(len(Z), dtype=np.intp)
     half_norms = 0.5 * np.einsum("md,md->m", centres, centres)
     for start in range(0, len(Z), block):
@@ -27,12 +30,12 @@ def nearest_centre(Z: Array, centres: Array, block: int = 8192) -> NDArray[np.in
 
 
 def phase_slices(phase: Array, slices: int) -> NDArray[np.intp]:
-    """Slice of normalised time of each sample: floor(slices * phase), phase in [0, 1]."""
+    """Returns the time slice of each sample, floor(slices phase), shape (N,); a phase of 1 is in the last slice."""
     return np.minimum((slices * phase).astype(np.intp), slices - 1)
 
 
 def components_of_partition(Z: Array, labels: NDArray[np.intp], prior: CovariancePrior) -> GaussianComponents:
-    """One Gaussian for each label that occurs: share, mean and regularised covariance of its samples."""
+    """Returns one Gaussian for each label that occurs: share, mean and regularised covariance of its samples."""
     _, labels = np.unique(labels, return_inverse=True)
     counts = np.bincount(labels).astype(float)
     order = np.argsort(labels, kind="stable")
@@ -45,7 +48,10 @@ def components_of_partition(Z: Array, labels: NDArray[np.intp], prior: Covarianc
 
 
 def components_at_centres(Z: Array, centres: Array, prior: CovariancePrior) -> GaussianComponents:
-    """Gaussians at the given centres (M, d), each with the spread about it of the samples nearest to it."""
+    """Returns Gaussians with the given means, shape (M, d).
+
+    The covariance of each is the regularised second moment, about its centre, of the samples nearest to it.
+    """
     M, d = centres.shape
     labels = nearest_centre(Z, centres)
     counts = np.bincount(labels, minlength=M).astype(float)
@@ -53,6 +59,6 @@ def components_at_centres(Z: Array, centres: Array, prior: CovariancePrior) -> G
     for i in np.flatnonzero(counts):
         offsets = Z[labels == i] - centres[i]
         covariances[i] = offsets.T @ offsets / counts[i]
-    # A centre without samples keeps the weight of one, so that it may still win some.
+    # A centre without samples gets the weight of one sample, so that it can still attract samples.
     weights = np.maximum(counts, 1.0)
     return GaussianComponents(weights / weights.sum(), centres, prior.apply(covariances, counts))

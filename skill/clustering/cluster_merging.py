@@ -1,8 +1,8 @@
-"""Merging of Gaussian components, from too many down to one.
+"""Merging of Gaussian components, from many components down to one.
 
-The pair whose merger costs the least likelihood (Runnalls, "Kullback-Leibler approach to Gaussian mixture
-reduction", IEEE Trans. AES 43(3), 2007) is merged, the mixture is polished by a few steps of EM, and so on.
-This gives a good mixture of every number of components without a restart for each.
+Each step merges the pair whose merger costs the least likelihood (Runnalls, "Kullback-Leibler approach to Gaussian
+mixture reduction", IEEE Trans. AES 43(3), 2007) and then improves the mixture by a few iterations of EM. The result is
+a good mixture of every number of components, without a new start for each number.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ Indices = NDArray[np.intp]
 
 
 def log_determinants(covariances: Array) -> Array:
-    """Log |F_i| of a stack (M, d, d)."""
+    """Returns log |F_i| of covariances (M, d, d), shape (M,)."""
     factors = cholesky_factors(covariances)
-    return 2.0 * np.log(np.einsum("mdd->md", factors)).sum(axis=1)
+    logs: Array = 2.0 * np.log(np.einsum("mdd->md", factors)).sum(axis=1)
+    return logs
 
 
 def merged_pair(components: GaussianComponents, i: Indices, j: Indices) -> GaussianComponents:
-    """The moment-preserving mergers of components ``i`` and ``j`` (index arrays, one merger an entry)."""
+    """Returns one component for each pair (i[k], j[k]), with the weight, mean and covariance of the pair's mixture."""
     P = components.weights
     weights = P[i] + P[j]
     a = (P[i] / weights)[:, None]
@@ -41,10 +42,12 @@ def merged_pair(components: GaussianComponents, i: Indices, j: Indices) -> Gauss
 
 
 def runnalls_costs(components: GaussianComponents) -> tuple[Indices, Indices, Array]:
-    """Cost of merging each pair, 1/2 [P_ij log|F_ij| - P_i log|F_i| - P_j log|F_j|], bounding the loss.
+    """Returns the cost of merging each pair, 1/2 [P_ij log|F_ij| - P_i log|F_i| - P_j log|F_j|].
+
+    The cost is an upper bound of the Kullback-Leibler divergence from the mixture to the merged mixture.
 
     Returns:
-        Index arrays i < j and the costs, each of shape (M (M - 1) / 2,), in nats a sample.
+        Index arrays i < j and the costs in nats per sample, each of shape (M (M - 1) / 2,).
     """
     i, j = np.triu_indices(len(components), k=1)
     pairs = merged_pair(components, i, j)
@@ -53,7 +56,7 @@ def runnalls_costs(components: GaussianComponents) -> tuple[Indices, Indices, Ar
 
 
 def merge_closest(components: GaussianComponents) -> GaussianComponents:
-    """Merges the pair of least Runnalls cost."""
+    """Merges the pair of minimum Runnalls cost; the merged component comes last."""
     i, j, costs = runnalls_costs(components)
     best = int(np.argmin(costs))
     merged = merged_pair(components, i[best : best + 1], j[best : best + 1])
@@ -67,7 +70,7 @@ def merge_closest(components: GaussianComponents) -> GaussianComponents:
 
 @dataclass(frozen=True)
 class Mixture:
-    """Gaussian components and the log-likelihood (nats) of the samples under them."""
+    """Gaussian components and the log-likelihood of the samples under them, in nats."""
 
     components: GaussianComponents
     log_likelihood: float
@@ -76,16 +79,16 @@ class Mixture:
 def merge_path(
     Z: Array, components: GaussianComponents, prior: CovariancePrior, *, em_steps: int = 10
 ) -> list[Mixture]:
-    """Merges down to one component, polishing after each merger.
+    """Merges down to one component, with EM after each merger.
 
     Args:
         Z: samples, shape (N, d).
-        components: where to start.
+        components: initial components.
         prior: regularisation of the covariances.
-        em_steps: EM steps after each merger, at most.
+        em_steps: maximum number of EM iterations after each merger.
 
     Returns:
-        The polished mixture of every number of components on the way, from the most to a single one.
+        The mixture of each number of components after EM, largest number first.
     """
     tol = negligible_gain(prior.parameters, len(Z))
     path: list[Mixture] = []
@@ -98,7 +101,7 @@ def merge_path(
 
 
 def best_of_each_number(paths: list[list[Mixture]]) -> dict[int, Mixture]:
-    """Of several paths, the likeliest mixture of each number of components, the most components first."""
+    """Returns the mixture of maximum likelihood for each number of components, largest number first."""
     best: dict[int, Mixture] = {}
     for mixture in (mixture for path in paths for mixture in path):
         M = len(mixture.components)
@@ -108,16 +111,29 @@ def best_of_each_number(paths: list[list[Mixture]]) -> dict[int, Mixture]:
 
 
 def negligible_gain(T: int, N: int) -> float:
-    """Nats that cannot change the choice of a number: a hundredth of the penalty of one component."""
+    """Returns a log-likelihood too small to change the chosen number of components, in nats.
+
+    It is a hundredth of the BIC penalty of one component, T / 2 log N.
+    """
     return 0.005 * T * float(np.log(N))
 
 
 def polished(
     Z: Array, candidates: dict[int, Mixture], prior: CovariancePrior, *, em_steps: int = 10
 ) -> dict[int, Mixture]:
-    """The candidates after up to ``em_steps`` of EM on samples ``Z`` (N, d), keyed as before.
+    """Improves mixtures by EM on all samples.
 
-    EM drops components that hold no sample; such a candidate is a duplicate of a smaller one and is left out.
+    EM drops components without samples. A candidate that loses a component duplicates a smaller candidate and is
+    left out.
+
+    Args:
+        Z: samples, shape (N, d).
+        candidates: mixture of each number of components.
+        prior: regularisation of the covariances.
+        em_steps: maximum number of EM iterations.
+
+    Returns:
+        The improved mixture of each remaining number of components.
     """
     tol = negligible_gain(prior.parameters, len(Z))
     result: dict[int, Mixture] = {}

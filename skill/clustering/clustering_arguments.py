@@ -1,4 +1,4 @@
-"""Checks of the parameters and fit arguments of `CompetitiveAgglomeration`; messages name the remedy."""
+"""Checks of the parameters of `CompetitiveAgglomeration` and of the arguments of its `fit`."""
 
 from __future__ import annotations
 
@@ -8,44 +8,55 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from sklearn.utils._param_validation import Interval, StrOptions
 
 from skill.arrays import Array
 
-CHOICES: dict[str, tuple[Any, ...]] = {
-    "distance": ("fmle", "gk", "euclid"),
-    "bias": ("posterior", "literal"),
-    "schedule": ("exp", "ramp"),
-    "covariance_type": ("full", "diag"),
-    "merge": ("bic", None),
+POSITIVE = Interval(Real, 0, None, closed="neither")
+NON_NEGATIVE = Interval(Real, 0, None, closed="left")
+COUNT = Interval(Integral, 1, None, closed="left")
+ITERATION = Interval(Integral, 0, None, closed="left")
+
+PARAMETER_CONSTRAINTS: dict[str, list[Any]] = {
+    "distance": [StrOptions({"fmle", "gk", "euclid"})],
+    "bias": [StrOptions({"posterior", "literal"})],
+    "m_init": [COUNT],
+    "eta0": [NON_NEGATIVE, None],
+    "tau": [POSITIVE],
+    "schedule": [StrOptions({"exp", "ramp"})],
+    "rise": [ITERATION],
+    "decay": [ITERATION],
+    "min_cardinality": [NON_NEGATIVE, None],
+    "covariance_type": [StrOptions({"full", "diag"})],
+    "shrinkage": [NON_NEGATIVE, None],
+    "reg_covar": [NON_NEGATIVE],
+    "sensor_variance": ["array-like", None],
+    "merge": [StrOptions({"bic"}), None],
+    "init": [StrOptions({"auto", "k-means++", "phase"}), "array-like"],
+    "n_init": [COUNT, None],
+    "max_iter": [COUNT],
+    "tol": [NON_NEGATIVE],
+    "standardize": ["boolean"],
+    "random_state": ["random_state"],
 }
-COUNTS = ("m_init", "max_iter", "n_init")
-NUMBERS = ("eta0", "tau", "min_cardinality", "shrinkage", "reg_covar", "tol")
-OPTIONAL = ("n_init", "eta0", "min_cardinality", "shrinkage")
-
-
-def check_parameters(estimator: Any) -> None:
-    """Raises a ValueError that names the first parameter of the estimator that is out of range."""
-    for name, allowed in CHOICES.items():
-        if getattr(estimator, name) not in allowed:
-            raise ValueError(f"{name}={getattr(estimator, name)!r}: expected one of {allowed}")
-    if isinstance(estimator.init, str) and estimator.init not in ("auto", "k-means++", "phase"):
-        raise ValueError(f"init={estimator.init!r}: expected 'auto', 'k-means++', 'phase', centres or labels")
-    for name in (*COUNTS, *NUMBERS):
-        value = getattr(estimator, name)
-        if value is None and name in OPTIONAL:
-            continue
-        if name in COUNTS:
-            if not isinstance(value, Integral) or int(value) < 1:
-                raise ValueError(f"{name}={value!r}: expected an integer of at least 1")
-            continue
-        number = float(value) if isinstance(value, Real) else float("nan")
-        if not np.isfinite(number) or number < 0.0 or (name == "tau" and number == 0.0):
-            bound = "positive" if name == "tau" else "non-negative"
-            raise ValueError(f"{name}={value!r}: expected a {bound} finite number")
+"""Allowed values of each constructor parameter, as scikit-learn's parameter validation expects them."""
 
 
 def checked_groups(groups: ArrayLike | None, N: int) -> NDArray[np.intp] | None:
-    """Index of the demonstration of each sample, or None when the dependence cannot be measured."""
+    """Returns the index of the demonstration of each sample, shape (N,).
+
+    Warns if there is a single demonstration.
+
+    Args:
+        groups: shape (N,), any labels of the demonstrations, or None.
+        N: number of samples.
+
+    Returns:
+        None if there are fewer than two demonstrations: the dependence of the samples cannot be measured.
+
+    Raises:
+        ValueError: if the shape is wrong.
+    """
     if groups is None:
         return None
     given = np.asarray(groups)
@@ -54,8 +65,8 @@ def checked_groups(groups: ArrayLike | None, N: int) -> NDArray[np.intp] | None:
     names, index = np.unique(given, return_inverse=True)
     if len(names) < 2:
         warnings.warn(
-            "groups names a single demonstration, so its samples count as independent and the number of"
-            " states will grow with the sampling rate: give two or more demonstrations",
+            "groups contains a single demonstration, so all samples count as independent and the number of"
+            " states grows with the sampling rate: use two or more demonstrations",
             UserWarning,
             stacklevel=3,
         )
@@ -64,7 +75,11 @@ def checked_groups(groups: ArrayLike | None, N: int) -> NDArray[np.intp] | None:
 
 
 def checked_phase(phase: ArrayLike | None, N: int) -> Array | None:
-    """Normalised time of each sample."""
+    """Returns the normalised time of each sample, shape (N,), or None if it is not given.
+
+    Raises:
+        ValueError: if the shape is wrong or a value lies outside [0, 1].
+    """
     if phase is None:
         return None
     given = np.asarray(phase, dtype=float)
@@ -75,4 +90,20 @@ def checked_phase(phase: ArrayLike | None, N: int) -> Array | None:
             f"phase lies between {given.min():.3g} and {given.max():.3g}, expected [0, 1]: divide the time"
             " since the start of each demonstration by its duration"
         )
+    return given
+
+
+def checked_sensor_variance(variance: ArrayLike | None, d: int) -> Array:
+    """Returns the noise variance of each channel, shape (d,); zeros if it is not given.
+
+    Raises:
+        ValueError: if the shape is wrong, or a variance is negative, NaN or infinite.
+    """
+    if variance is None:
+        return np.zeros(d)
+    given = np.asarray(variance, dtype=float)
+    if given.shape != (d,):
+        raise ValueError(f"sensor_variance has shape {given.shape}, expected ({d},): one variance for each channel")
+    if not np.isfinite(given).all() or (given < 0.0).any():
+        raise ValueError(f"sensor_variance is {given}, expected finite variances of at least 0")
     return given

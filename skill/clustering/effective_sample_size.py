@@ -1,11 +1,10 @@
-"""How many independent samples a set of demonstrations is worth.
+"""Effective sample size of a set of demonstrations.
 
-Consecutive samples of a trajectory repeat each other: the offset, the tilt and the axis of one demonstration
-hardly change within a state, however fast it is sampled. A likelihood that multiplies the densities of all
-samples therefore sees more evidence than there is, and sees ever more of it the higher the sampling rate.
-What does not repeat are the demonstrations, so their spread measures the true evidence, as in survey sampling
-(Kish, "Survey Sampling", 1965, the design effect) and in cluster-robust covariances (Liang and Zeger,
-Biometrika 73, 1986).
+Consecutive samples of a trajectory repeat each other. Within a state, the offset, the tilt and the axis of one
+demonstration hardly change, however high the sampling rate is. A likelihood that multiplies the densities of all
+samples therefore overestimates the evidence, and the more so the higher the sampling rate is. Demonstrations are
+independent of each other, so their spread measures the true evidence, as in survey sampling (Kish, "Survey Sampling",
+1965: the design effect) and in cluster-robust covariances (Liang and Zeger, Biometrika 73, 1986).
 """
 
 from __future__ import annotations
@@ -14,31 +13,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.clustering.expectation_maximization import BLOCK
+from skill.clustering.expectation_maximization import e_step
 from skill.clustering.gaussian_components import (
     GaussianComponents,
     QuadraticFeatures,
     log_density_coefficients,
+    parameters_per_component,
     precision_factors,
 )
 
 
 def design_effect(Z: Array, components: GaussianComponents, groups: NDArray[np.intp]) -> float:
-    """How many times larger the variance of the parameters is than it were if the samples were independent.
+    """Returns the variance of the parameters relative to their variance if all samples were independent.
 
-    With s_kjt the score (derivative of the log-likelihood) of parameter k at sample t of demonstration j, in
-    units of its standard deviation, this is the mean over the parameters of sum_j (sum_t s_kjt)^2 / sum_jt 1,
-    that is tr(H^-1 J) / K with H the information of one sample and J the variance of the demonstrations'
-    summed scores. It is 1 for independent samples and as large as the length of a visit if nothing changes
-    during the visit.
+    Let s_kjt be the score (derivative of the log-likelihood) of parameter k at sample t of demonstration j, divided
+    by its standard deviation. The design effect is the mean over the parameters of sum_j (sum_t s_kjt)^2 / sum_jt 1.
+    This equals tr(H^-1 J) / K for K parameters, where H is the information of one sample and J the variance of the
+    summed scores of a demonstration. It is 1 for independent samples, and equal to the length of a visit if nothing
+    changes during the visit. The scores of all J demonstrations sum to zero at the maximum of the likelihood; the
+    factor J / (J - 1) corrects the resulting bias.
 
-    For a Gaussian the standardised scores are w = R'(z - v) for the mean and (w w' - I) / sqrt(2) for the
-    covariance, both weighted by the posterior, so that only the group's weighted moments are needed.
+    For a Gaussian, the standardised scores are w = R'(z - v) for the mean and (w w' - I) / sqrt(2) for the covariance,
+    both weighted by the posterior. They need only the weighted moments of each demonstration.
 
     Args:
         Z: samples, shape (N, d).
         components: M Gaussians, fitted to Z.
-        groups: shape (N,), the demonstration of each sample, at least two different ones.
+        groups: shape (N,), demonstration of each sample; at least two demonstrations.
 
     Returns:
         The design effect, at least 1.
@@ -46,23 +47,17 @@ def design_effect(Z: Array, components: GaussianComponents, groups: NDArray[np.i
     d = Z.shape[1]
     M = len(components)
     features = QuadraticFeatures(d)
-    C = log_density_coefficients(components, features)
+    coefficients = log_density_coefficients(components, features)
     R = precision_factors(components.covariances)
     identity = np.eye(d)
     order = np.argsort(groups, kind="stable")
-    starts = np.flatnonzero(np.diff(groups[order])) + 1
+    demonstrations = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
     squares = np.zeros(M)
     cardinalities = np.zeros(M)
-    segments = np.split(order, starts)
-    for rows in segments:
+    for rows in demonstrations:
         sums = np.zeros((M, features.size))
-        for start in range(0, len(rows), BLOCK):
-            phi = features.transform(Z[rows[start : start + BLOCK]])
-            H = C @ phi
-            H -= H.max(axis=0)
-            np.exp(H, out=H)
-            H /= H.sum(axis=0)
-            sums += H @ phi.T
+        for phi, posteriors, _ in e_step(Z[rows], coefficients, features):
+            sums += posteriors @ phi.T
         totals, means, covariances = features.moments(sums)
         shift = means - components.means
         mean_score = totals[:, None] * np.einsum("mab,ma->mb", R, shift)
@@ -70,7 +65,6 @@ def design_effect(Z: Array, components: GaussianComponents, groups: NDArray[np.i
         covariance_score = totals[:, None, None] * (R.transpose(0, 2, 1) @ spread @ R - identity)
         squares += np.square(mean_score).sum(axis=1) + 0.5 * np.square(covariance_score).sum(axis=(1, 2))
         cardinalities += totals
-    parameters = d + d * (d + 1) // 2
-    # The scores of all demonstrations sum to zero at the maximum, which hides one of them.
-    unbiased = len(segments) / (len(segments) - 1)
-    return max(1.0, unbiased * float(np.mean(squares / np.maximum(cardinalities, 1.0))) / parameters)
+    parameters = parameters_per_component(d, diagonal=False)
+    unbiased = len(demonstrations) / (len(demonstrations) - 1)
+    return float(max(1.0, unbiased * float(np.mean(squares / np.maximum(cardinalities, 1.0))) / parameters))

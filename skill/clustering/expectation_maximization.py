@@ -1,12 +1,13 @@
-"""One pass over the samples: memberships, competition and weighted moments, in blocks that stay in cache.
+"""Expectation-maximisation of Gaussian mixtures, in blocks of samples that fit into the processor's cache.
 
-The same pass serves Competitive Agglomeration (memberships biased by the cardinalities, moments weighted by
-u^2) and ordinary expectation-maximisation (posteriors, moments weighted by h). Nothing of size N x M is ever
-stored, so memory is that of the samples themselves.
+The same pass over the samples serves Competitive Agglomeration (memberships u biased by the cardinalities, moments
+weighted by u^2) and ordinary expectation-maximisation (posteriors h, moments weighted by h). No array of size N x M
+is stored, so the memory needed is that of the samples.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,18 +23,17 @@ from skill.clustering.gaussian_components import (
 )
 
 BLOCK = 2048
-"""Samples a block: with 14 channels features and memberships take about 2.4 MB, a second-level cache."""
+"""Samples in a block. With 14 channels, features and memberships take 2.4 MB, which fits a second-level cache."""
 
 
 @dataclass(frozen=True)
 class CovariancePrior:
-    """What every covariance is pulled towards, in the channels' (standardised) units.
+    """Regularisation of the covariances, in the units of the standardised channels.
 
     Attributes:
-        count: nu, how many samples the prior counts for.
-        variance: g, mean variance of the channels; the prior of M clusters is 0.1 g M^(-2/d) I, a tenth
-            of the
-            variance a cluster has when M of them tile the data.
+        count: nu, weight of the prior as a number of samples.
+        variance: g, mean variance of the channels. The prior of M clusters is 0.1 g M^(-2/d) I, a tenth of the
+            variance of each cluster when M of them tile the data.
         floor: shape (d,), variance added to each channel.
         diagonal: whether covariances are diagonal.
     """
@@ -44,7 +44,12 @@ class CovariancePrior:
     diagonal: bool
 
     def apply(self, covariances: Array, counts: Array) -> Array:
-        """Regularises sample covariances (M, d, d) that rest on ``counts`` (M,) samples."""
+        """Returns regularised covariances, shape (M, d, d).
+
+        Args:
+            covariances: shape (M, d, d), sample covariances.
+            counts: shape (M,), number of samples behind each covariance.
+        """
         M, d = covariances.shape[:2]
         return shrunk_covariances(
             covariances,
@@ -57,20 +62,20 @@ class CovariancePrior:
 
     @property
     def parameters(self) -> int:
-        """Free parameters T of one component."""
+        """Number T of free parameters of one component."""
         return parameters_per_component(len(self.floor), diagonal=self.diagonal)
 
 
 @dataclass(frozen=True)
 class EmStep:
-    """What one pass over the samples leaves behind.
+    """Result of one pass over the samples.
 
     Attributes:
         cardinalities: shape (M,), N_i = sum_j u_ij.
-        weight_sums: shape (M,), sum of the weights of the moments (u^2 or h).
+        weight_sums: shape (M,), sums of the weights of the moments (u^2 or u).
         means: shape (M, d), weighted means.
         covariances: shape (M, d, d), weighted covariances, not regularised.
-        log_likelihood: sum over samples of log sum_i P_i N(z_j | v_i, F_i).
+        log_likelihood: sum over the samples of log sum_i P_i N(z_j | v_i, F_i), in nats.
     """
 
     cardinalities: Array
@@ -78,6 +83,30 @@ class EmStep:
     means: Array
     covariances: Array
     log_likelihood: float
+
+
+def e_step(Z: Array, coefficients: Array, features: QuadraticFeatures) -> Iterator[tuple[Array, Array, Array]]:
+    """Computes the posteriors h_ij = P_i N(z_j | v_i, F_i) / sum_k P_k N(z_j | v_k, F_k) block by block.
+
+    Args:
+        Z: samples, shape (N, d).
+        coefficients: shape (M, size), result of `log_density_coefficients`.
+        features: quadratic features of d channels.
+
+    Yields:
+        Features (size, n), posteriors (M, n) and log-densities (n,) of the n samples of each block. The next block
+        overwrites the features.
+    """
+    buffer = np.empty((features.size, min(BLOCK, len(Z))))
+    for start in range(0, len(Z), BLOCK):
+        phi = features.transform(Z[start : start + BLOCK], out=buffer)
+        posteriors = coefficients @ phi
+        peak = posteriors.max(axis=0)
+        posteriors -= peak
+        np.exp(posteriors, out=posteriors)
+        evidence = posteriors.sum(axis=0)
+        posteriors /= evidence
+        yield phi, posteriors, peak + np.log(evidence)
 
 
 def em_step(
@@ -88,46 +117,30 @@ def em_step(
     cardinalities: Array | None = None,
     fuzzy: bool = False,
 ) -> EmStep:
-    """Memberships and weighted moments of all samples.
+    """Computes the memberships and the weighted moments of all samples.
 
-    With h the posterior, the competition is u_ij = h_ij [1 + alpha (N_i - sum_k h_kj N_k)],
-    alpha = eta N / sum_k N_k^2, clipped to [0, 1] and renormalised over the clusters: the minimiser of
+    With the posteriors h, the memberships under competition are u_ij = h_ij [1 + alpha (N_i - sum_k h_kj N_k)] with
+    alpha = eta N / sum_k N_k^2, clipped to [0, 1] and normalised over the clusters. Before clipping they minimise
     sum u^2 d^2 - alpha sum_i N_i^2 (Frigui and Krishnapuram, 1997) for the distance d^2_ij = 1 / h_ij.
 
     Args:
         Z: samples, shape (N, d).
         components: the current M Gaussians.
-        eta: strength of the competition; 0 is none.
-        cardinalities: shape (M,), N_i of the previous pass; needed if ``eta`` > 0.
-        fuzzy: weigh the moments by u^2 (fuzzifier 2) instead of u.
+        eta: strength of the competition.
+        cardinalities: shape (M,), N_i of the previous pass; None means no competition.
+        fuzzy: whether to weight the moments by u^2 (fuzzifier 2) instead of u.
     """
     N, d = Z.shape
     M = len(components)
     features = QuadraticFeatures(d)
-    C = log_density_coefficients(components, features)
-    buffer = np.empty((features.size, min(BLOCK, N)))
     sums = np.zeros((M, features.size))
     totals = np.zeros(M)
     log_likelihood = 0.0
-    alpha = 0.0
-    if eta > 0.0 and M > 1:
-        assert cardinalities is not None
-        alpha = eta * N / float(cardinalities @ cardinalities)
-    for start in range(0, N, BLOCK):
-        phi = features.transform(Z[start : start + BLOCK], out=buffer)
-        U = C @ phi
-        peak = U.max(axis=0)
-        U -= peak
-        np.exp(U, out=U)
-        evidence = U.sum(axis=0)
-        U /= evidence
-        log_likelihood += float(np.sum(peak + np.log(evidence)))
-        if alpha > 0.0:
-            assert cardinalities is not None
-            U *= (1.0 + alpha * cardinalities[:, None]) - alpha * (cardinalities @ U)
-            np.clip(U, 0.0, 1.0, out=U)
-            # Never zero: of the clusters with h > 0, the largest has a factor of at least one.
-            U /= U.sum(axis=0)
+    alpha = 0.0 if cardinalities is None or M == 1 else eta * N / float(cardinalities @ cardinalities)
+    for phi, U, log_evidence in e_step(Z, log_density_coefficients(components, features), features):
+        log_likelihood += float(np.sum(log_evidence))
+        if cardinalities is not None and alpha > 0.0:
+            _add_competition(U, cardinalities, alpha)
         totals += U.sum(axis=1)
         if fuzzy:
             np.square(U, out=U)
@@ -136,17 +149,25 @@ def em_step(
     return EmStep(totals, weight_sums, means, covariances, log_likelihood)
 
 
-def updated(result: EmStep, prior: CovariancePrior) -> GaussianComponents:
-    """The Gaussians that a sweep implies."""
+def _add_competition(U: Array, cardinalities: Array, alpha: float) -> None:
+    """Replaces the posteriors ``U`` (M, n) in place by the memberships under competition."""
+    U *= (1.0 + alpha * cardinalities[:, None]) - alpha * (cardinalities @ U)
+    np.clip(U, 0.0, 1.0, out=U)
+    # The sum is positive: among the clusters with h > 0, the largest has a factor of at least one.
+    U /= U.sum(axis=0)
+
+
+def updated_components(step: EmStep, prior: CovariancePrior) -> GaussianComponents:
+    """Returns the Gaussians with the moments of ``step``, their covariances regularised by ``prior``."""
     return GaussianComponents(
-        weights=result.cardinalities / result.cardinalities.sum(),
-        means=result.means,
-        covariances=prior.apply(result.covariances, result.weight_sums),
+        weights=step.cardinalities / step.cardinalities.sum(),
+        means=step.means,
+        covariances=prior.apply(step.covariances, step.weight_sums),
     )
 
 
 def retained(components: GaussianComponents, keep: NDArray[np.bool_]) -> GaussianComponents:
-    """The components selected by ``keep`` (mask or indices), their weights renormalised."""
+    """Returns the components selected by the mask ``keep`` (M,), their weights normalised again."""
     weights = components.weights[keep]
     return GaussianComponents(weights / weights.sum(), components.means[keep], components.covariances[keep])
 
@@ -159,31 +180,31 @@ def expectation_maximization(
     max_iter: int,
     tol: float,
 ) -> tuple[GaussianComponents, float, bool]:
-    """Ordinary EM; components left without a single sample are dropped.
+    """Runs ordinary EM. Components with a cardinality below one sample are dropped.
 
     Args:
         Z: samples, shape (N, d).
-        components: where to start.
+        components: initial components.
         prior: regularisation of the covariances.
-        max_iter: largest number of passes.
-        tol: stop when a pass gains less than this, in nats of log-likelihood.
+        max_iter: maximum number of iterations, at least 1.
+        tol: converged when an iteration gains less log-likelihood than this, in nats.
 
     Returns:
-        The components, the log-likelihood of the samples under the components of the last pass but one (those
-        the last pass evaluated), and whether the gain fell below ``tol``.
+        The components of the last E step, the log-likelihood of the samples under these components, and whether EM
+        converged.
     """
     previous = -np.inf
     evaluated = components
     log_likelihood = -np.inf
     for _ in range(max_iter):
         evaluated = components
-        result = em_step(Z, components)
-        log_likelihood = result.log_likelihood
+        step = em_step(Z, components)
+        log_likelihood = step.log_likelihood
         if log_likelihood - previous < tol:
             return evaluated, log_likelihood, True
         previous = log_likelihood
-        components = updated(result, prior)
-        alive = result.cardinalities >= 1.0
+        components = updated_components(step, prior)
+        alive = step.cardinalities >= 1.0
         if not alive.all() and alive.any():
             components = retained(components, alive)
             previous = -np.inf

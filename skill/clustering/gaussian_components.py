@@ -1,10 +1,10 @@
-"""Gaussian components as matrix products: log-densities, weighted moments, regularisation and marginals.
+"""Gaussian components: log-densities and weighted moments as matrix products, and regularised covariances.
 
-With the *quadratic features* of a sample, phi(z) = (1, z_a, z_a z_b for a <= b), every squared Mahalanobis
-distance is linear in phi and every weighted moment up to the second is a weighted sum of phi. A whole E step
-is then one matrix product and a whole M step another one. The price is cancellation: the relative error is of
-the order of eps * cond(F), which is why samples are centred and scaled first and why `log_densities`, used
-for prediction, goes through the triangular factors instead.
+The *quadratic features* of a sample are phi(z) = (1, z_a, z_a z_b for a <= b). Every squared Mahalanobis distance
+is linear in phi, and every weighted moment up to the second is a weighted sum of phi. The E step is therefore one
+matrix product and the M step another. The cost is cancellation: the relative error is of the order of
+eps * cond(F). For this reason samples are centred and scaled first, and `log_densities`, which serves prediction,
+uses the triangular factors instead.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ class GaussianComponents:
     """M weighted Gaussians in d channels.
 
     Attributes:
-        weights: shape (M,), positive, summing to one.
-        means: shape (M, d), in the units of the channels.
-        covariances: shape (M, d, d), symmetric positive definite, in products of the units of the channels.
+        weights: shape (M,), mixture weights P_i; positive, their sum is one.
+        means: shape (M, d), means v_i in the units of the channels.
+        covariances: shape (M, d, d), covariances F_i; symmetric and positive definite.
     """
 
     weights: Array
@@ -38,7 +38,11 @@ class GaussianComponents:
 
 
 class QuadraticFeatures:
-    """The map phi(z) = (1, z, z_a z_b for a <= b) of samples with ``d`` channels, and its adjoint."""
+    """The features phi(z) = (1, z, z_a z_b for a <= b) of samples with ``d`` channels.
+
+    Attributes:
+        size: number of features, 1 + d + d (d + 1) / 2.
+    """
 
     def __init__(self, d: int) -> None:
         self.d = d
@@ -46,7 +50,12 @@ class QuadraticFeatures:
         self.size = 1 + d + len(self.rows)
 
     def transform(self, Z: Array, out: Array | None = None) -> Array:
-        """Returns phi of every row of ``Z`` (n, d), one *column* a sample: shape (size, n)."""
+        """Returns the features of each sample as a *column*, shape (size, n).
+
+        Args:
+            Z: samples, shape (n, d).
+            out: buffer of shape (size, at least n); its first n columns receive the result. None allocates one.
+        """
         n, d = Z.shape
         features = np.empty((self.size, n)) if out is None else out[:, :n]
         features[0] = 1.0
@@ -59,12 +68,22 @@ class QuadraticFeatures:
         return features
 
     def coefficients(self, quadratic: Array, linear: Array, constant: Array) -> Array:
-        """Returns C (M, size) with C phi(z) = z' Q_i z + b_i' z + c_i for symmetric Q (M, d, d)."""
+        """Returns C, shape (M, size), with C phi(z) = z' Q_i z + b_i' z + c_i.
+
+        Args:
+            quadratic: shape (M, d, d), symmetric matrices Q_i.
+            linear: shape (M, d), vectors b_i.
+            constant: shape (M,), scalars c_i.
+        """
         upper = quadratic[:, self.rows, self.columns] * np.where(self.rows == self.columns, 1.0, 2.0)
         return np.concatenate([constant[:, None], linear, upper], axis=1)
 
     def moments(self, sums: Array) -> tuple[Array, Array, Array]:
-        """Total weight (M,), mean (M, d), covariance (M, d, d) from sums (M, size) of weighted features."""
+        """Returns total weights (M,), means (M, d) and covariances (M, d, d).
+
+        Args:
+            sums: shape (M, size), weighted sums of the features of the samples.
+        """
         total = sums[:, 0]
         safe = np.maximum(total, np.finfo(float).tiny)[:, None]
         means = sums[:, 1 : self.d + 1] / safe
@@ -75,10 +94,10 @@ class QuadraticFeatures:
 
 
 def cholesky_factors(covariances: Array) -> Array:
-    """Lower Cholesky factors L (M, d, d) of ``covariances``, F = L L'.
+    """Returns the lower Cholesky factors L, shape (M, d, d), with F = L L'.
 
     Raises:
-        ValueError: if one of them is not positive definite; the message names the parameter to raise.
+        ValueError: if a covariance is not positive definite. The message names the parameters to raise.
     """
     try:
         return np.asarray(np.linalg.cholesky(covariances), dtype=np.float64)
@@ -86,19 +105,28 @@ def cholesky_factors(covariances: Array) -> Array:
         smallest = float(np.linalg.eigvalsh(covariances).min())
         raise ValueError(
             f"a covariance is not positive definite (smallest eigenvalue {smallest:.3g});"
-            " a channel is constant or repeats others within a state: raise reg_covar"
-            " or sensor_variance, or drop the channel"
+            " within a state, a channel is constant or a combination of other channels:"
+            " raise reg_covar or sensor_variance, or drop the channel"
         ) from None
 
 
 def precision_factors(covariances: Array) -> Array:
-    """Upper triangular R (M, d, d), inv(F) = R R': |(z - v) R|^2 is the squared Mahalanobis distance."""
+    """Returns upper triangular factors R, shape (M, d, d), with inv(F) = R R'.
+
+    The squared Mahalanobis distance of z is |(z - v) R|^2.
+    """
     identity = np.eye(covariances.shape[-1])
     return np.stack([solve_triangular(L, identity, lower=True).T for L in cholesky_factors(covariances)])
 
 
 def squared_mahalanobis(X: Array, means: Array, factors: Array) -> Array:
-    """Squared Mahalanobis distances (n, M) of rows of ``X`` (n, d); ``factors`` from `precision_factors`."""
+    """Returns the squared Mahalanobis distance of each sample to each Gaussian, shape (n, M).
+
+    Args:
+        X: samples, shape (n, d).
+        means: shape (M, d).
+        factors: shape (M, d, d), result of `precision_factors`.
+    """
     distances = np.empty((len(X), len(means)))
     for i, (mean, R) in enumerate(zip(means, factors, strict=True)):
         whitened = (X - mean) @ R
@@ -107,19 +135,20 @@ def squared_mahalanobis(X: Array, means: Array, factors: Array) -> Array:
 
 
 def log_normalizers(weights: Array, factors: Array) -> Array:
-    """Log P_i - d/2 log(2 pi) - 1/2 log |F_i|, shape (M,)."""
-    log_determinants = np.log(np.einsum("mdd->md", factors)).sum(axis=1)
-    with np.errstate(divide="ignore"):
-        return np.log(weights) - 0.5 * factors.shape[-1] * LOG_2PI + log_determinants
+    """Returns log P_i - d/2 log(2 pi) - 1/2 log |F_i|, shape (M,); ``factors`` come from `precision_factors`."""
+    half_log_precisions = np.log(np.einsum("mdd->md", factors)).sum(axis=1)
+    with np.errstate(divide="ignore"):  # a weight may be zero
+        normalizers: Array = np.log(weights) - 0.5 * factors.shape[-1] * LOG_2PI + half_log_precisions
+    return normalizers
 
 
 def log_densities(X: Array, weights: Array, means: Array, factors: Array) -> Array:
-    """Log P_i N(x_j | v_i, F_i), shape (n, M): never a determinant, an inverse or an exponential."""
+    """Returns log P_i N(x_j | v_i, F_i), shape (n, M), without a determinant, an inverse or an exponential."""
     return log_normalizers(weights, factors) - 0.5 * squared_mahalanobis(X, means, factors)
 
 
 def log_density_coefficients(components: GaussianComponents, features: QuadraticFeatures) -> Array:
-    """Coefficients C (M, size) with C phi(z) = log P_i N(z | v_i, F_i)."""
+    """Returns C, shape (M, size), with C phi(z) = log P_i N(z | v_i, F_i)."""
     factors = precision_factors(components.covariances)
     precisions = factors @ factors.transpose(0, 2, 1)
     linear = np.einsum("mab,mb->ma", precisions, components.means)
@@ -137,15 +166,15 @@ def shrunk_covariances(
     floor: Array,
     diagonal: bool,
 ) -> Array:
-    """F <- (n_i F + nu S_0) / (n_i + nu) + floor, with S_0 = prior_variance I.
+    """Returns (n_i F_i + nu S_0) / (n_i + nu) + floor, with S_0 = prior_variance I, shape (M, d, d).
 
     Args:
-        covariances: shape (M, d, d), weighted sample covariances.
-        counts: shape (M,), the number of independent samples n_i behind each.
-        prior_count: nu >= 0, how many samples the prior counts for.
+        covariances: shape (M, d, d), weighted sample covariances F_i.
+        counts: shape (M,), number n_i of samples behind each covariance.
+        prior_count: nu >= 0, weight of the prior as a number of samples.
         prior_variance: variance of the spherical prior.
         floor: shape (d,), variance added to each channel (sensor noise and round-off).
-        diagonal: whether to keep the diagonal only.
+        diagonal: whether to keep only the diagonal.
     """
     d = covariances.shape[-1]
     identity = np.eye(d)
@@ -159,5 +188,5 @@ def shrunk_covariances(
 
 
 def parameters_per_component(d: int, *, diagonal: bool) -> int:
-    """Free parameters of one Gaussian: a mean and a covariance, d + d (d + 1) / 2 or 2 d."""
+    """Number of free parameters of one Gaussian: d + d (d + 1) / 2, or 2 d with a diagonal covariance."""
     return 2 * d if diagonal else d + d * (d + 1) // 2

@@ -1,7 +1,8 @@
-"""Prediction from a set of Gaussian states: posteriors, densities, gates, marginals, and their storage."""
+"""Gaussian states: prediction (posteriors, densities, gate, marginals) and storage."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any, Self
 
@@ -16,6 +17,7 @@ from skill.arrays import Array
 from skill.clustering.gaussian_components import (
     GaussianComponents,
     log_normalizers,
+    parameters_per_component,
     precision_factors,
     squared_mahalanobis,
 )
@@ -25,18 +27,22 @@ from skill.clustering.state_number import bayesian_information_criterion
 UNKNOWN = -1
 """Label of a sample that belongs to no state."""
 
+STORED_ARRAYS = ("weights", "means", "covariances", "precision_factors", "design_effect", "distance")
+"""Names of the arrays that `GaussianStates.from_arrays` requires."""
+
 
 class GaussianStates(ClusterMixin, BaseEstimator):
-    """Fitted Gaussian states.
+    """Base class of clusterers whose result is a set of Gaussian states.
 
     Attributes:
-        n_clusters_: M, the number of states.
-        weights_: shape (M,), share of each state, largest first.
-        means_: shape (M, d), in the units of the channels.
-        covariances_: shape (M, d, d); diagonal matrices if that was asked for.
+        n_clusters_: number of states M.
+        n_features_in_: number of channels d.
+        weights_: shape (M,), share of the samples in each state, largest first.
+        means_: shape (M, d), means in the units of the channels.
+        covariances_: shape (M, d, d), covariances.
         precision_factors_: shape (M, d, d), upper triangular R with inv(F) = R R'.
-        design_effect_: how many samples count as one independent sample.
-        distance_: the distance that assigns samples: "fmle" is the Gaussian posterior.
+        design_effect_: number of samples that carry the information of one independent sample.
+        distance_: distance that assigns samples to states: "fmle" (Gaussian posterior), "gk" or "euclid".
     """
 
     weights_: Array
@@ -51,6 +57,7 @@ class GaussianStates(ClusterMixin, BaseEstimator):
     def _set_states(
         self, components: GaussianComponents, *, distance: str = "fmle", design_effect: float = 1.0
     ) -> None:
+        """Sets the fitted attributes, except ``n_features_in_``."""
         self.weights_ = components.weights
         self.means_ = components.means
         self.covariances_ = components.covariances
@@ -60,23 +67,20 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         self.design_effect_ = float(design_effect)
 
     def marginal(self, channels: ArrayLike | None = None) -> tuple[GaussianComponents, Array]:
-        """The states seen through some channels only, the others marginalised out.
+        """Returns the states in some channels, with the other channels marginalised out.
 
         Args:
-            channels: k different indices in [0, d), or None for all.
+            channels: k different channel indices from 0 to d - 1; None means all channels.
 
         Returns:
-            The components in these k channels, and their precision factors (M, k, k).
+            The components in these k channels and their precision factors, shape (M, k, k).
 
         Raises:
-            ValueError: if an index is out of range or repeated.
+            ValueError: if there is no index, or an index is out of range or repeated.
         """
         check_is_fitted(self, "means_")
         if channels is None:
-            return (
-                GaussianComponents(self.weights_, self.means_, self.covariances_),
-                self.precision_factors_,
-            )
+            return GaussianComponents(self.weights_, self.means_, self.covariances_), self.precision_factors_
         subset = np.asarray(channels)
         d = self.n_features_in_
         if (
@@ -92,8 +96,8 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         components = GaussianComponents(self.weights_, self.means_[:, subset], covariances)
         return components, precision_factors(covariances)
 
-    def _prepared(self, X: ArrayLike, channels: ArrayLike | None) -> tuple[Array, GaussianComponents, Array]:
-        """Validated samples and the states in their channels."""
+    def _validated(self, X: ArrayLike, channels: ArrayLike | None) -> tuple[Array, GaussianComponents, Array]:
+        """Returns the checked samples, and the components and precision factors in their channels."""
         components, factors = self.marginal(channels)
         if channels is None:
             return validate_data(self, X, dtype=np.float64, reset=False), components, factors
@@ -104,8 +108,8 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         return checked, components, factors
 
     def _log_memberships(self, X: ArrayLike, channels: ArrayLike | None) -> tuple[Array, Array, Array]:
-        """Log of unnormalised memberships, log-densities and squared Mahalanobis distances, each (n, M)."""
-        Z, components, factors = self._prepared(X, channels)
+        """Returns log memberships (not normalised), log-densities and squared Mahalanobis distances, each (n, M)."""
+        Z, components, factors = self._validated(X, channels)
         distances = squared_mahalanobis(Z, components.means, factors)
         densities = log_normalizers(components.weights, factors) - 0.5 * distances
         if self.distance_ == "fmle":
@@ -113,17 +117,16 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         return -log_squared_distances(Z, components, self.distance_), densities, distances
 
     def predict(self, X: ArrayLike, channels: ArrayLike | None = None, gate: float | None = None) -> NDArray[np.intp]:
-        """The state of each sample, shape (n,): the most probable, or -1 ("unknown") outside the gate.
+        """Returns the most probable state of each sample, shape (n,); -1 (unknown) outside the gate.
 
         Args:
-            X: shape (n, d), or (n, k) with k ``channels``.
-            channels: indices of the k channels X holds; the others are marginalised out.
-            gate: probability in (0, 1): a sample is unknown if the squared Mahalanobis distance to its
-                state exceeds
-                this quantile of chi-square with as many degrees of freedom as there are channels.
+            X: samples, shape (n, d), or (n, k) with k ``channels``.
+            channels: indices of the k channels in X; the other channels are marginalised out. None means all.
+            gate: probability in (0, 1). A sample is unknown if the squared Mahalanobis distance to its state exceeds
+                this quantile of the chi-square distribution with k degrees of freedom. None means no gate.
         """
         memberships, _, distances = self._log_memberships(X, channels)
-        labels = np.argmax(memberships, axis=1)
+        labels: NDArray[np.intp] = np.argmax(memberships, axis=1)
         if gate is not None:
             nearest = distances[np.arange(len(labels)), labels]
             k = self.n_features_in_ if channels is None else np.asarray(channels).size
@@ -131,36 +134,42 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         return labels
 
     def predict_proba(self, X: ArrayLike, channels: ArrayLike | None = None) -> Array:
-        """Posterior of each state (membership for gk and euclid), shape (n, M); rows sum to one."""
+        """Returns the posterior of each state (the membership for gk and euclid), shape (n, M); rows sum to one."""
         memberships, _, _ = self._log_memberships(X, channels)
         return np.exp(memberships - logsumexp(memberships, axis=1, keepdims=True))
 
     def score_samples(self, X: ArrayLike, channels: ArrayLike | None = None) -> Array:
-        """Log-density of each sample under the mixture of all states, shape (n,), per unit volume of X."""
+        """Returns the log-density of each sample under the mixture of all states, shape (n,)."""
         _, densities, _ = self._log_memberships(X, channels)
         return np.asarray(logsumexp(densities, axis=1))
 
     def score(self, X: ArrayLike, y: Any = None, channels: ArrayLike | None = None) -> float:
-        """Mean log-density of the samples."""
+        """Returns the mean log-density of the samples; ``y`` is ignored."""
         return float(np.mean(self.score_samples(X, channels)))
 
     def mahalanobis(self, X: ArrayLike, channels: ArrayLike | None = None) -> Array:
-        """Squared Mahalanobis distance of each sample to each state, shape (n, M)."""
-        Z, components, factors = self._prepared(X, channels)
+        """Returns the squared Mahalanobis distance of each sample to each state, shape (n, M)."""
+        Z, components, factors = self._validated(X, channels)
         return squared_mahalanobis(Z, components.means, factors)
 
     def bic(self, X: ArrayLike) -> float:
-        """Bayesian information criterion of ``X`` at its effective sample size (smaller is better)."""
+        """Returns the Bayesian information criterion of ``X`` at the effective sample size; smaller is better."""
         log_likelihood = self.score_samples(X)
         d = self.n_features_in_
         off_diagonal = self.covariances_ * (1.0 - np.eye(d))
-        T = 2 * d if not off_diagonal.any() else d + d * (d + 1) // 2
+        T = parameters_per_component(d, diagonal=not off_diagonal.any())
         return bayesian_information_criterion(
             float(log_likelihood.sum()), self.n_clusters_, T, len(log_likelihood), self.design_effect_
         )
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """The fitted states as plain arrays, to be stored without pickling."""
+        """Returns the fitted states and the constructor parameters as arrays that can be stored without pickle.
+
+        The array "parameters" holds the parameters as JSON. A ``random_state`` object is stored as None.
+
+        Raises:
+            TypeError: if a parameter cannot be stored.
+        """
         check_is_fitted(self, "means_")
         return {
             "weights": self.weights_.copy(),
@@ -169,19 +178,24 @@ class GaussianStates(ClusterMixin, BaseEstimator):
             "precision_factors": self.precision_factors_.copy(),
             "design_effect": np.array(self.design_effect_),
             "distance": np.array(self.distance_),
+            "parameters": np.array(json.dumps(self.get_params(deep=False), default=_to_json)),
         }
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Self:
-        """Restores states that predict identically to the last bit; they cannot tell how they were fitted.
+        """Restores fitted states from the result of `to_arrays`.
+
+        The restored states have the same parameters and predict identically to the last bit. The attributes that
+        describe the fit, such as labels and history, are not restored. Arrays of earlier versions have no entry
+        "parameters"; the parameters are then unknown, and `get_params` reports the defaults.
 
         Raises:
-            ValueError: if an array is missing, has the wrong shape or is not finite.
+            ValueError: if an array is missing, has the wrong shape, or is not finite, or if a stored parameter is not
+                a parameter of this class.
         """
-        expected = ("weights", "means", "covariances", "precision_factors", "design_effect", "distance")
-        missing = [name for name in expected if name not in arrays]
+        missing = [name for name in STORED_ARRAYS if name not in arrays]
         if missing:
-            raise ValueError(f"arrays {missing} are missing; expected {list(expected)} of to_arrays()")
+            raise ValueError(f"arrays {missing} are missing; expected {list(STORED_ARRAYS)} of to_arrays()")
         means = np.array(arrays["means"], dtype=np.float64)
         if means.ndim != 2:
             raise ValueError(f"array 'means' has shape {means.shape}, expected (M, d)")
@@ -194,7 +208,7 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         for name, value in [("means", means), *values.items()]:
             if not np.isfinite(value).all():
                 raise ValueError(f"array '{name}' is not finite; the file is damaged, fit and save again")
-        states = cls()
+        states = cls(**cls._stored_parameters(arrays))
         states.weights_, states.means_ = values["weights"], means
         states.covariances_, states.precision_factors_ = values["covariances"], values["precision_factors"]
         states.n_clusters_, states.n_features_in_ = M, d
@@ -202,9 +216,45 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         states.design_effect_ = float(arrays["design_effect"])
         return states
 
+    @classmethod
+    def _stored_parameters(cls, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+        """Returns the constructor parameters in the arrays; empty for arrays of earlier versions."""
+        if "parameters" not in arrays:
+            return {}
+        parameters: dict[str, Any] = json.loads(str(arrays["parameters"]), object_hook=_from_json)
+        unknown = sorted(set(parameters) - set(cls().get_params(deep=False)))
+        if unknown:
+            raise ValueError(f"stored parameters {unknown} are not parameters of {cls.__name__}")
+        return parameters
+
 
 def chi_square_gate(probability: float, degrees: int) -> float:
-    """Squared Mahalanobis distance within which a share ``probability`` of a state's own samples lies."""
+    """Returns the squared Mahalanobis distance that a share ``probability`` of a state's samples does not exceed.
+
+    Args:
+        probability: between 0 and 1, exclusive.
+        degrees: degrees of freedom, the number of channels.
+
+    Raises:
+        ValueError: if the probability is out of range.
+    """
     if not 0.0 < probability < 1.0:
         raise ValueError(f"gate={probability!r}: expected a probability between 0 and 1, for example 0.999")
     return float(chi2.ppf(probability, degrees))
+
+
+def _to_json(value: Any) -> Any:
+    """Converts a parameter that JSON does not know: arrays with their type, NumPy scalars, generators to None."""
+    if isinstance(value, np.random.RandomState):
+        return None
+    if isinstance(value, np.generic):
+        return value.item()
+    if hasattr(value, "__array__"):
+        array = np.asarray(value)
+        return {"array": array.tolist(), "dtype": array.dtype.str}
+    raise TypeError(f"a parameter of type {type(value).__name__} cannot be stored")
+
+
+def _from_json(value: dict[str, Any]) -> Any:
+    """Restores the arrays of `_to_json`."""
+    return np.array(value["array"], dtype=value["dtype"]) if set(value) == {"array", "dtype"} else value

@@ -1,13 +1,16 @@
-"""Competitive Agglomeration as published: the competition acts on squared distances to prototypes.
+"""Competitive Agglomeration as published, where the competition acts on squared distances to prototypes.
 
-Frigui and Krishnapuram, "Clustering by competitive agglomeration", Pattern Recognition 30(7), 1997, with
+The algorithm is that of Frigui and Krishnapuram, "Clustering by competitive agglomeration", Pattern Recognition 30(7),
+1997. The squared distance d^2 of a sample z to a prototype with centre v, covariance F and weight P is one of:
 
-- ``euclid``: d^2 = |z - v|^2; - ``gk``: d^2 = |F|^(1/d) (z - v)' F^-1 (z - v) (Gustafson and Kessel, 1979); -
-``fmle``: d^2 = |F|^(1/2) / P exp((z - v)' F^-1 (z - v) / 2) (Gath and Geva, 1989), the *literal* form, whose
-  competition is ruled by the few samples of least density and leaves one or two clusters. It is evaluated in
-  the log domain, so that the collapse seen is that of the equations and not of the floating point.
+- ``euclid``: |z - v|^2;
+- ``gk``: |F|^(1/d) (z - v)' F^-1 (z - v) (Gustafson and Kessel, 1979);
+- ``fmle``: |F|^(1/2) / P exp((z - v)' F^-1 (z - v) / 2) (Gath and Geva, 1989).
 
-Memberships of all samples are kept, N x M numbers.
+The competition with ``fmle`` is dominated by the few samples of lowest density and leaves one or two clusters. It is
+evaluated in the log domain, so this collapse is a property of the equations and not of floating-point overflow.
+
+The memberships of all samples are stored, N x M numbers.
 """
 
 from __future__ import annotations
@@ -22,6 +25,7 @@ from skill.arrays import Array
 from skill.clustering.cluster_competition import History, Schedule
 from skill.clustering.expectation_maximization import CovariancePrior
 from skill.clustering.gaussian_components import (
+    LOG_2PI,
     GaussianComponents,
     log_densities,
     precision_factors,
@@ -29,17 +33,25 @@ from skill.clustering.gaussian_components import (
 )
 
 MIN_SQUARED_DISTANCE = 1e-6
-"""Least squared distance, so that a sample on a prototype has a finite weight (units of Z)."""
+"""Minimum squared distance in units of Z, so that a sample at a prototype has a finite weight."""
 
 FUZZY_ITERATIONS = 3
 """Iterations of Euclidean fuzzy c-means before the competition starts."""
 
-LARGEST_EXPONENT = 690.0
+MAX_EXPONENT = 690.0
+"""Maximum argument of the exponential function; larger ones would overflow."""
 
 
 @dataclass(frozen=True)
 class Competition:
-    """Prototypes as Gaussians, nearest prototype of each sample (N,), history, whether it came to rest."""
+    """Result of the competition between prototypes.
+
+    Attributes:
+        components: surviving prototypes as Gaussians.
+        labels: shape (N,), nearest prototype of each sample.
+        history: course of the competition.
+        converged: whether the centres stopped moving.
+    """
 
     components: GaussianComponents
     labels: NDArray[np.intp]
@@ -48,36 +60,45 @@ class Competition:
 
 
 def log_squared_distances(Z: Array, components: GaussianComponents, distance: str) -> Array:
-    """Log d^2 of every sample to every prototype, shape (n, M).
+    """Returns log d^2 of each sample to each prototype, shape (n, M).
+
+    Args:
+        Z: samples, shape (n, d).
+        components: M prototypes.
+        distance: "euclid", "gk" or "fmle".
 
     Raises:
-        ValueError: if ``distance`` is none of euclid, gk, fmle.
+        ValueError: if ``distance`` has another value.
     """
     if distance == "fmle":
         factors = precision_factors(components.covariances)
-        constant = 0.5 * Z.shape[1] * np.log(2.0 * np.pi)
+        constant: float = 0.5 * Z.shape[1] * LOG_2PI
         return -constant - log_densities(Z, components.weights, components.means, factors)
     if distance == "euclid":
         factors = np.broadcast_to(np.eye(Z.shape[1]), components.covariances.shape)
-        volumes = np.zeros(len(components))
+        log_volumes = np.zeros(len(components))
     elif distance == "gk":
         factors = precision_factors(components.covariances)
-        volumes = -2.0 * np.log(np.einsum("mdd->md", factors)).mean(axis=1)
+        log_volumes = -2.0 * np.log(np.einsum("mdd->md", factors)).mean(axis=1)
     else:
         raise ValueError(f"distance is {distance!r}, expected 'fmle', 'gk' or 'euclid'")
     squared = squared_mahalanobis(Z, components.means, factors)
-    return volumes + np.log(np.maximum(squared, MIN_SQUARED_DISTANCE))
+    return log_volumes + np.log(np.maximum(squared, MIN_SQUARED_DISTANCE))
 
 
 def competitive_memberships(log_d2: Array, previous: Array | None, eta: float) -> Array:
-    """u_ij = (1/d^2_ij) / S_j + (alpha / d^2_ij) (N_i - Nbar_j), shape (n, M), rows summing to one.
+    """Returns the memberships u, shape (n, M); each row sums to one.
 
-    S_j = sum_k 1/d^2_kj, Nbar_j = sum_k (N_k / d^2_kj) / S_j and alpha = eta sum u^2 d^2 / sum N_i^2 with u
-    and N of the ``previous`` memberships; clipped to [0, 1] and renormalised, as the author's program does.
+    With S_j = sum_k 1/d^2_kj, Nbar_j = sum_k (N_k / d^2_kj) / S_j and alpha = eta sum u^2 d^2 / sum_i N_i^2, where u
+    and N_i are those of the previous iteration,
+
+        u_ij = (1 / d^2_ij) / S_j + (alpha / d^2_ij) (N_i - Nbar_j),
+
+    clipped to [0, 1] and normalised, as in the authors' program.
 
     Args:
         log_d2: shape (n, M), log squared distances.
-        previous: shape (n, M), or None for fuzzy c-means (fuzzifier 2) without competition.
+        previous: shape (n, M), previous memberships; None for fuzzy c-means (fuzzifier 2) without competition.
         eta: strength of the competition.
     """
     log_S = logsumexp(-log_d2, axis=1, keepdims=True)
@@ -88,14 +109,21 @@ def competitive_memberships(log_d2: Array, previous: Array | None, eta: float) -
     with np.errstate(divide="ignore"):
         log_cost = logsumexp(np.where(previous > 0.0, 2.0 * np.log(previous) + log_d2, -np.inf))
     log_alpha = np.log(eta) + log_cost - np.log(np.sum(N_i**2))
-    weight = np.exp(np.minimum(log_alpha + log_S, LARGEST_EXPONENT))
+    weight = np.exp(np.minimum(log_alpha + log_S, MAX_EXPONENT))
     U = np.clip(H + H * weight * (N_i - H @ N_i[:, None]), 0.0, 1.0)
     total = U.sum(axis=1, keepdims=True)
     return np.where(total > 0.0, U / np.where(total > 0.0, total, 1.0), H)
 
 
 def fuzzy_prototypes(Z: Array, U: Array, prior: CovariancePrior, *, literal: bool) -> GaussianComponents:
-    """Centres and covariances weighted by u^2 / sum u^2; ``literal`` divides the covariance by sum u."""
+    """Returns prototypes with means and covariances weighted by u^2 / sum u^2.
+
+    Args:
+        Z: samples, shape (N, d).
+        U: shape (N, M), memberships.
+        prior: regularisation of the covariances.
+        literal: whether to divide the covariances by sum u, as printed, instead of sum u^2.
+    """
     W = U**2
     sums = W.sum(axis=0)
     N_i = U.sum(axis=0)
@@ -117,47 +145,45 @@ def compete_for_prototypes(
     schedule: Schedule,
     *,
     distance: str,
-    deaths: str,
+    death_rule: str,
     min_count: float,
     max_iter: int,
     tol: float,
 ) -> Competition:
-    """The published algorithm.
+    """Runs the published algorithm.
 
-    Once the competition has started, clusters die: with ``deaths="cardinality"``, as published, when N_i is below
-    ``min_count``; with "nearest", as in the author's later program, when fewer samples than one (in the first
-    half of the iterations) or ``min_count`` (in the second) are nearest to them. It rests when the number has
-    not changed and the centres moved by less than ``tol`` in all.
+    The first `FUZZY_ITERATIONS` iterations are Euclidean fuzzy c-means without competition and without deaths. The
+    algorithm has converged when no cluster died and the absolute changes of all centre coordinates sum to less than
+    ``tol``.
 
     Args:
         Z: samples, shape (N, d).
-        components: the first prototypes.
-        prior: regularisation of the covariances (not used by ``euclid``).
-        schedule: strength of the competition for each iteration.
-        distance: ``euclid``, ``gk`` or ``fmle``.
-        deaths: ``cardinality`` or ``nearest``.
-        min_count: cardinality, or number of nearest samples, that a cluster needs.
-        max_iter: largest number of iterations.
-        tol: sum of the absolute changes of all centres at which to stop, in units of Z.
+        components: initial prototypes.
+        prior: regularisation of the covariances; ``euclid`` ignores covariances.
+        schedule: strength of the competition in each iteration.
+        distance: "euclid", "gk" or "fmle".
+        death_rule: which clusters die. "cardinality", as published: those with N_i below ``min_count``. "nearest", as
+            in the authors' later program: those that are the nearest cluster of fewer than ``min_count`` samples, or
+            of no sample in the first half of the iterations.
+        min_count: minimum cardinality, or minimum number of nearest samples, of a cluster.
+        max_iter: maximum number of iterations.
+        tol: limit of the sum of absolute changes, in units of Z.
     """
     history = History()
     U: Array | None = None
     converged = False
     for k in range(max_iter):
+        competing = k >= FUZZY_ITERATIONS
         eta = schedule(k)
-        log_d2 = log_squared_distances(Z, components, distance if k >= FUZZY_ITERATIONS else "euclid")
+        log_d2 = log_squared_distances(Z, components, distance if competing else "euclid")
         history.append(len(components), eta, float("nan"))
-        U = competitive_memberships(log_d2, U if k >= FUZZY_ITERATIONS else None, eta)
-        if deaths == "cardinality":
-            counts, least = U.sum(axis=0), min_count
-        else:
-            counts = np.bincount(np.argmin(log_d2, axis=1), minlength=len(components)).astype(float)
-            least = 1.0 if k < max_iter / 2 else min_count
-        keep = counts >= least
-        if k < FUZZY_ITERATIONS:
-            keep[:] = True
-        if not keep.any():
-            keep[int(np.argmax(counts))] = True
+        U = competitive_memberships(log_d2, U if competing else None, eta)
+        keep = np.ones(len(components), dtype=bool)
+        if competing and death_rule == "cardinality":
+            keep = _large_enough(U.sum(axis=0), min_count)
+        elif competing:
+            nearest = np.bincount(np.argmin(log_d2, axis=1), minlength=len(components)).astype(float)
+            keep = _large_enough(nearest, 1.0 if k < max_iter / 2 else min_count)
         U = U[:, keep]
         before = components.means[keep]
         components = fuzzy_prototypes(Z, U, prior, literal=distance == "fmle")
@@ -166,3 +192,11 @@ def compete_for_prototypes(
             break
     labels = np.argmin(log_squared_distances(Z, components, distance), axis=1)
     return Competition(components, labels, history, converged)
+
+
+def _large_enough(counts: Array, min_count: float) -> NDArray[np.bool_]:
+    """Returns the mask of the clusters with at least ``min_count`` samples, or of the largest cluster alone."""
+    keep = counts >= min_count
+    if not keep.any():
+        keep[int(np.argmax(counts))] = True
+    return keep

@@ -1,16 +1,17 @@
-"""How many states the evidence supports: the Bayesian information criterion at the effective sample size.
+"""Choice of the number of states by the Bayesian information criterion (BIC) at the effective sample size.
 
-Independent samples: the number of least criterion -2 log L + K log N, with K = M T + M - 1 parameters.
+For independent samples, the number of states minimises -2 log L + K log N with K = M T + M - 1 parameters.
 
-Demonstrations: log L and N are both divided by the design effect tau, the number of samples that count as one
-(`skill.clustering.effective_sample_size`). It depends on the model it is measured under, since what a coarse model
-leaves unexplained is correlated; so numbers are compared in pairs, each larger one against the next smaller
-as the null hypothesis, with the tau measured under that null: the state is given up unless
+For demonstrations, log L and N are divided by the design effect tau, the number of samples that carry the information
+of one independent sample (`skill.clustering.effective_sample_size`). Tau depends on the model under which it is
+measured, because the part of the motion that a coarse model leaves unexplained is correlated. Therefore numbers are
+compared in pairs. The smaller number M' is the null hypothesis, and tau is measured under it. The larger number M is
+rejected unless
 
     2 (log L_M - log L_M') / tau_M' > (K_M - K_M') log(N / tau_M').
 
-Starting from the most and giving up states while the evidence does not support them stops at a number that
-does not grow with the sampling rate: both sides of the inequality only know the effective sample size.
+The search starts from the largest number and stops at the first that is not rejected. The result does not grow with
+the sampling rate, because both sides of the inequality depend on the effective sample size only.
 """
 
 from __future__ import annotations
@@ -26,18 +27,26 @@ from skill.clustering.effective_sample_size import design_effect
 
 
 def mixture_parameters(M: int, T: int) -> int:
-    """Free parameters of M components of T parameters each and their weights."""
+    """Number of free parameters of M components with T parameters each, and of their weights."""
     return M * T + M - 1
 
 
 def bayesian_information_criterion(log_likelihood: float, M: int, T: int, N: int, design_effect: float = 1.0) -> float:
-    """-2 log L / tau + K log(N / tau), in nats of independent evidence; smaller is better."""
+    """Returns -2 log L / tau + K log(N / tau); smaller is better.
+
+    Args:
+        log_likelihood: log L of all samples, in nats.
+        M: number of components.
+        T: number of parameters of one component.
+        N: number of samples.
+        design_effect: tau. N / tau is raised to 2 if it is smaller.
+    """
     K = mixture_parameters(M, T)
     return -2.0 * log_likelihood / design_effect + K * float(np.log(max(N / design_effect, 2.0)))
 
 
 def number_of_independent(candidates: dict[int, Mixture], T: int, N: int) -> int:
-    """The number of components of least criterion, every sample counting in full."""
+    """Returns the number of components of minimum BIC for N independent samples; T as in the BIC."""
     criteria = {M: bayesian_information_criterion(mixture.log_likelihood, M, T, N) for M, mixture in candidates.items()}
     return min(criteria, key=criteria.__getitem__)
 
@@ -45,22 +54,23 @@ def number_of_independent(candidates: dict[int, Mixture], T: int, N: int) -> int
 def number_of_demonstrated(
     candidates: dict[int, Mixture], T: int, Z: Array, groups: NDArray[np.intp]
 ) -> tuple[int, float]:
-    """The number of components the demonstrations support, and the design effect under it.
+    """Returns the number of components that the demonstrations support, and the design effect under this mixture.
 
     Args:
-        candidates: the likeliest mixture of each number of components.
-        T: parameters of one component.
+        candidates: mixture of maximum likelihood for each number of components.
+        T: number of parameters of one component.
         Z: samples, shape (N, d).
-        groups: shape (N,), the demonstration of each sample, at least two different ones.
+        groups: shape (N,), demonstration of each sample; at least two demonstrations.
     """
     N = len(Z)
     numbers = sorted(candidates, reverse=True)
     for M, fewer in pairwise(numbers):
         tau = design_effect(Z, candidates[fewer].components, groups)
-        with_state, without = (
+        larger, smaller = (
             bayesian_information_criterion(candidates[m].log_likelihood, m, T, N, tau) for m in (M, fewer)
         )
-        if with_state < without:
-            return M, design_effect(Z, candidates[M].components, groups)
-    last = numbers[-1]
-    return last, design_effect(Z, candidates[last].components, groups)
+        if larger < smaller:
+            break
+    else:
+        M = numbers[-1]
+    return M, design_effect(Z, candidates[M].components, groups)

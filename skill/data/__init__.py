@@ -1,1 +1,1 @@
-"""Demonstrations and rig runs on disk, and their refinement."""
+"""Demonstrations, rig runs and their files; outcomes, geometry and the refinement of demonstrations."""

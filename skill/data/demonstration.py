@@ -1,20 +1,20 @@
-"""The fourteen channels of a demonstration: schema, validation, reading and writing.
+"""Demonstrations: columns, validation, reading and writing.
 
-One row is one sample. Units are SI; the frames are those of the design: **H** the hole block (origin at the
-centre of the mouth, z out of the hole) and **P** the peg (origin at the centre of its tip face).
+One row is one sample. Units are SI. Frames: **H** is the hole block, with its origin at the centre of the mouth and z
+out of the hole; **P** is the peg, with its origin at the centre of its tip face.
 
 ==========  =====  =====================================================================
 column      unit   meaning
 ==========  =====  =====================================================================
-time        s      since the start of the demonstration
+time        s      time since the start of the demonstration
 x y z       m      position of the tip in H, p_HP
 fx fy fz    N      contact force on the peg, expressed in P
 mx my mz    N m    contact moment on the peg about the tip, expressed in P
 ax ay az    1      unit axis of R_HP; (0, 0, 1) where the angle is zero
 angle       rad    angle of R_HP about that axis, in [0, pi]
 dangle      rad    angle of the rotation from the previous sample to this one
-ux uy uz    m      the operator's action: translation of the probe over the sample, in P
-rx ry rz    rad    the operator's action: rotation vector of the probe over the sample, in P
+ux uy uz    m      action of the operator: translation of the probe since the previous sample, in P
+rx ry rz    rad    action of the operator: rotation vector of the probe since the previous sample, in P
 ==========  =====  =====================================================================
 """
 
@@ -35,10 +35,10 @@ CHANNELS = (
     *("x", "y", "z", "fx", "fy", "fz", "mx", "my", "mz"),
     *("ax", "ay", "az", "angle", "dangle"),
 )
-"""The paper's fourteen channels, in its order."""
+"""The fourteen channels of the paper, in its order."""
 
 ACTIONS = ("ux", "uy", "uz", "rx", "ry", "rz")
-"""The operator's action, over one sample."""
+"""The columns of the operator's action: the motion of the probe since the previous sample."""
 
 COLUMNS = ("time", *CHANNELS, *ACTIONS)
 
@@ -52,9 +52,12 @@ class Demonstration:
     Attributes:
         samples: DataFrame with exactly the columns ``COLUMNS``, float64, one row a sample, time increasing.
         good: whether the demonstration reached full depth gently enough to be imitated.
-        outcome: how it ended.
-        metadata: everything needed to make it again (seed, resolved scenario, geometry, versions).
-        detail: what the outcome alone does not say; the word itself of an outcome that is not ours.
+        outcome: how the demonstration ended; a string is parsed with `parse_outcome`.
+        metadata: everything needed to repeat it (seed, resolved scenario, geometry, versions).
+        detail: additional text to the outcome; the stored text itself for `Outcome.OTHER`.
+
+    Raises:
+        ValueError: if the samples fail `validate_samples`.
     """
 
     samples: pd.DataFrame
@@ -65,24 +68,32 @@ class Demonstration:
 
     def __post_init__(self) -> None:
         validate_samples(self.samples, "demonstration")
-        if not isinstance(self.outcome, Outcome):  # a plain string, perhaps a word of another program
+        if not isinstance(self.outcome, Outcome):  # a string, perhaps from another program
             outcome, detail = parse_outcome(self.outcome)
             object.__setattr__(self, "outcome", outcome)
             object.__setattr__(self, "detail", detail or self.detail)
 
     @property
     def reason(self) -> str:
-        """How it ended, for a person."""
+        """Outcome and detail as one text."""
         return self.outcome.text(self.detail)
 
     @property
     def duration(self) -> float:
-        """Seconds from the first sample to the last."""
+        """Time from the first sample to the last, s."""
         return float(self.samples["time"].iloc[-1] - self.samples["time"].iloc[0])
 
 
 def validate_samples(samples: pd.DataFrame, where: str) -> None:
-    """Raises a ValueError that names ``where``, what was found and what was expected."""
+    """Checks the samples of a demonstration.
+
+    Args:
+        samples: table with the columns ``COLUMNS``, one row a sample.
+        where: name of the source, for error messages.
+
+    Raises:
+        ValueError: if the table fails `validate_table` or an axis (ax, ay, az) has not unit length.
+    """
     validate_table(samples, COLUMNS, where)
     length = np.linalg.norm(samples[["ax", "ay", "az"]].to_numpy(dtype=float), axis=1)
     off = np.abs(length - 1.0)
@@ -94,7 +105,7 @@ def validate_samples(samples: pd.DataFrame, where: str) -> None:
 
 
 def write_demonstration(demonstration: Demonstration, path: Path) -> None:
-    """One Parquet file, written whole or not at all."""
+    """Writes a demonstration as one Parquet file, atomically."""
     header = {
         "good": demonstration.good,
         "outcome": demonstration.reason,
@@ -105,7 +116,11 @@ def write_demonstration(demonstration: Demonstration, path: Path) -> None:
 
 
 def read_demonstration(path: Path) -> Demonstration:
-    """Reads and validates one file; every fault is a ValueError that names the file."""
+    """Reads and validates one demonstration file.
+
+    Raises:
+        ValueError: if the file is missing, damaged or of another kind or version. The message names the file.
+    """
     samples, header = read_table(path, COLUMNS, kind="demonstration", version=FORMAT_VERSION, keys=("good", "outcome"))
     validate_samples(samples, str(path))
     good = bool(header.pop("good"))
@@ -115,7 +130,11 @@ def read_demonstration(path: Path) -> Demonstration:
 
 
 def read_demonstrations(folder: Path) -> list[Demonstration]:
-    """All demonstrations of a folder, in the order of their names."""
+    """Reads all demonstrations of a folder (``*.parquet``), in the order of their file names.
+
+    Raises:
+        ValueError: if there is no demonstration, or a file is not valid.
+    """
     paths: Sequence[Path] = sorted(Path(folder).glob("*.parquet"))
     if not paths:
         raise ValueError(f"{folder}: no demonstrations (*.parquet) found; record some first")

@@ -7,7 +7,7 @@ from enum import StrEnum
 
 
 class Outcome(StrEnum):
-    """How a demonstration or a rig trial ended; the value is what files and tables show."""
+    """How a demonstration or a rig trial ended; files and tables show the value."""
 
     INSERTED = "inserted"
     INSERTED_ROUGHLY = "inserted roughly"
@@ -21,7 +21,7 @@ class Outcome(StrEnum):
     OTHER = "other"
 
     def text(self, detail: str = "") -> str:
-        """The outcome with its detail, as files store it; a fault and a foreign outcome show their detail alone."""
+        """Outcome and detail as files store them; `FAULT` and `OTHER` show only their detail, if there is one."""
         if self in (Outcome.FAULT, Outcome.OTHER) and detail:
             return detail
         return f"{self}: {detail}" if detail else str(self)
@@ -29,14 +29,19 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended: its outcome, and what the outcome alone does not say."""
+    """How a run ended.
+
+    Attributes:
+        outcome: kind of ending.
+        detail: additional text, such as an error message.
+    """
 
     outcome: Outcome
     detail: str = ""
 
 
 def parse_outcome(text: str) -> tuple[Outcome, str]:
-    """Outcome and detail of a stored text; a text of another program is `Outcome.OTHER` with itself as the detail."""
+    """Returns outcome and detail of a stored text; a text of another program is `OTHER` with the text as detail."""
     kind, _, detail = text.partition(": ")
     try:
         return Outcome(kind), detail

@@ -1,17 +1,17 @@
-"""Refinement of a demonstration: the operator's idle and rough actions taken out.
+"""Refinement of a demonstration: removes idle samples and smooths rough actions.
 
 The paper refines the action vectors u in two steps:
 
-1. Remove actions that do nothing: ||u|| <= delta_s.
-2. Remove rough control: where ||u_{t+1} - u_t|| > delta_d, "their average value is used".
+1. Remove actions without effect: ||u|| <= delta_s.
+2. Smooth rough control: where ||u_{t+1} - u_t|| > delta_d, "their average value is used".
 
-The paper leaves open what becomes of removed motion and which of the two takes the average. Here the motion
-of a removed sample is added to the next one that stays (to the last, at the end). The average replaces both
-by default, which preserves the total motion; the other reading, later only, loses some.
+The paper does not say what happens to the removed motion, nor which of the two actions is replaced. Here the removed
+motion is added to the next sample that is kept (at the end, to the last one). By default the average replaces both
+actions, which preserves the total motion. With ``average="later"`` it replaces the second one only, which does not.
 
-Both readings end. Both: with d = u_{t+1} - u_t, averaging lowers the sum of ||u||^2 by ||d||^2 / 2 >
-delta_d^2 / 2, and the sum cannot fall below zero. Later only: the first action never changes, and once
-those before action t have settled, each averaging halves its distance from its predecessor.
+Both variants terminate. "both": with d = u_{t+1} - u_t, each averaging lowers the sum of ||u||^2 by ||d||^2 / 2 >
+delta_d^2 / 2, and the sum cannot be negative. "later": the first action never changes, and once the actions before t
+are constant, each averaging halves the distance of action t from its predecessor.
 """
 
 from __future__ import annotations
@@ -27,18 +27,19 @@ from skill.arrays import Array
 from skill.data.demonstration import ACTIONS
 
 ROUNDING = 1e-12
+"""Relative rounding error of the averages; smaller differences of actions count as zero."""
 
 
 @dataclass(frozen=True)
 class RefinementReport:
-    """What refinement did.
+    """Summary of a refinement.
 
     Attributes:
-        samples_before: number of samples given.
-        samples_after: number that stayed.
-        merged: (samples_after,), how many of the given samples each action now stands for.
-        averagings: how many times an average was taken.
-        motion_change: (6,), total action after minus before, m and rad: zero but for rounding with "both".
+        samples_before: number of samples before the refinement.
+        samples_after: number of samples after it.
+        merged: (samples_after,), number of original samples whose motion each action contains.
+        averagings: number of averages taken.
+        motion_change: (6,), total action after minus before, m and rad; zero up to rounding for ``average="both"``.
     """
 
     samples_before: int
@@ -52,7 +53,7 @@ class RefinementReport:
         moved = 1e3 * np.linalg.norm(self.motion_change[:3])
         turned = np.rad2deg(np.linalg.norm(self.motion_change[3:]))
         return (
-            f"{self.samples_before} samples, {dropped} idle ones dropped, {self.averagings} averagings,"
+            f"{self.samples_before} samples, {dropped} idle samples removed, {self.averagings} averages,"
             f" total motion changed by {moved:.3g} mm and {turned:.3g} deg"
         )
 
@@ -65,24 +66,24 @@ def refine_demonstration(
     average: str = "both",
     rotation_scale: float = 0.01,
 ) -> tuple[pd.DataFrame, RefinementReport]:
-    """Drops idle samples and evens out rough actions.
+    """Removes idle samples and smooths rough actions.
 
     Args:
-        samples: one row a sample, with the action columns ux uy uz (m), rx ry rz (rad). Other columns of the
-            samples that stay are kept, but ``dangle``, which is taken from the sample now before.
-        still: delta_s, m; actions of at most this norm are dropped. Zero drops only those without motion.
-        rough: delta_d, m, positive; the greatest difference of consecutive actions that is left alone.
+        samples: one row a sample, with the action columns ux uy uz (m), rx ry rz (rad). The other columns are
+            copied, except ``dangle``, which is computed anew where the previous sample was removed.
+        still: delta_s, m; actions with at most this norm are removed. Zero removes only those without motion.
+        rough: delta_d, m, positive; maximum difference of consecutive actions that is not smoothed.
             Infinity skips the second step.
-        average: "both" or "later": which of two differing actions takes their average.
-        rotation_scale: m; the norm of an action is sqrt(|u|^2 + (rotation_scale |r|)^2). The radius of the
-            peg is natural: it makes a rotation count by how far it moves the peg's surface.
+        average: "both" or "later": which of two differing actions are replaced by their average.
+        rotation_scale: m; the norm of an action is sqrt(|u|^2 + (rotation_scale |r|)^2). With the radius of the
+            peg, a rotation counts as the distance by which it moves the surface of the peg.
 
     Returns:
-        The refined samples, with a fresh index, and a report.
+        The refined samples, indexed from 0, and a report.
 
     Raises:
-        ValueError: if columns are missing or not finite, a threshold is out of range, or fewer than two
-            samples would stay.
+        ValueError: if an action column is missing or not finite, an argument is out of range, or fewer than
+            two samples would be left.
     """
     _check_arguments(samples, still, rough, average, rotation_scale)
     actions = samples[list(ACTIONS)].to_numpy(dtype=float)
@@ -91,59 +92,59 @@ def refine_demonstration(
     if len(kept) < 2:
         raise ValueError(
             f"{len(kept)} of {len(actions)} actions exceed still = {still:g} m, expected at least 2;"
-            " lower `still` below the operator's usual motion in one sample"
+            " lower `still` below the usual motion in one sample"
         )
-    heirs = np.minimum(np.searchsorted(kept, np.arange(len(actions))), len(kept) - 1)
+    receivers = np.minimum(np.searchsorted(kept, np.arange(len(actions))), len(kept) - 1)
     summed = np.zeros((len(kept), len(ACTIONS)))
-    np.add.at(summed, heirs, actions)
-    even, averagings = even_out(summed * weights, rough, average)
-    even /= weights
+    np.add.at(summed, receivers, actions)
+    smoothed, averagings = smooth_actions(summed * weights, rough, average)
+    smoothed /= weights
     refined = samples.iloc[kept].reset_index(drop=True)
-    refined[list(ACTIONS)] = even
+    refined[list(ACTIONS)] = smoothed
     _update_rotation_steps(refined, kept)
     report = RefinementReport(
         samples_before=len(actions),
         samples_after=len(kept),
-        merged=np.bincount(heirs, minlength=len(kept)),
+        merged=np.bincount(receivers, minlength=len(kept)),
         averagings=averagings,
-        motion_change=even.sum(axis=0) - actions.sum(axis=0),
+        motion_change=smoothed.sum(axis=0) - actions.sum(axis=0),
     )
     return refined, report
 
 
-def even_out(actions: Array, rough: float, average: str = "both") -> tuple[Array, int]:
-    """Averages consecutive actions that differ by more than ``rough`` until none do.
+def smooth_actions(actions: Array, rough: float, average: str = "both") -> tuple[Array, int]:
+    """Averages consecutive actions that differ by more than ``rough``, until no pair does.
 
-    All pairs that start at an even sample are treated at once, then all that start at an odd one, and so
-    on: pairs of a kind do not overlap, and neither direction of time is favoured.
+    Treats all pairs that start at an even sample at once, then all that start at an odd one, and so on. The pairs of
+    one pass do not overlap, and neither direction of time is preferred.
 
     Args:
         actions: (n, p).
-        rough: in the actions' units, positive.
+        rough: maximum norm of the difference, positive, in the unit of the actions.
         average: "both" or "later".
 
     Returns:
-        The evened actions (n, p) and the number of averagings.
+        The smoothed actions (n, p) and the number of averages taken.
     """
-    even = np.array(actions, dtype=float)
-    # Differences that are no more than accumulated rounding are none.
-    rough = max(rough, ROUNDING * float(np.abs(even).max(initial=0.0)))
+    smoothed = np.array(actions, dtype=float)
+    # Differences of the size of accumulated rounding errors do not count.
+    rough = max(rough, ROUNDING * float(np.abs(smoothed).max(initial=0.0)))
     averagings = idle = parity = 0
     while idle < 2:
-        first = np.arange(parity, len(even) - 1, 2)
+        first = np.arange(parity, len(smoothed) - 1, 2)
         parity = 1 - parity
-        first = first[np.linalg.norm(even[first + 1] - even[first], axis=1) > rough]
+        first = first[np.linalg.norm(smoothed[first + 1] - smoothed[first], axis=1) > rough]
         idle = 0 if len(first) else idle + 1
         averagings += len(first)
-        mean = 0.5 * (even[first] + even[first + 1])
-        even[first + 1] = mean
+        mean = 0.5 * (smoothed[first] + smoothed[first + 1])
+        smoothed[first + 1] = mean
         if average == "both":
-            even[first] = mean
-    return even, averagings
+            smoothed[first] = mean
+    return smoothed, averagings
 
 
 def _update_rotation_steps(refined: pd.DataFrame, kept: NDArray[np.intp]) -> None:
-    """Takes ``dangle`` from the sample now before, where the one that was before is gone."""
+    """Computes ``dangle`` from the new previous sample, where the old one was removed."""
     if not {"ax", "ay", "az", "angle", "dangle"} <= set(refined.columns):
         return
     R = Rotation.from_rotvec(refined[["ax", "ay", "az"]].to_numpy(dtype=float) * refined[["angle"]].to_numpy())
@@ -160,9 +161,9 @@ def _check_arguments(samples: pd.DataFrame, still: float, rough: float, average:
     if missing:
         raise ValueError(f"samples lack the action columns {missing}; expected {list(ACTIONS)}")
     if not np.isfinite(samples[list(ACTIONS)].to_numpy(dtype=float)).all():
-        raise ValueError("actions are not all finite; drop or repair the samples with NaN or infinity")
+        raise ValueError("actions are not all finite; drop or repair the samples with NaN or infinite values")
     if not (np.isfinite(still) and still >= 0):
-        raise ValueError(f"still = {still}; expected a finite number of metres, zero or more")
+        raise ValueError(f"still = {still}; expected a finite length in metres, zero or more")
     if not rough > 0:
         raise ValueError(f"rough = {rough}; expected a positive length in metres, or infinity to skip")
     if average not in ("both", "later"):

@@ -1,4 +1,4 @@
-"""Validated tables in Parquet files, whose metadata travel in the file and which are written whole or not at all."""
+"""Reads and writes validated tables as Parquet files with a JSON header; writes are atomic."""
 
 from __future__ import annotations
 
@@ -15,11 +15,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 
-def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, least: int = 2) -> None:
-    """Checks that a table has exactly ``columns``, ``least`` rows, finite numbers, and a ``time`` that increases.
+def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, min_rows: int = 2) -> None:
+    """Checks the columns, the number of rows, that all numbers are finite, and that ``time`` increases.
+
+    Args:
+        table: table to check.
+        columns: exact set of columns, in any order; ``time`` is one of them.
+        where: name of the source, for error messages.
+        min_rows: minimum number of rows.
 
     Raises:
-        ValueError: naming ``where``, what was found and what was expected.
+        ValueError: if a check fails. The message names ``where``, what was found and what was expected.
     """
     missing = [c for c in columns if c not in table.columns]
     unknown = [c for c in table.columns if c not in columns]
@@ -27,8 +33,8 @@ def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, l
         raise ValueError(
             f"{where}: missing columns {missing}, unknown columns {unknown}; expected exactly {list(columns)}"
         )
-    if len(table) < least:
-        raise ValueError(f"{where}: found {len(table)} samples, expected at least {least}")
+    if len(table) < min_rows:
+        raise ValueError(f"{where}: found {len(table)} samples, expected at least {min_rows}")
     for column in columns:
         if not pd.api.types.is_numeric_dtype(table[column]):
             raise ValueError(f"{where}: column '{column}' has type {table[column].dtype}, expected numbers")
@@ -44,7 +50,15 @@ def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, l
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Writes ``data`` under a temporary name in the same folder and renames it: whole or not at all."""
+    """Writes a file completely or not at all: to a temporary file in the same folder, which is then renamed.
+
+    Args:
+        path: target; missing parent folders are created.
+        data: content of the file.
+
+    Raises:
+        OSError: if the data cannot be written; an existing file at ``path`` is then unchanged.
+    """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
@@ -70,7 +84,16 @@ def write_table(
     version: int,
     header: dict[str, Any],
 ) -> None:
-    """Writes ``columns`` of a table; ``header`` is stored as JSON under the name ``kind``."""
+    """Writes some columns of a table as a Parquet file, as 64-bit floats.
+
+    Args:
+        table: table with at least ``columns``.
+        columns: columns to write, in this order.
+        path: target file.
+        kind: kind of file; the name of the metadata entry that holds the header.
+        version: version of the file format, stored in the header.
+        header: JSON-serialisable values to store with the table.
+    """
     rows = pa.Table.from_pandas(table[list(columns)].astype(float), preserve_index=False)
     text = json.dumps({"format_version": version, **header})
     rows = rows.replace_schema_metadata({**(rows.schema.metadata or {}), kind.encode(): text.encode()})
@@ -80,20 +103,24 @@ def write_table(
 
 
 def read_table(
-    path: Path, columns: Sequence[str], *, kind: str, version: int, keys: Sequence[str], least: int = 2
+    path: Path, columns: Sequence[str], *, kind: str, version: int, keys: Sequence[str], min_rows: int = 2
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Reads and validates what `write_table` wrote.
+    """Reads and validates a file of `write_table`.
 
     Args:
-        path: of the file.
-        columns: that it must have.
-        kind: under whose name the header is stored.
-        version: of the format.
-        keys: that the header must have.
-        least: number of rows.
+        path: file to read.
+        columns: columns that the table must have.
+        kind: expected kind of file.
+        version: expected version of the file format.
+        keys: entries that the header must have.
+        min_rows: minimum number of rows.
+
+    Returns:
+        The table and its header, without the version.
 
     Raises:
-        ValueError: naming the file and its fault: missing, truncated, another kind or version, wrong columns.
+        ValueError: if the file is missing, truncated, of another kind or version, or fails `validate_table`.
+            The message names the file.
     """
     try:
         rows = pq.read_table(path)
@@ -113,7 +140,7 @@ def read_table(
         raise ValueError(f"{path}: {kind} format version {found}, expected {version}")
     missing = [key for key in keys if key not in header]
     if missing:
-        raise ValueError(f"{path}: '{kind}' metadata lack {missing}; expected a {kind} file of this program")
+        raise ValueError(f"{path}: '{kind}' metadata lacks {missing}; expected a {kind} file of this program")
     table = rows.to_pandas()
-    validate_table(table, columns, str(path), least=least)
+    validate_table(table, columns, str(path), min_rows=min_rows)
     return table, header

@@ -1,1 +1,1 @@
-"""Features of the wrench and the depth."""
+"""Transformers of the measured wrench and depth into features."""

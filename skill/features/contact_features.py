@@ -1,49 +1,51 @@
-"""Features by which contact states are told apart: where the peg may touch, and whether it does."""
+"""Features that separate the contact states: the forces at the two places where a peg in a hole can touch."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.features.wrench_features import CanonicalFeatures
+from skill.features.canonical_frame import CanonicalFrame
+from skill.features.wrench_features import WrenchFeatures
 
 MIN_LEVER = 0.1
-"""Of the peg's radius: at less depth than this nothing tells the mouth from the tip."""
+"""Minimum lever of the force at the mouth, in units of the peg radius: at smaller depths the moment cannot separate
+mouth and tip."""
 
 SATURATION = 2.0
-"""Offsets enter as tanh(offset / (2 play)): 0.46 at the play, and never more than 1 where the peg is tilted aside."""
+"""Offsets enter as tanh(offset / (SATURATION play)): 0.46 at the play, and below 1 however far the peg is tilted."""
 
 
-class ContactFeatures(CanonicalFeatures):
-    """The lateral forces at the two places where a peg in a hole can touch.
+class ContactFeatures(WrenchFeatures):
+    """The lateral forces at the tip and at the mouth.
 
-    In the canonical frame a wall pushes the peg at its tip with f_tip along x, the mouth at depth l with f_mouth. Both
-    contacts hold the net force, and the moment about the rim of the tip is that of the mouth alone:
+    In the canonical frame (`CanonicalFrame`) a wall pushes the peg with f_tip at its tip and with f_mouth at depth l,
+    both along x. Together they make the net force, and the moment about the rim of the tip is that of the mouth alone:
 
         f_tip + f_mouth = f_lateral,      l f_mouth = my - r fz.
 
-    The frame is turned by half a turn where f_tip < f_mouth: the x axis of two-point contact is that of the force at
-    the tip, whichever of the two happens to be the greater. One point at the tip is then (1, 0) whatever its depth, one
-    at the mouth (0, -1), both on opposite sides (1, -1), both on the same side (1, 1) or (-1, -1), and free motion
-    (0, 0). A partition by these two numbers does not follow the depth, as one by the wrench's direction does, whose
-    moment grows with it. Friction at the mouth is neglected.
+    Where f_tip < f_mouth the frame is turned by half a turn. The x axis of a two-point contact is then that of the
+    force at the tip, whichever force is greater. A contact at the tip is (1, 0) at any depth, one at the mouth (0, -1),
+    two contacts on opposite sides (1, -1), two on the same side (1, 1) or (-1, -1), and free motion (0, 0). A partition
+    by these numbers does not follow the depth, unlike one by the direction of the wrench, whose moment grows with the
+    depth. Friction at the mouth is neglected.
 
-    How *much* force a contact bears does not make it another contact, so each force saturates,
+    A greater force is not another contact. Therefore each force f_i saturates,
 
-        f_i / sqrt(f_i^2 + floor^2 + (floor r / l)^2 + (share |(f_tip, f_mouth)|)^2),
+        f_i / sqrt(f_i^2 + floor^2 + (floor r / l)^2 + (share |(f_tip, f_mouth)|)^2).
 
-    above the noise of forces, above that of moments (of which r floor is noise), which a short lever makes large, and
-    above what the neglected friction makes one contact borrow from the other. The lever l is at least a tenth of r.
-    log(1 + s / floor), with s the size of the whole wrench, tells touches below the noise from free motion.
+    The floor is the noise of forces. The second term is the noise r floor of moments over the lever l, which is at
+    least ``MIN_LEVER`` r. The third term is the error that the neglected friction causes. The third feature, log(1 + s
+    / floor) with s the norm of (F, M / r), separates touches below the noise from free motion.
 
-    Hidden, known of demonstrations only, are how far tip and mouth have used the play up: the offsets along x of
-    the tip's centre and of the point of the peg's axis at the mouth from the axis of the hole, saturated.
+    Hidden features, known for demonstrations only, are two lateral offsets from the axis of the hole along x: that of
+    the centre of the tip, and that of the peg axis at the mouth. They are saturated too, in units of the play.
 
     Args:
         peg_radius: r, m.
         force_floor: N; see `NormalisedFeatures`.
-        force_share: of the two contact forces, below which one of them may be an error of the other.
+        force_share: share of the two contact forces below which one of them may be an error of the other.
         play: radial clearance of peg and hole, m.
     """
 
@@ -65,34 +67,36 @@ class ContactFeatures(CanonicalFeatures):
         return np.array(["tip_force", "mouth_force", "log_magnitude"], dtype=object)
 
     def hidden_names(self) -> NDArray[np.object_]:
-        """Names of the two features that only demonstrations have."""
+        """Names of the two features that only demonstrations contain."""
         return np.array(["tip_offset", "mouth_offset"], dtype=object)
 
-    def rotation_angle(self, X: ArrayLike) -> Array:
-        """Angle phi from P to the frame of the contact forces about the peg axis, rad, in (-pi, pi], (n,)."""
-        measured = self._measurements(X)
-        phi, (tip, mouth) = self._angle(measured), self._contact_forces(measured)
+    def _angle(self, measured: Array) -> Array:
+        phi, (tip, mouth) = self._frame().angle(measured), self._contact_forces(measured)
         return np.where(tip < mouth, np.where(phi > 0.0, phi - np.pi, phi + np.pi), phi)
+
+    def _frame(self) -> CanonicalFrame:
+        return CanonicalFrame(self.peg_radius, self.force_floor)
 
     def _contact_forces(self, measured: Array) -> tuple[Array, Array]:
         """f_tip and f_mouth (n,), N, along the net lateral force."""
-        turned = self._turned(measured)
+        turned = self._frame().to_frame(measured)
         mouth = (turned[:, 4] - self.peg_radius * turned[:, 2]) / self._lever(measured)
         return turned[:, 0] - mouth, mouth
 
     def _lever(self, measured: Array) -> Array:
+        """The lever l (n,) of the force at the mouth about the tip, m."""
         return np.maximum(-measured[:, 6], MIN_LEVER * self.peg_radius)
 
     def _features(self, measured: Array) -> Array:
         tip, mouth = self._contact_forces(measured)
         forces = np.where(tip < mouth, -1.0, 1.0)[:, None] * np.column_stack([tip, mouth])
         r = self.peg_radius
-        borrowed = self.force_share * np.hypot(tip, mouth)
-        unclear = self.force_floor**2 * (1.0 + (r / self._lever(measured)) ** 2) + borrowed**2
+        friction_error = self.force_share * np.hypot(tip, mouth)
+        noise = self.force_floor**2 * (1.0 + (r / self._lever(measured)) ** 2) + friction_error**2
         size = np.linalg.norm(measured[:, 0:6] / np.repeat([1.0, r], 3), axis=1)
-        return np.column_stack([forces / np.sqrt(forces**2 + unclear[:, None]), np.log1p(size / self.force_floor)])
+        return np.column_stack([forces / np.sqrt(forces**2 + noise[:, None]), np.log1p(size / self.force_floor)])
 
     def _hidden(self, z: Array, lateral: Array, rotation: Array, step: Array) -> Array:
-        # The axis leaves the tip along rotation x z, to first order in the tilt.
+        # The peg axis leaves the tip along rotation x z, to first order in the tilt.
         at_mouth = lateral[:, 0] + np.maximum(-z, 0.0) * rotation[:, 1]
         return np.tanh(np.column_stack([lateral[:, 0], at_mouth]) / (SATURATION * self.play))

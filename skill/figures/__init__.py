@@ -1,1 +1,1 @@
-"""Figures of demonstrations, runs, states and practice."""
+"""Figures of demonstrations, rig runs, practice and state graphs."""

@@ -1,4 +1,4 @@
-"""How a set of demonstrations went: outcomes, peak forces and times, by habit and by person."""
+"""Figure of a set of demonstrations: outcomes, peak forces and times, by habit."""
 
 from __future__ import annotations
 
@@ -9,35 +9,53 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from skill.data.demonstration import Demonstration
+from skill.data.outcome import Outcome
 
 GOOD, BAD = "#3b7a57", "#b5483a"
-OUTCOMES = {
-    **{"inserted": GOOD, "inserted roughly": "#e0a030", "jammed": BAD, "given up": "#6b6ba8"},
-    **{"time over": "#8a8a8a", "stopped": "#bdbdbd", "diverged": "#000000"},
+COLOURS = {
+    Outcome.INSERTED: GOOD,
+    Outcome.INSERTED_ROUGHLY: "#e0a030",
+    Outcome.JAMMED: BAD,
+    Outcome.GIVEN_UP: "#6b6ba8",
+    Outcome.TIME_OVER: "#8a8a8a",
+    Outcome.STOPPED: "#bdbdbd",
+    Outcome.DIVERGED: "#000000",
+    Outcome.FAULT: "#8c2d5e",
+    Outcome.FAILED: "#5c4033",
+    Outcome.OTHER: "#d9d2c5",
 }
+"""The colour of each outcome, in the order of the bars."""
 
 
 def summarise(demonstrations: Sequence[Demonstration]) -> pd.DataFrame:
-    """One row a demonstration: habit, person, good, outcome, peak_force (N), time (s), starting tilt (rad)."""
+    """Returns a table with one row for each demonstration.
+
+    Its columns are habit, person, good, outcome (`Outcome`), peak_force (N), time (s) and tilt (at the start, rad).
+    """
     rows = []
-    for shown in demonstrations:
-        force = np.linalg.norm(shown.samples[["fx", "fy", "fz"]].to_numpy(), axis=1)
+    for demonstration in demonstrations:
+        force = np.linalg.norm(demonstration.samples[["fx", "fy", "fz"]].to_numpy(), axis=1)
         rows.append(
             {
-                "habit": shown.metadata.get("habit", "unknown"),
-                "person": shown.metadata.get("operator", 0),
-                "good": shown.good,
-                "outcome": shown.outcome.value,
+                "habit": demonstration.metadata.get("habit", "unknown"),
+                "person": demonstration.metadata.get("operator", 0),
+                "good": demonstration.good,
+                "outcome": demonstration.outcome,
                 "peak_force": float(force.max()),
-                "time": shown.duration,
-                "tilt": float(shown.samples["angle"].iloc[0]),
+                "time": demonstration.duration,
+                "tilt": float(demonstration.samples["angle"].iloc[0]),
             }
         )
     return pd.DataFrame(rows)
 
 
 def plot_set(demonstrations: Sequence[Demonstration], *, rough_force: float) -> Figure:
-    """Outcomes by habit, and the distributions of peak force and time; ``rough_force`` (N) is drawn as a line."""
+    """Draws the outcomes of each habit, and the distributions of peak force and time.
+
+    Args:
+        demonstrations: at least one.
+        rough_force: force above which an insertion counts as rough, N; drawn as a line.
+    """
     table = summarise(demonstrations)
     habits = sorted(table.habit.unique(), key=lambda h: (not table.good[table.habit == h].any(), h))
     figure = Figure(figsize=(11.0, 3.6), layout="constrained")
@@ -45,10 +63,11 @@ def plot_set(demonstrations: Sequence[Demonstration], *, rough_force: float) -> 
 
     counts = table.groupby(["habit", "outcome"]).size().unstack(fill_value=0).reindex(habits)
     left = np.zeros(len(habits))
-    for outcome in sorted(counts.columns, key=list(OUTCOMES).index):
-        values = counts[outcome].to_numpy(dtype=float)
-        outcomes.barh(habits, values, left=left, color=OUTCOMES[outcome], label=outcome)
-        left += values
+    for outcome, colour in COLOURS.items():
+        if outcome in counts.columns:
+            values = counts[outcome].to_numpy(dtype=float)
+            outcomes.barh(habits, values, left=left, color=colour, label=str(outcome))
+            left += values
     outcomes.invert_yaxis()
     outcomes.set_xlabel("demonstrations")
     outcomes.legend(fontsize=7, frameon=False, loc="lower right")
@@ -67,8 +86,8 @@ def plot_set(demonstrations: Sequence[Demonstration], *, rough_force: float) -> 
     forces.axvline(rough_force, color="0.5", ls="--", lw=1.0)
     people = table.person.nunique()
     figure.suptitle(
-        f"{len(table)} demonstrations by {people} people: green good, red bad, bar the median,"
-        f" dashed the force above which an insertion counts as rough",
+        f"{len(table)} demonstrations by {people} people. Green: good; red: bad; bar: median;"
+        " dashed: force above which an insertion counts as rough",
         fontsize=9,
     )
     return figure

@@ -1,7 +1,7 @@
-"""The paper's figures from stored data: the channels of a demonstration, an insertion, the outcomes of trials.
+"""The figures of the paper from stored data: a demonstration, an insertion, and the outcomes of trials.
 
-Figures are made with matplotlib's objects, without its global state, and so in any thread and on any machine. A person
-reads them, so they speak mm, degrees, N and N mm.
+The figures use the objects of matplotlib, not its global state, so that they can be made in any thread and without a
+screen. Their units are mm, degrees, N and N mm.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -27,17 +28,17 @@ from skill.data.tables import write_atomically
 from skill.states.state_style import state_colours, state_labels
 
 INK = "#1D2329"
-FIRST, SECOND, THIRD = "#0072B2", "#D55E00", "#009E73"  # x, y, z wherever the three stand together
+FIRST, SECOND, THIRD = "#0072B2", "#D55E00", "#009E73"  # x, y and z
 OTHER = "#A05A8C"
 DEGREES = float(np.degrees(1.0))
-WIDTH = 7.2  # in units of inches, of a text block
-ROW_PITCH = 2.3  # between the zero lines of stacked series that each fill -1 to 1
-SHORT_NAME = 12  # characters of a state's name, five of which stand side by side
-MAX_LISTED = 20  # trials that are numbered one by one
+WIDTH = 7.2  # in units of inches, width of a text block
+ROW_PITCH = 2.3  # distance of the zero lines of stacked series, each in the range -1 to 1
+SHORT_NAME = 12  # maximum length of state names for a legend with five columns
+MAX_LISTED = 20  # maximum number of trials that are numbered one by one
 
 
 def plot_demonstration(demonstration: Demonstration) -> Figure:
-    """The fourteen channels of one demonstration over time, as in the paper's Fig. 3."""
+    """Draws the fourteen channels of one demonstration over time, as in Fig. 3 of the paper."""
     data = demonstration.samples
     time = data["time"].to_numpy(dtype=float)
     figure = new_figure(5.6)
@@ -81,11 +82,17 @@ def plot_demonstration(demonstration: Demonstration) -> Figure:
 
 
 def plot_run(run: RigRun, state_names: Sequence[str] | None = None) -> Figure:
-    """One insertion of the rig, as in the paper's Fig. 5: six normalised series over the contact states.
+    """Draws one insertion of the rig over the contact states, as in Fig. 5 of the paper.
+
+    The upper panel has six series, each divided by its largest magnitude; the lower one has the corrections of the
+    motors and the actions of the force guard.
 
     Args:
-        run: of the rig.
-        state_names: of the states; those among the run's metadata if None, else their numbers.
+        run: the recorded run.
+        state_names: names of the states; None for those in the metadata of the run, or else their numbers.
+
+    Raises:
+        ValueError: if there are fewer names than states.
     """
     data = run.samples
     time = data["time"].to_numpy(dtype=float)
@@ -99,45 +106,8 @@ def plot_run(run: RigRun, state_names: Sequence[str] | None = None) -> Figure:
     for axes in (series, steps):
         for start, end, k in _stretches(time, state):
             axes.axvspan(start, end, color=colours[k], alpha=0.30, linewidth=0)
-    rows: tuple[tuple[str, Array, float, str], ...] = (
-        ("$f_x$", data["fx"].to_numpy(dtype=float), 1.0, "N"),
-        ("$f_y$", data["fy"].to_numpy(dtype=float), 1.0, "N"),
-        ("$f_z$", data["fz"].to_numpy(dtype=float), 1.0, "N"),
-        ("$M_x$", data["mx"].to_numpy(dtype=float), 1e3, "N mm"),
-        ("$M_y$", data["my"].to_numpy(dtype=float), 1e3, "N mm"),
-        ("$z$", -data["depth"].to_numpy(dtype=float), 1e3, "mm"),
-    )
-    heights, scales = [], []
-    for row, (_, values, factor, unit) in enumerate(rows):
-        height = -ROW_PITCH * row
-        largest = float(np.abs(values).max())
-        series.axhline(height, color="white", linewidth=0.8)
-        series.plot(time, height + values / (largest or 1.0), color=INK, linewidth=1.1)
-        heights.append(height)
-        scales.append(f"1 = {factor * largest:.3g} {unit}")
-    series.set_yticks(heights, [name for name, *_ in rows])
-    series.set_ylim(heights[-1] - 1.2, 1.2)
-    series.set_ylabel("each over its largest magnitude", fontsize=9)
-    right = series.secondary_yaxis("right")
-    right.set_yticks(heights, scales, fontsize=8)
-    right.tick_params(length=0)
-    right.spines["right"].set_visible(False)
-
-    for name, colour in (("pitch", FIRST), ("yaw", SECOND)):
-        turned = DEGREES * data[f"target_{name}"].to_numpy(dtype=float)
-        steps.step(time, turned, where="post", color=colour, linewidth=1.5, label=name)
-    steps.set_ylabel("correction (deg)", fontsize=9)
-    steps.set_xlabel("time (s)", fontsize=9)
-    handles, texts = steps.get_legend_handles_labels()
-    guard = data["guard"].to_numpy(dtype=float) > 0.5
-    if guard.any():
-        for start, end, on in _stretches(time, guard.astype(int)):
-            if on:
-                steps.axvspan(start, end, ymin=0.0, ymax=0.09, color=INK, linewidth=0)
-        handles, texts = [*handles, Patch(color=INK)], [*texts, "force guard"]
-    low, high = steps.get_ylim()
-    steps.set_ylim(low - 0.18 * (high - low), high)  # room for the guard below the curves
-    steps.legend(handles, texts, ncols=3, fontsize=8, loc="best", frameon=False)
+    _draw_series(series, data)
+    _draw_corrections(steps, data)
     for axes in (series, steps):
         tidy(axes, grid=False)
         axes.set_xlim(time[0], time[-1])
@@ -154,12 +124,60 @@ def plot_run(run: RigRun, state_names: Sequence[str] | None = None) -> Figure:
     return figure
 
 
+def _draw_series(axes: Axes, data: pd.DataFrame) -> None:
+    """Draws wrench and height, each divided by its largest magnitude, one above the other."""
+    time = data["time"].to_numpy(dtype=float)
+    rows: tuple[tuple[str, Array, float, str], ...] = (
+        ("$f_x$", data["fx"].to_numpy(dtype=float), 1.0, "N"),
+        ("$f_y$", data["fy"].to_numpy(dtype=float), 1.0, "N"),
+        ("$f_z$", data["fz"].to_numpy(dtype=float), 1.0, "N"),
+        ("$M_x$", data["mx"].to_numpy(dtype=float), 1e3, "N mm"),
+        ("$M_y$", data["my"].to_numpy(dtype=float), 1e3, "N mm"),
+        ("$z$", -data["depth"].to_numpy(dtype=float), 1e3, "mm"),
+    )
+    heights, scales = [], []
+    for row, (_, values, factor, unit) in enumerate(rows):
+        height = -ROW_PITCH * row
+        largest = float(np.abs(values).max())
+        axes.axhline(height, color="white", linewidth=0.8)
+        axes.plot(time, height + values / (largest or 1.0), color=INK, linewidth=1.1)
+        heights.append(height)
+        scales.append(f"1 = {factor * largest:.3g} {unit}")
+    axes.set_yticks(heights, [name for name, *_ in rows])
+    axes.set_ylim(heights[-1] - 1.2, 1.2)
+    axes.set_ylabel("each over its largest magnitude", fontsize=9)
+    right = axes.secondary_yaxis("right")
+    right.set_yticks(heights, scales, fontsize=8)
+    right.tick_params(length=0)
+    right.spines["right"].set_visible(False)
+
+
+def _draw_corrections(axes: Axes, data: pd.DataFrame) -> None:
+    """Draws the commanded angles of the hole, and a bar at the bottom while the force guard is active."""
+    time = data["time"].to_numpy(dtype=float)
+    for name, colour in (("pitch", FIRST), ("yaw", SECOND)):
+        turned = DEGREES * data[f"target_{name}"].to_numpy(dtype=float)
+        axes.step(time, turned, where="post", color=colour, linewidth=1.5, label=name)
+    axes.set_ylabel("correction (deg)", fontsize=9)
+    axes.set_xlabel("time (s)", fontsize=9)
+    handles, texts = axes.get_legend_handles_labels()
+    guard = data["guard"].to_numpy(dtype=float) > 0.5
+    if guard.any():
+        for start, end, on in _stretches(time, guard.astype(int)):
+            if on:
+                axes.axvspan(start, end, ymin=0.0, ymax=0.09, color=INK, linewidth=0)
+        handles, texts = [*handles, Patch(color=INK)], [*texts, "force guard"]
+    low, high = axes.get_ylim()
+    axes.set_ylim(low - 0.18 * (high - low), high)  # space for the bar of the guard below the curves
+    axes.legend(handles, texts, ncols=3, fontsize=8, loc="best", frameon=False)
+
+
 def plot_outcomes(results: pd.DataFrame) -> Figure:
-    """Rig trials at a glance: time and peak forces of each, inserted or not, and the medians of those inserted.
+    """Draws time and peak forces of rig trials, with the medians of the successful ones.
 
     Args:
-        results: one row a trial, with the columns inserted, time_s, peak_axial_n and peak_lateral_n; and seed, the
-            number of the trial, without which they are counted from 1.
+        results: one row for each trial, with the columns inserted, time_s, peak_axial_n and peak_lateral_n, and
+            optionally seed, the number of the trial; without it the trials are numbered from 1.
 
     Raises:
         ValueError: if there is no trial, or a column is missing.
@@ -171,30 +189,13 @@ def plot_outcomes(results: pd.DataFrame) -> Figure:
     )
     missing = [c for c in ("inserted", *(name for name, _ in rows)) if c not in results.columns]
     if missing or results.empty:
-        raise ValueError(f"results: {len(results)} trials, missing columns {missing}; expected a row a trial")
+        raise ValueError(f"results: {len(results)} trials, missing columns {missing}; expected one row for each trial")
     inserted = results["inserted"].to_numpy(dtype=bool)
     number = results["seed"].to_numpy() if "seed" in results.columns else np.arange(1, len(results) + 1)
     figure = new_figure(4.8)
     panels = figure.subplots(len(rows), 1, sharex=True)
     for axes, (column, label) in zip(panels, rows, strict=True):
-        values = results[column].to_numpy(dtype=float)
-        axes.vlines(number, 0.0, values, color="#D3DAE0", linewidth=1.2, zorder=1)
-        axes.scatter(number[inserted], values[inserted], s=34, color=FIRST, zorder=3)
-        axes.scatter(number[~inserted], values[~inserted], s=42, color=SECOND, marker="X", zorder=3)
-        if inserted.any():
-            middle = float(np.median(values[inserted]))
-            axes.axhline(middle, color=FIRST, linewidth=1.0, linestyle=(0, (5, 3)), zorder=2)
-            axes.annotate(
-                f"{middle:.3g}",
-                (1.0, middle),
-                xycoords=("axes fraction", "data"),
-                xytext=(4, 0),
-                textcoords="offset points",
-                va="center",
-                color=FIRST,
-                fontsize=8,
-            )
-        axes.set_ylim(0.0, 1.15 * max(float(values.max()), 1e-9))
+        _draw_trials(axes, number, results[column].to_numpy(dtype=float), inserted)
         axes.set_ylabel(label, fontsize=9)
         tidy(axes)
         axes.grid(visible=False, axis="x")
@@ -209,41 +210,64 @@ def plot_outcomes(results: pd.DataFrame) -> Figure:
         Line2D([], [], marker="X", color=SECOND, linestyle="", label=f"not inserted: {(~inserted).sum()}"),
         Line2D([], [], color=FIRST, linestyle=(0, (5, 3)), linewidth=1.0, label="median of the inserted"),
     ]
-    kept = [m for m, wanted in zip(marks, (inserted.any(), (~inserted).any(), inserted.any()), strict=True) if wanted]
-    figure.legend(handles=kept, loc="outside upper center", ncols=3, fontsize=8, frameon=False)
+    shown = [
+        mark for mark, used in zip(marks, (inserted.any(), (~inserted).any(), inserted.any()), strict=True) if used
+    ]
+    figure.legend(handles=shown, loc="outside upper center", ncols=3, fontsize=8, frameon=False)
     return figure
 
 
+def _draw_trials(axes: Axes, number: NDArray[Any], values: Array, inserted: NDArray[np.bool_]) -> None:
+    """Draws one value for each trial, and the median of the successful ones."""
+    axes.vlines(number, 0.0, values, color="#D3DAE0", linewidth=1.2, zorder=1)
+    axes.scatter(number[inserted], values[inserted], s=34, color=FIRST, zorder=3)
+    axes.scatter(number[~inserted], values[~inserted], s=42, color=SECOND, marker="X", zorder=3)
+    if inserted.any():
+        middle = float(np.median(values[inserted]))
+        axes.axhline(middle, color=FIRST, linewidth=1.0, linestyle=(0, (5, 3)), zorder=2)
+        axes.annotate(
+            f"{middle:.3g}",
+            (1.0, middle),
+            xycoords=("axes fraction", "data"),
+            xytext=(4, 0),
+            textcoords="offset points",
+            va="center",
+            color=FIRST,
+            fontsize=8,
+        )
+    axes.set_ylim(0.0, 1.15 * max(float(values.max()), 1e-9))
+
+
 def save_figure(figure: Figure, path: Path, *, resolution: int = 200) -> None:
-    """Writes a figure whole or not at all, in the format that the path's suffix names (png, svg, pdf).
+    """Writes a figure atomically.
 
     Args:
-        figure: any.
-        path: of the file.
-        resolution: dots an inch, of a PNG.
+        figure: figure to write.
+        path: target file; its suffix selects the format (png, svg, pdf).
+        resolution: resolution of a PNG file, dots per inch.
 
     Raises:
-        ValueError: naming the path, if its suffix is no known format.
+        ValueError: if the suffix is not a known format. The message names the path.
     """
     path = Path(path)
     format_ = path.suffix[1:].lower()
     known = figure.canvas.get_supported_filetypes()
     if format_ not in known:
-        raise ValueError(f"{path}: suffix '{path.suffix}' is no figure format; expected one of {sorted(known)}")
+        raise ValueError(f"{path}: suffix '{path.suffix}' is not a figure format; expected one of {sorted(known)}")
     stream = io.BytesIO()
     figure.savefig(stream, format=format_, dpi=resolution)
     write_atomically(path, stream.getvalue())
 
 
 def new_figure(height: float) -> Figure:
-    """An empty one of the common width, with a canvas; ``height`` in inches."""
+    """Returns an empty figure of the common width with a canvas; ``height`` in inches."""
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def tidy(axes: Axes, *, grid: bool = True) -> None:
-    """The common look of axes: no frame above and to the right, small ticks, a faint grid behind."""
+    """Applies the common style: no frame above and to the right, small tick labels, and optionally a light grid."""
     axes.spines[["top", "right"]].set_visible(False)
     axes.tick_params(labelsize=8)
     if grid:
@@ -258,7 +282,7 @@ def _symbol(channel: str) -> str:
 
 
 def _stretches(time: Array, value: NDArray[np.int64]) -> list[tuple[float, float, int]]:
-    """Start, end and value of each stretch of equal values; a sample holds until the next."""
+    """Start time, end time and value of each stretch of equal values; a sample is valid until the next one."""
     starts = np.flatnonzero(np.diff(value, prepend=value[0] - 1))
     ends = [*(float(time[k]) for k in starts[1:]), float(time[-1])]
     return [(float(time[k]), end, int(value[k])) for k, end in zip(starts, ends, strict=True)]

@@ -1,4 +1,4 @@
-"""What practice changed: the cost from round to round, and the same held-out trials before and after."""
+"""Figure of practice: the cost of each round, and held-out trials before and after."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ FAINT = "#B8C0C8"
 
 
 def plot_practice(checks: pd.DataFrame, before: pd.DataFrame, after: pd.DataFrame) -> Figure:
-    """Check cost over the rounds beside before-and-after scatters, a dot a held-out trial.
+    """Draws the cost of the check trials over the rounds, and the held-out trials before against after practice.
 
     Args:
-        checks: one row a check trial and round, with the columns round (0 is before practice), cost (s) and kept,
-            whether the skill of that round was.
-        before: one row a held-out trial, with the columns inserted, time_s and peak_lateral_n.
-        after: the same trials in the same order.
+        checks: one row for each check trial and round, with the columns round (0 is before practice), cost (s) and kept
+            (whether the skill of that round was kept).
+        before: one row for each held-out trial, with the columns inserted, time_s and peak_lateral_n.
+        after: the same trials after practice, in the same order.
     """
     figure = new_figure(2.9)
     panels = figure.subplots(1, 1 + len(QUANTITIES))

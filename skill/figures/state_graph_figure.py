@@ -1,4 +1,4 @@
-"""The state graph as a figure: states along time, moves forward above them and back below."""
+"""Figure of a state graph: the states in the order of time, moves forward above them and moves back below."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from skill.states.state_graph import StateGraph
 
-MIN_SHOWN = 0.02  # moves of less probability would only clutter the figure
-MIN_LABELLED = 0.1
+MIN_SHOWN = 0.02  # minimum probability of a move that is drawn
+MIN_LABELLED = 0.1  # minimum probability of a move that is labelled
 
 
 def draw_state_graph(
@@ -22,19 +22,19 @@ def draw_state_graph(
     names: Sequence[str] | None = None,
     colours: Sequence[Any] | None = None,
 ) -> None:
-    """Draws the states as discs, ordered by when they occur, and the outcomes as squares at the right.
+    """Draws the states as discs, in the order of their mean phase, and the outcomes as squares at the right.
 
-    A disc's area grows with the share of time spent in the state; beneath it stand the mean dwell time and
-    the probability of success. An arrow's width is the probability of the move from where it starts.
+    The area of a disc grows with the share of time spent in the state. The label below it gives the mean dwell time and
+    the probability of success. The width of an arrow is the probability of the move from its start.
 
     Args:
-        graph: fitted.
-        axes: to draw on.
-        names: (K,), of the states; their numbers if None.
-        colours: (K,), of the states, anything matplotlib takes; matplotlib's cycle if None.
+        graph: fitted state graph.
+        axes: axes to draw on.
+        names: names (K,) of the states; None for their numbers.
+        colours: matplotlib colours (K,) of the states; None for the default cycle.
 
     Raises:
-        ValueError: if there are not as many names or colours as states.
+        ValueError: if the number of names or colours is not K.
     """
     check_is_fitted(graph)
     K, A = graph.exits_.shape
@@ -43,50 +43,54 @@ def draw_state_graph(
     for what, given in (("names", names), ("colours", colours)):
         if len(given) != K:
             raise ValueError(f"{len(given)} {what} for {K} states; expected one for each state")
-    seen = [int(k) for k in np.argsort(graph.phase_) if graph.visits_[k] > 0]
-    place = {state: float(i) for i, state in enumerate(seen)}
-    ends = [a for a in range(A) if graph.exits_[:, a].any()]
-    ends.sort(key=lambda a: str(graph.outcomes_[a]) != graph.success)
-    points = {state: (x, 0.0) for state, x in place.items()}
-    below = 0
+    states = [int(k) for k in np.argsort(graph.phase_) if graph.visits_[k] > 0]
+    ends = sorted((a for a in range(A) if graph.exits_[:, a].any()), key=lambda a: not _is_success(graph, a))
+    points = {state: (float(i), 0.0) for i, state in enumerate(states)}
+    failures = 0
     for a in ends:  # success above the line of states, failures below
-        wanted = str(graph.outcomes_[a]) == graph.success
-        below += not wanted
-        points[K + a] = (len(seen) + 0.4, 0.6 if wanted else -0.6 * below)
+        failures += not _is_success(graph, a)
+        points[K + a] = (len(states) + 0.4, 0.6 if _is_success(graph, a) else -0.6 * failures)
 
-    shares = graph.visits_ * np.nan_to_num(graph.dwell_mean_s_)
-    shares = shares / shares.sum()
-    for start in seen:
+    for start in states:
         for end, probability in enumerate(graph.moves_[start]):
             if probability >= MIN_SHOWN and end in points:
                 _draw_move(axes, points[start], points[end], float(probability), colours[start])
-    for state in seen:
-        axes.scatter(*points[state], s=250 + 2500 * shares[state], color=colours[state], edgecolor="black", zorder=3)
-        axes.annotate(names[state], points[state], ha="center", va="center", zorder=4)
-        axes.annotate(
-            f"{graph.dwell_mean_s_[state]:.2f} s\nP = {graph.reach_[state]:.2f}",
-            points[state],
-            xytext=(0, -38),
-            textcoords="offset points",
-            ha="center",
-            va="top",
-            fontsize="small",
-            zorder=4,
-        )
+    shares = graph.visits_ * np.nan_to_num(graph.dwell_mean_s_)
+    shares = shares / shares.sum()
+    for state in states:
+        label = f"{graph.dwell_mean_s_[state]:.2f} s\nP = {graph.reach_[state]:.2f}"
+        _draw_state(axes, points[state], float(shares[state]), colours[state], names[state], label)
     for a in ends:
-        name = str(graph.outcomes_[a])
-        colour = "tab:green" if name == graph.success else "tab:red"
-        axes.scatter(*points[K + a], s=300, marker="s", color=colour, edgecolor="black", zorder=3)
-        axes.annotate(
-            f"{name} ({int(graph.exits_[:, a].sum())})",
-            points[K + a],
-            xytext=(14, 0),
-            textcoords="offset points",
-            va="center",
-        )
-    span = 0.28 * len(seen) + 0.4
-    axes.set(xlim=(-0.7, len(seen) + 2.2), ylim=(-max(span, 0.6 * below + 0.5), span), aspect="equal")
+        label = f"{graph.outcomes_[a]} ({int(graph.exits_[:, a].sum())})"
+        _draw_outcome(axes, points[K + a], "tab:green" if _is_success(graph, a) else "tab:red", label)
+    span = 0.28 * len(states) + 0.4
+    axes.set(xlim=(-0.7, len(states) + 2.2), ylim=(-max(span, 0.6 * failures + 0.5), span), aspect="equal")
     axes.set_axis_off()
+
+
+def _is_success(graph: StateGraph, outcome: int) -> bool:
+    return str(graph.outcomes_[outcome]) == graph.success
+
+
+def _draw_state(axes: Axes, point: tuple[float, float], share: float, colour: Any, name: str, label: str) -> None:
+    """Draws one state as a disc whose area grows with its share of the time."""
+    axes.scatter(*point, s=250 + 2500 * share, color=colour, edgecolor="black", zorder=3)
+    axes.annotate(name, point, ha="center", va="center", zorder=4)
+    axes.annotate(
+        label,
+        point,
+        xytext=(0, -38),
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        fontsize="small",
+        zorder=4,
+    )
+
+
+def _draw_outcome(axes: Axes, point: tuple[float, float], colour: str, label: str) -> None:
+    axes.scatter(*point, s=300, marker="s", color=colour, edgecolor="black", zorder=3)
+    axes.annotate(label, point, xytext=(14, 0), textcoords="offset points", va="center")
 
 
 def _draw_move(
@@ -96,8 +100,9 @@ def _draw_move(
     probability: float,
     colour: Any,
 ) -> None:
-    # A positive bow is to the arrow's left: forward moves pass above the states between, moves back below,
-    # and so do moves to failures, which lie below.
+    """Draws one move as an arrow whose width is its probability."""
+    # A positive bow bends to the left of the arrow. Moves forward thus pass above the states between, and moves back
+    # below. Moves to failures, which lie below, also pass below.
     bow = -0.4 if end[1] < 0 else 0.4
     axes.add_patch(
         FancyArrowPatch(

@@ -1,32 +1,40 @@
-"""Practice: what a robot tries beyond its skill, what each step of it cost, and what a finished trial teaches.
+"""Exploration: perturbed policies, the cost of a trial, and the rollouts that a policy update learns from.
 
-A practice trial performs the skill with its turn and its feed multiplied by factors that are drawn anew for each trial
-and vary along the depth. What was felt at each moment, what was tried there and what it cost in the end make an
-`Experience`; `skill.practice.policy_update` turns experiences into a better skill.
+A practice trial performs the skill with its turn and its feed multiplied by factors. The factors are drawn anew for
+each trial and vary along the depth. The features, the factors and the cost of each moment form a `Rollout`;
+`skill.practice.policy_update` computes a better skill from rollouts.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Self
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skill.arrays import Array
+from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import RigRun
+from skill.features.measurement import measurement
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import Action, ManipulationSkill
+from skill.policy import RigPolicy, StateFollower
+
+PolicyT = TypeVar("PolicyT", bound=RigPolicy)
 
 
 @dataclass(frozen=True)
 class Perturbation:
-    """Factors on the skill's actions over the depth, their logarithms interpolated linearly between knots.
+    """Factors on the actions of a policy as functions of the depth.
+
+    The logarithms of the factors are interpolated linearly between knots, and constant beyond the outermost knots.
 
     Attributes:
-        depths: (k,), of the knots, m, increasing; beyond the outermost their factors hold on.
-        turn: (k,), logarithm of the factor on the turn.
-        feed: (k,), likewise on the feed.
+        depths: (k,), depths of the knots, m, increasing.
+        turn: (k,), logarithm of the factor on the turn at each knot.
+        feed: (k,), logarithm of the factor on the feed at each knot.
     """
 
     depths: Array
@@ -34,22 +42,22 @@ class Perturbation:
     feed: Array
 
     def log_factors(self, depth: float | Array) -> Array:
-        """On turn and feed, (..., 2), at depths (...), m."""
+        """Returns the logarithms of the factors on turn and feed, (..., 2), at depths (...), m."""
         return np.stack([np.interp(depth, self.depths, values) for values in (self.turn, self.feed)], axis=-1)
 
     def opposite(self) -> Perturbation:
-        """The reciprocal factors."""
+        """Returns the perturbation with the reciprocal factors."""
         return Perturbation(self.depths, -self.turn, -self.feed)
 
 
 @dataclass(frozen=True)
 class ExplorationNoise:
-    """How far practice departs from the skill.
+    """The distribution of perturbations.
 
     Attributes:
-        turn: the largest factor on the turn, and one over it the least.
-        feed: likewise on the feed.
-        spacing: of the knots along the depth, m.
+        turn: largest factor on the turn; the smallest is its reciprocal.
+        feed: largest factor on the feed; the smallest is its reciprocal.
+        spacing: approximate distance of the knots along the depth, m.
     """
 
     turn: float = 2.5
@@ -57,106 +65,136 @@ class ExplorationNoise:
     spacing: float = 5e-3
 
     def draw(self, rng: np.random.Generator, full_depth: float) -> Perturbation:
-        """Logarithms uniform between the limits, independent from knot to knot, from the mouth to ``full_depth`` (m).
+        """Draws a perturbation with knots from the mouth to ``full_depth`` (m).
 
-        On average they are zero: where practice leads is decided by what it costs, not by what it tries.
+        The logarithms are uniform between the limits and independent from knot to knot. Their mean is zero, so that
+        exploration alone does not shift the actions.
         """
         depths = np.linspace(0.0, full_depth, 1 + max(1, round(full_depth / self.spacing)))
         turn, feed = np.log([self.turn, self.feed])
         return Perturbation(depths, turn * rng.uniform(-1, 1, len(depths)), feed * rng.uniform(-1, 1, len(depths)))
 
 
-class PerturbedPolicy(ManipulationSkill):
-    """A skill that acts like another, but for a `Variation` of turn and feed."""
+@dataclass(frozen=True)
+class PerturbedPolicy(Generic[PolicyT]):
+    """A policy whose turn and feed are multiplied by the factors of a perturbation; itself a `RigPolicy`.
 
+    Attributes:
+        policy: the policy to perturb; it is not changed.
+        perturbation: factors on its actions.
+    """
+
+    policy: PolicyT
     perturbation: Perturbation
 
-    @classmethod
-    def of(cls, skill: ManipulationSkill, perturbation: Perturbation) -> Self:
-        """Shares all parts with ``skill``, which is not changed."""
-        varied = cls.__new__(cls)
-        varied.__dict__.update(skill.__dict__)
-        varied.perturbation = perturbation
-        return varied
+    @property
+    def period_(self) -> float:
+        """Duration of an action, s."""
+        return self.policy.period_
+
+    @property
+    def n_states(self) -> int:
+        """Number of states."""
+        return self.policy.n_states
+
+    @property
+    def metadata_(self) -> Mapping[str, Any]:
+        """Metadata of the policy."""
+        return self.policy.metadata_
+
+    def state_names(self) -> list[str]:
+        """Returns the names of the states."""
+        return self.policy.state_names()
+
+    def state_filter(self) -> StateFollower:
+        """Returns the state estimator of the policy."""
+        return self.policy.state_filter()
+
+    def measured_features(self, measured: ArrayLike) -> Array:
+        """Returns the features of one measurement (7,) for the state estimator."""
+        return self.policy.measured_features(measured)
 
     def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
-        """As `ManipulationSkill.act`, times the factors at the measured depth."""
-        action = super().act(measured, probabilities)
+        """Returns the action of the policy with its turn and feed multiplied by the factors at the measured depth."""
+        action = self.policy.act(measured, probabilities)
         turn, feed = np.exp(self.perturbation.log_factors(-float(np.asarray(measured)[-1])))
-        return Action(turn=turn * action.turn, feed=float(feed * action.feed), probabilities=action.probabilities)
+        return replace(action, turn=turn * action.turn, feed=float(feed * action.feed))
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a trial costs, in seconds: its time, and time's worth of force and of failure.
+    """The cost of a trial in seconds: its duration, increased by lateral force and by failure.
 
-    A step of length T under a lateral force f costs T (1 + (f / force)^2), so that a trial which is everywhere pushed
-    with ``force`` costs twice its time. Backing off costs the time that it takes. A peg that is not inserted costs
-    ``failure``, and as much again for the share of the hole's depth that it lacks: where nothing inserts yet, to come
-    deeper is still better than to stand still gently.
+    A step of duration T under a lateral force f costs T (1 + (f / force)^2). A trial under a constant lateral force of
+    ``force`` therefore costs twice its duration. Backing off costs its duration. A trial that does not insert costs
+    ``failure`` in addition, and ``failure`` times the missing share of the depth: where no trial inserts, a deeper one
+    still costs less.
 
     Attributes:
-        force: N, across the peg.
-        failure: s.
+        force: reference lateral force, N.
+        failure: cost of a failure, s.
     """
 
     force: float = 25.0
     failure: float = 5.0
 
     def of_steps(self, run: RigRun) -> Array:
-        """(n,), s, of each row of a run, whose metadata have its geometry.
+        """Returns the cost (n,) of each row of a run, s.
 
-        That of a row is the cost up to the next; the last has none but a failure's.
+        The cost of a row is that of the step to the next row. The last row holds the cost of a failure, or zero.
+
+        Args:
+            run: a rig run whose metadata hold its geometry.
         """
         lateral = np.linalg.norm(run.samples[["fx", "fy"]].to_numpy()[:-1], axis=1)
         steps = np.diff(run.samples["time"].to_numpy()) * (1.0 + (lateral / self.force) ** 2)
         if run.result["inserted"]:
             return np.append(steps, 0.0)
-        reached = float(run.samples["depth"].iloc[-1]) / run.metadata["geometry"]["hole_depth"]
+        hole_depth = PegHoleGeometry.from_metadata(run.metadata, "rig run").hole_depth
+        reached = float(run.samples["depth"].iloc[-1]) / hole_depth
         return np.append(steps, self.failure * (2.0 - min(max(reached, 0.0), 1.0)))
 
     def of_run(self, run: RigRun) -> float:
-        """The sum, s."""
+        """Returns the cost of a run, s."""
         return float(self.of_steps(run).sum())
 
 
 @dataclass(frozen=True)
 class Rollout:
-    """What one practice trial felt, tried and paid, n rows.
+    """Features, factors and costs of one practice trial, n rows.
 
     Attributes:
-        features: (n, d), of what was felt.
-        memberships: (n, K), probabilities of the contact states, as the rig's estimator had filtered them.
-        tried: (n, 2), logarithms of the factors on turn and feed.
-        costs: (n,), s, of each step.
+        features: (n, d), features of the regressor.
+        memberships: (n, K), probabilities of the contact states as filtered on the rig.
+        log_factors: (n, 2), logarithms of the factors on turn and feed.
+        costs: (n,), cost of each step, s.
     """
 
     features: Array
     memberships: Array
-    tried: Array
+    log_factors: Array
     costs: Array
 
     @property
     def costs_to_go(self) -> Array:
-        """(n,), s, from each row to the end of the trial."""
+        """(n,), cost from each row to the end of the trial, s."""
         return np.cumsum(self.costs[::-1])[::-1]
 
 
-def rollout_of(run: RigRun, skill: PerturbedPolicy, cost: Cost) -> Rollout:
-    """Goes once more through a recorded run with the skill that made it.
+def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill], cost: Cost) -> Rollout:
+    """Computes the rollout of a recorded run.
 
-    What was felt is on record; features, filtered states and factors follow from it as they did on the rig. Where the
-    supervisor backed off nothing was tried, and the factors have no say: those rows are left out, their costs are
-    borne by what led there.
+    The record holds the measurements; features, filtered states and factors follow from them as on the rig. Rows in
+    which the force guard backed off are left out, because the factors had no effect there. Their costs are added to
+    the row before them.
 
     Args:
-        run: of the rig.
-        skill: that controlled it, with its variation.
-        cost: of its steps.
+        run: the recorded run.
+        policy: the perturbed skill that controlled it.
+        cost: cost function.
     """
-    samples = run.samples
-    measured = samples[[*MEASURED[:-1], "depth"]].to_numpy(dtype=float, copy=True)
-    measured[:, -1] *= -1.0  # MEASURED has the height
+    samples, skill = run.samples, policy.policy
+    measured = measurement(samples[list(MEASURED[:-1])].to_numpy(dtype=float), samples["depth"].to_numpy(dtype=float))
     features = skill.features_.transform(measured)
     memberships = np.empty((len(samples), skill.n_states))
     state_filter = skill.state_filter()
@@ -165,12 +203,11 @@ def rollout_of(run: RigRun, skill: PerturbedPolicy, cost: Cost) -> Rollout:
         estimate = state_filter.step(belief, skill.measured_features(row))
         belief, memberships[k] = estimate.log_belief, estimate.probabilities
     guard = samples["guard"].to_numpy() > 0.5
-    acted = ~np.append(guard[1:], guard[-1])  # a command is on record one row after what was felt
-    # Each row that stays takes the costs of those left out behind it.
-    totals = np.cumsum(cost.of_steps(run)[::-1])[::-1][acted]
+    acted = ~np.append(guard[1:], guard[-1])  # a command is recorded one row after the measurement it responds to
+    costs_to_go = np.cumsum(cost.of_steps(run)[::-1])[::-1][acted]
     return Rollout(
         features=features[acted],
         memberships=memberships[acted],
-        tried=skill.perturbation.log_factors(-measured[acted, -1]),
-        costs=-np.diff(totals, append=0.0),
+        log_factors=policy.perturbation.log_factors(-measured[acted, -1]),
+        costs=-np.diff(costs_to_go, append=0.0),  # includes the costs of the rows left out
     )

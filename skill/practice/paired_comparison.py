@@ -1,4 +1,4 @@
-"""Before against after on the same trials: the change of the median, its interval, and whether it may be chance."""
+"""Paired comparison of two policies on the same trials: change of the median, its interval, and Wilcoxon's test."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ RESAMPLES = 10_000
 
 @dataclass(frozen=True)
 class PairedChange:
-    """Of one quantity over n trials, each made twice.
+    """Change of one quantity over n trials, each performed before and after.
 
     Attributes:
-        before: median.
-        after: median.
-        change: after / before - 1, of the medians; negative where it fell.
-        lower: end of the interval of ``change``.
-        upper: the other end.
-        p_value: of Wilcoxon's signed-rank test, two-sided, that the differences are centred on zero.
+        before: median before.
+        after: median after.
+        change: after / before - 1, from the medians; negative for a decrease.
+        lower: lower end of the interval of ``change``.
+        upper: upper end of the interval of ``change``.
+        p_value: two-sided p-value of Wilcoxon's signed-rank test; the null hypothesis is that the differences are
+            centred on zero.
     """
 
     before: float
@@ -33,31 +34,32 @@ class PairedChange:
 
 
 def paired_change(before: ArrayLike, after: ArrayLike, *, level: float = 0.95, random_state: int = 0) -> PairedChange:
-    """Compares medians by a bootstrap over the trials, both measurements of a trial drawn together.
+    """Compares two medians with a bootstrap over trials, which resamples both measurements of a trial together.
 
     Args:
         before: (n,), positive.
         after: (n,), of the same trials in the same order.
-        level: of the percentile interval.
-        random_state: of the bootstrap.
+        level: level of the percentile interval.
+        random_state: seed of the bootstrap.
 
     Raises:
-        ValueError: if the shapes differ, there are fewer than two trials, or a number before is not positive.
+        ValueError: if the shapes differ, there are fewer than two trials, a number is NaN or infinite, or a number
+            before is not positive.
     """
     a, b = np.asarray(before, dtype=float), np.asarray(after, dtype=float)
     if a.ndim != 1 or a.shape != b.shape or len(a) < 2:
-        raise ValueError(f"before has shape {a.shape} and after {b.shape}; expected (n,) both, n at least 2")
+        raise ValueError(f"before has shape {a.shape} and after {b.shape}; expected both (n,) with n at least 2")
     if not (np.isfinite(a).all() and np.isfinite(b).all() and (a > 0).all()):
-        raise ValueError("before and after: expected finite numbers, those before positive")
+        raise ValueError("before and after: expected finite numbers, and positive ones before")
     drawn = np.random.default_rng(random_state).integers(len(a), size=(RESAMPLES, len(a)))
     ratios = np.median(b[drawn], axis=1) / np.median(a[drawn], axis=1) - 1.0
     lower, upper = np.quantile(ratios, [0.5 * (1.0 - level), 0.5 * (1.0 + level)])
-    middle = float(np.median(a)), float(np.median(b))
-    same = np.array_equal(a, b)  # of nothing but ties Wilcoxon's test knows no probability
+    median_before, median_after = float(np.median(a)), float(np.median(b))
+    same = np.array_equal(a, b)  # Wilcoxon's test is not defined if all differences are zero
     return PairedChange(
-        before=middle[0],
-        after=middle[1],
-        change=middle[1] / middle[0] - 1.0,
+        before=median_before,
+        after=median_after,
+        change=median_after / median_before - 1.0,
         lower=float(lower),
         upper=float(upper),
         p_value=1.0 if same else float(wilcoxon(a, b).pvalue),

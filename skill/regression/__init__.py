@@ -1,1 +1,1 @@
-"""Locally weighted regression and how its bandwidth is chosen."""
+"""Locally weighted regression, and the selection of its parameters."""

@@ -1,9 +1,8 @@
-"""Bandwidth and feature scaling for locally weighted regression, by cross-validation over whole
-demonstrations.
+"""Selection of the bandwidth and the feature scale of a locally weighted regression, by cross-validation.
 
-Samples of one demonstration resemble their neighbours in time. Left out one by one, each is predicted from
-its twin, and the narrowest bandwidth wins; so whole groups, the demonstrations, are left out together. The
-error is that on new demonstrations, which is what a skill meets.
+Whole groups, the demonstrations, are left out together. Samples of one demonstration resemble their neighbours in time:
+if they were left out one by one, each would be predicted from its neighbours, and the narrowest bandwidth would be
+selected. The error over groups is the error on new demonstrations.
 """
 
 from __future__ import annotations
@@ -24,14 +23,14 @@ Fold = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 @dataclass(frozen=True)
 class BandwidthSelection:
-    """The bandwidth chosen, and what it was chosen from.
+    """The selected bandwidth, and the errors of all candidates.
 
     Attributes:
-        bandwidth: the choice.
+        bandwidth: the selected bandwidth.
         bandwidths: (B,), the candidates, ascending.
-        errors: (B,), mean over folds of the normalised mean squared error: each output's over its variance,
-            so that outputs of different units count alike; 1 is the error of the overall mean.
-        standard_errors: (B,), of these means, from the scatter between folds.
+        errors: (B,), normalised mean squared error, averaged over the folds. The error of each output is divided by its
+            variance, so that units do not matter; the overall mean has the error 1.
+        standard_errors: (B,), standard errors of ``errors``, from the scatter between folds.
     """
 
     bandwidth: float
@@ -42,13 +41,13 @@ class BandwidthSelection:
 
 @dataclass(frozen=True)
 class FeatureScaleSelection:
-    """The feature scale chosen.
+    """The selected feature scale.
 
     Attributes:
-        feature_scale: (d,), to be given to ``LWRegressor`` with the bandwidth of the one that was passed in.
-        error: normalised mean squared error there.
-        initial_error: the error with the scale at the start.
-        evaluations: how many scales were tried.
+        feature_scale: (d,), for an `LWRegressor` with the same bandwidth as the one that was given.
+        error: normalised mean squared error with this scale.
+        initial_error: normalised mean squared error with the initial scale.
+        evaluations: number of scales evaluated.
     """
 
     feature_scale: Array
@@ -69,24 +68,22 @@ def select_bandwidth(
     n_splits: int = 5,
     rule: str = "minimum",
 ) -> BandwidthSelection:
-    """Chooses the bandwidth of least error on left-out groups.
+    """Selects the bandwidth with the minimum error on left-out groups.
 
     Args:
-        regressor: everything but the bandwidth is taken from it; it is not changed.
+        regressor: regressor with all other parameters; it is not changed.
         X: (n, d).
         y: (n,) or (n, p).
         groups: (n,), the demonstration of each sample.
-        bandwidths: candidates; None for twelve from an eighth to four times the median distance to the
-            farthest neighbour that enters (of the same multiples, if the kernel is adaptive).
-        memberships: (n, K), see ``LWRegressor``.
-        sample_weight: (n,), likewise; the errors are weighted by it too.
-        n_splits: folds, at most the number of groups.
-        rule: "minimum"; or "one_standard_error", the greatest bandwidth whose error is within one standard
-            error of the least: smoother, where the data do not object (Breiman et al., "Classification and
-            regression trees", 1984, section 3.4.3).
+        bandwidths: candidates; None for those of `default_bandwidths`.
+        memberships: (n, K), see `LWRegressor`.
+        sample_weight: (n,), see `LWRegressor`; the errors are weighted by it too.
+        n_splits: number of folds; at most one for each group is used.
+        rule: "minimum", or "one_standard_error" for the greatest bandwidth whose error is within one standard error of
+            the minimum (Breiman et al., "Classification and regression trees", 1984, section 3.4.3).
 
     Raises:
-        ValueError: if there are fewer than two groups, a candidate is not positive or the rule is unknown.
+        ValueError: if there are fewer than two groups, a candidate is not positive, or the rule is unknown.
     """
     if rule not in ("minimum", "one_standard_error"):
         raise ValueError(f"rule = {rule!r}; expected 'minimum' or 'one_standard_error'")
@@ -99,7 +96,7 @@ def select_bandwidth(
     for i, (train, test) in enumerate(data.folds):
         model = data.fit(clone(regressor), train)
         for j, bandwidth in enumerate(candidates):
-            # The neighbour index knows nothing of the bandwidth, so one fit serves all.
+            # The neighbour index does not depend on the bandwidth, so one fit serves all candidates.
             model.set_params(bandwidth=float(bandwidth))
             errors[i, j] = data.error(model, test)
     mean = errors.mean(axis=0)
@@ -124,25 +121,27 @@ def select_feature_scale(
     max_passes: int = 4,
     random_state: int = 0,
 ) -> FeatureScaleSelection:
-    """Chooses the diagonal scaling of the features by coordinate descent on the error on left-out groups.
+    """Selects the scale of each feature by coordinate descent on the error on left-out groups.
 
-    Each feature's scale in turn is doubled or halved while that lowers the error; the factor shrinks to its
-    square root after a pass without gain. Features that do not help shrink towards no influence, which is
-    feature selection by degrees. The error so reached is optimistic, having been minimised: judge on other
-    groups.
+    Each pass multiplies or divides the scale of each feature in turn by a factor, where that lowers the error. The
+    factor starts at 2 and is replaced by its square root after a pass without gain. The scale of useless features
+    shrinks. The resulting error is optimistic, because it was minimised: evaluate on other groups.
 
     Args:
-        regressor: its feature scale is the start, its bandwidth is kept.
+        regressor: regressor with the initial feature scale and all other parameters; it is not changed.
         X: (n, d).
         y: (n,) or (n, p).
         groups: (n,), the demonstration of each sample.
-        memberships: (n, K), see ``LWRegressor``.
-        sample_weight: (n,), likewise.
-        n_splits: folds, at most the number of groups.
-        max_queries: left-out samples used for the error, drawn at random; None for all.
-        min_gain: relative lowering of the error below which a change is not worth it.
-        max_passes: over all features.
-        random_state: of the draw.
+        memberships: (n, K), see `LWRegressor`.
+        sample_weight: (n,), see `LWRegressor`.
+        n_splits: number of folds; at most one for each group is used.
+        max_queries: number of left-out samples used for the error, drawn at random; None for all.
+        min_gain: minimum relative decrease of the error for which a scale is changed.
+        max_passes: maximum number of passes over all features.
+        random_state: seed of the draw.
+
+    Raises:
+        ValueError: if there are fewer than two groups, or a shape is wrong.
     """
     data = GroupedSamples.checked(X, y, groups, memberships, sample_weight, n_splits)
     if max_queries is not None and max_queries < len(data.X):
@@ -176,7 +175,11 @@ def select_feature_scale(
 
 
 def default_bandwidths(fitted: LWRegressor, n_queries: int = 100) -> Array:
-    """Twelve candidates, from an eighth to four times the median radius of a neighbourhood."""
+    """Twelve candidates, from an eighth to four times the median radius of a neighbourhood.
+
+    The radius is the distance to the farthest neighbour used. For an adaptive kernel, whose bandwidth is in units of
+    this radius, the candidates are the multiples themselves.
+    """
     multiples = np.geomspace(0.125, 4.0, 12)
     if fitted.bandwidth_type == "adaptive":
         return multiples
@@ -189,7 +192,16 @@ def default_bandwidths(fitted: LWRegressor, n_queries: int = 100) -> Array:
 
 @dataclass(frozen=True)
 class GroupedSamples:
-    """Checked samples, folds of whole groups, and each output's variance."""
+    """Checked samples, and folds of whole groups.
+
+    Attributes:
+        X: (n, d), features.
+        y: (n, p), outputs.
+        P: (n, K), contact-state probabilities, or None.
+        weight: (n,), sample weights.
+        folds: rows of the training samples and of the left-out samples, for each fold.
+        variance: (p,), variance of each output.
+    """
 
     X: Array
     y: Array
@@ -208,7 +220,7 @@ class GroupedSamples:
         sample_weight: ArrayLike | None,
         n_splits: int,
     ) -> GroupedSamples:
-        """The samples, or a ValueError that says what is wrong with them."""
+        """Checks the samples and makes the folds; raises ValueError if they are not valid."""
         samples, outputs, names = np.asarray(X, float), np.asarray(y, float), np.asarray(groups)
         outputs = outputs.reshape(len(outputs), -1)
         if samples.ndim != 2 or not len(samples) == len(outputs) == len(names) or names.ndim != 1:
@@ -227,7 +239,7 @@ class GroupedSamples:
         return cls(samples, outputs, P, weight, folds, outputs.var(axis=0))
 
     def thinned(self, n_queries: int, seed: int) -> GroupedSamples:
-        """The same with ``n_queries`` samples left out in all: training samples all stay."""
+        """Keeps ``n_queries`` of the left-out samples, drawn at random, and all training samples."""
         chosen = np.zeros(len(self.X), dtype=bool)
         chosen[np.random.default_rng(seed).choice(len(self.X), n_queries, replace=False)] = True
         folds = [(train, test[chosen[test]]) for train, test in self.folds]
@@ -235,12 +247,12 @@ class GroupedSamples:
         return GroupedSamples(self.X, self.y, self.P, self.weight, folds, self.variance)
 
     def fit(self, model: LWRegressor, rows: NDArray[np.intp]) -> LWRegressor:
-        """The model, fitted to the given rows."""
+        """Fits a model to the given rows and returns it."""
         P = None if self.P is None else self.P[rows]
         return model.fit(self.X[rows], self.y[rows], memberships=P, sample_weight=self.weight[rows])
 
     def error(self, model: LWRegressor, rows: NDArray[np.intp]) -> float:
-        """Normalised mean squared error at left-out rows; outputs that never vary do not count."""
+        """Normalised mean squared error at left-out rows; ignores outputs that do not vary."""
         P = None if self.P is None else self.P[rows]
         squares = (np.asarray(model.predict(self.X[rows], P)).reshape(len(rows), -1) - self.y[rows]) ** 2
         varies = self.variance > 0

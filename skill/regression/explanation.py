@@ -1,4 +1,4 @@
-"""Why a regressor predicts and a skill acts as it does: states, remembered samples, and how sure it is."""
+"""Explanations of a prediction and of an action: states, samples, interval and support."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from numpy.typing import NDArray
 
 from skill.arrays import Array
 
-SHOWN = 5  # remembered samples in the printed form
+MAX_PRINTED = 5  # samples in the printed explanation
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """Why the regressor predicted what it did at one query.
+    """Explanation of one prediction of a regressor.
 
     Attributes:
-        neighbours: (k,), row numbers of the training samples, the greatest weight first.
-        weights: (k,), their kernel weights, shared-state probability included, over the greatest.
+        neighbours: (k,), row numbers of the training samples, in order of decreasing weight.
+        weights: (k,), their kernel weights, including the probability of a shared state, over the greatest.
         influence: (k,), the equivalent kernel: the prediction is sum_i influence_i y_i.
-        prediction: (p,).
-        lower: (p,), of the prediction interval.
-        upper: (p,), of the prediction interval.
+        prediction: (p,), the predicted outputs.
+        lower: (p,), lower bound of the prediction interval.
+        upper: (p,), upper bound of the prediction interval.
         level: nominal coverage of the interval.
-        support: sum of the weights: how many samples had a say.
-        log_w_max: log of the greatest weight; very negative far from all samples.
+        support: effective number of samples: the sum of ``weights``.
+        log_w_max: logarithm of the greatest kernel weight; very negative far from all samples.
     """
 
     neighbours: NDArray[np.intp]
@@ -42,22 +42,22 @@ class Explanation:
 
 @dataclass(frozen=True)
 class SkillExplanation:
-    """What lies behind one action.
+    """Explanation of one action of a skill.
 
     Attributes:
-        state_names: (K,).
-        probabilities: (K,), of the contact states.
+        state_names: names of the K contact states.
+        probabilities: (K,), probabilities of the contact states.
         turn: (2,), rotation vector of the peg relative to the hole about x and y of P, rad, over one sample period.
         feed: motion of the peg along its axis, m, over one sample period.
-        frame_angle: rad, from P to the frame in which the interval is given: that of the lateral force.
-        lower: (3,), lower end of the prediction interval of (turn_x, turn_y, feed) in that frame.
-        upper: (3,), its upper end.
+        frame_angle: angle from P to the frame of the features about z, rad.
+        lower: (3,), lower bound of the prediction interval of (turn_x, turn_y, feed) in the frame of the features.
+        upper: (3,), upper bound of this interval.
         level: nominal coverage of the interval.
-        neighbours: DataFrame of the remembered samples that had a say, the weightiest first: ``demonstration``
-            (number), ``time`` (s), ``weight`` (over the greatest), ``influence`` (the action is their sum over
-            influence times remembered action).
-        support: sum of the weights: how many remembered samples had a say.
-        log_w_max: logarithm of the greatest kernel weight; very negative far from everything demonstrated.
+        neighbours: DataFrame of the samples used, in order of decreasing weight: ``demonstration`` (number), ``time``
+            (s), ``weight`` (over the greatest), ``influence`` (the action is the sum of influence times demonstrated
+            action).
+        support: effective number of samples: the sum of the weights over the greatest.
+        log_w_max: logarithm of the greatest kernel weight; very negative far from all demonstrations.
     """
 
     state_names: list[str]
@@ -73,7 +73,7 @@ class SkillExplanation:
     log_w_max: float
 
     def __str__(self) -> str:
-        """In a person's units."""
+        """The explanation in degrees and millimetres."""
         states = ", ".join(
             f"{self.state_names[k]} {self.probabilities[k]:.0%}"
             for k in np.argsort(-self.probabilities)
@@ -84,13 +84,13 @@ class SkillExplanation:
             [
                 f"states: {states}",
                 f"turn {degrees[0]:+.3f} {degrees[1]:+.3f} deg, feed {1e3 * self.feed:+.3f} mm, in one sample period",
-                f"{self.level:.0%} interval in the contact's frame ({np.degrees(self.frame_angle):+.0f} deg about z):"
+                f"{self.level:.0%} interval in the contact frame ({np.degrees(self.frame_angle):+.0f} deg about z):"
                 f" turn {low[0]:+.3f}..{high[0]:+.3f}, {low[1]:+.3f}..{high[1]:+.3f} deg,"
                 f" feed {1e3 * self.lower[2]:+.3f}..{1e3 * self.upper[2]:+.3f} mm",
                 f"support {self.support:.1f} samples, log of the greatest kernel weight {self.log_w_max:.1f}",
                 *(
                     f"  demonstration {demonstration:.0f} at {time:.2f} s: weight {weight:.2f}"
-                    for demonstration, time, weight, _ in self.neighbours.head(SHOWN).to_numpy()
+                    for demonstration, time, weight, _ in self.neighbours.head(MAX_PRINTED).to_numpy()
                 ),
             ]
         )

@@ -1,4 +1,4 @@
-"""The neighbourhood of a query: which samples enter its local model, and with what kernel weight."""
+"""The neighbourhood of a query: the samples of its local model, and their kernel weights."""
 
 from __future__ import annotations
 
@@ -11,23 +11,24 @@ from skill.arrays import Array
 from skill.regression.membership_index import MembershipIndex
 from skill.regression.neighbour_index import Rows
 
-# Numbers held at once by one block of a batch, neighbours times features: they stay within a processor's
-# cache.
 BLOCK = 1 << 17
-# Candidates found at once: enough queries share one walk through the indices of their states.
+"""Numbers in one block of a batch (queries times neighbours times features); a block fits into the cache."""
+
 SEARCH_BLOCK = 1 << 18
-# The least logarithm of a weight by distance: the farthest samples compare as equal and not as NaN.
+"""Number of candidates that one search finds for many queries together."""
+
 MIN_LOG = -1e300
+"""Minimum logarithm of the weight of a distance; it avoids infinite values, whose differences are NaN."""
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """The Gaussian kernel exp(-distance^2 / h^2), cut off behind the nearest samples.
+    """The Gaussian kernel exp(-distance^2 / h^2), limited to the nearest samples.
 
     Attributes:
-        bandwidth: h, or a multiple of the distance to the farthest neighbour that enters.
-        adaptive: whether it is such a multiple.
-        n_neighbors: how many samples enter at most; None for all.
+        bandwidth: h; if ``adaptive``, h over the distance to the farthest neighbour used.
+        adaptive: whether the bandwidth is relative to that distance.
+        n_neighbors: maximum number of samples; None for all.
     """
 
     bandwidth: float
@@ -36,7 +37,7 @@ class Kernel:
 
 
 class KernelNeighbourhood:
-    """Neighbourhoods among n samples.
+    """Finds neighbourhoods among n samples.
 
     Args:
         points: (n, d), scaled features.
@@ -52,7 +53,16 @@ class KernelNeighbourhood:
         self._log_sample_weight = None if uniform else np.log(sample_weight)
 
     def of_one(self, query: Array, q: Array | None, kernel: Kernel) -> tuple[Rows, Array, Array]:
-        """Rows (k,), samples (k, d) and log weights (k,) for one query (d,) with memberships (K,)."""
+        """The neighbourhood of one query.
+
+        Args:
+            query: (d,), scaled.
+            q: (K,), contact-state probabilities of the query; None ignores the states.
+            kernel: the kernel.
+
+        Returns:
+            Rows (k,), samples (k, d) and log weights (k,).
+        """
         k = self._count(kernel)
         found, log_share = self._index.candidates_of_one(query, q, k)
         x = self._points[found]
@@ -66,9 +76,16 @@ class KernelNeighbourhood:
     def blocks(
         self, queries: Array, Q: Array | None, kernel: Kernel, extra: int = 0
     ) -> Iterator[tuple[slice, Rows, Array, Array]]:
-        """Blocks of queries (m, d) with rows (b, k), samples (b, k, d) and log weights (b, k).
+        """The neighbourhoods of many queries, block by block.
 
-        ``extra`` neighbours are added, to make up for those that the caller leaves out.
+        Args:
+            queries: (m, d), scaled.
+            Q: (m, K), contact-state probabilities of the queries; None ignores the states.
+            kernel: the kernel.
+            extra: number of additional neighbours, for callers that leave some out.
+
+        Yields:
+            A slice of b queries, with rows (b, k), samples (b, k, d) and log weights (b, k).
         """
         k = self._count(kernel, extra)
         step = max(1, BLOCK // (k * self._points.shape[1]))
@@ -85,7 +102,7 @@ class KernelNeighbourhood:
     def _weighted(
         self, queries: Array, found: Rows, log_share: Array | None, kernel: Kernel, k: int
     ) -> tuple[Rows, Array, Array]:
-        """Rows, samples and log weights of the k candidates of greatest weight, among (b, c)."""
+        """Rows, samples and log weights of the k candidates with the greatest weights, among (b, c)."""
         x = self._points[found]
         offset = x - queries[:, None, :]
         log_w = self._log_weights(np.einsum("mkd,mkd->mk", offset, offset), found, log_share, kernel, k)
@@ -96,6 +113,7 @@ class KernelNeighbourhood:
         return found, x, log_w
 
     def _count(self, kernel: Kernel, extra: int = 0) -> int:
+        """Number of neighbours of each query."""
         n = len(self._points)
         return n if kernel.n_neighbors is None else min(kernel.n_neighbors + extra, n)
 
@@ -106,7 +124,7 @@ class KernelNeighbourhood:
             ranked = np.sort(np.where(valid, squared, np.inf), axis=-1)
             last = np.minimum(k, valid.sum(axis=-1)) - 1
             farthest = np.take_along_axis(ranked, last[..., None], axis=-1)
-            # Where all neighbours sit on the query their weights are equal, whatever the bandwidth.
+            # If all neighbours coincide with the query, their weights are equal for any bandwidth.
             h2 = kernel.bandwidth**2 * np.where(farthest > 0, farthest, 1.0)
             log_w: Array = squared / -h2
         else:

@@ -4,17 +4,16 @@ With samples x_i, outputs y_i and kernel weights w_i around a query q, the local
 
     sum_i w_i |y_i - b - B'(x_i - q)|^2 + ridge |B|^2,
 
-and predicts b. The ridge does not penalise b. Two rewritings leave the minimiser as it is and make it safe:
+and predicts b. The ridge does not penalise b. Two rewritings keep the minimiser and make the computation robust:
 
-* Weights enter as logarithms and are divided by the greatest, w_max, and so is the ridge. However far the
-  query, some weight is then 1, nothing underflows, and as ridge / w_max grows the slope vanishes: the
-  prediction degrades to the kernel mean instead of extrapolating.
-* The design is centred on the weighted mean of the samples, not on q. With c_i = x_i - m and S = sum w c c'
-  + ridge I, the prediction is sum_i l_i y_i with the equivalent kernel l_i = w_i (1 / n - a'c_i), S a = m -
-  q, n = sum w: one small solve whatever the number of outputs.
+* Weights are given as logarithms and divided by the greatest, w_max, and so is the ridge. For any query some weight is
+  then 1 and nothing underflows. As ridge / w_max grows, the slope B vanishes: far from all samples the prediction
+  becomes the kernel mean instead of an extrapolation.
+* The design is centred on the weighted mean m of the samples, not on q. With c_i = x_i - m, S = sum_i w_i c_i c_i' +
+  ridge I, n = sum_i w_i and S a = m - q, the prediction is sum_i l_i y_i with the equivalent kernel
+  l_i = w_i (1 / n - a'c_i). This needs one small linear system for any number of outputs.
 
-Source: Atkeson, Moore, Schaal, "Locally weighted learning", Artificial Intelligence Review 11, 1997;
-    Cleveland and
+Sources: Atkeson, Moore, Schaal, "Locally weighted learning", Artificial Intelligence Review 11, 1997. Cleveland,
 Devlin, "Locally weighted regression", JASA 83, 1988, for the equivalent kernel and the degrees of freedom.
 """
 
@@ -28,8 +27,8 @@ from scipy.special import stdtrit
 
 from skill.arrays import Array
 
-# exp(690) is the largest power that leaves headroom in a double; slopes are long zero by then.
-LARGEST_EXPONENT = 690.0
+MAX_EXPONENT = 690.0
+"""exp(690) is near the largest double; slopes are zero to rounding well below it."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +36,12 @@ class LocalPrediction:
     """Predictions with their uncertainty and support.
 
     Attributes:
-        mean: (m, p).
-        variance: (m, p), of the outputs about the local model.
-        leverage: (m,), sum of the squared equivalent kernel; the mean's variance is this times ``variance``.
-        freedom: (m,), residual degrees of freedom, n - p.
-        support: (m,), n = sum of the weights over the greatest: how many samples had a say.
-        log_w_max: (m,), log of the greatest weight: zero on top of a sample, very negative far from all of
-            them.
+        mean: (m, p), the predictions.
+        variance: (m, p), variance of the outputs about the local model.
+        leverage: (m,), sum of the squared equivalent kernel; the variance of the mean is leverage times ``variance``.
+        freedom: (m,), residual degrees of freedom.
+        support: (m,), effective number of samples: the sum of the weights, each divided by the greatest.
+        log_w_max: (m,), logarithm of the greatest weight: zero at a sample, very negative far from all samples.
     """
 
     mean: Array
@@ -54,16 +52,19 @@ class LocalPrediction:
     log_w_max: Array
 
     def standard_deviation(self) -> Array:
-        """Of a new observation at the query, (m, p)."""
+        """Standard deviation of a new observation at the query, (m, p)."""
         return np.sqrt(self.variance * (1.0 + self.leverage[:, None]))
 
     def interval(self, level: float = 0.95, kind: str = "prediction") -> tuple[Array, Array]:
-        """Bounds (lower, upper), each (m, p), from Student's t with the residual degrees of freedom.
+        """Interval from Student's t distribution with the residual degrees of freedom.
 
         Args:
             level: nominal coverage.
-            kind: "prediction", for a new observation; or "variance_only", for the mean, which leaves out
-                the bias of smoothing and therefore covers the truth less often than its level says.
+            kind: "prediction" for a new observation, or "variance_only" for the mean. The latter ignores the bias of
+                smoothing; its actual coverage is therefore below ``level``.
+
+        Returns:
+            Lower and upper bounds, each (m, p).
 
         Raises:
             ValueError: if ``level`` is not within (0, 1) or ``kind`` is unknown.
@@ -79,24 +80,32 @@ class LocalPrediction:
 
 
 def normalised_weights(log_w: Array, ridge: float) -> tuple[Array, Array, Array]:
-    """Weights over the greatest (m, k), log of the greatest (m,), and the ridge over the greatest (m,)."""
-    log_w_max = log_w.max(axis=-1)
-    weights = np.exp(log_w - log_w_max[..., None])
-    scaled_ridge = ridge * np.exp(np.minimum(-log_w_max, LARGEST_EXPONENT))
-    return weights, log_w_max, scaled_ridge
+    """Divides weights and ridge by the greatest weight of each query.
+
+    Args:
+        log_w: (..., k), logarithms of the weights.
+        ridge: penalty of the slope.
+
+    Returns:
+        The divided weights (..., k), the logarithm of the greatest weight (...), and the divided ridge (...).
+    """
+    log_w_max: Array = log_w.max(axis=-1)
+    weights: Array = np.exp(log_w - log_w_max[..., None])
+    scaled_ridge = ridge * np.exp(np.minimum(-log_w_max, MAX_EXPONENT))
+    return weights, log_w_max, np.asarray(scaled_ridge, dtype=np.float64)
 
 
 def equivalent_kernel(query: Array, x: Array, weights: Array, ridge: float, degree: int) -> Array:
-    """Coefficients l (k,) with prediction l'y, for one query.
+    """Coefficients l (k,) of the prediction l'y at one query.
 
     Args:
         query: (d,).
         x: (k, d), the neighbours.
-        weights: (k,), over the greatest.
-        ridge: over the greatest weight.
+        weights: (k,), divided by the greatest weight.
+        ridge: penalty of the slope, divided by the greatest weight.
         degree: 0 for the kernel mean, 1 for the local linear model.
     """
-    normalised = weights / weights.sum()
+    normalised: Array = weights / weights.sum()
     if degree == 0:
         return normalised
     mean = normalised @ x
@@ -108,39 +117,48 @@ def equivalent_kernel(query: Array, x: Array, weights: Array, ridge: float, degr
     if ridge > 0:
         _, a, info = dposv(scatter, offset)
         if info == 0:
-            return normalised - weighted @ a
-    a = _least_norm(scatter[None], offset[None, :, None])[0, :, 0]
-    return normalised - weighted @ a
+            return np.asarray(normalised - weighted @ a, dtype=np.float64)
+    a = _min_norm_solution(scatter[None], offset[None, :, None])[0, :, 0]
+    return np.asarray(normalised - weighted @ a, dtype=np.float64)
 
 
 def equivalent_kernels(queries: Array, x: Array, weights: Array, ridge: Array, degree: int) -> Array:
-    """The same for many queries: (m, d), (m, k, d), (m, k), (m,) -> (m, k)."""
-    normalised = weights / weights.sum(axis=1, keepdims=True)
+    """Equivalent kernels (m, k) of many queries; see `equivalent_kernel`.
+
+    Args:
+        queries: (m, d).
+        x: (m, k, d), the neighbours of each query.
+        weights: (m, k), divided by the greatest weight of each query.
+        ridge: (m,), likewise divided.
+        degree: 0 or 1.
+    """
+    normalised: Array = weights / weights.sum(axis=1, keepdims=True)
     if degree == 0:
         return normalised
     mean, weighted, scatter = _scatter(x, weights, normalised, ridge)
     a = _solve(scatter, (mean - queries)[:, :, None], ridge)
-    return normalised - (weighted @ a)[:, :, 0]
+    kernel: Array = normalised - (weighted @ a)[:, :, 0]
+    return kernel
 
 
 def local_predictions(
     queries: Array, x: Array, y: Array, log_w: Array, ridge: float, degree: int, marginal_variance: Array
 ) -> LocalPrediction:
-    """Predictions with uncertainty.
+    """Predictions with their uncertainty.
 
-    The variance is sum w r^2 / (n - p) with residuals r about the local model and p = sum_i w_i^2 z_i' A^-1
-    z_i, z = [1, c], A = diag(n, S). Where fewer than one degree of freedom is left, residuals say nothing
-    of the noise: the missing part of that one degree is filled by the outputs' overall variance, so that an
-    isolated sample yields a wide interval and not an empty one.
+    The variance is sum_i w_i r_i^2 / (n - p), with the residuals r about the local model and
+    p = sum_i w_i^2 z_i' A^-1 z_i, z = [1, c], A = diag(n, S). With less than one residual degree of freedom the
+    residuals do not determine the noise. The overall variance of the outputs then fills the missing part of this one
+    degree. An isolated sample thus has a wide interval, not an empty one.
 
     Args:
         queries: (m, d).
         x: (m, k, d), the neighbours of each query.
         y: (m, k, p), their outputs.
         log_w: (m, k), logarithms of their kernel weights.
-        ridge: on the slope, in the units of x.
+        ridge: penalty of the squared slope, in the units of x.
         degree: 0 or 1.
-        marginal_variance: (p,), the outputs' overall variance.
+        marginal_variance: (p,), overall variance of the outputs.
     """
     weights, log_w_max, scaled_ridge = normalised_weights(log_w, ridge)
     total = weights.sum(axis=1)
@@ -177,7 +195,7 @@ def local_predictions(
 
 
 def _scatter(x: Array, weights: Array, normalised: Array, ridge: Array) -> tuple[Array, Array, Array]:
-    """Weighted mean (m, d), weighted centred samples (m, k, d) and their ridged scatter (m, d, d)."""
+    """Weighted mean (m, d), weighted centred samples (m, k, d), and their scatter plus ridge (m, d, d)."""
     mean = (normalised[:, None, :] @ x)[:, 0, :]
     centred = x - mean[:, None, :]
     weighted = centred * weights[:, :, None]
@@ -188,17 +206,17 @@ def _scatter(x: Array, weights: Array, normalised: Array, ridge: Array) -> tuple
 
 
 def _solve(matrices: Array, right: Array, ridge: Array) -> Array:
-    """Solutions of (m, d, d) ridged systems; of least norm where there is no ridge to keep them regular."""
+    """Solutions of m linear systems (m, d, d); those of minimum norm where a ridge is zero or too small."""
     if (ridge > 0).all():
         try:
             return np.asarray(np.linalg.solve(matrices, right), dtype=np.float64)
-        except np.linalg.LinAlgError:  # a ridge below rounding, relative to the samples' spread
+        except np.linalg.LinAlgError:  # a ridge below rounding error, relative to the scatter
             pass
-    return _least_norm(matrices, right)
+    return _min_norm_solution(matrices, right)
 
 
-def _least_norm(matrices: Array, right: Array) -> Array:
-    # Directions in which the samples do not spread, but for rounding, must not carry a slope.
+def _min_norm_solution(matrices: Array, right: Array) -> Array:
+    # Directions in which the samples vary by rounding errors only must not have a slope.
     tolerance = 10 * matrices.shape[1] * np.finfo(float).eps
     inverse = np.linalg.pinv(matrices, rcond=tolerance, hermitian=True)
     return np.asarray(inverse @ right, dtype=np.float64)

@@ -1,7 +1,7 @@
-"""Locally weighted regression with memberships: one regressor for hard, weighted and gated contact states.
+"""Locally weighted regression with contact states.
 
-Around every query a linear model is fitted to the nearest samples, each weighted by a Gaussian kernel of its
-distance and, where memberships are given, by the probability that sample and query share their contact state.
+A linear model is fitted around each query to the nearest samples. The weight of a sample is a Gaussian kernel of its
+distance, times the probability that sample and query share their contact state.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, RegressorMixin, _fit_context
+from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
@@ -29,43 +29,41 @@ from skill.regression.local_model import (
 )
 from skill.regression.membership_index import check_memberships
 
-# Queries beyond this are taken for it, so that their squared distances are numbers still.
-FARTHEST = 1e100
+MAX_QUERY = 1e100
+"""Scaled queries are clipped to this magnitude, so that squared distances stay finite."""
 
 
 class LWRegressor(RegressorMixin, BaseEstimator):
-    """Locally weighted regression (lazy, multi-output).
+    """Locally weighted regression with one or more outputs; `fit` only stores the samples.
 
     The kernel weight of sample i for query q is
 
         w_i = exp(-|m (x_i - q)|^2 / h^2) . s_i . sum_k Q_qk P_ik,
 
-    with m the feature scale, h the bandwidth, s the sample weight, and P, Q the contact-state probabilities
-    of samples and query: the last factor is the probability that the two share their state. With one-hot P
-    and Q this is a regressor for each state; with P and Q from a classifier it fades from one into the
-    next.
+    with m the feature scale, h the bandwidth, s the sample weight, and P, Q the contact-state probabilities of samples
+    and query. The last factor is the probability that both share their state. With one-hot P and Q each state has its
+    own regressor; with P and Q from a classifier the regressors blend into each other.
 
     Args:
-        bandwidth: h, in units of the scaled features; for ``bandwidth_type="adaptive"``, a multiple of the
-            distance to the farthest of the neighbours used.
+        bandwidth: h, in units of the scaled features; for ``bandwidth_type="adaptive"``, in units of the distance to
+            the farthest neighbour used.
         bandwidth_type: "fixed" or "adaptive".
-        degree: 1, local linear; or 0, kernel mean.
-        ridge: penalty on the squared slope, in units of the scaled features, relative to weights of at most
-            1.
-        n_neighbors: the nearest samples that enter; None for all. With memberships, the nearest of each
-            state that the query may be in, and of those the ones of greatest weight.
-        feature_scale: m, (d,) positive; "standard" for one over each feature's standard deviation; None for
+        degree: 1 for the local linear model, 0 for the kernel mean.
+        ridge: penalty on the squared slope, for scaled features and weights of at most 1.
+        n_neighbors: number of nearest samples used; None for all. With memberships, these are the samples of greatest
+            weight among the nearest of each state that the query may be in.
+        feature_scale: m, (d,), positive; "standard" for the reciprocal standard deviation of each feature; None for
             ones.
-        algorithm: "kd_tree", "brute" or "auto": by size and dimension.
+        algorithm: "kd_tree", "brute", or "auto" to choose by number of samples and features.
 
     Attributes:
-        X_: (n, d), the samples, times ``feature_scale_``.
+        X_: (n, d), the samples of positive weight, times ``feature_scale_``.
         y_: (n, p), their outputs.
-        rows_: (n,), their row numbers in the data given to ``fit``, where samples of zero weight may have
-            been among them.
-        memberships_: (n, K), or None.
-        feature_scale_: (d,).
-        marginal_variance_: (p,), of the outputs.
+        sample_weight_: (n,), their weights.
+        rows_: (n,), their row numbers in the data given to ``fit``.
+        memberships_: (n, K), their contact-state probabilities, or None.
+        feature_scale_: (d,), the scale m.
+        marginal_variance_: (p,), overall variance of the outputs.
 
     References:
         Atkeson, Moore, Schaal, "Locally weighted learning", Artificial Intelligence Review 11, 1997.
@@ -100,7 +98,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         self.feature_scale = feature_scale
         self.algorithm = algorithm
 
-    @_fit_context(prefer_skip_nested_validation=True)
     def fit(
         self,
         X: ArrayLike,
@@ -113,12 +110,13 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         Args:
             X: (n, d) features.
             y: (n,) or (n, p) outputs.
-            memberships: (n, K), the contact-state probabilities of each sample; rows sum to one.
-            sample_weight: (n,), non-negative, multiplies the kernel; samples of weight zero are left out.
+            memberships: (n, K), contact-state probabilities of the samples; rows sum to one.
+            sample_weight: (n,), non-negative, multiplies the kernel; samples of weight zero are not stored.
 
         Raises:
-            ValueError: if a shape is wrong, a number is not finite, or memberships are not probabilities.
+            ValueError: if a parameter, a shape or a number is not valid, or memberships are not probabilities.
         """
+        self._validate_params()
         checked: tuple[Array, Array] = validate_data(self, X, y, multi_output=True, y_numeric=True, dtype=np.float64)
         samples, outputs = checked[0], np.asarray(checked[1], dtype=float)
         self.single_output_ = outputs.ndim == 1
@@ -150,11 +148,11 @@ class LWRegressor(RegressorMixin, BaseEstimator):
 
         Args:
             X: (m, d).
-            memberships: (m, K), contact-state probabilities of the queries, non-negative with sums at most
-                one (less where an unknown state took a part). None: states are disregarded.
-            return_std: also the standard deviation of a new observation.
-            return_interval: also the prediction interval at ``level``.
-            level: nominal coverage.
+            memberships: (m, K), contact-state probabilities of the queries, non-negative with row sums of at most one
+                (less than one if the state may be unknown). None ignores the states.
+            return_std: whether to return the standard deviation of a new observation too.
+            return_interval: whether to return the prediction interval too.
+            level: nominal coverage of the interval.
 
         Returns:
             The predictions, (m,) or (m, p) like ``y``; with ``return_std`` or ``return_interval`` a tuple
@@ -181,20 +179,21 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         return self._local(*self._queries(X, memberships))
 
     def predict_with_support(self, X: ArrayLike, memberships: ArrayLike | None = None) -> tuple[Array, Array]:
-        """Predictions as of ``predict``, and the log of the greatest kernel weight of each query, (m,).
+        """Predictions as by ``predict``, and the logarithm of the greatest kernel weight of each query, (m,).
 
-        The latter is zero on top of a sample of a state that the query shares, and very negative far from all.
+        This logarithm is zero at a sample of the same state, and very negative far from all samples.
         """
         queries, Q = self._queries(X, memberships)
         rows = [self._predict_one(query, None if Q is None else Q[k]) for k, query in enumerate(queries)]
         return self._shaped(np.array([row for row, _ in rows])), np.array([log_w for _, log_w in rows])
 
     def support_between(self, groups: ArrayLike) -> Array:
-        """Log of the greatest kernel weight (n,) that each sample finds among the samples of other groups.
+        """Logarithm of the greatest kernel weight (n,) that each sample finds in the other groups.
+
+        This estimates the support that a new demonstration would find.
 
         Args:
-            groups: (n,), the demonstration of each sample of ``X_``; neighbours in time say nothing of the support that
-                a demonstration not yet seen would find.
+            groups: (n,), the demonstration of each sample of ``X_``.
 
         Raises:
             ValueError: if there is only one group.
@@ -211,11 +210,11 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         return best
 
     def explain(self, x: ArrayLike, membership: ArrayLike | None = None, level: float = 0.95) -> Explanation:
-        """The samples, weights, interval and support behind the prediction at one query.
+        """Explains the prediction at one query.
 
         Args:
             x: (d,).
-            membership: (K,), the query's contact-state probabilities, or None.
+            membership: (K,), contact-state probabilities of the query, or None.
             level: nominal coverage of the interval.
         """
         queries, Q = self._queries(
@@ -241,19 +240,21 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         )
 
     def leave_one_out(self, method: str = "direct") -> Array:
-        """Predictions at the samples, each without its own help, (n,) or (n, p) like ``y``.
+        """Predictions at the samples, each without the sample itself, (n,) or (n, p) like ``y``.
 
         Args:
-            method: "direct" leaves each sample out of its own neighbourhood and refits. "closed" uses the
-                equivalent kernel l of the fit with the sample: r_i / (1 - l_ii); exact but for the
-                neighbour that takes the sample's place, and 0 / 0 where a bandwidth is so small that a
-                sample stands alone. Select bandwidths by the direct one.
+            method: "direct" refits each neighbourhood without the sample; use it to select bandwidths. "closed" divides
+                the residual of the fit with the sample by 1 - l_ii, with the equivalent kernel l. This ignores the
+                neighbour that would replace the sample, and is 0 / 0 where a small bandwidth isolates a sample.
+
+        Raises:
+            ValueError: if there is only one sample, or the method is unknown.
         """
         check_is_fitted(self)
         if method not in ("direct", "closed"):
             raise ValueError(f"method = {method!r}; expected 'direct' or 'closed'")
         if len(self.X_) < 2:
-            raise ValueError("leaving one out needs at least 2 samples; found 1")
+            raise ValueError("leave_one_out needs at least 2 samples; found 1")
         out = np.empty_like(self.y_)
         for block, found, x, log_w in self._neighbourhood.blocks(self.X_, self.memberships_, self._kernel(), extra=1):
             itself = found == np.arange(len(self.X_))[block, None]
@@ -269,7 +270,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         return self._shaped(out)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """Everything that predicts, as plain arrays (no objects): for a file that needs no pickle."""
+        """The fitted estimator as plain arrays, which can be stored without pickle."""
         check_is_fitted(self)
         arrays: dict[str, NDArray[Any]] = {
             "bandwidth": np.array(float(self.bandwidth)),
@@ -293,7 +294,11 @@ class LWRegressor(RegressorMixin, BaseEstimator):
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Self:
-        """The estimator that ``to_arrays`` described: it predicts identically to the last bit."""
+        """Restores an estimator from ``to_arrays``; its predictions are bit-identical.
+
+        Raises:
+            ValueError: if an array is missing.
+        """
         missing = {"bandwidth", "feature_scale", "X", "y", "sample_weight", "rows"} - set(arrays)
         if missing:
             raise ValueError(f"arrays lack {sorted(missing)}; expected what LWRegressor.to_arrays returned")
@@ -328,7 +333,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         return tags
 
     def _build(self) -> None:
-        """What follows from the stored samples."""
+        """Computes what follows from the stored samples."""
         self.marginal_variance_ = self.y_.var(axis=0)
         self._neighbourhood = KernelNeighbourhood(self.X_, self.memberships_, self.sample_weight_, self.algorithm)
 
@@ -337,18 +342,18 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             return np.ones(X.shape[1])
         if isinstance(self.feature_scale, str):
             spread = X.std(axis=0)
-            return np.divide(1.0, spread, out=np.ones(X.shape[1]), where=spread > 0)
+            return np.asarray(np.divide(1.0, spread, out=np.ones(X.shape[1]), where=spread > 0), dtype=np.float64)
         scale = np.asarray(self.feature_scale, dtype=float)
         if scale.shape != (X.shape[1],) or not (np.isfinite(scale).all() and (scale > 0).all()):
             raise ValueError(
-                f"feature_scale has shape {scale.shape}; expected {X.shape[1]} positive numbers, one a feature"
+                f"feature_scale has shape {scale.shape}; expected {X.shape[1]} positive numbers, one for each feature"
             )
         return scale
 
     def _queries(self, X: ArrayLike, memberships: ArrayLike | None) -> tuple[Array, Array | None]:
-        """Scaled queries (m, d) and their memberships (m, K), both checked."""
+        """Checks queries; returns the scaled queries (m, d) and their memberships (m, K)."""
         if (
-            # What a controller sends a thousand times a second can do without the general checks.
+            # A fast path for controllers, which skips the general checks.
             isinstance(X, np.ndarray)
             and type(X) is np.ndarray
             and hasattr(self, "_neighbourhood")
@@ -363,7 +368,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         else:
             check_is_fitted(self)
             queries = validate_data(self, X, reset=False, dtype=np.float64)
-        queries = np.minimum(np.maximum(queries * self.feature_scale_, -FARTHEST), FARTHEST)
+        queries = np.minimum(np.maximum(queries * self.feature_scale_, -MAX_QUERY), MAX_QUERY)
         if memberships is None:
             return queries, None
         if self.memberships_ is None:
@@ -371,7 +376,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         return queries, check_memberships(memberships, len(queries), self.memberships_.shape[1])
 
     def _predict_one(self, query: Array, q: Array | None) -> tuple[Array, float]:
-        """Prediction (p,) at one scaled query (d,), and log of the greatest weight: the batch without its overhead."""
+        """Prediction (p,) at one scaled query (d,), and the logarithm of the greatest weight."""
         found, x, log_w = self._neighbourhood.of_one(query, q, self._kernel())
         weights, log_w_max, ridge = normalised_weights(log_w, self.ridge)
         return equivalent_kernel(query, x, weights, float(ridge), self.degree) @ self.y_[found], float(log_w_max)

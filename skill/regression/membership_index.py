@@ -1,8 +1,7 @@
-"""Nearest samples of a query among those that may share its contact state.
+"""Search for the nearest samples of a query among those that may share its contact state.
 
-Each state has an index of its own, over the samples that may be in it. A query visits the indices of the
-states that it may be in: usually one, smaller than the whole and free of samples that would get no weight
-anyhow.
+Each state has its own index of the samples that may be in it. A query searches the indices of the states that it may be
+in. Usually this is one index, which is smaller than the whole and contains no samples that would get no weight.
 """
 
 from __future__ import annotations
@@ -13,20 +12,21 @@ from numpy.typing import ArrayLike
 from skill.arrays import Array
 from skill.regression.neighbour_index import NeighbourIndex, Rows
 
-# "May be in": a state of less probability is left out of the search, though not of the weights. It bounds by
-# as much the weight, relative to a like sample in a certain state, of any sample that the search leaves out.
 NEGLIGIBLE = 1e-3
-# A sample that shares no state with the query keeps this share: if all do, distance alone decides, and the
-# tiny greatest weight makes the model a kernel mean and tells the caller that support is missing.
+"""States with at most this probability are not searched, though they count in the weights. This bounds the weight of a
+sample that the search leaves out, relative to a sample at the same distance in a certain state."""
+
 MIN_SHARE = 1e-300
+"""Minimum probability that a sample shares the state of the query. If all samples have only this share, the distance
+alone decides, and the tiny weights turn the local model into a kernel mean and report that support is missing."""
 
 
 class MembershipIndex:
-    """Candidates for the neighbourhood of a query, and the probability that they share its state.
+    """Finds candidates for the neighbourhood of a query, and the probabilities that they share its state.
 
     Args:
         points: (n, d), scaled.
-        memberships: (n, K) contact-state probabilities of the points, or None.
+        memberships: (n, K), contact-state probabilities of the points, or None.
         algorithm: see ``NeighbourIndex``.
     """
 
@@ -41,10 +41,17 @@ class MembershipIndex:
             self._states.append(NeighbourIndex(points[rows], rows, algorithm) if rows.size else None)
 
     def candidates(self, queries: Array, Q: Array | None, k: int) -> tuple[Rows, Array | None]:
-        """Rows (m, c), c >= min(k, n), and logarithms of the shares sum_k Q_qk P_ik, (m, c).
+        """Candidates of many queries.
 
-        Rows of queries with fewer candidates than c are filled up with repetitions, whose log share is -inf.
-        The second value is None where every share is one.
+        Args:
+            queries: (m, d), scaled.
+            Q: (m, K), contact-state probabilities of the queries; None ignores the states.
+            k: number of nearest samples to find in each state.
+
+        Returns:
+            Rows (m, c) of the candidates, c >= min(k, n), and the logarithms (m, c) of the probabilities
+            sum_k Q_qk P_ik that query and candidate share their state. Queries with fewer than c candidates are padded
+            with repeated rows of log probability -inf. The second value is None if Q is None.
         """
         if Q is None:
             return self._whole.nearest_many(queries, k), None
@@ -66,7 +73,7 @@ class MembershipIndex:
         return rows, log_shares
 
     def candidates_of_one(self, query: Array, q: Array | None, k: int) -> tuple[Rows, Array | None]:
-        """The same for one query (d,) with memberships (K,): (c,) and (c,)."""
+        """Candidates of one query (d,) with probabilities (K,); returns arrays (c,) as `candidates` does."""
         if q is None:
             return self._whole.nearest(query, k), None
         states = (q > NEGLIGIBLE).nonzero()[0]
@@ -78,32 +85,38 @@ class MembershipIndex:
 
     def _of_states(self, queries: Array, Q: Array, states: Rows, k: int) -> tuple[Rows, Array]:
         indices = [index for state in states if (index := self._states[state]) is not None]
-        if not indices:  # nobody demonstrated what the query is in: whatever is nearest
+        if not indices:  # no sample is in the state of the query: search all samples
             indices = [self._whole]
         found = np.hstack([index.nearest_many(queries, k) for index in indices])
         if len(indices) == 1:
             return found, self._log_share(found, Q)
-        # A sample that may be in two states is found twice and counts once.
+        # A sample that may be in two states is found twice but counts once.
         found = np.sort(found, axis=1)
         log_share = self._log_share(found, Q)
         log_share[:, 1:][found[:, 1:] == found[:, :-1]] = -np.inf
         return found, log_share
 
     def _log_share(self, found: Rows, q: Array) -> Array:
-        """Logarithms of the shares of samples (..., c) with queries (..., K)."""
+        """Logarithms of the shared-state probabilities of samples (..., c) and queries (..., K)."""
         assert self._memberships is not None
         share = (self._memberships[found] @ q[..., None])[..., 0]
-        return np.log(np.maximum(share, MIN_SHARE, out=share), out=share)
+        return np.asarray(np.log(np.maximum(share, MIN_SHARE, out=share), out=share), dtype=np.float64)
 
 
 def check_memberships(values: ArrayLike, n: int, states: int | None = None, exact: bool = False) -> Array:
-    """Memberships as an array (n, K), or a ValueError that says what is wrong.
+    """Checks memberships.
 
     Args:
-        values: non-negative, rows sum to one; or, unless ``exact``, to at most one.
+        values: (n, K), non-negative, each row with a sum of one; or of at most one, unless ``exact``.
         n: expected number of rows.
-        states: expected number K of states, if known.
-        exact: whether rows must sum to one.
+        states: expected number K of states, or None if unknown.
+        exact: whether the rows must sum to one.
+
+    Returns:
+        The memberships as an array (n, K).
+
+    Raises:
+        ValueError: if the shape is wrong, or the values are not probabilities.
     """
     P = np.asarray(values, dtype=float)
     if P.ndim != 2 or P.shape[0] != n or P.shape[1] != (states or P.shape[1]) or P.shape[1] == 0:
@@ -115,7 +128,7 @@ def check_memberships(values: ArrayLike, n: int, states: int | None = None, exac
     if not (low >= 0.0 and sums.max() <= 1.0 + 1e-6 and (not exact or sums.min() >= 1.0 - 1e-6)):
         at_most = "" if exact else "at most "
         raise ValueError(
-            f"memberships are not probabilities: least value {low:.3g}, sums of rows from {sums.min():.3g} to"
+            f"memberships are not probabilities: minimum {low:.3g}, row sums from {sums.min():.3g} to"
             f" {sums.max():.3g}; expected non-negative rows that sum to {at_most}one: divide each by its sum"
         )
     return P

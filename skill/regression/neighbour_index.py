@@ -1,4 +1,4 @@
-"""Nearest samples of a query: exact, by KD-tree or by brute force, whichever is faster for the size."""
+"""Exact search for the nearest samples of a query, by KD-tree or brute force."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from skill.arrays import Array
 
 Rows = NDArray[np.intp]
 
-# Leaves much larger than usual: with some hundred neighbours a query visits thousands of samples anyhow.
 LEAF_SIZE = 64
-# Distances of one block of brute-force queries stay within a processor's cache (numbers, not bytes).
+"""Samples in a leaf of the KD-tree. Large, since a query for hundreds of neighbours visits thousands of samples."""
+
 BLOCK = 1 << 18
+"""Number of distances in one block of brute-force queries; a block fits into the cache of the processor."""
 
 
 class NeighbourIndex:
-    """The k nearest of n points in Euclid's distance.
+    """Search for the k nearest of n points in Euclidean distance.
 
     Args:
-        points: (n, d), already scaled.
-        rows: (n,) the number each point bears outside; 0..n-1 if None.
-        algorithm: "kd_tree", "brute" or "auto", which takes brute force where one matrix product is cheaper
-            than walking the tree.
+        points: (n, d), scaled.
+        rows: (n,), row numbers that the search returns for the points; 0..n-1 if None.
+        algorithm: "kd_tree", "brute", or "auto" for brute force up to the size where the tree becomes faster.
     """
 
     def __init__(self, points: Array, rows: Rows | None = None, algorithm: str = "auto") -> None:
@@ -33,13 +33,12 @@ class NeighbourIndex:
             algorithm = "brute" if self.size <= _brute_limit(points.shape[1]) else "kd_tree"
         self.algorithm = algorithm
         if algorithm == "kd_tree":
-            # Distances do not change in the principal axes, but boxes fit the samples better there, and
-            # cutting boxes at their middle leaves them rounder than at the median: together a third of the
-            # time at d = 14.
+            # Principal axes keep the distances, and boxes along them fit the samples better. Splitting boxes at the
+            # middle keeps them rounder than splitting at the median. Together this takes a third of the time at d = 14.
             self._axes = _principal_axes(points)
             self._tree = cKDTree(points @ self._axes, leafsize=LEAF_SIZE, balanced_tree=False)
         else:
-            # |x - q|^2 is |x|^2 - 2 x.q but for a constant; centring keeps the cancellation harmless.
+            # |x - q|^2 is |x|^2 - 2 x.q up to a constant; centring limits the cancellation.
             self._centre = points.mean(axis=0)
             centred = points - self._centre
             norms = np.einsum("ij,ij->i", centred, centred)
@@ -73,11 +72,11 @@ class NeighbourIndex:
 
 
 def _principal_axes(points: Array) -> Array:
-    """Orthogonal axes (d, d) of the points' covariance."""
+    """Orthogonal axes (d, d) of the covariance of the points."""
     centred = points - points.mean(axis=0)
-    return np.linalg.eigh(centred.T @ centred)[1]
+    return np.asarray(np.linalg.eigh(centred.T @ centred)[1], dtype=np.float64)
 
 
 def _brute_limit(dimension: int) -> int:
-    """Size up to which brute force wins, measured with 200 neighbours: trees lose their grip as d grows."""
+    """Number of points up to which brute force is faster, measured with 200 neighbours."""
     return 10_000 if dimension <= 4 else 12_000 if dimension <= 8 else 25_000

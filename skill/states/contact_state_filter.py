@@ -1,11 +1,12 @@
-"""Which contact state is the peg in, on line: posterior, gate for the unknown, and a hidden Markov filter.
+"""On-line estimation of the contact state: posterior, gate for unknown samples, and a hidden Markov filter.
 
-`ContactStateFilter` is immutable and its `step` a pure function, so that whoever runs it keeps the belief
-wherever state belongs (the context of a simulation, say). `StateEstimator` keeps the belief itself.
+`ContactStateFilter` is immutable and its `step` is a pure function, so the caller stores the belief, for example in the
+context of a simulation. `StateEstimator` stores the belief itself.
 """
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -15,16 +16,18 @@ from skill.arrays import Array
 from skill.clustering.gaussian_components import log_normalizers
 from skill.clustering.gaussian_states import UNKNOWN, GaussianStates, chi_square_gate
 
+MAX_ROW_SUM_ERROR = 1e-9
+"""Maximum deviation from one of the row sums of a transition matrix."""
+
 
 class Estimate(NamedTuple):
     """One on-line estimate.
 
     Attributes:
-        log_belief: shape (M,), log-probability of each state given the samples so far, to be handed to
-            the next step.
-        probabilities: shape (M,), its exponential.
-        mahalanobis: squared Mahalanobis distance of the sample to the most probable state.
-        known: whether that distance lies within the gate.
+        log_belief: shape (M,), log-probability of each state given the samples so far; argument of the next step.
+        probabilities: shape (M,), exponential of ``log_belief``.
+        mahalanobis: squared Mahalanobis distance of the sample to the state most probable with this sample.
+        known: whether this distance lies within the gate.
     """
 
     log_belief: Array
@@ -36,26 +39,25 @@ class Estimate(NamedTuple):
 class ContactStateFilter:
     """Recursive estimate of the contact state from Gaussian states.
 
-    Without a transition matrix every sample is judged by itself, log b_i = log P_i N(x | v_i, F_i) + const.
-    With one it is the forward recursion of a hidden Markov model (Rabiner, Proc. IEEE 77(2), 1989, eq. 20,
-    normalised),
+    Without a transition matrix, each sample is classified on its own, log b_i = log P_i N(x | v_i, F_i) + const. With
+    a transition matrix, the estimate is the normalised forward recursion of a hidden Markov model (Rabiner, Proc. IEEE
+    77(2), 1989, eq. 20),
 
         log b_i(t) = log sum_k b_k(t-1) A_ki + log N(x(t) | v_i, F_i) + const.
 
-    A sample outside the gate belongs to no state and says nothing about which it is: the belief is then only
-    carried forward, b(t) = A' b(t-1), or kept.
+    A sample outside the gate belongs to no state and does not tell the states apart. The belief is then only
+    propagated, b(t) = A' b(t-1), or kept without a transition matrix.
 
     Args:
         states: fitted states.
-        gate: probability in (0, 1) of the chi-square gate, or None for no gate.
-        transitions: shape (M, M), A_ki the probability of going from state k to i between samples, rows
-            summing to
-            one; or None.
-        channels: indices of the k channels that samples hold, or None for all; the others are
-            marginalised out.
+        gate: probability in (0, 1) of the chi-square gate; None means no gate.
+        transitions: shape (M, M), probability A_ki of the transition from state k to state i between samples; each
+            row sums to one. None means no transition matrix.
+        channels: indices of the k channels that samples contain; the other channels are marginalised out. None means
+            all channels.
 
     Raises:
-        ValueError: if the gate, the transition matrix or the channels are not as described.
+        ValueError: if the gate, the transition matrix or the channels are out of range.
     """
 
     def __init__(
@@ -72,7 +74,7 @@ class ContactStateFilter:
         self.n_channels = k
         self.threshold = np.inf if gate is None else chi_square_gate(gate, k)
         self.transitions = None if transitions is None else _checked_transitions(transitions, M)
-        # One product whitens the sample for all states: rows of W are R_i', so W x - W v is (M k,).
+        # One product whitens the sample for all states: the rows of W are R_i', so W x - W v has shape (M k,).
         self._whitening = np.ascontiguousarray(factors.transpose(0, 2, 1).reshape(M * k, k))
         self._offset = np.einsum("mab,ma->mb", factors, components.means).reshape(M * k)
         with np.errstate(divide="ignore"):
@@ -80,14 +82,14 @@ class ContactStateFilter:
         self._constant = log_normalizers(np.ones(M), factors)
 
     def initial_log_belief(self) -> Array:
-        """Log of the states' shares, shape (M,)."""
+        """Returns the log of the states' weights, shape (M,)."""
         return self._log_prior.copy()
 
     def step(self, log_belief: ArrayLike, x: ArrayLike) -> Estimate:
-        """One step of the filter; changes nothing.
+        """Returns the estimate after one sample; does not change the filter or the arguments.
 
         Args:
-            log_belief: shape (M,), of the previous step or `initial_log_belief`.
+            log_belief: shape (M,), belief of the previous step, or `initial_log_belief`.
             x: shape (k,), one sample.
 
         Raises:
@@ -109,7 +111,7 @@ class ContactStateFilter:
         updated -= 0.5 * distances
         best = int(updated.argmax())
         distance = float(distances[best])
-        if distance != distance:
+        if math.isnan(distance):
             raise ValueError(f"sample is not finite: {sample}; check the sensor")
         known = distance <= self.threshold
         if not known:
@@ -122,28 +124,34 @@ class ContactStateFilter:
 
 
 class StateEstimator:
-    """A `ContactStateFilter` that remembers its belief; one instance serves one run."""
+    """A `ContactStateFilter` that stores its belief; use one instance for each run."""
 
     def __init__(self, contact_state_filter: ContactStateFilter) -> None:
         self.filter = contact_state_filter
         self.log_belief = contact_state_filter.initial_log_belief()
 
     def reset(self) -> Self:
-        """Forgets everything seen."""
+        """Restores the initial belief."""
         self.log_belief = self.filter.initial_log_belief()
         return self
 
     def update(self, x: ArrayLike) -> tuple[int, Estimate]:
-        """The state after sample ``x`` (k,), -1 for unknown, and the estimate."""
+        """Returns the state after sample ``x`` (k,), or -1 if it is unknown, and the estimate."""
         estimate = self.filter.step(self.log_belief, x)
         self.log_belief = estimate.log_belief
         return (int(estimate.probabilities.argmax()) if estimate.known else UNKNOWN), estimate
 
 
 def _checked_transitions(transitions: ArrayLike, M: int) -> Array:
+    """Returns the transition matrix, shape (M, M).
+
+    Raises:
+        ValueError: if the shape is wrong, or the rows are not probability distributions.
+    """
     matrix = np.array(transitions, dtype=np.float64)
     if matrix.shape != (M, M):
         raise ValueError(f"transitions has shape {matrix.shape}, expected ({M}, {M})")
-    if not np.isfinite(matrix).all() or (matrix < 0.0).any() or np.abs(matrix.sum(axis=1) - 1.0).max() > 1e-9:
+    row_errors = np.abs(matrix.sum(axis=1) - 1.0)
+    if not np.isfinite(matrix).all() or (matrix < 0.0).any() or row_errors.max() > MAX_ROW_SUM_ERROR:
         raise ValueError("transitions: expected probabilities, each row summing to one")
     return matrix

@@ -1,15 +1,15 @@
-"""The graph of contact states: how demonstrations move between them, and where that leads.
+"""Graph of the contact states: transitions in demonstrations, dwell times, and the probability of each outcome.
 
-A demonstration is a sequence of state labels, one a sample, and an outcome. Runs of equal labels are
-visits; the moves from visit to visit make an absorbing Markov chain, whose absorbing states are the
-outcomes. With Q the probabilities of moving between states and R those of ending in each outcome, B = (I -
-Q)^-1 R holds the probability of each outcome from each state (Kemeny and Snell, "Finite Markov Chains",
-1960, theorem 3.3.7).
+A demonstration is a sequence of state labels, one for each sample, and an outcome. A visit is a run of equal labels.
+The transitions from visit to visit form an absorbing Markov chain, and the outcomes are its absorbing states. Let Q be
+the probabilities of transitions between states, and R those of ending in each outcome. Then B = (I - Q)^-1 R contains
+the probability of each outcome from each state (Kemeny and Snell, "Finite Markov Chains", 1960, theorem 3.3.7).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -21,33 +21,76 @@ from sklearn.utils.validation import check_is_fitted
 from skill.arrays import Array
 
 FITTED = (
-    *("counts_", "exits_", "sample_counts_", "visits_", "phase_", "outcomes_"),
-    *("dwell_mean_", "dwell_std_", "dwell_mean_s_", "dwell_std_s_"),
+    "counts_",
+    "exits_",
+    "sample_counts_",
+    "visits_",
+    "phase_",
+    "outcomes_",
+    "dwell_mean_",
+    "dwell_std_",
+    "dwell_mean_s_",
+    "dwell_std_s_",
 )
+"""Fitted attributes that are stored; the others follow from them."""
+
+
+@dataclass(frozen=True)
+class _Visits:
+    """The v visits and n samples of one demonstration.
+
+    Attributes:
+        states: shape (v,), state of each visit.
+        lengths: shape (v,), length of each visit in samples.
+        durations: shape (v,), duration of each visit in s.
+        dropped: shape (n - 1,), number of samples missing after each sample.
+        phase: shape (n,), time of each sample within the demonstration, from 0 to 1.
+    """
+
+    states: NDArray[np.intp]
+    lengths: NDArray[np.intp]
+    durations: Array
+    dropped: Array
+    phase: Array
+
+    @classmethod
+    def of(cls, labels: NDArray[np.intp], times: Array, sample_period: float) -> _Visits:
+        """Splits a demonstration with ``labels`` (n,) at ``times`` (n,), s, into visits."""
+        starts = np.concatenate([[0], np.flatnonzero(np.diff(labels)) + 1])
+        ends = np.append(times[starts[1:]], times[-1] + sample_period)
+        return cls(
+            states=labels[starts],
+            lengths=np.diff([*starts, len(labels)]),
+            durations=ends - times[starts],
+            dropped=np.maximum(np.rint(np.diff(times) / sample_period) - 1.0, 0.0),
+            phase=(times - times[0]) / max(times[-1] - times[0], sample_period),
+        )
 
 
 class StateGraph(BaseEstimator):
     """Transitions between contact states, dwell times and the probability of success.
 
     Args:
-        n_states: K; None for the greatest label seen plus one.
-        sample_period: s, between samples on line: of ``transition_matrix``, and of sequences without times.
-        success: the outcome that is wanted.
+        n_states: number of states K; None means the largest label plus one.
+        sample_period: time between samples in s, for `transition_matrix` and for sequences without times.
+        success: name of the desired outcome.
 
     Attributes:
-        counts_: (K, K), moves from state i to another state j; zero on the diagonal.
-        exits_: (K, A), demonstrations that ended in state i with outcome a.
-        outcomes_: (A,), names of the outcomes, ``success`` among them.
-        sample_counts_: (K, K), moves from one sample period to the next, staying included.
-        visits_: (K,), runs of equal labels.
-        dwell_mean_: (K,), mean length of a visit in samples; NaN where there is none. Visits that end with
-            the demonstration count with the length they had.
-        dwell_std_: (K,), its standard deviation (of the population).
-        dwell_mean_s_: (K,), mean length of a visit in s.
-        dwell_std_s_: (K,), its standard deviation.
-        phase_: (K,), mean time of a state's samples within their demonstration, 0 at its start, 1 at its end.
-        moves_: (K, K + A), probabilities of where a visit leads: another state, or an outcome.
-        reach_: (K,), probability of ending in ``success``; NaN for states never seen.
+        counts_: shape (K, K), number of transitions from the visit of a state i to the visit of another state j.
+        exits_: shape (K, A), number of demonstrations that ended in state i with outcome a.
+        outcomes_: shape (A,), sorted names of the outcomes, including ``success``.
+        sample_counts_: shape (K, K), number of transitions from sample to sample, including those to the same state.
+        visits_: shape (K,), number of visits.
+        dwell_mean_: shape (K,), mean length of a visit in samples; NaN for states without visits. The last visit of a
+            demonstration counts with its length up to the end.
+        dwell_std_: shape (K,), population standard deviation of this length.
+        dwell_mean_s_: shape (K,), mean duration of a visit in s.
+        dwell_std_s_: shape (K,), population standard deviation of this duration in s.
+        phase_: shape (K,), mean time of a state's samples within their demonstration, from 0 (start) to 1 (end).
+        moves_: shape (K, K + A), probability that a visit ends in each other state or outcome.
+        reach_: shape (K,), probability of ending in ``success``; NaN for states without visits.
+        next_given_success_: shape (K, K + 1), probability of each next state, and of ``success``, given that the
+            demonstration ends in ``success``; zero if it never does.
     """
 
     def __init__(self, n_states: int | None = None, *, sample_period: float = 0.02, success: str = "inserted") -> None:
@@ -61,17 +104,18 @@ class StateGraph(BaseEstimator):
         outcomes: Sequence[str],
         times: Sequence[ArrayLike] | None = None,
     ) -> Self:
-        """Counts.
+        """Counts transitions, visits and outcomes.
 
         Args:
-            label_sequences: one a demonstration: (n_i,) labels from 0, one a sample.
-            outcomes: one word a demonstration.
-            times: one a demonstration: (n_i,), s, increasing. Give them where samples have been dropped: a state
-                then lasts until the next sample that was kept. None: samples are ``sample_period`` apart.
+            label_sequences: one for each demonstration: labels from 0, shape (n_i,).
+            outcomes: one for each demonstration: name of its outcome.
+            times: one for each demonstration: times of the samples in s, shape (n_i,), increasing. They are needed
+                if samples were dropped: a state then lasts until the next sample that was kept. None means that
+                samples are ``sample_period`` apart.
 
         Raises:
-            ValueError: if there is no demonstration, one is empty, labels are not whole numbers from 0 to
-                K - 1, times do not increase, or the numbers of sequences, outcomes and times differ.
+            ValueError: if there is no demonstration, a sequence is empty, a label is not an integer from 0 to K - 1,
+                times do not increase, or the numbers of sequences, outcomes and times differ.
         """
         sequences = [_checked_labels(labels, i) for i, labels in enumerate(label_sequences)]
         if len(sequences) != len(outcomes) or not sequences:
@@ -81,53 +125,57 @@ class StateGraph(BaseEstimator):
             )
         if not self.sample_period > 0:
             raise ValueError(f"sample_period = {self.sample_period}; expected a positive number of seconds")
-        seen = 1 + max(int(labels.max()) for labels in sequences)
-        K = seen if self.n_states is None else self.n_states
-        if seen > K:
-            raise ValueError(f"label {seen - 1} found, but n_states = {K}; raise n_states to at least {seen}")
+        n_seen = 1 + max(int(labels.max()) for labels in sequences)
+        K = n_seen if self.n_states is None else self.n_states
+        if n_seen > K:
+            raise ValueError(f"label {n_seen - 1} found, but n_states = {K}; raise n_states to at least {n_seen}")
+        demonstrations = [
+            _Visits.of(labels, clock, self.sample_period)
+            for labels, clock in zip(sequences, self._checked_times(sequences, times), strict=True)
+        ]
+        self._count(sequences, demonstrations, outcomes, K)
+        states = np.concatenate([d.states for d in demonstrations])
+        lengths = np.concatenate([d.lengths for d in demonstrations])
+        durations = np.concatenate([d.durations for d in demonstrations])
+        phase = np.concatenate([d.phase for d in demonstrations])
+        self.visits_ = np.bincount(states, minlength=K).astype(float)
+        self.dwell_mean_ = _of_each_state(np.mean, lengths, states, K)
+        self.dwell_std_ = _of_each_state(np.std, lengths, states, K)
+        self.dwell_mean_s_ = _of_each_state(np.mean, durations, states, K)
+        self.dwell_std_s_ = _of_each_state(np.std, durations, states, K)
+        self.phase_ = _of_each_state(np.mean, phase, np.concatenate(sequences), K)
+        self._solve()
+        return self
+
+    def _count(
+        self, sequences: list[NDArray[np.intp]], demonstrations: list[_Visits], outcomes: Sequence[str], K: int
+    ) -> None:
+        """Counts the transitions between visits, between samples, and to the outcomes."""
         self.outcomes_ = np.unique([self.success, *outcomes])
         self.counts_ = np.zeros((K, K))
         self.sample_counts_ = np.zeros((K, K))
         self.exits_ = np.zeros((K, len(self.outcomes_)))
-        clocks = self._clocks(sequences, times)
-        lengths: list[list[int]] = [[] for _ in range(K)]
-        seconds: list[list[float]] = [[] for _ in range(K)]
-        phases: list[list[Array]] = [[] for _ in range(K)]
-        for labels, clock, outcome in zip(sequences, clocks, outcomes, strict=True):
-            starts = np.concatenate([[0], np.flatnonzero(np.diff(labels)) + 1])
-            visited = labels[starts]
-            np.add.at(self.counts_, (visited[:-1], visited[1:]), 1.0)
-            self.exits_[visited[-1], np.searchsorted(self.outcomes_, outcome)] += 1.0
+        for labels, visits, outcome in zip(sequences, demonstrations, outcomes, strict=True):
+            np.add.at(self.counts_, (visits.states[:-1], visits.states[1:]), 1.0)
+            self.exits_[visits.states[-1], np.searchsorted(self.outcomes_, outcome)] += 1.0
             np.add.at(self.sample_counts_, (labels[:-1], labels[1:]), 1.0)
-            # Through dropped samples the state stayed what it was.
-            dropped = np.maximum(np.rint(np.diff(clock) / self.sample_period) - 1.0, 0.0)
-            np.add.at(self.sample_counts_, (labels[:-1], labels[:-1]), dropped)
-            ends = np.append(clock[starts[1:]], clock[-1] + self.sample_period)
-            for state, length in zip(visited, np.diff([*starts, len(labels)]), strict=True):
-                lengths[state].append(int(length))
-            for state, duration in zip(visited, ends - clock[starts], strict=True):
-                seconds[state].append(float(duration))
-            phase = (clock - clock[0]) / max(clock[-1] - clock[0], self.sample_period)
-            for state in np.unique(visited):
-                phases[state].append(phase[labels == state])
-        self.visits_ = np.array([len(ls) for ls in lengths], dtype=float)
-        self.dwell_mean_ = np.array([np.mean(ls) if ls else np.nan for ls in lengths])
-        self.dwell_std_ = np.array([np.std(ls) if ls else np.nan for ls in lengths])
-        self.dwell_mean_s_ = np.array([np.mean(s) if s else np.nan for s in seconds])
-        self.dwell_std_s_ = np.array([np.std(s) if s else np.nan for s in seconds])
-        self.phase_ = np.array([np.concatenate(p).mean() if p else np.nan for p in phases])
-        self._solve()
-        return self
+            # Dropped samples have the state of the sample before them.
+            np.add.at(self.sample_counts_, (labels[:-1], labels[:-1]), visits.dropped)
 
     def desired_next(self, state: int) -> int | None:
-        """The state a successful demonstration most probably goes to next.
+        """Returns the most probable next state of a successful demonstration.
 
-        Among the moves j that lead to success, the one of greatest P(j | i, success) = P_ij B_j / B_i: a rare
-        lucky jump does not outweigh the way that most insertions take.
+        It maximises P(j | i, success) = P_ij B_j / B_i, so a rare direct transition does not outweigh the usual way.
+
+        Args:
+            state: current state i.
 
         Returns:
-            The next state; ``state`` itself if no success was seen from here; None if success itself comes
-            next.
+            The next state j; ``state`` itself if no demonstration succeeded from there; None if the demonstration
+            most probably ends in success.
+
+        Raises:
+            ValueError: if there is no such state.
         """
         check_is_fitted(self)
         if not 0 <= state < len(self.visits_):
@@ -139,11 +187,16 @@ class StateGraph(BaseEstimator):
         return None if best == len(self.visits_) else best
 
     def transition_matrix(self, smoothing: float = 1.0) -> Array:
-        """Probabilities of the state at the next sample given that at this one, (K, K), rows sum to one.
+        """Returns the probability of each state at the next sample given the current state, shape (K, K).
+
+        Each row sums to one; the rows of states without visits are uniform.
 
         Args:
-            smoothing: pseudo-counts a row, spread evenly: the filter must not rule out moves that were
-                never seen. States never seen have uniform rows.
+            smoothing: pseudo-counts added to each row, in equal parts. They keep a filter from excluding transitions
+                that were not demonstrated.
+
+        Raises:
+            ValueError: if ``smoothing`` is not positive.
         """
         check_is_fitted(self)
         if not smoothing > 0:
@@ -153,11 +206,15 @@ class StateGraph(BaseEstimator):
         return matrix
 
     def to_frame(self) -> pd.DataFrame:
-        """One row a state: visits, dwell time in s, phase, probability of success, desired next state."""
+        """Returns a table, one row for each state.
+
+        Its columns are the number of visits, the dwell time in s and its standard deviation, the phase, the
+        probability of success, and the desired next state.
+        """
         check_is_fitted(self)
         K = len(self.visits_)
         nexts = [self.desired_next(state) for state in range(K)]
-        shown = [self.success if s is None else "-" if s == i else s for i, s in enumerate(nexts)]
+        next_labels = [self.success if s is None else "-" if s == i else s for i, s in enumerate(nexts)]
         return pd.DataFrame(
             {
                 "visits": self.visits_.astype(int),
@@ -165,7 +222,7 @@ class StateGraph(BaseEstimator):
                 "dwell_std_s": self.dwell_std_s_,
                 "phase": self.phase_,
                 f"P({self.success})": self.reach_,
-                "desired_next": shown,
+                "desired_next": next_labels,
             },
             index=pd.RangeIndex(K, name="state"),
         )
@@ -176,7 +233,7 @@ class StateGraph(BaseEstimator):
         return str(self.to_frame().to_string(float_format="{:.2f}".format))
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """Everything as plain arrays, for a file that needs no pickle."""
+        """Returns the graph as arrays that can be stored without pickle."""
         check_is_fitted(self)
         return {
             "sample_period": np.array(float(self.sample_period)),
@@ -186,10 +243,14 @@ class StateGraph(BaseEstimator):
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Self:
-        """The graph that ``to_arrays`` described."""
+        """Restores a graph from the result of `to_arrays`.
+
+        Raises:
+            ValueError: if an array is missing.
+        """
         missing = {name.rstrip("_") for name in FITTED} - set(arrays)
         if missing:
-            raise ValueError(f"arrays lack {sorted(missing)}; expected what StateGraph.to_arrays returned")
+            raise ValueError(f"arrays {sorted(missing)} are missing; expected the result of StateGraph.to_arrays")
         self = cls(
             n_states=len(arrays["visits"]),
             sample_period=float(arrays["sample_period"]),
@@ -200,44 +261,55 @@ class StateGraph(BaseEstimator):
         self._solve()
         return self
 
-    def _clocks(self, sequences: Sequence[NDArray[np.intp]], times: Sequence[ArrayLike] | None) -> list[Array]:
-        """Times of the samples, s, one array a sequence."""
+    def _checked_times(self, sequences: list[NDArray[np.intp]], times: Sequence[ArrayLike] | None) -> list[Array]:
+        """Returns the times of the samples of each sequence, in s."""
         if times is None:
             return [self.sample_period * np.arange(len(labels), dtype=np.float64) for labels in sequences]
         clocks = [np.asarray(clock, dtype=float) for clock in times]
         if [c.shape for c in clocks] != [labels.shape for labels in sequences]:
-            raise ValueError("times and label sequences differ in number or length; expected one time a label")
+            raise ValueError("times and label sequences differ in number or length; expected one time for each label")
         for i, clock in enumerate(clocks):
             if not np.isfinite(clock).all() or (np.diff(clock) <= 0).any():
-                raise ValueError(f"times of sequence {i} do not increase; give the seconds since its start")
+                raise ValueError(f"times of sequence {i} do not increase; expected seconds since its start")
         return clocks
 
     def _solve(self) -> None:
-        """What follows from the counts."""
+        """Computes the probabilities from the counts."""
         K = len(self.counts_)
         moves = np.hstack([self.counts_, self.exits_])
         totals = moves.sum(axis=1)
         seen = totals > 0
         self.moves_ = np.divide(moves, totals[:, None], out=np.zeros_like(moves), where=seen[:, None])
-        # Every state seen leads to the end of its own demonstration, so I - Q is regular on them.
+        # From each visited state its own demonstration reaches an outcome, so I - Q is regular.
         Q, R = self.moves_[np.ix_(seen, np.flatnonzero(seen))], self.moves_[seen, K:]
-        wanted = int(np.searchsorted(self.outcomes_, self.success))
+        success = int(np.searchsorted(self.outcomes_, self.success))
         self.reach_ = np.full(K, np.nan)
-        self.reach_[seen] = np.linalg.solve(np.eye(int(seen.sum())) - Q, R[:, wanted]).clip(0.0, 1.0)
+        self.reach_[seen] = np.linalg.solve(np.eye(int(seen.sum())) - Q, R[:, success]).clip(0.0, 1.0)
         reached = np.append(np.nan_to_num(self.reach_), 1.0)
-        joint = np.column_stack([self.moves_[:, :K], self.moves_[:, K + wanted]]) * reached
+        joint = np.column_stack([self.moves_[:, :K], self.moves_[:, K + success]]) * reached
         sums = joint.sum(axis=1, keepdims=True)
         self.next_given_success_ = np.divide(joint, sums, out=np.zeros_like(joint), where=sums > 0)
 
 
+def _of_each_state(statistic: Callable[[Any], Any], values: NDArray[Any], states: NDArray[np.intp], K: int) -> Array:
+    """Returns a statistic of the values that belong to each state, shape (K,); NaN for states without values."""
+    members = [values[states == state] for state in range(K)]
+    return np.array([statistic(of_state) if len(of_state) else np.nan for of_state in members])
+
+
 def _checked_labels(labels: ArrayLike, i: int) -> NDArray[np.intp]:
+    """Returns the labels of sequence ``i``, shape (n,).
+
+    Raises:
+        ValueError: if they are not a vector of integers from 0.
+    """
     array = np.asarray(labels)
     if array.ndim != 1 or len(array) == 0:
         raise ValueError(f"label sequence {i} has shape {array.shape}; expected (n,), at least one sample")
-    whole = array.astype(np.intp)
-    if not np.array_equal(whole, array) or whole.min() < 0:
+    integers = array.astype(np.intp)
+    if not np.array_equal(integers, array) or integers.min() < 0:
         raise ValueError(
-            f"label sequence {i} has labels that are not whole numbers from 0;"
+            f"label sequence {i} has labels that are not integers of at least 0;"
             " assign unknown samples to their nearest state or drop them"
         )
-    return whole
+    return integers

@@ -1,7 +1,7 @@
-"""Names for discovered contact states, from labels that someone else knows.
+"""Names of discovered contact states, from labels of the samples.
 
-The learner never sees labels. Where a judge has them for recorded samples (exact geometry, a person at a video), each
-state is called after the label that dominates among its samples.
+The learner never sees labels. If labels of recorded samples are known, for example from exact geometry or from a video,
+each state is named after the most frequent label of its samples.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 MIXED_BELOW = 0.6
-"""A state whose commonest label has a smaller share than this is named after its two commonest labels."""
+"""A state whose most frequent label has a smaller share than this is named after its two most frequent labels."""
 
 
 @dataclass(frozen=True)
 class StateNames:
-    """What the states mean.
+    """Names of the K states, and the labels they come from.
 
     Attributes:
-        names: one a state, all different.
-        labels: (K,), the dominant label of each state; -1 where the state has no labelled sample.
-        purity: (K,), share of that label among the state's samples; NaN where it has none.
-        counts: (K, L), samples of each label in each state.
+        names: name of each state, all different.
+        labels: shape (K,), most frequent label of each state; -1 for states without labelled samples.
+        purity: shape (K,), share of this label among the labelled samples of the state; NaN if there are none.
+        counts: shape (K, L), number of samples of each label in each state.
     """
 
     names: list[str]
@@ -35,24 +35,23 @@ class StateNames:
 
 
 def name_states(states: ArrayLike, labels: ArrayLike, label_names: Sequence[str], *, n_states: int) -> StateNames:
-    """Names each state by its dominant label.
+    """Names each state after its most frequent label.
+
+    States with the same name are numbered in the order of their purity. A state without a clear label has the names of
+    two labels ("free / two-point contact"). A state without labelled samples has its index ("state 3").
 
     Args:
-        states: (N,), discovered state 0..K-1 of each sample; -1 for none.
-        labels: (N,), label 0..L-1 of each sample; -1 for unknown.
-        label_names: of the L labels.
-        n_states: K.
-
-    Returns:
-        Names, unique: states of one label are numbered, the purest first; a state without a clear label bears two
-        ("free / two-point contact"), one without samples its number ("state 3").
+        states: shape (N,), discovered state of each sample from 0 to K - 1, or -1 for unknown.
+        labels: shape (N,), label of each sample from 0 to L - 1, or -1 for unknown.
+        label_names: names of the L labels.
+        n_states: number of states K.
 
     Raises:
-        ValueError: if the arrays do not match, or a state or a label is out of range.
+        ValueError: if the shapes differ, or a state or a label is out of range.
     """
     s, y = np.asarray(states), np.asarray(labels)
     if s.ndim != 1 or s.shape != y.shape:
-        raise ValueError(f"states has shape {s.shape} and labels {y.shape}, expected (N,) both")
+        raise ValueError(f"states has shape {s.shape} and labels {y.shape}, expected the same shape (N,)")
     for name, values, count in (("states", s, n_states), ("labels", y, len(label_names))):
         if values.size and (values.min() < -1 or values.max() >= count):
             raise ValueError(f"{name} lie between {values.min()} and {values.max()}, expected -1 to {count - 1}")
@@ -63,21 +62,23 @@ def name_states(states: ArrayLike, labels: ArrayLike, label_names: Sequence[str]
     dominant = np.where(totals > 0, counts.argmax(axis=1), -1)
     with np.errstate(invalid="ignore"):
         purity = counts.max(axis=1, initial=0) / totals
-    plain = [
-        _plain_name(row, share, label_names) if row.sum() else f"state {k}"
+    base_names = [
+        _base_name(row, share, label_names) if row.sum() else f"state {k}"
         for k, (row, share) in enumerate(zip(counts, purity, strict=True))
     ]
-    names = list(plain)
-    for name, uses in Counter(plain).items():
+    names = list(base_names)
+    for name, uses in Counter(base_names).items():
         if uses > 1:
-            alike = [k for k in range(n_states) if plain[k] == name]
-            for rank, k in enumerate(sorted(alike, key=lambda k: -purity[k]), start=1):
+            same_name = [k for k in range(n_states) if base_names[k] == name]
+            for rank, k in enumerate(sorted(same_name, key=lambda k: -purity[k]), start=1):
                 names[k] = f"{name} {rank}"
     return StateNames(names, np.asarray(dominant, dtype=np.intp), purity, counts)
 
 
-def _plain_name(row: NDArray[np.intp], share: float, label_names: Sequence[str]) -> str:
-    order = np.argsort(-row, kind="stable")
-    if share >= MIXED_BELOW or len(label_names) < 2:
-        return label_names[order[0]]
-    return f"{label_names[order[0]]} / {label_names[order[1]]}"
+def _base_name(label_counts: NDArray[np.intp], share: float, label_names: Sequence[str]) -> str:
+    """Returns the name of the most frequent label, or of the two most frequent if the first has a small share."""
+    order = np.argsort(-label_counts, kind="stable")
+    most_frequent = [str(label_names[label]) for label in order[:2]]
+    if share >= MIXED_BELOW:
+        return most_frequent[0]
+    return " / ".join(most_frequent)

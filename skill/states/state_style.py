@@ -1,4 +1,4 @@
-"""What contact states are called and how they are coloured, the same in figures and replays."""
+"""Names and colours of contact states, the same in figures and replays."""
 
 from __future__ import annotations
 
@@ -15,19 +15,25 @@ PALETTE = (
     "#882255",  # wine
     "#7F7F7F",  # grey
 )
-"""Distinct for the common kinds of colour blindness, and none so pale that it is lost on white."""
+"""Colours that people with the common kinds of colour blindness can distinguish, all visible on white."""
+
+TINTS = (1.0, 0.55, 0.3)
+"""Strengths of the palette's colours: the first states have the full colours, later ones lighter tints."""
 
 
 def state_colours(number: int) -> list[str]:
-    """Hexadecimal colours of ``number`` states; beyond the palette's length its tints follow."""
-    tints = (1.0, 0.55, 0.3)
-    if number > len(tints) * len(PALETTE):
-        raise ValueError(f"{number} states, expected at most {len(tints) * len(PALETTE)} to be told apart by colour")
-    return [_tint(PALETTE[k % len(PALETTE)], tints[k // len(PALETTE)]) for k in range(number)]
+    """Returns the hexadecimal colours of ``number`` states.
+
+    Raises:
+        ValueError: if there are more states than distinct colours.
+    """
+    if number > len(TINTS) * len(PALETTE):
+        raise ValueError(f"{number} states, expected at most {len(TINTS) * len(PALETTE)} with distinct colours")
+    return [_tint(PALETTE[k % len(PALETTE)], TINTS[k // len(PALETTE)]) for k in range(number)]
 
 
 def state_labels(number: int, names: Sequence[str] | None = None) -> list[str]:
-    """Of ``number`` states: the given names, or "state 0", "state 1", ...
+    """Returns the names of ``number`` states: the given names, or "state 0", "state 1", ...
 
     Raises:
         ValueError: if there are fewer names than states.
@@ -40,5 +46,6 @@ def state_labels(number: int, names: Sequence[str] | None = None) -> list[str]:
 
 
 def _tint(colour: str, strength: float) -> str:
+    """Returns a colour "#RRGGBB" mixed with white; a strength of 1 keeps it, 0 gives white."""
     channels = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
     return "#" + "".join(f"{round(255 - strength * (255 - c)):02X}" for c in channels)

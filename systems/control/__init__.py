@@ -1,1 +1,1 @@
-"""The rig's control loop: state estimator, policy, force guard, sensor monitor and watchdog."""
+"""The rig's control loop: state estimator, policy controller, force guard, sensor monitor and watchdog."""

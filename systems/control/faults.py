@@ -1,18 +1,15 @@
-"""The faults of the rig's hardware and controller that it can notice by itself, and their names."""
+"""The faults of hardware and controller that the rig detects by itself."""
 
 from __future__ import annotations
 
 import math
-from enum import IntEnum
-from typing import Self
 
 from models.hardware import WrenchSensorParameters
+from models.labelled_enum import LabelledEnum
 
 
-class Fault(IntEnum):
-    """What is wrong, as it is written into a run's record; ``label`` is the text for a person."""
-
-    label: str
+class Fault(LabelledEnum):
+    """A detected fault: the number is stored in run records, ``label`` is the text for messages."""
 
     NONE = 0, "none"
     SENSOR_DISCONNECTED = 1, "sensor disconnected"
@@ -26,23 +23,16 @@ class Fault(IntEnum):
     YAW_STEPS_LOST = 9, "yaw stepper blocked or overloaded: steps lost"
     CONTROLLER_FAILED = 10, "controller failed"
 
-    def __new__(cls, value: int, label: str = "") -> Self:
-        """A member of this number and label."""
-        member = int.__new__(cls, value)
-        member._value_ = value
-        member.label = label
-        return member
-
 
 FALSE_ALARM = 1e-9
-"""Probability that a healthy sensor repeats itself for as long as counts as stuck."""
+"""Probability that a healthy sensor repeats its reading often enough to count as stuck."""
 
 
 def repeats_of_a_stuck_sensor(p: WrenchSensorParameters) -> float:
-    """How often in a row all six readings may be the same before the sensor counts as stuck; inf if it has no noise.
+    """Returns how many identical readings in a row a healthy sensor may give; infinite for a sensor without noise.
 
     A channel with noise sigma and quantum q repeats its reading with probability at most erf(q / (2 sqrt(2) sigma)),
-    which it is when the true value is in the middle of a quantum. Channels and samples have independent noise.
+    which holds when the true value is in the middle of a quantum. The noise of channels and samples is independent.
     """
     sigmas = [*p.force_noise, *p.torque_noise]
     quanta = [p.force_quantum] * 3 + [p.torque_quantum] * 3
@@ -54,5 +44,5 @@ def repeats_of_a_stuck_sensor(p: WrenchSensorParameters) -> float:
 
 
 def one_line(error: BaseException) -> str:
-    """The type and the first line of an exception, for the outcome of a run."""
+    """Returns the type and the first line of the message of an exception, at most 120 characters of it."""
     return f"{type(error).__name__}: {(str(error).splitlines() or [''])[0][:120]}"

@@ -1,23 +1,64 @@
-"""The trained regressors, on line: from a wrench, a depth and the contact state to motor commands."""
+"""The controller that runs a policy: it turns actions into motor commands within limits and force guard."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from models.scenario import ControllerParameters
+from models.scenario import ForceGuardParameters, PolicyControllerParameters
+from skill.arrays import Array
+from skill.features.measurement import contact_load, measurement
 from skill.manipulation_skill import Action
+from skill.policy import RigPolicy
 from systems.control.faults import one_line
-from systems.control.force_guard import GuardState, contact_load, guard_step
-from systems.control.policy import RigPolicy
+from systems.control.force_guard import GuardState, guard_step
 
-TURN, FEED, WATCH, SUPPORT, EASE = slice(0, 2), 2, slice(3, 7), 7, slice(8, 10)
-COMMANDS = ("target_pitch", "target_yaw", "feed_speed", "guard")
+
+@dataclass(frozen=True)
+class ControllerState:
+    """State of the controller between two periods.
+
+    Attributes:
+        angles: (2,), commanded pitch and yaw relative to the angles at time 0, rad.
+        feed_speed: commanded feed speed, m/s, negative into the hole.
+        guard: state of the force guard.
+        support: support of the last action, 0 to 1.
+        light_angles: (2,), angles that were commanded when the load was last at most F_soft, rad.
+    """
+
+    angles: Array = field(default_factory=lambda: np.zeros(2))
+    feed_speed: float = 0.0
+    guard: GuardState = field(default_factory=GuardState)
+    support: float = 1.0
+    light_angles: Array = field(default_factory=lambda: np.zeros(2))
+
+    def as_list(self) -> list[float]:
+        """Returns the ten numbers of the discrete state, in the order of the attributes."""
+        return [*self.angles, self.feed_speed, *self.guard.as_list(), self.support, *self.light_angles]
+
+    @classmethod
+    def from_vector(cls, values: Array) -> Self:
+        """Inverts `as_list`."""
+        pitch, yaw, feed_speed, *guard, support, light_pitch, light_yaw = values
+        return cls(
+            np.array([pitch, yaw]), feed_speed, GuardState.from_list(guard), support, np.array([light_pitch, light_yaw])
+        )
+
+
+OUTPUTS: dict[str, Callable[[ControllerState], float]] = {
+    "target_pitch": lambda state: state.angles[0],
+    "target_yaw": lambda state: state.angles[1],
+    "feed_speed": lambda state: state.feed_speed,
+    "guard": lambda state: state.guard.mode,
+    "support": lambda state: state.support,
+}
+"""The output ports that read the discrete state."""
 
 
 class PolicyController(LeafSystem):
@@ -38,45 +79,58 @@ class PolicyController(LeafSystem):
         - support
         - failed
 
-    Every period T the skill says how a person would turn the peg relative to the hole, omega (rad, in P), and move
-    it along its axis, u (m), within one sample period T_s of the demonstrations. The rig turns the hole instead:
+    Every period T the policy returns an action: a turn omega (rad, in P) of the peg relative to the hole and a motion u
+    (m) along its axis, both within one period T_s of the policy. The rig turns the hole instead of the peg:
 
         pitch <- pitch - g omega_x T/T_s,   yaw <- yaw - g omega_y T/T_s,   feed speed = u/T_s,
 
-    each within its limit, and the feed as far as the supervisor lets it (`supervise`); ``guard`` is 1 while it backs
-    the peg off, and ``support`` that of the action. Where the supervisor has turns unwound, the angles go back to those
-    of the last moment with a load of at most F_soft. A skill that fails, by an exception or a number that is none, is
-    not asked again: the feed stands still, the angles stay, and ``failed`` is 1. The controller knows the wrench on the
-    peg about its tip, the depth, the state's probabilities and whether it is known, and its own commands, nothing else;
-    its angles count from where the axes stood at time 0.
+    each within its limit, and the feed within what the force guard permits (`guard_step`). ``guard`` is 1 while the
+    guard backs the peg off, and ``support`` is the support of the action. When the guard unwinds the turns, the angles
+    return to those at which the load was last at most F_soft.
+
+    A policy that raises an exception, or returns a NaN or infinite action, has failed and is not called again: the feed
+    stops, the angles stay, and ``failed`` is 1.
+
+    The controller receives the wrench on the peg about its tip, the depth, the probabilities of the states and whether
+    the state is known. It counts angles from the positions of the axes at time 0.
     """
 
-    def __init__(self, *, skill: RigPolicy, parameters: ControllerParameters, peg_radius: float) -> None:
+    def __init__(
+        self,
+        *,
+        policy: RigPolicy,
+        parameters: PolicyControllerParameters,
+        guard: ForceGuardParameters,
+        peg_radius: float,
+    ) -> None:
         super().__init__()
-        self._skill = skill
+        self._policy = policy
         self._parameters = parameters
+        self._guard = guard
         self._peg_radius = peg_radius
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
-        self._probabilities = self.DeclareVectorInputPort("probabilities", skill.n_states)
+        self._probabilities = self.DeclareVectorInputPort("probabilities", policy.n_states)
         self._known = self.DeclareVectorInputPort("known", 1)
-        # [pitch, yaw, feed speed, the supervisor's watch, whose first is the guard, support, pitch and yaw at ease]
-        self._command = self.DeclareDiscreteState(np.array([0.0, 0.0, 0.0, *GuardState().as_list(), 1.0, 0.0, 0.0]))
+        self._state = self.DeclareDiscreteState(ControllerState().as_list())
         self._failure = self.DeclareAbstractState(AbstractValue.Make(""))
         self.DeclarePeriodicUnrestrictedUpdateEvent(parameters.period, 0.0, self._update)
         self.DeclareForcedUnrestrictedUpdateEvent(self._update)
-        command = {self.discrete_state_ticket(self._command)}
-        for name, index in zip((*COMMANDS, "support"), (0, 1, FEED, WATCH.start, SUPPORT), strict=True):
-            self.DeclareVectorOutputPort(name, 1, self._reader(index), command)
+        state = {self.discrete_state_ticket(self._state)}
+        for name, read in OUTPUTS.items():
+            self.DeclareVectorOutputPort(name, 1, self._reader(read), state)
         self.DeclareVectorOutputPort("failed", 1, self._calc_failed, {self.abstract_state_ticket(self._failure)})
 
     def failure(self, context: Context) -> str:
-        """Why the skill failed, "" while it has not; ``context`` is this system's."""
+        """Returns why the policy failed, or "" if it has not; ``context`` is this system's."""
         return str(context.get_abstract_state(int(self._failure)).get_value())
 
-    def _reader(self, index: int) -> Callable[[Context, BasicVector], None]:
+    def _controller_state(self, context: Context) -> ControllerState:
+        return ControllerState.from_vector(context.get_discrete_state(self._state).value())
+
+    def _reader(self, read: Callable[[ControllerState], float]) -> Callable[[Context, BasicVector], None]:
         def calc(context: Context, output: BasicVector) -> None:
-            output[0] = context.get_discrete_state(self._command).value()[index]
+            output[0] = read(self._controller_state(context))
 
         return calc
 
@@ -86,50 +140,53 @@ class PolicyController(LeafSystem):
     def _update(self, context: Context, state: State) -> None:
         if self.failure(context):
             return
-        command = context.get_discrete_state(self._command).value().copy()
+        command = self._controller_state(context)
         wrench, depth = self._wrench.Eval(context), self._depth.Eval(context)[0]
         try:
-            action = self._checked_action(np.array([*wrench, -depth]), self._probabilities.Eval(context))
-        except Exception as error:  # a learner of one's own may raise anything, and the rig must stop
-            command[FEED] = 0.0
+            action = self._checked_action(measurement(wrench, depth), self._probabilities.Eval(context))
+        except Exception as error:  # a foreign policy may raise anything, and the rig must stop
+            command = replace(command, feed_speed=0.0)
             state.get_mutable_abstract_state(int(self._failure)).set_value(one_line(error))
         else:
-            self._follow(command, action, wrench, depth, known=bool(self._known.Eval(context)[0]))
-        state.get_mutable_discrete_state(self._command).SetFromVector(command)
+            command = self._next_state(command, action, wrench, depth, known=bool(self._known.Eval(context)[0]))
+        state.get_mutable_discrete_state(self._state).SetFromVector(command.as_list())
 
-    def _checked_action(self, measured: NDArray[np.float64], probabilities: NDArray[np.float64]) -> Action:
-        action = self._skill.act(measured, probabilities)
+    def _checked_action(self, measured: Array, probabilities: Array) -> Action:
+        action = self._policy.act(measured, probabilities)
         if not (np.isfinite(action.turn).all() and math.isfinite(action.feed) and math.isfinite(action.support)):
-            raise ValueError(f"the action is not finite: turn {action.turn}, feed {action.feed}, {action.support}")
+            raise ValueError(
+                f"the action is not finite: turn {action.turn}, feed {action.feed}, support {action.support}"
+            )
         return action
 
-    def _follow(
-        self, command: NDArray[np.float64], action: Action, wrench: NDArray[np.float64], depth: float, *, known: bool
-    ) -> None:
-        """Changes the command in place, as far as limits and supervisor let it."""
+    def _next_state(
+        self, state: ControllerState, action: Action, wrench: Array, depth: float, *, known: bool
+    ) -> ControllerState:
         p = self._parameters
         load = contact_load(wrench, self._peg_radius)
-        if load <= p.soft_force:
-            command[EASE] = command[TURN]
-        verdict = guard_step(
-            p,
-            GuardState(*command[WATCH]),
+        light_angles = state.angles if load <= self._guard.soft_force else state.light_angles
+        decision = guard_step(
+            self._guard,
+            state.guard,
             period=p.period,
-            feed_speed=float(np.clip(action.feed / self._skill.period_, -p.max_feed_speed, p.max_feed_speed)),
+            feed_speed=float(np.clip(action.feed / self._policy.period_, -p.max_feed_speed, p.max_feed_speed)),
             load=load,
             depth=depth,
             known=known,
             support=action.support,
         )
         turn = np.zeros(2)
-        if verdict.turning:
-            turn = -p.gain * action.turn * p.period / self._skill.period_
-        elif verdict.unwinding:
-            turn = command[EASE] - command[TURN]
+        if decision.turning:
+            turn = -p.gain * action.turn * p.period / self._policy.period_
+        elif decision.unwinding:
+            turn = light_angles - state.angles
         size = np.linalg.norm(turn)
         if size > p.max_turn_rate * p.period:
             turn *= p.max_turn_rate * p.period / size
-        command[TURN] = np.clip(command[TURN] + turn, -p.max_turn, p.max_turn)
-        command[FEED] = verdict.feed_speed
-        command[WATCH] = verdict.watch.as_list()
-        command[SUPPORT] = action.support
+        return ControllerState(
+            angles=np.clip(state.angles + turn, -p.max_turn, p.max_turn),
+            feed_speed=decision.feed_speed,
+            guard=decision.state,
+            support=action.support,
+            light_angles=light_angles,
+        )

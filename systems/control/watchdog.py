@@ -1,19 +1,52 @@
-"""Stands between controller and motors: lets commands through while all is well, else draws back and stops."""
+"""The watchdog: it passes commands to the motors, and retracts the peg and stops after a fault."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from models.hardware import DcMotorParameters
-from models.scenario import ControllerParameters
+from models.scenario import WatchdogParameters
+from skill.arrays import Array
 from systems.control.faults import Fault
 
-FAULT, SINCE, PITCH, YAW, PUSHED, ANCHOR = range(6)
 COMMANDS = ("target_pitch", "target_yaw", "feed_speed")
-NEARLY = 0.95  # of the current limit
+AT_LIMIT = 0.95  # share of the current limit from which the current counts as limited
+
+
+@dataclass(frozen=True)
+class WatchdogState:
+    """State of the watchdog between two periods.
+
+    Attributes:
+        fault: first fault found.
+        since: time since that fault, s.
+        pitch: last pitch command before the fault, rad.
+        yaw: last yaw command before the fault, rad.
+        pushed: distance commanded into the hole since the depth last changed, m.
+        anchor: depth from which a change is measured, m.
+    """
+
+    fault: Fault = Fault.NONE
+    since: float = 0.0
+    pitch: float = 0.0
+    yaw: float = 0.0
+    pushed: float = 0.0
+    anchor: float = 0.0
+
+    def as_list(self) -> list[float]:
+        """Returns the six numbers of the discrete state, in the order of the attributes."""
+        return [float(self.fault), self.since, self.pitch, self.yaw, self.pushed, self.anchor]
+
+    @classmethod
+    def from_vector(cls, values: Array) -> Self:
+        """Inverts `as_list`."""
+        fault, *others = values
+        return cls(Fault(int(fault)), *others)
 
 
 class Watchdog(LeafSystem):
@@ -39,21 +72,21 @@ class Watchdog(LeafSystem):
         - fault
         - stopped
 
-    Every period it looks at what the drives and the checked sensors report. A fault is
+    Every period the watchdog checks what the drives and the sensor monitor report. These are faults:
 
-    * what the `SensorMonitor` found, or the controller's own failure,
-    * a stepper whose drive has found steps lost,
-    * a feed that was commanded into the hole by ``back_off_distance`` without the depth changing by ``stall_depth``,
-      while the contact carries less than half of the drive's force N eta k_t |i|, so that it is not the contact that
-      holds it: the motor is stalled if its current is at the limit, else the depth encoder is stuck.
+    * a fault of the `SensorMonitor`, or a failed controller,
+    * lost steps, as the drive of a stepper reports them,
+    * a stalled feed: ``feed_stall_distance`` was commanded into the hole, the depth changed by less than
+      ``stall_depth``, and the contact carries less than half of the drive's force N eta k_t |i|, so that the contact is
+      not the cause. If the current is at its limit the motor is stalled, else the depth encoder is stuck.
 
-    The first ``fault`` (`Fault`) stays. From then on the angles stand where they were, the peg is drawn back with
-    ``retract_speed`` for ``back_off_time``, and then the feed stands still: ``stopped`` is 1.
+    ``fault`` (`Fault`) is the first fault and stays. From then on the angles stay, and the peg is retracted with
+    ``retract_speed`` for ``back_off_time``. Then the feed stops, and ``stopped`` is 1.
 
-    It has nothing to say to the controller: what it knows of the drives does not reach the skill.
+    The watchdog has no output to the controller: the policy does not see what the drives report.
     """
 
-    def __init__(self, *, parameters: ControllerParameters, motor: DcMotorParameters) -> None:
+    def __init__(self, *, parameters: WatchdogParameters, motor: DcMotorParameters) -> None:
         super().__init__()
         self._parameters = parameters
         self._motor = motor
@@ -64,7 +97,7 @@ class Watchdog(LeafSystem):
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._current = self.DeclareVectorInputPort("current", 1)
         self._counts = {name: self.DeclareVectorInputPort(f"{name}_counts", 2) for name in ("pitch", "yaw")}
-        self._state = self.DeclareDiscreteState(np.zeros(6))
+        self._state = self.DeclareDiscreteState(WatchdogState().as_list())
         self.DeclarePeriodicDiscreteUpdateEvent(parameters.period, 0.0, self._update)
         state = {self.discrete_state_ticket(self._state)}
         for name in COMMANDS:
@@ -72,57 +105,65 @@ class Watchdog(LeafSystem):
         self.DeclareVectorOutputPort("fault", 1, self._calc_fault, state)
         self.DeclareVectorOutputPort("stopped", 1, self._calc_stopped, state)
 
-    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        p = self._parameters
-        state = context.get_discrete_state(self._state).value().copy()
-        if state[FAULT] != Fault.NONE:
-            state[SINCE] += p.period
-        else:
-            depth, speed = self._depth.Eval(context)[0], self._commands["feed_speed"].Eval(context)[0]
-            still = speed < 0.0 and abs(depth - state[ANCHOR]) < p.stall_depth
-            state[PUSHED] = state[PUSHED] - speed * p.period if still else 0.0
-            state[ANCHOR] = state[ANCHOR] if still else depth
-            state[FAULT] = self._fault(context, pushed=state[PUSHED])
-            state[[PITCH, YAW]] = [self._commands[f"target_{name}"].Eval(context)[0] for name in ("pitch", "yaw")]
-        discrete_state.get_mutable_vector(self._state).SetFromVector(state)
+    def _watchdog_state(self, context: Context) -> WatchdogState:
+        return WatchdogState.from_vector(context.get_discrete_state(self._state).value())
 
-    def _fault(self, context: Context, *, pushed: float) -> Fault:
+    def _command(self, name: str, context: Context) -> float:
+        return float(self._commands[name].Eval(context)[0])
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state, p = self._watchdog_state(context), self._parameters
+        if state.fault is not Fault.NONE:
+            state = replace(state, since=state.since + p.period)
+        else:
+            depth, speed = self._depth.Eval(context)[0], self._command("feed_speed", context)
+            still = speed < 0.0 and abs(depth - state.anchor) < p.stall_depth
+            pushed = state.pushed - speed * p.period if still else 0.0
+            state = WatchdogState(
+                fault=self._find_fault(context, pushed=pushed),
+                since=state.since,
+                pitch=self._command("target_pitch", context),
+                yaw=self._command("target_yaw", context),
+                pushed=pushed,
+                anchor=state.anchor if still else depth,
+            )
+        discrete_state.get_mutable_vector(self._state).SetFromVector(state.as_list())
+
+    def _find_fault(self, context: Context, *, pushed: float) -> Fault:
         measurement = Fault(int(self._measurement.Eval(context)[0]))
-        if measurement != Fault.NONE:
+        if measurement is not Fault.NONE:
             return measurement
         if self._failed.Eval(context)[0]:
             return Fault.CONTROLLER_FAILED
         for name, fault in (("pitch", Fault.PITCH_STEPS_LOST), ("yaw", Fault.YAW_STEPS_LOST)):
-            if self._counts[name].Eval(context)[1] > 0:
+            _, lost = self._counts[name].Eval(context)
+            if lost > 0:
                 return fault
-        if pushed >= self._parameters.back_off_distance:
+        if pushed >= self._parameters.feed_stall_distance:
             current = abs(self._current.Eval(context)[0])
             force = float(np.linalg.norm(self._wrench.Eval(context)[:3]))
             if force < 0.5 * self._motor.force_constant * current:
-                at_limit = current >= NEARLY * self._motor.current_limit
-                return Fault.MOTOR_STALLED if at_limit else Fault.ENCODER_STUCK
+                limited = current >= AT_LIMIT * self._motor.current_limit
+                return Fault.MOTOR_STALLED if limited else Fault.ENCODER_STUCK
         return Fault.NONE
 
     def _gate(self, name: str) -> Callable[[Context, BasicVector], None]:
-        held = {"target_pitch": PITCH, "target_yaw": YAW}
-
         def calc(context: Context, output: BasicVector) -> None:
-            state = context.get_discrete_state(self._state).value()
-            if state[FAULT] == Fault.NONE:
-                output[0] = self._commands[name].Eval(context)[0]
-            elif name in held:
-                output[0] = state[held[name]]
+            state = self._watchdog_state(context)
+            if state.fault is Fault.NONE:
+                output[0] = self._command(name, context)
+            elif name == "feed_speed":
+                output[0] = 0.0 if self._is_stopped(state) else self._parameters.retract_speed
             else:
-                output[0] = 0.0 if self._is_stopped(context) else self._parameters.retract_speed
+                output[0] = state.pitch if name == "target_pitch" else state.yaw
 
         return calc
 
-    def _is_stopped(self, context: Context) -> bool:
-        state = context.get_discrete_state(self._state).value()
-        return bool(state[FAULT] != Fault.NONE and state[SINCE] >= self._parameters.back_off_time - 1e-9)
+    def _is_stopped(self, state: WatchdogState) -> bool:
+        return state.fault is not Fault.NONE and state.since >= self._parameters.back_off_time - 1e-9
 
     def _calc_fault(self, context: Context, output: BasicVector) -> None:
-        output[0] = context.get_discrete_state(self._state).value()[FAULT]
+        output[0] = self._watchdog_state(context).fault
 
     def _calc_stopped(self, context: Context, output: BasicVector) -> None:
-        output[0] = float(self._is_stopped(context))
+        output[0] = float(self._is_stopped(self._watchdog_state(context)))

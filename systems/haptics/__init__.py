@@ -1,1 +1,1 @@
-"""Force feedback: the haptic device, the proxy with its virtual coupling, fixtures and stability."""
+"""Force feedback: haptic device, haptic proxy with virtual coupling, virtual fixtures and stability."""

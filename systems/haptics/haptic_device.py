@@ -1,8 +1,9 @@
-"""The haptic device: what it can measure of the hand, and what it can give back."""
+"""Models the haptic device: its position measurement and its force limits."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,32 @@ from models.hardware import HapticDeviceParameters
 from systems.math.rotation import from_rotation_vector, rotation_vector
 
 VELOCITY_BANDWIDTH = 60.0  # in units of Hz, of the low-pass on the differentiated pose
+
+
+@dataclass(frozen=True)
+class DeviceState:
+    """State of the device; `as_list` and `from_vector` convert it to and from a discrete state (14,).
+
+    Attributes:
+        position: Measured position of the probe (3,), in H, m.
+        turn: Measured rotation vector of the probe (3,), in H, rad.
+        velocity: Low-passed [angular velocity; velocity] of the probe (6,), in H, rad/s and m/s.
+        mean_squares: Low-passed [torque^2, force^2] of the rendered wrench (2,), (N m)^2 and N^2.
+    """
+
+    position: NDArray[np.float64]
+    turn: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    mean_squares: NDArray[np.float64]
+
+    @classmethod
+    def from_vector(cls, v: NDArray[np.float64]) -> DeviceState:
+        """The inverse of `as_list`."""
+        return cls(position=v[0:3], turn=v[3:6], velocity=v[6:12], mean_squares=v[12:14])
+
+    def as_list(self) -> list[float]:
+        """[*position, *turn, *velocity, *mean_squares]."""
+        return [*self.position, *self.turn, *self.velocity, *self.mean_squares]
 
 
 class HapticDevice(LeafSystem):
@@ -29,18 +56,22 @@ class HapticDevice(LeafSystem):
         - probe_velocity
         - rendered_wrench
 
-    A sampled six-degree-of-freedom device. Every servo period it reads the pose of the hand, X_HD, quantised to the
-    encoders' resolution and clamped to a spherical workspace about its start, and holds it; its velocity is the
-    differentiated reading behind a first-order low-pass.
+    A sampled device with six degrees of freedom. Every servo period it reads the pose X_HD of the hand, clamped to a
+    spherical workspace about its start and quantised to the resolution of the encoders, and holds it. The velocity is
+    the differentiated reading after a first-order low-pass.
 
-    The wrench [torque; force] asked for on ``virtual_wrench`` is scaled as a whole, so that its direction is kept,
-    to what the motors give: with F the force and E a first-order mean of F^2 over the thermal time constant,
+    The motors limit the wrench [torque; force]. With F the force and E the first-order mean of |F|^2 over the thermal
+    time constant,
 
-        |F| <= sqrt(s^2 + (p^2 - s^2) max(0, 1 - E/s^2)),
+        |F| <= sqrt(s^2 + (p^2 - s^2) max(0, 1 - E/s^2)).
 
-    from the peak p when cold down to the sustained s when the mean has reached s^2; torque likewise, and the
-    smaller of the two scales holds for both. Angular parts come first in every wrench and velocity; all are
-    expressed in H.
+    This limit falls from the peak force p of cold motors to the sustained force s when the mean has reached s^2. The
+    torque has the same limit with its own p and s. If ``virtual_wrench`` exceeds a limit, the whole wrench is scaled
+    down, so that its direction is kept. Wrenches and velocities have the angular part first and are expressed in H.
+
+    Args:
+        parameters: Parameters of the device.
+        X_HD_start: Pose of the probe at the start, the centre of the workspace.
     """
 
     def __init__(self, *, parameters: HapticDeviceParameters, X_HD_start: RigidTransform) -> None:
@@ -49,11 +80,13 @@ class HapticDevice(LeafSystem):
         self._origin = X_HD_start.translation().copy()
         self._hand_pose = self.DeclareAbstractInputPort("hand_pose", Value[RigidTransform]())
         self._virtual_wrench = self.DeclareVectorInputPort("virtual_wrench", 6)
-        # [position, rotation vector, angular velocity, velocity, mean torque^2, mean force^2]
-        start = np.concatenate(
-            [X_HD_start.translation(), rotation_vector(X_HD_start.rotation()), np.zeros(6), np.zeros(2)]
+        start = DeviceState(
+            position=X_HD_start.translation(),
+            turn=rotation_vector(X_HD_start.rotation()),
+            velocity=np.zeros(6),
+            mean_squares=np.zeros(2),
         )
-        self._state = self.DeclareDiscreteState(start)
+        self._state = self.DeclareDiscreteState(start.as_list())
         self.DeclarePeriodicDiscreteUpdateEvent(parameters.servo_period, 0.0, self._update)
         state_only = {self.discrete_state_ticket(self._state)}
         self._probe_pose = self.DeclareAbstractOutputPort(
@@ -65,7 +98,7 @@ class HapticDevice(LeafSystem):
         )
 
     def read_pose(self, X_HD: RigidTransform) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Position (m) and rotation vector (rad) as the encoders report them."""
+        """Returns the measured position (3,), m, and rotation vector (3,), rad, of a hand at X_HD."""
         p = self._parameters
         offset = X_HD.translation() - self._origin
         reach = math.sqrt(offset @ offset)
@@ -78,20 +111,29 @@ class HapticDevice(LeafSystem):
         )
 
     def load(self, context: Context) -> float:
-        """What is asked for over the most that the motors give now; above 1 the wrench is scaled down."""
-        means = context.get_discrete_state(self._state).value()[12:14]
-        return self._load(self._virtual_wrench.Eval(context), means)
+        """Returns the ratio of ``virtual_wrench`` to its present limit; above 1 the wrench is scaled down.
+
+        Args:
+            context: Context of this system.
+        """
+        return self._load(self._virtual_wrench.Eval(context), self._present(context).mean_squares)
 
     def limit(self, wrench: NDArray[np.float64], mean_squares: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The wrench [torque; force] that the motors give when ``wrench`` is asked for."""
+        """Returns the wrench that the motors render for a commanded wrench.
+
+        Args:
+            wrench: Commanded wrench [torque; force] (6,), N m and N.
+            mean_squares: See `DeviceState`.
+        """
         return wrench / max(1.0, self._load(wrench, mean_squares))
 
     def _load(self, wrench: NDArray[np.float64], mean_squares: NDArray[np.float64]) -> float:
         p = self._parameters
+        torque, force = np.split(wrench, 2)
         load = 0.0
         for part, mean, peak, sustained in (
-            (wrench[:3], mean_squares[0], p.peak_torque, p.sustained_torque),
-            (wrench[3:], mean_squares[1], p.peak_force, p.sustained_force),
+            (torque, mean_squares[0], p.peak_torque, p.sustained_torque),
+            (force, mean_squares[1], p.peak_force, p.sustained_force),
         ):
             cold = max(0.0, 1.0 - mean / sustained**2)
             maximum = math.sqrt(sustained**2 + (peak**2 - sustained**2) * cold)
@@ -100,32 +142,31 @@ class HapticDevice(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         p = self._parameters
-        old = context.get_discrete_state(self._state).value()
+        old = self._present(context)
         position, turn = self.read_pose(self._hand_pose.Eval(context))
-        R_old, R_new = from_rotation_vector(old[3:6]), from_rotation_vector(turn)
-        raw = np.concatenate([rotation_vector(R_new @ R_old.inverse()), position - old[0:3]]) / p.servo_period
+        R_old, R_new = from_rotation_vector(old.turn), from_rotation_vector(turn)
+        raw = np.concatenate([rotation_vector(R_new @ R_old.inverse()), position - old.position]) / p.servo_period
         blend = 1.0 - np.exp(-2.0 * np.pi * VELOCITY_BANDWIDTH * p.servo_period)
-        wrench = self._rendered_wrench.Eval(context)
-        squares = np.array([wrench[:3] @ wrench[:3], wrench[3:] @ wrench[3:]])
+        torque, force = np.split(self._rendered_wrench.Eval(context), 2)
+        squares = np.array([torque @ torque, force @ force])
         forget = p.servo_period / p.thermal_time_constant
-        discrete_state.get_mutable_vector(self._state).SetFromVector(
-            np.concatenate(
-                [
-                    position,
-                    turn,
-                    old[6:12] + blend * (raw - old[6:12]),
-                    old[12:] + forget * (squares - old[12:]),
-                ]
-            )
+        new = DeviceState(
+            position=position,
+            turn=turn,
+            velocity=old.velocity + blend * (raw - old.velocity),
+            mean_squares=old.mean_squares + forget * (squares - old.mean_squares),
         )
+        discrete_state.get_mutable_vector(self._state).SetFromVector(new.as_list())
+
+    def _present(self, context: Context) -> DeviceState:
+        return DeviceState.from_vector(context.get_discrete_state(self._state).value())
 
     def _calc_pose(self, context: Context, output: Value) -> None:
-        state = context.get_discrete_state(self._state).value()
-        output.set_value(RigidTransform(from_rotation_vector(state[3:6]), state[0:3]))
+        state = self._present(context)
+        output.set_value(RigidTransform(from_rotation_vector(state.turn), state.position))
 
     def _calc_velocity(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._state).value()[6:12])
+        output.SetFromVector(self._present(context).velocity)
 
     def _calc_wrench(self, context: Context, output: BasicVector) -> None:
-        means = context.get_discrete_state(self._state).value()[12:14]
-        output.SetFromVector(self.limit(self._virtual_wrench.Eval(context), means))
+        output.SetFromVector(self.limit(self._virtual_wrench.Eval(context), self._present(context).mean_squares))

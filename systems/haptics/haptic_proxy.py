@@ -1,15 +1,13 @@
-"""The haptic proxy: a spring-damper between the probe and the virtual peg, and the guide of a virtual fixture."""
+"""Implements the haptic proxy: the virtual coupling of probe and virtual peg, and the guide of a virtual fixture."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.eigen_geometry import Quaternion
 from pydrake.common.value import AbstractValue, Value
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex
@@ -17,12 +15,12 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValuePro
 
 from models.scenario import CouplingParameters
 from systems.haptics.virtual_fixture import VirtualFixture
-from systems.math.rotation import cross, rotation_vector
+from systems.math.rotation import cross, free_body_pose, rotation_vector
 
 
 @dataclass(frozen=True)
 class PegMotion:
-    """Pose of the peg in H, and its [angular velocity; velocity]."""
+    """Pose of the peg in H, and its [angular velocity; velocity] (6,) in H, rad/s and m/s."""
 
     X_HP: RigidTransform = field(default_factory=RigidTransform)
     V_HP: NDArray[np.float64] = field(default_factory=lambda: np.zeros(6))
@@ -42,17 +40,22 @@ class HapticProxy(LeafSystem):
         - coupling_wrench
         - probe_wrench
 
-    The virtual coupling. The peg P is pulled towards the probe D by
+    The virtual coupling pulls the peg P towards the probe D with the wrench
 
         F_P = K (p_HD - p_HP) + B (v_HD - v_HP),
         t_P = K_r log(R_HD R_PH) + B_r (w_HD - w_HP),
 
-    a wrench at the tip, in H; the logarithm is a rotation vector, regular below 180 degrees. The probe gets the
-    reaction, scaled: -(torque_scale t_P, force_scale F_P). A virtual fixture adds a stiff spring-damper on what it
-    forbids (see `VirtualFixture`), with the guide's linear and the coupling's angular gains.
+    at the tip, in H. The logarithm is a rotation vector, regular below 180 degrees. The probe receives the scaled
+    reaction -(torque_scale t_P, force_scale F_P). A virtual fixture adds a spring-damper on the deviation from its
+    constraint (see `VirtualFixture`), with the linear gains of the guide and the angular gains of the coupling.
 
-    ``peg_state`` is [quaternion, position, angular velocity, velocity] of a floating peg; H and W coincide in the
-    virtual environment. Wrenches and velocities have their angular part first.
+    ``peg_state`` is [quaternion, position, angular velocity, velocity] of the floating peg. H and W coincide in the
+    virtual environment. Wrenches and velocities have the angular part first.
+
+    Args:
+        coupling: Gains of the coupling and the guide, and the scales.
+        fixture: The virtual fixture.
+        peg: Index of the peg in the plant.
     """
 
     def __init__(self, *, coupling: CouplingParameters, fixture: VirtualFixture, peg: BodyIndex) -> None:
@@ -63,7 +66,7 @@ class HapticProxy(LeafSystem):
         self._probe_pose = self.DeclareAbstractInputPort("probe_pose", Value[RigidTransform]())
         self._probe_velocity = self.DeclareVectorInputPort("probe_velocity", 6)
         self._peg_state = self.DeclareVectorInputPort("peg_state", 13)
-        # The peg's pose and velocity, unpacked once a step for all outputs.
+        # Pose and velocity of the peg, computed once per step for all outputs.
         self._motion = self.DeclareCacheEntry(
             "peg_motion",
             ValueProducer(allocate=lambda: AbstractValue.Make(PegMotion()), calc=self._calc_motion),
@@ -87,7 +90,14 @@ class HapticProxy(LeafSystem):
         X_HP: RigidTransform,
         V_HP: NDArray[np.float64],
     ) -> NDArray[np.float64]:
-        """[torque; force] of the coupling on the peg, at the tip, in H."""
+        """Returns the wrench [torque; force] (6,) of the coupling on the peg, at the tip, in H.
+
+        Args:
+            X_HD: Pose of the probe.
+            V_HD: [angular velocity; velocity] of the probe (6,), in H.
+            X_HP: Pose of the peg.
+            V_HP: [angular velocity; velocity] of the peg (6,), in H.
+        """
         c = self._coupling
         R_HD, R_HP = X_HD.rotation(), X_HP.rotation()
         torque = c.angular_stiffness * rotation_vector(R_HD @ R_HP.inverse()) + c.angular_damping * (
@@ -97,7 +107,12 @@ class HapticProxy(LeafSystem):
         return np.concatenate([torque, force])
 
     def guide_wrench(self, *, X_HP: RigidTransform, V_HP: NDArray[np.float64]) -> NDArray[np.float64]:
-        """[torque; force] of the fixture's guide on the peg, at the tip, in H."""
+        """Returns the wrench [torque; force] (6,) of the fixture's guide on the peg, at the tip, in H.
+
+        Args:
+            X_HP: Pose of the peg.
+            V_HP: [angular velocity; velocity] of the peg (6,), in H.
+        """
         deviation = self._fixture.deviation(X_HP)
         if deviation is None:
             return np.zeros(6)
@@ -113,9 +128,8 @@ class HapticProxy(LeafSystem):
         return np.concatenate([torque + cross(lever, force), force])
 
     def _calc_motion(self, context: Context, output: AbstractValue) -> None:
-        state = self._peg_state.Eval(context)
-        quaternion = Quaternion(state[:4] / math.sqrt(state[:4] @ state[:4]))
-        output.set_value(PegMotion(RigidTransform(RotationMatrix(quaternion), state[4:7]), state[7:13].copy()))
+        q, v = np.split(self._peg_state.Eval(context), [7])
+        output.set_value(PegMotion(free_body_pose(q), v.copy()))
 
     def _peg_motion(self, context: Context) -> tuple[RigidTransform, NDArray[np.float64]]:
         motion = self._motion.Eval(context)

@@ -1,7 +1,7 @@
-"""Virtual fixtures: stiff guides that take freedoms from the virtual peg.
+"""Defines virtual fixtures: stiff guides that remove degrees of freedom from the virtual peg.
 
-A fixture is anything with a method ``deviation``; the proxy pulls the deviation to zero with a spring-damper. To add
-one, write a class with that method and pass it to `MakeVirtualEnvironment`.
+A fixture is an object with a method ``deviation``; the proxy drives the deviation to zero with a spring-damper. To add
+a fixture, write a class with this method and pass an instance to `MakeVirtualEnvironment`.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
+from models.scenario import AXIAL_FIXTURE, FREE_FIXTURE, RIG_FIXTURE
 from systems.math.rotation import rotation_between, rotation_vector
 
 
 @dataclass(frozen=True)
 class Deviation:
-    """How far the peg has strayed from the fixture.
+    """Deviation of the peg from the constraint of a fixture.
 
     Attributes:
-        p_HQ: point of the peg on which the guide acts, in H (m).
-        d_HQ: displacement of that point that the guide has to undo, in H (m).
-        theta_H: rotation that the guide has to undo, a rotation vector in H (rad).
-        free_axis_H: unit axis along which the guide lets Q slide, or None.
-        guides_rotation: basis (k, 3) of the directions in which the guide holds the orientation.
+        p_HQ: Point Q of the peg on which the guide acts (3,), in H, m.
+        d_HQ: Displacement of Q that the guide opposes (3,), in H, m.
+        theta_H: Rotation that the guide opposes, a rotation vector (3,) in H, rad.
+        free_axis_H: Unit axis (3,) along which Q slides freely, or None.
+        guides_rotation: Orthonormal basis (k, 3) of the rotation axes about which the guide acts, in H.
     """
 
     p_HQ: NDArray[np.float64]
@@ -36,36 +37,36 @@ class Deviation:
 
 
 class VirtualFixture(Protocol):
-    """What the proxy asks of a fixture."""
+    """Interface of a fixture."""
 
     def deviation(self, X_HP: RigidTransform) -> Deviation | None:
-        """The deviation of a peg at X_HP; None where the fixture leaves every freedom."""
+        """Returns the deviation of a peg at X_HP, or None if the fixture constrains nothing."""
 
 
 class FreeFixture:
-    """All six freedoms."""
+    """Leaves all six degrees of freedom."""
 
     def deviation(self, X_HP: RigidTransform) -> Deviation | None:
-        """None: there is nothing to undo."""
+        """Returns None."""
         return None
 
 
 class RigFixture:
-    """The rig's three freedoms: the peg's axis passes through the gimbal's pivot, and the peg does not spin.
+    """Leaves the rig's three degrees of freedom: the peg's axis passes through the gimbal's pivot, without spin.
 
     Args:
-        pivot_height: of the pivot above the centre of the mouth, on the hole's axis, m.
+        pivot_height: Height of the pivot above the centre of the mouth, on the hole's axis, m.
     """
 
     def __init__(self, pivot_height: float = 0.0) -> None:
         self._p_HPivot = np.array([0.0, 0.0, pivot_height])
 
     def deviation(self, X_HP: RigidTransform) -> Deviation | None:
-        """Distance of the axis from the pivot, and spin about the axis."""
+        """Returns the distance of the peg's axis from the pivot, and the spin about the axis."""
         axis = X_HP.rotation().col(2)
         tip = X_HP.translation() - self._p_HPivot
         d = tip - (tip @ axis) * axis
-        # The part of the rotation that is left when the shortest tilt from z to the axis is taken away.
+        # The spin is the rotation without the shortest tilt from z to the axis.
         tilt = rotation_between(np.array([0.0, 0.0, 1.0]), axis)
         spin = (rotation_vector(X_HP.rotation()) - tilt) @ axis
         return Deviation(
@@ -74,10 +75,10 @@ class RigFixture:
 
 
 class AxialFixture:
-    """One freedom: along the axis of the hole."""
+    """Leaves one degree of freedom, along the axis of the hole."""
 
     def deviation(self, X_HP: RigidTransform) -> Deviation | None:
-        """Sideways displacement of the tip, and the whole rotation."""
+        """Returns the lateral displacement of the tip, and the whole rotation."""
         tip = X_HP.translation()
         return Deviation(
             p_HQ=tip,
@@ -89,11 +90,19 @@ class AxialFixture:
 
 
 def MakeFixture(name: str, *, pivot_height: float) -> VirtualFixture:
-    """The fixture that a scenario names: `free`, `rig` or `axial`; ``pivot_height`` (m) is the rig's."""
+    """Returns the fixture that a scenario names.
+
+    Args:
+        name: One of `models.scenario.FIXTURES`.
+        pivot_height: Height of the rig's pivot above the mouth, m.
+
+    Raises:
+        ValueError: If ``name`` is unknown.
+    """
     fixtures: dict[str, VirtualFixture] = {
-        "free": FreeFixture(),
-        "rig": RigFixture(pivot_height),
-        "axial": AxialFixture(),
+        FREE_FIXTURE: FreeFixture(),
+        RIG_FIXTURE: RigFixture(pivot_height),
+        AXIAL_FIXTURE: AxialFixture(),
     }
     if name not in fixtures:
         raise ValueError(f"fixture is {name!r}, expected one of {sorted(fixtures)}")

@@ -1,1 +1,1 @@
-"""The rig's hardware models: force/torque sensor, depth encoder, stepper motors and DC motor."""
+"""Models of the rig's hardware: force/torque sensor, depth encoder, stepper motor and DC motor."""

@@ -1,4 +1,4 @@
-"""The feed drive: a DC motor on a lead screw, under a PI speed loop with a current limit."""
+"""Models the feed drive: a DC motor on a lead screw, with a PI speed controller and a current limit."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from models.hardware import DcMotorParameters
 
-CURRENT, INTEGRAL = range(2)
-FRICTION_SPEED = 2.0  # in units of rad/s, over which Coulomb friction changes sign
+FRICTION_SPEED = 2.0  # in units of rad/s; scale of the tanh that smooths Coulomb friction
 
 
 class DcMotor(LeafSystem):
@@ -25,18 +24,22 @@ class DcMotor(LeafSystem):
         - carriage_force
         - current
 
-    With w = N v the motor's speed (N = 2 pi / lead rad/m) and w* = N v* the commanded one, every update of period T
+    Let w = N v be the motor's speed (N = 2 pi / lead, rad/m) and w* = N v* its command. Every period T,
 
-        u = k_p (w* - w) + k_i integral(w* - w) + k_e w*,      |u| <= supply,
-        i+ = i e^{-RT/L} + (u - k_e w)/R (1 - e^{-RT/L}),      |i+| <= i_max  (u is lowered until it holds),
+        u = k_p (w* - w) + k_i integral(w* - w) + k_e w*,      |u| <= supply voltage,
+        i+ = i e^{-RT/L} + (u - k_e w)/R (1 - e^{-RT/L}),      |i+| <= i_max  (u is limited to ensure this),
 
-    the exact solution of L di/dt = u - R i - k_e w over one period. The integral stands still while either limit
-    is active and would be driven further into it. The force on the carriage is
+    which is the exact solution of L di/dt = u - R i - k_e w over one period. The integral is frozen while a limit is
+    active and the error would drive the voltage further beyond it. The force on the carriage is
 
         F = N (eta k_t i - b w - tau_c tanh(w / w_0)).
 
-    The rotor's inertia is reflected by the plant's joint actuator. ``carriage_state`` is [position,
-    velocity] in m, m/s.
+    The plant's joint actuator models the rotor's inertia. ``speed_command`` is in m/s, ``carriage_state`` is
+    [position, velocity] in m, m/s, ``carriage_force`` is in N and ``current`` in A.
+
+    Args:
+        parameters: Parameters of the motor.
+        period: Period T of the speed controller, s.
     """
 
     def __init__(self, *, parameters: DcMotorParameters, period: float) -> None:
@@ -45,7 +48,7 @@ class DcMotor(LeafSystem):
         self._period = period
         self._speed_command = self.DeclareVectorInputPort("speed_command", 1)
         self._carriage_state = self.DeclareVectorInputPort("carriage_state", 2)
-        self._state = self.DeclareDiscreteState(np.zeros(2))
+        self._state = self.DeclareDiscreteState(np.zeros(2))  # current (A) and integral of the speed error (rad)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         state = self.discrete_state_ticket(self._state)
         self.DeclareVectorOutputPort("carriage_force", 1, self._calc_force, {state, self._carriage_state.ticket()})
@@ -55,18 +58,18 @@ class DcMotor(LeafSystem):
         p, T = self._parameters, self._period
         current, integral = context.get_discrete_state(self._state).value()
         w = p.ratio * self._carriage_state.Eval(context)[1]
-        wanted = p.ratio * self._speed_command.Eval(context)[0]
-        error = wanted - w
-        voltage = p.speed_kp * error + p.speed_ki * integral + p.torque_constant * wanted
+        command = p.ratio * self._speed_command.Eval(context)[0]
+        error = command - w
+        voltage = p.speed_kp * error + p.speed_ki * integral + p.torque_constant * command
         decay = math.exp(-p.resistance * T / p.inductance)
         back_emf = p.torque_constant * w
 
         def voltage_for(next_current: float) -> float:
-            return back_emf + p.resistance * (next_current - current * decay) / (1.0 - decay)
+            return float(back_emf + p.resistance * (next_current - current * decay) / (1.0 - decay))
 
-        lowest = max(-p.supply_voltage, voltage_for(-p.current_limit))
-        highest = min(p.supply_voltage, voltage_for(p.current_limit))
-        applied = min(max(voltage, lowest), highest)
+        minimum = max(-p.supply_voltage, voltage_for(-p.current_limit))
+        maximum = min(p.supply_voltage, voltage_for(p.current_limit))
+        applied = min(max(voltage, minimum), maximum)
         saturated = applied != voltage and (voltage - applied) * error > 0
         if not saturated:
             integral += error * T
@@ -75,10 +78,11 @@ class DcMotor(LeafSystem):
 
     def _calc_force(self, context: Context, output: BasicVector) -> None:
         p = self._parameters
-        current = context.get_discrete_state(self._state).value()[CURRENT]
+        current, _ = context.get_discrete_state(self._state).value()
         w = p.ratio * self._carriage_state.Eval(context)[1]
         friction = p.viscous_friction * w + p.coulomb_friction * math.tanh(w / FRICTION_SPEED)
         output[0] = p.ratio * (p.screw_efficiency * p.torque_constant * current - friction)
 
     def _calc_current(self, context: Context, output: BasicVector) -> None:
-        output[0] = context.get_discrete_state(self._state).value()[CURRENT]
+        current, _ = context.get_discrete_state(self._state).value()
+        output[0] = current

@@ -1,4 +1,4 @@
-"""The linear encoder of the feed carriage: how deep the peg is."""
+"""Models the linear encoder of the feed's carriage, which measures the depth of the peg."""
 
 from __future__ import annotations
 
@@ -15,8 +15,13 @@ class DepthEncoder(LeafSystem):
         output_ports:
         - depth
 
-    Depth of the tip below the mouth, in whole encoder counts: depth = round((home - q)/resolution) resolution, with q
-    the carriage's position and ``home`` its position where the tip is level with the mouth (m).
+    Outputs the depth of the tip below the mouth (m), quantised to encoder counts:
+    depth = round((home - q)/resolution) resolution, where q is the carriage's position. ``carriage_state`` is
+    [position, velocity] in m, m/s.
+
+    Args:
+        home: Position of the carriage at which the tip is level with the mouth, m.
+        resolution: Size of an encoder count, m.
     """
 
     def __init__(self, *, home: float, resolution: float) -> None:

@@ -1,16 +1,19 @@
-"""A stepper axis: whole steps on a trapezoidal ramp, held like a magnetic spring, lost when overloaded."""
+"""Models a stepper axis: whole steps on a trapezoidal speed ramp, a magnetic spring, and step loss under overload."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from pydrake.common.containers import namedview
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from models.hardware import StepperMotorParameters
 
-POSITION, SPEED, SHIFT, TAKEN, LOST = range(5)
-PERIOD_STEPS = 4  # full steps in one electrical period: a slipping rotor falls into the next equilibrium
+StepperState = namedview("StepperState", ["position", "speed", "shift", "taken", "lost"])
+"""Ramp position and speed (steps, steps/s), slip of the rotor (steps), and the counts of steps taken and lost."""
+
+PERIOD_STEPS = 4  # full steps in one electrical period, the distance between two stable equilibria of the rotor
 
 
 class StepperMotor(LeafSystem):
@@ -25,18 +28,23 @@ class StepperMotor(LeafSystem):
         - equilibrium_angle
         - step_counts
 
-    Every update the driver moves along a trapezoid of speed towards the nearest step to ``target_angle``, within
-    ``max_step_rate`` and ``max_step_acceleration`` (`ramp_speed`), and takes the whole steps that it passes; it counts
-    open loop. The rotor is held about the equilibrium
+    Every period the driver moves its ramp position towards the step nearest to ``target_angle``, with a trapezoidal
+    speed within ``max_step_rate`` and ``max_step_acceleration`` (see `ramp_speed`). It takes every whole step that the
+    ramp passes, and counts the steps open loop. The rotor is held at the equilibrium
 
         theta_0 = theta_start + step (round(position) + shift)
 
-    by the plant's joint actuator: stiffness K = (pi/2) T_h / step, torque at most T_h (an implicit spring, which holds
-    at the plant's time step). When the lag |theta - theta_0| passes two full steps the rotor falls into the next
-    equilibrium, one electrical period of four steps away: ``shift`` takes them up and they count as lost.
+    by the plant's joint actuator, an implicit spring of stiffness K = (pi/2) T_h / step and maximum torque T_h. When
+    the lag |theta - theta_0| exceeds two full steps, the rotor slips to the next equilibrium, one electrical period of
+    four steps away. ``shift`` is increased or decreased by four, and four steps count as lost.
 
-    ``step_counts`` is [steps taken, steps lost]. Angles in rad; ``target_angle`` counts from ``theta_start``, where the
-    axis stood at time 0, which the driver does not know.
+    ``step_counts`` is [steps taken, steps lost]. Angles are in rad. ``target_angle`` is relative to ``theta_start``,
+    because the driver does not know the absolute angle.
+
+    Args:
+        parameters: Parameters of the motor and its driver.
+        period: Update period of the driver, s.
+        start_angle: Angle theta_start of the axis at time 0, rad.
     """
 
     def __init__(self, *, parameters: StepperMotorParameters, period: float, start_angle: float) -> None:
@@ -54,47 +62,48 @@ class StepperMotor(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         p = self._parameters
-        state = context.get_discrete_state(self._state).value().copy()
-        wanted = round(self._target.Eval(context)[0] / p.step_angle)
-        before = round(state[POSITION])
-        state[SPEED] = ramp_speed(
-            wanted - state[POSITION],
-            state[SPEED],
+        state = StepperState(context.get_discrete_state(self._state).value().copy())
+        target = round(self._target.Eval(context)[0] / p.step_angle)
+        previous = round(state.position)
+        state.speed = ramp_speed(
+            target - state.position,
+            state.speed,
             top=p.max_step_rate,
             change=p.max_step_acceleration * self._period,
             period=self._period,
         )
-        state[POSITION] += state[SPEED] * self._period
-        commanded = round(state[POSITION])
-        state[TAKEN] += abs(commanded - before)
-        lag = (self._measured.Eval(context)[0] - self._start_angle) / p.step_angle - (commanded + state[SHIFT])
+        state.position += state.speed * self._period
+        commanded = round(state.position)
+        state.taken += abs(commanded - previous)
+        lag = (self._measured.Eval(context)[0] - self._start_angle) / p.step_angle - (commanded + state.shift)
         if abs(lag) > PERIOD_STEPS / 2:
-            state[SHIFT] += math.copysign(PERIOD_STEPS, lag)
-            state[LOST] += PERIOD_STEPS
-        discrete_state.get_mutable_vector(self._state).SetFromVector(state)
+            state.shift += math.copysign(PERIOD_STEPS, lag)
+            state.lost += PERIOD_STEPS
+        discrete_state.get_mutable_vector(self._state).SetFromVector(state[:])
 
     def _calc_equilibrium(self, context: Context, output: BasicVector) -> None:
-        state = context.get_discrete_state(self._state).value()
-        output[0] = self._start_angle + self._parameters.step_angle * (round(state[POSITION]) + state[SHIFT])
+        state = StepperState(context.get_discrete_state(self._state).value())
+        output[0] = self._start_angle + self._parameters.step_angle * (round(state.position) + state.shift)
 
     def _calc_counts(self, context: Context, output: BasicVector) -> None:
-        state = context.get_discrete_state(self._state).value()
-        output.SetFromVector(state[[TAKEN, LOST]])
+        state = StepperState(context.get_discrete_state(self._state).value())
+        output.SetFromVector([state.taken, state.lost])
 
 
 def ramp_speed(distance: float, speed: float, *, top: float, change: float, period: float) -> float:
-    """Speed of the next period on the fastest ramp that comes to rest exactly ``distance`` away.
+    """Returns the speed (steps/s) of the next period on the fastest ramp that stops exactly at ``distance``.
 
-    Braking by ``change`` (c) a period (T), n periods at v, v - c, ... come to rest after T (n v - c n (n - 1) / 2);
-    n is the smallest number for which the last of them is within c, and v = d / (n T) + c (n - 1) / 2. The speed never
-    changes by more than c, so a target that comes nearer than it can brake is overrun and returned to.
+    Let c be ``change``, T ``period`` and d ``distance``. Braking from speed v by c in each of n periods covers the
+    distance T (n v - c n (n - 1) / 2). The ramp uses the smallest n whose last speed is at most c, and
+    v = d / (n T) + c (n - 1) / 2. The speed never changes by more than c in a period. If a new target is too near to
+    stop at, the ramp overshoots it and returns.
 
     Args:
-        distance: to go, steps; positive or negative.
-        speed: of the last period, steps/s.
-        top: greatest speed, steps/s.
-        change: greatest change of speed in a period, steps/s.
-        period: s.
+        distance: Distance to the target, steps; positive or negative.
+        speed: Speed of the previous period, steps/s.
+        top: Maximum speed, steps/s.
+        change: Maximum change of speed in a period, steps/s.
+        period: Duration of a period, s.
     """
     sign = math.copysign(1.0, distance)
     n = max(1, math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * abs(distance) / (change * period)) - 1.0) - 1e-9))

@@ -1,4 +1,4 @@
-"""The six-axis force/torque sensor between the carriage and the peg."""
+"""Models the six-axis force/torque sensor between the carriage and the peg."""
 
 from __future__ import annotations
 
@@ -16,7 +16,12 @@ from systems.math.rotation import cross
 
 
 def wrench_at_tip(wrench: NDArray[np.float64], height: float) -> NDArray[np.float64]:
-    """Moves a wrench (6,), force (N) then moment (N m), from the mount at ``height`` (m) above the tip to the tip."""
+    """Returns a wrench about the tip.
+
+    Args:
+        wrench: Force (N), then moment (N m), about the mount (6,).
+        height: Height of the mount above the tip, m.
+    """
     force, moment = wrench[:3], wrench[3:]
     return np.concatenate([force, moment + cross(np.array([0.0, 0.0, height]), force)])
 
@@ -31,17 +36,23 @@ class WrenchSensor(LeafSystem):
         output_ports:
         - wrench
 
-    Reads the reaction of the weld between carriage and peg, at the mount S, a height h above the tip and parallel to
-    P. The carriage holds the peg with F_S; at rest the contact's wrench about S is -(F_S - F_tare), where F_tare is
-    F_S in free air: the sensor is tared. Each period, channel by channel,
+    Measures the reaction force of the weld between carriage and peg, at the mount S. The axes of S are parallel to
+    those of P, at a height h above the tip. F_S is the wrench of the carriage on the peg. At rest the contact wrench
+    about S is -(F_S - F_tare), where F_tare is F_S without contact. Each period T, in each channel,
 
         y <- y + (1 - e^{-2 pi f_c T}) (-(F_S - F_tare) - y),
         d <- d + delta sqrt(T) w,
         reading = quantise(clip(y + bias + d + sigma n)),
 
-    with n and w ~ N(0, 1) from the scenario's seed; the drift d is a random walk, of variance delta^2 t. ``wrench`` is
-    the reading of ``delay`` before, moved to the tip, [f, m + (h z) x f]: force (N) first, then moment (N m) about the
-    tip, in P, as in the fourteen channels. Until the first reading has come through it is zero.
+    with n and w ~ N(0, 1) from the scenario's seed. The drift d is a random walk of variance delta^2 t. ``wrench`` is
+    the reading of a time ``delay`` ago, about the tip: [f, m + (h z) x f], force (N) first, then moment (N m), in P. It
+    is zero until the first reading has passed the delay.
+
+    Args:
+        parameters: Parameters of the sensor.
+        seed: Seed of the scenario.
+        weld: Index of the weld joint in ``reaction_forces``.
+        tare: Wrench F_tare (6,): force (N), then moment (N m), about S, in P.
     """
 
     def __init__(self, *, parameters: WrenchSensorParameters, seed: int, weld: int, tare: NDArray[np.float64]) -> None:
@@ -58,7 +69,7 @@ class WrenchSensor(LeafSystem):
         self._reaction = self.DeclareAbstractInputPort("reaction_forces", AbstractValue.Make([SpatialForce.Zero()]))
         self._filtered = self.DeclareDiscreteState(6)
         self._drift = self.DeclareDiscreteState(6)
-        # The newest reading first; the one that comes out is the last.
+        # The newest reading is first; the last one is the output.
         self._readings = self.DeclareDiscreteState(6 * (round(p.delay / p.period) + 1))
         self.DeclarePeriodicDiscreteUpdateEvent(p.period, 0.0, self._update)
         self.DeclareVectorOutputPort("wrench", 6, self._calc_wrench, {self.discrete_state_ticket(self._readings)})

@@ -1,1 +1,1 @@
-"""A live demonstration: the session, its page in the browser, and what it shows."""
+"""Live demonstrations: a person moves the peg from the browser or with a haptic device."""

@@ -1,98 +1,47 @@
-"""A session of a person at the controls: start, keep, discard, quit; nothing that was kept is ever lost."""
+"""A live session: a person gives demonstrations one after another and keeps or discards each of them."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
 
 from models.hardware import DEVICE_PRESETS
-from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
+from models.scenario import LIVE_STREAM, Scenario, resolve_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.outcome import Ending, Outcome
-from systems.live.display import LiveDisplay
+from systems.live.buttons import BAD, DISCARD, GOOD, MOTION_HELP, QUIT, SESSION_HELP, START, Buttons
+from systems.live.clock import Clock, Deadlines
+from systems.live.display import LiveDisplay, Readings
 from systems.live.page import LivePage
 from systems.operators.device_operator import DeviceOperator, LiveDevice
 from systems.operators.meshcat_operator import MeshcatOperator, add_sliders, hand_coordinates
 from systems.runs.demonstration_run import DemonstrationRun
+from systems.runs.demonstration_set import attempt_seed
 from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment, show_start, start_pose
 from systems.visualization.scene import FRAME
 
-START, GOOD, BAD, DISCARD, QUIT = "start (Space)", "keep as good (G)", "keep as bad (B)", "discard (X)", "quit (Q)"
-KEYS = {START: "Space", GOOD: "KeyG", BAD: "KeyB", DISCARD: "KeyX", QUIT: "KeyQ"}
-# What page and console say of the controls.
-MOVING = [
-    (["W", "S"], "feed, draw back"),
-    (["←", "→", "↑", "↓"], "lean the peg"),
-    (["J", "L", "I", "K"], "move it aside"),
-]
-JUDGING = [
-    (["Space"], "start"),
-    (["G"], "keep as good"),
-    (["B"], "keep as bad"),
-    (["X"], "discard"),
-    (["Q"], "quit"),
-    (["1", "2", "3"], "views"),
-]
-IDLE_PERIOD = 0.03  # in units of s, between two looks at the buttons
-ABSENT_TOLD = 5.0  # in units of s without a page, after which that is said
-SLACK = 0.04  # in units of s; what is late by more is not made up for
-FIGURES_EVERY = 0.1  # in units of s
-
-
-@dataclass
-class Clock:
-    """Keeps the simulation at the wall's pace, one servo tick after another, and counts what came too late.
-
-    Attributes:
-        period: of a tick, in units of s.
-        per_step: ticks in a contact step.
-        began: when the first tick began, in units of s.
-        ticks: that have ended; of these ``late_ticks`` after their period's end.
-        late_steps: contact steps whose last tick ended late.
-    """
-
-    period: float
-    per_step: int
-    began: float
-    ticks: int = 0
-    late_ticks: int = 0
-    late_steps: int = 0
-
-    def keep(self) -> None:
-        """Ends a tick and waits for the wall; lateness is made up for as long as it is below `SLACK`."""
-        self.ticks += 1
-        ahead = self.began + self.ticks * self.period - time.monotonic()
-        if ahead >= 0:
-            time.sleep(ahead)
-            return
-        self.late_ticks += 1
-        self.late_steps += int(self.ticks % self.per_step == 0)
-        if -ahead > SLACK:
-            self.began -= ahead
-
-    def missed(self) -> list[int]:
-        """[late contact steps, contact steps, late ticks, ticks] so far."""
-        return [self.late_steps, self.ticks // self.per_step, self.late_ticks, self.ticks]
+IDLE_PERIOD = 0.03  # in units of s, between two checks of the buttons
+ABSENCE_NOTICE = 5.0  # in units of s without an open page, after which the console says so
+READING_PERIOD = 0.1  # in units of s, between two updates of the panel
+SLIDER_PERIOD = 0.02  # in units of s, between two readings of the sliders
 
 
 class LiveSession:
     """Records demonstrations by a person, one after another, into a folder.
 
     Args:
-        scenario: with ranges; every demonstration draws its own start.
-        out: folder for the recordings; what is there already stays, and numbering goes on after it.
-        seed: of the starts.
-        meshcat: whose scene the page shows.
-        page: that the person has open.
-        tell: where messages go besides the page, e.g. a console.
-        open_device: of a device of the person's own; None takes sliders, keys and gamepad of the page.
-        absent_limit: s to wait for a page that has been closed, after which the session ends.
+        scenario: scenario with ranges, from which every demonstration draws its own start.
+        out: folder for the recordings; existing recordings stay, and the numbering continues after them.
+        seed: seed of the starts.
+        meshcat: Meshcat whose scene the page shows.
+        page: page that the person opens.
+        tell: receives the messages that the page shows too, for example a console.
+        open_device: opens the person's haptic device; None uses sliders, keys and gamepad of the page.
+        absence_limit: time without an open page after which the session ends, s.
     """
 
     def __init__(
@@ -105,98 +54,105 @@ class LiveSession:
         page: LivePage,
         tell: Callable[[str], None] = print,
         open_device: Callable[[], LiveDevice] | None = None,
-        absent_limit: float = 120.0,
+        absence_limit: float = 120.0,
     ) -> None:
-        self._scenario, self._out, self._seed, self._meshcat = scenario, out, seed, meshcat
-        self._tell, self._open_device, self._absent_limit = tell, open_device, absent_limit
-        self._page = page
-        for label, key in KEYS.items():
-            meshcat.AddButton(label, key)
+        self._scenario, self._out, self._seed, self._meshcat, self._page = scenario, out, seed, meshcat, page
+        self._tell, self._open_device, self._absence_limit = tell, open_device, absence_limit
+        self._buttons = Buttons(meshcat)
         if open_device is None:
             add_sliders(meshcat, np.zeros(5))
-        keys = JUDGING if open_device is not None else MOVING + JUDGING
-        self._display = LiveDisplay(meshcat, page, keys=keys)
-        for pressed, what in keys:
-            tell(f"  {' '.join(pressed):10s} {what}")
-        self._clicks = {label: meshcat.GetButtonClicks(label) for label in KEYS}
+        help_lines = SESSION_HELP if open_device is not None else MOTION_HELP + SESSION_HELP
+        self._display = LiveDisplay(meshcat, page, help_lines=help_lines)
+        for keys, action in help_lines:
+            tell(f"  {' '.join(keys):10s} {action}")
         self._device: LiveDevice | None = None
-        self._gamepad = False
+        self._has_gamepad = False
+        self._absent_since: float | None = None
+        self._absence_noticed = False
         self.kept: list[Path] = []
 
     def run(self) -> list[Path]:
-        """Goes on until the person quits, or stays away; returns what was kept."""
-        self._show_next()
+        """Records until the person quits or stays away; returns the paths of the kept demonstrations."""
+        self._prepare_next()
         self._say("ready: press Space to start")
-        absent_since: float | None = None
-        told = False
         try:
-            while True:
-                if self._clicked(QUIT):
-                    self._say("session over")
-                    return self.kept
-                if self._present():
-                    absent_since, told = None, False
-                elif absent_since is None:
-                    absent_since = time.monotonic()
-                elif not told and time.monotonic() - absent_since > ABSENT_TOLD:
-                    told = True
-                    self._tell(f"no page is open: open {self._page.address} to go on")
-                elif time.monotonic() - absent_since > self._absent_limit:
-                    self._tell("the page stayed closed: session over")
-                    return self.kept
-                if self._clicked(START):
-                    self._forget_clicks()
-                    if self._show_one():
+            while not self._is_over():
+                if self._buttons.clicked(START):
+                    self._buttons.forget_clicks()
+                    if self._record_one():
                         self._say("session over")
-                        return self.kept
-                    self._show_next()
-                self._display.follow_views()
+                        break
+                    self._prepare_next()
+                self._display.follow_view_buttons()
                 time.sleep(IDLE_PERIOD)
         finally:
-            self._release()
+            self._close_device()
+        return self.kept
+
+    def _is_over(self) -> bool:
+        """Whether the person has quit or the page stayed closed."""
+        if self._buttons.clicked(QUIT):
+            self._say("session over")
+            return True
+        if self._page_is_open():
+            self._absent_since, self._absence_noticed = None, False
+            return False
+        if self._absent_since is None:
+            self._absent_since = time.monotonic()
+        absence = time.monotonic() - self._absent_since
+        if not self._absence_noticed and absence > ABSENCE_NOTICE:
+            self._absence_noticed = True
+            self._tell(f"no page is open: open {self._page.address} to continue")
+        elif absence > self._absence_limit:
+            self._tell("the page stayed closed: session over")
+            return True
+        return False
 
     # ------------------------------------------------------- one demonstration
 
     def _next(self) -> tuple[int, Scenario]:
-        """Number and scenario of the demonstration that comes next."""
+        """Number and resolved scenario of the next demonstration."""
         number = next_number(self._out)
-        seed = self._seed * 100_000 + number
-        return number, resolve_scenario(self._scenario, seed=seed, stream=DEMONSTRATION_STREAM, person=self._seed)
+        return number, live_scenario(self._scenario, seed=self._seed, number=number)
 
-    def _show_next(self) -> None:
-        """Draws how the next demonstration will start."""
+    def _prepare_next(self) -> None:
+        """Draws the start of the next demonstration."""
         _, resolved = self._next()
         show_start(resolved, meshcat=self._meshcat)
-        self._display.look()
+        self._display.reset_camera()
         X_HP = start_pose(resolved)
         if self._open_device is None:
             add_sliders(self._meshcat, hand_coordinates(X_HP))
-        self._display.show_forces(X_HP, np.zeros(6), share=0.0, touch=None)
-        self._display.show_figures(
-            X_HP,
-            np.zeros(6),
-            share=0.0,
-            depth=[-float(X_HP.translation()[2]), resolved.full_depth],
-            rate=0.0,
-            missed=[0, 0, 0, 0],
-            energy=0.0,
-            lowest=0.0,
-            kept=len(self.kept),
+        tip = X_HP.translation()
+        self._display.draw_forces(tip, np.zeros(3), load=0.0, contact=None)
+        self._display.show_readings(
+            Readings(
+                X_HP=X_HP,
+                wrench=np.zeros(6),
+                load=0.0,
+                depth=-float(tip[2]),
+                full_depth=resolved.full_depth,
+                rate=0.0,
+                deadlines=Deadlines(late_steps=0, steps=0, late_ticks=0, ticks=0),
+                energy=0.0,
+                min_energy=0.0,
+                kept=len(self.kept),
+            )
         )
 
-    def _show_one(self) -> bool:
-        """One demonstration from start to verdict; True if the person quits."""
+    def _record_one(self) -> bool:
+        """Records one demonstration and asks for the verdict; returns whether the person quits."""
         number, resolved = self._next()
         try:
             environment = self._build(resolved)
             run = DemonstrationRun(resolved, environment)
             ending = self._simulate(run, environment, resolved)
-        except OSError as error:  # the person's device
-            self._release()
+        except OSError as error:  # from the device
+            self._close_device()
             self._say(f"device lost ({error}): demonstration discarded, Space starts another")
             return False
         if ending is None:
-            self._say("the page was closed: the demonstration is discarded; Space starts another")
+            self._say("the page was closed: demonstration discarded, Space starts another")
             return False
         return self._judge(run, ending, number)
 
@@ -213,71 +169,71 @@ class LiveSession:
                 moved_before=self._device.read_pose(),  # the peg starts where the handle is now
             )
         else:
-            operator = MeshcatOperator(meshcat=self._meshcat, period=0.02, X_HD_start=X_HP_start)
+            operator = MeshcatOperator(meshcat=self._meshcat, period=SLIDER_PERIOD, X_HD_start=X_HP_start)
         return MakeVirtualEnvironment(resolved, operator=operator, meshcat=self._meshcat, contact_forces=False)
 
     def _simulate(self, run: DemonstrationRun, environment: VirtualEnvironment, resolved: Scenario) -> Ending | None:
         """Returns how the demonstration ended, or None if the page was closed."""
-        servo = DEVICE_PRESETS[resolved.device].servo_period
-        clock = Clock(servo, max(1, round(resolved.contact.time_step / servo)), began=time.monotonic())
-        drawn, shown, shown_at = 0.0, time.monotonic(), 0.0
-        self._say("showing: G keep as good, B keep as bad, X discard")
+        servo_period = DEVICE_PRESETS[resolved.device].servo_period
+        ticks_per_step = max(1, round(resolved.contact.time_step / servo_period))
+        clock = Clock(period=servo_period, ticks_per_step=ticks_per_step, start=time.monotonic())
+        last_drawn, last_reading, last_reading_time = 0.0, time.monotonic(), 0.0
+        self._say("recording: G keep as good, B keep as bad, X discard")
         while True:
-            ended = self._advance(run, clock, ticks=round(resolved.recorder.period / servo))
-            now = clock.ticks * servo
-            if ended is not None or time.monotonic() - drawn > FRAME:
-                drawn = time.monotonic()
+            ending = self._advance(run, clock, ticks=round(resolved.recorder.period / servo_period))
+            if ending is not None or time.monotonic() - last_drawn > FRAME:
+                last_drawn = time.monotonic()
                 self._draw_forces(run, environment)
-            if ended is not None or time.monotonic() - shown > FIGURES_EVERY:
-                rate = (now - shown_at) / (time.monotonic() - shown)
-                shown, shown_at = time.monotonic(), now
-                self._show_figures(run, environment, resolved, rate=rate, missed=clock.missed())
-                self._display.follow_views()
+            if ending is not None or time.monotonic() - last_reading > READING_PERIOD:
+                rate = (clock.time - last_reading_time) / (time.monotonic() - last_reading)
+                last_reading, last_reading_time = time.monotonic(), clock.time
+                self._show_readings(run, environment, resolved, rate=rate, deadlines=clock.deadlines)
+                self._display.follow_view_buttons()
                 self._watch_gamepad()
-                if not self._present():
+                if not self._page_is_open():
                     return None
-            if ended is not None:
-                return ended
-            if any(self._meshcat.GetButtonClicks(b) != self._clicks[b] for b in (GOOD, BAD, DISCARD, QUIT)):
+            if ending is not None:
+                return ending
+            if self._buttons.any_waiting(GOOD, BAD, DISCARD, QUIT):
                 return Ending(Outcome.STOPPED)
 
     def _advance(self, run: DemonstrationRun, clock: Clock, *, ticks: int) -> Ending | None:
-        """Simulates so many ticks of the servo, each in its time; returns what ended the demonstration, or None."""
+        """Simulates ``ticks`` servo ticks at the pace of the clock; returns how the demonstration ended, if it did."""
         for _ in range(ticks):
-            ended = run.advance((clock.ticks + 1) * clock.period)
-            clock.keep()
-            if ended is not None:
-                return ended
+            ending = run.advance(clock.next_time)
+            clock.end_tick()
+            if ending is not None:
+                return ending
         return None
 
     def _judge(self, run: DemonstrationRun, ending: Ending, number: int) -> bool:
-        """Waits for the person's verdict on what was shown; True if they quit."""
+        """Waits for the person's verdict on the demonstration; returns whether the person quits."""
         try:
-            shown = run.demonstration(ending, habit="live", number=number)
+            reason = run.demonstration(ending, habit="live", number=number).reason
         except ValueError:
             self._say("too short to keep; Space starts another")
-            self._forget_clicks()
+            self._buttons.forget_clicks()
             return False
-        self._say(f"{shown.reason}: G keep as good, B keep as bad, X discard")
+        self._say(f"{reason}: G keep as good, B keep as bad, X discard")
         while True:
             for button, good in ((GOOD, True), (BAD, False)):
-                if self._clicked(button) and self._keep(
+                if self._buttons.clicked(button) and self._keep(
                     run.demonstration(ending, good=good, habit="live", number=number)
                 ):
                     return False
-            if self._clicked(DISCARD):
+            if self._buttons.clicked(DISCARD):
                 self._say("discarded: Space starts another")
                 return False
-            if self._clicked(QUIT):
+            if self._buttons.clicked(QUIT):
                 return True
-            if not self._present():
-                self._tell("the page was closed before a verdict: the demonstration is discarded")
+            if not self._page_is_open():
+                self._tell("the page was closed before a verdict: demonstration discarded")
                 return False
-            self._display.follow_views()
+            self._display.follow_view_buttons()
             time.sleep(IDLE_PERIOD)
 
     def _keep(self, demonstration: Demonstration) -> bool:
-        """Writes it; a failure is said, and leaves the verdict open for another try."""
+        """Writes the demonstration; returns whether this succeeded. After a failure the person can try again."""
         number = demonstration.metadata["number"]
         path = self._out / f"{number:03d}_{'good' if demonstration.good else 'bad'}_live.parquet"
         try:
@@ -289,53 +245,60 @@ class LiveSession:
         self._say(f"kept {path.name}: Space starts another")
         return True
 
-    # ------------------------------------------------------------- the page
+    # ------------------------------------------------------------- page and device
 
     def _draw_forces(self, run: DemonstrationRun, environment: VirtualEnvironment) -> None:
         context = run.simulator.get_context()
-        wrench, share = environment.felt(context)
-        touch = environment.touch(context)
-        self._display.show_forces(environment.peg_pose(context), wrench, share=share, touch=touch)
+        rendered = environment.rendered_wrench(context)
+        tip = environment.peg_pose(context).translation()
+        contact = environment.contact_force(context)
+        self._display.draw_forces(tip, rendered.wrench[3:], load=rendered.load, contact=contact)
 
-    def _show_figures(
-        self, run: DemonstrationRun, environment: VirtualEnvironment, resolved: Scenario, **figures: Any
+    def _show_readings(
+        self,
+        run: DemonstrationRun,
+        environment: VirtualEnvironment,
+        resolved: Scenario,
+        *,
+        rate: float,
+        deadlines: Deadlines,
     ) -> None:
         context = run.simulator.get_context()
-        wrench, share = environment.felt(context)
-        energy, lowest = environment.energy(context)
         X_HP = environment.peg_pose(context)
-        depth = [-float(X_HP.translation()[2]), resolved.full_depth]
-        self._display.show_figures(
-            X_HP, wrench, share=share, depth=depth, energy=float(energy), lowest=float(lowest), **figures
+        rendered, energy = environment.rendered_wrench(context), environment.energy(context)
+        self._display.show_readings(
+            Readings(
+                X_HP=X_HP,
+                wrench=rendered.wrench,
+                load=rendered.load,
+                depth=-float(X_HP.translation()[2]),
+                full_depth=resolved.full_depth,
+                rate=rate,
+                deadlines=deadlines,
+                energy=energy.total,
+                min_energy=energy.minimum,
+                kept=len(self.kept),
+            )
         )
 
     def _watch_gamepad(self) -> None:
-        there = len(self._meshcat.GetGamepad().axes) > 0  # a page keeps the index of one that has gone
-        if self._gamepad and not there:
-            self._say("the gamepad is gone: sliders and keys go on")
-        elif there and not self._gamepad:
-            self._say("gamepad: left stick leans, right stick feeds")
-        self._gamepad = there
+        """Says when a gamepad is connected or disconnected."""
+        has_gamepad = len(self._meshcat.GetGamepad().axes) > 0  # the index stays valid after a disconnection
+        if self._has_gamepad and not has_gamepad:
+            self._say("gamepad disconnected: use sliders and keys")
+        elif has_gamepad and not self._has_gamepad:
+            self._say("gamepad: left stick tilts, right stick feeds")
+        self._has_gamepad = has_gamepad
 
-    def _present(self) -> bool:
+    def _page_is_open(self) -> bool:
         return bool(self._meshcat.GetNumActiveConnections() > 0)
 
-    def _clicked(self, label: str) -> bool:
-        clicks = self._meshcat.GetButtonClicks(label)
-        if clicks == self._clicks[label]:
-            return False
-        self._clicks[label] = clicks
-        return True
-
-    def _forget_clicks(self) -> None:
-        for label in KEYS:
-            self._clicked(label)
-
     def _say(self, message: str) -> None:
-        self._display.say(message)
+        """Shows a message on the page and on the console."""
+        self._display.show_message(message)
         self._tell(message)
 
-    def _release(self) -> None:
+    def _close_device(self) -> None:
         if self._device is not None:
             try:
                 self._device.close()
@@ -344,7 +307,15 @@ class LiveSession:
             self._device = None
 
 
+def live_scenario(scenario: Scenario, *, seed: int, number: int) -> Scenario:
+    """Resolves a scenario for the live demonstration ``number`` of a session with ``seed``.
+
+    Uses the seeds of simulated demonstrations in a random stream of its own, so that the starts differ from theirs.
+    """
+    return resolve_scenario(scenario, seed=attempt_seed(seed, number, 0), stream=LIVE_STREAM)
+
+
 def next_number(folder: Path) -> int:
-    """One more than the largest number that a recording in ``folder`` begins with."""
+    """Returns one more than the largest number with which the name of a recording in ``folder`` begins."""
     numbers = [int(path.name[:3]) for path in folder.glob("[0-9][0-9][0-9]_*.parquet")]
     return max(numbers, default=-1) + 1

@@ -1,1 +1,1 @@
-"""Rotations and noise, shared by the other rooms."""
+"""Rotations and noise, used by the other subpackages."""

@@ -1,4 +1,4 @@
-"""Rotation vectors: the logarithm of a rotation, without a singularity below 180 degrees."""
+"""Converts rotations to rotation vectors (axis times angle) and back; regular below 180 degrees."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.eigen_geometry import AngleAxis
-from pydrake.math import RotationMatrix
+from pydrake.common.eigen_geometry import AngleAxis, Quaternion
+from pydrake.math import RigidTransform, RotationMatrix
 
 
 def rotation_vector(R: RotationMatrix) -> NDArray[np.float64]:
-    """Axis times angle (rad), angle in [0, pi]."""
+    """Returns the rotation vector (3,) of ``R``: unit axis times angle (rad), with the angle in [0, pi]."""
     q = R.ToQuaternion()
     v, w = np.asarray(q.xyz()), q.w()
     if w < 0:
         v, w = -v, -w
     sine = math.sqrt(v @ v)
-    # Near zero 2 atan2(s, w) / s tends to 2/w; the quotient would lose digits.
+    # As s tends to zero, 2 atan2(s, w) / s tends to 2/w; the quotient itself would lose precision.
     factor = 2.0 * math.atan2(sine, w) / sine if sine > 1e-9 else 2.0 / w
     return v * factor
 
 
 def from_rotation_vector(vector: NDArray[np.float64]) -> RotationMatrix:
-    """The inverse of `rotation_vector`."""
+    """Returns the rotation of a rotation vector (3,), rad; the inverse of `rotation_vector`."""
     angle = math.sqrt(vector @ vector)
     if angle < 1e-12:
         return RotationMatrix()
@@ -31,15 +31,27 @@ def from_rotation_vector(vector: NDArray[np.float64]) -> RotationMatrix:
 
 
 def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Vector product of two 3-vectors; several times faster for these than numpy's, in inner loops."""
+    """Returns the cross product of two 3-vectors; for single vectors several times faster than ``numpy.cross``."""
     (a0, a1, a2), (b0, b1, b2) = a, b
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
 def rotation_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The shortest rotation vector that turns unit vector ``a`` onto unit vector ``b``."""
+    """Returns the shortest rotation vector (3,), rad, that turns the unit vector ``a`` onto the unit vector ``b``."""
     normal = cross(a, b)
     sine = math.sqrt(normal @ normal)
     if sine < 1e-12:
         return normal
     return normal * (math.atan2(sine, float(a @ b)) / sine)
+
+
+def free_body_pose(q: NDArray[np.float64]) -> RigidTransform:
+    """Returns the pose of a free body.
+
+    Args:
+        q: Positions (7,) of a quaternion floating joint: quaternion (w, x, y, z), not necessarily normalised, and
+            position (m).
+    """
+    quaternion, position = np.split(q, [4])
+    norm = math.sqrt(quaternion @ quaternion)
+    return RigidTransform(RotationMatrix(Quaternion(quaternion / norm)), position)

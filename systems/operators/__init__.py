@@ -1,1 +1,1 @@
-"""Who moves the haptic device: a simulated operator, a person in the browser, or a real device."""
+"""Operators of the haptic device: a simulated one, a person in the browser, and a person with a real device."""

@@ -1,11 +1,11 @@
-"""A person's own haptic device: one small protocol, found by name through an entry point.
+"""Connects a real haptic device, which is found by name through an entry point.
 
-A package that brings a device declares in its pyproject.toml
+A package that provides a device declares in its pyproject.toml
 
     [project.entry-points."haptic_skill.devices"]
     mine = "my_package.my_module:open_device"
 
-and `--driver mine` finds it. `open_device()` takes no argument and returns a `LiveDevice`.
+and `--driver mine` selects it. `open_device()` takes no argument and returns a `LiveDevice`.
 """
 
 from __future__ import annotations
@@ -23,41 +23,43 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from systems.math.rotation import from_rotation_vector, rotation_vector
 
 GROUP = "haptic_skill.devices"
+SPACE_MOUSE = "spacemouse"  # name of the driver that this project provides
 
 
 class LiveDevice(Protocol):
-    """What the virtual environment asks of a real device, once every servo period (1 ms).
+    """Interface of a real device; both methods are called once per servo period (1 ms).
 
-    A device that is gone raises an OSError from either method; the session then ends the demonstration and goes on.
+    A device that is disconnected raises an OSError from either method. The session then discards the demonstration and
+    continues.
     """
 
     def read_pose(self) -> RigidTransform:
-        """Motion of the handle since the device was opened, in H: metres, and a rotation about the handle's centre."""
+        """Returns the motion of the handle since the device was opened, in H: translation (m) and rotation."""
 
     def write_wrench(self, wrench: NDArray[np.float64]) -> None:
-        """[torque; force] on the hand (N m, N), expressed in H, to be held until the next one."""
+        """Applies a wrench to the hand until the next call: [torque; force] (6,), N m and N, in H."""
 
     def close(self) -> None:
-        """Lets the device go; its motors are off."""
+        """Switches the motors off and releases the device."""
 
 
 def find_device(name: str) -> Callable[[], LiveDevice]:
-    """The factory of a device that some installed package offers under ``name``.
+    """Returns the factory of the device that an installed package provides under ``name``.
 
     Raises:
-        ValueError: naming what is offered.
+        ValueError: If there is none; the message lists the available names.
     """
-    if name == "spacemouse":
+    if name == SPACE_MOUSE:
         from systems.operators.space_mouse import SpaceMouse
 
         return SpaceMouse
-    offered = {point.name: point for point in entry_points(group=GROUP)}
-    if name not in offered:
+    drivers = {point.name: point for point in entry_points(group=GROUP)}
+    if name not in drivers:
         raise ValueError(
-            f"device driver '{name}' is not installed; found {sorted([*offered, 'spacemouse'])}; a package offers one"
-            f" through the entry point group '{GROUP}'"
+            f"device driver '{name}' is not installed; found {sorted([*drivers, SPACE_MOUSE])}; a package provides a"
+            f" driver through the entry point group '{GROUP}'"
         )
-    factory: Callable[[], LiveDevice] = offered[name].load()
+    factory: Callable[[], LiveDevice] = drivers[name].load()
     return factory
 
 
@@ -71,10 +73,16 @@ class DeviceOperator(LeafSystem):
         output_ports:
         - hand_pose
 
-    A person at a real device. Every servo period it writes the rendered wrench to the device and reads the handle's
-    motion; the hand's pose is the start's, moved by it: p_HD = p_start + p - p_before, R_HD = R R_before^-1 R_start,
-    where "before" is the motion up to the start. The device is outside the Context: of two contexts only one can be
-    at the controls.
+    A person with a real device. Every servo period it writes the rendered wrench [torque; force] to the device and
+    reads the motion (p, R) of the handle. The pose of the hand is p_HD = p_start + p - p_before,
+    R_HD = R R_before^-1 R_start, where "before" is the motion up to the start. The state of the device is not part of
+    the Context, so only one context at a time can use it.
+
+    Args:
+        device: The opened device.
+        period: Servo period, s.
+        X_HD_start: Pose of the probe at the start.
+        moved_before: Motion of the handle up to the start; by default none.
     """
 
     def __init__(
@@ -91,8 +99,8 @@ class DeviceOperator(LeafSystem):
         self._R_start = before.rotation().inverse() @ X_HD_start.rotation()
         self._p_start = X_HD_start.translation() - before.translation()
         self._rendered_wrench = self.DeclareVectorInputPort("rendered_wrench", 6)
-        begin = np.concatenate([X_HD_start.translation(), rotation_vector(X_HD_start.rotation())])
-        self._pose = self.DeclareDiscreteState(begin)
+        start = np.concatenate([X_HD_start.translation(), rotation_vector(X_HD_start.rotation())])
+        self._pose = self.DeclareDiscreteState(start)  # position (m) and rotation vector (rad)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         self.DeclareAbstractOutputPort(
             "hand_pose", Value[RigidTransform], self._calc, {self.discrete_state_ticket(self._pose)}
@@ -106,5 +114,5 @@ class DeviceOperator(LeafSystem):
         discrete_state.get_mutable_vector(self._pose).SetFromVector(np.concatenate([position, turn]))
 
     def _calc(self, context: Context, output: Value) -> None:
-        state = context.get_discrete_state(self._pose).value()
-        output.set_value(RigidTransform(from_rotation_vector(state[3:]), state[:3]))
+        position, turn = np.split(context.get_discrete_state(self._pose).value(), 2)
+        output.set_value(RigidTransform(from_rotation_vector(turn), position))

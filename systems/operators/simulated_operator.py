@@ -1,8 +1,9 @@
-"""A simulated person who sees the tilt, late and inexactly, and feels the rendered force."""
+"""Simulates an operator who sees the misalignment, late and inexactly, and feels the rendered wrench."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,16 +11,75 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
-from models.scenario import OperatorParameters
+from models.operator import OperatorParameters
 from systems.math.noise import standard_normal
 from systems.math.rotation import from_rotation_vector, rotation_between
 
-# The hand's state: where it was at the last decision, and what it does from there on.
-DEPTH, TILT, OFFSET, DECIDED, HINDERED = 0, slice(1, 3), slice(3, 5), 5, 6
-SPEED, TURN, SLIDE = 7, slice(8, 10), slice(10, 12)
-BEGUN, TILT_MOVE, OFFSET_MOVE = 12, slice(13, 15), slice(15, 17)  # the correction under way, and its whole size
-STATE_SIZE = 17
-HINDERED_SHARE = 0.5  # of the comfortable force: pushing harder than this is felt as being stuck
+HINDERED_SHARE = 0.5  # share of the comfortable force above which a push counts as hindered
+
+
+def _zeros() -> NDArray[np.float64]:
+    return np.zeros(2)
+
+
+@dataclass(frozen=True)
+class HandState:
+    """State of the hand; `as_list` and `from_vector` convert it to and from a discrete state (17,).
+
+    Depth, tilt and offset are those at the last decision, without tremor; the rates and the stroke describe the motion
+    since then.
+
+    Attributes:
+        depth: Depth of the probe along its axis, m.
+        tilt: Tilt of the axis about x and y (2,), rad.
+        offset: Offset of the axis at the mouth (2,), m.
+        decided: Time of the last decision, s.
+        hindered: Total time of hindered pushing, s.
+        speed: Rate of the depth, m/s.
+        turn_rate: Rate of the tilt due to touch (2,), rad/s.
+        slide_rate: Rate of the offset due to touch (2,), m/s.
+        stroke_start: Time at which the present visual correction began, s.
+        stroke_turn: Whole change of the tilt in this correction (2,), rad.
+        stroke_slide: Whole change of the offset in this correction (2,), m.
+    """
+
+    depth: float
+    tilt: NDArray[np.float64]
+    offset: NDArray[np.float64]
+    decided: float = 0.0
+    hindered: float = 0.0
+    speed: float = 0.0
+    turn_rate: NDArray[np.float64] = field(default_factory=_zeros)
+    slide_rate: NDArray[np.float64] = field(default_factory=_zeros)
+    stroke_start: float = 0.0
+    stroke_turn: NDArray[np.float64] = field(default_factory=_zeros)
+    stroke_slide: NDArray[np.float64] = field(default_factory=_zeros)
+
+    @classmethod
+    def from_vector(cls, v: NDArray[np.float64]) -> HandState:
+        """The inverse of `as_list`."""
+        return cls(
+            depth=v[0],
+            tilt=v[1:3],
+            offset=v[3:5],
+            decided=v[5],
+            hindered=v[6],
+            speed=v[7],
+            turn_rate=v[8:10],
+            slide_rate=v[10:12],
+            stroke_start=v[12],
+            stroke_turn=v[13:15],
+            stroke_slide=v[15:17],
+        )
+
+    def as_list(self) -> list[float]:
+        """All fields in their order, arrays expanded."""
+        return [
+            *(self.depth, *self.tilt, *self.offset),
+            *(self.decided, self.hindered),
+            *(self.speed, *self.turn_rate, *self.slide_rate),
+            *(self.stroke_start, *self.stroke_turn, *self.stroke_slide),
+        ]
 
 
 class SimulatedOperator(LeafSystem):
@@ -33,21 +93,29 @@ class SimulatedOperator(LeafSystem):
         output_ports:
         - hand_pose
 
-    The hand holds the probe by its depth s along its own axis a, the tilt (theta_x, theta_y) of that axis, and the
-    offset of the axis from the mouth's centre. Two channels tell it what to do.
+    The hand holds the probe at a depth s along its axis a, with a tilt (theta_x, theta_y) of the axis and an offset of
+    the axis from the centre of the mouth. It reacts to sight and to touch.
 
-    Sight is late and inexact: the peg's true tilt and offset a delay ago, plus a personal bias and white noise, and
-    nothing inside a dead zone. It acts intermittently: once every correction period T_c the hand begins a stroke of
+    Sight is late and inexact: the operator sees the true tilt and offset of the peg after a delay, with a personal bias
+    and white noise, and ignores values inside a dead zone. Once per correction period T_c the hand begins a stroke of
 
-        d theta = -clip(k_sight seen) T_c,
+        d theta = -clip(k_sight seen) T_c
 
-    which it carries out blindly, with a minimum-jerk speed, in the correction time; an offset likewise. Touch is the
-    rendered wrench alone, and acts at every decision:
+    and completes it without feedback, with a minimum-jerk speed, in the correction time. An offset is corrected in the
+    same way. Touch uses the rendered wrench and acts at every decision:
 
         d theta/dt = k_touch m_felt,    d offset/dt = k_slide f_felt,    ds/dt = v max(-1/2, 1 - F_felt/F_comfortable),
 
-    with m and f the moment and force across the axis, and F the push along it. A person whose patience ends pulls the
-    peg out again. Tremor is a sine on every coordinate. The pose is that of the probe in H; ``peg_pose`` is X_HP.
+    where m and f are the moment and force across the axis, and F is the push along it. An operator whose patience ends
+    pulls the peg out. Tremor adds a sine to every coordinate. ``hand_pose`` is the pose X_HD of the probe, ``peg_pose``
+    is X_HP, and ``rendered_wrench`` is [torque; force] in H.
+
+    Args:
+        operator: Parameters of one person, as drawn by `draw_person`.
+        seed: Seed of the noise, the tremor's phases and the time of the first correction.
+        start_height: Initial height of the tip above the mouth, along the axis, m.
+        tilt: Initial tilt about x and y (2,), rad.
+        offset: Initial offset along x and y (2,), m.
     """
 
     def __init__(
@@ -60,14 +128,11 @@ class SimulatedOperator(LeafSystem):
         self._rendered_wrench = self.DeclareVectorInputPort("rendered_wrench", 6)
         rng = np.random.default_rng([seed, 9])
         self._phase = 2.0 * math.pi * rng.random(5)
-        start = np.zeros(STATE_SIZE)
-        start[DEPTH], start[TILT], start[OFFSET] = -start_height, tilt, offset
-        # The first correction comes within one period, at a moment of its own.
-        start[BEGUN] = (
-            rng.uniform(operator.correction_time - operator.correction_period, 0.0) - operator.correction_time
-        )
-        self._hand = self.DeclareDiscreteState(start)
-        # What was seen, newest first; the oldest entry is what reaches the hand now.
+        # The first correction begins at a random time within one period. The stroke before it is complete.
+        begun = rng.uniform(operator.correction_time - operator.correction_period, 0.0) - operator.correction_time
+        start = HandState(depth=-start_height, tilt=np.array(tilt), offset=np.array(offset), stroke_start=begun)
+        self._hand = self.DeclareDiscreteState(start.as_list())
+        # The seen tilts and offsets, newest first; the hand reacts to the oldest.
         delay = max(1, round(operator.sight_delay / operator.decision_period))
         self._seen = self.DeclareDiscreteState(np.tile([*tilt, *offset], delay))
         self.DeclarePeriodicDiscreteUpdateEvent(operator.decision_period, 0.0, self._decide)
@@ -78,64 +143,74 @@ class SimulatedOperator(LeafSystem):
             {self.discrete_state_ticket(self._hand), self.time_ticket()},
         )
 
-    def hand_pose(self, hand: NDArray[np.float64], time: float) -> RigidTransform:
-        """X_HD of a hand state at ``time`` (s)."""
+    def hand_pose(self, hand: HandState, time: float) -> RigidTransform:
+        """Returns X_HD of a hand state at ``time`` (s), with the tremor."""
         o = self._operator
         depth, tilt, offset = self._steady_hand(hand, time)
-        wobble = np.sin(2.0 * math.pi * o.tremor_frequency * time + self._phase)
-        depth += o.tremor * wobble[0]
-        tilt = tilt + o.tremor_angle * wobble[1:3]
-        offset = offset + o.tremor * wobble[3:5]
+        wave = np.sin(2.0 * math.pi * o.tremor_frequency * time + self._phase)
+        depth += o.tremor * wave[0]
+        tilt = tilt + o.tremor_angle * wave[1:3]
+        offset = offset + o.tremor * wave[3:5]
         R_HD = from_rotation_vector(np.array([tilt[0], tilt[1], 0.0]))
         return RigidTransform(R_HD, np.array([offset[0], offset[1], 0.0]) - depth * R_HD.col(2))
 
-    def _steady_hand(
-        self, hand: NDArray[np.float64], time: float
-    ) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-        """Depth, tilt and offset at ``time``, without the tremor."""
-        elapsed = time - hand[DECIDED]
+    def _steady_hand(self, hand: HandState, time: float) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+        """Returns depth, tilt and offset at ``time`` (s), without the tremor."""
+        elapsed = time - hand.decided
         duration = self._operator.correction_time
-        stroke = minimum_jerk((time - hand[BEGUN]) / duration) - minimum_jerk((hand[DECIDED] - hand[BEGUN]) / duration)
+        before = minimum_jerk((hand.decided - hand.stroke_start) / duration)
+        stroke = minimum_jerk((time - hand.stroke_start) / duration) - before
         return (
-            float(hand[DEPTH] + hand[SPEED] * elapsed),
-            hand[TILT] + hand[TURN] * elapsed + hand[TILT_MOVE] * stroke,
-            hand[OFFSET] + hand[SLIDE] * elapsed + hand[OFFSET_MOVE] * stroke,
+            float(hand.depth + hand.speed * elapsed),
+            hand.tilt + hand.turn_rate * elapsed + hand.stroke_turn * stroke,
+            hand.offset + hand.slide_rate * elapsed + hand.stroke_slide * stroke,
         )
 
     def _calc_hand_pose(self, context: Context, output: Value) -> None:
-        output.set_value(self.hand_pose(context.get_discrete_state(self._hand).value(), context.get_time()))
+        hand = HandState.from_vector(context.get_discrete_state(self._hand).value())
+        output.set_value(self.hand_pose(hand, context.get_time()))
 
     def _decide(self, context: Context, discrete_state: DiscreteValues) -> None:
         o = self._operator
         now = context.get_time()
-        hand = context.get_discrete_state(self._hand).value().copy()
-        hand[DEPTH], hand[TILT], hand[OFFSET] = self._steady_hand(hand, now)
-        hand[DECIDED] = now
+        hand = HandState.from_vector(context.get_discrete_state(self._hand).value())
+        depth, tilt, offset = self._steady_hand(hand, now)
+        hand = replace(hand, depth=depth, tilt=tilt, offset=offset, decided=now)
 
         memory = context.get_discrete_state(self._seen).value().reshape(-1, 4)
-        late = memory[-1]
         newest = self._look(self._peg_pose.Eval(context), tick=round(now / o.decision_period))
         discrete_state.get_mutable_vector(self._seen).SetFromVector(np.vstack([newest, memory[:-1]]).ravel())
-        if now - hand[BEGUN] > o.correction_period - 0.5 * o.decision_period:
-            hand[BEGUN] = now
-            hand[TILT_MOVE], hand[OFFSET_MOVE] = self._plan(late[:2], late[2:])
+        if now - hand.stroke_start > o.correction_period - 0.5 * o.decision_period:
+            turn, slide = self._plan(*np.split(memory[-1], 2))
+            hand = replace(hand, stroke_start=now, stroke_turn=turn, stroke_slide=slide)
 
-        torque, force = np.split(self._rendered_wrench.Eval(context), 2)
-        R_HD = from_rotation_vector(np.array([*hand[TILT], 0.0]))
-        push = float(force @ R_HD.col(2))  # the force on the probe, out of the hole
+        hand = self._react(hand, self._rendered_wrench.Eval(context))
+        discrete_state.get_mutable_vector(self._hand).SetFromVector(hand.as_list())
+
+    def _react(self, hand: HandState, wrench: NDArray[np.float64]) -> HandState:
+        """Returns the hand with the rates that answer the rendered wrench [torque; force] (6,)."""
+        o = self._operator
+        torque, force = np.split(wrench, 2)
+        R_HD = from_rotation_vector(np.array([*hand.tilt, 0.0]))
+        push = float(force @ R_HD.col(2))  # force on the probe out of the hole
         across = force - push * R_HD.col(2)
-        hand[TURN] = o.touch_gain * torque[:2]
-        hand[SLIDE] = o.touch_slide * across[:2]
-        hand[SPEED] = o.insertion_speed * max(-0.5, 1.0 - push / o.comfortable_force)
+        hindered = hand.hindered
         if push > HINDERED_SHARE * o.comfortable_force:
-            hand[HINDERED] += o.decision_period
-        if hand[HINDERED] > o.patience:
-            hand[SPEED] = -o.insertion_speed
-            hand[TURN], hand[SLIDE], hand[TILT_MOVE], hand[OFFSET_MOVE] = 0.0, 0.0, 0.0, 0.0
-        discrete_state.get_mutable_vector(self._hand).SetFromVector(hand)
+            hindered += o.decision_period
+        if hindered > o.patience:
+            zero = np.zeros(2)
+            pulling = replace(hand, hindered=hindered, speed=-o.insertion_speed, turn_rate=zero, slide_rate=zero)
+            return replace(pulling, stroke_turn=zero, stroke_slide=zero)
+        return replace(
+            hand,
+            hindered=hindered,
+            speed=o.insertion_speed * max(-0.5, 1.0 - push / o.comfortable_force),
+            turn_rate=o.touch_gain * torque[:2],
+            slide_rate=o.touch_slide * across[:2],
+        )
 
     def _look(self, X_HP: RigidTransform, *, tick: int) -> NDArray[np.float64]:
-        """Tilt and offset as they are seen now; they reach the hand after the delay."""
+        """Returns the seen tilt and offset (4,) of a peg at X_HP, with bias and noise."""
         o = self._operator
         tilt, offset = seen_misalignment(X_HP)
         noise = standard_normal(self._seed, "sight", tick, 4)
@@ -148,24 +223,31 @@ class SimulatedOperator(LeafSystem):
     def _plan(
         self, tilt: NDArray[np.float64], offset: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The stroke that answers a tilt and an offset that have been seen."""
+        """Returns the turn (2,), rad, and slide (2,), m, of the stroke that answers a seen tilt and offset."""
         o = self._operator
-        turn = -o.align_gain * tilt if np.linalg.norm(tilt) > o.dead_zone else np.zeros(2)
-        fastest = np.linalg.norm(turn)
-        if fastest > o.align_rate:
-            turn *= o.align_rate / fastest
+        rate = -o.align_gain * tilt if np.linalg.norm(tilt) > o.dead_zone else np.zeros(2)
+        size = np.linalg.norm(rate)
+        if size > o.align_rate:
+            rate *= o.align_rate / size
         slide = -o.align_gain * offset if np.linalg.norm(offset) > o.offset_dead_zone else np.zeros(2)
-        return turn * o.correction_period, slide * o.correction_period
+        return rate * o.correction_period, slide * o.correction_period
 
 
 def minimum_jerk(share: float) -> float:
-    """How far a minimum-jerk stroke has come after this share of its time: 0 before it, 1 after it."""
+    """Returns the completed share of a minimum-jerk stroke after a ``share`` of its time; both are in [0, 1]."""
     s = min(1.0, max(0.0, share))
     return s**3 * (10.0 + s * (6.0 * s - 15.0))
 
 
 def seen_misalignment(X_HP: RigidTransform) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What an eye could tell of the peg: tilt of its axis (rad, about x and y), offset of its axis at the mouth (m)."""
+    """Returns the visible misalignment of a peg.
+
+    Args:
+        X_HP: Pose of the peg.
+
+    Returns:
+        The tilt of its axis about x and y (2,), rad, and the offset of its axis at the mouth (2,), m.
+    """
     axis = X_HP.rotation().col(2)
     tilt = rotation_between(np.array([0.0, 0.0, 1.0]), axis)[:2]
     tip = X_HP.translation()

@@ -1,1 +1,1 @@
-"""The contact plants: peg, hole and rig as Drake multibody plants."""
+"""Drake multibody plants of the peg, the hole and the rig."""

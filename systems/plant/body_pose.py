@@ -1,4 +1,4 @@
-"""Picks one body's pose out of all of them."""
+"""Selects the pose of one body from the poses of all bodies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,10 @@ class BodyPose(LeafSystem):
         output_ports:
         - pose
 
-    X_WB of one body of a MultibodyPlant, from the plant's ``body_poses`` port.
+    Outputs X_WB of one body of a MultibodyPlant, from the plant's ``body_poses`` port.
+
+    Args:
+        body: Index of the body in the plant.
     """
 
     def __init__(self, body: BodyIndex) -> None:

@@ -1,4 +1,4 @@
-"""The hydroelastic plant of either scene: a compliant peg, a rigid bore, and what carries them."""
+"""Builds the hydroelastic plants of the virtual environment and of the rig: a compliant peg in a rigid bore."""
 
 from __future__ import annotations
 
@@ -39,24 +39,20 @@ from pydrake.systems.framework import Context, DiagramBuilder, InputPort, Output
 from pydrake.systems.primitives import ConstantVectorSource
 
 import models
-from models.bore import make_bore
+from models.bore import cutaway_sector, make_bore
 from models.scenario import Geometry, Scenario
 
-DIVERGENCE_FORCE = 1e5  # in units of N; nothing of this size holds it: a contact that reads more has diverged
+DIVERGENCE_FORCE = 1e5  # in units of N; a larger contact force means that the simulation has diverged
 STEEL = 7850.0  # in units of kg/m^3
 ALUMINIUM = 2700.0  # in units of kg/m^3
-MOUNT_MASS = 0.05  # in units of kg, of each slide
+MOUNT_MASS = 0.05  # in units of kg, of each of the mount's two slides
 PEG_COLOUR = np.array([0.93, 0.60, 0.22, 0.65])
 BLOCK_COLOUR = np.array([0.62, 0.66, 0.70, 1.0])
-KEPT = (
-    3 / 8,
-    7 / 8,
-)  # of the ring, in turns, in the block's picture; the camera looks in from the other half
 
 
 @dataclass(frozen=True)
 class ContactPlant:
-    """A finalised plant and the parts of it that others ask for."""
+    """A finalised plant with its scene graph, peg and block."""
 
     plant: MultibodyPlant
     scene_graph: SceneGraph
@@ -66,7 +62,7 @@ class ContactPlant:
 
 @dataclass(frozen=True)
 class HydroelasticRig(ContactPlant):
-    """The rig's bodies on hydroelastic contact: a `systems.plant.rig_plant.RigPlant`."""
+    """A finalised plant of the rig; implements `systems.plant.rig_plant.RigPlant`."""
 
     @property
     def carriage_force(self) -> InputPort:
@@ -122,7 +118,10 @@ class HydroelasticRig(ContactPlant):
 
 
 def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
-    """A free peg of the coupling's virtual mass, its centre of mass at the tip, over a fixed block; no gravity."""
+    """Adds the plant of the virtual environment: a free peg and a fixed block, without gravity.
+
+    The peg has the coupling's virtual mass and inertia; its centre of mass is at the tip.
+    """
     plant, scene_graph = add_hydroelastic_plant(builder, scenario)
     coupling = scenario.coupling
     radius = math.sqrt(2.5 * coupling.peg_inertia / coupling.peg_mass)  # a sphere with this inertia
@@ -138,7 +137,13 @@ def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant
 
 
 def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
-    """The rig: a carriage on a screw, sensor and peg; a gimbal of two stepper axes and the block."""
+    """Adds the plant of the rig: peg and sensor on the feed's carriage, and the block on a gimbal with two steppers.
+
+    Raises:
+        ValueError: If the scenario is not resolved.
+    """
+    if scenario.rig.pivot_height is None:
+        raise ValueError("scenario.rig.pivot_height is missing: the scenario is not resolved; use resolve_scenario")
     plant, scene_graph = add_hydroelastic_plant(builder, scenario)
     parser = Parser(plant)
     folder = Path(models.__file__).parent
@@ -149,32 +154,19 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
 
     peg = plant.AddRigidBody("peg", feed, _cylinder_inertia(STEEL, g.peg_radius, 0.0, g.peg_length))
     carriage = plant.GetBodyByName("carriage", feed)
-    mount = plant.AddFrame(
+    sensor_frame = plant.AddFrame(
         FixedOffsetFrame("sensor_mount", peg.body_frame(), RigidTransform([0, 0, scenario.sensor.height]))
     )
     slide = _add_compliant_mount(plant, scenario, carriage)
-    # The reaction of this weld, at the mount, is what the force/torque sensor feels.
-    plant.AddJoint(WeldJoint("sensor", slide.body_frame(), mount, RigidTransform()))
+    # The force/torque sensor measures the reaction force of this weld.
+    plant.AddJoint(WeldJoint("sensor", slide.body_frame(), sensor_frame, RigidTransform()))
 
-    if scenario.rig.pivot_height is None:
-        raise ValueError("scenario.rig.pivot_height is missing: the scenario is not resolved; use resolve_scenario")
     pivot = RigidTransform([0.0, 0.0, scenario.rig.pivot_height])
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base", gimbal), pivot)
     block = plant.AddRigidBody("block", gimbal, _block_inertia(g))
     plant.WeldFrames(plant.GetFrameByName("yaw_ring", gimbal), block.body_frame(), pivot.inverse())
 
-    stepper = scenario.stepper
-    for name in ("pitch", "yaw"):
-        joint = plant.GetJointByName(name, gimbal)
-        axis = plant.AddJointActuator(name, joint, stepper.holding_torque)
-        axis.set_default_rotor_inertia(stepper.reflected_inertia)
-        axis.set_default_gear_ratio(1.0)
-        axis.set_controller_gains(PdControllerGains(p=stepper.stiffness, d=stepper.damping))
-    joint = plant.GetJointByName("feed", feed)
-    joint.set_default_damping(scenario.rig.carriage_friction)
-    screw = plant.AddJointActuator("feed", joint)
-    screw.set_default_rotor_inertia(scenario.feed.rotor_inertia)
-    screw.set_default_gear_ratio(scenario.feed.ratio)
+    _add_drives(plant, scenario)
     finish_contact_plant(plant, scene_graph, scenario, peg, block)
     centred = builder.AddNamedSystem("centred_mount", ConstantVectorSource(np.zeros(4)))
     mount = plant.get_desired_state_input_port(plant.GetModelInstanceByName("mount"))
@@ -182,8 +174,27 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
     return HydroelasticRig(plant, scene_graph, peg, block)
 
 
+def _add_drives(plant: MultibodyPlant, scenario: Scenario) -> None:
+    """Adds the actuators of the two stepper axes and of the feed, and the friction of the carriage."""
+    stepper = scenario.stepper
+    for name in ("pitch", "yaw"):
+        axis = plant.AddJointActuator(name, plant.GetJointByName(name), stepper.holding_torque)
+        axis.set_default_rotor_inertia(stepper.reflected_inertia)
+        axis.set_default_gear_ratio(1.0)
+        axis.set_controller_gains(PdControllerGains(p=stepper.stiffness, d=stepper.damping))
+    joint = plant.GetJointByName("feed")
+    joint.set_default_damping(scenario.rig.carriage_friction)
+    screw = plant.AddJointActuator("feed", joint)
+    screw.set_default_rotor_inertia(scenario.feed.rotor_inertia)
+    screw.set_default_gear_ratio(scenario.feed.ratio)
+
+
 def _add_compliant_mount(plant: MultibodyPlant, scenario: Scenario, carriage: RigidBody) -> RigidBody:
-    """Two sideways slides under the carriage, held by implicit springs; returns the one that carries the sensor."""
+    """Adds two lateral slides under the carriage, held by implicit spring-dampers.
+
+    Returns:
+        The slide that carries the sensor.
+    """
     instance = plant.AddModelInstance("mount")
     parent = carriage
     for name, axis in (("mount_x", [1.0, 0.0, 0.0]), ("mount_y", [0.0, 1.0, 0.0])):
@@ -197,8 +208,8 @@ def _add_compliant_mount(plant: MultibodyPlant, scenario: Scenario, carriage: Ri
 
 
 def add_hydroelastic_plant(builder: DiagramBuilder, scenario: Scenario) -> tuple[MultibodyPlant, SceneGraph]:
-    """An empty plant with the scenario's contact model, and its scene graph."""
-    # Strict hydroelastic contact: the default falls back to point contact, in which the bore is its convex hull.
+    """Adds an empty plant with the scenario's contact model; returns it and its scene graph."""
+    # The default model falls back to point contact, which replaces the bore by its convex hull.
     config = MultibodyPlantConfig(
         time_step=scenario.contact.time_step,
         contact_model="hydroelastic",
@@ -209,7 +220,7 @@ def add_hydroelastic_plant(builder: DiagramBuilder, scenario: Scenario) -> tuple
 
 
 def _cylinder_inertia(density: float, radius: float, bottom: float, top: float) -> SpatialInertia:
-    """Of a solid cylinder along z, about the body's origin."""
+    """Returns the spatial inertia of a solid cylinder along z, from ``bottom`` to ``top``, about the body's origin."""
     length = top - bottom
     mass = density * math.pi * radius**2 * length
     centre = np.array([0.0, 0.0, 0.5 * (bottom + top)])
@@ -218,13 +229,14 @@ def _cylinder_inertia(density: float, radius: float, bottom: float, top: float) 
 
 
 def _block_inertia(g: Geometry) -> SpatialInertia:
+    """Returns the spatial inertia of the block; the bore is not subtracted."""
     return _cylinder_inertia(ALUMINIUM, g.block_radius, -g.hole_depth - g.floor, 0.0)
 
 
 def finish_contact_plant(
     plant: MultibodyPlant, scene_graph: SceneGraph, scenario: Scenario, peg: RigidBody, block: RigidBody
 ) -> ContactPlant:
-    """Gives peg and block their shapes, and finalises the plant."""
+    """Adds the collision and visual shapes of peg and block, and finalises the plant."""
     g, contact = scenario.geometry, scenario.contact
     friction = CoulombFriction(contact.friction, contact.friction)
 
@@ -234,7 +246,7 @@ def finish_contact_plant(
     plant.RegisterCollisionGeometry(block, RigidTransform(), _bore_mesh(g, None), "bore", rigid)
 
     compliant = ProximityProperties()
-    # Drake cuts a cylinder into ceil(2 pi r / hint) facets; the factor guards against rounding up to one more.
+    # Drake divides a cylinder into ceil(2 pi r / hint) facets; the factor prevents rounding up to one facet more.
     hint = 2.0 * math.pi * g.peg_radius / g.facets * (1.0 + 1e-6)
     AddCompliantHydroelasticProperties(resolution_hint=hint, hydroelastic_modulus=contact.modulus, properties=compliant)
     AddContactMaterial(dissipation=contact.dissipation, friction=friction, properties=compliant)
@@ -243,13 +255,14 @@ def finish_contact_plant(
     plant.RegisterCollisionGeometry(peg, X_PC, shape, "peg", compliant)
 
     plant.RegisterVisualGeometry(peg, X_PC, shape, "peg_picture", PEG_COLOUR)
-    kept = (round(KEPT[0] * g.facets), round(KEPT[1] * g.facets))
-    plant.RegisterVisualGeometry(block, RigidTransform(), _bore_mesh(g, kept), "block_picture", BLOCK_COLOUR)
+    cutaway = _bore_mesh(g, cutaway_sector(g.facets))
+    plant.RegisterVisualGeometry(block, RigidTransform(), cutaway, "block_picture", BLOCK_COLOUR)
     plant.Finalize()
     return ContactPlant(plant, scene_graph, peg, block)
 
 
 def _bore_mesh(g: Geometry, sector: tuple[int, int] | None) -> Mesh:
+    """Returns the mesh of the block; ``sector`` as in `make_bore`."""
     mesh = make_bore(
         radius=g.hole_radius,
         depth=g.hole_depth,

@@ -1,4 +1,4 @@
-"""What the rig's wiring and a trial ask of the bodies, whichever engine moves them."""
+"""Defines the interface of the rig's mechanics, which is the same for every physics engine."""
 
 from __future__ import annotations
 
@@ -9,44 +9,44 @@ from pydrake.systems.framework import Context, InputPort, OutputPort
 
 
 class RigPlant(Protocol):
-    """Carriage, mount, peg, gimbal and block, as ports of a diagram.
+    """Ports and queries of carriage, mount, peg, gimbal and block.
 
-    Every ``context`` is that of the whole diagram.
+    Every ``context`` is the root context of the diagram.
     """
 
     @property
     def carriage_force(self) -> InputPort:
-        """(1,) of the motor, N, along the feed (up)."""
+        """Force of the motor on the carriage (1,), N, positive upwards."""
 
     @property
     def gimbal_equilibrium(self) -> InputPort:
-        """(4,) pitch and yaw, rad, about which the steppers hold, and their rates, rad/s."""
+        """Equilibrium of the steppers (4,): pitch and yaw, rad, and their rates, rad/s."""
 
     @property
     def carriage_state(self) -> OutputPort:
-        """(2,) position, m, and speed, m/s, of the carriage."""
+        """State of the carriage (2,): position, m, and velocity, m/s."""
 
     @property
     def gimbal_state(self) -> OutputPort:
-        """(4,) pitch, yaw, rad, and their rates, rad/s."""
+        """State of the gimbal (4,): pitch and yaw, rad, and their rates, rad/s."""
 
     @property
     def reaction_forces(self) -> OutputPort:
-        """A list of SpatialForce; its element `sensor` is that of the mount on the peg, at the mount, in P."""
+        """List of SpatialForce; element `sensor` is the force of the mount on the peg, at the mount, in P."""
 
     @property
     def sensor(self) -> int:
-        """Index of the sensor's weld in `reaction_forces`."""
+        """Index of the sensor's weld joint in `reaction_forces`."""
 
     @property
     def weight(self) -> float:
-        """Of the peg, N."""
+        """Weight of the peg, N."""
 
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
-        """Puts carriage (m) and gimbal (rad) there."""
+        """Sets the positions of the carriage (m) and of the gimbal (rad)."""
 
     def tip_height(self, context: Context) -> float:
-        """Of the centre of the peg's tip in W, m."""
+        """Returns the height of the centre of the peg's tip in W, m."""
 
     def peg_in_hole(self, context: Context) -> RigidTransform:
-        """X_HP, the pose of the peg in the block."""
+        """Returns X_HP, the pose of the peg in the block."""

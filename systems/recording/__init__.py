@@ -1,1 +1,1 @@
-"""Systems that record the channels of a demonstration and of a rig run."""
+"""Recorders of demonstrations and rig runs."""

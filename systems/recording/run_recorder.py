@@ -1,4 +1,4 @@
-"""Logs what the rig measured, commanded and did, once a controller period."""
+"""Records the measurements, commands and motions of the rig, one row per controller period."""
 
 from __future__ import annotations
 
@@ -15,35 +15,41 @@ from skill.data.rig_run import RUN_COLUMNS
 
 @dataclass(frozen=True)
 class RunRecorder:
-    """A multiplexer and a log, and the names of what runs through them."""
+    """The log of a rig.
+
+    Attributes:
+        log: the log, one row per period.
+        names: names of the elements of a row.
+        home: position of the carriage at which the tip is level with the mouth, m.
+    """
 
     log: VectorLogSink
     names: list[str]
     home: float
 
-    @staticmethod
-    def AddToBuilder(
-        *, builder: DiagramBuilder, ports: Mapping[tuple[str, ...], OutputPort], period: float, home: float
-    ) -> RunRecorder:
-        """Joins ``ports``, each with the names of its elements, into one logged row.
-
-        Args:
-            builder: of the diagram.
-            ports: from names to port; among them "carriage", the carriage's position (m).
-            period: between rows, s.
-            home: position of the carriage at which the tip is level with the mouth, m.
-        """
-        row = builder.AddNamedSystem("run_row", Multiplexer([port.size() for port in ports.values()]))
-        for k, port in enumerate(ports.values()):
-            builder.Connect(port, row.get_input_port(k))
-        log = builder.AddNamedSystem("run_log", VectorLogSink(row.get_output_port().size(), period))
-        builder.Connect(row.get_output_port(), log.get_input_port())
-        return RunRecorder(log, [name for names in ports for name in names], home)
-
     def samples(self, context: Context) -> pd.DataFrame:
-        """The rows of a run, columns ``RUN_COLUMNS``; ``context`` is the diagram's."""
-        kept = self.log.FindLog(context)
-        table = pd.DataFrame(np.asarray(kept.data()).T, columns=self.names)
-        table["time"] = kept.sample_times()
+        """Returns the rows of a run, with the columns ``RUN_COLUMNS``; ``context`` is the diagram's."""
+        log = self.log.FindLog(context)
+        table = pd.DataFrame(np.asarray(log.data()).T, columns=self.names)
+        table["time"] = log.sample_times()
         table["tip_z"] = table["carriage"] - self.home
         return table[list(RUN_COLUMNS)]
+
+
+def AddRunRecorder(
+    *, builder: DiagramBuilder, ports: Mapping[tuple[str, ...], OutputPort], period: float, home: float
+) -> RunRecorder:
+    """Adds a multiplexer that joins ports to one row, and a log of that row.
+
+    Args:
+        builder: builder of the diagram.
+        ports: output ports by the names of their elements; one is named "carriage", the carriage's position (m).
+        period: time between rows, s.
+        home: position of the carriage at which the tip is level with the mouth, m.
+    """
+    row = builder.AddNamedSystem("run_row", Multiplexer([port.size() for port in ports.values()]))
+    for k, port in enumerate(ports.values()):
+        builder.Connect(port, row.get_input_port(k))
+    log = builder.AddNamedSystem("run_log", VectorLogSink(row.get_output_port().size(), period))
+    builder.Connect(row.get_output_port(), log.get_input_port())
+    return RunRecorder(log, [name for names in ports for name in names], home)

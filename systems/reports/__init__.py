@@ -1,1 +1,1 @@
-"""Reports for a person: replay pages, batch pages and terminal output. Never imports Drake."""
+"""Replay pages, batch pages and terminal output. Nothing in here imports Drake."""

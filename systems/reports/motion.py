@@ -1,13 +1,11 @@
-"""What a stored demonstration or rig run shows: poses, wrench and contact state over time, in one form for both."""
+"""The motion that a replay shows: poses, wrench and contact state over time, of a demonstration or a rig run."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -16,50 +14,47 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from models.bore import TriangleMesh, make_bore
+from models.bore import TriangleMesh, cutaway_sector, make_bore
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstration
+from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import RigRun, read_rig_run
+from skill.features.measurement import contact_loads
 from skill.states.state_style import state_colours, state_labels
 
 if TYPE_CHECKING:
     from skill.manipulation_skill import ManipulationSkill
 
-SIZES = (
-    *("peg_radius", "peg_length", "hole_radius", "hole_depth", "chamfer"),
-    *("facets", "block_radius", "floor"),
-)
-"""What must be known of the geometry; in m, but for the number of facets."""
+"""Names of the sizes that a replay needs; all in m, except the number of facets."""
 
-KEPT = (3 / 8, 7 / 8)  # of the block's ring, in turns, in its picture; one looks in from the other half
-
-FORCE_LEVELS = (0.5, 2.0, 8.0, 30.0)  # in units of N, where a demonstration's states are not known
+# The peg is coloured by the contact force if no contact states are known.
+FORCE_LEVELS = (0.5, 2.0, 8.0, 30.0)  # in units of N
 LEVEL_COLOURS = ("#B0B7BF", "#9ECAE1", "#4292C6", "#08519C", "#081D58")  # one hue, from light to dark
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Everything that a replay shows, in SI units.
+    """Everything that a replay shows, in SI units. Frames: world W, hole block H, peg P.
 
     Attributes:
         kind: "demonstration" or "rig run".
-        outcome: in a word or two.
-        time: (n,), s, from 0.
+        outcome: how it ended, in words.
+        time: (n,), s, starting at 0.
         R_WP: n orientations of the peg.
-        p_WP: (n, 3), position of its tip, m.
+        p_WP: (n, 3), positions of its tip, m.
         R_WH: n orientations of the hole block.
-        p_WH: (n, 3), of the centre of its mouth, m.
-        force: (n, 3), on the peg, in P, N.
-        moment: (n, 3), on the peg about its tip, in P, N m.
-        depth: (n,), of the tip below the mouth, m.
-        phase: (n,), index into ``phases``: the contact state, or the level of force where no states are known.
-        phases: their names.
-        colours: theirs, hexadecimal.
-        colouring: what the colours mean: "contact state" or "contact force".
-        guard: (n,), whether the rig's force guard was backing off; None for a demonstration.
-        force_limit: of the load, N, above which that guard acts; None for a demonstration.
-        steps: (n, 2), corrective steps that the motors for pitch and yaw had taken; None for a demonstration.
-        geometry: the `SIZES`.
+        p_WH: (n, 3), positions of the centre of the hole's mouth, m.
+        force: (n, 3), contact force on the peg in P, N.
+        moment: (n, 3), contact moment on the peg about its tip in P, N m.
+        depth: (n,), depth of the tip below the mouth, m.
+        phase: (n,), index into ``phases``: the contact state, or the level of the force if no states are known.
+        phases: names of the phases.
+        colours: colours of the phases, hexadecimal.
+        colouring: meaning of the colours, "contact state" or "contact force".
+        guard: (n,), whether the rig's force guard was retracting the peg; None for a demonstration.
+        force_limit: load above which the force guard retracts the peg, N; None for a demonstration.
+        steps: (n, 2), corrective steps taken so far by the motors for pitch and yaw; None for a demonstration.
+        geometry: sizes of peg and hole.
     """
 
     kind: str
@@ -79,44 +74,44 @@ class Motion:
     guard: NDArray[np.bool_] | None
     force_limit: float | None
     steps: NDArray[np.int64] | None
-    geometry: dict[str, float]
+    geometry: PegHoleGeometry
 
     @property
     def lean(self) -> Array:
-        """(n, 2), where the peg's axis leans in the hole, about which its tilt is |lean|: x and y of H, rad."""
+        """(n, 2), direction in which the peg leans, along x and y of H; its norm is the tilt in the hole, rad."""
         axis = (self.R_WH.inv() * self.R_WP).apply([0.0, 0.0, 1.0])
-        across = np.hypot(axis[:, 0], axis[:, 1])
-        scale = np.divide(np.arctan2(across, axis[:, 2]), across, out=np.ones_like(across), where=across > 1e-12)
+        sine = np.hypot(axis[:, 0], axis[:, 1])  # of the tilt; the third component is its cosine
+        scale = np.divide(np.arctan2(sine, axis[:, 2]), sine, out=np.ones_like(sine), where=sine > 1e-12)
         return axis[:, :2] * scale[:, None]
 
     @property
     def load(self) -> Array:
-        """(n,), the norm of force and moment over the peg's radius, N, which the rig's force guard watches."""
-        moment = np.linalg.norm(self.moment, axis=1) / self.geometry["peg_radius"]
-        return np.hypot(np.linalg.norm(self.force, axis=1), moment)
+        """(n,), the load that the rig's force guard monitors, N; see `contact_loads`."""
+        return contact_loads(np.hstack([self.force, self.moment]), self.geometry.peg_radius)
 
     @property
     def lateral_force(self) -> Array:
-        """(n, 2), the force across the hole's axis, along x and y of H, N."""
-        return (self.R_WH.inv() * self.R_WP).apply(self.force)[:, :2]
+        """(n, 2), contact force on the peg along x and y of H, N."""
+        force_H: Array = (self.R_WH.inv() * self.R_WP).apply(self.force)
+        return force_H[:, :2]
 
 
 def read_motion(path: Path, skill: Path | None = None) -> Motion:
     """Reads a stored demonstration or rig run.
 
     Args:
-        path: of the Parquet file; its metadata say which of both it is.
-        skill: of the trained skill that tells a demonstration's contact states; a rig run holds its own.
+        path: Parquet file; its metadata say which of the two it is.
+        skill: file of a trained skill that estimates the contact states of a demonstration. A rig run contains its own.
 
     Raises:
-        ValueError: naming the file and its fault.
+        ValueError: if a file is missing or invalid; the message names it.
     """
     if _stored_kind(path) == "rig_run":
         return motion_of_run(read_rig_run(path), where=str(path))
     demonstration = read_demonstration(path)
     if skill is None:
         return motion_of_demonstration(demonstration, where=str(path))
-    from skill.manipulation_skill import ManipulationSkill  # slow to import, and seldom needed
+    from skill.manipulation_skill import ManipulationSkill  # imports scikit-learn, which most replays do not need
 
     return motion_of_demonstration(demonstration, ManipulationSkill.load(skill), where=str(path))
 
@@ -124,27 +119,30 @@ def read_motion(path: Path, skill: Path | None = None) -> Motion:
 def motion_of_demonstration(
     demonstration: Demonstration, skill: ManipulationSkill | None = None, *, where: str = "demonstration"
 ) -> Motion:
-    """The peg moves in a hole that stands still.
+    """Returns the motion of a demonstration, in which the peg moves and the hole block does not.
 
     Args:
-        demonstration: with a geometry among its metadata.
-        skill: that tells the contact states; without one the colours are those of the force.
-        where: names the source in errors.
+        demonstration: its metadata must contain the geometry.
+        skill: estimates the contact states; if None, the phases are levels of the contact force.
+        where: names the source in error messages.
+
+    Raises:
+        ValueError: if the geometry is missing or invalid.
     """
     samples = demonstration.samples
-    geometry = _geometry(demonstration.metadata, where)
+    geometry = PegHoleGeometry.from_metadata(demonstration.metadata, where)
     n = len(samples)
     force = _columns(samples, "fx", "fy", "fz")
     axis, angle = _columns(samples, "ax", "ay", "az"), samples["angle"].to_numpy()
     if skill is not None:
         probabilities = skill.state_probabilities(_columns(samples, "fx", "fy", "fz", "mx", "my", "mz", "z"))
-        phase, number = probabilities.argmax(axis=1), probabilities.shape[1]
-        phases, colours, colouring = skill.state_names(), state_colours(number), "contact state"
+        phase, n_states = probabilities.argmax(axis=1), probabilities.shape[1]
+        phases, colours, colouring = skill.state_names(), state_colours(n_states), "contact state"
     else:
         phase = np.digitize(np.linalg.norm(force, axis=1), FORCE_LEVELS)
-        edges = [f"{level:g}" for level in FORCE_LEVELS]
-        middle = [f"{a} to {b} N" for a, b in pairwise(edges)]
-        phases = [f"below {edges[0]} N", *middle, f"above {edges[-1]} N"]
+        levels = [f"{level:g}" for level in FORCE_LEVELS]
+        between = [f"{a} to {b} N" for a, b in pairwise(levels)]
+        phases = [f"below {levels[0]} N", *between, f"above {levels[-1]} N"]
         colours, colouring = list(LEVEL_COLOURS), "contact force"
     return Motion(
         kind="demonstration",
@@ -169,21 +167,32 @@ def motion_of_demonstration(
 
 
 def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
-    """The peg slides along a fixed axis, and the hole turns: by pitch about x, then by yaw about its own y."""
+    """Returns the motion of a rig run: the peg slides along z, and the hole block turns about the gimbal's axes.
+
+    R_WH = R_x(pitch) R_y(yaw), about the pivot at height ``pivot_height`` above the mouth.
+
+    Args:
+        run: its metadata must contain the geometry.
+        where: names the source in error messages.
+
+    Raises:
+        ValueError: if the geometry, the contact states or their names are missing or invalid.
+    """
     samples = run.samples
-    geometry = _geometry(run.metadata, where)
+    geometry = PegHoleGeometry.from_metadata(run.metadata, where)
     n = len(samples)
     height = run.metadata.get("rig", {}).get("pivot_height", 0.0)
     R_WH = Rotation.from_euler("XY", _columns(samples, "pitch", "yaw"))
     pivot = np.array([0.0, 0.0, float(height)])
     state = samples["state"].to_numpy()
     phase = np.rint(state).astype(np.int64)
-    if phase.min() < 0 or np.any(phase != state):
-        raise ValueError(f"{where}: column 'state' holds {state.min():g}; expected whole numbers from 0")
+    invalid = state[(phase < 0) | (phase != state)]
+    if invalid.size:
+        raise ValueError(f"{where}: column 'state' holds {invalid[0]:g}; expected whole numbers from 0")
     names = run.metadata.get("state_names")
-    number = max(int(phase.max()) + 1, len(names) if names is not None else 0)
+    n_states = max(int(phase.max()) + 1, len(names) if names is not None else 0)
     try:
-        phases, colours = state_labels(number, names), state_colours(number)
+        phases, colours = state_labels(n_states, names), state_colours(n_states)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from error
     return Motion(
@@ -208,26 +217,34 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
     )
 
 
-def make_block(size: Mapping[str, float]) -> TriangleMesh:
-    """The hole block of the `SIZES`, cut open towards the camera."""
-    facets = round(size["facets"])
+def make_block(size: PegHoleGeometry) -> TriangleMesh:
+    """Returns the mesh of the hole block, cut open towards the camera.
+
+    Args:
+        size: sizes of peg and hole.
+
+    Raises:
+        ValueError: if such a block cannot be made.
+    """
+    facets = round(size.facets)
     return make_bore(
-        radius=size["hole_radius"],
-        depth=size["hole_depth"],
-        chamfer=size["chamfer"],
+        radius=size.hole_radius,
+        depth=size.hole_depth,
+        chamfer=size.chamfer,
         facets=facets,
-        block_radius=size["block_radius"],
-        floor=size["floor"],
-        sector=(round(KEPT[0] * facets), round(KEPT[1] * facets)),
+        block_radius=size.block_radius,
+        floor=size.floor,
+        sector=cutaway_sector(facets),
     )
 
 
 def _columns(samples: pd.DataFrame, *names: str) -> Array:
-    # A copy: pandas hands out read-only views, which some of scipy refuses.
+    # A copy, because some functions of scipy refuse the read-only views of pandas.
     return samples[list(names)].to_numpy(dtype=float, copy=True)
 
 
 def _stored_kind(path: Path) -> str:
+    """Returns "demonstration" or "rig_run", from the metadata of the file."""
     try:
         metadata = pq.read_schema(path).metadata or {}
     except FileNotFoundError:
@@ -237,24 +254,4 @@ def _stored_kind(path: Path) -> str:
     for kind in ("demonstration", "rig_run"):
         if kind.encode() in metadata:
             return kind
-    raise ValueError(f"{path}: neither a demonstration nor a rig run of this program (a Parquet file of another kind)")
-
-
-def _geometry(metadata: Mapping[str, Any], where: str) -> dict[str, float]:
-    found = metadata.get("geometry")
-    if not isinstance(found, Mapping):
-        raise ValueError(f"{where}: no geometry among the metadata; expected the sizes {list(SIZES)}")
-    missing = [name for name in SIZES if not isinstance(found.get(name), int | float)]
-    if missing:
-        raise ValueError(f"{where}: geometry lacks {missing}; expected numbers for {list(SIZES)}")
-    size = {name: float(found[name]) for name in SIZES}
-    try:
-        make_block(size)
-    except (ValueError, OverflowError) as error:
-        raise ValueError(f"{where}: geometry: {error}") from error
-    if not (0 < size["peg_radius"] < math.inf and 0 < size["peg_length"] < math.inf):
-        raise ValueError(
-            f"{where}: geometry: peg radius {size['peg_radius']}, length {size['peg_length']} (m);"
-            " expected both above 0"
-        )
-    return size
+    raise ValueError(f"{path}: neither a demonstration nor a rig run (a Parquet file of another kind)")

@@ -1,49 +1,97 @@
-"""What the command lines share: a console, a progress bar, one clear error instead of a traceback."""
+"""Terminal output of the command lines: plain text, progress bars, JSON files and one-line errors.
+
+Text from users (file names, names of states, messages) is printed as it stands: a ``[`` in it is not markup.
+"""
 
 from __future__ import annotations
 
 import json
 import logging
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, NoReturn, ParamSpec, TypeVar
 
-import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.status import Status
+from rich.text import Text
 
-from skill.data.tables import write_atomically
-
-logging.getLogger("drake").setLevel(logging.WARNING)  # where a Meshcat listens is no news here
+logging.getLogger("drake").setLevel(logging.WARNING)  # hides the address that every Meshcat logs
+warnings.filterwarnings("ignore", message=r"\d+ tasks which were still being processed")  # joblib, after an error
 
 console = Console()
 errors = Console(stderr=True)
+
+FAILED, INTERRUPTED = 1, 130
+"""Exit codes of a command that failed, and of one that Ctrl-C ended. Wrong usage is 2, success 0."""
+
+SIMULATION_PACKAGES = ("pydrake", "joblib", "yaml")
+"""Packages that the extra ``sim`` installs."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 def report_errors(command: Callable[P, R]) -> Callable[P, R]:
-    """Turns a ValueError, which names file, field and remedy, into one message and exit code 1."""
+    """Decorates a command: an expected error becomes one line on stderr and an exit code.
+
+    - ValueError, OSError: ``error: ...``, exit code 1.
+    - ModuleNotFoundError of a package of the simulation: which extra to install, exit code 1.
+    - KeyboardInterrupt (Ctrl-C): ``interrupted``, exit code 130.
+
+    Other exceptions are defects of the program and keep their traceback.
+    """
 
     @wraps(command)
-    def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
+    def reporting(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             return command(*args, **kwargs)
         except (ValueError, OSError) as error:
-            errors.print(f"[bold red]error:[/] {error}", soft_wrap=True, highlight=False)
-            raise typer.Exit(1) from error
+            fail(str(error) or type(error).__name__)
+        except ImportError as error:
+            if isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while Drake was initialising
+                interrupt()
+            package = (error.name or "").split(".")[0]
+            if package not in SIMULATION_PACKAGES:
+                raise
+            fail(f"this command needs the simulation, but '{package}' is missing: install haptic-skill[sim]")
+        except KeyboardInterrupt:
+            interrupt()
 
-    return guarded
+    return reporting
+
+
+def interrupt() -> NoReturn:
+    """Prints ``interrupted`` on stderr, and exits with code 130."""
+    errors.print("interrupted")
+    raise SystemExit(INTERRUPTED) from None
+
+
+def fail(message: str) -> NoReturn:
+    """Prints ``error:`` and the message as one line on stderr, and exits with code 1."""
+    text = Text.assemble(("error:", "bold red"), " ", " ".join(line.strip() for line in message.splitlines()))
+    errors.print(text, soft_wrap=True)
+    raise SystemExit(FAILED) from None
+
+
+def say(text: str) -> None:
+    """Prints plain text, without markup and without line breaks at the width of the terminal."""
+    console.print(Text(text), soft_wrap=True)
+
+
+def busy(text: str) -> Status:
+    """A context manager that shows ``text`` and a spinner at a terminal, and nothing elsewhere."""
+    return console.status(Text(text))
 
 
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Callable[[str], None]]:
-    """A progress bar; the yielded function advances it by one and shows a note."""
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, TextColumn("{task.fields[note]}"), console=console) as bar:
+    """Shows a progress bar; the function it yields advances the bar by one and shows a note."""
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, TextColumn("{task.fields[note]}", markup=False), console=console) as bar:
         task = bar.add_task(title, total=total, note="")
 
         def advance(note: str = "") -> None:
@@ -53,5 +101,7 @@ def progress(title: str, total: int) -> Iterator[Callable[[str], None]]:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Writes JSON, whole or not at all."""
+    """Writes ``value`` as a JSON file, completely or not at all."""
+    from skill.data.tables import write_atomically  # imports pandas
+
     write_atomically(path, (json.dumps(value, indent=1) + "\n").encode())

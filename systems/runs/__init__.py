@@ -1,1 +1,1 @@
-"""Running diagrams: demonstrations, rig trials, practice rounds, and what is measured on them."""
+"""Demonstrations, rig trials and practice: simulation, outcome and results."""

@@ -1,4 +1,4 @@
-"""One demonstration: build the virtual environment, simulate it, judge and return what was recorded."""
+"""Demonstrations: simulation of the virtual environment, and evaluation of the record."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironme
 
 
 class DemonstrationRun:
-    """A demonstration under way: simulated piece by piece, and judged when it is over.
+    """A demonstration in progress, simulated in parts and evaluated at the end.
 
     Args:
         scenario: resolved.
-        environment: built from it; by default with the simulated operator and no picture.
+        environment: environment of that scenario; by default with the simulated operator and without a display.
     """
 
     def __init__(self, scenario: Scenario, environment: VirtualEnvironment | None = None) -> None:
@@ -51,21 +51,27 @@ class DemonstrationRun:
         return EventStatus.DidNothing()
 
     def advance(self, time: float) -> Ending | None:
-        """Simulates until ``time`` (s) or the end; returns how it ended, or None."""
+        """Simulates until ``time`` (s) or the end of the demonstration; returns how it ended, or None."""
         try:
             status = self.simulator.AdvanceTo(min(time, self._scenario.recorder.time_limit))
-        except RuntimeError as error:  # Drake's solver gave up
+        except RuntimeError as error:  # Drake's solver failed
             return Ending(Outcome.DIVERGED, one_line(error))
         if status.system() is not None:
             return Ending(Outcome(status.message()))
         return Ending(Outcome.TIME_OVER) if time >= self._scenario.recorder.time_limit else None
 
     def demonstration(self, ending: Ending, *, good: bool | None = None, **metadata: Any) -> Demonstration:
-        """What was recorded, with its outcome; a given ``good`` is the person's own judgement."""
+        """Returns the recorded demonstration.
+
+        Args:
+            ending: how the demonstration ended.
+            good: whether the operator calls it good; None: it is good if the peg was inserted gently.
+            **metadata: additional metadata.
+        """
         scenario, context = self._scenario, self.simulator.get_context()
         outcome, detail = ending.outcome, ending.detail
         samples = DemonstrationRecorder.samples(self._environment.log, context)
-        samples = samples[np.isfinite(samples.to_numpy()).all(axis=1)]  # what came before a divergence
+        samples = samples[np.isfinite(samples.to_numpy()).all(axis=1)]  # the rows before a divergence
         contact = samples[["fx", "fy", "fz"]].to_numpy()
         force = float(np.linalg.norm(contact, axis=1).max())
         if force > DIVERGENCE_FORCE:
@@ -95,6 +101,6 @@ class DemonstrationRun:
 
 
 def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Demonstration:
-    """Simulates a resolved scenario until the peg is in, the operator gives up, or the time is over."""
+    """Simulates a resolved scenario until the peg is inserted, the operator gives up, or the time is over."""
     run = DemonstrationRun(scenario, MakeVirtualEnvironment(scenario, meshcat=meshcat))
     return run.demonstration(run.advance(scenario.recorder.time_limit) or Ending(Outcome.TIME_OVER))

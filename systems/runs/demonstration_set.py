@@ -1,4 +1,4 @@
-"""A set of good and bad demonstrations: who shows what, and with which seed."""
+"""Sets of good and bad demonstrations: operators, habits and seeds."""
 
 from __future__ import annotations
 
@@ -15,13 +15,19 @@ from systems.runs.demonstration_run import run_demonstration
 
 GOOD_HABITS = ("expert", "novice")
 BAD_HABITS = ("blind", "slams", "gives_up", "overcorrects")
-OPERATORS = 10  # people who show in turn; thirty demonstrations are three by each
+OPERATORS = 10  # number of people who demonstrate in turn: three of thirty demonstrations each
 MAX_ATTEMPTS = 50
 
 
 @dataclass(frozen=True)
 class Request:
-    """One demonstration that is wanted: its number, the habit to show, and whether it is to come out good."""
+    """A request for one demonstration.
+
+    Attributes:
+        number: number of the demonstration.
+        habit: habit of the operator.
+        good: whether the demonstration must be good or bad.
+    """
 
     number: int
     habit: str
@@ -29,57 +35,57 @@ class Request:
 
     @property
     def operator(self) -> int:
-        """Who shows it."""
+        """Number of the person who demonstrates."""
         return self.number % OPERATORS
 
 
 def requests(good: int, bad: int) -> list[Request]:
-    """Good habits in turn, then bad habits in turn."""
-    wanted = [(GOOD_HABITS[i % len(GOOD_HABITS)], True) for i in range(good)]
-    wanted += [(BAD_HABITS[i % len(BAD_HABITS)], False) for i in range(bad)]
-    return [Request(i, habit, outcome) for i, (habit, outcome) in enumerate(wanted)]
+    """Returns the requests for a set: first the good habits in turn, then the bad habits in turn."""
+    habits = [(GOOD_HABITS[i % len(GOOD_HABITS)], True) for i in range(good)]
+    habits += [(BAD_HABITS[i % len(BAD_HABITS)], False) for i in range(bad)]
+    return [Request(i, habit, outcome) for i, (habit, outcome) in enumerate(habits)]
 
 
 def attempt_seed(seed: int, number: int, attempt: int) -> int:
-    """The seed of one attempt; different for every triple with attempt < MAX_ATTEMPTS and number < 10,000."""
+    """Returns the seed of one attempt; it is unique for attempt < MAX_ATTEMPTS and number < 10,000."""
     return (seed * 10_000 + number) * MAX_ATTEMPTS + attempt
 
 
 def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstration:
-    """Tries until the demonstration comes out as asked, as a person would who is asked for a good or a bad example.
+    """Repeats a demonstration until it is good or bad, as requested.
 
-    A bad habit may insert by luck from a small tilt, and a good one may fail; such an attempt is repeated from
-    another start by the same person. The number of attempts is in the metadata.
+    A bad habit may insert by luck from a small tilt, and a good one may fail. The same person then tries again from
+    another start. The metadata hold the number of attempts.
 
     Raises:
-        ValueError: if no attempt comes out as asked.
+        ValueError: if no attempt is as requested.
     """
-    shown = copy.deepcopy(scenario)
-    shown.operator.habit = request.habit
+    with_habit = copy.deepcopy(scenario)
+    with_habit.operator.habit = request.habit
     person = seed * OPERATORS + request.operator
     outcomes: list[str] = []
     for attempt in range(MAX_ATTEMPTS):
         number = attempt_seed(seed, request.number, attempt)
-        resolved = resolve_scenario(shown, seed=number, stream=DEMONSTRATION_STREAM, person=person)
+        resolved = resolve_scenario(with_habit, seed=number, stream=DEMONSTRATION_STREAM, person=person)
         demonstration = run_demonstration(resolved)
         if demonstration.good == request.good and demonstration.outcome is not Outcome.DIVERGED:
             demonstration.metadata.update({"number": number, "operator": person, "attempts": attempt + 1})
             return demonstration
         outcomes.append(demonstration.reason)
         if len(outcomes) >= 8 and len(set(outcomes)) == 1:
-            break  # luck would have shown by now
-    wanted = "good" if request.good else "bad"
+            break  # the outcome does not depend on luck
+    kind = "good" if request.good else "bad"
     raise ValueError(
-        f"demonstration {request.number}: habit '{request.habit}' gave no {wanted} example in {len(outcomes)}"
+        f"demonstration {request.number}: habit '{request.habit}' gave no {kind} example in {len(outcomes)}"
         f" attempts (outcomes: {sorted(set(outcomes))}); change the operator or the start in the scenario"
     )
 
 
 def demonstrate_all(
-    scenario: Scenario, wanted: list[Request], *, seed: int, jobs: int
+    scenario: Scenario, requested: list[Request], *, seed: int, jobs: int
 ) -> Iterator[tuple[Request, Demonstration]]:
-    """Yields the demonstrations in their order, as they are finished; ``jobs`` processes."""
+    """Yields the demonstrations in the order of the requests, as they finish, from ``jobs`` processes."""
     results = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(demonstrate)(scenario, request, seed=seed) for request in wanted
+        delayed(demonstrate)(scenario, request, seed=seed) for request in requested
     )
-    yield from zip(wanted, results, strict=True)
+    yield from zip(requested, results, strict=True)

@@ -1,6 +1,6 @@
-"""Names the states that a skill has discovered, by the exact contact states of the demonstrations it learnt from.
+"""Exact contact states of demonstrations, and the names that they give to the states of a trained skill.
 
-The judge comes after the learning: no label reaches the learner.
+The names are assigned after training: the learner receives no label.
 """
 
 from __future__ import annotations
@@ -12,37 +12,39 @@ from numpy.typing import NDArray
 
 from models.contact_geometry import ContactLabel, PegInHole, axes_of_rotation_vectors
 from skill.data.demonstration import Demonstration
+from skill.data.geometry import PegHoleGeometry
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.states.state_naming import name_states
 
 
 def exact_bodies(demonstration: Demonstration) -> PegInHole:
-    """The round peg and hole of a demonstration.
+    """Returns the round peg and hole of a demonstration.
 
     Raises:
-        ValueError: if the demonstration does not name its geometry.
+        ValueError: if the metadata of the demonstration hold no complete geometry.
     """
-    geometry = demonstration.metadata.get("geometry")
-    if geometry is None:
-        raise ValueError("the demonstration has no 'geometry' in its metadata; expected the sizes of peg and hole")
-    return PegInHole(geometry["peg_radius"], geometry["hole_radius"], geometry["hole_depth"], geometry["chamfer"])
+    sizes = PegHoleGeometry.from_metadata(demonstration.metadata, "demonstration")
+    return PegInHole(sizes.peg_radius, sizes.hole_radius, sizes.hole_depth, sizes.chamfer)
 
 
 def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:
-    """The exact contact state (`ContactLabel`) of each sample, (n,), from the true pose."""
+    """Returns the exact contact state (`ContactLabel`) of each sample, (n,), from the true pose."""
     samples = demonstration.samples
     axis = axes_of_rotation_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
     return exact_bodies(demonstration).label(samples[["x", "y", "z"]].to_numpy(), axis)
 
 
 def give_names(skill: ManipulationSkill, demonstrations: Sequence[Demonstration]) -> None:
-    """Names the skill's states in place; demonstrations without a geometry leave them numbered."""
-    judged = [d for d in demonstrations if d.metadata.get("geometry") is not None]
-    if not judged:
+    """Names the states of a skill in place.
+
+    Ignores demonstrations without a geometry; if there are no others, the states keep their numbers.
+    """
+    labelled = [d for d in demonstrations if d.metadata.get("geometry") is not None]
+    if not labelled:
         return
-    labels = np.concatenate([exact_labels(d) for d in judged])
-    measured = np.concatenate([d.samples[list(MEASURED)].to_numpy() for d in judged])
+    labels = np.concatenate([exact_labels(d) for d in labelled])
+    measured = np.concatenate([d.samples[list(MEASURED)].to_numpy() for d in labelled])
     states = skill.state_probabilities(measured).argmax(axis=1)
     skill.name_states(
         name_states(states, labels, [label.label for label in ContactLabel], n_states=skill.n_states).names

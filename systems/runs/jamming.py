@@ -1,23 +1,24 @@
-"""When a peg counts as jammed: one definition, for demonstrations and for the rig."""
+"""The definition of a jammed peg, for demonstrations and rig trials."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-JAMMED_TIME = 1.0  # in units of s at the end of a run, in which ...
-JAMMED_GAIN = 0.5e-3  # ... the peg came less than this deeper than ever before, in units of m, ...
-JAMMED_FORCE = 3.0  # ... although it was pressed by more than this on average, in units of N
+from skill.arrays import Array
+
+JAMMED_TIME = 1.0  # in units of s; length of the last part of a run that is examined
+JAMMED_GAIN = 0.5e-3  # in units of m; a jammed peg gains less than this on its greatest depth before that part
+JAMMED_FORCE = 3.0  # in units of N; the mean contact force on a jammed peg is larger than this
 
 
-def is_jammed(time: NDArray[np.float64], depth: NDArray[np.float64], force: NDArray[np.float64]) -> bool:
-    """Whether the end of a run brought no depth although something was pressed against.
+def is_jammed(time: Array, depth: Array, force: Array) -> bool:
+    """Returns whether the last part of a run gained no depth although the peg was pressed against something.
 
-    What counts is the greatest depth so far, not the depth: drawing back and falling to the old place is no progress.
+    The gain refers to the greatest depth before the last part. Moving out and back in to the same depth is no gain.
 
     Args:
         time: (n,), s, increasing.
-        depth: (n,), of the tip below the mouth, m.
+        depth: (n,), depth of the tip below the mouth, m.
         force: (n, 3), contact force on the peg, N.
     """
     last = time > time[-1] - JAMMED_TIME

@@ -1,4 +1,4 @@
-"""The robot practises: rounds of varied trials, each leaving a skill that must prove itself before it is kept."""
+"""Practice on the rig: rounds of perturbed trials, policy update and check."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from joblib import Parallel, delayed
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, Scenario, resolve_scenario
 from skill.data.rig_run import RigRun
 from skill.manipulation_skill import ManipulationSkill
+from skill.policy import RigPolicy
 from skill.practice.exploration import Cost, ExplorationNoise, PerturbedPolicy, Rollout, rollout_of
 from skill.practice.policy_update import AdvantageWeighting, advantage_weighted_update
 from systems.runs.trial import run_trial
@@ -19,17 +20,18 @@ from systems.runs.trial_result import TrialResult
 
 @dataclass(frozen=True)
 class Practice:
-    """How much is practised, how boldly, and what counts.
+    """Parameters of practice.
 
     Attributes:
-        rounds: of practice; after each the skill may change.
-        starts: of a round's practice trials. Each is tried twice, with a variation and with its opposite, so that no
-            way of acting gains by an easy start.
-        checks: trials without variation, the same in every round, on which a new skill must beat the old one.
-        seed: of the practice's own starts and variations.
-        curiosity: of the variations.
-        cost: of a trial.
-        memory: what becomes of experience.
+        rounds: number of rounds; each ends with a policy update and a check.
+        starts: number of starts per round. Each start is tried twice, with a perturbation and with its opposite, so
+            that an easy start favours neither.
+        checks: number of check trials. They are not perturbed and the same in every round. A new skill must cost less
+            on them than the skill before it.
+        seed: seed of the starts and perturbations.
+        exploration: distribution of the perturbations.
+        cost: cost of a trial.
+        weighting: parameters of the policy update.
     """
 
     rounds: int = 4
@@ -42,24 +44,24 @@ class Practice:
 
     @property
     def n_trials(self) -> int:
-        """Of everything, the first check included."""
+        """Number of all trials, including the first check."""
         return self.checks + self.rounds * (2 * self.starts + self.checks)
 
 
 @dataclass(frozen=True)
 class Check:
-    """What the check trials came to with one skill.
+    """The check trials of one skill.
 
     Attributes:
-        results: of the trials.
-        costs: of each, s.
+        results: results of the trials.
+        costs: cost of each trial, s.
     """
 
     results: list[TrialResult]
     costs: list[float]
 
     def beats(self, other: Check) -> bool:
-        """Whether it costs less on the same trials, and inserts at least as often."""
+        """Returns whether this skill costs less on the same trials and inserts at least as often."""
         inserted = sum(r.inserted for r in self.results) >= sum(r.inserted for r in other.results)
         return inserted and sum(self.costs) < sum(other.costs)
 
@@ -69,10 +71,10 @@ class Round:
     """One round of practice.
 
     Attributes:
-        skill: the best so far.
-        practised: what the varied trials came to.
-        check: of the skill that was learnt in this round.
-        kept: whether it took the place of the one before.
+        skill: the best skill so far.
+        practised: results of the perturbed trials.
+        check: check of the skill that this round produced.
+        kept: whether that skill replaced the one before it.
     """
 
     skill: ManipulationSkill
@@ -89,53 +91,54 @@ def practise(
     jobs: int,
     advance: Callable[[str], None] = lambda note: None,
 ) -> Iterator[Round]:
-    """Yields the rounds as they are finished, the first being a check of the untouched skill.
+    """Yields the rounds as they finish; the first is a check of the initial skill.
 
-    A round tries variations of the best skill so far, learns from all that was tried since that skill was found, and
-    checks the outcome. Starts of practice and checks are draws of streams of their own: neither demonstrations nor
-    trials of the rig ever meet them.
+    A round performs trials with perturbations of the best skill so far, updates that skill with all rollouts since it
+    was found, and checks the result. The starts of practice and checks come from random streams of their own, so they
+    differ from those of demonstrations and rig trials.
 
     Args:
         scenario: with ranges.
-        skill: to begin with; it is not changed.
-        practice: how.
-        jobs: processes.
-        advance: called after each trial, with a note.
+        skill: the initial skill; it is not changed.
+        practice: parameters.
+        jobs: number of processes.
+        advance: called with a message after each trial.
     """
 
-    def checked(candidate: ManipulationSkill) -> Check:
+    def check_skill(candidate: ManipulationSkill) -> Check:
         numbers = [practice.seed * practice.checks + k for k in range(practice.checks)]
         runs = _run(scenario, [(n, candidate) for n in numbers], CHECK_STREAM, jobs, "check", advance)
         return Check([r for r, _ in runs], [practice.cost.of_run(run) for _, run in runs])
 
-    best, standing = skill, checked(skill)
-    yield Round(best, [], standing, kept=True)
-    pool: list[Rollout] = []
+    best, best_check = skill, check_skill(skill)
+    yield Round(best, [], best_check, kept=True)
+    rollouts: list[Rollout] = []
     for number in range(practice.rounds):
         first = (practice.seed * practice.rounds + number) * practice.starts
-        tried = [t for n in range(first, first + practice.starts) for t in _both_ways(best, practice, scenario, n)]
-        runs = _run(scenario, tried, PRACTICE_STREAM, jobs, f"round {number + 1}", advance)
-        pool += [rollout_of(run, s, practice.cost) for (_, s), (_, run) in zip(tried, runs, strict=True)]
-        candidate = advantage_weighted_update(best, pool, practice.weighting)
-        check = checked(candidate)
-        kept = check.beats(standing)
+        starts = range(first, first + practice.starts)
+        trials = [trial for n in starts for trial in _opposite_trials(best, practice, scenario, n)]
+        runs = _run(scenario, trials, PRACTICE_STREAM, jobs, f"round {number + 1}", advance)
+        rollouts += [rollout_of(run, policy, practice.cost) for (_, policy), (_, run) in zip(trials, runs, strict=True)]
+        candidate = advantage_weighted_update(best, rollouts, practice.weighting)
+        check = check_skill(candidate)
+        kept = check.beats(best_check)
         if kept:
-            best, standing, pool = candidate, check, []
+            best, best_check, rollouts = candidate, check, []
         yield Round(best, [r for r, _ in runs], check, kept)
 
 
-def _both_ways(
+def _opposite_trials(
     skill: ManipulationSkill, practice: Practice, scenario: Scenario, number: int
-) -> list[tuple[int, PerturbedPolicy]]:
-    """One start, numbered, twice."""
-    rng = np.random.default_rng([PRACTICE_STREAM, number, 1])  # the start of the trial is a draw of [stream, number]
+) -> list[tuple[int, PerturbedPolicy[ManipulationSkill]]]:
+    """Returns two trials of one start: with a perturbation and with its opposite."""
+    rng = np.random.default_rng([PRACTICE_STREAM, number, 1])  # the start itself is drawn from [stream, number]
     perturbation = practice.exploration.draw(rng, scenario.full_depth)
-    return [(number, PerturbedPolicy.of(skill, v)) for v in (perturbation, perturbation.opposite())]
+    return [(number, PerturbedPolicy(skill, p)) for p in (perturbation, perturbation.opposite())]
 
 
 def _run(
     scenario: Scenario,
-    tried: Sequence[tuple[int, ManipulationSkill]],
+    trials: Sequence[tuple[int, RigPolicy]],
     stream: int,
     jobs: int,
     title: str,
@@ -143,7 +146,7 @@ def _run(
 ) -> list[tuple[TrialResult, RigRun]]:
     done = []
     for result, run in Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(run_trial)(resolve_scenario(scenario, seed=n, stream=stream), skill, seed=n) for n, skill in tried
+        delayed(run_trial)(resolve_scenario(scenario, seed=n, stream=stream), policy, seed=n) for n, policy in trials
     ):
         done.append((result, run))
         advance(f"{title}, trial {result.seed}: {result.reason}, {result.time:.1f} s")

@@ -1,4 +1,4 @@
-"""What a result depends on besides its scenario."""
+"""The software versions that a result depends on."""
 
 from __future__ import annotations
 
@@ -7,6 +7,6 @@ import sys
 
 
 def versions() -> dict[str, str]:
-    """Of the interpreter, this project and the packages that decide a result."""
+    """Returns the versions of the interpreter, of this project and of the packages that affect results."""
     names = ("haptic-skill", "drake", "numpy", "scipy", "scikit-learn")
     return {"python": sys.version.split()[0], **{name: importlib.metadata.version(name) for name in names}}

@@ -1,4 +1,4 @@
-"""One rig trial: build, simulate, watch, measure; one row."""
+"""Rig trials: simulation, monitoring and evaluation."""
 
 from __future__ import annotations
 
@@ -6,17 +6,18 @@ from collections.abc import Iterator
 from dataclasses import asdict
 
 import numpy as np
+import pandas as pd
 from joblib import Parallel, delayed
-from numpy.typing import NDArray
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
 from models.scenario import TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
+from skill.arrays import Array
 from skill.data.outcome import Outcome
 from skill.data.rig_run import RigRun
+from skill.policy import RigPolicy
 from systems.control.faults import Fault, one_line
-from systems.control.policy import RigPolicy
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.rig import MakeRig, RigDiagram
 from systems.runs.jamming import is_jammed
@@ -26,27 +27,29 @@ from systems.runs.trial_result import TrialResult
 
 
 class TrialMonitor:
-    """Watches a running rig: ends the trial when the peg is in or the numbers are not, and keeps what is measured.
+    """A Simulator's monitor that ends a trial and records what the rig does not.
+
+    The trial ends when the peg is inserted, when the watchdog has stopped the rig, or when the simulation diverges.
 
     Attributes:
         outcome: how the trial ended; ``TIME_OVER`` until something else ends it.
-        detail: what the outcome alone does not say.
+        detail: text that adds to the outcome.
         peaks: largest axial and lateral contact force (N) and moment about the tip (N m) so far.
-        depth: of the tip, m.
+        depth: depth of the tip, m.
     """
 
     def __init__(self, rig: RigDiagram, scenario: Scenario) -> None:
         self._rig = rig
         self._scenario = scenario
         self._next_pose = 0.0
-        self._poses: list[NDArray[np.float64]] = []
+        self._poses: list[Array] = []
         self.outcome = Outcome.TIME_OVER
         self.detail = ""
         self.peaks = np.zeros(3)
         self.depth = float("nan")
 
     def __call__(self, context: Context) -> EventStatus:
-        """The Simulator's monitor."""
+        """Checks and records one step; ``context`` is the diagram's."""
         wrench = self._rig.contact_wrench(context)
         self.depth = -self._rig.contact.tip_height(context)
         if not (np.isfinite(wrench).all() and np.isfinite(self.depth)):
@@ -69,7 +72,7 @@ class TrialMonitor:
         return EventStatus.DidNothing()
 
     def penetration(self) -> float:
-        """Deepest overlap of the round bodies, m, at one pose a controller period."""
+        """Returns the deepest overlap of the round bodies at one pose per controller period, m."""
         poses = np.array(self._poses).reshape(-1, 6)
         return deepest_overlap(self._scenario.geometry, poses[:, :3], poses[:, 3:])
 
@@ -79,14 +82,14 @@ class TrialMonitor:
 
 
 def trial_scenario(scenario: Scenario, *, number: int) -> Scenario:
-    """The resolved scenario of trial ``number``; it shares no draw with any demonstration."""
+    """Returns the resolved scenario of a trial; it shares no random draw with any demonstration."""
     return resolve_scenario(scenario, seed=number, stream=TRIAL_STREAM)
 
 
 def run_trials(
     scenario: Scenario, skill: RigPolicy, numbers: list[int], *, jobs: int
 ) -> Iterator[tuple[TrialResult, RigRun]]:
-    """Yields the trials in their order, as they are finished; ``jobs`` processes."""
+    """Yields the trials in the order of their numbers, as they finish, from ``jobs`` processes."""
     yield from Parallel(n_jobs=jobs, return_as="generator")(
         delayed(run_trial)(trial_scenario(scenario, number=n), skill, seed=n) for n in numbers
     )
@@ -95,19 +98,19 @@ def run_trials(
 def run_trial(
     scenario: Scenario, skill: RigPolicy, *, seed: int, meshcat: Meshcat | None = None
 ) -> tuple[TrialResult, RigRun]:
-    """Simulates one resolved scenario; whatever goes wrong while it runs ends it with its reason, not an exception.
+    """Simulates one resolved scenario. An error during the simulation becomes the outcome of the trial.
 
     Args:
         scenario: resolved (see `resolve_scenario`).
-        skill: what controls the rig.
-        seed: the number of the trial, for the record.
+        skill: the policy that controls the rig.
+        seed: number of the trial, for the record.
         meshcat: where to draw and record; None draws nothing.
     """
     return run_rig(MakeRig(scenario, skill, meshcat=meshcat), scenario, skill, seed=seed)
 
 
 def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int) -> tuple[TrialResult, RigRun]:
-    """The same, with a rig that is already built of this scenario and skill."""
+    """Simulates a rig that was built from this scenario and policy; see `run_trial`."""
     simulator = Simulator(rig.diagram)
     context = simulator.get_mutable_context()
     rig.set_start(context)
@@ -115,26 +118,35 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
     simulator.set_monitor(monitor)
     try:
         simulator.AdvanceTo(scenario.trial.time_limit)
-    except RuntimeError as error:  # Drake's solver gave up
+    except RuntimeError as error:  # Drake's solver failed
         monitor.outcome, monitor.detail = Outcome.DIVERGED, one_line(error)
-    except (Exception, SystemExit) as error:  # one faulty trial does not end the others
-        monitor.outcome, monitor.detail = Outcome.FAILED, one_line(error)  # Drake's assertions raise SystemExit
+    except (Exception, SystemExit) as error:  # a failed trial must not end the others; Drake's asserts raise SystemExit
+        monitor.outcome, monitor.detail = Outcome.FAILED, one_line(error)
     samples = rig.recorder.samples(context)
-    fault = Fault.NONE
-    if monitor.outcome in (Outcome.TIME_OVER, Outcome.FAULT):
-        fault = rig.fault(context)
-        if fault is not Fault.NONE:
-            monitor.outcome, monitor.detail = Outcome.FAULT, rig.failure(context)
-        elif is_jammed(samples["time"].to_numpy(), samples["depth"].to_numpy(), samples[["fx", "fy", "fz"]].to_numpy()):
-            monitor.outcome = Outcome.JAMMED
-    last = samples.iloc[-1]
+    result = _result(rig, scenario, monitor, context, samples, seed=seed)
+    metadata = {
+        "geometry": asdict(scenario.geometry),
+        "rig": asdict(scenario.rig),
+        "force_limit": scenario.controller.force_limit,
+        "state_names": skill.state_names(),
+        "scenario": dump_scenario(scenario),
+        "versions": versions(),
+    }
+    return result, RigRun(samples=samples, result=result.record(), metadata=metadata)
+
+
+def _result(
+    rig: RigDiagram, scenario: Scenario, monitor: TrialMonitor, context: Context, samples: pd.DataFrame, *, seed: int
+) -> TrialResult:
+    outcome, detail, fault = _ending(rig, monitor, context, samples)
+    last, period = samples.iloc[-1], scenario.controller.period
     states = samples["state"].to_numpy(dtype=int)
-    tilt = scenario.start.tilt or [0.0, 0.0]
-    result = TrialResult(
+    pitch, yaw = scenario.start.tilt or [0.0, 0.0]
+    return TrialResult(
         seed=seed,
-        tilt=(tilt[0], tilt[1]),
-        outcome=monitor.outcome,
-        detail=monitor.detail,
+        tilt=(pitch, yaw),
+        outcome=outcome,
+        detail=detail,
         fault=fault,
         time=context.get_time(),
         depth=monitor.depth,
@@ -145,16 +157,21 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
         steps=int(last["pitch_taken"] + last["yaw_taken"]),
         lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
         back_offs=int((samples["guard"].diff() > 0).sum()),
-        unknown_time=scenario.controller.period * float((samples["known"] == 0).sum()),
-        unsupported_time=scenario.controller.period * float((samples["support"] < 1.0).sum()),
+        unknown_time=period * float((samples["known"] == 0).sum()),
+        unsupported_time=period * float((samples["support"] < 1.0).sum()),
         states=tuple(int(s) for s in states[np.flatnonzero(np.diff(states, prepend=-1))]),
     )
-    metadata = {
-        "geometry": asdict(scenario.geometry),
-        "rig": asdict(scenario.rig),
-        "force_limit": scenario.controller.force_limit,
-        "state_names": skill.state_names(),
-        "scenario": dump_scenario(scenario),
-        "versions": versions(),
-    }
-    return result, RigRun(samples=samples, result=result.record(), metadata=metadata)
+
+
+def _ending(
+    rig: RigDiagram, monitor: TrialMonitor, context: Context, samples: pd.DataFrame
+) -> tuple[Outcome, str, Fault]:
+    """Returns outcome, detail and fault of a simulated trial."""
+    if monitor.outcome not in (Outcome.TIME_OVER, Outcome.FAULT):
+        return monitor.outcome, monitor.detail, Fault.NONE
+    fault = rig.fault(context)
+    if fault is not Fault.NONE:  # also if the time ran out before the rig had stopped
+        return Outcome.FAULT, rig.failure(context), fault
+    if is_jammed(samples["time"].to_numpy(), samples["depth"].to_numpy(), samples[["fx", "fy", "fz"]].to_numpy()):
+        return Outcome.JAMMED, monitor.detail, fault
+    return monitor.outcome, monitor.detail, fault

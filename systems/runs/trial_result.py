@@ -16,23 +16,23 @@ class TrialResult:
 
     Attributes:
         seed: number of the trial.
-        tilt: of the peg relative to the hole at the start, about x and y, rad.
-        outcome: how the trial ended. ``FAULT``: the rig noticed `fault`, retracted the peg and stopped.
-            ``DIVERGED``, ``FAILED``: the simulation did not go on.
+        tilt: tilt of the peg relative to the hole at the start, about x and y, rad.
+        outcome: how the trial ended. ``FAULT``: the rig detected `fault`, retracted the peg and stopped.
+            ``DIVERGED``, ``FAILED``: the simulation could not continue.
         time: simulated time, s.
-        depth: of the tip at the end, m.
+        depth: depth of the tip at the end, m.
         peak_axial_force: largest contact force along the peg, N.
         peak_lateral_force: largest contact force across the peg, N.
         peak_moment: largest contact moment about the tip, N m.
         penetration: deepest overlap of the round bodies at the recorded samples, m.
-        steps: taken by both steppers.
-        lost_steps: lost by both steppers.
-        back_offs: how often the force guard retracted the peg.
-        unknown_time: time in which no contact state explained the measurement, s.
-        unsupported_time: time in which the skill remembered too little like the measurement, s.
-        states: the contact states visited, in order, as numbers.
-        fault: the fault that the rig noticed.
-        detail: what the outcome alone does not say, for example the message of an exception.
+        steps: number of steps that both steppers took.
+        lost_steps: number of steps that both steppers lost.
+        back_offs: how often the force guard backed the peg off.
+        unknown_time: time in which the contact state was unknown, s.
+        unsupported_time: time in which the support of the action was below 1, s.
+        states: numbers of the contact states visited, in order.
+        fault: the detected fault.
+        detail: text that adds to the outcome, such as the message of an exception.
     """
 
     seed: int
@@ -60,13 +60,13 @@ class TrialResult:
 
     @property
     def reason(self) -> str:
-        """Why the trial ended, for a person."""
+        """Why the trial ended, as text."""
         if self.outcome is Outcome.FAULT:
             return f"{self.fault.label}: {self.detail}" if self.detail else self.fault.label
         return self.outcome.text(self.detail)
 
     def record(self) -> dict[str, Any]:
-        """The row that ``results.json`` and a run file hold: units a person reads, rounded."""
+        """Returns the row for ``results.json`` and run files: in mm, um and degrees, and rounded."""
         return {
             "seed": self.seed,
             "tilt_deg": [round(math.degrees(t), 2) for t in self.tilt],

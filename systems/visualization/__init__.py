@@ -1,1 +1,1 @@
-"""What Meshcat shows while a diagram runs."""
+"""Draws the scene and the estimated contact state into Meshcat."""

@@ -1,4 +1,4 @@
-"""What a person sees: the millimetre scene, cut open, with its contact forces."""
+"""Draws the plant, cut open at millimetre scale, and its contact forces into Meshcat."""
 
 from __future__ import annotations
 
@@ -7,24 +7,31 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Role
 from pydrake.multibody.meshcat import ContactVisualizer, ContactVisualizerParams
 from pydrake.systems.framework import DiagramBuilder
 
+from skill.arrays import Array
 from skill.data.tables import write_atomically
 from systems.plant.contact_plant import ContactPlant
 
 CAMERA = np.array([0.062, 0.055, 0.030])  # in units of m, in W; it looks at TARGET
-TARGET = np.array([0.0, 0.0, -0.004])
+TARGET = np.array([0.0, 0.0, -0.004])  # in units of m, in W
 FRAME = 1 / 32  # in units of s, between two pictures
-NEWTONS_PER_METRE = 600.0  # of a contact arrow
+NEWTONS_PER_METRE = 600.0  # scale of the arrows of contact forces
 
 
 def AddVisualization(
     *, builder: DiagramBuilder, contact: ContactPlant, meshcat: Meshcat, contact_forces: bool = True
 ) -> None:
-    """Draws the bodies of a plant and, if wanted, its contact forces into ``meshcat``; the camera stays where it is."""
+    """Adds visualizers of a plant to a diagram.
+
+    Args:
+        builder: builder of the diagram.
+        contact: the plant.
+        meshcat: Meshcat to draw into; its camera is not moved.
+        contact_forces: whether to draw arrows of the contact forces.
+    """
     MeshcatVisualizer.AddToBuilder(
         builder,
         contact.scene_graph,
@@ -49,7 +56,11 @@ def AddVisualization(
 
 @contextmanager
 def recorded(path: Path) -> Iterator[Meshcat]:
-    """A Meshcat that records what is simulated within the context, and leaves it at ``path`` as one HTML page."""
+    """Yields a Meshcat that records; at the end of the context the recording is written as an HTML page.
+
+    Args:
+        path: file of the page. It is not written if the context ends with an exception.
+    """
     meshcat = Meshcat()
     aim_camera(meshcat)
     meshcat.StartRecording(frames_per_second=1 / FRAME, set_visualizations_while_recording=False)
@@ -59,8 +70,14 @@ def recorded(path: Path) -> Iterator[Meshcat]:
     write_atomically(path, meshcat.StaticHtml().encode())
 
 
-def aim_camera(meshcat: Meshcat, *, camera: NDArray[np.float64] = CAMERA, target: NDArray[np.float64] = TARGET) -> None:
-    """Puts the camera (m, in W) where the cut of the block opens, and takes the metre-sized grid away."""
+def aim_camera(meshcat: Meshcat, *, camera: Array = CAMERA, target: Array = TARGET) -> None:
+    """Points the camera at the scene and hides the grid and the axes, which are metres wide.
+
+    Args:
+        meshcat: Meshcat to change.
+        camera: (3,), position of the camera in W, m.
+        target: (3,), point that the camera looks at, in W, m.
+    """
     meshcat.SetCameraPose(camera_in_world=camera, target_in_world=target)
     meshcat.SetProperty("/Grid", "visible", False)
     meshcat.SetProperty("/Axes", "visible", False)

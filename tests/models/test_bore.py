@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.bore import facet_sagitta, make_bore, minimum_facets
+from models.bore import cutaway_sector, facet_sagitta, make_bore, minimum_facets
 
 SIZES = {"radius": 0.01005, "depth": 0.025, "chamfer": 0.0005, "facets": 64, "block_radius": 0.03, "floor": 0.01}
 
@@ -27,16 +27,16 @@ def directed_edges(triangles):
 
 
 def assert_watertight(mesh):
-    """Every edge belongs to exactly two triangles, which run through it in opposite directions."""
+    """Asserts that every edge belongs to exactly two triangles, with opposite directions."""
     edges = directed_edges(mesh.triangles)
     assert edges
     for (a, b), count in edges.items():
-        assert count == 1, f"edge {a}-{b} runs {count} times in one direction"
-        assert edges[(b, a)] == 1, f"edge {a}-{b} has one triangle only"
+        assert count == 1, f"edge {a}-{b} occurs {count} times in one direction"
+        assert edges[(b, a)] == 1, f"edge {a}-{b} belongs to one triangle only"
 
 
 def closed_volume(*, radius, depth, chamfer, facets, block_radius, floor):
-    """A prism inscribed in the block, less a prism and a frustum inscribed in the bore and its chamfer."""
+    """Volume of the block's prism minus the bore's prism and the chamfer's frustum."""
 
     def inscribed(r):
         return 0.5 * facets * r**2 * math.sin(2.0 * math.pi / facets)
@@ -55,17 +55,17 @@ def test_every_edge_is_shared_by_two_triangles_in_opposite_directions(sizes):
 
 @given(sizes=shapes)
 @settings(max_examples=40, deadline=None)
-def test_volume_is_the_closed_form(sizes):
+def test_volume_equals_the_closed_form(sizes):
     assert make_bore(**sizes).volume() == pytest.approx(closed_volume(**sizes), rel=1e-9)
 
 
-@given(sizes=shapes, first=st.integers(0, 30), kept=st.integers(1, 69))
+@given(sizes=shapes, first=st.integers(0, 30), count=st.integers(1, 69))
 @settings(max_examples=40, deadline=None)
-def test_a_cut_block_is_closed_and_has_its_share_of_the_volume(sizes, first, kept):
-    kept = min(kept, sizes["facets"] - 1)
-    mesh = make_bore(**sizes, sector=(first, first + kept))
+def test_a_cut_block_is_watertight_and_has_its_share_of_the_volume(sizes, first, count):
+    count = min(count, sizes["facets"] - 1)
+    mesh = make_bore(**sizes, sector=(first, first + count))
     assert_watertight(mesh)
-    assert mesh.volume() == pytest.approx(closed_volume(**sizes) * kept / sizes["facets"], rel=1e-9)
+    assert mesh.volume() == pytest.approx(closed_volume(**sizes) * count / sizes["facets"], rel=1e-9)
 
 
 def test_a_sector_of_all_facets_is_the_whole_ring():
@@ -75,33 +75,33 @@ def test_a_sector_of_all_facets_is_the_whole_ring():
 
 
 @pytest.mark.parametrize("facets", [3, 7, 64, 92])
-def test_the_edges_of_the_bore_lie_on_the_hole(facets):
+def test_the_edges_of_the_bore_lie_on_the_cylinder(facets):
     mesh = make_bore(**{**SIZES, "facets": facets})
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     vertical = np.abs(normals[:, 2]) < 1e-9
-    to_axis = np.einsum("ij,ij->i", normals, a)  # distance of the face's plane from the axis, outwards positive
+    to_axis = np.einsum("ij,ij->i", normals, a)  # signed distance of the face's plane from the axis, positive outwards
     bore = vertical & (to_axis < 0)
-    assert bore.sum() == 2 * facets  # two triangles a face
+    assert bore.sum() == 2 * facets  # two triangles per face
     np.testing.assert_allclose(-to_axis[bore], SIZES["radius"] * math.cos(math.pi / facets), rtol=1e-12)
     outer = vertical & (to_axis > 0)
     np.testing.assert_allclose(to_axis[outer], SIZES["block_radius"] * math.cos(math.pi / facets), rtol=1e-12)
 
 
-def test_the_chamfer_leaves_the_mouth_at_45_degrees():
+def test_the_chamfer_has_45_degrees():
     mesh = make_bore(**SIZES)
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
-    slanted = np.abs(np.abs(normals[:, 2]) - math.sqrt(0.5)) < 1e-3  # at the edges exactly, across the sides nearly
+    slanted = np.abs(np.abs(normals[:, 2]) - math.sqrt(0.5)) < 1e-3  # exact at the edges, approximate at the sides
     assert slanted.sum() == 2 * SIZES["facets"]
     assert (normals[slanted][:, 2] > 0).all()
     np.testing.assert_allclose(mesh.vertices[:, 2].max(), 0.0)
     np.testing.assert_allclose(mesh.vertices[:, 2].min(), -SIZES["depth"] - SIZES["floor"])
 
 
-def test_wavefront_text_reads_back_as_the_same_mesh():
+def test_wavefront_text_gives_the_same_mesh():
     mesh = make_bore(**SIZES)
     vertices, triangles = [], []
     for line in mesh.to_obj().splitlines():
@@ -112,7 +112,7 @@ def test_wavefront_text_reads_back_as_the_same_mesh():
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"facets": 2}, "2 facets"),
         ({"radius": 0.0}, "radius 0.0"),
@@ -123,8 +123,8 @@ def test_wavefront_text_reads_back_as_the_same_mesh():
         ({"floor": 0.0}, "floor 0.0"),
     ],
 )
-def test_sizes_that_make_no_bore_are_refused(change, said):
-    with pytest.raises(ValueError, match=said):
+def test_impossible_sizes_raise_an_error(change, message):
+    with pytest.raises(ValueError, match=message):
         make_bore(**{**SIZES, **change})
 
 
@@ -134,7 +134,7 @@ def test_sagitta_of_a_square_and_a_hexagon():
 
 
 @given(radius=st.floats(0.001, 0.1), share=st.floats(1e-4, 0.3))
-def test_minimum_facets_is_the_fewest_whose_sagitta_is_a_quarter_of_the_clearance(radius, share):
+def test_minimum_facets_gives_a_sagitta_of_at_most_a_quarter_of_the_clearance(radius, share):
     clearance = share * radius
     n = minimum_facets(radius, clearance)
     assert facet_sagitta(radius, n) <= clearance / 4 * (1 + 1e-6)
@@ -142,6 +142,13 @@ def test_minimum_facets_is_the_fewest_whose_sagitta_is_a_quarter_of_the_clearanc
         assert facet_sagitta(radius, n - 1) > clearance / 4 * (1 - 1e-6)
 
 
-def test_the_papers_clearance_needs_63_facets():
-    # cos(pi/n) = 1 - 50 um / (4 x 10.05 mm) = 1 - 0.00124378: pi/n = 0.049881, n = 62.98
+def test_the_clearance_of_the_paper_needs_63_facets():
+    # cos(pi/n) = 1 - 50 um / (4 x 10.05 mm) = 1 - 0.00124378, so pi/n = 0.049881 and n = 62.98
     assert minimum_facets(0.01005, 5e-5) == 63
+
+
+def test_the_cutaway_is_half_of_the_ring_opposite_the_camera():
+    assert cutaway_sector(64) == (24, 56)
+    mesh = make_bore(**SIZES, sector=cutaway_sector(64))
+    towards_camera = np.array([math.cos(math.radians(45.0)), math.sin(math.radians(45.0)), 0.0])
+    assert (mesh.vertices @ towards_camera).max() < 1e-9

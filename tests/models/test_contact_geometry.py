@@ -1,4 +1,4 @@
-"""The exact geometry, against brute force that knows nothing of circles, minima or features."""
+"""Compares the exact contact geometry with brute-force searches over the surfaces."""
 
 import itertools
 
@@ -24,12 +24,12 @@ poses = st.tuples(
 
 
 def pose(tilt_x, tilt_y, x, y, z):
-    """The tip placed near the bore's axis, and the peg's axis."""
+    """Position of the tip, and the peg's axis."""
     return np.array([[x, y, z]]), axes_of_rotation_vectors([[tilt_x, tilt_y, 0.0]])
 
 
 def distance_to_block(q):
-    """Of points (..., 3) in the open, from the polyline of the profile, m; negative inside the block."""
+    """Distance of points (..., 3) from the profile of the block, m; negative inside the block."""
     s = np.stack([np.hypot(q[..., 0], q[..., 1]), q[..., 2]], axis=-1)
     best = np.full(s.shape[:-1], np.inf)
     for a, b in itertools.pairwise(PROFILE):
@@ -42,7 +42,7 @@ def distance_to_block(q):
 
 
 def peg_surface(p, a, angle, s):
-    """Points of the peg: s > 0 on its side at that height, s in [-1, 0] on its tip at radius r (1 + s)."""
+    """Points of the peg: at height s on its side for s > 0, at radius r (1 + s) on its tip for s in [-1, 0]."""
     u = np.cross([0.0, 1.0, 0.0], a)
     u /= np.linalg.norm(u)
     v = np.cross(a, u)
@@ -55,11 +55,11 @@ STRIPS = ((-1.0, 0.0), (0.0, 1e-4), (1e-4, 1e-3), (1e-3, 1e-2), (1e-2, 4e-2))
 
 
 def brute_force_distance(p, a):
-    """Least distance over the whole surface of the peg: grids over angle and height that zoom in."""
-    return min(zoom(p, a, *ends) for ends in STRIPS)
+    """Minimum distance over the whole surface of the peg, on grids of angle and height that are refined."""
+    return min(min_on_strip(p, a, *ends) for ends in STRIPS)
 
 
-def zoom(p, a, bottom, top):
+def min_on_strip(p, a, bottom, top):
     def along_generatrix(t):
         s, width = np.broadcast_to(np.linspace(bottom, top, 81), (len(t), 81)), (top - bottom) / 80
         for _ in range(12):
@@ -76,9 +76,10 @@ def zoom(p, a, bottom, top):
     return d.min()
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(poses)
-def test_gap_of_a_free_pose_is_the_brute_force_distance(values):
+def test_the_gap_of_a_free_pose_equals_the_brute_force_distance(values):
     p, a = pose(*values)
     gap = DUT.gap(p, a)[0]
     if gap > 0:
@@ -86,15 +87,16 @@ def test_gap_of_a_free_pose_is_the_brute_force_distance(values):
 
 
 def min_on_circle(f):
-    """Ten thousand samples, and a thousand more round each of the best thirty."""
+    """Minimum over ten thousand samples, and a thousand more around each of the best thirty."""
     t = np.linspace(0.0, 2 * np.pi, 10_000, endpoint=False)
     best = t[np.argsort(f(t))[:30]]
     return f(best[:, None] + np.linspace(-1e-3, 1e-3, 1001)).min()
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(poses)
-def test_overlap_is_found_by_dense_circles(values):
+def test_the_overlap_equals_that_of_densely_sampled_circles(values):
     p, a = pose(*values)
     gap = DUT.gap(p, a)[0]
 
@@ -112,43 +114,45 @@ def test_overlap_is_found_by_dense_circles(values):
         min_on_circle(rim), min_on_circle(lambda t: edge(t, R, -C)), min_on_circle(lambda t: edge(t, R + C, 0.0))
     )
     assert (gap < 0) == (overlap < 0) or abs(gap) < 1e-9
-    # In the corner of wall and floor the gap is the deeper of two overlaps, the distance is that to the corner.
+    # In the corner of wall and floor, the gap is the deeper of two overlaps; the distance is that to the corner.
     if p[0, 2] > -DEPTH + 1e-3:
         assert gap == pytest.approx(overlap, abs=1e-9)
 
 
-# Its two deepest overlaps, at the chamfer and the face, are a fifth of a radian apart and differ by 22 nm.
+# The two deepest overlaps of this pose, at the chamfer and the face, are 0.2 rad apart and differ by 22 nm.
+@pytest.mark.slow
 @example((-0.009765625, 1e-05, 0.0, -0.0008801126686263268, -0.0008801126686263268), 1.25)
 @settings(max_examples=60, deadline=None)
 @given(poses, st.floats(-np.pi, np.pi))
-def test_turning_the_whole_changes_nothing(values, turn):
+def test_the_gap_is_invariant_to_rotations_about_the_axis_of_the_bore(values, turn):
     p, a = pose(*values)
     c, s = np.cos(turn), np.sin(turn)
     turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     assert DUT.gap(p @ turned.T, a @ turned.T)[0] == pytest.approx(DUT.gap(p, a)[0], abs=1e-11)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(poses)
-def test_contact_points_lie_on_both_bodies_and_normals_are_unit(values):
+def test_contact_points_lie_on_both_bodies_and_normals_are_unit_vectors(values):
     p, a = pose(*values)
     contacts = DUT.contacts(p, a)
-    there = np.isfinite(contacts.gap)
-    assert np.linalg.norm(contacts.normal, axis=-1)[there] == pytest.approx(1.0, abs=1e-9)
-    rim = (contacts.surface < Surface.OUTER_EDGE) & there
+    exists = np.isfinite(contacts.gap)
+    assert np.linalg.norm(contacts.normal, axis=-1)[exists] == pytest.approx(1.0, abs=1e-9)
+    rim = (contacts.surface < Surface.OUTER_EDGE) & exists
     on_peg = contacts.points_on_peg()[rim] - p[0]
     assert on_peg @ a[0] == pytest.approx(0.0, abs=1e-12)
     assert np.linalg.norm(on_peg, axis=1) == pytest.approx(r, abs=1e-12)
-    edges = (contacts.surface >= Surface.OUTER_EDGE) & there & contacts.side
+    edges = (contacts.surface >= Surface.OUTER_EDGE) & exists & contacts.side
     beside = contacts.points_on_peg()[edges] - p[0]
     along = beside @ a[0]
     assert np.linalg.norm(beside - along[:, None] * a[0], axis=1) == pytest.approx(r, abs=1e-12)
-    touching = (contacts.surface == Surface.RIM_WALL) & there & (contacts.gap < 1e-4)
+    touching = (contacts.surface == Surface.RIM_WALL) & exists & (contacts.gap < 1e-4)
     assert np.hypot(*contacts.point[touching].T[:2]) == pytest.approx(R, abs=1e-12)
 
 
 @pytest.mark.parametrize("degrees", [0.2, 0.5, 1.0, 2.0, 3.0, 5.0])
-def test_two_points_touch_exactly_at_the_two_point_depth(degrees):
+def test_two_point_contact_begins_exactly_at_the_two_point_depth(degrees):
     t = np.radians(degrees)
     h = float(two_point_depth(t, peg_radius=r, hole_radius=R))
     if h + C > DEPTH:
@@ -161,7 +165,7 @@ def test_two_points_touch_exactly_at_the_two_point_depth(degrees):
     assert DUT.label(p - np.array([-1e-8, 0, 1e-5]), a)[0] == ContactLabel.MOUTH
 
 
-def test_every_label_occurs_where_it_should():
+def test_every_label_occurs_at_a_pose_constructed_for_it():
     tilted = np.radians(1.0)
     cases = {
         ContactLabel.FREE: pose(0, 0, 0, 0, 0.001),
@@ -177,7 +181,7 @@ def test_every_label_occurs_where_it_should():
     assert len({label.label for label in ContactLabel}) == len(ContactLabel)
 
 
-def test_a_thousand_poses_equal_one_at_a_time():
+def test_a_batch_of_poses_gives_the_same_gaps_as_single_poses():
     rng = np.random.default_rng(0)
     p = np.c_[rng.normal(size=(200, 2)) * 1e-4, rng.uniform(-0.026, 0.004, 200)]
     a = axes_of_rotation_vectors(np.c_[rng.normal(size=(200, 2)) * 0.03, np.zeros(200)])
@@ -189,12 +193,12 @@ def test_a_thousand_poses_equal_one_at_a_time():
     ("p", "a", "message"),
     [
         ([[0, 0, 0]], [[0, 0, 1.1]], "length 1.1 in row 0"),
-        ([[0, 0, np.nan]], [[0, 0, 1]], "not finite"),
+        ([[0, 0, np.nan]], [[0, 0, 1]], "NaN or infinite"),
         ([0, 0, 0], [0, 0, 1], r"shape \(3,\)"),
         ([[0, 0, 0]], [[1, 0, 0]], "tilted by 90.0 deg"),
     ],
 )
-def test_wrong_poses_are_refused(p, a, message):
+def test_invalid_poses_raise_an_error(p, a, message):
     with pytest.raises(ValueError, match=message):
         DUT.gap(p, a)
     with pytest.raises(ValueError, match="positive sizes"):

@@ -1,4 +1,4 @@
-"""Recordings that were finished stay whole, whatever ends the session."""
+"""Recordings that are finished stay complete, however the session ends."""
 
 import errno
 import os
@@ -6,18 +6,18 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 import yaml
 
+import skill.figures.paper_figures  # noqa: F401  imports write_atomically before a test replaces it
 from models.scenario import load_scenario
-from scripts.record_demonstrations import record, sweep
+from scripts.record_demonstrations import record, remove_unfinished
 from skill.data.demonstration import read_demonstration
 from skill.data.tables import write_atomically
 from systems.runs.demonstration_set import OPERATORS, requests
+from tests.scripts.commands import ROOT, error_line, invoke
 
-ROOT = Path(__file__).resolve().parents[2]
 QUICK = {
     "geometry": {"hole_depth": 0.003, "peg_length": 0.02},
     "start": {"height": 2e-4, "tilt": [0.0, 0.0]},
@@ -28,88 +28,127 @@ QUICK = {
 
 @pytest.fixture
 def quick(tmp_path):
+    """Path of a scenario in which an insertion takes a fraction of a second."""
     path = tmp_path / "quick.yaml"
     path.write_text(yaml.safe_dump(QUICK))
     return str(path)
 
 
-def test_thirty_are_three_by_each_of_ten():
-    wanted = requests(24, 6)
+def start_recording(out, scenario, *, jobs=1):
+    """Starts a recording of forty demonstrations in a process group of its own, and waits for the first file."""
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "scripts.record_demonstrations", "--scenario", scenario, "--out", str(out)),
+            *("--good", "40", "--bad", "0", "--jobs", str(jobs)),
+        ],
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    end = time.monotonic() + 90
+    while not list(out.glob("*.parquet")):
+        assert time.monotonic() < end
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.002)
+    return process
+
+
+def test_thirty_demonstrations_are_three_by_each_of_ten_operators():
+    requested = requests(24, 6)
     assert OPERATORS == 10
-    assert [sum(r.operator == person for r in wanted) for person in range(10)] == [3] * 10
-    assert sum(r.good for r in wanted) == 24
+    assert [sum(r.operator == person for r in requested) for person in range(10)] == [3] * 10
+    assert sum(r.good for r in requested) == 24
     for person in range(10):
-        assert len({r.habit for r in wanted if r.operator == person and r.good}) == 1  # novice or expert, for good
+        habits = {r.habit for r in requested if r.operator == person and r.good}
+        assert len(habits) == 1  # an operator is either a novice or an expert
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seconds", [0.05, 0.13, 0.31, 0.5, 0.77, 1.1])
-def test_a_killed_session_leaves_every_finished_recording_readable_and_no_half_one(tmp_path, quick, seconds):
+def test_a_killed_session_leaves_only_complete_recordings(tmp_path, quick, seconds):
     out = tmp_path / "out"
-    command = [sys.executable, "-m", "scripts.record_demonstrations", "--scenario", quick, "--out", str(out)]
-    options = ["--good", "40", "--bad", "0", "--jobs", "1"]
-    with subprocess.Popen(
-        [*command, *options], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    ) as process:
-        end = time.monotonic() + 90
-        while not list(out.glob("*.parquet")):  # the moment is counted from the first recording on
-            assert time.monotonic() < end
-            assert process.poll() is None
-            time.sleep(0.002)
+    with start_recording(out, quick) as process:
         time.sleep(seconds)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        os.killpg(process.pid, signal.SIGKILL)
     finished = sorted(out.glob("*.parquet"))
     assert finished
     for path in finished:
         assert read_demonstration(path).good
-    sweep(out)
+    remove_unfinished(out)
     assert sorted(p for p in out.iterdir() if p.name != "demonstrations.png") == finished
 
 
-def test_what_a_killed_write_left_is_swept_and_nothing_else(tmp_path):
+@pytest.mark.slow
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_ctrl_c_ends_a_recording_with_one_line_and_exit_code_130(tmp_path, quick, jobs):
+    out = tmp_path / "out"
+    with start_recording(out, quick, jobs=jobs) as process:
+        os.killpg(process.pid, signal.SIGINT)
+        _, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert stderr == "interrupted\n"
+    assert list(out.glob(".*")) == []
+    for path in out.glob("*.parquet"):
+        read_demonstration(path)
+
+
+def test_only_unfinished_files_are_removed(tmp_path):
     (tmp_path / ".000_good_expert.parquet.abc123").write_bytes(b"PAR1 half")
-    (tmp_path / "000_good_expert.parquet").write_bytes(b"whole")
+    (tmp_path / "000_good_expert.parquet").write_bytes(b"complete")
     (tmp_path / "notes.txt").write_text("mine")
-    sweep(tmp_path)
+    remove_unfinished(tmp_path)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["000_good_expert.parquet", "notes.txt"]
 
 
-def test_a_full_disk_is_said_and_what_was_finished_stays(tmp_path, quick, capfd, monkeypatch):
-    import typer
-
-    import skill.data.demonstration
-
+@pytest.mark.slow
+def test_a_full_disk_is_reported_and_finished_recordings_stay(tmp_path, quick, monkeypatch):
     written = []
 
-    def until_full(path, data):
+    def write_until_full(path, data):
         if len(written) == 2:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
         write_atomically(path, data)
         written.append(path)
 
-    monkeypatch.setattr("skill.data.tables.write_atomically", until_full)
-    assert skill.data.demonstration
-    with pytest.raises(typer.Exit) as ended:
-        record(out=tmp_path / "out", good=4, bad=0, seed=0, scenario=quick, jobs=1, overwrite=False)
-    assert ended.value.exit_code == 1
-    assert "No space left on device" in capfd.readouterr().err
-    finished = sorted((tmp_path / "out").iterdir())
+    monkeypatch.setattr("skill.data.tables.write_atomically", write_until_full)
+    out = tmp_path / "out"
+    line = error_line(invoke("record", "--out", out, "--good", 4, "--bad", 0, "--scenario", quick, "--jobs", 1))
+    assert "No space left on device" in line
+    finished = sorted(out.iterdir())
     assert len(finished) == 2
     for path in finished:
         read_demonstration(path)
 
 
-def test_the_margins_are_printed_and_a_violation_refused(tmp_path, quick, capfd):
-    import typer
-
+def test_the_margins_are_printed_and_an_unstable_scenario_is_refused(tmp_path, quick, capfd):
     record(out=tmp_path / "out", good=1, bad=0, seed=0, scenario=quick, jobs=1, overwrite=False)
     assert "Colgate" in capfd.readouterr().out
-    hard = {**QUICK, "coupling": {"force_scale": 1.0}}
-    (tmp_path / "hard.yaml").write_text(yaml.safe_dump(hard))
-    with pytest.raises(typer.Exit):
-        record(
-            out=tmp_path / "hard", good=1, bad=0, seed=0, scenario=str(tmp_path / "hard.yaml"), jobs=1, overwrite=False
-        )
-    assert "not stable" in capfd.readouterr().err
+    path = tmp_path / "hard.yaml"
+    path.write_text(yaml.safe_dump({**QUICK, "coupling": {"force_scale": 1.0}}))
+    line = error_line(invoke("record", "--out", tmp_path / "hard", "--good", 1, "--bad", 0, "--scenario", path))
+    assert "not stable" in line
     assert not (tmp_path / "hard").exists()
-    load_scenario(str(tmp_path / "hard.yaml"))  # the file itself is in order
+    load_scenario(str(path))  # the file itself is valid
+
+
+def test_the_functions_behind_the_commands_raise_their_errors(tmp_path):
+    from scripts import demo, practise, record_demonstrations, run_rig, train_skill
+    from systems.runs.practice_rounds import Practice
+
+    nowhere = tmp_path / "nowhere"
+    with pytest.raises(ValueError, match="nominel"):
+        demo.demo(out=nowhere, good=1, bad=0, trials=1, seed=0, scenario="nominel", jobs=1)
+    with pytest.raises(ValueError, match="nominel"):
+        record_demonstrations.record_live(out=nowhere, seed=0, scenario="nominel", driver=None, port=None)
+    with pytest.raises(ValueError, match="no demonstrations"):
+        train_skill.train(demonstrations=nowhere, out=nowhere / "skill.npz", seed=0)
+    rig = {"trials": 1, "seed": 0, "tilt_deg": None, "friction": None, "out": nowhere, "json": None, "jobs": 1}
+    with pytest.raises(ValueError, match="no such skill file"):
+        run_rig.run(skill=nowhere, scenario="nominal", **rig)
+    with pytest.raises(ValueError, match="no such skill file"):
+        practise.run(
+            **{"skill": nowhere, "out": nowhere, "practice": Practice(), "held_out": 2, "held_out_seed": 0},
+            **{"scenario": "nominal", "jobs": 1},
+        )

@@ -1,37 +1,20 @@
-import io
-import json
 import math
-import re
-import subprocess
-import sys
-import zipfile
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.linear_model import LinearRegression
 
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.features.wrench_features import MEASURED
-from skill.manipulation_skill import SKILL_VERSION, ManipulationSkill
-
-ROOT = Path(__file__).resolve().parents[2]
-
-ACT = """
-import json, sys
-import numpy as np
-from pathlib import Path
+from skill.data.demonstration import ACTIONS
+from skill.data.refinement import refine_demonstration
+from skill.features.contact_features import ContactFeatures
+from skill.features.wrench_features import MEASURED, CanonicalFeatures, RawFeatures
 from skill.manipulation_skill import ManipulationSkill
-assert "pydrake" not in sys.modules
-skill = ManipulationSkill.load(Path(sys.argv[1]))
-belief = np.full(skill.n_states, 1 / skill.n_states)
-out = []
-for row in np.load(sys.argv[2]):
-    for action in (skill.act(row), skill.act(row, belief)):
-        out.append([v.hex() for v in (*map(float, action.turn), action.feed, *map(float, action.probabilities))])
-print(json.dumps(out))
-"""
+from skill.regression.locally_weighted_regression import LWRegressor
+from skill.regression.protocols import ExplainableRegressor, StateRegressor
+from tests.trajectories import GEOMETRY, make_demonstration
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +23,30 @@ def rows(demonstrations):
     return np.vstack([d.samples[list(MEASURED)].to_numpy()[::6] for d in demonstrations])
 
 
+def made_up_demonstrations(number=6):
+    """Synthetic trajectories with different tilts and directions."""
+    rng = np.random.default_rng(0)
+    tilts, directions = np.radians(rng.uniform(1.5, 4.0, number)), rng.uniform(-3.0, 3.0, number)
+    return [make_demonstration(tilt=t, direction=d) for t, d in zip(tilts, directions, strict=True)]
+
+
+@pytest.fixture(scope="module")
+def made_up_skill():
+    """Four states from synthetic trajectories; no cross-validation, hence quick to fit."""
+    return ManipulationSkill(regressor=LWRegressor(ridge=1.0)).fit(made_up_demonstrations())
+
+
+def single_state():
+    """Parts that are quick to fit: one state, and features that only scale the measurements."""
+    return {"features": RawFeatures(), "states": CompetitiveAgglomeration(m_init=1), "regressor": LWRegressor()}
+
+
+def measurements(demonstration):
+    return demonstration.samples[list(MEASURED)].to_numpy()
+
+
 def acted(skill, rows):
+    """Actions and probabilities with and without given states, as exact texts."""
     belief = np.full(skill.n_states, 1 / skill.n_states)
     return [
         [v.hex() for v in (*map(float, a.turn), a.feed, *map(float, a.probabilities))]
@@ -62,7 +68,7 @@ def test_an_action_is_a_turn_across_the_axis_and_a_feed(skill, rows):
         assert (action.probabilities >= 0).all()
 
 
-def test_actions_stay_within_what_was_demonstrated(skill, rows, demonstrations):
+def test_actions_stay_within_the_demonstrated_range(skill, rows, demonstrations):
     good = [d.samples for d in demonstrations if d.good]
     fastest = max(np.abs(s[["rx", "ry"]].to_numpy()).max() for s in good)
     deepest = max(np.abs(s["uz"]).max() for s in good)
@@ -72,7 +78,7 @@ def test_actions_stay_within_what_was_demonstrated(skill, rows, demonstrations):
     assert np.mean([a.feed < 0 for a in actions]) > 0.6  # into the hole
 
 
-def test_turned_about_the_axis_the_contact_is_answered_by_the_action_turned(skill, rows):
+def test_a_contact_turned_about_the_axis_gets_the_turned_action(skill, rows):
     angle = 1.1
     c, s = np.cos(angle), np.sin(angle)
     R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
@@ -84,7 +90,7 @@ def test_turned_about_the_axis_the_contact_is_answered_by_the_action_turned(skil
         np.testing.assert_allclose(other.probabilities, one.probabilities, atol=1e-9)
 
 
-def test_the_learnt_turn_agrees_with_the_demonstrated_one_where_there_was_contact(skill, demonstrations):
+def test_the_learnt_turn_agrees_with_the_demonstrated_one_in_contact(skill, demonstrations):
     agree = []
     for d in demonstrations[:5]:
         samples = d.samples
@@ -103,7 +109,25 @@ def test_the_states_probabilities_are_those_of_single_measurements(skill, rows):
     assert len(skill.state_names()) == len(set(skill.state_names())) == skill.n_states >= 2
 
 
-def test_a_measurement_that_is_none_is_refused(skill, rows):
+def test_the_action_depends_on_the_state(made_up_skill):
+    """The regressor is given the states: those of the caller, or those of the measurement."""
+    differences = []
+    for row in measurements(made_up_demonstrations()[0])[20:100:10]:
+        X = made_up_skill.features_.transform(row[None])
+        actions = [made_up_skill.act(row, state) for state in np.eye(made_up_skill.n_states)]
+        for state, action in zip(np.eye(made_up_skill.n_states), actions, strict=True):
+            local = made_up_skill.regressor_.predict(X, memberships=state[None])
+            expected = made_up_skill.features_.actions_from_frame(row[None], local)[0]
+            np.testing.assert_allclose([*action.turn, action.feed], expected, rtol=1e-12)
+            np.testing.assert_array_equal(action.probabilities, state)
+        differences.append(np.ptp([a.feed for a in actions]) / np.abs([a.feed for a in actions]).max())
+        own = made_up_skill.act(row)
+        given = made_up_skill.act(row, made_up_skill.state_probabilities(row[None])[0])
+        assert (own.turn.tolist(), own.feed) == (given.turn.tolist(), given.feed)
+    assert max(differences) > 0.1
+
+
+def test_a_measurement_that_is_not_finite_or_too_short_is_refused(skill, rows):
     row = rows[0].copy()
     row[2] = np.nan
     with pytest.raises(ValueError, match="fz"):
@@ -112,15 +136,115 @@ def test_a_measurement_that_is_none_is_refused(skill, rows):
         skill.act(row[:6])
 
 
+# ------------------------------------------------------------------ explain
+
+
+def test_an_explanation_adds_up_to_the_action(made_up_skill):
+    row = measurements(made_up_demonstrations()[1])[60]
+    explanation, action = made_up_skill.explain(row, level=0.8), made_up_skill.act(row)
+    assert explanation.feed == action.feed
+    np.testing.assert_array_equal(explanation.turn, action.turn)
+    np.testing.assert_array_equal(explanation.probabilities, action.probabilities)
+    assert explanation.frame_angle == made_up_skill.features_.rotation_angle(row[None])[0]
+    used = explanation.neighbours
+    sources = made_up_skill.sources_.tolist()
+    indices = [sources.index([n, t]) for n, t in used[["demonstration", "time"]].to_numpy()]
+    in_frame = used["influence"].to_numpy() @ made_up_skill.regressor_.y_[indices]
+    local = made_up_skill.features_.actions_from_frame(row[None], in_frame[None])[0]
+    np.testing.assert_allclose(local, [*action.turn, action.feed], rtol=1e-9)
+    assert (explanation.lower < in_frame).all()
+    assert (in_frame < explanation.upper).all()
+    assert explanation.support == pytest.approx(used["weight"].sum())
+    assert explanation.level == 0.8
+    wider = made_up_skill.explain(row)
+    assert wider.level == 0.95
+    assert (wider.lower < explanation.lower).all()
+
+
+def test_a_printed_explanation_is_in_degrees_and_millimetres(made_up_skill):
+    row = measurements(made_up_demonstrations()[1])[60]
+    explanation = made_up_skill.explain(row, [0.004, 0.7, 0.286, 0.01])
+    lines = str(explanation).splitlines()
+    assert lines[0] == "states: state 1 70%, state 2 29%, state 3 1%"
+    degrees = np.degrees(explanation.turn)
+    assert lines[1] == (
+        f"turn {degrees[0]:+.3f} {degrees[1]:+.3f} deg, feed {1000 * explanation.feed:+.3f} mm, in one sample period"
+    )
+    assert lines[2].startswith(f"95% interval in the contact frame ({np.degrees(explanation.frame_angle):+.0f} deg")
+    low, high = explanation.lower, explanation.upper
+    assert f"turn {np.degrees(low[0]):+.3f}..{np.degrees(high[0]):+.3f}, {np.degrees(low[1]):+.3f}.." in lines[2]
+    assert lines[2].endswith(f"feed {1000 * low[2]:+.3f}..{1000 * high[2]:+.3f} mm")
+    assert lines[3].startswith(f"support {explanation.support:.1f} samples")
+    first = explanation.neighbours.iloc[0]
+    assert lines[4] == f"  demonstration {first.demonstration:.0f} at {first.time:.2f} s: weight 1.00"
+    assert len(lines) == 4 + 5
+
+
+def test_a_regressor_without_explanations_is_named():
+    parts = {**single_state(), "regressor": LinearRegression()}
+    skill = ManipulationSkill(**parts).fit(made_up_demonstrations(2))
+    with pytest.raises(TypeError, match=r"a LinearRegression cannot explain its predictions; expected .*LWRegressor"):
+        skill.explain(np.zeros(7))
+
+
+# --------------------------------------------------------- other regressors
+
+
+class WrappedRegressor:
+    """A regressor of another package, which offers the same methods as ours."""
+
+    def __init__(self, inner=None):
+        self.inner = inner or LWRegressor(ridge=1.0)
+
+    def get_params(self, deep=False):
+        return {}
+
+    def fit(self, X, y, memberships):
+        self.inner.fit(X, y, memberships)
+        return self
+
+    def predict(self, X):
+        raise AssertionError("expected a prediction with states")
+
+    def predict_with_support(self, X, memberships):
+        return self.inner.predict_with_support(X, memberships)
+
+    def support_between(self, groups):
+        return self.inner.support_between(groups)
+
+    def explain(self, x, membership, level):
+        return self.inner.explain(x, membership, level)
+
+
+def test_a_foreign_regressor_with_the_same_methods_acts_like_ours(made_up_skill):
+    demonstrations = made_up_demonstrations()
+    skill = ManipulationSkill(regressor=WrappedRegressor()).fit(demonstrations)
+    assert isinstance(skill.regressor_, StateRegressor)
+    assert isinstance(skill.regressor_, ExplainableRegressor)
+    rows = measurements(demonstrations[0])[::25]
+    assert acted(skill, rows) == acted(made_up_skill, rows)
+    assert skill.min_log_support_ == made_up_skill.min_log_support_
+    assert str(skill.explain(rows[2])) == str(made_up_skill.explain(rows[2]))
+
+
+def test_a_regressor_that_does_not_report_its_support_has_full_support(demonstrations):
+    skill = ManipulationSkill(regressor=LinearRegression(), states=CompetitiveAgglomeration(m_init=1)).fit(
+        demonstrations
+    )
+    assert skill.min_log_support_ == -math.inf
+    assert skill.act(np.full(7, 1e3)).support == 1.0
+
+
 # --------------------------------------------------------------------- fit
 
 
+@pytest.mark.slow
 def test_fitting_again_gives_the_same_skill(demonstrations, skill, rows):
     again = ManipulationSkill().fit(demonstrations)
     assert acted(again, rows[::4]) == acted(skill, rows[::4])
 
 
-def test_the_actions_are_those_of_the_good_demonstrations_only(skill, demonstrations):
+def test_actions_are_learnt_from_good_demonstrations_only(skill, demonstrations):
     used = {int(n) for n in skill.sources_[:, 0]}
     assert used == {n for n, d in enumerate(demonstrations) if d.good}
     assert skill.metadata_["demonstrations"] == len(demonstrations)
@@ -128,140 +252,194 @@ def test_the_actions_are_those_of_the_good_demonstrations_only(skill, demonstrat
     assert skill.period_ == pytest.approx(0.02)
 
 
-def test_where_none_is_good_there_is_nothing_to_learn(demonstrations):
+def test_the_samples_of_a_skill_know_their_demonstration_and_time():
+    one, bad, two = made_up_demonstrations(3)
+    parts = {**single_state(), "still": 0.0, "rough": math.inf}
+    skill = ManipulationSkill(**parts).fit([one, replace(bad, good=False, outcome="jammed"), two])
+    number, time = skill.sources_.T
+    assert set(number) == {0, 2}
+    for n, demonstration in ((0, one), (2, two)):
+        assert set(time[number == n]) <= set(demonstration.samples["time"])
+    assert (np.diff(time[number == 0]) > 0).all()
+
+
+def test_states_are_discovered_in_all_demonstrations_and_the_graph_counts_their_outcomes():
+    one, bad, rough = made_up_demonstrations(3)
+    bad, rough = replace(bad, good=False, outcome="jammed"), replace(rough, outcome="inserted roughly")
+    skill = ManipulationSkill(**single_state()).fit([one, bad, rough])
+    assert dict(zip(skill.graph_.outcomes_, skill.graph_.exits_[0], strict=True)) == {"inserted": 2, "jammed": 1}
+    assert skill.graph_.sample_period == pytest.approx(0.02)
+
+
+class RecordedArguments(CompetitiveAgglomeration):
+    """Stores what it is fitted to."""
+
+    def fit(self, X, y=None, *, groups=None, phase=None):
+        self.given_ = X, groups, phase
+        return super().fit(X, y, groups=groups, phase=phase)
+
+
+def test_the_states_are_fitted_to_all_samples_with_their_demonstration_and_phase():
+    demonstrations = made_up_demonstrations(3)
+    demonstrations[1] = replace(demonstrations[1], good=False, outcome="jammed")
+    parts = {**single_state(), "states": RecordedArguments(m_init=1)}
+    skill = ManipulationSkill(**parts).fit(demonstrations)
+    rng = np.random.default_rng(0)
+    refined = [skill._with_noise(skill._refined(d), rng) for d in demonstrations]
+    Z, groups, phase = skill.states_.given_
+    np.testing.assert_array_equal(Z, np.vstack([skill.state_features_.transform_demonstration(r) for r in refined]))
+    np.testing.assert_array_equal(groups, [n for n, r in enumerate(refined) for _ in range(len(r))])
+    np.testing.assert_allclose(phase, [k / len(r) for r in refined for k in range(len(r))], rtol=1e-12)
+
+
+def test_a_measurement_is_paired_with_the_action_of_the_next_row():
+    """A row of a demonstration holds the motion since the previous row."""
+    demonstration = made_up_demonstrations(1)[0]
+    skill = ManipulationSkill(**single_state(), still=0.0, rough=math.inf, force_noise=0.0, moment_noise=0.0)
+    skill.fit([demonstration])
+    samples = demonstration.samples
+    actions = samples[["rx", "ry", "uz"]].to_numpy()[1:]
+    moving = np.abs(samples[list(ACTIONS)].to_numpy()[1:]).max(axis=1) > 0.0  # rows without motion are removed
+    assert moving.sum() > 50
+    np.testing.assert_array_equal(skill.regressor_.y_, actions[moving])
+    np.testing.assert_array_equal(skill.sources_[:, 1], samples["time"].to_numpy()[:-1][moving])
+    np.testing.assert_array_equal(skill.regressor_.X_, RawFeatures().transform(samples)[:-1][moving])
+
+
+def test_demonstrations_are_refined():
+    demonstration = made_up_demonstrations(1)[0]
+    noise = {"force_noise": 0.0, "moment_noise": 0.0}
+    skill = ManipulationSkill(**single_state(), still=1.4e-4, rough=3e-4, **noise).fit([demonstration])
+    samples = demonstration.samples.copy()
+    samples[list(ACTIONS)] = samples[list(ACTIONS)].shift(-1, fill_value=0.0)
+    refined, report = refine_demonstration(samples, still=1.4e-4, rough=3e-4)
+    assert report.samples_after < report.samples_before - 5
+    assert report.averagings > 0
+    np.testing.assert_array_equal(skill.regressor_.y_, refined[["rx", "ry", "uz"]])
+    np.testing.assert_array_equal(skill.regressor_.X_, RawFeatures().transform(refined))
+    span = refined["time"].iloc[-1] - refined["time"].iloc[0]  # the time of removed samples counts
+    assert skill.graph_.dwell_mean_s_[0] == pytest.approx(span, abs=0.05)
+    assert span > 0.02 * len(refined) + 0.1
+
+
+def test_the_noise_of_the_sensor_is_added_to_the_demonstrations():
+    demonstrations = made_up_demonstrations(2)
+    clean, noisy = (
+        ManipulationSkill(**single_state(), force_noise=f, moment_noise=m, random_state=5).fit(demonstrations)
+        for f, m in ((0.0, 0.0), (0.3, 0.002))
+    )
+    change = (noisy.regressor_.X_ - clean.regressor_.X_) * [10, 10, 10, 0.1, 0.1, 0.1, 1]
+    draws = np.random.default_rng(5).standard_normal((len(change), 6))  # one demonstration after the other
+    np.testing.assert_allclose(change[:, :6], draws * np.repeat([0.3, 0.002], 3), atol=1e-12)
+    np.testing.assert_array_equal(change[:, 6], 0.0)
+    defaults = ManipulationSkill()
+    assert (defaults.force_noise, defaults.moment_noise, defaults.still, defaults.rough) == (0.06, 0.005, 2e-5, 4e-4)
+
+
+def test_the_covariance_of_a_state_has_a_floor_of_five_percent_of_the_variance(made_up_skill):
+    """F_k = sum_i p_ik (z_i - v_k)(z_i - v_k)' / sum_i p_ik + 0.05 var, where the prior does not matter."""
+    rng = np.random.default_rng(0)
+    refined = [made_up_skill._with_noise(made_up_skill._refined(d), rng) for d in made_up_demonstrations()]
+    Z = np.vstack([made_up_skill.state_features_.transform_demonstration(r) for r in refined])
+    P, variance = made_up_skill.states_.predict_proba(Z), Z.var(axis=0)
+    largest = int(P.sum(axis=0).argmax())
+    p = P[:, largest] / P[:, largest].sum()
+    scatter = p @ (Z - p @ Z) ** 2
+    floor = (np.diag(made_up_skill.states_.covariances_[largest]) - scatter) / variance
+    np.testing.assert_allclose(floor, 0.05, rtol=0.2)
+    shares = np.array([np.diag(F) / variance for F in made_up_skill.states_.covariances_])
+    assert 0.05 <= shares.min() < 0.1
+
+
+def test_the_feature_scale_is_selected_if_five_demonstrations_are_good(skill):
+    """With fewer, the features are standardised."""
+    assert not isinstance(skill.regressor_.feature_scale, str)
+    states = CompetitiveAgglomeration(m_init=1)
+    few = ManipulationSkill(states=states, force_noise=0.0, moment_noise=0.0).fit(made_up_demonstrations(4))
+    assert few.regressor_.feature_scale == "standard"
+    assert few.regressor_.ridge == 1.0
+    spread = (few.regressor_.X_ / few.regressor_.feature_scale_).std(axis=0)
+    np.testing.assert_allclose(few.regressor_.feature_scale_[spread > 0], 1.0 / spread[spread > 0])
+
+
+def test_five_good_demonstrations_are_enough_to_select_the_feature_scale():
+    states = CompetitiveAgglomeration(m_init=1)
+    demonstrations = [replace(d, samples=d.samples.iloc[::3]) for d in made_up_demonstrations(5)]
+    skill = ManipulationSkill(states=states, still=0.0).fit(demonstrations)
+    assert np.shape(skill.regressor_.feature_scale) == (7,)
+
+
+def test_without_a_good_demonstration_there_is_nothing_to_learn(demonstrations):
     bad = [replace(d, good=False, outcome="jammed") for d in demonstrations[:2]] + [demonstrations[5]]
     with pytest.raises(ValueError, match=r"none of the 3 demonstrations.*jammed"):
         ManipulationSkill().fit(bad)
 
 
-def test_no_demonstrations_are_nothing_to_learn_from_either():
+def test_without_demonstrations_there_is_nothing_to_learn():
     with pytest.raises(ValueError, match="none of the 0 demonstrations"):
         ManipulationSkill().fit([])
 
 
-# -------------------------------------------------------------------- files
+# ------------------------------------------------------------------ geometry
 
 
-def test_a_loaded_skill_acts_as_the_saved_one_to_the_last_bit(demonstrations, skill, skill_file, rows, tmp_path):
-    path = tmp_path / "again.npz"
-    skill.save(path)
-    assert acted(ManipulationSkill.load(path), rows) == acted(skill, rows)
-    assert ManipulationSkill.load(path).metadata_ == skill.metadata_
-    assert ManipulationSkill.load(path).graph_.to_frame().equals(skill.graph_.to_frame())
+def with_geometry(demonstration, geometry):
+    return replace(demonstration, metadata={"geometry": geometry} if geometry else {})
 
 
-def test_a_fresh_process_without_drake_acts_the_same_to_the_last_bit(skill, skill_file, rows, tmp_path):
-    np.save(tmp_path / "rows.npy", rows)
-    done = subprocess.run(
-        [sys.executable, "-c", ACT, str(skill_file), str(tmp_path / "rows.npy")],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
+def test_the_contact_features_have_the_geometry_of_the_demonstrations():
+    geometry = {**GEOMETRY, "peg_radius": 0.02, "hole_radius": 0.0203}
+    demonstrations = [with_geometry(d, geometry) for d in made_up_demonstrations(2)]
+    skill = ManipulationSkill(**single_state()).fit(demonstrations)
+    assert skill.state_features_.peg_radius == 0.02
+    assert skill.state_features_.play == pytest.approx(3e-4)
+    assert skill.metadata_["geometry"] == geometry
+    own = ManipulationSkill(**single_state(), state_features=CanonicalFeatures(peg_radius=0.3)).fit(demonstrations)
+    assert isinstance(own.state_features_, CanonicalFeatures)
+    assert own.state_features_.peg_radius == 0.3
+
+
+def test_demonstrations_without_a_geometry_get_the_default_features():
+    skill = ManipulationSkill(**single_state()).fit([with_geometry(d, None) for d in made_up_demonstrations(2)])
+    assert skill.state_features_.get_params() == ContactFeatures().get_params()
+    assert skill.metadata_["geometry"] is None
+
+
+@pytest.mark.parametrize("other", [None, {**GEOMETRY, "hole_depth": 0.03}])
+def test_demonstrations_with_different_geometries_are_refused(other):
+    one, two = made_up_demonstrations(2)
+    with pytest.raises(ValueError, match=r"demonstration 1 has geometry.*train a skill for each"):
+        ManipulationSkill(**single_state()).fit([one, with_geometry(two, other)])
+
+
+def test_an_incomplete_geometry_is_an_error_that_names_the_demonstration():
+    one, two = made_up_demonstrations(2)
+    with pytest.raises(ValueError, match=r"demonstration 1: geometry lacks.*hole_radius"):
+        ManipulationSkill(**single_state()).fit([one, with_geometry(two, {"peg_radius": 0.01})])
+
+
+# ------------------------------------------------------- states and support
+
+
+def test_the_state_filter_uses_the_measured_features_and_the_moves_of_the_demonstrations(made_up_skill):
+    dut = made_up_skill.state_filter()
+    assert dut.n_channels == 3
+    np.testing.assert_array_equal(dut.transitions, made_up_skill.graph_.transition_matrix())
+    rows = measurements(made_up_demonstrations()[0])[::20]
+    np.testing.assert_array_equal(
+        [made_up_skill.measured_features(row) for row in rows], made_up_skill.state_features_.transform(rows)
     )
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout) == acted(skill, rows)
+    first = dut.step(dut.initial_log_belief(), made_up_skill.measured_features(rows[0])).probabilities
+    assert first.argmax() == made_up_skill.act(rows[0]).probabilities.argmax()
 
 
-def test_a_skill_file_holds_plain_arrays_and_no_pickle(skill_file):
-    with zipfile.ZipFile(skill_file) as archive:
-        for name in archive.namelist():
-            array = np.lib.format.read_array(io.BytesIO(archive.read(name)), allow_pickle=False)
-            assert array.dtype != object
-
-
-def refusal(path):
-    with pytest.raises(ValueError, match=re.escape(str(path))) as caught:
-        ManipulationSkill.load(path)
-    assert "\n" not in str(caught.value)
-    return str(caught.value)
-
-
-def copied(skill_file, path, change):
-    """A copy of a skill file whose arrays went through ``change``."""
-    with np.load(skill_file) as stored:
-        arrays = dict(stored)
-    change(arrays)
-    np.savez(path, **arrays)
-    return path
-
-
-def header_of(arrays):
-    return json.loads(arrays["header"].tobytes())
-
-
-def test_a_skill_of_another_version_is_refused(skill_file, tmp_path):
-    def age(arrays):
-        header = header_of(arrays)
-        header["skill_version"] = SKILL_VERSION + 1
-        arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
-
-    said = refusal(copied(skill_file, tmp_path / "old.npz", age))
-    assert f"version {SKILL_VERSION + 1}, expected {SKILL_VERSION}" in said
-
-
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.6, 0.999])
-def test_a_truncated_skill_is_refused(skill_file, tmp_path, share):
-    path = tmp_path / "cut.npz"
-    data = skill_file.read_bytes()
-    path.write_bytes(data[: int(share * len(data))])
-    assert "not a skill file" in refusal(path)
-
-
-def test_what_is_not_a_skill_is_refused(tmp_path, demonstration_folder):
-    text = tmp_path / "notes.npz"
-    text.write_text("peg in hole")
-    assert "not a skill file" in refusal(text)
-    other = tmp_path / "other.npz"
-    np.savez(other, a=np.zeros(3))
-    assert "not a skill file" in refusal(other)
-    single = tmp_path / "single.npz"
-    with single.open("wb") as stream:
-        np.save(stream, np.zeros(3))
-    assert "not a skill file" in refusal(single)
-    assert "not a skill file" in refusal(next(demonstration_folder.glob("*.parquet")))
-
-
-def test_a_pickle_is_never_opened(tmp_path):
-    path = tmp_path / "evil.npz"
-    np.savez(path, header=np.array([{"skill_version": 1}], dtype=object))
-    assert "not a skill file" in refusal(path)
-
-
-def test_a_skill_file_that_is_not_there_says_what_to_do(tmp_path):
-    assert "train one first" in refusal(tmp_path / "nowhere.npz")
-
-
-@pytest.mark.parametrize("lost", ["sources", "states/", "regressor/", "graph/"])
-def test_a_skill_that_lacks_a_part_is_refused(skill_file, tmp_path, lost):
-    def lose(arrays):
-        for name in [n for n in arrays if n.startswith(lost)]:
-            del arrays[name]
-
-    assert "skill file" in refusal(copied(skill_file, tmp_path / "part.npz", lose))
-
-
-def test_a_skill_with_strange_parameters_is_refused(skill_file, tmp_path):
-    def invent(arrays):
-        header = header_of(arrays)
-        header["parameters"]["courage"] = 3
-        arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
-
-    assert "courage" in refusal(copied(skill_file, tmp_path / "strange.npz", invent))
-
-
-def test_a_save_that_fails_leaves_the_old_skill(skill, skill_file, tmp_path, monkeypatch):
-    path = tmp_path / "skill.npz"
-    path.write_bytes(skill_file.read_bytes())
-
-    def full(handle):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("skill.data.tables.os.fsync", full)
-    with pytest.raises(OSError, match="No space"):
-        skill.save(path)
-    assert path.read_bytes() == skill_file.read_bytes()
-    assert [p.name for p in tmp_path.iterdir()] == ["skill.npz"]
+def test_states_have_numbers_until_they_are_named(made_up_skill):
+    assert made_up_skill.state_names() == ["state 0", "state 1", "state 2", "state 3"]
+    with pytest.raises(ValueError, match="1 state names"):
+        made_up_skill.name_states(["free"])
+    made_up_skill.name_states(["a", "b", "c", "d"])
+    assert made_up_skill.state_names() == ["a", "b", "c", "d"]
+    made_up_skill.names_ = None
 
 
 def test_one_demonstrated_sample_in_a_hundred_has_less_than_full_support(skill):
@@ -270,8 +448,18 @@ def test_one_demonstrated_sample_in_a_hundred_has_less_than_full_support(skill):
     assert np.mean(found < skill.min_log_support_) == pytest.approx(0.01, abs=1.0 / len(found))
 
 
-def test_support_falls_with_the_distance_from_all_that_is_remembered(skill, demonstrations):
-    """A peg far below the bottom, where none has been shown."""
+def test_support_is_the_kernel_weight_over_the_minimum_of_the_demonstrations(made_up_skill):
+    row = measurements(made_up_demonstrations()[0])[60].copy()
+    row[:6] += [3.0, -8.0, 5.0, 0.2, 0.1, 0.3]
+    P = made_up_skill.state_probabilities(row[None])
+    _, log_w = made_up_skill.regressor_.predict_with_support(made_up_skill.features_.transform(row[None]), P)
+    assert log_w[0] < made_up_skill.min_log_support_
+    expected = math.exp(log_w[0] - made_up_skill.min_log_support_)
+    assert made_up_skill.act(row).support == pytest.approx(expected)
+
+
+def test_support_decreases_with_the_distance_from_all_demonstrations(skill, demonstrations):
+    """A peg far below the bottom, where no demonstration went."""
     rows = demonstrations[0].samples[list(MEASURED)].to_numpy()
     assert np.mean([skill.act(row).support == 1.0 for row in rows[::10]]) > 0.8
     found = [skill.act([*rows[0, :6], z]).support for z in (0.001, -0.1, -10.0, -1e3)]
@@ -280,15 +468,18 @@ def test_support_falls_with_the_distance_from_all_that_is_remembered(skill, demo
     assert found[-1] < 1e-6
 
 
-def test_support_is_stored_with_the_skill(skill, tmp_path):
-    skill.save(tmp_path / "skill.npz")
-    again = ManipulationSkill.load(tmp_path / "skill.npz")
-    assert again.min_log_support_ == skill.min_log_support_
-
-
-def test_a_regressor_that_does_not_know_its_support_claims_full_support(demonstrations):
-    skill = ManipulationSkill(regressor=LinearRegression(), states=CompetitiveAgglomeration(m_init=1)).fit(
-        demonstrations
-    )
+def test_a_single_good_demonstration_has_no_minimum_of_support():
+    demonstration = made_up_demonstrations(1)[0]
+    skill = ManipulationSkill(**single_state()).fit([demonstration])
     assert skill.min_log_support_ == -math.inf
-    assert skill.act(np.full(7, 1e3)).support == 1.0
+    assert skill.act(measurements(demonstration)[50]).support == 1.0
+    two = ManipulationSkill(**single_state()).fit(made_up_demonstrations(2))
+    assert math.isfinite(two.min_log_support_)
+
+
+def test_the_sample_period_is_the_median_step():
+    demonstrations = made_up_demonstrations(3)
+    slow = demonstrations[0].samples.assign(time=3.0 * demonstrations[0].samples["time"])
+    skill = ManipulationSkill(**single_state()).fit([replace(demonstrations[0], samples=slow), *demonstrations[1:]])
+    assert skill.period_ == pytest.approx(0.02)
+    assert isinstance(skill.explain(np.zeros(7)).neighbours, pd.DataFrame)

@@ -1,4 +1,4 @@
-"""Every LeafSystem says in its docstring which ports it has, and says the truth."""
+"""The port block in the docstring of every LeafSystem matches the declared ports."""
 
 import importlib
 import inspect
@@ -22,7 +22,7 @@ X = RigidTransform()
 
 ARGUMENTS = {
     "BodyPose": lambda skill: {"body": BodyIndex(1)},
-    "ContactStateEstimator": lambda skill: {"skill": skill, "period": 0.02},
+    "ContactStateEstimator": lambda skill: {"policy": skill, "period": 0.02},
     "DcMotor": lambda skill: {"parameters": S.feed, "period": 1e-3},
     "DemonstrationRecorder": lambda skill: {"period": 0.02, "X_HP_start": X},
     "DepthEncoder": lambda skill: {"home": 0.08, "resolution": 5e-6},
@@ -33,7 +33,12 @@ ARGUMENTS = {
         "fixture": FreeFixture(),
         "peg": BodyIndex(1),
     },
-    "PolicyController": lambda skill: {"skill": skill, "parameters": S.controller, "peg_radius": 0.01},
+    "PolicyController": lambda skill: {
+        "policy": skill,
+        "parameters": S.controller,
+        "guard": S.controller,
+        "peg_radius": 0.01,
+    },
     "SensorMonitor": lambda skill: {"sensor": S.sensor, "top_speed": 0.4, "resolution": 5e-6},
     "MeshcatOperator": lambda skill: {"meshcat": Meshcat(), "period": 0.02, "X_HD_start": X},
     "PassivityObserver": lambda skill: {"period": 1e-3, "X_HD_start": X},
@@ -54,7 +59,7 @@ ARGUMENTS = {
 
 
 def leaf_systems():
-    """Every subclass of LeafSystem that a module of systems/ defines."""
+    """Yields every subclass of LeafSystem that a module of systems/ defines."""
     for module in pkgutil.walk_packages(systems.__path__, "systems."):
         loaded = importlib.import_module(module.name)
         for _, kind in inspect.getmembers(loaded, inspect.isclass):
@@ -66,9 +71,9 @@ KINDS = sorted(leaf_systems(), key=lambda kind: kind.__name__)
 
 
 def port_block(kind):
-    """The YAML of the docstring's ``.. pydrake_system::`` block."""
+    """Returns the parsed ``.. pydrake_system::`` block of the docstring."""
     lines = inspect.cleandoc(kind.__doc__).splitlines()
-    assert lines[0] == ".. pydrake_system::", f"{kind.__name__}: the port block comes first"
+    assert lines[0] == ".. pydrake_system::", f"{kind.__name__}: the docstring does not begin with the port block"
     block = []
     for line in lines[1:]:
         if line and not line.startswith(" "):
@@ -91,7 +96,7 @@ def dut(kind, skill):
     return kind(**ARGUMENTS[kind.__name__](skill))
 
 
-def test_the_block_is_what_is_declared(kind, dut):
+def test_the_port_block_matches_the_declared_ports(kind, dut):
     block = port_block(kind)
     assert set(block) <= {"name", "input_ports", "output_ports"}
     assert block["name"] == kind.__name__
@@ -101,15 +106,15 @@ def test_the_block_is_what_is_declared(kind, dut):
     assert block.get("output_ports", []) == outputs
 
 
-def test_what_follows_the_block_explains_it(kind):
+def test_text_follows_the_port_block(kind):
     text = inspect.cleandoc(kind.__doc__)
     prose = [line for line in text.splitlines()[1:] if line and not line.startswith(" ")]
     assert len(" ".join(prose)) > 60
 
 
-def test_no_output_but_the_declared_ones_feeds_through(dut, kind):
-    """An output without prerequisites counts as direct feedthrough of every input; those not listed are meant so."""
-    held = {
+def test_only_the_listed_outputs_have_direct_feedthrough(dut, kind):
+    """An output without declared prerequisites has feedthrough from every input; unlisted systems intend this."""
+    feedthrough = {
         "DcMotor": {("carriage_state", "carriage_force")},
         "DeviceOperator": set(),
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
@@ -126,4 +131,4 @@ def test_no_output_but_the_declared_ones_feeds_through(dut, kind):
         for i in range(dut.num_input_ports())
         for o in range(dut.num_output_ports())
     }
-    assert {pair for pair, found in pairs.items() if found} == held.get(kind.__name__, set(pairs))
+    assert {pair for pair, found in pairs.items() if found} == feedthrough.get(kind.__name__, set(pairs))

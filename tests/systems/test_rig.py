@@ -10,10 +10,11 @@ from skill.data.rig_run import RUN_COLUMNS
 from systems.rig import MakeRig
 from tests.diagrams import graph_names, state_of, unconnected_inputs
 
-NOT_CONNECTED = {  # of the plant: nothing pushes on it but its motors, whose PD or torque ports these are not
+NOT_CONNECTED = {  # inputs of the plant that the motors do not use
     ("plant", "actuation"),
     ("plant", "applied_generalized_force"),
     ("plant", "applied_spatial_force"),
+    ("plant", "surface_speeds"),  # an input in newer versions of Drake
     *(
         ("plant", f"{instance}_{port}")
         for instance in ("WorldModelInstance", "DefaultModelInstance")
@@ -27,7 +28,7 @@ NOT_CONNECTED = {  # of the plant: nothing pushes on it but its motors, whose PD
 
 @pytest.fixture
 def resolved(quick_scenario):
-    """It touches the mouth within a tenth of a second."""
+    """A scenario whose peg touches the mouth within 0.1 s."""
     quick_scenario.start.height = 2e-4
     quick_scenario.start.tilt = [0.04, -0.03]
     quick_scenario.rig.pivot_height = 0.002
@@ -40,22 +41,22 @@ def started(rig):
     return simulator
 
 
-def test_every_input_is_connected_but_the_ones_that_this_scene_does_not_use(resolved, skill):
+def test_every_input_is_connected_except_for_the_unused_ones_of_the_plant(resolved, skill):
     assert unconnected_inputs(MakeRig(resolved, skill).diagram) - NOT_CONNECTED == set()
 
 
-def test_the_picture_of_the_diagram_names_every_system(resolved, skill):
+def test_the_diagrams_graph_names_every_system(resolved, skill):
     diagram = MakeRig(resolved, skill).diagram
     assert diagram.get_name() == "rig"
     assert graph_names(diagram) >= {s.get_name() for s in diagram.GetSystems()}
 
 
-def test_a_scenario_with_ranges_is_refused(quick_scenario, skill):
+def test_an_unresolved_scenario_is_an_error(quick_scenario, skill):
     with pytest.raises(ValueError, match="not resolved"):
         MakeRig(quick_scenario, skill)
 
 
-def test_the_rig_starts_with_the_hole_turned_against_the_pegs_tilt(resolved, skill):
+def test_the_hole_starts_at_the_opposite_of_the_pegs_tilt(resolved, skill):
     rig = MakeRig(resolved, skill)
     simulator = started(rig)
     plant = rig.contact.plant
@@ -68,11 +69,11 @@ def test_the_rig_starts_with_the_hole_turned_against_the_pegs_tilt(resolved, ski
     np.testing.assert_allclose(axis[:2], [theta[1], -theta[0]], atol=np.linalg.norm(theta) ** 3)
 
 
-def test_the_gimbal_holds_the_start_until_it_is_told_to_turn(resolved, skill):
+def test_the_gimbal_holds_its_start_angles_without_commands(resolved, skill):
     resolved.controller.gain = 0.0
-    resolved.start.height = 0.01  # no contact while we look
+    resolved.start.height = 0.01  # no contact within the simulated time
     foreign = copy.copy(skill)
-    foreign.metadata_ = {}  # demonstrations from elsewhere do not name their geometry
+    foreign.metadata_ = {}  # foreign demonstrations need not state their geometry
     rig = MakeRig(resolved, foreign)
     simulator = started(rig)
     simulator.AdvanceTo(0.1)
@@ -82,7 +83,8 @@ def test_the_gimbal_holds_the_start_until_it_is_told_to_turn(resolved, skill):
     np.testing.assert_allclose(angles, [-t for t in resolved.start.tilt], atol=2e-3)
 
 
-def test_two_interleaved_contexts_do_not_disturb_each_other(resolved, skill):
+@pytest.mark.slow
+def test_two_interleaved_contexts_are_independent(resolved, skill):
     rig = MakeRig(resolved, skill)
     steps = np.arange(1, 7) * 0.03
     alone = started(rig)
@@ -100,7 +102,8 @@ def test_two_interleaved_contexts_do_not_disturb_each_other(resolved, skill):
     assert not np.array_equal(state_of(second), state_of(alone))
 
 
-def test_the_same_seed_gives_the_same_run_to_the_last_bit_and_another_does_not(quick_scenario, skill):
+@pytest.mark.slow
+def test_the_same_seed_gives_a_bit_identical_run_and_another_seed_does_not(quick_scenario, skill):
     quick_scenario.start.height = 2e-4
     quick_scenario.start.tilt = [0.04, -0.03]
     states, logs = [], []
@@ -116,31 +119,32 @@ def test_the_same_seed_gives_the_same_run_to_the_last_bit_and_another_does_not(q
     assert not np.array_equal(logs[0], logs[2])
 
 
-def test_the_log_agrees_with_the_plants_own_state(resolved, skill):
+@pytest.mark.slow
+def test_the_log_agrees_with_the_state_of_the_plant(resolved, skill):
     rig = MakeRig(resolved, skill)
     simulator = started(rig)
     plant, peg = rig.contact.plant, rig.contact.peg
     period, sensor = resolved.controller.period, resolved.sensor
     block = plant.GetCollisionGeometriesForBody(rig.contact.block)[0]
-    seen = []
+    rows = []
 
-    def look(context):
+    def record(context):
         own = plant.GetMyContextFromRoot(context)
         force = np.zeros(3)
         results = plant.get_contact_results_output_port().Eval(own)
         for k in range(results.num_hydroelastic_contacts()):
             info = results.hydroelastic_contact_info(k)
-            sign = 1.0 if info.contact_surface().id_M() != block else -1.0  # the force is that on M
+            sign = 1.0 if info.contact_surface().id_M() != block else -1.0  # the contact force acts on body M
             force += sign * info.F_Ac_W().translational()
         angles = [plant.GetJointByName(name).get_angle(own) for name in ("pitch", "yaw")]
-        seen.append([context.get_time(), peg.EvalPoseInWorld(own).translation()[2], *angles, *force])
+        rows.append([context.get_time(), peg.EvalPoseInWorld(own).translation()[2], *angles, *force])
         return EventStatus.DidNothing()
 
-    simulator.set_monitor(look)
+    simulator.set_monitor(record)
     simulator.AdvanceTo(0.5)
     logged = rig.recorder.samples(simulator.get_context())
     assert tuple(logged.columns) == RUN_COLUMNS
-    own = np.array(seen)
+    own = np.array(rows)
     at = [int(np.argmin(np.abs(own[:, 0] - t))) for t in logged["time"][1:]]
     np.testing.assert_allclose(own[at, 0], logged["time"][1:], atol=1e-9)
     np.testing.assert_allclose(np.diff(logged["time"]), period, atol=1e-9)
@@ -148,7 +152,7 @@ def test_the_log_agrees_with_the_plants_own_state(resolved, skill):
     np.testing.assert_allclose(logged[["pitch", "yaw"]][1:], own[at, 2:4], atol=1e-12)
     resolution = resolved.rig.encoder_resolution
     assert np.abs(logged["depth"] + logged["tip_z"]).max() <= resolution / 2 * (1 + 1e-6)
-    # The sensor's bias is fixed, its noise and quanta are random, its low-pass is a few milliseconds late.
+    # The sensor has bias, noise and quanta, and its low-pass has a delay of a few milliseconds.
     contact = np.array([own[max(k - 10, 0) : k + 1, 4:].mean(axis=0) for k in at])
     error = logged[["fx", "fy", "fz"]].to_numpy()[1:] - contact
     assert np.linalg.norm(contact, axis=1).max() > 1.0
@@ -157,12 +161,12 @@ def test_the_log_agrees_with_the_plants_own_state(resolved, skill):
     assert np.corrcoef(logged["fz"][1:], contact[:, 2])[0, 1] > 0.9
 
 
-def test_one_of_everything_runs(quick_scenario, skill):
+def test_the_rig_runs_with_every_key_changed(quick_scenario, skill):
     scenario = load_scenario("one_of_everything")
-    scenario.geometry = quick_scenario.geometry  # that which the skill has learnt
+    scenario.geometry = quick_scenario.geometry  # the geometry of the skill
     resolved = resolve_scenario(scenario, seed=0, stream=TRIAL_STREAM)
     foreign = copy.copy(skill)
-    foreign.metadata_ = {}  # demonstrations from elsewhere do not name their geometry
+    foreign.metadata_ = {}  # foreign demonstrations need not state their geometry
     rig = MakeRig(resolved, foreign)
     simulator = started(rig)
     simulator.AdvanceTo(0.1)
@@ -171,7 +175,7 @@ def test_one_of_everything_runs(quick_scenario, skill):
     assert len(logged) == 1 + round(0.1 / resolved.controller.period)
 
 
-def test_a_skill_of_another_geometry_is_refused(skill, quick_scenario):
+def test_a_skill_for_another_geometry_is_an_error(skill, quick_scenario):
     quick_scenario.geometry.hole_radius = 0.01006
     resolved = resolve_scenario(quick_scenario, seed=0, stream=TRIAL_STREAM)
     with pytest.raises(ValueError, match=r"trained for geometry.hole_radius = 0.01005 m, the scenario has 0.01006 m"):

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from benchmarks.learners.gaussian_mixture_regression import gmr_moments, gmr_predict
+from benchmarks.learners.gaussian_mixture_regression import best_mixture, gmr_moments, gmr_predict
 
 
 def mixture(seed=0, M=3, d=4):
@@ -37,13 +37,13 @@ def test_the_moments_are_those_of_the_conditional_density(seed):
     np.testing.assert_allclose(variance[0, 0], density @ (grid - mean[0, 0]) ** 2, rtol=1e-4)
 
 
-def test_a_far_query_is_finite_and_follows_one_component():
+def test_the_prediction_for_a_distant_query_is_finite():
     means, covariances, weights = mixture()
     for far in (1e3, 1e6, 1e9, 1e200):
         assert np.isfinite(gmr_predict(means, covariances, weights, [[far, -far]], [0, 1], [2, 3])).all()
 
 
-def test_a_component_of_weight_zero_takes_no_part():
+def test_a_component_of_weight_zero_has_no_effect():
     means, covariances, weights = mixture()
     X = np.zeros((3, 2))
     two = gmr_predict(means[:2], covariances[:2], weights[:2], X, [0, 1], [2, 3])
@@ -68,3 +68,11 @@ def test_bad_arguments_raise(change, remedy):
     good = {"means": means, "covariances": covariances, "weights": weights, "X": np.zeros((2, 2))}
     with pytest.raises(ValueError, match=remedy):
         gmr_predict(**(good | {"input_channels": [0, 1], "output_channels": [2]} | change))
+
+
+def test_the_mixture_of_smallest_bic_has_the_true_number_of_components():
+    rng = np.random.default_rng(0)
+    X = np.vstack([rng.normal(size=(100, 2)) + centre for centre in ([0, 0], [20, 0], [0, 20])])
+    best = best_mixture(X, 6, random_state=0)
+    assert best.n_components == 3
+    assert best_mixture(X, 2, random_state=0).n_components == 2

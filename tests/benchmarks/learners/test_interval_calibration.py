@@ -6,7 +6,7 @@ from skill.regression.locally_weighted_regression import LWRegressor
 
 
 def demonstrations(seed, n_groups=30, length=50):
-    """One noisy output, one without noise but curved, one that differs between demonstrations."""
+    """A noisy output, a curved output without noise, and an output that differs between demonstrations."""
     rng = np.random.default_rng(seed)
     groups = np.repeat(np.arange(n_groups), length)
     X = rng.uniform(-1, 1, (len(groups), 2))
@@ -15,7 +15,7 @@ def demonstrations(seed, n_groups=30, length=50):
     return X, y, groups
 
 
-def test_calibrated_intervals_cover_new_demonstrations_as_they_say():
+def test_calibrated_intervals_have_the_nominal_coverage_on_new_demonstrations():
     dut = LWRegressor(bandwidth=0.8)
     plain, calibrated = [], []
     for seed in range(4):
@@ -23,13 +23,13 @@ def test_calibrated_intervals_cover_new_demonstrations_as_they_say():
         fresh, truth, _ = demonstrations(100 + seed)
         factors = conformal_factors(dut, X, y, groups, level=0.9)
         local = dut.fit(X, y).predict_local(fresh)
-        for store, (lower, upper) in (
+        for coverage, (lower, upper) in (
             (plain, local.interval(0.9)),
             (calibrated, conformal_interval(local, factors)),
         ):
-            store.append(((truth >= lower) & (truth <= upper)).mean(axis=0))
+            coverage.append(((truth >= lower) & (truth <= upper)).mean(axis=0))
     assert np.all(np.abs(np.mean(calibrated, axis=0) - 0.9) < 0.04)
-    # Without noise the residuals are all bias, of which the plain interval knows nothing.
+    # Without noise the residuals are bias only, which the plain interval does not contain.
     assert abs(np.mean(plain, axis=0)[1] - 0.9) > 0.05
 
 

@@ -18,7 +18,7 @@ def test_the_example_of_the_page_runs():
         "now": measured[:1] * 1.1,
         "q": rng.dirichlet([0.3] * 4, 1),
     }
-    exec(code, names)  # the page's own text
+    exec(code, names)  # the code of the page
     assert names["action"].shape == (1, 3)
     assert np.isfinite(names["action"]).all()
     np.testing.assert_allclose(names["why"].prediction, names["in_frame"][0], atol=1e-12)

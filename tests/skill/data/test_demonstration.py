@@ -16,6 +16,8 @@ from skill.data.demonstration import (
     read_demonstrations,
     write_demonstration,
 )
+from skill.data.outcome import Outcome
+from tests.trajectories import make_demonstration
 
 
 @pytest.fixture
@@ -25,7 +27,7 @@ def demonstration(demonstrations):
 
 @pytest.fixture
 def path(demonstration, tmp_path):
-    path = tmp_path / "shown.parquet"
+    path = tmp_path / "demonstration.parquet"
     write_demonstration(demonstration, path)
     return path
 
@@ -47,8 +49,8 @@ def with_header(path, **changes):
     return path
 
 
-def refusal(path):
-    """The one message that reading ``path`` gives; it names the file."""
+def error_message(path):
+    """The message with which a file is refused; one line that names the file."""
     with pytest.raises(ValueError, match=re.escape(str(path))) as caught:
         read_demonstration(path)
     assert "\n" not in str(caught.value)
@@ -58,7 +60,7 @@ def refusal(path):
 # -------------------------------------------------------------- round trip
 
 
-def test_what_is_read_is_what_was_written_to_the_last_bit(demonstration, path):
+def test_a_demonstration_is_read_back_bit_identically(demonstration, path):
     again = read_demonstration(path)
     pd.testing.assert_frame_equal(again.samples, demonstration.samples[list(COLUMNS)], check_exact=True)
     assert (again.good, again.outcome, again.metadata) == (
@@ -69,13 +71,13 @@ def test_what_is_read_is_what_was_written_to_the_last_bit(demonstration, path):
     assert again.duration == demonstration.duration
 
 
-def test_the_order_of_the_columns_in_the_table_does_not_matter(demonstration, tmp_path):
+def test_the_order_of_the_columns_does_not_matter(demonstration, tmp_path):
     shuffled = Demonstration(demonstration.samples[list(COLUMNS)[::-1]], good=True, outcome="inserted")
     write_demonstration(shuffled, tmp_path / "a.parquet")
     assert tuple(read_demonstration(tmp_path / "a.parquet").samples.columns) == COLUMNS
 
 
-def test_a_folder_is_read_in_the_order_of_names(demonstration, tmp_path):
+def test_a_folder_is_read_in_the_order_of_file_names(demonstration, tmp_path):
     for name, outcome in (("010", "third"), ("002", "second"), ("001", "first")):
         write_demonstration(
             Demonstration(demonstration.samples, good=True, outcome=outcome), tmp_path / f"{name}.parquet"
@@ -89,118 +91,118 @@ def test_a_folder_is_read_in_the_order_of_names(demonstration, tmp_path):
 
 @pytest.mark.parametrize("column", ["time", "fx", "angle", "dangle", "rz"])
 def test_a_missing_column_is_named(path, column):
-    said = refusal(rewritten(path, lambda frame: frame.drop(columns=column)))
-    assert f"missing columns ['{column}']" in said
+    message = error_message(rewritten(path, lambda frame: frame.drop(columns=column)))
+    assert f"missing columns ['{column}']" in message
 
 
 def test_a_renamed_column_is_named_both_ways(path):
-    said = refusal(rewritten(path, lambda frame: frame.rename(columns={"fx": "force_x"})))
-    assert "missing columns ['fx']" in said
-    assert "unknown columns ['force_x']" in said
+    message = error_message(rewritten(path, lambda frame: frame.rename(columns={"fx": "force_x"})))
+    assert "missing columns ['fx']" in message
+    assert "unknown columns ['force_x']" in message
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("column", ["z", "my", "ux"])
-def test_a_number_that_is_none_is_named_with_its_row(path, column, value):
+def test_a_value_that_is_not_finite_is_named_with_its_row(path, column, value):
     def spoil(frame):
         frame.loc[[7, 11], column] = value
         return frame
 
-    said = refusal(rewritten(path, spoil))
-    assert f"column '{column}' is not finite in row 7 (2 such rows)" in said
+    message = error_message(rewritten(path, spoil))
+    assert f"column '{column}' is not finite in row 7 (2 such rows)" in message
 
 
-def test_words_are_no_numbers(path):
-    said = refusal(rewritten(path, lambda frame: frame.assign(mz="much")))
-    assert "column 'mz'" in said
-    assert "expected numbers" in said
+def test_a_column_of_text_is_refused(path):
+    message = error_message(rewritten(path, lambda frame: frame.assign(mz="much")))
+    assert "column 'mz'" in message
+    assert "expected numbers" in message
 
 
-def test_time_runs_forward(path):
+def test_time_must_increase(path):
     def swap(frame):
         frame.loc[5, "time"] = frame.loc[4, "time"]
         return frame
 
-    assert "column 'time' does not increase after row 4" in refusal(rewritten(path, swap))
+    assert "column 'time' does not increase after row 4" in error_message(rewritten(path, swap))
 
 
-def test_an_axis_has_length_one(path):
+def test_an_axis_must_have_unit_length(path):
     def stretch(frame):
         frame.loc[3, ["ax", "ay", "az"]] = [0.0, 0.6, 0.9]
         return frame
 
-    said = refusal(rewritten(path, stretch))
-    assert "row 3" in said
-    assert "unit axis" in said
+    message = error_message(rewritten(path, stretch))
+    assert "row 3" in message
+    assert "unit axis" in message
 
 
-def test_one_sample_is_no_demonstration(path):
-    assert "found 1 samples" in refusal(rewritten(path, lambda frame: frame.head(1)))
+def test_a_single_sample_is_refused(path):
+    assert "found 1 samples" in error_message(rewritten(path, lambda frame: frame.head(1)))
 
 
 @pytest.mark.parametrize("kept", [0, 3, 4, 100, 0.5, 0.99])
 def test_a_truncated_file_is_refused(path, kept):
     data = path.read_bytes()
     path.write_bytes(data[: kept if isinstance(kept, int) else int(kept * len(data))])
-    assert "not a complete Parquet file" in refusal(path)
+    assert "not a complete Parquet file" in error_message(path)
 
 
 def test_a_file_of_another_version_is_refused(path):
-    said = refusal(with_header(path, format_version=FORMAT_VERSION + 1))
-    assert f"version {FORMAT_VERSION + 1}, expected {FORMAT_VERSION}" in said
+    message = error_message(with_header(path, format_version=FORMAT_VERSION + 1))
+    assert f"version {FORMAT_VERSION + 1}, expected {FORMAT_VERSION}" in message
 
 
 def test_a_foreign_parquet_file_is_refused(tmp_path):
     path = tmp_path / "foreign.parquet"
     pd.DataFrame({"a": [1.0, 2.0]}).to_parquet(path)
-    assert "expected a demonstration file" in refusal(path)
+    assert "expected a demonstration file" in error_message(path)
 
 
-def test_damaged_metadata_are_refused(path):
+def test_damaged_metadata_is_refused(path):
     table = pq.read_table(path)
     pq.write_table(table.replace_schema_metadata({b"demonstration": b"{not json"}), path)
-    assert "demonstration" in refusal(path)
+    assert "demonstration" in error_message(path)
 
 
-def test_metadata_without_an_outcome_are_refused(path):
+def test_metadata_without_an_outcome_is_refused(path):
     table = pq.read_table(path)
     header = json.dumps({"format_version": FORMAT_VERSION}).encode()
     pq.write_table(table.replace_schema_metadata({b"demonstration": header}), path)
-    assert "good" in refusal(path)
+    assert "good" in error_message(path)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path):
-    assert "no such demonstration file" in refusal(tmp_path / "nowhere.parquet")
+def test_a_missing_file_is_named(tmp_path):
+    assert "no such demonstration file" in error_message(tmp_path / "nowhere.parquet")
 
 
-def test_a_folder_without_recordings_says_so(tmp_path):
+def test_a_folder_without_recordings_is_refused(tmp_path):
     with pytest.raises(ValueError, match="no demonstrations"):
         read_demonstrations(tmp_path)
     with pytest.raises(ValueError, match="no demonstrations"):
         read_demonstrations(tmp_path / "nowhere")
 
 
-def test_a_demonstration_cannot_be_made_of_bad_samples(demonstration):
+def test_a_demonstration_of_bad_samples_is_refused(demonstration):
     samples = demonstration.samples.copy()
     samples.loc[2, "fx"] = np.nan
     with pytest.raises(ValueError, match="'fx' is not finite in row 2"):
         Demonstration(samples, good=True, outcome="inserted")
 
 
-# ----------------------------------------------------- whole or not at all
+# ------------------------------------------------------------ atomic writes
 
 
-def test_a_write_that_fails_half_way_leaves_nothing(demonstration, tmp_path, monkeypatch):
+def test_a_failed_write_leaves_no_file(demonstration, tmp_path, monkeypatch):
     def full(handle):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(tables.os, "fsync", full)
     with pytest.raises(OSError, match="No space"):
-        write_demonstration(demonstration, tmp_path / "shown.parquet")
+        write_demonstration(demonstration, tmp_path / "demonstration.parquet")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_write_that_fails_leaves_the_old_file_as_it_was(demonstration, path, monkeypatch):
+def test_a_failed_write_leaves_the_old_file(demonstration, path, monkeypatch):
     before = path.read_bytes()
 
     def full(handle):
@@ -214,15 +216,62 @@ def test_a_write_that_fails_leaves_the_old_file_as_it_was(demonstration, path, m
     assert [p.name for p in path.parent.iterdir()] == [path.name]
 
 
-def test_metadata_that_cannot_be_written_leave_nothing(demonstration, tmp_path):
+def test_metadata_that_is_not_serialisable_leaves_no_file(demonstration, tmp_path):
     strange = Demonstration(demonstration.samples, good=True, outcome="inserted", metadata={"habit": object()})
     with pytest.raises(TypeError):
-        write_demonstration(strange, tmp_path / "shown.parquet")
+        write_demonstration(strange, tmp_path / "demonstration.parquet")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_is_a_file_is_an_error_and_stays_a_file(demonstration, tmp_path):
+def test_a_file_in_the_place_of_the_folder_is_an_error_and_is_kept(demonstration, tmp_path):
     (tmp_path / "taken").write_text("mine")
     with pytest.raises(OSError, match="taken"):
-        write_demonstration(demonstration, tmp_path / "taken" / "shown.parquet")
+        write_demonstration(demonstration, tmp_path / "taken" / "demonstration.parquet")
     assert (tmp_path / "taken").read_text() == "mine"
+
+
+# ------------------------------------------------------------------ tables
+
+
+TABLE = pd.DataFrame({"time": [0.0, 1.0], "a": [1.0, 2.0]})
+
+
+def test_a_table_needs_a_minimum_of_rows():
+    tables.validate_table(TABLE, ("time", "a"), "here")
+    tables.validate_table(TABLE.head(1), ("time", "a"), "here", min_rows=1)
+    with pytest.raises(ValueError, match="here: found 1 samples, expected at least 2"):
+        tables.validate_table(TABLE.head(1), ("time", "a"), "here")
+
+
+def test_equal_times_are_refused_in_the_first_row_too():
+    with pytest.raises(ValueError, match="here: column 'time' does not increase after row 0"):
+        tables.validate_table(TABLE.assign(time=0.0), ("time", "a"), "here")
+
+
+def test_a_table_is_written_with_its_header(tmp_path):
+    path = tmp_path / "new" / "folder" / "a.parquet"
+    tables.write_table(TABLE, ("a", "time"), path, kind="thing", version=7, header={"x": 1})
+    assert path.stat().st_mode & 0o777 == 0o644
+    table, header = tables.read_table(path, ("a", "time"), kind="thing", version=7, keys=("x",))
+    assert list(table.columns) == ["a", "time"]
+    assert header == {"x": 1}
+    with pytest.raises(ValueError, match="metadata lacks"):
+        tables.read_table(path, ("a", "time"), kind="thing", version=7, keys=("y",))
+
+
+def test_an_axis_may_be_rounded_and_a_duration_is_the_time_between_the_first_and_the_last_sample():
+    made = make_demonstration()
+    samples = made.samples.copy()
+    samples[["ax", "ay", "az"]] *= 1.0 + 5e-7
+    shifted = Demonstration(samples.assign(time=samples["time"] + 3.0), good=True, outcome="inserted")
+    assert shifted.duration == pytest.approx(made.samples["time"].iloc[-1])
+    samples[["ax", "ay", "az"]] *= 1.0 + 5e-6
+    with pytest.raises(ValueError, match=r"length 1\.00001 in row 0, expected a unit axis"):
+        Demonstration(samples, good=True, outcome="inserted")
+
+
+def test_a_detail_is_kept_beside_an_outcome_and_replaced_by_that_of_a_text():
+    samples = make_demonstration().samples
+    assert Demonstration(samples, True, Outcome.JAMMED, detail="at 3 mm").reason == "jammed: at 3 mm"
+    assert Demonstration(samples, True, "jammed: at 4 mm", detail="at 3 mm").reason == "jammed: at 4 mm"
+    assert Demonstration(samples, True, "jammed", detail="at 3 mm").reason == "jammed: at 3 mm"

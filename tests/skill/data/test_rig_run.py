@@ -30,14 +30,15 @@ def path(run, tmp_path):
     return path
 
 
-def refusal(path):
+def error_message(path):
+    """The message with which a file is refused; one line that names the file."""
     with pytest.raises(ValueError, match=re.escape(str(path))) as caught:
         read_rig_run(path)
     assert "\n" not in str(caught.value)
     return str(caught.value)
 
 
-def test_what_is_read_is_what_was_written_to_the_last_bit(run, path):
+def test_a_run_is_read_back_bit_identically(run, path):
     again = read_rig_run(path)
     pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
     assert again.result == run.result
@@ -45,16 +46,16 @@ def test_what_is_read_is_what_was_written_to_the_last_bit(run, path):
     assert tuple(again.samples.columns) == RUN_COLUMNS
 
 
-def test_the_two_kinds_of_file_are_not_mistaken_for_each_other(path, demonstrations, tmp_path):
-    shown = tmp_path / "shown.parquet"
-    write_demonstration(demonstrations[0], shown)
-    assert "expected a rig_run file" in refusal(shown)
+def test_a_file_of_the_other_kind_is_refused(path, demonstrations, tmp_path):
+    other = tmp_path / "demonstration.parquet"
+    write_demonstration(demonstrations[0], other)
+    assert "expected a rig_run file" in error_message(other)
     with pytest.raises(ValueError, match="expected a demonstration file"):
         read_demonstration(path)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         (lambda f: f.drop(columns="guard"), "missing columns ['guard']"),
         (lambda f: f.rename(columns={"depth": "z"}), "unknown columns ['z']"),
@@ -63,13 +64,13 @@ def test_the_two_kinds_of_file_are_not_mistaken_for_each_other(path, demonstrati
     ],
     ids=["missing", "renamed", "not finite", "backwards"],
 )
-def test_a_bad_table_is_refused(path, change, said):
+def test_a_bad_table_is_refused(path, change, message):
     table = pq.read_table(path)
     frame = change(table.to_pandas())
     pq.write_table(
         pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(table.schema.metadata), path
     )
-    assert said in refusal(path)
+    assert message in error_message(path)
 
 
 def test_a_run_of_another_version_is_refused(path):
@@ -77,21 +78,26 @@ def test_a_run_of_another_version_is_refused(path):
     header = json.loads(table.schema.metadata[b"rig_run"])
     header["format_version"] = RUN_VERSION + 1
     pq.write_table(table.replace_schema_metadata({b"rig_run": json.dumps(header).encode()}), path)
-    assert f"version {RUN_VERSION + 1}, expected {RUN_VERSION}" in refusal(path)
+    assert f"version {RUN_VERSION + 1}, expected {RUN_VERSION}" in error_message(path)
 
 
 def test_a_truncated_run_is_refused(path):
     path.write_bytes(path.read_bytes()[:-20])
-    assert "not a complete Parquet file" in refusal(path)
+    assert "not a complete Parquet file" in error_message(path)
 
 
-def test_metadata_without_a_result_are_refused(path):
+def test_metadata_without_a_result_is_refused(path):
     table = pq.read_table(path)
     header = json.dumps({"format_version": RUN_VERSION}).encode()
     pq.write_table(table.replace_schema_metadata({b"rig_run": header}), path)
-    assert "result" in refusal(path)
+    assert "result" in error_message(path)
 
 
-def test_a_run_cannot_be_made_of_bad_samples(run):
+def test_a_run_of_bad_samples_is_refused(run):
     with pytest.raises(ValueError, match="missing columns"):
         RigRun(samples=run.samples.drop(columns="yaw"), result=run.result)
+
+
+def test_a_run_may_have_a_single_row(run, tmp_path):
+    write_rig_run(RigRun(run.samples.head(1), run.result), tmp_path / "one.parquet")
+    assert len(read_rig_run(tmp_path / "one.parquet").samples) == 1

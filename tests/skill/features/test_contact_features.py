@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from skill.features.contact_features import ContactFeatures
-from skill.features.wrench_features import MEASURED
+from skill.features.wrench_features import MEASURED, CanonicalFeatures
 
 angles = st.floats(-3.0, 3.0)
 depths = st.floats(0.005, 0.03)
@@ -15,8 +15,8 @@ frictions = st.floats(0.0, 0.3)
 DUT = ContactFeatures(force_floor=0.01)
 
 
-def seen(*contacts, depth, dut=DUT):
-    """Features of walls that push the peg by ``size`` N towards ``angle``, ``height`` above the tip, with friction."""
+def features_of(*contacts, depth, dut=DUT):
+    """Features of walls that push the peg with ``size`` N towards ``angle`` at ``height``, with friction."""
     wrench = np.zeros(6)
     for size, angle, height, friction in contacts:
         outward = np.array([np.cos(angle), np.sin(angle), 0.0])
@@ -26,31 +26,31 @@ def seen(*contacts, depth, dut=DUT):
 
 
 @given(st.floats(2.0, 200.0), angles, depths, frictions)
-def test_one_point_at_the_tip_bears_no_force_at_the_mouth_however_deep_hard_or_rough(size, angle, depth, friction):
-    features = seen((size, angle, 0.0, friction), depth=depth)
+def test_a_contact_at_the_tip_has_no_force_at_the_mouth_for_any_depth_force_and_friction(size, angle, depth, friction):
+    features = features_of((size, angle, 0.0, friction), depth=depth)
     assert features["tip_force"] == pytest.approx(0.995, abs=2e-3)  # 1 / sqrt(1 + share^2)
     assert features["mouth_force"] == pytest.approx(0.0, abs=1e-9)
 
 
 @given(st.floats(2.0, 200.0), angles, depths, frictions)
-def test_one_point_at_the_mouth_bears_none_at_the_tip(size, angle, depth, friction):
-    features = seen((size, angle, depth, friction), depth=depth)
+def test_a_contact_at_the_mouth_has_no_force_at_the_tip(size, angle, depth, friction):
+    features = features_of((size, angle, depth, friction), depth=depth)
     assert features["tip_force"] == pytest.approx(0.0, abs=1e-9)
     assert features["mouth_force"] == pytest.approx(-0.995, abs=2e-3)
 
 
 @given(st.floats(2.0, 50.0), st.sampled_from([0.1, 0.5, 0.9, 1.1, 2.0, 10.0]), angles, depths)
-def test_two_opposite_contacts_have_opposite_signs_and_two_alike_the_same(size, ratio, angle, depth):
-    against = seen((size, angle, 0.0, 0.0), (ratio * size, angle + np.pi, depth, 0.0), depth=depth)
-    assert against["mouth_force"] < 0.0 < against["tip_force"]  # whichever is the greater
-    along = seen((size, angle, 0.0, 0.0), (ratio * size, angle, depth, 0.0), depth=depth)
-    assert along["tip_force"] * along["mouth_force"] > 0.0
+def test_contacts_on_opposite_sides_have_opposite_signs(size, ratio, angle, depth):
+    opposite = features_of((size, angle, 0.0, 0.0), (ratio * size, angle + np.pi, depth, 0.0), depth=depth)
+    assert opposite["mouth_force"] < 0.0 < opposite["tip_force"]  # whichever is greater
+    same_side = features_of((size, angle, 0.0, 0.0), (ratio * size, angle, depth, 0.0), depth=depth)
+    assert same_side["tip_force"] * same_side["mouth_force"] > 0.0
 
 
-def test_a_wedge_looks_the_same_at_every_depth_and_force():
-    """Nearly a couple: the direction of its wrench would follow the depth, that of its net force is fortuitous."""
+def test_a_wedged_peg_has_the_same_features_at_every_depth_and_force():
+    """Nearly a couple: the direction of its wrench follows the depth, and that of its net force is arbitrary."""
     wedges = [
-        seen((size, 0.3, 0.0, 0.0), (share * size, 0.3 + np.pi, depth, 0.0), depth=depth)
+        features_of((size, 0.3, 0.0, 0.0), (share * size, 0.3 + np.pi, depth, 0.0), depth=depth)
         for size in (20.0, 200.0)
         for share in (0.9, 1.1)
         for depth in (0.005, 0.01, 0.02)
@@ -59,7 +59,7 @@ def test_a_wedge_looks_the_same_at_every_depth_and_force():
     np.testing.assert_allclose(found, [[0.99, -0.99]] * len(wedges), atol=4e-3)
 
 
-def test_what_the_sensor_cannot_tell_from_noise_is_no_force():
+def test_features_of_sensor_noise_are_small():
     rng = np.random.default_rng(0)
     noise = np.hstack([rng.normal(size=(500, 3)) * 0.02, rng.normal(size=(500, 3)) * 2e-4, np.full((500, 1), -0.01)])
     assert np.abs(ContactFeatures().transform(noise)).max() < 0.3
@@ -79,25 +79,52 @@ def posed(x, tilt, depth, turned=0.0):
 
 
 @pytest.mark.parametrize("turned", [0.0, 2.1])
-def test_the_hidden_offsets_say_how_much_of_the_play_is_used_up(turned):
+def test_the_hidden_offsets_are_in_units_of_the_play(turned):
     dut = ContactFeatures(play=5e-5)
     assert list(dut.hidden_names()) == ["tip_offset", "mouth_offset"]
     edge = np.tanh(0.5)
-    # A straight peg at the wall: all of it is at the wall.
+    # A straight peg that touches the wall with its whole length.
     straight = dut.transform_demonstration(posed(-5e-5, 0.0, 0.01, turned))[0, 3:]
     np.testing.assert_allclose(straight, [-edge, -edge], atol=1e-12)
-    # Two-point contact: the tip at one wall, the axis at the mouth a play to the other side, over the depth.
+    # Two-point contact: the tip is offset by the play to one side, the axis at the mouth to the other side.
     wedged = dut.transform_demonstration(posed(-5e-5, 1e-4 / 0.01, 0.01, turned))[0, 3:]
     np.testing.assert_allclose(wedged, [-edge, edge], atol=1e-12)
-    # Above the hole there is no mouth to be offset from but the tip.
+    # Above the hole both offsets are that of the tip.
     above = dut.transform_demonstration(posed(2e-5, 0.03, -0.002, turned))[0, 3:]
     np.testing.assert_allclose(above, np.tanh([0.2, 0.2]), atol=1e-12)
 
 
-def test_measured_features_come_first_and_the_peg_may_be_of_another_size():
+def test_measured_features_come_first_and_the_radius_of_the_peg_counts():
     samples = pd.concat([posed(1e-5, 0.002, 0.01), posed(-1e-5, 0.0, 0.02)])
     both = DUT.transform_demonstration(samples)
     np.testing.assert_array_equal(both[:, :3], DUT.transform(samples[list(MEASURED)]))
     large = ContactFeatures(peg_radius=0.02, force_floor=0.01)
-    features = seen((10.0, 0.5, 0.0, 0.2), depth=0.02, dut=large)
+    features = features_of((10.0, 0.5, 0.0, 0.2), depth=0.02, dut=large)
     assert features["mouth_force"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_contact_forces_follow_from_force_and_moment_balance():
+    """f_tip + f_mouth = f_lateral, l f_mouth = my - r fz, each over its size, noise and friction error."""
+    rng = np.random.default_rng(0)
+    X = rng.normal(size=(300, 7)) * [20, 20, 20, 0.3, 0.3, 0.3, 0.01]
+    r, floor, share = 0.02, 0.8, 0.2
+    dut = ContactFeatures(peg_radius=r, force_floor=floor, force_share=share)
+    canonical = CanonicalFeatures(peg_radius=r, force_floor=floor).rotation_angle(X)
+    found, angles = dut.transform(X), dut.rotation_angle(X)
+    half_turns = 0
+    for x, phi, features, angle in zip(X, canonical, found, angles, strict=True):
+        back = Rotation.from_euler("z", -phi)
+        (fx, _, fz), (_, my, _) = back.apply(x[:3]), back.apply(x[3:6])
+        lever = max(-x[6], 0.1 * r)
+        f_mouth = (my - r * fz) / lever
+        f_tip = fx - f_mouth
+        sign = -1.0 if f_tip < f_mouth else 1.0
+        half_turns += sign < 0
+        noise = floor**2 + (floor * r / lever) ** 2 + share**2 * (f_tip**2 + f_mouth**2)
+        size = np.sqrt((x[:3] ** 2).sum() + (x[3:6] ** 2).sum() / r**2)
+        expected = [sign * f / np.sqrt(f**2 + noise) for f in (f_tip, f_mouth)]
+        np.testing.assert_allclose(features, [*expected, np.log(1.0 + size / floor)], rtol=1e-9)
+        np.testing.assert_allclose(np.exp(1j * angle), sign * np.exp(1j * phi), atol=1e-12)
+    assert 50 < half_turns < 250
+    assert (np.abs(angles) <= np.pi).all()
+    assert list(dut.get_feature_names_out()) == ["tip_force", "mouth_force", "log_magnitude"]

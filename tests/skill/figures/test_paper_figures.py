@@ -12,7 +12,7 @@ from skill.states.state_style import PALETTE, state_colours, state_labels
 from tests.trajectories import STATE_NAMES, make_demonstration, make_rig_run
 
 
-def outcomes(inserted: list[bool]) -> pd.DataFrame:
+def make_outcomes(inserted: list[bool]) -> pd.DataFrame:
     n = len(inserted)
     return pd.DataFrame(
         {
@@ -75,34 +75,36 @@ def test_too_few_state_names_are_refused():
 
 
 def test_medians_are_those_of_the_inserted():
-    figure = plot_outcomes(outcomes([True, True, True, False]))
+    figure = plot_outcomes(make_outcomes([True, True, True, False]))
     assert [axes.texts[0].get_text() for axes in figure.axes] == ["2", "20", "40"]
     assert [t.get_text() for t in figure.legends[0].get_texts()][:2] == ["inserted: 3", "not inserted: 1"]
 
 
-def test_outcomes_need_no_success_but_a_trial():
-    assert len(plot_outcomes(outcomes([False, False])).axes) == 3
+def test_outcomes_need_at_least_one_trial():
+    assert len(plot_outcomes(make_outcomes([False, False])).axes) == 3
     with pytest.raises(ValueError, match="0 trials"):
-        plot_outcomes(outcomes([]))
+        plot_outcomes(make_outcomes([]))
     with pytest.raises(ValueError, match="time_s"):
-        plot_outcomes(outcomes([True]).drop(columns="time_s"))
+        plot_outcomes(make_outcomes([True]).drop(columns="time_s"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
-def test_a_figure_is_written_whole(tmp_path, suffix):
+def test_a_figure_is_written_atomically(tmp_path, suffix):
     path = tmp_path / f"figure.{suffix}"
-    save_figure(plot_outcomes(outcomes([True, False])), path, resolution=60)
+    save_figure(plot_outcomes(make_outcomes([True, False])), path, resolution=60)
     assert path.stat().st_size > 3000
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
 def test_an_unknown_format_is_named_and_nothing_written(tmp_path):
     with pytest.raises(ValueError, match=r"figure\.xyz"):
-        save_figure(plot_outcomes(outcomes([True])), tmp_path / "figure.xyz")
+        save_figure(plot_outcomes(make_outcomes([True])), tmp_path / "figure.xyz")
     assert not list(tmp_path.iterdir())
 
 
-def test_figures_leave_matplotlibs_global_state_alone():
+@pytest.mark.slow
+def test_figures_do_not_use_the_global_state_of_matplotlib():
     script = (
         "import sys; from tests.trajectories import *; from skill.figures.paper_figures import *; "
         "plot_demonstration(make_demonstration()); plot_run(make_rig_run()); "
@@ -114,7 +116,7 @@ def test_figures_leave_matplotlibs_global_state_alone():
     assert done.returncode == 0, done.stderr
 
 
-def test_states_keep_their_colour_and_are_told_apart():
+def test_each_state_has_its_own_colour():
     assert state_colours(3) == list(PALETTE[:3])
     many = state_colours(2 * len(PALETTE) + 3)
     assert len(set(many)) == len(many)

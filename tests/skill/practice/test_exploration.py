@@ -1,11 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skill.data.rig_run import RigRun
-from skill.practice.exploration import Cost, ExplorationNoise, Perturbation, PerturbedPolicy, rollout_of
+from skill.manipulation_skill import Action
+from skill.practice.exploration import Cost, ExplorationNoise, Perturbation, PerturbedPolicy, Rollout, rollout_of
 from tests.trajectories import GEOMETRY, make_rig_run
 
-DOUBLED = Perturbation(np.array([0.0, 0.01]), np.log([1.0, 4.0]), np.log([1.0, 0.25]))
+PERTURBATION = Perturbation(np.array([0.0, 0.01]), np.log([1.0, 4.0]), np.log([1.0, 0.25]))
 
 
 def run_of(samples, **result):
@@ -15,12 +18,12 @@ def run_of(samples, **result):
 @pytest.mark.parametrize(
     ("depth", "turn", "feed"), [(-0.002, 1, 1), (0.0, 1, 1), (0.005, 2, 0.5), (0.01, 4, 0.25), (0.02, 4, 0.25)]
 )
-def test_factors_run_evenly_in_their_logarithm_and_hold_beyond_the_knots(depth, turn, feed):
-    np.testing.assert_allclose(np.exp(DOUBLED.log_factors(depth)), [turn, feed])
-    np.testing.assert_allclose(np.exp(DOUBLED.opposite().log_factors(depth)), [1 / turn, 1 / feed])
+def test_log_factors_are_linear_between_knots_and_constant_beyond(depth, turn, feed):
+    np.testing.assert_allclose(np.exp(PERTURBATION.log_factors(depth)), [turn, feed])
+    np.testing.assert_allclose(np.exp(PERTURBATION.opposite().log_factors(depth)), [1 / turn, 1 / feed])
 
 
-def test_curiosity_stays_within_its_limits_and_prefers_no_direction():
+def test_log_factors_are_drawn_within_their_limits_with_mean_zero():
     rng = np.random.default_rng(0)
     drawn = [ExplorationNoise(turn=3.0, feed=1.5).draw(rng, 0.0247) for _ in range(2000)]
     np.testing.assert_allclose(drawn[0].depths, np.linspace(0.0, 0.0247, 6))
@@ -31,48 +34,99 @@ def test_curiosity_stays_within_its_limits_and_prefers_no_direction():
         assert abs(logs.mean()) < 4 * np.log(limit) / np.sqrt(3 * logs.size)
 
 
-def test_a_varied_skill_acts_like_the_other_times_its_factors(skill):
+class FixedPolicy:
+    """A minimal policy that is not a skill; its action has little support."""
+
+    period_ = 0.02
+    n_states = 2
+    metadata_ = {"geometry": GEOMETRY}
+
+    def state_names(self):
+        return ["free", "contact"]
+
+    def state_filter(self):
+        return "filter"
+
+    def measured_features(self, measured):
+        return np.asarray(measured)[:2]
+
+    def act(self, measured, probabilities=None):
+        return Action(turn=np.array([0.1, -0.2]), feed=-1e-3, probabilities=np.array([0.4, 0.6]), support=0.3)
+
+
+def test_a_perturbed_policy_multiplies_turn_and_feed_by_the_factors_at_the_measured_depth(skill):
     measured = np.array([5.0, 3.0, 2.0, 0.01, 0.02, 0.0, -0.005])
-    plain = skill.act(measured)
-    varied = PerturbedPolicy.of(skill, DOUBLED).act(measured)
-    np.testing.assert_allclose(varied.turn, 2.0 * plain.turn)
-    assert varied.feed == pytest.approx(0.5 * plain.feed)
-    np.testing.assert_array_equal(varied.probabilities, plain.probabilities)
-    assert skill.act(measured).feed == plain.feed
+    action = skill.act(measured)
+    perturbed = PerturbedPolicy(skill, PERTURBATION).act(measured)
+    np.testing.assert_allclose(perturbed.turn, 2.0 * action.turn)
+    assert perturbed.feed == pytest.approx(0.5 * action.feed)
+    np.testing.assert_array_equal(perturbed.probabilities, action.probabilities)
+    assert skill.act(measured).feed == action.feed
 
 
-def test_a_trial_under_the_reference_force_costs_twice_its_time_and_failing_costs_extra():
+def test_a_perturbed_policy_keeps_the_support_of_the_action(skill):
+    """The force guard reduces the feed by the support, in practice as in checks and trials."""
+    at_mouth = np.zeros(7)
+    assert PerturbedPolicy(FixedPolicy(), PERTURBATION).act(at_mouth).support == 0.3
+    outside = np.array([200.0, 300.0, 200.0, 1.0, 2.0, 0.0, -0.005])  # far from all demonstrations
+    action = skill.act(outside)
+    assert action.support < 0.5
+    assert PerturbedPolicy(skill, PERTURBATION).act(outside).support == action.support
+
+
+def test_a_perturbed_policy_changes_nothing_but_the_action():
+    policy, measured = FixedPolicy(), np.arange(7.0)
+    perturbed = PerturbedPolicy(policy, PERTURBATION)
+    assert (perturbed.period_, perturbed.n_states, perturbed.metadata_) == (0.02, 2, {"geometry": GEOMETRY})
+    assert perturbed.state_names() == policy.state_names()
+    assert perturbed.state_filter() == policy.state_filter()
+    np.testing.assert_array_equal(perturbed.measured_features(measured), policy.measured_features(measured))
+    action = policy.act(measured)
+    found = replace(perturbed.act(measured), turn=action.turn, feed=action.feed)
+    np.testing.assert_array_equal(found.probabilities, action.probabilities)
+    assert found.support == action.support
+
+
+def test_the_cost_of_a_trial_grows_with_lateral_force_and_failure():
     samples = make_rig_run().samples.assign(fx=15.0, fy=-20.0)
     cost = Cost(force=25.0, failure=5.0)
     duration = samples["time"].iloc[-1] - samples["time"].iloc[0]
     assert cost.of_run(run_of(samples)) == pytest.approx(2 * duration)
-    for depth, lacks in ((0.025, 0.0), (0.010, 0.6), (-0.003, 1.0)):
+    for depth, missing in ((0.025, 0.0), (0.010, 0.6), (-0.003, 1.0)):
         failed = run_of(samples.assign(depth=depth), inserted=False)
-        assert cost.of_run(failed) == pytest.approx(2 * duration + 5 * (1 + lacks))
+        assert cost.of_run(failed) == pytest.approx(2 * duration + 5 * (1 + missing))
     assert cost.of_run(run_of(samples.assign(fx=0.0, fy=0.0))) == pytest.approx(duration)
+    samples["depth"] = 0.025
+    samples.loc[samples.index[-1], "depth"] = 0.010  # the depth at the end counts
+    assert cost.of_run(run_of(samples, inserted=False)) == pytest.approx(2 * duration + 5 * 1.6)
 
 
-def test_an_experience_is_what_the_skill_felt_and_tried(skill):
+def test_a_rollout_holds_the_features_and_factors_of_each_row(skill):
     run = run_of(make_rig_run().samples.assign(guard=0.0))
-    e = rollout_of(run, PerturbedPolicy.of(skill, DOUBLED), Cost())
+    rollout = rollout_of(run, PerturbedPolicy(skill, PERTURBATION), Cost())
     n, k = len(run.samples), 61
-    assert len(e.features) == len(e.costs) == n
+    assert len(rollout.features) == len(rollout.costs) == n
     row = run.samples.iloc[k]
     measured = np.array([*row[["fx", "fy", "fz", "mx", "my", "mz"]], -row["depth"]])
-    np.testing.assert_allclose(e.features[k], skill.features_.transform(measured[None])[0])
-    np.testing.assert_allclose(e.tried[k], DOUBLED.log_factors(row["depth"]))
-    np.testing.assert_allclose(e.memberships.sum(axis=1), 1.0)
-    np.testing.assert_allclose(e.costs, Cost().of_steps(run), atol=1e-12)
-    assert e.costs_to_go[0] == pytest.approx(Cost().of_run(run))
+    np.testing.assert_allclose(rollout.features[k], skill.features_.transform(measured[None])[0])
+    np.testing.assert_allclose(rollout.log_factors[k], PERTURBATION.log_factors(row["depth"]))
+    np.testing.assert_allclose(rollout.memberships.sum(axis=1), 1.0)
+    np.testing.assert_allclose(rollout.costs, Cost().of_steps(run), atol=1e-12)
+    assert rollout.costs_to_go[0] == pytest.approx(Cost().of_run(run))
 
 
-def test_what_the_guard_did_is_not_tried_but_paid_for(skill):
-    """The guard of a row is the command that answered the row before."""
+def test_rows_of_a_back_off_are_left_out_and_their_costs_added_to_the_row_before(skill):
+    """The guard of a row is the command that responded to the row before."""
     samples = make_rig_run().samples.assign(guard=0.0)
     samples.loc[[40, 41], "guard"] = 1.0
     run = run_of(samples)
-    e = rollout_of(run, PerturbedPolicy.of(skill, DOUBLED), Cost())
-    paid = Cost().of_steps(run)
-    assert len(e.costs) == len(paid) - 2
-    assert e.costs[38] == pytest.approx(paid[38:41].sum())
-    assert e.costs.sum() == pytest.approx(paid.sum())
+    rollout = rollout_of(run, PerturbedPolicy(skill, PERTURBATION), Cost())
+    costs = Cost().of_steps(run)
+    assert len(rollout.costs) == len(costs) - 2
+    assert rollout.costs[38] == pytest.approx(costs[38:41].sum())
+    assert rollout.costs.sum() == pytest.approx(costs.sum())
+
+
+def test_the_cost_to_go_is_the_sum_of_the_costs_from_a_row_on():
+    rollout = Rollout(np.zeros((3, 1)), np.ones((3, 1)), np.zeros((3, 2)), costs=np.array([1.0, 2.0, 4.0]))
+    np.testing.assert_array_equal(rollout.costs_to_go, [7.0, 6.0, 4.0])

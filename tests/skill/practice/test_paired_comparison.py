@@ -4,20 +4,21 @@ import pytest
 from skill.practice.paired_comparison import paired_change
 
 
-def test_what_is_halved_everywhere_is_halved_without_doubt():
+def test_halving_every_value_gives_a_change_of_minus_one_half_without_spread():
     before = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     c = paired_change(before, before / 2)
     assert (c.before, c.after, c.change) == (3.5, 1.75, -0.5)
     assert (c.lower, c.upper) == (-0.5, -0.5)
-    assert c.p_value == pytest.approx(2 / 2**6)  # one of the 64 patterns of signs is as extreme, on either side
+    assert c.p_value == pytest.approx(2 / 2**6)  # of the 64 sign patterns, one is as extreme on each side
 
 
-def test_what_is_the_same_has_not_changed():
+def test_equal_measurements_give_no_change():
     c = paired_change([2.0, 3.0, 4.0], [2.0, 3.0, 4.0])
     assert (c.change, c.lower, c.upper, c.p_value) == (0.0, 0.0, 0.0, 1.0)
 
 
-def test_the_interval_covers_the_true_change_about_as_often_as_it_says():
+@pytest.mark.slow
+def test_the_interval_covers_the_true_change_about_as_often_as_its_level():
     rng = np.random.default_rng(0)
     covered = 0
     for k in range(50):
@@ -28,8 +29,8 @@ def test_the_interval_covers_the_true_change_about_as_often_as_it_says():
     assert 44 <= covered <= 50
 
 
-def test_pairs_are_drawn_together():
-    """Trials differ a thousandfold, but each by the same third: the interval knows no such spread."""
+def test_pairs_are_resampled_together():
+    """Values differ by a factor of 1000 between trials, but each changes by the same factor: there is no spread."""
     before = np.logspace(0, 3, 20)
     c = paired_change(before, 0.75 * before)
     assert c.lower == pytest.approx(-0.25)
@@ -37,7 +38,7 @@ def test_pairs_are_drawn_together():
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "said"),
+    ("before", "after", "message"),
     [
         ([1.0, 2.0], [1.0], "shape"),
         ([1.0], [1.0], "at least 2"),
@@ -45,6 +46,6 @@ def test_pairs_are_drawn_together():
         ([0.0, 1.0], [1.0, 1.0], "positive"),
     ],
 )
-def test_what_cannot_be_compared_is_refused(before, after, said):
-    with pytest.raises(ValueError, match=said):
+def test_measurements_that_cannot_be_compared_are_an_error(before, after, message):
+    with pytest.raises(ValueError, match=message):
         paired_change(before, after)

@@ -7,25 +7,25 @@ from skill.practice.exploration import Rollout
 from skill.practice.policy_update import AdvantageWeighting, advantage_weighted_update, advantages
 from skill.regression.locally_weighted_regression import LWRegressor
 
-TWOFOLD, HALF = np.log([2.0, 1.0]), np.log([0.5, 1.0])  # of the turn; the feed is left as it is
+DOUBLE, HALF = np.log([2.0, 1.0]), np.log([0.5, 1.0])  # factors on the turn; that on the feed is 1
 
 
-def make_skill(x=0.0, action=(0.3, -0.1, -1.0), n=4):
-    """One state, n samples of the same feature and action, and a kernel mean over all that is near."""
+def make_skill(x=0.0, action=(0.3, -0.1, -1.0), n=4, feature_scale=None):
+    """Returns a skill with one state and n samples of the same feature and action; its regressor is a kernel mean."""
     skill = ManipulationSkill()
-    skill.regressor_ = LWRegressor(bandwidth=1.0, degree=0, n_neighbors=None).fit(
+    skill.regressor_ = LWRegressor(bandwidth=1.0, degree=0, n_neighbors=None, feature_scale=feature_scale).fit(
         np.full((n, 1), x), np.tile(action, (n, 1)), memberships=np.ones((n, 1))
     )
     skill.metadata_ = {"good": 1}
     return skill
 
 
-def make_experience(*, tried, cost, x=0.0, n=2):
-    """The whole cost falls due at the end, so that every row has it before it."""
+def make_rollout(*, log_factors, cost, x=0.0, n=2):
+    """Returns a rollout whose whole cost is at the end, so that every row has the same cost to go."""
     return Rollout(
         features=np.full((n, 1), x),
         memberships=np.ones((n, 1)),
-        tried=np.tile(tried, (n, 1)),
+        log_factors=np.tile(log_factors, (n, 1)),
         costs=np.append(np.zeros(n - 1), cost),
     )
 
@@ -34,35 +34,35 @@ def action_of(skill, x=0.0):
     return skill.regressor_.predict([[x]], memberships=np.ones((1, 1)))[0]
 
 
-def test_the_advantage_is_what_was_saved_over_what_is_usual():
+def test_the_advantage_is_the_saved_cost_over_its_standard_deviation():
     z = advantages(
-        [make_experience(tried=TWOFOLD, cost=1.0), make_experience(tried=HALF, cost=3.0)], make_skill().regressor_
+        [make_rollout(log_factors=DOUBLE, cost=1.0), make_rollout(log_factors=HALF, cost=3.0)], make_skill().regressor_
     )
-    # Four costs 1, 1, 3, 3: mean 2, variance 4 / 3 with one parameter spent, and a quarter more for a new one.
+    # Costs 1, 1, 3, 3: mean 2, variance 4 / 3 (one parameter fitted), and a quarter more for a new observation.
     expected = 1.0 / np.sqrt(4 / 3 * 1.25)
     np.testing.assert_allclose(z, [expected, expected, -expected, -expected], rtol=1e-6)
 
 
-def test_where_all_cost_the_same_there_is_no_advantage_and_nothing_to_learn():
-    tried = [make_experience(tried=t, cost=2.0) for t in (TWOFOLD, HALF, HALF)]
-    np.testing.assert_allclose(advantages(tried, make_skill().regressor_), 0.0, atol=1e-9)
+def test_equal_costs_give_no_advantage_and_no_correction():
+    rollouts = [make_rollout(log_factors=t, cost=2.0) for t in (DOUBLE, HALF, HALF)]
+    np.testing.assert_allclose(advantages(rollouts, make_skill().regressor_), 0.0, atol=1e-9)
     np.testing.assert_allclose(
-        action_of(advantage_weighted_update(make_skill(), tried, AdvantageWeighting())),
+        action_of(advantage_weighted_update(make_skill(), rollouts, AdvantageWeighting())),
         action_of(make_skill()),
         rtol=1e-6,
     )
 
 
-def test_the_action_moves_by_the_weighted_mean_of_what_was_tried_less_the_plain_one():
-    tried = [make_experience(tried=TWOFOLD, cost=1.0), make_experience(tried=HALF, cost=3.0)]
+def test_the_correction_is_the_weighted_minus_the_unweighted_mean_of_the_log_factors():
+    rollouts = [make_rollout(log_factors=DOUBLE, cost=1.0), make_rollout(log_factors=HALF, cost=3.0)]
     z = 1.0 / np.sqrt(4 / 3 * 1.25)
-    share = np.exp(z) / (np.exp(z) + np.exp(-z))  # of the one that went well
+    share = np.exp(z) / (np.exp(z) + np.exp(-z))  # normalised weight of the cheaper rollout
     factor = np.exp((share - (1 - share)) * np.log(2.0))
     before, after = (
         action_of(make_skill()),
         action_of(
             advantage_weighted_update(
-                make_skill(), tried, AdvantageWeighting(inverse_temperature=1.0, advantage_clip=2.0)
+                make_skill(), rollouts, AdvantageWeighting(inverse_temperature=1.0, advantage_clip=2.0)
             )
         ),
     )
@@ -70,67 +70,77 @@ def test_the_action_moves_by_the_weighted_mean_of_what_was_tried_less_the_plain_
     assert factor > 1.2
 
 
-def test_a_slow_trial_has_no_say_by_being_long():
-    """Ninety rows of the dear way against ten of the cheap: the plain mean that is taken off holds them too."""
-    tried = [make_experience(tried=TWOFOLD, cost=1.0, n=10), make_experience(tried=HALF, cost=3.0, n=90)]
+def test_the_number_of_rows_of_a_trial_does_not_decide_the_correction():
+    """The unweighted mean, which is subtracted, contains the 90 high-cost rows as well as the 10 low-cost rows."""
+    rollouts = [make_rollout(log_factors=DOUBLE, cost=1.0, n=10), make_rollout(log_factors=HALF, cost=3.0, n=90)]
     assert (
-        action_of(advantage_weighted_update(make_skill(), tried, AdvantageWeighting()))[0] > action_of(make_skill())[0]
+        action_of(advantage_weighted_update(make_skill(), rollouts, AdvantageWeighting()))[0]
+        > action_of(make_skill())[0]
     )
 
 
-def test_no_single_trial_rules():
-    """One miracle among a hundred: its z of about ten counts as the half that is allowed."""
-    usual = [make_experience(tried=HALF, cost=10.0, n=1) for _ in range(99)]
-    learnt = advantage_weighted_update(
-        make_skill(), [*usual, make_experience(tried=TWOFOLD, cost=0.0, n=1)], AdvantageWeighting(advantage_clip=0.5)
+def test_the_clip_limits_the_influence_of_a_single_trial():
+    """One of a hundred trials has an advantage of about 10, which is clipped to 0.5."""
+    usual = [make_rollout(log_factors=HALF, cost=10.0, n=1) for _ in range(99)]
+    updated = advantage_weighted_update(
+        make_skill(), [*usual, make_rollout(log_factors=DOUBLE, cost=0.0, n=1)], AdvantageWeighting(advantage_clip=0.5)
     )
-    grown = np.log(action_of(learnt)[0] / action_of(make_skill())[0])
+    growth = np.log(action_of(updated)[0] / action_of(make_skill())[0])
     weight = np.exp(0.5)
-    least, advantage_clip = (w / (w + 99 * np.exp(-0.101)) for w in (1.0, weight))
-    assert 0 < grown <= (advantage_clip - 0.01) * 2 * np.log(2.0) * 1.001
-    assert least < advantage_clip
+    unweighted_share, weighted_share = (w / (w + 99 * np.exp(-0.101)) for w in (1.0, weight))
+    assert 0 < growth <= (weighted_share - 0.01) * 2 * np.log(2.0) * 1.001
+    assert unweighted_share < weighted_share
 
 
-def test_far_from_what_was_tried_nothing_is_learnt_there():
-    """Two places: in one the turn mattered, in the other nothing did."""
-    near = [make_experience(tried=TWOFOLD, cost=1.0), make_experience(tried=HALF, cost=3.0)]
-    far = [make_experience(tried=t, cost=2.0, x=100.0) for t in (TWOFOLD, HALF)]
-    learnt = advantage_weighted_update(make_skill(x=100.0), near + far, AdvantageWeighting())
-    np.testing.assert_allclose(action_of(learnt, 100.0), action_of(make_skill(x=100.0), 100.0), rtol=1e-6)
+def test_actions_far_from_costs_that_vary_are_not_corrected():
+    """The factors change the cost at one place and not at the other."""
+    near = [make_rollout(log_factors=DOUBLE, cost=1.0), make_rollout(log_factors=HALF, cost=3.0)]
+    far = [make_rollout(log_factors=t, cost=2.0, x=100.0) for t in (DOUBLE, HALF)]
+    updated = advantage_weighted_update(make_skill(x=100.0), near + far, AdvantageWeighting())
+    np.testing.assert_allclose(action_of(updated, 100.0), action_of(make_skill(x=100.0), 100.0), rtol=1e-6)
 
 
-def test_the_practised_skill_is_another_and_counts_its_practice():
+def test_the_update_returns_a_new_skill_that_counts_its_practice_trials():
     skill = make_skill()
     before = skill.regressor_.y_.copy()
     once = advantage_weighted_update(
-        skill, [make_experience(tried=TWOFOLD, cost=c) for c in (1.0, 2.0)], AdvantageWeighting()
+        skill, [make_rollout(log_factors=DOUBLE, cost=c) for c in (1.0, 2.0)], AdvantageWeighting()
     )
-    twice = advantage_weighted_update(once, [make_experience(tried=HALF, cost=1.0)], AdvantageWeighting())
+    twice = advantage_weighted_update(once, [make_rollout(log_factors=HALF, cost=1.0)], AdvantageWeighting())
     assert skill.metadata_ == {"good": 1}
     np.testing.assert_array_equal(skill.regressor_.y_, before)
     assert (once.metadata_["practice_trials"], twice.metadata_["practice_trials"]) == (2, 3)
 
 
-def test_a_practised_skill_is_saved_and_acts_as_it_learnt(skill, tmp_path):
+def test_an_updated_skill_acts_the_same_after_saving_and_loading(skill, tmp_path):
     measured = np.array([5.0, 3.0, 2.0, 0.01, 0.02, 0.0, -0.008])
     features, P = skill.features_.transform(measured[None])[0], skill.state_probabilities(measured[None])
     faster = np.log([1.0, 1.5])
-    tried = [
+    rollouts = [
         Rollout(np.tile(features, (9, 1)), np.tile(P, (9, 1)), np.tile(t, (9, 1)), np.append(np.zeros(8), cost))
         for t, cost in ((faster, 1.0), (-faster, 2.0))
     ]
-    learnt = advantage_weighted_update(skill, tried, AdvantageWeighting())
-    learnt.save(tmp_path / "practised.npz")
-    again = ManipulationSkill.load(tmp_path / "practised.npz")
-    assert again.act(measured).feed == learnt.act(measured).feed
-    assert again.act(measured).feed < skill.act(measured).feed < 0
-    np.testing.assert_allclose(again.act(measured).turn, skill.act(measured).turn)
+    updated = advantage_weighted_update(skill, rollouts, AdvantageWeighting())
+    updated.save(tmp_path / "practised.npz")
+    loaded = ManipulationSkill.load(tmp_path / "practised.npz")
+    assert loaded.act(measured).feed == updated.act(measured).feed
+    assert loaded.act(measured).feed < skill.act(measured).feed < 0
+    np.testing.assert_allclose(loaded.act(measured).turn, skill.act(measured).turn)
 
 
-def test_nothing_to_learn_from_and_nothing_to_learn_with():
+def test_an_update_without_rollouts_or_without_a_suitable_regressor_is_an_error():
     with pytest.raises(ValueError, match="at least one practice trial"):
         advantage_weighted_update(make_skill(), [], AdvantageWeighting())
     skill = make_skill()
     skill.regressor_ = LinearRegression()
     with pytest.raises(ValueError, match="LinearRegression"):
-        advantage_weighted_update(skill, [make_experience(tried=HALF, cost=1.0)], AdvantageWeighting())
+        advantage_weighted_update(skill, [make_rollout(log_factors=HALF, cost=1.0)], AdvantageWeighting())
+
+
+def test_the_correction_of_an_action_is_that_at_its_own_features():
+    """The regressor stores scaled features; the rollouts hold unscaled ones."""
+    skill = make_skill(x=3.0, feature_scale=[2.0])
+    near = [make_rollout(log_factors=DOUBLE, cost=1.0, x=3.0), make_rollout(log_factors=HALF, cost=3.0, x=3.0)]
+    far = [make_rollout(log_factors=f, cost=2.0, x=x) for f in (DOUBLE, HALF) for x in (6.0, 12.0)]
+    updated = advantage_weighted_update(skill, near + far, AdvantageWeighting())
+    assert action_of(updated, 3.0)[0] > 1.2 * action_of(skill, 3.0)[0]

@@ -1,23 +1,30 @@
 import numpy as np
 import pytest
+from sklearn.base import BaseEstimator
+from sklearn.model_selection import GroupKFold
 
-from skill.regression.bandwidth_selection import default_bandwidths, select_bandwidth, select_feature_scale
+from skill.regression.bandwidth_selection import (
+    GroupedSamples,
+    default_bandwidths,
+    select_bandwidth,
+    select_feature_scale,
+)
 from skill.regression.locally_weighted_regression import LWRegressor
 
 
 def demonstrations(n_groups=12, length=60, seed=0):
-    """Smooth trajectories, each with an offset of its own: near twins within a group, not between groups."""
+    """Smooth trajectories, each with an offset of its own: similar samples within a group, not between groups."""
     rng = np.random.default_rng(seed)
     groups = np.repeat(np.arange(n_groups), length)
     t = np.tile(np.linspace(0, 1, length), n_groups)
     own = rng.normal(size=(n_groups, 3))[groups]
     X = np.column_stack([t, 0.3 * own[:, 0] + 0.1 * t, own[:, 1]])
     y = np.column_stack([np.sin(4 * t) + 0.5 * X[:, 1], 1e-3 * np.cos(3 * t)])
-    y[:, 0] += 0.3 * own[:, 2]  # what no feature shows
+    y[:, 0] += 0.3 * own[:, 2]  # not visible in any feature
     return X, y + rng.normal(size=y.shape) * [0.05, 5e-5], groups
 
 
-def test_left_out_groups_ask_for_a_wider_bandwidth_than_left_out_samples():
+def test_left_out_groups_select_a_wider_bandwidth_than_left_out_samples():
     X, y, groups = demonstrations()
     chosen = select_bandwidth(LWRegressor(), X, y, groups)
     single = select_bandwidth(LWRegressor(), X, y, np.arange(len(X)), n_splits=10)
@@ -25,7 +32,7 @@ def test_left_out_groups_ask_for_a_wider_bandwidth_than_left_out_samples():
     assert chosen.errors.min() == chosen.errors[chosen.bandwidths == chosen.bandwidth][0]
 
 
-def test_the_choice_is_near_the_best_on_fresh_groups():
+def test_the_selected_bandwidth_is_near_the_best_on_new_groups():
     X, y, groups = demonstrations()
     fresh, truth, _ = demonstrations(seed=1)
     chosen = select_bandwidth(LWRegressor(), X, y, groups)
@@ -36,12 +43,12 @@ def test_the_choice_is_near_the_best_on_fresh_groups():
     assert errors[chosen.bandwidth] <= 1.2 * min(errors.values())
 
 
-def test_the_one_standard_error_rule_never_chooses_a_narrower_one():
+def test_the_one_standard_error_rule_never_selects_a_narrower_bandwidth():
     X, y, groups = demonstrations()
-    least = select_bandwidth(LWRegressor(), X, y, groups)
+    minimum = select_bandwidth(LWRegressor(), X, y, groups)
     smooth = select_bandwidth(LWRegressor(), X, y, groups, rule="one_standard_error")
-    assert smooth.bandwidth >= least.bandwidth
-    np.testing.assert_array_equal(smooth.errors, least.errors)
+    assert smooth.bandwidth >= minimum.bandwidth
+    np.testing.assert_array_equal(smooth.errors, minimum.errors)
 
 
 def test_units_of_the_outputs_do_not_matter():
@@ -51,7 +58,7 @@ def test_units_of_the_outputs_do_not_matter():
     np.testing.assert_allclose(one.errors, other.errors, rtol=1e-9)
 
 
-def test_the_regressor_passed_in_is_left_alone_and_its_settings_are_used():
+def test_the_given_regressor_is_not_changed_and_its_parameters_are_used():
     X, y, groups = demonstrations()
     dut = LWRegressor(bandwidth=123.0, degree=0)
     chosen = select_bandwidth(dut, X, y[:, 0], groups, bandwidths=[0.3, 0.1])
@@ -62,7 +69,7 @@ def test_the_regressor_passed_in_is_left_alone_and_its_settings_are_used():
     assert not np.allclose(linear.errors, chosen.errors)
 
 
-def test_memberships_and_weights_take_part():
+def test_memberships_and_weights_change_the_errors():
     X, y, groups = demonstrations()
     P = np.random.default_rng(0).dirichlet([0.2] * 3, len(X))
     weight = np.random.default_rng(1).uniform(0, 1, len(X))
@@ -113,3 +120,146 @@ def test_bad_arguments_raise(change, remedy):
     X, y, groups = demonstrations()
     with pytest.raises(ValueError, match=remedy):
         select_bandwidth(LWRegressor(), X, y, **({"groups": groups} | change))
+
+
+def folds_of(groups, n_splits):
+    return list(GroupKFold(n_splits).split(np.zeros(len(groups)), groups=groups))
+
+
+def test_the_errors_are_normalised_mean_squares_over_the_folds():
+    X, y, groups = demonstrations(n_groups=7, length=20)
+    y = np.column_stack([y, np.full(len(y), 3.0)])  # an output that does not vary is ignored
+    weight = np.random.default_rng(0).uniform(0.2, 1.0, len(X))
+    found = select_bandwidth(LWRegressor(), X, y, groups, bandwidths=[0.2, 0.6], sample_weight=weight, n_splits=4)
+    errors = np.empty((4, 2))
+    for i, (train, test) in enumerate(folds_of(groups, 4)):
+        for j, h in enumerate((0.2, 0.6)):
+            model = LWRegressor(bandwidth=h).fit(X[train], y[train], sample_weight=weight[train])
+            squares = (model.predict(X[test]) - y[test])[:, :2] ** 2
+            mean = (weight[test][:, None] * squares).sum(axis=0) / weight[test].sum()
+            errors[i, j] = (mean / y[:, :2].var(axis=0)).mean()
+    np.testing.assert_allclose(found.errors, errors.mean(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(found.standard_errors, errors.std(axis=0, ddof=1) / 2.0, rtol=1e-12)
+    assert found.bandwidth == found.bandwidths[found.errors.argmin()]
+
+
+def test_outputs_that_do_not_vary_and_groups_without_weight_have_no_error():
+    X, y, groups = demonstrations(n_groups=3, length=10)
+    constant = select_bandwidth(LWRegressor(), X, np.ones(len(X)), groups, bandwidths=[0.5])
+    np.testing.assert_array_equal(constant.errors, 0.0)
+    light = GroupedSamples.checked(X, y, groups, None, (groups > 0).astype(float), 3)
+    model = light.fit(LWRegressor(), np.flatnonzero(groups > 0))
+    assert light.error(model, np.flatnonzero(groups == 0)) == 0.0
+    assert light.error(model, np.flatnonzero(groups == 1)) > 0.0
+
+
+def test_the_one_standard_error_rule_takes_the_greatest_bandwidth_within_one_standard_error():
+    X, y, groups = demonstrations()
+    found = select_bandwidth(LWRegressor(), X, y, groups, rule="one_standard_error")
+    best = found.errors.argmin()
+    limit = found.errors[best] + found.standard_errors[best]
+    assert found.bandwidth == max(h for h, e in zip(found.bandwidths, found.errors, strict=True) if e <= limit)
+    assert found.bandwidth > found.bandwidths[best]
+
+
+@pytest.mark.parametrize(("n", "step", "k"), [(40, 1, 5), (330, 3, 5), (40, 1, None)])
+def test_default_candidates_are_multiples_of_the_median_radius(n, step, k):
+    X = np.random.default_rng(0).normal(size=(n, 3))
+    radii = [np.sort(np.linalg.norm(X - q, axis=1))[(n if k is None else k) - 1] for q in X[::step]]
+    expected = np.median(radii) * 2.0 ** np.linspace(-3.0, 2.0, 12)
+    fitted = LWRegressor(n_neighbors=k).fit(X, X[:, 0])
+    np.testing.assert_allclose(default_bandwidths(fitted), expected, rtol=1e-12)
+    adaptive = LWRegressor(n_neighbors=k, bandwidth_type="adaptive").fit(X, X[:, 0])
+    np.testing.assert_allclose(default_bandwidths(adaptive), 2.0 ** np.linspace(-3.0, 2.0, 12))
+
+
+def test_equal_samples_have_candidates_around_one():
+    np.testing.assert_allclose(
+        default_bandwidths(LWRegressor().fit(np.zeros((5, 2)), np.arange(5.0))), 2.0 ** np.linspace(-3.0, 2.0, 12)
+    )
+
+
+class KnownError(BaseEstimator):
+    """A regressor whose normalised error on y = X[:, 0] is a given function of its feature scale."""
+
+    def __init__(self, error=None, feature_scale=None):
+        self.error = error
+        self.feature_scale = feature_scale
+
+    def __sklearn_clone__(self):
+        return KnownError(self.error, self.feature_scale)
+
+    def fit(self, X, y, memberships=None, sample_weight=None):
+        self.feature_scale_ = np.ones(X.shape[1]) if self.feature_scale is None else np.asarray(self.feature_scale)
+        return self
+
+    def predict(self, X, memberships=None):
+        return X[:, 0] + np.sqrt(self.error(self.feature_scale_))
+
+
+def descend(error, n_features=1, **options):
+    X = np.tile([[1.0], [-1.0]], (20, n_features))  # outputs of variance 1
+    return select_feature_scale(KnownError(error), X, X[:, 0], np.repeat(np.arange(5), 8), **options)
+
+
+def test_the_scale_of_a_feature_is_doubled_while_that_lowers_the_error():
+    found = descend(lambda scale: 0.1 + np.log2(scale[0] / 8.0) ** 2)
+    np.testing.assert_array_equal(found.feature_scale, [8.0])  # 2, 4, 8, then neither 16 nor 4
+    assert found.evaluations == 1 + 3 + 2
+    assert found.error == pytest.approx(0.1)
+    assert found.initial_error == pytest.approx(9.1)
+
+
+def test_the_scale_of_a_feature_is_halved_while_that_lowers_the_error():
+    found = descend(lambda scale: 0.1 + np.log2(scale[0] * 4.0) ** 2)
+    np.testing.assert_array_equal(found.feature_scale, [0.25])
+    assert found.evaluations == 1 + 2 + 2 + 2 + 2  # the last pass tries the square root of two
+
+
+def test_the_factor_becomes_its_square_root_once():
+    found = descend(lambda scale: 0.1 + np.log2(scale[0] / np.sqrt(2.0)) ** 2, max_passes=9)
+    np.testing.assert_allclose(found.feature_scale, [np.sqrt(2.0)])
+    # 2 and 1/2 do not lower the error; then 2^(1/2) does; then neither neighbour does.
+    assert found.evaluations == 1 + 2 + 1 + 2
+
+
+def test_passes_end_at_their_maximum_and_visit_every_feature():
+    found = descend(lambda scale: 1.0 / scale[0] + 1.0 / scale[1], n_features=2, max_passes=3)
+    np.testing.assert_array_equal(found.feature_scale, [8.0, 8.0])
+    assert found.evaluations == 1 + 3 * 2
+    assert descend(lambda scale: 1.0 / scale[0]).feature_scale == [16.0]  # four passes by default
+
+
+@pytest.mark.parametrize(("gain", "changed"), [(0.99e-3, False), (1.01e-3, True)])
+def test_a_change_needs_a_minimum_gain(gain, changed):
+    found = descend(lambda scale: 1.0 if scale[0] == 1.0 else 1.0 - gain)
+    assert (found.feature_scale[0] != 1.0) == changed
+    large = descend(lambda scale: 1.0 if scale[0] == 1.0 else 0.7, min_gain=0.29)
+    assert large.feature_scale[0] == 2.0
+    assert descend(lambda scale: 1.0 if scale[0] == 1.0 else 0.72, min_gain=0.29).feature_scale[0] == 1.0
+
+
+def test_queries_are_drawn_and_training_samples_are_kept():
+    X, y, groups = demonstrations(n_groups=6, length=20)
+    data = GroupedSamples.checked(X, y, groups, None, None, 3)
+    thinned = data.thinned(10, 4)
+    chosen = np.random.default_rng(4).choice(len(X), 10, replace=False)
+    assert {int(row) for _, test in thinned.folds for row in test} == set(chosen.tolist())
+    for train, test in thinned.folds:
+        original = next(fold for fold in data.folds if np.array_equal(fold[0], train))
+        assert set(test) <= set(original[1])
+    options = {"max_passes": 1, "n_splits": 3}
+    few = select_feature_scale(LWRegressor(), X, y, groups, max_queries=10, random_state=4, **options)
+    model = LWRegressor().fit(X, y)
+    assert few.initial_error == pytest.approx(
+        np.mean([thinned.error(thinned.fit(model, train), test) for train, test in thinned.folds])
+    )
+    every = select_feature_scale(LWRegressor(), X, y, groups, max_queries=None, **options)
+    at_most = select_feature_scale(LWRegressor(), X, y, groups, max_queries=len(X), **options)
+    assert every.error == at_most.error != few.error
+
+
+def test_two_groups_are_enough_and_the_folds_are_at_most_the_groups():
+    X, y, groups = demonstrations(n_groups=2, length=10)
+    assert len(GroupedSamples.checked(X, y, groups, None, None, 2).folds) == 2
+    assert len(GroupedSamples.checked(X, y, groups, None, None, 5).folds) == 2

@@ -8,6 +8,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 from statsmodels.nonparametric.kernel_regression import KernelReg
 
 from skill.regression.locally_weighted_regression import LWRegressor
+from tests.skill.regression.samples import wavy
 
 # R's `cars`: speed (mph) and stopping distance (ft) of 50 cars, M. Ezekiel, 1930.
 CARS_SPEED = np.repeat(
@@ -26,15 +27,8 @@ def test_scikit_learn_checks(estimator, check):
     check(estimator)
 
 
-def wavy(n=400, d=3, noise=0.1, seed=0):
-    rng = np.random.default_rng(seed)
-    X = rng.uniform(-1, 1, (n, d))
-    Y = np.column_stack([np.sin(3 * X[:, 0]) + X[:, 1] ** 2, X @ np.arange(1.0, d + 1)])
-    return X, Y + noise * rng.normal(size=Y.shape)
-
-
 def plain(X, Y, q, h, ridge, weights=None):
-    """The local model straight from its definition, by least squares on root weights."""
+    """The local model from its definition, by least squares with the roots of the weights."""
     w = np.exp(-((X - q) ** 2).sum(1) / h**2) * (1.0 if weights is None else weights)
     Z = np.column_stack([np.ones(len(X)), X - q])
     d = X.shape[1]
@@ -72,7 +66,7 @@ def test_statsmodels_local_linear_kernel_regression_agrees():
 
 
 def tricube_local_line(x, y, frac=2 / 3):
-    """Cleveland's local line with tricube weights, through our solver: weights enter as sample weights."""
+    """Cleveland's local line with tricube weights, given to our solver as sample weights."""
     k = int(frac * len(x) + 1e-10)
     fitted = []
     for q in x:
@@ -132,7 +126,7 @@ def test_a_wide_bandwidth_is_ordinary_least_squares():
 @pytest.mark.parametrize("distance", [1e1, 1e3, 1e8, 1e100, 1e200, 1e307])
 @pytest.mark.parametrize("kind", ["fixed", "adaptive"])
 @pytest.mark.parametrize("degree", [0, 1])
-def test_a_far_query_degrades_to_a_mean_of_the_outputs(distance, kind, degree):
+def test_the_prediction_at_a_far_query_is_a_mean_of_the_outputs(distance, kind, degree):
     X, Y = wavy()
     bandwidth = 0.3 if kind == "fixed" else 1.0
     dut = LWRegressor(bandwidth=bandwidth, bandwidth_type=kind, degree=degree, n_neighbors=50).fit(X, Y)
@@ -140,7 +134,7 @@ def test_a_far_query_degrades_to_a_mean_of_the_outputs(distance, kind, degree):
     local = dut.predict_local(queries)
     for value in (local.mean, local.variance, *local.interval()):
         assert np.isfinite(value).all()
-    if kind == "fixed" or degree == 0:  # an adaptive kernel goes where the query goes
+    if kind == "fixed" or degree == 0:  # an adaptive kernel follows the query
         assert np.all((local.mean >= Y.min(0) - 1e-9) & (local.mean <= Y.max(0) + 1e-9))
     if kind == "fixed":
         assert np.all(local.log_w_max < -100)
@@ -163,21 +157,21 @@ def test_closed_and_direct_leave_one_out_agree_at_moderate_bandwidth():
     np.testing.assert_allclose(dut.leave_one_out("closed"), dut.leave_one_out("direct"), atol=1e-10)
 
 
-def test_the_closed_form_flatters_a_tiny_bandwidth_and_the_direct_one_does_not():
+def test_the_closed_form_underestimates_the_error_of_a_tiny_bandwidth_and_the_direct_one_does_not():
     rng = np.random.default_rng(0)
     X, y = (
         rng.uniform(size=(200, 4)),
         rng.normal(size=200),
-    )  # nothing to learn: the error must be that of noise
+    )  # nothing to learn: the error must be that of the noise
     dut = LWRegressor(bandwidth=0.011, ridge=1e-6).fit(X, y)
-    with np.errstate(all="ignore"):  # 0 / 0 is the point
+    with np.errstate(all="ignore"):  # 0 / 0 is expected
         closed = np.sqrt(np.mean((dut.leave_one_out("closed") - y) ** 2))
     direct = np.sqrt(np.mean((dut.leave_one_out("direct") - y) ** 2))
     assert direct > 0.9 * y.std()
     assert not np.isclose(closed, direct, rtol=0.05)
 
 
-def test_prediction_intervals_cover_and_the_variance_only_ones_are_narrower():
+def test_prediction_intervals_have_their_coverage_and_variance_only_ones_are_narrower():
     covered, narrow = [], []
     for seed in range(5):
         X, Y = wavy(600, 2, noise=0.2, seed=seed)
@@ -248,7 +242,7 @@ def test_soft_memberships_multiply_the_kernel():
     np.testing.assert_allclose(singly, dut.predict(queries, Q), atol=1e-12)
 
 
-def test_the_cut_off_keeps_the_greatest_weights_under_soft_memberships():
+def test_the_greatest_weights_are_kept_with_soft_memberships():
     rng = np.random.default_rng(5)
     X, Y = wavy(2000)
     P, Q = rng.dirichlet([0.3] * 3, 2000), np.array([[0.5, 0.3, 0.2]])
@@ -266,7 +260,7 @@ def test_uniform_memberships_change_nothing_but_the_ridge():
 
 
 @pytest.mark.parametrize("q", [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.2, 0.0, 0.0]])
-def test_an_undemonstrated_or_unknown_state_degrades_gracefully(q):
+def test_a_state_without_samples_or_an_unknown_state_gives_a_kernel_mean(q):
     X, Y = wavy()
     P = one_hot(np.arange(400) % 2, 3)
     dut = LWRegressor(bandwidth=0.5).fit(X, Y, memberships=P)
@@ -278,7 +272,7 @@ def test_an_undemonstrated_or_unknown_state_degrades_gracefully(q):
     np.testing.assert_allclose(dut.predict(X[:1], [q]), local.mean, atol=1e-12)
 
 
-def test_sample_weights_count_like_repetitions_and_zero_leaves_out():
+def test_sample_weights_count_like_repetitions():
     X, Y = wavy(100)
     weight = np.random.default_rng(0).integers(0, 3, 100)
     repeated = np.repeat(np.arange(100), weight)
@@ -353,7 +347,7 @@ def test_other_errors_name_the_remedy():
     dut = LWRegressor().fit(X, Y)
     with pytest.raises(ValueError, match="give memberships to fit too"):
         dut.predict(X[:1], [[1.0]])
-    with pytest.raises(ValueError, match="one a feature"):
+    with pytest.raises(ValueError, match="one for each feature"):
         LWRegressor(feature_scale=[1.0]).fit(X, Y)
     with pytest.raises(ValueError, match="'direct' or 'closed'"):
         dut.leave_one_out("other")
@@ -403,7 +397,7 @@ def test_scaling_features_with_their_bandwidth_and_shifting_outputs_commute_with
     np.testing.assert_allclose(permuted.predict(X[:5]), one, atol=1e-9)
 
 
-def test_support_is_the_log_of_the_greatest_kernel_weight_and_comes_with_the_same_prediction():
+def test_support_is_the_log_of_the_greatest_kernel_weight():
     rng = np.random.default_rng(5)
     X, y = rng.normal(size=(80, 3)), rng.normal(size=(80, 2))
     P = rng.dirichlet(np.ones(3), 80)
@@ -422,7 +416,7 @@ def test_support_is_the_log_of_the_greatest_kernel_weight_and_comes_with_the_sam
 def test_support_between_groups_leaves_each_group_out(n_neighbors):
     rng = np.random.default_rng(6)
     groups = np.repeat([0, 1, 2, 3], 20)
-    # Neighbours in time: each group walks about a place of its own, so that its nearest samples are all its own.
+    # Each group walks around its own place, so that the nearest samples of a sample belong to its own group.
     X = rng.normal(size=(4, 1, 2))[:, np.zeros(20, dtype=int)] + 0.05 * rng.normal(size=(4, 20, 2)).cumsum(axis=1)
     X = X.reshape(80, 2)
     dut = LWRegressor(bandwidth=0.5, n_neighbors=n_neighbors).fit(X, X)
@@ -431,7 +425,7 @@ def test_support_between_groups_leaves_each_group_out(n_neighbors):
     np.testing.assert_allclose(dut.support_between(groups), -squared.min(axis=1) / 0.25, rtol=1e-9)
 
 
-def test_one_group_has_no_other_to_find_support_in():
+def test_support_between_groups_needs_two_groups():
     dut = LWRegressor().fit(np.eye(4), np.eye(4))
     with pytest.raises(ValueError, match="at least 2 groups; found 1"):
         dut.support_between(np.zeros(4))

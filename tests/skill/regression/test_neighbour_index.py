@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skill.regression.kernel_neighbourhood import Kernel, KernelNeighbourhood
-from skill.regression.membership_index import MembershipIndex
+from skill.regression.membership_index import MembershipIndex, check_memberships
 from skill.regression.neighbour_index import NeighbourIndex
 
 
@@ -20,7 +20,7 @@ def naive(points, query, k):
     st.sampled_from(["kd_tree", "brute", "auto"]),
     st.integers(0, 10_000),
 )
-def test_the_nearest_are_the_nearest(n, d, k, algorithm, seed):
+def test_the_search_finds_the_nearest_points(n, d, k, algorithm, seed):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(n, d)) * rng.uniform(0.01, 100, d) + 1e3
     queries = points[rng.integers(0, n, 7)] + 0.1 * rng.normal(size=(7, d))
@@ -32,7 +32,7 @@ def test_the_nearest_are_the_nearest(n, d, k, algorithm, seed):
         assert set(found) == expected == set(dut.nearest(query, k))
 
 
-def test_large_sets_are_searched_by_tree_and_small_ones_by_brute_force():
+def test_the_algorithm_depends_on_number_and_dimension_of_the_points():
     rng = np.random.default_rng(0)
     assert NeighbourIndex(rng.normal(size=(500, 14))).algorithm == "brute"
     assert NeighbourIndex(rng.normal(size=(30_000, 14))).algorithm == "kd_tree"
@@ -40,7 +40,7 @@ def test_large_sets_are_searched_by_tree_and_small_ones_by_brute_force():
 
 
 @pytest.mark.parametrize("algorithm", ["kd_tree", "brute"])
-def test_many_equal_points_are_no_trouble(algorithm):
+def test_equal_points_are_found(algorithm):
     dut = NeighbourIndex(np.zeros((1000, 3)), None, algorithm)
     assert dut.nearest_many(np.ones((2, 3)), 5).shape == (2, 5)
 
@@ -81,3 +81,124 @@ def test_one_query_and_many_have_the_same_neighbourhoods(adaptive):
             np.testing.assert_array_equal(found[i][a], one[b])
             np.testing.assert_allclose(log_w[i][a], log_one[b], atol=1e-12)
             np.testing.assert_array_equal(x[i][a], x_one[b])
+
+
+@pytest.mark.parametrize(("dimension", "limit"), [(1, 10_000), (4, 10_000), (5, 12_000), (8, 12_000), (9, 25_000)])
+def test_brute_force_is_used_up_to_a_size_that_grows_with_the_dimension(dimension, limit):
+    assert NeighbourIndex(np.zeros((limit, dimension))).algorithm == "brute"
+    assert NeighbourIndex(np.zeros((limit + 1, dimension))).algorithm == "kd_tree"
+
+
+def test_all_points_are_returned_if_there_are_not_more_than_asked_for():
+    dut = NeighbourIndex(np.random.default_rng(0).normal(size=(4, 2)), np.array([5, 6, 7, 8]))
+    for k in (4, 9):
+        assert set(dut.nearest(np.zeros(2), k)) == {5, 6, 7, 8}
+        assert dut.nearest_many(np.zeros((3, 2)), k).shape == (3, 4)
+    assert dut.nearest_many(np.zeros((3, 2)), 3).shape == (3, 3)
+
+
+def test_a_long_batch_is_searched_in_blocks():
+    points = np.random.default_rng(0).normal(size=(3000, 2))
+    dut = NeighbourIndex(points, None, "brute")
+    queries = np.random.default_rng(1).normal(size=(200, 2))
+    found = dut.nearest_many(queries, 3)
+    assert all(set(rows) == naive(points, q, 3) for q, rows in zip(queries, found, strict=True))
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+def test_the_neighbours_of_greatest_weight_among_those_of_all_states_are_kept(weighted):
+    """w_i = exp(-|x_i - q|^2 / h^2) s_i sum_k Q_k P_ik; the search returns more candidates than are kept."""
+    rng = np.random.default_rng(2)
+    points, P = rng.normal(size=(300, 2)), rng.dirichlet([1.0] * 3, 300)
+    weight = rng.uniform(0.1, 1.0, 300) if weighted else np.ones(300)
+    dut = KernelNeighbourhood(points, P, weight, "auto")
+    for query, q in zip(rng.normal(size=(30, 2)), rng.dirichlet([1.0] * 3, 30), strict=True):
+        log_w = -((points - query) ** 2).sum(axis=1) / 0.8**2 + np.log(P @ q) + np.log(weight)
+        candidates = naive(points, query, 12)  # each state contains nearly every sample
+        expected = sorted(candidates, key=lambda row: -log_w[row])
+        found, x, found_log_w = dut.of_one(query, q, Kernel(0.8, False, 12))
+        np.testing.assert_allclose(found_log_w, log_w[found], atol=1e-12)
+        np.testing.assert_array_equal(x, points[found])
+        assert len(found) == 12
+        assert len(set(found) & set(expected)) >= 9
+        batch = next(dut.blocks(query[None], q[None], Kernel(0.8, False, 12)))
+        assert set(batch[1][0]) == set(found)
+
+
+@pytest.mark.parametrize("batched", [False, True])
+def test_of_candidates_from_two_states_the_greatest_weights_are_kept(batched):
+    x = np.array([[0.1], [0.2], [0.3], [0.4], [-0.15], [-0.25], [-0.35], [-0.45]])
+    P = np.repeat([[1.0, 0.0], [0.0, 1.0]], 4, axis=0)
+    dut = KernelNeighbourhood(x, P, np.ones(8), "auto")
+    for q, expected in (([0.5, 0.5], {0, 1, 4}), ([0.9, 0.1], {0, 1, 2}), ([0.1, 0.9], {4, 5, 6})):
+        query, state, kernel = np.zeros(1), np.array(q), Kernel(1.0, False, 3)
+        if batched:
+            _, found, _, log_w = next(dut.blocks(query[None], state[None], kernel))
+            found, log_w = found[0], log_w[0]
+        else:
+            found, _, log_w = dut.of_one(query, state, kernel)
+        assert set(found) == expected
+        np.testing.assert_allclose(np.exp(log_w), np.exp(-(x[found, 0] ** 2)) * (P[found] @ state))
+
+
+def test_an_adaptive_kernel_has_the_distance_of_the_farthest_neighbour():
+    x = np.array([[1.0], [2.0], [-4.0], [8.0]])
+    dut = KernelNeighbourhood(x, None, np.ones(4), "auto")
+    found, _, log_w = dut.of_one(np.zeros(1), None, Kernel(0.5, True, 3))
+    np.testing.assert_allclose(log_w, -((x[found, 0] / (0.5 * 4.0)) ** 2))
+    equal = KernelNeighbourhood(np.zeros((4, 1)), None, np.ones(4), "auto").of_one(np.zeros(1), None, Kernel(0.5, True))
+    np.testing.assert_array_equal(equal[2], 0.0)
+
+
+def test_extra_neighbours_are_added():
+    x = np.arange(10.0)[:, None]
+    dut = KernelNeighbourhood(x, None, np.ones(10), "auto")
+    assert next(dut.blocks(x[:2], None, Kernel(1.0, False, 3), extra=2))[1].shape == (2, 5)
+    assert next(dut.blocks(x[:2], None, Kernel(1.0, False, 3), extra=20))[1].shape == (2, 10)
+    assert next(dut.blocks(x[:2], None, Kernel(1.0)))[1].shape == (2, 10)
+
+
+def test_all_blocks_together_are_the_whole_batch():
+    rng = np.random.default_rng(0)
+    x, P = rng.normal(size=(2000, 8)), rng.dirichlet([0.3] * 3, 2000)
+    dut = KernelNeighbourhood(x, P, np.ones(2000), "auto")
+    blocks = list(dut.blocks(x, P, Kernel(1.0, False, 200)))
+    assert len(blocks) > 10
+    assert [row for block, *_ in blocks for row in range(*block.indices(2000))] == list(range(2000))
+    for block, found, _, log_w in blocks[::5]:
+        row, first = range(*block.indices(2000))[0], np.argmax(log_w[0])
+        one, _, log_one = dut.of_one(x[row], P[row], Kernel(1.0, False, 200))
+        assert found[0, first] == one[log_one.argmax()]
+        assert len(set(found[0]) ^ set(one)) == 0
+
+
+def test_a_sample_without_a_shared_state_has_the_minimum_share():
+    points = np.arange(4.0)[:, None]
+    dut = MembershipIndex(points, np.eye(3)[[0, 0, 1, 1]], "auto")
+    rows, log_share = dut.candidates_of_one(np.zeros(1), np.array([0.0, 0.0, 1.0]), 2)
+    assert set(rows) == {0, 1}
+    np.testing.assert_allclose(log_share, np.log(1e-300))
+
+
+@pytest.mark.parametrize(
+    ("values", "states", "exact", "message"),
+    [
+        ([[0.5, 0.5]], 3, False, r"shape \(1, 2\), expected \(1, 3\)"),
+        ([[0.5, 0.6]], None, False, "sum to at most one"),
+        ([[0.5, 0.4]], None, True, "sum to one"),
+        ([[1.1, -0.1]], None, False, "minimum -0.1"),
+        (np.ones((1, 0)), None, False, "K, one column a contact state"),
+        (np.ones((2, 1)), None, False, r"expected \(1, K"),
+    ],
+)
+def test_values_that_are_not_memberships_are_refused(values, states, exact, message):
+    with pytest.raises(ValueError, match=message):
+        check_memberships(values, 1, states, exact)
+
+
+@pytest.mark.parametrize("error", [0.9e-6, -0.9e-6])
+def test_memberships_may_be_rounded(error):
+    assert check_memberships([[0.5, 0.5 + error]], 1, 2, exact=True).shape == (1, 2)
+    with pytest.raises(ValueError, match="not probabilities"):
+        check_memberships([[0.5, 0.5 + 2.0 * error]], 1, 2, exact=True)
+    assert check_memberships(np.empty((0, 2)), 0).shape == (0, 2)

@@ -25,7 +25,7 @@ def states(M=3, d=4, seed=0):
 
 
 @pytest.mark.parametrize("channels", [None, [0, 2]])
-def test_without_transitions_it_is_the_posterior(channels):
+def test_probabilities_without_transitions_are_the_posterior(channels):
     model = states()
     dut = ContactStateFilter(model, gate=None, channels=channels)
     X = np.random.default_rng(1).normal(size=(20, 4 if channels is None else 2)) * 3.0
@@ -52,7 +52,7 @@ def test_forward_recursion_worked_by_hand():
         np.testing.assert_allclose(np.exp(log_belief), belief, rtol=1e-12)
 
 
-def test_unknown_sample_leaves_the_belief_to_the_transitions():
+def test_unknown_sample_only_propagates_the_belief():
     model = states(M=2, d=3)
     A = np.array([[0.8, 0.2], [0.4, 0.6]])
     far = np.full(3, 1e4)
@@ -72,6 +72,56 @@ def test_gate_is_the_chi_square_quantile():
     assert not dut.step([0.0], model.means_[0] + 1.001 * step * direction).known
 
 
+def test_gate_without_transitions_is_on_by_default():
+    model = states(M=1, d=4)
+    direction = np.linalg.cholesky(model.covariances_[0])[:, 0]
+    dut = ContactStateFilter(model)
+    limit = np.sqrt(chi2.ppf(0.999, 4))
+    assert dut.step([0.0], model.means_[0] + 0.999 * limit * direction).known
+    assert not dut.step([0.0], model.means_[0] + 1.001 * limit * direction).known
+    assert dut.step([0.0], model.means_[0] + 1.001 * limit * direction).mahalanobis == pytest.approx(
+        1.001**2 * limit**2
+    )
+    assert ContactStateFilter(model, gate=None).step([0.0], model.means_[0] + 1e3).known
+
+
+def test_gate_uses_the_state_most_probable_with_the_sample():
+    model = states(M=2, d=1)
+    dut = ContactStateFilter(model, transitions=[[0.5, 0.5], [0.5, 0.5]])
+    for k in range(2):
+        estimate = dut.step(np.log([0.5, 0.5]), model.means_[k])
+        assert estimate.mahalanobis == pytest.approx(0.0, abs=1e-12)
+        assert estimate.known
+
+
+def test_distant_sample_does_not_underflow():
+    estimate = ContactStateFilter(states(), gate=None).step(np.zeros(3), np.full(4, 1e3))
+    assert estimate.known
+    assert estimate.probabilities.sum() == pytest.approx(1.0)
+
+
+def test_log_belief_is_the_logarithm_of_the_probabilities():
+    dut = ContactStateFilter(states(), gate=None)
+    estimate = dut.step(dut.initial_log_belief(), np.ones(4))
+    np.testing.assert_allclose(np.exp(estimate.log_belief), estimate.probabilities, rtol=1e-12)
+    assert estimate.probabilities.sum() == pytest.approx(1.0)
+
+
+def test_estimator_reports_unknown_samples_and_keeps_the_belief():
+    model = states(M=2, d=3)
+    estimator = StateEstimator(ContactStateFilter(model, transitions=[[0.8, 0.2], [0.4, 0.6]]))
+    state, estimate = estimator.update(model.means_[1])
+    assert state == 1
+    np.testing.assert_array_equal(estimator.log_belief, estimate.log_belief)
+    state, unknown = estimator.update(np.full(3, 1e4))
+    assert state == -1
+    np.testing.assert_allclose(unknown.probabilities, estimate.probabilities @ [[0.8, 0.2], [0.4, 0.6]])
+
+
+def test_row_sums_may_deviate_by_round_off():
+    ContactStateFilter(states(), transitions=np.eye(3) * (1.0 + 5e-10))
+
+
 def test_step_changes_neither_its_arguments_nor_the_filter():
     dut = ContactStateFilter(states(), transitions=np.full((3, 3), 1 / 3))
     log_belief = dut.initial_log_belief()
@@ -84,14 +134,14 @@ def test_step_changes_neither_its_arguments_nor_the_filter():
     np.testing.assert_array_equal(dut.step(before, np.zeros(4)).log_belief, second.log_belief)
 
 
-def test_transitions_bridge_a_sample_that_looks_like_another_state():
+def test_transitions_smooth_a_sample_that_resembles_another_state():
     model = states(M=2, d=1)
     sticky = np.array([[0.999, 0.001], [0.001, 0.999]])
     estimator = StateEstimator(ContactStateFilter(model, gate=None, transitions=sticky))
     for _ in range(20):
-        home, _ = estimator.update(model.means_[0])
+        state, _ = estimator.update(model.means_[0])
     between = 0.4 * model.means_[0] + 0.6 * model.means_[1]
-    assert estimator.update(between)[0] == home == 0
+    assert estimator.update(between)[0] == state == 0
     np.testing.assert_allclose(estimator.reset().log_belief, np.log(model.weights_))
 
 
@@ -109,15 +159,20 @@ def test_certain_belief_can_be_revised():
         ({"gate": 1.5}, "gate=1.5"),
         ({"transitions": np.eye(2)}, r"expected \(3, 3\)"),
         ({"transitions": np.ones((3, 3))}, "each row summing to one"),
+        ({"transitions": np.eye(3) + 1e-9}, "each row summing to one"),
+        ({"transitions": np.eye(3) - 1e-8}, "each row summing to one"),
+        ({"transitions": [[1.5, -0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]}, "each row summing to one"),
+        ({"transitions": np.full((3, 3), np.nan)}, "each row summing to one"),
+        ({"transitions": np.diag([1.0, 1.0, np.nan])}, "each row summing to one"),
         ({"channels": [0, 9]}, "between 0 and 3"),
     ],
 )
-def test_wrong_arguments(arguments, message):
+def test_wrong_arguments_are_errors(arguments, message):
     with pytest.raises(ValueError, match=message):
         ContactStateFilter(states(), **arguments)
 
 
-def test_wrong_samples():
+def test_wrong_samples_are_errors():
     dut = ContactStateFilter(states())
     with pytest.raises(ValueError, match=r"expected \(4,\)"):
         dut.step(dut.initial_log_belief(), np.zeros(3))

@@ -18,7 +18,7 @@ def example():
     return StateGraph(sample_period=0.1).fit(SEQUENCES, OUTCOMES)
 
 
-def test_counts_by_hand():
+def test_counts_worked_by_hand():
     dut = example()
     np.testing.assert_array_equal(dut.counts_, [[0, 4, 0, 1], [1, 0, 2, 1], [0, 0, 0, 0], [0, 0, 0, 0]])
     assert list(dut.outcomes_) == ["inserted", "jammed"]
@@ -26,17 +26,23 @@ def test_counts_by_hand():
     np.testing.assert_array_equal(dut.visits_, [5, 4, 2, 2])
     np.testing.assert_allclose(dut.dwell_mean_, [8 / 5, 6 / 4, 3 / 2, 5 / 2])
     np.testing.assert_allclose(dut.dwell_std_[2:], [0.5, 1.5])
+    np.testing.assert_allclose(dut.dwell_mean_s_, 0.1 * dut.dwell_mean_)
+    np.testing.assert_allclose(dut.dwell_std_s_, 0.1 * dut.dwell_std_)
     assert dut.sample_counts_.sum() == sum(len(s) - 1 for s in SEQUENCES)
+    np.testing.assert_array_equal(dut.sample_counts_, [[3, 4, 0, 1], [1, 2, 2, 1], [0, 0, 1, 0], [0, 0, 0, 3]])
+    # Samples of state 2 are the last of sequence 0 and the last two of sequence 1.
+    assert dut.phase_[2] == pytest.approx((1.0 + 0.8 + 1.0) / 3)
+    assert StateGraph(n_states=4).fit(SEQUENCES, OUTCOMES).sample_period == 0.02
 
 
-def test_the_probability_of_success_by_hand():
+def test_probability_of_success_worked_by_hand():
     # b3 = 1/2; b2 = 1; b1 = 1/4 b0 + 1/2 + 1/8; b0 = 4/5 b1 + 1/5 1/2
     dut = example()
     b0 = (0.8 * 0.625 + 0.1) / (1 - 0.2)
     np.testing.assert_allclose(dut.reach_, [b0, 0.25 * b0 + 0.625, 1.0, 0.5])
 
 
-def test_the_chain_agrees_with_its_own_simulation():
+def test_probability_of_success_agrees_with_a_simulation():
     dut = example()
     rng = np.random.default_rng(0)
     successes = 0
@@ -48,17 +54,47 @@ def test_the_chain_agrees_with_its_own_simulation():
     assert successes / 4000 == pytest.approx(dut.reach_[0], abs=4 * 0.5 / np.sqrt(4000))
 
 
-def test_the_desired_next_state():
+def test_desired_next_state():
     dut = example()
     assert [dut.desired_next(k) for k in range(4)] == [1, 2, None, None]
     hopeless = StateGraph().fit([[0, 1], [0, 2]], ["jammed", "inserted"])
     assert [hopeless.desired_next(k) for k in range(3)] == [2, 1, None]
 
 
-def test_a_lucky_jump_does_not_outweigh_the_usual_way():
+def test_rare_direct_transition_does_not_outweigh_the_usual_way():
     dut = StateGraph().fit([[0, 1, 2]] * 9 + [[0, 1]] + [[0, 2]], ["inserted"] * 9 + ["jammed", "inserted"])
     assert dut.reach_[2] > dut.reach_[1]
     assert dut.desired_next(0) == 1
+
+
+def test_desired_next_state_by_its_conditional_probability():
+    dut = example()
+    moves, reach = dut.moves_, np.append(dut.reach_, 1.0)
+    joint = moves[:, :5] * reach  # four states and the outcome "inserted"
+    np.testing.assert_allclose(dut.next_given_success_, joint / joint.sum(axis=1, keepdims=True))
+    failed = StateGraph().fit([[0, 1]], ["jammed"])
+    assert failed.desired_next(0) == 0
+    assert not failed.next_given_success_.any()
+
+
+def test_labels_without_visits_have_rows_too():
+    assert StateGraph().fit([[2, 2]], ["inserted"]).visits_.tolist() == [0, 0, 1]
+    assert StateGraph(n_states=3).fit([[2, 2]], ["inserted"]).visits_.tolist() == [0, 0, 1]
+
+
+def test_single_sample_has_phase_zero():
+    dut = StateGraph(sample_period=0.5).fit([[0]], ["inserted"])
+    assert dut.phase_.tolist() == [0.0]
+    assert dut.dwell_mean_s_.tolist() == [0.5]
+    assert dut.reach_.tolist() == [1.0]
+
+
+def test_success_may_have_another_name():
+    dut = StateGraph(success="docked").fit([[0, 1], [0, 1]], ["docked", "lost"])
+    np.testing.assert_allclose(dut.reach_, [0.5, 0.5])
+    assert "P(docked)" in dut.to_frame()
+    # An outcome that never occurred has probability zero.
+    assert StateGraph().fit([[0]], ["jammed"]).reach_.tolist() == [0.0]
 
 
 def test_transition_matrix():
@@ -67,12 +103,14 @@ def test_transition_matrix():
     np.testing.assert_allclose(matrix.sum(axis=1), 1.0)
     assert (matrix > 0).all()
     np.testing.assert_allclose(matrix[4], 0.2)
+    np.testing.assert_allclose(matrix[0], np.array([3.2, 4.2, 0.2, 1.2, 0.2]) / 9.0)
+    np.testing.assert_allclose(dut.transition_matrix(3.0)[0], np.array([3.6, 4.6, 0.6, 1.6, 0.6]) / 11.0)
     np.testing.assert_allclose(
         dut.transition_matrix(1e-12)[0], dut.sample_counts_[0] / dut.sample_counts_[0].sum(), atol=1e-9
     )
 
 
-def test_states_never_seen_are_told_apart():
+def test_states_without_visits():
     dut = StateGraph(n_states=6).fit(SEQUENCES, OUTCOMES)
     assert np.isnan(dut.reach_[4:]).all()
     assert np.isnan(dut.dwell_mean_[4:]).all()
@@ -80,22 +118,27 @@ def test_states_never_seen_are_told_apart():
     np.testing.assert_allclose(dut.reach_[:4], example().reach_)
 
 
-def test_the_table_is_printable():
+def test_table_is_printable():
     table = str(example())
     assert "P(inserted)" in table
     assert len(table.splitlines()) == 6
-    assert example().to_frame().loc[2, "desired_next"] == "inserted"
+    frame = example().to_frame()
+    assert frame["desired_next"].tolist() == [1, 2, "inserted", "inserted"]
+    assert frame["visits"].tolist() == [5, 4, 2, 2]
+    assert frame.columns.tolist() == ["visits", "dwell_s", "dwell_std_s", "phase", "P(inserted)", "desired_next"]
+    assert StateGraph().fit([[0, 1]], ["jammed"]).to_frame()["desired_next"].tolist() == ["-", "-"]
     assert "StateGraph" in str(StateGraph())
 
 
-def test_arrays_restore_the_graph(tmp_path):
+def test_stored_arrays_restore_the_graph(tmp_path):
     dut = StateGraph(n_states=5).fit(SEQUENCES, OUTCOMES)
     np.savez(tmp_path / "graph.npz", **dut.to_arrays())
     with np.load(tmp_path / "graph.npz", allow_pickle=False) as arrays:
-        again = StateGraph.from_arrays(arrays)
-    np.testing.assert_array_equal(again.reach_, dut.reach_)
-    np.testing.assert_array_equal(again.transition_matrix(), dut.transition_matrix())
-    assert str(again) == str(dut)
+        restored = StateGraph.from_arrays(arrays)
+    np.testing.assert_array_equal(restored.reach_, dut.reach_)
+    np.testing.assert_array_equal(restored.transition_matrix(), dut.transition_matrix())
+    assert str(restored) == str(dut)
+    assert restored.get_params() == dut.get_params()
 
 
 @settings(deadline=None)
@@ -106,22 +149,22 @@ def test_arrays_restore_the_graph(tmp_path):
         max_size=8,
     )
 )
-def test_probabilities_are_probabilities(demonstrations):
+def test_probabilities_sum_to_one(demonstrations):
     sequences, outcomes = zip(*demonstrations, strict=True)
     dut = StateGraph(n_states=6).fit(sequences, outcomes)
-    seen = dut.visits_ > 0
-    assert np.all((dut.reach_[seen] >= 0) & (dut.reach_[seen] <= 1))
-    np.testing.assert_allclose(dut.moves_[seen].sum(axis=1), 1.0)
+    visited = dut.visits_ > 0
+    assert np.all((dut.reach_[visited] >= 0) & (dut.reach_[visited] <= 1))
+    np.testing.assert_allclose(dut.moves_[visited].sum(axis=1), 1.0)
     np.testing.assert_allclose(dut.transition_matrix().sum(axis=1), 1.0)
     assert dut.exits_.sum() == len(sequences)
-    # The mean number of samples adds up to all samples.
+    # The visits contain all samples.
     assert np.nansum(dut.visits_ * dut.dwell_mean_) == pytest.approx(sum(map(len, sequences)))
     conditional = dut.next_given_success_.sum(axis=1)
     assert np.all(np.isclose(conditional, 1.0) | (conditional == 0.0))
 
 
 @pytest.mark.parametrize(
-    ("sequences", "outcomes", "remedy"),
+    ("sequences", "outcomes", "message"),
     [
         ([], [], "at least one demonstration"),
         ([[0]], [], "one outcome for each demonstration"),
@@ -131,14 +174,15 @@ def test_probabilities_are_probabilities(demonstrations):
         ([[0, 9]], ["inserted"], "raise n_states"),
     ],
 )
-def test_bad_sequences_raise(sequences, outcomes, remedy):
-    with pytest.raises(ValueError, match=remedy):
+def test_wrong_sequences_are_errors(sequences, outcomes, message):
+    with pytest.raises(ValueError, match=message):
         StateGraph(n_states=4).fit(sequences, outcomes)
 
 
-def test_other_errors():
-    with pytest.raises(ValueError, match="from 0 to 3"):
-        example().desired_next(4)
+def test_wrong_arguments_are_errors():
+    for state in (-1, 4):
+        with pytest.raises(ValueError, match="from 0 to 3"):
+            example().desired_next(state)
     with pytest.raises(ValueError, match="pseudo-counts"):
         example().transition_matrix(0.0)
     with pytest.raises(ValueError, match="seconds"):
@@ -147,7 +191,7 @@ def test_other_errors():
         StateGraph.from_arrays({})
 
 
-def test_times_make_up_for_dropped_samples():
+def test_times_compensate_for_dropped_samples():
     whole = StateGraph(sample_period=0.1).fit([[0, 0, 0, 1, 1, 1, 2, 2]], ["inserted"])
     thinned = StateGraph(sample_period=0.1).fit([[0, 1, 1, 2, 2]], ["inserted"], times=[[0.0, 0.3, 0.5, 0.6, 0.7]])
     np.testing.assert_allclose(thinned.dwell_mean_s_, whole.dwell_mean_s_)
@@ -155,13 +199,17 @@ def test_times_make_up_for_dropped_samples():
     np.testing.assert_array_equal(thinned.sample_counts_, whole.sample_counts_)
     np.testing.assert_array_equal(thinned.counts_, whole.counts_)
     np.testing.assert_array_equal(thinned.dwell_mean_, [1, 2, 2])
-    with pytest.raises(ValueError, match="one time a label"):
+    with pytest.raises(ValueError, match="one time for each label"):
         StateGraph().fit([[0, 1]], ["inserted"], times=[[0.0]])
-    with pytest.raises(ValueError, match="do not increase"):
-        StateGraph().fit([[0, 1]], ["inserted"], times=[[0.1, 0.1]])
+    later = StateGraph(sample_period=0.1).fit([[0, 1, 1, 2, 2]], ["inserted"], times=[[5.0, 5.3, 5.5, 5.6, 5.7]])
+    np.testing.assert_allclose(later.phase_, thinned.phase_)
+    np.testing.assert_allclose(thinned.phase_, [0.0, 4.0 / 7.0, 6.5 / 7.0])
+    for times in ([0.1, 0.1], [0.0, np.nan], [0.0, np.inf]):
+        with pytest.raises(ValueError, match="times of sequence 0 do not increase"):
+            StateGraph().fit([[0, 1]], ["inserted"], times=[times])
 
 
-def test_the_figure_shows_every_state_and_outcome():
+def test_figure_shows_each_state_and_outcome():
     figure = Figure()
     axes = figure.add_subplot()
     draw_state_graph(example(), axes, names=["free", "rim", "wedge", "in"])

@@ -6,7 +6,7 @@ from skill.states.state_naming import name_states
 LABELS = ("free", "tip", "two-point")
 
 
-def test_states_are_called_after_their_dominant_label():
+def test_states_are_named_after_their_most_frequent_label():
     names = name_states([0, 0, 0, 1, 1, 2], [1, 1, 0, 2, 2, 0], LABELS, n_states=4)
     assert names.names == ["tip", "two-point", "free", "state 3"]
     assert names.purity[:3] == pytest.approx([2 / 3, 1.0, 1.0])
@@ -15,33 +15,51 @@ def test_states_are_called_after_their_dominant_label():
     assert names.counts.tolist() == [[1, 2, 0], [0, 0, 2], [1, 0, 0], [0, 0, 0]]
 
 
-def test_states_of_one_label_are_numbered_and_mixtures_bear_two():
+def test_states_with_one_label_are_numbered_and_mixed_states_have_two():
     names = name_states([0, 0, 0, 0, 1, 1, 2, 2], [1, 1, 1, 0, 1, 1, 0, 2], LABELS, n_states=3)
     assert names.names == ["tip 2", "tip 1", "free / two-point"]
 
 
-def test_unknown_samples_do_not_count():
+def test_unknown_samples_are_ignored():
     assert name_states([0, 0, -1], [1, -1, 2], LABELS, n_states=1).counts.tolist() == [[0, 1, 0]]
 
 
-def test_naming_follows_a_permutation_of_the_states():
+def test_order_of_the_states_does_not_matter():
     rng = np.random.default_rng(0)
     states, labels = rng.integers(0, 5, 300), rng.integers(0, 3, 300)
     order = rng.permutation(5)
     names = name_states(states, labels, LABELS, n_states=5)
-    turned = name_states(order[states], labels, LABELS, n_states=5)
-    assert turned.purity[order] == pytest.approx(names.purity)
-    assert sorted(turned.names) == sorted(names.names)
+    permuted = name_states(order[states], labels, LABELS, n_states=5)
+    assert permuted.purity[order] == pytest.approx(names.purity)
+    assert sorted(permuted.names) == sorted(names.names)
+
+
+def test_share_of_a_clear_label():
+    states = np.zeros(10, dtype=int)
+    assert name_states(states, [1] * 6 + [0] * 4, LABELS, n_states=1).names == ["tip"]
+    assert name_states(states, [1] * 5 + [0] * 3 + [2] * 2, LABELS, n_states=1).names == ["tip / free"]
+
+
+def test_single_label():
+    names = name_states([0, 0], [0, 0], ["free"], n_states=1)
+    assert names.names == ["free"]
+
+
+def test_no_samples():
+    nothing = np.zeros(0, dtype=int)
+    assert name_states(nothing, nothing, LABELS, n_states=2).names == ["state 0", "state 1"]
 
 
 @pytest.mark.parametrize(
     ("states", "labels", "message"),
     [
         ([0, 1], [0], r"shape \(2,\)"),
+        ([[0, 1]], [[0, 1]], r"expected the same shape \(N,\)"),
+        ([0, -2], [0, 0], "states lie between -2 and 0"),
         ([0, 2], [0, 0], "states lie between 0 and 2, expected -1 to 1"),
         ([0, 1], [0, 3], "labels lie between 0 and 3"),
     ],
 )
-def test_wrong_arguments_are_refused(states, labels, message):
+def test_wrong_arguments_are_errors(states, labels, message):
     with pytest.raises(ValueError, match=message):
         name_states(states, labels, LABELS, n_states=2)

@@ -9,12 +9,12 @@ PERIOD = 0.02
 
 @pytest.fixture
 def measurements(demonstrations):
-    """(n, 7): what the rig would measure along a demonstrated insertion, every fifth sample."""
+    """Every fifth measurement of a demonstrated insertion, (n, 7)."""
     samples = demonstrations[0].samples
     return samples[["fx", "fy", "fz", "mx", "my", "mz", "z"]].to_numpy()[::5]
 
 
-def show(dut, context, row):
+def set_measurement(dut, context, row):
     dut.GetInputPort("wrench").FixValue(context, row[:6])
     dut.GetInputPort("depth").FixValue(context, [-row[6]])
 
@@ -23,15 +23,15 @@ def probabilities(dut, context):
     return dut.GetOutputPort("probabilities").Eval(context).copy()
 
 
-def test_it_filters_as_the_skill_does_when_called_directly(skill, measurements):
-    dut = ContactStateEstimator(skill=skill, period=PERIOD)
+def test_the_estimate_equals_that_of_the_skills_own_filter(skill, measurements):
+    dut = ContactStateEstimator(policy=skill, period=PERIOD)
     context = fixed_context(dut, wrench=measurements[0][:6], depth=[0.0])
     reference = skill.state_filter()
     belief = reference.initial_log_belief()
     for row in measurements:
-        show(dut, context, row)
+        set_measurement(dut, context, row)
         expected = reference.step(belief, skill.measured_features(row))
-        found = probabilities(dut, context)  # of this measurement, before the update
+        found = probabilities(dut, context)  # uses this measurement, before the update
         np.testing.assert_allclose(found, expected.probabilities, atol=1e-12)
         assert found.sum() == pytest.approx(1.0)
         assert dut.GetOutputPort("state").Eval(context)[0] == np.argmax(expected.probabilities)
@@ -39,36 +39,35 @@ def test_it_filters_as_the_skill_does_when_called_directly(skill, measurements):
         belief = expected.log_belief
 
 
-def test_the_past_matters(skill, measurements):
-    """The same measurement after another past gives another belief: it is a filter, not a classifier."""
-    dut = ContactStateEstimator(skill=skill, period=PERIOD)
+def test_the_belief_depends_on_past_measurements(skill, measurements):
+    dut = ContactStateEstimator(policy=skill, period=PERIOD)
     one, other = fixed_context(dut), fixed_context(dut)
     for context, rows in ((one, measurements[:4]), (other, measurements[-4:])):
         for row in rows:
-            show(dut, context, row)
+            set_measurement(dut, context, row)
             update(dut, context, period=PERIOD)
-        show(dut, context, measurements[len(measurements) // 2])
+        set_measurement(dut, context, measurements[len(measurements) // 2])
     assert not np.array_equal(
         one.get_discrete_state(0).value(),
         other.get_discrete_state(0).value(),
     )
 
 
-def test_the_belief_lives_in_the_context(skill, measurements):
-    dut = ContactStateEstimator(skill=skill, period=PERIOD)
+def test_the_belief_is_stored_in_the_context(skill, measurements):
+    dut = ContactStateEstimator(policy=skill, period=PERIOD)
 
     def alone(rows):
         context = fixed_context(dut)
         for row in rows:
-            show(dut, context, row)
+            set_measurement(dut, context, row)
             update(dut, context, period=PERIOD)
         return context.get_discrete_state(0).value().copy()
 
     forwards, backwards = alone(measurements), alone(measurements[::-1])
     a, b = fixed_context(dut), fixed_context(dut)
     for up, down in zip(measurements, measurements[::-1], strict=True):
-        show(dut, a, up)
-        show(dut, b, down)
+        set_measurement(dut, a, up)
+        set_measurement(dut, b, down)
         update(dut, a, period=PERIOD)
         update(dut, b, period=PERIOD)
     np.testing.assert_array_equal(a.get_discrete_state(0).value(), forwards)

@@ -1,7 +1,6 @@
-"""Every fault that the rig may have, injected into a whole trial: it ends safely, is named, and is recorded.
+"""Every fault, injected into a whole trial: the trial ends safely, and reports and records the fault.
 
-The faults are put in from outside: a sensor, encoder or skill of the test's own takes the place of the sound one, or a
-joint of the plant is locked.
+The tests replace the sensor, the encoder or the skill by a faulty one, or lock a joint of the plant.
 """
 
 import math
@@ -12,7 +11,7 @@ import pytest
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
 from systems import rig as rig_module
-from systems.control.faults import Fault
+from systems.control.faults import Fault, one_line
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.runs import trial as trial_module
@@ -30,36 +29,31 @@ def scenario(quick_scenario):
     return trial_scenario(quick_scenario, number=7)
 
 
-def faulty_sensor(change):
-    """A `WrenchSensor` whose output is ``change`` of (the sound wrench, a dictionary) from `BEGIN` on."""
+def faulty(kind, method, change):
+    """Returns a subclass of a sensor whose output is ``change(reading, memory)`` from `BEGIN` on."""
 
-    class FaultySensor(WrenchSensor):
+    class Faulty(kind):
         def __init__(self, **arguments):
             super().__init__(**arguments)
             self.memory = {}
 
-        def _calc_wrench(self, context, output):
-            super()._calc_wrench(context, output)
-            if context.get_time() >= BEGIN:
-                output.SetFromVector(change(output.value().copy(), self.memory))
+    def calc(self, context, output):
+        getattr(kind, method)(self, context, output)
+        if context.get_time() >= BEGIN:
+            output.SetFromVector(np.atleast_1d(change(output.value().copy(), self.memory)))
 
-    return FaultySensor
+    setattr(Faulty, method, calc)
+    return Faulty
+
+
+def faulty_sensor(change):
+    """Returns a faulty `WrenchSensor`."""
+    return faulty(WrenchSensor, "_calc_wrench", change)
 
 
 def faulty_encoder(change):
-    """The same of a `DepthEncoder`."""
-
-    class FaultyEncoder(DepthEncoder):
-        def __init__(self, **arguments):
-            super().__init__(**arguments)
-            self.memory = {}
-
-        def _calc(self, context, output):
-            super()._calc(context, output)
-            if context.get_time() >= BEGIN:
-                output[0] = change(output[0], self.memory)
-
-    return FaultyEncoder
+    """Returns a faulty `DepthEncoder`."""
+    return faulty(DepthEncoder, "_calc", change)
 
 
 def stuck(reading, memory):
@@ -79,7 +73,7 @@ def half_disconnected(wrench, _):
 
 
 class LockedMonitor(TrialMonitor):
-    """Locks a joint at `BEGIN`: what it carries does not move any more."""
+    """Locks a joint at `BEGIN`."""
 
     joint = "feed"
 
@@ -93,8 +87,8 @@ class LockedMonitor(TrialMonitor):
         return super().__call__(context)
 
 
-class Clumsy(ManipulationSkill):
-    """Raises once the peg is deeper than the mouth."""
+class RaisingSkill(ManipulationSkill):
+    """Raises an exception when the peg is deeper than the mouth."""
 
     def act(self, measured, probabilities=None):
         if measured[-1] < 1e-4:
@@ -102,8 +96,8 @@ class Clumsy(ManipulationSkill):
         return super().act(measured, probabilities)
 
 
-def ends_safely(result, run, fault):
-    """The trial was ended by this fault, in time, without force, with the peg drawn back or at rest."""
+def check_safe_ending(result, run, fault):
+    """Checks that this fault ended the trial in time, without large forces, and with the peg retracted or at rest."""
     assert not result.inserted
     assert result.outcome is Outcome.FAULT
     assert result.fault is fault
@@ -112,10 +106,10 @@ def ends_safely(result, run, fault):
     assert max(result.peak_axial_force, result.peak_lateral_force) < SAFE_FORCE
     s = run.samples
     assert np.isfinite(s.to_numpy()).all()
-    noticed = s["fault"].to_numpy() == fault
-    assert noticed[-1]
-    assert (s.loc[~noticed, "fault"] == 0).all()
-    after = s[noticed]
+    detected = s["fault"].to_numpy() == fault
+    assert detected[-1]
+    assert (s.loc[~detected, "fault"] == 0).all()
+    after = s[detected]
     assert (after["feed_speed"] >= 0).all()  # never into the hole again
     assert after["target_pitch"].nunique() == after["target_yaw"].nunique() == 1
     assert after["tip_z"].iloc[-1] >= after["tip_z"].iloc[0] - 5e-4
@@ -123,6 +117,7 @@ def ends_safely(result, run, fault):
     return after
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
@@ -132,14 +127,15 @@ def ends_safely(result, run, fault):
         (half_disconnected, Fault.SENSOR_DISCONNECTED),
     ],
 )
-def test_a_faulty_sensor(scenario, skill, monkeypatch, change, fault):
+def test_a_trial_with_a_faulty_sensor_ends_safely(scenario, skill, monkeypatch, change, fault):
     monkeypatch.setattr(rig_module, "WrenchSensor", faulty_sensor(change))
     result, run = run_trial(scenario, skill, seed=7)
-    after = ends_safely(result, run, fault)
+    after = check_safe_ending(result, run, fault)
     assert after["time"].iloc[0] - BEGIN < 0.1
-    assert after["tip_z"].iloc[-1] > after["tip_z"].iloc[0] + 1e-3  # drawn back
+    assert after["tip_z"].iloc[-1] > after["tip_z"].iloc[0] + 1e-3  # retracted
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
@@ -148,50 +144,52 @@ def test_a_faulty_sensor(scenario, skill, monkeypatch, change, fault):
         (lambda depth, _: math.nan, Fault.ENCODER_DISCONNECTED),
     ],
 )
-def test_a_faulty_depth_encoder(scenario, skill, monkeypatch, change, fault):
+def test_a_trial_with_a_faulty_depth_encoder_ends_safely(scenario, skill, monkeypatch, change, fault):
     monkeypatch.setattr(rig_module, "DepthEncoder", faulty_encoder(change))
     result, run = run_trial(scenario, skill, seed=7)
-    after = ends_safely(result, run, fault)
+    after = check_safe_ending(result, run, fault)
     assert after["time"].iloc[0] - BEGIN < 0.05
     assert after["tip_z"].iloc[-1] > after["tip_z"].iloc[0] + 1e-3
 
 
-def test_a_depth_encoder_that_stands_still(scenario, skill, monkeypatch):
+def test_a_trial_with_a_stuck_depth_encoder_ends_safely(scenario, skill, monkeypatch):
     scenario.start.height = 0.02  # in free motion
     monkeypatch.setattr(rig_module, "DepthEncoder", faulty_encoder(stuck))
     result, run = run_trial(scenario, skill, seed=7)
-    ends_safely(result, run, Fault.ENCODER_STUCK)
+    check_safe_ending(result, run, Fault.ENCODER_STUCK)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("height", [2e-4, 0.01])
-def test_a_stalled_motor(scenario, skill, monkeypatch, height):
+def test_a_trial_with_a_stalled_motor_ends_safely(scenario, skill, monkeypatch, height):
     scenario.start.height = height
     monkeypatch.setattr(trial_module, "TrialMonitor", LockedMonitor)
     result, run = run_trial(scenario, skill, seed=7)
-    after = ends_safely(result, run, Fault.MOTOR_STALLED)
+    after = check_safe_ending(result, run, Fault.MOTOR_STALLED)
     assert np.ptp(after["tip_z"]) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("joint", "fault"), [("pitch", Fault.PITCH_STEPS_LOST), ("yaw", Fault.YAW_STEPS_LOST)])
-def test_a_blocked_stepper(scenario, skill, monkeypatch, joint, fault):
+def test_a_trial_with_a_blocked_stepper_ends_safely(scenario, skill, monkeypatch, joint, fault):
     monkeypatch.setattr(LockedMonitor, "joint", joint)
     monkeypatch.setattr(trial_module, "TrialMonitor", LockedMonitor)
     result, run = run_trial(scenario, skill, seed=7)
-    ends_safely(result, run, fault)
+    check_safe_ending(result, run, fault)
     assert result.lost_steps >= 4
 
 
-def test_a_skill_that_raises_ends_its_own_trial_and_not_the_batch(quick_scenario, skill_file):
-    clumsy = Clumsy.load(skill_file)
+def test_an_exception_in_the_skill_ends_one_trial_and_not_the_batch(quick_scenario, skill_file):
+    raising = RaisingSkill.load(skill_file)
     quick_scenario.start.tilt = [0.0, 0.0]
     quick_scenario.trial.time_limit = 2.0
-    results = list(run_trials(quick_scenario, clumsy, [0, 1], jobs=1))
+    results = list(run_trials(quick_scenario, raising, [0, 1], jobs=1))
     for result, run in results:
-        ends_safely(result, run, Fault.CONTROLLER_FAILED)
+        check_safe_ending(result, run, Fault.CONTROLLER_FAILED)
         assert result.reason == "controller failed: ZeroDivisionError: no such state"
 
 
-def test_a_simulation_that_fails_ends_its_own_trial_and_not_the_batch(quick_scenario, skill, monkeypatch):
+def test_an_exception_in_the_simulation_ends_one_trial_and_not_the_batch(quick_scenario, skill, monkeypatch):
     class Broken(DepthEncoder):
         def _calc(self, context, output):
             super()._calc(context, output)
@@ -205,8 +203,22 @@ def test_a_simulation_that_fails_ends_its_own_trial_and_not_the_batch(quick_scen
         assert len(run.samples) >= 3
 
 
-def test_the_fault_is_named_even_if_the_time_runs_out_first(scenario, skill, monkeypatch):
+def test_a_fault_is_reported_even_if_the_time_runs_out_before_the_rig_stops(scenario, skill, monkeypatch):
     monkeypatch.setattr(rig_module, "WrenchSensor", faulty_sensor(disconnected))
     scenario.trial.time_limit = BEGIN + 0.1
     result, _ = run_trial(scenario, skill, seed=7)
     assert result.reason == "sensor disconnected"
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (RuntimeError("one\ntwo"), "RuntimeError: one"),
+        (RuntimeError(), "RuntimeError: "),
+        (RuntimeError(""), "RuntimeError: "),
+        (RuntimeError("\ntwo"), "RuntimeError: "),
+        (ValueError("x" * 500), "ValueError: " + "x" * 120),
+    ],
+)
+def test_an_exception_is_shortened_to_one_line(error, line):
+    assert one_line(error) == line

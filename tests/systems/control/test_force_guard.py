@@ -2,23 +2,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.scenario import ControllerParameters
-from systems.control.force_guard import BACKING_OFF, WORKING, GuardState, guard_step
+from models.scenario import ForceGuardParameters
+from systems.control.force_guard import GuardMode, GuardState, guard_step
 
-P = ControllerParameters()
+P = ForceGuardParameters()
 FEED = -0.01
 
 
-def step(watch, *, load=0.0, depth=0.0, known=True, support=1.0, feed=FEED):
-    return guard_step(P, watch, period=0.02, feed_speed=feed, load=load, depth=depth, known=known, support=support)
+def step(state, *, load=0.0, depth=0.0, known=True, support=1.0, feed=FEED):
+    return guard_step(P, state, period=0.02, feed_speed=feed, load=load, depth=depth, known=known, support=support)
 
 
-def test_a_free_peg_is_fed_as_the_skill_wants():
-    verdict = step(GuardState())
-    assert (verdict.feed_speed, verdict.turning, verdict.watch.mode) == (FEED, True, WORKING)
+def test_without_load_the_feed_is_not_changed():
+    decision = step(GuardState())
+    assert (decision.feed_speed, decision.turning, decision.state.mode) == (FEED, True, GuardMode.WORKING)
 
 
-def test_the_feed_is_lowered_between_the_soft_force_and_the_holding_force():
+def test_the_feed_falls_to_zero_between_soft_force_and_hold_force():
     middle = 0.5 * (P.soft_force + P.hold_force)
     assert step(GuardState(), load=P.soft_force).feed_speed == pytest.approx(FEED)
     assert step(GuardState(), load=middle).feed_speed == pytest.approx(0.5 * FEED)
@@ -31,72 +31,72 @@ def test_an_unknown_state_halves_the_feed():
 
 
 @pytest.mark.parametrize("support", [0.0, 0.3, 1.0])
-def test_the_feed_is_lowered_with_the_support(support):
+def test_the_feed_is_proportional_to_the_support(support):
     assert step(GuardState(), support=support).feed_speed == pytest.approx(support * FEED)
     assert step(GuardState(), support=support, known=False).feed_speed == pytest.approx(0.5 * support * FEED)
     assert step(GuardState(), support=support, feed=0.01).feed_speed == 0.01
 
 
-@pytest.mark.parametrize("doubtful", [{"known": False}, {"support": 0.9}])
-def test_what_is_not_recognised_for_long_is_backed_off_from_and_tried_again(doubtful):
-    watch, depth, time = GuardState(anchor=0.005), 0.005, 0.0
-    while watch.mode == WORKING:
-        depth += P.stall_depth  # it does come deeper
-        watch, time = step(watch, depth=depth, **doubtful).watch, time + 0.02
+@pytest.mark.parametrize("unrecognised", [{"known": False}, {"support": 0.9}])
+def test_unrecognised_measurements_cause_a_back_off_after_the_doubt_time(unrecognised):
+    state, depth, time = GuardState(anchor=0.005), 0.005, 0.0
+    while state.mode == GuardMode.WORKING:
+        depth += P.stall_depth  # the peg does move deeper
+        state, time = step(state, depth=depth, **unrecognised).state, time + 0.02
         assert time < 3.0
     assert time == pytest.approx(P.doubt_time, abs=0.041)
-    verdict = step(watch, depth=depth - 1.1 * P.back_off_distance, **doubtful)
-    assert verdict.watch.mode == WORKING
-    assert verdict.watch.doubt == pytest.approx(0.02)  # counted anew
-    assert verdict.feed_speed < 0
+    decision = step(state, depth=depth - 1.1 * P.back_off_distance, **unrecognised)
+    assert decision.state.mode == GuardMode.WORKING
+    assert decision.state.doubt == pytest.approx(0.02)  # restarted
+    assert decision.feed_speed < 0
 
 
-def test_a_moment_of_recognition_ends_the_doubt():
-    watch = GuardState()
+def test_one_recognised_measurement_resets_the_doubt():
+    state = GuardState()
     for k in range(200):  # recognised once in 0.8 s
-        watch = step(watch, depth=k * P.stall_depth, known=k % 40 == 0).watch
-        assert watch.mode == WORKING
-    assert step(GuardState(doubt=0.9), known=True, support=1.0).watch.doubt == 0.0
+        state = step(state, depth=k * P.stall_depth, known=k % 40 == 0).state
+        assert state.mode == GuardMode.WORKING
+    assert step(GuardState(doubt=0.9), known=True, support=1.0).state.doubt == 0.0
 
 
-def test_pulling_out_is_never_slowed():
+def test_a_feed_out_of_the_hole_is_not_reduced():
     assert step(GuardState(), load=0.99 * P.force_limit, known=False, feed=0.01).feed_speed == 0.01
 
 
-def test_beyond_the_limit_the_peg_is_drawn_back_by_the_distance_and_then_works_on():
+def test_above_the_force_limit_the_peg_is_backed_off_by_the_distance_and_then_fed_again():
     depth = 0.005
-    verdict = step(GuardState(anchor=depth), load=P.force_limit + 0.1, depth=depth)
-    assert verdict.watch == GuardState(BACKING_OFF, anchor=depth)
-    while verdict.watch.mode == BACKING_OFF:
-        assert verdict.feed_speed == P.retract_speed
-        assert not verdict.turning
+    decision = step(GuardState(anchor=depth), load=P.force_limit + 0.1, depth=depth)
+    assert decision.state == GuardState(GuardMode.BACKING_OFF, anchor=depth)
+    while decision.state.mode == GuardMode.BACKING_OFF:
+        assert decision.feed_speed == P.retract_speed
+        assert not decision.turning
         depth -= P.retract_speed * 0.02
-        verdict = step(verdict.watch, depth=depth)
+        decision = step(decision.state, depth=depth)
     assert 0.005 - depth == pytest.approx(P.back_off_distance, abs=P.retract_speed * 0.02)
-    assert verdict.feed_speed == FEED
+    assert decision.feed_speed == FEED
 
 
-def test_a_peg_that_cannot_be_drawn_back_is_not_pulled_for_ever():
-    watch, periods = GuardState(BACKING_OFF, anchor=0.005), 0
-    while watch.mode == BACKING_OFF:
-        watch, periods = step(watch, depth=0.005).watch, periods + 1
+def test_the_back_off_of_a_peg_that_does_not_move_ends_after_the_back_off_time():
+    state, periods = GuardState(GuardMode.BACKING_OFF, anchor=0.005), 0
+    while state.mode == GuardMode.BACKING_OFF:
+        state, periods = step(state, depth=0.005).state, periods + 1
     assert 0.02 * (periods - 1) == pytest.approx(P.back_off_time, abs=0.021)
 
 
-def test_pushing_without_progress_is_recognised_as_stuck():
-    watch, time = GuardState(anchor=0.005), 0.0
-    while watch.mode == WORKING:
-        watch, time = step(watch, depth=0.005, load=5.0).watch, time + 0.02
+def test_pushing_without_progress_causes_a_back_off_after_the_stall_time():
+    state, time = GuardState(anchor=0.005), 0.0
+    while state.mode == GuardMode.WORKING:
+        state, time = step(state, depth=0.005, load=5.0).state, time + 0.02
         assert time < 2.0
     assert time == pytest.approx(P.stall_time, abs=0.041)
 
 
-def test_slow_progress_is_not_stuck():
-    watch, depth = GuardState(anchor=0.005), 0.005
+def test_slow_progress_causes_no_back_off():
+    state, depth = GuardState(anchor=0.005), 0.005
     for _ in range(500):
         depth += 1.2 * P.stall_depth * 0.02 / P.stall_time
-        watch = step(watch, depth=depth).watch
-        assert watch.mode == WORKING
+        state = step(state, depth=depth).state
+        assert state.mode == GuardMode.WORKING
 
 
 @given(
@@ -104,34 +104,64 @@ def test_slow_progress_is_not_stuck():
     depth=st.floats(-0.01, 0.03),
     elapsed=st.floats(0, 5),
     anchor=st.floats(-1, 0.03),
-    mode=st.sampled_from([WORKING, BACKING_OFF]),
+    mode=st.sampled_from([GuardMode.WORKING, GuardMode.BACKING_OFF]),
     known=st.booleans(),
     support=st.floats(0, 1),
     doubt=st.floats(0, 2),
     feed=st.floats(-0.05, 0.05),
 )
-def test_the_peg_is_never_pushed_in_faster_than_the_skill_wants_nor_at_all_beyond_the_limit(
+def test_the_feed_is_never_faster_than_requested_and_never_inward_above_the_force_limit(
     load, depth, elapsed, anchor, mode, known, support, doubt, feed
 ):
-    watch = GuardState(mode, elapsed, anchor, doubt)
-    verdict = step(watch, load=load, depth=depth, known=known, support=support, feed=feed)
-    assert verdict.feed_speed >= min(feed, 0.0)
+    state = GuardState(mode, elapsed, anchor, doubt)
+    decision = step(state, load=load, depth=depth, known=known, support=support, feed=feed)
+    assert decision.feed_speed >= min(feed, 0.0)
     if load > P.force_limit:
-        assert verdict.feed_speed >= 0.0
+        assert decision.feed_speed >= 0.0
 
 
-def test_a_peg_that_cannot_be_drawn_back_has_its_turns_unwound():
+def test_turns_are_unwound_in_the_second_half_of_a_back_off_without_motion():
     depth = 0.005
-    watch = step(GuardState(anchor=depth), load=P.force_limit + 1.0, depth=depth).watch
-    seen = []
-    while watch.mode == BACKING_OFF:
-        verdict = step(watch, load=P.force_limit + 1.0, depth=depth)
-        seen.append((watch.elapsed, verdict.unwinding))
-        if watch.elapsed >= P.back_off_time:
+    state = step(GuardState(anchor=depth), load=P.force_limit + 1.0, depth=depth).state
+    observed = []
+    while state.mode == GuardMode.BACKING_OFF:
+        decision = step(state, load=P.force_limit + 1.0, depth=depth)
+        observed.append((state.elapsed, decision.unwinding))
+        if state.elapsed >= P.back_off_time:
             break
-        watch = verdict.watch
+        state = decision.state
     half = 0.5 * P.back_off_time
-    assert {unwinding for elapsed, unwinding in seen[:-1] if elapsed < half - 0.01} == {False}
-    assert {unwinding for elapsed, unwinding in seen[:-1] if elapsed > half + 0.01} == {True}
-    risen = GuardState(BACKING_OFF, elapsed=0.6 * P.back_off_time, anchor=depth)
+    assert {unwinding for elapsed, unwinding in observed[:-1] if elapsed < half - 0.01} == {False}
+    assert {unwinding for elapsed, unwinding in observed[:-1] if elapsed > half + 0.01} == {True}
+    risen = GuardState(GuardMode.BACKING_OFF, elapsed=0.6 * P.back_off_time, anchor=depth)
     assert not step(risen, depth=depth - 1.1 * P.stall_depth).unwinding
+
+
+def test_moving_out_is_no_progress():
+    """Progress is a gain in depth, not a change of depth."""
+    stalled = GuardState(elapsed=0.5 * P.stall_time, anchor=0.005)
+    state = step(stalled, depth=stalled.anchor - 1.1 * P.stall_depth).state
+    assert state.anchor == stalled.anchor
+    assert state.elapsed == pytest.approx(stalled.elapsed + 0.02)
+    moved_in = step(stalled, depth=stalled.anchor + 1.1 * P.stall_depth).state
+    assert (moved_in.anchor, moved_in.elapsed) == (stalled.anchor + 1.1 * P.stall_depth, 0.0)
+
+
+def test_a_peg_that_is_pushed_deeper_has_not_backed_off():
+    """The back-off distance counts upwards only."""
+    backing_off = GuardState(GuardMode.BACKING_OFF, elapsed=0.02, anchor=0.005)
+    decision = step(backing_off, depth=backing_off.anchor + 1.1 * P.back_off_distance)
+    assert decision.state.mode is GuardMode.BACKING_OFF
+    assert decision.feed_speed == P.retract_speed
+
+
+def test_a_state_survives_its_list_of_numbers():
+    state = GuardState(GuardMode.BACKING_OFF, elapsed=0.1, anchor=0.005, doubt=0.3)
+    assert state.as_list() == [1.0, 0.1, 0.005, 0.3]
+    assert GuardState.from_list(state.as_list()) == state
+    assert GuardState.from_list(state.as_list()).mode is GuardMode.BACKING_OFF
+
+
+def test_a_load_at_the_limit_causes_no_back_off():
+    assert step(GuardState(), load=P.force_limit).state.mode is GuardMode.WORKING
+    assert step(GuardState(), load=1.001 * P.force_limit).state.mode is GuardMode.BACKING_OFF

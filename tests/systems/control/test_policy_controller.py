@@ -6,28 +6,30 @@ import pytest
 
 from models.scenario import ControllerParameters
 from skill.manipulation_skill import MEASURED, Action
-from systems.control.policy_controller import COMMANDS, PolicyController
+from systems.control.force_guard import GuardMode, GuardState
+from systems.control.policy_controller import ControllerState, PolicyController
 from tests.stepping import fixed_context, update_unrestricted
 
 RADIUS = 0.01
+COMMANDS = ("target_pitch", "target_yaw", "feed_speed", "guard")
 
 
-class Answering:
-    """A policy that always gives the same answer, or raises it."""
+class FixedPolicy:
+    """A policy that always returns the same action, or raises the same exception."""
 
-    def __init__(self, skill, answer):
-        self.period_, self.n_states, self.answer = skill.period_, skill.n_states, answer
+    def __init__(self, skill, action):
+        self.period_, self.n_states, self.action = skill.period_, skill.n_states, action
         self.state_probabilities = skill.state_probabilities
 
     def act(self, measured, probabilities=None):
-        if isinstance(self.answer, Exception):
-            raise self.answer
-        return self.answer
+        if isinstance(self.action, Exception):
+            raise self.action
+        return self.action
 
 
 GENTLE = ControllerParameters(
     gain=1.0, max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
-)  # no limit is reached
+)  # commands stay within all limits
 
 
 @pytest.fixture
@@ -35,11 +37,11 @@ def measurements(demonstrations):
     return demonstrations[3].samples[list(MEASURED)].to_numpy()[::8]
 
 
-def controller(skill, row, parameters=GENTLE):
-    dut = PolicyController(skill=skill, parameters=parameters, peg_radius=RADIUS)
-    probabilities = skill.state_probabilities(row[None])[0]
+def controller(policy, row, parameters=GENTLE):
+    dut = PolicyController(policy=policy, parameters=parameters, guard=parameters, peg_radius=RADIUS)
+    probabilities = policy.state_probabilities(row[None])[0]
     context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], probabilities=probabilities, known=[1.0])
-    return dut, context, None if isinstance(skill, Answering) else skill.act(row, probabilities)
+    return dut, context, None if isinstance(policy, FixedPolicy) else policy.act(row, probabilities)
 
 
 def commands(dut, context):
@@ -51,12 +53,12 @@ def step(dut, context, parameters=GENTLE, times=1):
     return commands(dut, context)
 
 
-def test_before_the_first_decision_nothing_is_commanded(skill, measurements):
+def test_before_the_first_update_all_commands_are_zero(skill, measurements):
     dut, context, _ = controller(skill, measurements[0])
     assert set(commands(dut, context).values()) == {0.0}
 
 
-def test_the_hole_turns_against_the_learnt_turn_and_the_feed_follows_the_learnt_speed(skill, measurements):
+def test_the_hole_turns_opposite_to_the_action_and_the_feed_has_its_speed(skill, measurements):
     share = GENTLE.period / skill.period_
     turned = 0
     for row in measurements:
@@ -70,7 +72,7 @@ def test_the_hole_turns_against_the_learnt_turn_and_the_feed_follows_the_learnt_
     assert turned > 3  # the demonstration does correct its tilt
 
 
-def test_the_angles_add_up_and_the_speed_does_not(skill, measurements):
+def test_turns_accumulate_and_feed_speeds_do_not(skill, measurements):
     row = measurements[len(measurements) // 3]
     dut, context, _ = controller(skill, row)
     once = step(dut, context)
@@ -82,7 +84,7 @@ def test_the_angles_add_up_and_the_speed_does_not(skill, measurements):
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.5, 2.0])
-def test_the_gain_scales_the_correction_and_not_the_feed(skill, measurements, gain):
+def test_the_gain_scales_the_turn_and_not_the_feed(skill, measurements, gain):
     row = measurements[len(measurements) // 3]
     one = step(*controller(skill, row)[:2])
     scaled = ControllerParameters(
@@ -99,19 +101,19 @@ def test_the_gain_scales_the_correction_and_not_the_feed(skill, measurements, ga
     assert found["feed_speed"] == one["feed_speed"]
 
 
-def test_the_turn_keeps_its_direction_at_the_rate_limit(skill, measurements):
+def test_the_rate_limit_keeps_the_direction_of_the_turn(skill, measurements):
     row = measurements[len(measurements) // 3]
     free = step(*controller(skill, row)[:2])
-    wanted = np.array([free["target_pitch"], free["target_yaw"]])
-    size = np.linalg.norm(wanted)
+    free_turn = np.array([free["target_pitch"], free["target_yaw"]])
+    size = np.linalg.norm(free_turn)
     slow = ControllerParameters(
         max_turn_rate=0.3 * size / GENTLE.period, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
     )
     found = step(*controller(skill, row, slow)[:2], slow)
-    np.testing.assert_allclose([found["target_pitch"], found["target_yaw"]], 0.3 * wanted, rtol=1e-9)
+    np.testing.assert_allclose([found["target_pitch"], found["target_yaw"]], 0.3 * free_turn, rtol=1e-9)
 
 
-def test_the_hole_is_turned_no_further_than_the_gimbal_goes(skill, measurements):
+def test_the_angles_stay_within_the_range_of_the_gimbal(skill, measurements):
     row = measurements[len(measurements) // 3]
     free = step(*controller(skill, row)[:2])
     near = ControllerParameters(
@@ -122,7 +124,7 @@ def test_the_hole_is_turned_no_further_than_the_gimbal_goes(skill, measurements)
     assert abs(found["target_yaw"]) <= near.max_turn
 
 
-def test_the_feed_is_no_faster_than_its_limit(skill, measurements):
+def test_the_feed_speed_is_limited(skill, measurements):
     row = measurements[0]
     free = step(*controller(skill, row)[:2])["feed_speed"]
     assert free < 0  # into the hole
@@ -145,8 +147,8 @@ def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, meas
     assert found == {"target_pitch": 0.0, "target_yaw": 0.0, "feed_speed": guarded.retract_speed, "guard": 1.0}
 
 
-def test_a_couple_counts_as_load_too(skill, measurements):
-    """A wedged peg: no net force, but a moment."""
+def test_a_moment_contributes_to_the_load(skill, measurements):
+    """A wedged peg carries a moment without a net force."""
     guarded = ControllerParameters(
         soft_force=19.0, hold_force=20.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0
     )
@@ -167,8 +169,8 @@ def test_an_unknown_state_halves_the_feed_and_not_the_turn(skill, measurements):
     assert unknown["target_pitch"] == known["target_pitch"]
 
 
-def test_a_tilted_peg_that_is_wedged_is_turned_upright(skill, demonstrations):
-    """The sign of the whole chain: on average the command turns the hole towards the demonstrated peg's tilt."""
+def test_the_turns_reduce_the_tilt_of_a_wedged_peg(skill, demonstrations):
+    """Checks the sign of the whole chain: in most samples the command turns the hole towards the tilt of the peg."""
     agreement = []
     for demonstration in demonstrations[:5]:
         samples = demonstration.samples
@@ -177,61 +179,73 @@ def test_a_tilted_peg_that_is_wedged_is_turned_upright(skill, demonstrations):
         for k in np.flatnonzero((force > 2.0) & (np.linalg.norm(tilt, axis=1) > np.radians(0.5))):
             row = samples[list(MEASURED)].to_numpy()[k]
             found = step(*controller(skill, row)[:2])
-            # The peg tilted by theta relative to the hole is aligned by turning the hole by +theta.
+            # Turning the hole by +theta aligns a peg that is tilted by theta relative to the hole.
             agreement.append(np.dot([found["target_pitch"], found["target_yaw"]], tilt[k]) > 0)
     assert len(agreement) > 20
     assert np.mean(agreement) > 0.8
 
 
-def test_low_support_slows_the_feed_and_is_said(skill, measurements):
+def test_low_support_reduces_the_feed_and_is_an_output(skill, measurements):
     dut, context, action = controller(skill, measurements[0])
     whole = step(dut, context)["feed_speed"]
-    skill = Answering(skill, replace(action, support=0.25))
-    dut, context, _ = controller(skill, measurements[0])
+    policy = FixedPolicy(skill, replace(action, support=0.25))
+    dut, context, _ = controller(policy, measurements[0])
     assert dut.GetOutputPort("support").Eval(context)[0] == 1.0
     assert step(dut, context)["feed_speed"] == pytest.approx(0.25 * whole)
     assert dut.GetOutputPort("support").Eval(context)[0] == 0.25
 
 
 @pytest.mark.parametrize(
-    ("answer", "says"),
+    ("failing", "message"),
     [
         (ArithmeticError("beyond\nme"), "ArithmeticError: beyond"),
         (Action(turn=np.array([math.nan, 0.0]), feed=0.0, probabilities=np.ones(1)), "ValueError: the action is not"),
         (Action(turn=np.zeros(2), feed=-math.inf, probabilities=np.ones(1)), "ValueError: the action is not finite"),
     ],
 )
-def test_a_skill_that_fails_is_not_asked_again(skill, measurements, answer, says):
+def test_a_policy_that_fails_is_not_called_again(skill, measurements, failing, message):
     sound = skill.act(measurements[0])
-    answering = Answering(skill, sound)
-    dut, context, _ = controller(answering, measurements[0])
+    policy = FixedPolicy(skill, sound)
+    dut, context, _ = controller(policy, measurements[0])
     before = step(dut, context)
     assert (dut.GetOutputPort("failed").Eval(context)[0], dut.failure(context)) == (0.0, "")
-    answering.answer = answer
+    policy.action = failing
     after = step(dut, context)
     assert after == {**before, "feed_speed": 0.0}
     assert dut.GetOutputPort("failed").Eval(context)[0] == 1.0
-    assert dut.failure(context).startswith(says)
-    answering.answer = sound
+    assert dut.failure(context).startswith(message)
+    policy.action = sound
     assert step(dut, context, times=3) == after
 
 
-def test_the_turns_that_wedged_the_peg_are_unwound_when_it_cannot_be_drawn_back(skill, measurements):
-    turning = Answering(skill, Action(turn=np.array([1e-3, -2e-3]), feed=-1e-5, probabilities=np.ones(skill.n_states)))
+def test_turns_are_unwound_to_the_last_light_load_if_the_peg_does_not_rise(skill, measurements):
+    action = Action(turn=np.array([1e-3, -2e-3]), feed=-1e-5, probabilities=np.ones(skill.n_states))
+    turning = FixedPolicy(skill, action)
     guarded = ControllerParameters(gain=1.0, max_turn_rate=0.5, soft_force=5.0, hold_force=20.0, force_limit=30.0)
-    easy, wedged = np.zeros(7), np.zeros(7)
-    wedged[:3] = [0.0, 0.0, 31.0]
-    dut, context, _ = controller(turning, easy, guarded)
-    at_ease = step(dut, context, guarded, times=4)
-    step(dut, context, guarded)  # the load is still light when this turn is decided
+    dut, context, _ = controller(turning, np.zeros(7), guarded)
+    light = step(dut, context, guarded, times=4)
+    step(dut, context, guarded)  # the load is still light at this update
     wrench = dut.GetInputPort("wrench")
     wrench.FixValue(context, [6.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     further = step(dut, context, guarded, times=8)
-    assert abs(further["target_yaw"]) > abs(at_ease["target_yaw"])
-    wrench.FixValue(context, wedged[:6])
+    assert abs(further["target_yaw"]) > abs(light["target_yaw"])
+    wrench.FixValue(context, [0.0, 0.0, 31.0, 0.0, 0.0, 0.0])
     periods = round(0.5 * guarded.back_off_time / guarded.period)
     held = step(dut, context, guarded, times=periods)
     assert (held["guard"], held["target_yaw"]) == (1.0, further["target_yaw"])
-    undone = step(dut, context, guarded, times=periods - 2)
-    assert undone["target_pitch"] == pytest.approx(at_ease["target_pitch"])
-    assert undone["target_yaw"] == pytest.approx(at_ease["target_yaw"])
+    unwound = step(dut, context, guarded, times=periods - 2)
+    assert unwound["target_pitch"] == pytest.approx(light["target_pitch"])
+    assert unwound["target_yaw"] == pytest.approx(light["target_yaw"])
+
+
+def test_the_state_survives_its_list_of_numbers():
+    state = ControllerState(
+        angles=np.array([0.1, -0.2]),
+        feed_speed=-0.01,
+        guard=GuardState(GuardMode.BACKING_OFF, elapsed=0.3, anchor=0.004, doubt=0.5),
+        support=0.7,
+        light_angles=np.array([0.05, -0.06]),
+    )
+    numbers = [0.1, -0.2, -0.01, 1.0, 0.3, 0.004, 0.5, 0.7, 0.05, -0.06]
+    assert state.as_list() == numbers
+    assert ControllerState.from_vector(np.array(numbers)).as_list() == numbers

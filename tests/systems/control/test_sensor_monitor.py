@@ -19,12 +19,12 @@ def dut():
 
 
 def sample(k):
-    """A sound sensor is never twice the same for long."""
+    """Returns a wrench that differs from sample to sample."""
     return np.array([0.1 * math.sin(k), 0.2, -1.0 + 0.01 * k, 0.0, 0.01, 0.0])
 
 
-def show(dut, context, wrench, depth=0.001):
-    """One sample; returns what is passed on before the update, and the fault after it."""
+def sample_once(dut, context, wrench, depth=0.001):
+    """Performs one sample; returns wrench and depth before the update, and the fault after it."""
     dut.GetInputPort("raw_wrench").FixValue(context, wrench)
     dut.GetInputPort("raw_depth").FixValue(context, [depth])
     passed = dut.GetOutputPort("wrench").Eval(context).copy(), dut.GetOutputPort("depth").Eval(context)[0]
@@ -35,14 +35,14 @@ def show(dut, context, wrench, depth=0.001):
 def started(dut):
     context = fixed_context(dut)
     for k in range(5):
-        show(dut, context, sample(k))
+        sample_once(dut, context, sample(k))
     return context
 
 
-def test_what_is_sound_is_passed_on_at_once(dut):
+def test_sound_measurements_are_passed_on_at_once(dut):
     context = fixed_context(dut)
     for k in range(50):
-        wrench, depth, fault = show(dut, context, sample(k), 0.001 + 1e-4 * k)
+        wrench, depth, fault = sample_once(dut, context, sample(k), 0.001 + 1e-4 * k)
         np.testing.assert_array_equal(wrench, sample(k))
         assert (depth, fault) == (0.001 + 1e-4 * k, Fault.NONE)
 
@@ -58,13 +58,13 @@ def test_what_is_sound_is_passed_on_at_once(dut):
         (sample(9), 0.001 + 0.99 * (TOP_SPEED * SENSOR.period + RESOLUTION), Fault.NONE),
     ],
 )
-def test_what_is_not_is_named_and_the_last_sound_measurement_is_held(dut, wrench, depth, fault):
+def test_a_fault_is_reported_and_the_last_sound_measurement_is_held(dut, wrench, depth, fault):
     context = started(dut)
-    passed, passed_depth, found = show(dut, context, wrench, depth)
+    passed, passed_depth, found = sample_once(dut, context, wrench, depth)
     assert found == fault
     assert np.isfinite([*passed, passed_depth]).all()
-    held, held_depth, still = show(dut, context, sample(10), 0.0011)
-    assert still == fault  # it stays, whatever comes
+    held, held_depth, still = sample_once(dut, context, sample(10), 0.0011)
+    assert still == fault  # it stays
     if fault != Fault.NONE:
         np.testing.assert_array_equal(held, sample(4))
         assert held_depth == 0.001
@@ -72,35 +72,35 @@ def test_what_is_not_is_named_and_the_last_sound_measurement_is_held(dut, wrench
 
 @pytest.mark.parametrize("channel", range(6))
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_each_channel_of_the_sensor_has_its_end(channel, sign):
-    """The reading is that at the mount; what is passed on is moved to the tip, where a force has a lever."""
+def test_each_channel_saturates_at_the_end_of_its_range(channel, sign):
+    """The range applies to the reading at the mount; the monitor receives the wrench about the tip."""
     ends = np.array([*SENSOR.force_range, *SENSOR.torque_range])
     quanta = np.repeat([SENSOR.force_quantum, SENSOR.torque_quantum], 3)
     for steps, fault in ((0, Fault.SENSOR_SATURATED), (1, Fault.NONE)):
         dut = SensorMonitor(sensor=SENSOR, top_speed=TOP_SPEED, resolution=RESOLUTION)
         reading = np.zeros(6)
         reading[channel] = sign * (np.floor(ends[channel] / quanta[channel]) - steps) * quanta[channel]
-        assert show(dut, started(dut), wrench_at_tip(reading, SENSOR.height))[2] == fault
+        assert sample_once(dut, started(dut), wrench_at_tip(reading, SENSOR.height))[2] == fault
 
 
-def test_a_sensor_that_repeats_itself_longer_than_its_noise_allows_is_stuck(dut):
+def test_a_sensor_that_repeats_its_reading_too_often_is_stuck(dut):
     maximum = repeats_of_a_stuck_sensor(SENSOR)
     context = started(dut)
     for k in range(maximum + 1):
-        assert show(dut, context, sample(9))[2] == Fault.NONE, k
-    assert show(dut, context, sample(9))[2] == Fault.SENSOR_STUCK
+        assert sample_once(dut, context, sample(9))[2] == Fault.NONE, k
+    assert sample_once(dut, context, sample(9))[2] == Fault.SENSOR_STUCK
 
 
-def test_how_long_that_is_follows_from_noise_and_quantum():
+def test_the_permitted_repeats_follow_from_noise_and_quantum():
     assert 5 <= repeats_of_a_stuck_sensor(SENSOR) <= 30
     fine = WrenchSensorParameters(force_quantum=1e-6)
     assert repeats_of_a_stuck_sensor(fine) <= 2
     quiet = WrenchSensorParameters(force_noise=[0.0] * 3, torque_noise=[0.0] * 3)
-    assert repeats_of_a_stuck_sensor(quiet) == math.inf  # it may repeat itself for ever
+    assert repeats_of_a_stuck_sensor(quiet) == math.inf  # any number of repeats is permitted
 
 
-def test_a_real_sensor_at_rest_repeats_itself_no_more_often_than_the_bound_says():
-    """The worst place of the true value, the middle of a quantum, on every channel: runs of n repeats."""
+def test_a_simulated_sensor_at_rest_repeats_its_reading_no_more_often_than_the_bound():
+    """The worst case: the true value of every channel is in the middle of a quantum."""
     rng = np.random.default_rng(3)
     sigma = np.array([*SENSOR.force_noise, *SENSOR.torque_noise])
     quantum = np.repeat([SENSOR.force_quantum, SENSOR.torque_quantum], 3)
@@ -110,3 +110,14 @@ def test_a_real_sensor_at_rest_repeats_itself_no_more_often_than_the_bound_says(
     for n in (1, 2, 3):
         runs = np.lib.stride_tricks.sliding_window_view(same, n).all(axis=1).mean()
         assert 0 < runs <= 1.3 * bound**n
+
+
+def test_the_outputs_are_zero_before_the_first_sound_sample(dut):
+    wrench, depth, fault = sample_once(dut, fixed_context(dut), np.full(6, math.nan), math.nan)
+    np.testing.assert_array_equal(wrench, np.zeros(6))
+    assert (depth, fault) == (0.0, Fault.SENSOR_DISCONNECTED)
+
+
+def test_the_monitor_checks_from_time_zero(dut):
+    timing = dut.GetUniquePeriodicDiscreteUpdateAttribute()
+    assert (timing.offset_sec(), timing.period_sec()) == (0.0, SENSOR.period)

@@ -1,4 +1,4 @@
-"""The controller feels a wrench and a depth: nothing true about pose or angle can reach it."""
+"""The controller receives only the measured wrench and depth: no true pose or angle reaches it."""
 
 import numpy as np
 import pytest
@@ -26,28 +26,28 @@ def resolved(scenario):
 
 
 def upstream(diagram, start, stop=frozenset()):
-    """Names of all systems that can influence ``start``, through any of their inputs, without passing ``stop``."""
+    """Returns the systems upstream of ``start``, and the connections to them; the search ends at ``stop``."""
     sources = {}
     for (system, _), (source, port) in diagram.connection_map().items():
         sources.setdefault(system.get_name(), set()).add((source.get_name(), source.get_output_port(port).get_name()))
-    reached, edges, waiting = set(), set(), list(start)
-    while waiting:
-        name = waiting.pop()
+    reached, edges, open_names = set(), set(), list(start)
+    while open_names:
+        name = open_names.pop()
         for source in sources.get(name, ()):
             edges.add((name, source))
             if source[0] not in reached:
                 reached.add(source[0])
                 if source[0] not in stop:
-                    waiting.append(source[0])
+                    open_names.append(source[0])
     return reached, edges
 
 
-def test_every_path_from_the_plant_to_the_controller_leads_through_the_two_sensors(scenario, skill):
+def test_every_path_from_the_plant_to_the_controller_passes_through_the_two_sensors(scenario, skill):
     rig = MakeRig(resolved(scenario), skill)
     controlling = {"policy_controller", "contact_state_estimator"}
     reached, edges = upstream(rig.diagram, controlling, stop=SENSORS)
     assert reached == SENSORS | {"sensor_monitor", "contact_state_estimator"}
-    # What leads from the sensors on is a wrench and a depth, and from the estimator what it makes of them.
+    # The sensors pass on a wrench and a depth, the estimator its estimate.
     assert {source for _, source in edges} == {
         ("wrench_sensor", "wrench"),
         ("depth_encoder", "depth"),
@@ -56,16 +56,16 @@ def test_every_path_from_the_plant_to_the_controller_leads_through_the_two_senso
         ("contact_state_estimator", "probabilities"),
         ("contact_state_estimator", "known"),
     }
-    # The sensors themselves see of the plant the forces in its joints, and the carriage alone.
+    # The sensors read the reaction forces and the state of the carriage from the plant.
     _, behind = upstream(rig.diagram, SENSORS, stop={"plant"})
     assert {source for _, source in behind} == {("plant", "reaction_forces"), ("plant", "feed_state")}
-    # The search does find what is there: without the sensors in its way it comes to the motors.
+    # The search works: if it does not end at the sensors, it reaches the motors.
     everything, _ = upstream(rig.diagram, controlling)
     assert {"plant", "dc_motor", "pitch_stepper"} <= everything
 
 
 def replaying(kind, port, readings, period):
-    """A sensor that plays back recorded readings, one a period, whatever there is to measure."""
+    """Returns a sensor class that replays recorded readings, one per period, independent of its inputs."""
 
     class Replaying(kind):
         pass
@@ -77,8 +77,9 @@ def replaying(kind, port, readings, period):
     return Replaying
 
 
-def test_with_equal_readings_the_commands_are_equal_to_the_last_bit_whatever_the_truth(scenario, skill, monkeypatch):
-    """Two rigs, tilted to opposite sides, one a millimetre higher, hear the same sensors: a recording of the first."""
+@pytest.mark.slow
+def test_equal_readings_give_bit_identical_commands_for_different_true_poses(scenario, skill, monkeypatch):
+    """Two rigs with opposite tilts and different heights receive the same recorded readings."""
     first = MakeRig(resolved(scenario), skill)
     period = scenario.controller.period
 
@@ -88,8 +89,8 @@ def test_with_equal_readings_the_commands_are_equal_to_the_last_bit_whatever_the
         simulator.AdvanceTo(0.4)
         return rig.recorder.samples(simulator.get_context())
 
-    heard = run(first)
-    wrenches, depths = heard[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(), heard["depth"].to_numpy()
+    recorded = run(first)
+    wrenches, depths = recorded[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(), recorded["depth"].to_numpy()
     monkeypatch.setattr(rig_module, "WrenchSensor", replaying(WrenchSensor, "_calc_wrench", wrenches, period))
     monkeypatch.setattr(rig_module, "DepthEncoder", replaying(DepthEncoder, "_calc", depths, period))
     runs = []

@@ -6,7 +6,7 @@ from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
 
 from models.hardware import DEVICE_PRESETS, HapticDeviceParameters
-from systems.haptics.haptic_device import VELOCITY_BANDWIDTH, HapticDevice
+from systems.haptics.haptic_device import VELOCITY_BANDWIDTH, DeviceState, HapticDevice
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from tests.stepping import fixed_context, update
 
@@ -24,14 +24,14 @@ def rendered(dut, context):
     return dut.GetOutputPort("rendered_wrench").Eval(context)
 
 
-def test_before_the_first_reading_the_probe_is_at_its_start():
+def test_the_probe_is_at_its_start_before_the_first_reading():
     dut, context = device(hand=RigidTransform([0.05, 0.0, 0.0]))
     X = dut.GetOutputPort("probe_pose").Eval(context)
     np.testing.assert_allclose(X.GetAsMatrix34(), START.GetAsMatrix34(), atol=1e-15)
     np.testing.assert_array_equal(dut.GetOutputPort("probe_velocity").Eval(context), np.zeros(6))
 
 
-def test_the_reading_is_quantised_to_the_encoders_resolution():
+def test_the_pose_is_quantised_to_the_resolution_of_the_encoders():
     turn = np.array([0.123456, -0.04321, 0.0101])
     hand = RigidTransform(from_rotation_vector(turn), [0.0123456, -0.0234567, 0.0301234])
     dut, context = device(hand=hand)
@@ -46,7 +46,7 @@ def test_the_reading_is_quantised_to_the_encoders_resolution():
     np.testing.assert_allclose(counts, np.round(turn / P.angle_resolution), atol=1e-6)
 
 
-def test_a_hand_outside_the_workspace_is_read_at_its_edge():
+def test_a_hand_outside_the_workspace_is_measured_at_its_edge():
     direction = np.array([2.0, -1.0, 2.0]) / 3.0
     hand = RigidTransform(START.rotation(), START.translation() + 1.7 * P.workspace_radius * direction)
     dut, context = device(hand=hand)
@@ -55,9 +55,9 @@ def test_a_hand_outside_the_workspace_is_read_at_its_edge():
     np.testing.assert_allclose(offset, P.workspace_radius * direction, atol=P.position_resolution)
 
 
-def test_the_velocity_of_a_ramp_rises_like_a_first_order_filter():
+def test_the_velocity_is_low_passed_by_a_first_order_filter():
     start = RigidTransform()
-    speed = 40 * P.position_resolution / T * np.array([1.0, -2.0, 0.0])  # whole counts a period
+    speed = 40 * P.position_resolution / T * np.array([1.0, -2.0, 0.0])  # whole counts per period
     rate = 30 * P.angle_resolution / T * np.array([0.0, 0.0, 1.0])
     dut, context = device(start=start, hand=start)
     blend = 1.0 - math.exp(-2.0 * math.pi * VELOCITY_BANDWIDTH * T)
@@ -75,8 +75,8 @@ def test_the_velocity_of_a_ramp_rises_like_a_first_order_filter():
     assert share > 0.99
 
 
-def test_the_angular_velocity_is_that_of_a_turn_about_a_fixed_axis_of_a_tilted_probe():
-    # Coarse encoders would turn the axis: these are ten thousand times finer.
+def test_the_angular_velocity_of_a_rotation_about_a_fixed_axis_is_along_that_axis():
+    # The default resolution would deflect the axis, so use a resolution ten thousand times finer.
     fine = HapticDeviceParameters(angle_resolution=1e-9, position_resolution=1e-9)
     axis, rate = np.array([0.0, 0.6, 0.8]), 2.0
     begin = Rotation.from_rotvec([0.3, -0.2, 0.1])
@@ -89,13 +89,13 @@ def test_the_angular_velocity_is_that_of_a_turn_about_a_fixed_axis_of_a_tilted_p
     np.testing.assert_allclose(dut.GetOutputPort("probe_velocity").Eval(context)[:3], rate * axis, atol=1e-4)
 
 
-def test_a_wrench_within_the_limits_is_rendered_as_it_is():
+def test_a_wrench_within_the_limits_is_rendered_unchanged():
     wrench = np.array([0.01, -0.02, 0.03, 1.0, 2.0, -1.5])
     np.testing.assert_array_equal(rendered(*device(wrench=wrench)), wrench)
 
 
 @pytest.mark.parametrize("preset", sorted(DEVICE_PRESETS))
-def test_a_cold_motor_gives_its_peak_and_keeps_the_direction(preset):
+def test_a_cold_motor_limits_the_wrench_to_its_peak_and_keeps_the_direction(preset):
     p = DEVICE_PRESETS[preset]
     force = 3.0 * p.peak_force * np.array([0.6, 0.0, -0.8])
     wrench = np.concatenate([[0.001, 0.002, 0.0], force])
@@ -105,12 +105,12 @@ def test_a_cold_motor_gives_its_peak_and_keeps_the_direction(preset):
     np.testing.assert_allclose(rendered(*device(wrench=wrench, parameters=p)), wrench / 2.0, rtol=1e-12)
 
 
-def test_where_both_limits_are_passed_the_smaller_scale_holds_for_both():
+def test_the_smaller_scale_applies_to_both_if_force_and_torque_exceed_their_limits():
     wrench = np.concatenate([2.0 * P.peak_torque * np.eye(3)[0], 5.0 * P.peak_force * np.eye(3)[2]])
     np.testing.assert_allclose(rendered(*device(wrench=wrench)), wrench / 5.0, rtol=1e-12)
 
 
-def test_the_cap_after_one_period_is_the_formula():
+def test_the_limit_after_one_period_is_that_of_the_formula():
     wrench = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1000.0])
     dut, context = device(wrench=wrench)
     assert rendered(dut, context)[5] == pytest.approx(P.peak_force)
@@ -121,7 +121,7 @@ def test_the_cap_after_one_period_is_the_formula():
 
 
 @pytest.mark.parametrize("part", [slice(0, 3), slice(3, 6)])
-def test_held_for_long_the_cap_falls_to_what_is_sustained(part):
+def test_the_limit_falls_to_the_sustained_value_under_constant_load(part):
     quick = HapticDeviceParameters(thermal_time_constant=0.1)
     sustained = quick.sustained_torque if part.start == 0 else quick.sustained_force
     wrench = np.zeros(6)
@@ -133,7 +133,7 @@ def test_held_for_long_the_cap_falls_to_what_is_sustained(part):
         sizes.append(np.linalg.norm(rendered(dut, context)[part]))
     assert (np.diff(sizes) <= 1e-12).all()
     assert sizes[-1] == pytest.approx(sustained, rel=1e-3)
-    # Let go for a few time constants, and it is cold again.
+    # After a few time constants without load the motor is cold again.
     dut.GetInputPort("virtual_wrench").FixValue(context, np.zeros(6))
     update(dut, context, period=T, times=1500)
     dut.GetInputPort("virtual_wrench").FixValue(context, wrench)
@@ -141,9 +141,14 @@ def test_held_for_long_the_cap_falls_to_what_is_sustained(part):
     assert np.linalg.norm(rendered(dut, context)[part]) == pytest.approx(peak, rel=1e-3)
 
 
-def test_the_sustained_wrench_itself_may_be_held_for_ever():
+def test_the_sustained_wrench_is_never_limited():
     quick = HapticDeviceParameters(thermal_time_constant=0.05)
     wrench = np.array([0.0, 0.0, 0.0, quick.sustained_force, 0.0, 0.0])
     dut, context = device(wrench=wrench, parameters=quick)
     update(dut, context, period=T, times=1000)
     np.testing.assert_allclose(rendered(dut, context), wrench, rtol=1e-9)
+
+
+def test_the_state_is_recovered_from_its_list():
+    values = np.arange(1.0, 15.0)
+    assert DeviceState.from_vector(values).as_list() == values.tolist()

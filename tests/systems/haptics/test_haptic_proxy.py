@@ -31,7 +31,7 @@ def proxy(fixture, *, X_HD=None, V_HD=(0.0,) * 6, X_HP=None, V_HP=(0.0,) * 6):
     return dut, fixed_context(dut, probe_pose=X_HD, probe_velocity=list(V_HD), peg_state=peg_state(X_HP, V_HP))
 
 
-def test_a_probe_on_the_peg_pulls_at_nothing():
+def test_the_wrench_is_zero_if_probe_and_peg_coincide():
     X = pose([0.1, -0.2, 0.3], [0.01, 0.02, 0.03])
     dut, context = proxy(FreeFixture(), X_HD=X, X_HP=X)
     np.testing.assert_allclose(dut.GetOutputPort("coupling_wrench").Eval(context), np.zeros(6), atol=1e-9)
@@ -59,7 +59,7 @@ def test_the_force_is_that_of_a_spring_and_a_damper():
     np.testing.assert_allclose(wrench[:3], np.zeros(3), atol=1e-12)
 
 
-def test_the_torque_is_along_the_rotation_vector_between_them_in_three_dimensions():
+def test_the_torque_is_along_the_rotation_vector_between_probe_and_peg():
     R_HP = Rotation.from_rotvec([0.2, -0.1, 0.3])
     between = np.array([0.05, 0.04, -0.03])  # of D relative to P, in H
     R_HD = Rotation.from_rotvec(between) * R_HP
@@ -78,14 +78,14 @@ def test_the_torque_is_along_the_rotation_vector_between_them_in_three_dimension
     )
 
 
-def test_the_probe_feels_the_reaction_scaled_and_the_peg_the_wrench_itself():
+def test_the_probe_receives_the_scaled_reaction_and_the_peg_the_wrench():
     X_HD, X_HP = pose([0.02, 0.01, -0.03], [0.001, 0.002, -0.003]), pose([0.0, 0.03, 0.01], [0.0, -0.001, 0.001])
     dut, context = proxy(FreeFixture(), X_HD=X_HD, X_HP=X_HP, V_HP=[0.1, 0.2, 0.3, 0.01, 0.02, 0.03])
     wrench = dut.GetOutputPort("coupling_wrench").Eval(context)
     assert (np.abs(wrench) > 1e-3).all()
-    felt = dut.GetOutputPort("probe_wrench").Eval(context)
-    np.testing.assert_allclose(felt[:3], -C.torque_scale * wrench[:3])
-    np.testing.assert_allclose(felt[3:], -C.force_scale * wrench[3:])
+    rendered = dut.GetOutputPort("probe_wrench").Eval(context)
+    np.testing.assert_allclose(rendered[:3], -C.torque_scale * wrench[:3])
+    np.testing.assert_allclose(rendered[3:], -C.force_scale * wrench[3:])
     (force,) = dut.GetOutputPort("peg_forces").Eval(context)
     assert force.body_index == PEG
     np.testing.assert_array_equal(force.p_BoBq_B, np.zeros(3))  # the peg's origin is its tip
@@ -93,17 +93,17 @@ def test_the_probe_feels_the_reaction_scaled_and_the_peg_the_wrench_itself():
     np.testing.assert_allclose(force.F_Bq_W.translational(), wrench[3:])
 
 
-def test_the_peg_feels_the_guide_too_and_the_probe_does_not():
+def test_the_guide_acts_on_the_peg_and_not_on_the_probe():
     X = pose([0.0, 0.0, 0.0], [0.0005, 0.0, -0.01])
     dut, context = proxy(RigFixture(), X_HD=X, X_HP=X)
     (force,) = dut.GetOutputPort("peg_forces").Eval(context)
     np.testing.assert_allclose(force.F_Bq_W.translational(), [-C.guide_stiffness * 0.0005, 0.0, 0.0], atol=1e-9)
-    # It acts at the mouth, 10 mm above the tip: a torque about y.
+    # The force acts at the mouth, 10 mm above the tip, which gives a torque about y.
     np.testing.assert_allclose(force.F_Bq_W.rotational(), [0.0, -C.guide_stiffness * 0.0005 * 0.01, 0.0], atol=1e-9)
     np.testing.assert_array_equal(dut.GetOutputPort("probe_wrench").Eval(context), np.zeros(6))
 
 
-def test_a_quaternion_off_its_sphere_does_not_matter():
+def test_the_norm_of_the_quaternion_has_no_effect():
     X_HP = pose([0.1, 0.2, -0.1], [0.001, 0.002, 0.003])
     dut, context = proxy(FreeFixture(), X_HP=X_HP)
     expected = dut.GetOutputPort("coupling_wrench").Eval(context).copy()
@@ -113,7 +113,7 @@ def test_a_quaternion_off_its_sphere_does_not_matter():
     np.testing.assert_allclose(dut.GetOutputPort("coupling_wrench").Eval(context), expected, rtol=1e-9)
 
 
-# ------------------------------------------------------------------ guides
+# guides
 
 small = st.floats(-0.1, 0.1)
 speeds = st.floats(-0.5, 0.5)
@@ -125,10 +125,10 @@ def guide(fixture, X, V=(0.0,) * 6):
 
 
 @given(tilt=st.tuples(small, small), height=st.floats(-0.03, 0.01), w=st.tuples(speeds, speeds), slide=speeds)
-def test_the_rigs_guide_is_not_felt_along_the_rigs_freedoms(tilt, height, w, slide):
+def test_the_rigs_guide_exerts_no_wrench_for_motions_of_the_rig(tilt, height, w, slide):
     R = from_rotation_vector(np.array([*tilt, 0.0]))
     X = RigidTransform(R, height * R.col(2))
-    omega = w[0] * R.col(0) + w[1] * R.col(1)  # turning about the mouth, without spin
+    omega = w[0] * R.col(0) + w[1] * R.col(1)  # rotation about the mouth without spin
     V = np.concatenate([omega, np.cross(omega, X.translation()) + slide * R.col(2)])
     np.testing.assert_allclose(guide(RigFixture(), X, V), np.zeros(6), atol=1e-7)
 
@@ -137,44 +137,47 @@ def test_the_rigs_guide_is_not_felt_along_the_rigs_freedoms(tilt, height, w, sli
     tilt=st.tuples(small, small),
     spin=st.floats(-0.05, 0.05),
     height=st.floats(-0.03, 0.01),
-    aside=st.tuples(st.floats(-1e-3, 1e-3), st.floats(-1e-3, 1e-3)),
+    offset=st.tuples(st.floats(-1e-3, 1e-3), st.floats(-1e-3, 1e-3)),
     w=st.tuples(speeds, speeds),
     slide=speeds,
 )
-def test_off_the_constraint_the_rigs_guide_still_does_no_work_along_its_freedoms(tilt, spin, height, aside, w, slide):
+def test_the_rigs_guide_does_no_work_along_its_freedoms_if_the_constraint_is_violated(
+    tilt, spin, height, offset, w, slide
+):
     R = from_rotation_vector(np.array([*tilt, 0.0])) @ from_rotation_vector(np.array([0.0, 0.0, spin]))
-    X = RigidTransform(R, R.multiply(np.array([*aside, height])))
+    X = RigidTransform(R, R.multiply(np.array([*offset, height])))
     omega = w[0] * R.col(0) + w[1] * R.col(1)
     V = np.concatenate([omega, np.cross(omega, X.translation()) + slide * R.col(2)])
     assert guide(RigFixture(), X) @ V == pytest.approx(0.0, abs=1e-6)
 
 
 @given(position=st.tuples(*[st.floats(-1e-3, 1e-3)] * 3), slide=speeds)
-def test_the_axial_guide_is_not_felt_along_the_axis(position, slide):
+def test_the_axial_guide_exerts_no_force_along_the_axis(position, slide):
     X = pose([0.01, -0.02, 0.03], position)
     still, moving = guide(AxialFixture(), X), guide(AxialFixture(), X, [0, 0, 0, 0, 0, slide])
     np.testing.assert_allclose(still, moving, atol=1e-9)
     assert still[5] == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fixture", [RigFixture(), AxialFixture()], ids=["rig", "axial"])
 @given(data=st.data())
-def test_a_guide_pulls_back_and_damps(fixture, data):
+def test_a_guide_is_a_spring_and_dissipates_power(fixture, data):
     turn = data.draw(st.tuples(*[st.floats(-0.05, 0.05)] * 3))
     position = data.draw(st.tuples(*[st.floats(-1e-3, 1e-3)] * 3))
     V = np.array(data.draw(st.tuples(*[speeds] * 6)))
     X = pose(turn, position)
     found = fixture.deviation(X)
     elastic = guide(fixture, X)
-    # A spring: the force at the guided point is -k d, the torque about that point -k_r theta.
+    # The spring's force at the guided point is -k d, its torque about that point -k_r theta.
     lever = found.p_HQ - X.translation()
     np.testing.assert_allclose(elastic[3:], -C.guide_stiffness * found.d_HQ, atol=1e-9)
     np.testing.assert_allclose(
         elastic[:3] - np.cross(lever, elastic[3:]), -C.angular_stiffness * found.theta_H, atol=1e-9
     )
-    # A damper: it takes power whatever the motion.
+    # The damper takes power from every motion.
     assert (guide(fixture, X, V) - elastic) @ V <= 1e-9
 
 
-def test_the_free_fixture_has_no_guide():
+def test_the_free_fixture_exerts_no_wrench():
     np.testing.assert_array_equal(guide(FreeFixture(), pose([0.3, 0.2, 0.1], [1, 2, 3]), [1] * 6), np.zeros(6))

@@ -14,22 +14,22 @@ tilts = st.tuples(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15))
 
 
 @pytest.mark.parametrize("name", FIXTURES)
-def test_every_fixture_that_a_scenario_may_name_can_be_made(name):
+def test_every_fixture_name_of_a_scenario_gives_its_class(name):
     kinds = {"free": FreeFixture, "rig": RigFixture, "axial": AxialFixture}
     assert type(MakeFixture(name, pivot_height=0.0)) is kinds[name]
 
 
-def test_an_unknown_fixture_names_the_known_ones():
+def test_the_error_for_an_unknown_fixture_lists_the_known_ones():
     with pytest.raises(ValueError, match=r"'loose'.*axial.*free.*rig"):
         MakeFixture("loose", pivot_height=0.0)
 
 
-def test_the_free_fixture_has_nothing_to_undo():
+def test_the_free_fixture_has_no_deviation():
     assert FreeFixture().deviation(RigidTransform([1.0, 2.0, 3.0])) is None
 
 
 @given(tilt=tilts, height=st.floats(-0.03, 0.01))
-def test_a_peg_whose_axis_meets_the_mouth_has_not_strayed_from_the_rig(tilt, height):
+def test_the_rigs_deviation_is_zero_if_the_axis_passes_the_centre_of_the_mouth(tilt, height):
     R = from_rotation_vector(np.array([*tilt, 0.0]))
     found = RigFixture().deviation(RigidTransform(R, height * R.col(2)))
     np.testing.assert_allclose(found.d_HQ, 0.0, atol=1e-15)
@@ -37,17 +37,19 @@ def test_a_peg_whose_axis_meets_the_mouth_has_not_strayed_from_the_rig(tilt, hei
     np.testing.assert_allclose(found.free_axis_H, R.col(2))
 
 
-@given(tilt=tilts, height=st.floats(-0.03, 0.01), aside=st.floats(-0.005, 0.005), direction=st.floats(0.0, 2 * math.pi))
-def test_the_rig_sees_how_far_the_axis_passes_the_mouth(tilt, height, aside, direction):
+@given(
+    tilt=tilts, height=st.floats(-0.03, 0.01), distance=st.floats(-0.005, 0.005), direction=st.floats(0.0, 2 * math.pi)
+)
+def test_the_rigs_deviation_is_the_distance_of_the_axis_from_the_centre_of_the_mouth(tilt, height, distance, direction):
     R = from_rotation_vector(np.array([*tilt, 0.0]))
     across = math.cos(direction) * R.col(0) + math.sin(direction) * R.col(1)
-    found = RigFixture().deviation(RigidTransform(R, height * R.col(2) + aside * across))
-    np.testing.assert_allclose(found.d_HQ, aside * across, atol=1e-14)
+    found = RigFixture().deviation(RigidTransform(R, height * R.col(2) + distance * across))
+    np.testing.assert_allclose(found.d_HQ, distance * across, atol=1e-14)
     np.testing.assert_array_equal(found.p_HQ, np.zeros(3))
 
 
 @given(tilt=tilts, height=st.floats(-0.03, 0.01), pivot=st.floats(-0.003, 0.003))
-def test_the_rig_holds_the_axis_at_its_pivot(tilt, height, pivot):
+def test_the_rigs_deviation_is_zero_if_the_axis_passes_the_pivot(tilt, height, pivot):
     R = from_rotation_vector(np.array([*tilt, 0.0]))
     dut = MakeFixture("rig", pivot_height=pivot)
     found = dut.deviation(RigidTransform(R, np.array([0.0, 0.0, pivot]) + (height - pivot) * R.col(2)))
@@ -56,21 +58,21 @@ def test_the_rig_holds_the_axis_at_its_pivot(tilt, height, pivot):
 
 
 @pytest.mark.parametrize("spin", [-0.4, 0.1, 1.0])
-def test_the_rig_sees_a_spin_of_the_upright_peg(spin):
+def test_the_rigs_deviation_contains_the_spin_of_an_upright_peg(spin):
     found = RigFixture().deviation(RigidTransform(RotationMatrix.MakeZRotation(spin), np.zeros(3)))
     np.testing.assert_allclose(found.theta_H, [0.0, 0.0, spin], atol=1e-12)
     np.testing.assert_allclose(found.guides_rotation, [[0.0, 0.0, 1.0]])
 
 
 @given(tilt=tilts, spin=st.floats(-0.2, 0.2))
-def test_the_rig_sees_the_spin_of_a_tilted_peg_about_its_own_axis(tilt, spin):
+def test_the_rigs_deviation_contains_the_spin_of_a_tilted_peg_about_its_axis(tilt, spin):
     R = from_rotation_vector(np.array([*tilt, 0.0])) @ RotationMatrix.MakeZRotation(spin)
     theta = RigFixture().deviation(RigidTransform(R, np.zeros(3))).theta_H
-    # First order in the spin, which is what a spring needs; the rest is of the order of tilt^2.
+    # This is exact to first order in the spin; the remainder is of order tilt^2.
     np.testing.assert_allclose(theta, spin * R.col(2), atol=abs(spin) * (0.15**2 * 2) + 1e-12)
 
 
-def test_the_axial_fixture_lets_the_peg_slide_and_nothing_else():
+def test_the_axial_fixture_leaves_the_slide_along_the_axis_only():
     X = RigidTransform(from_rotation_vector(np.array([0.02, -0.03, 0.01])), [0.001, -0.002, 0.003])
     found = AxialFixture().deviation(X)
     np.testing.assert_allclose(found.d_HQ, [0.001, -0.002, 0.0])

@@ -8,7 +8,7 @@ from pydrake.systems.primitives import ConstantVectorSource, LinearSystem
 from scipy.signal import TransferFunction, step
 
 from models.hardware import DcMotorParameters
-from systems.hardware.dc_motor import INTEGRAL, DcMotor
+from systems.hardware.dc_motor import DcMotor
 from tests.stepping import fixed_context, update
 
 P = DcMotorParameters()
@@ -29,40 +29,46 @@ def force(dut, context):
     return dut.GetOutputPort("carriage_force").Eval(context)[0]
 
 
-def test_the_gear_is_one_turn_a_lead():
+def integral_of(context):
+    _, integral = context.get_discrete_state(0).value()
+    return integral
+
+
+def test_the_motor_makes_one_turn_per_lead():
     assert P.ratio * P.screw_lead == pytest.approx(2 * math.pi)
 
 
-def test_one_period_at_standstill_is_the_rise_of_an_rl_circuit():
+def test_the_current_of_one_period_at_standstill_is_that_of_an_rl_circuit():
     v = 1e-4
     dut, context = motor(v)
-    wanted = P.ratio * v
-    u = (P.speed_kp + P.torque_constant) * wanted  # the integral is still zero
+    command = P.ratio * v
+    u = (P.speed_kp + P.torque_constant) * command  # the integral is still zero
     update(dut, context, period=PERIOD)
     assert current(dut, context) == pytest.approx(
         u / P.resistance * (1 - math.exp(-P.resistance * PERIOD / P.inductance)), rel=1e-12
     )
 
 
-def test_one_period_in_motion_matches_a_finely_integrated_circuit():
+def test_the_current_of_one_period_in_motion_matches_a_finely_integrated_circuit():
     v, command = -0.012, -0.013
     parameters = DcMotorParameters(inductance=4e-3)  # a time constant longer than the period
     dut, context = motor(command, (0.05, v), parameters)
     i0, integral = 0.11, 1e-3
     context.SetDiscreteState([i0, integral])
-    w, wanted = parameters.ratio * v, parameters.ratio * command
-    u = parameters.speed_kp * (wanted - w) + parameters.speed_ki * integral + parameters.torque_constant * wanted
+    w, w_command = parameters.ratio * v, parameters.ratio * command
+    error = w_command - w
+    u = parameters.speed_kp * error + parameters.speed_ki * integral + parameters.torque_constant * w_command
     n = 200_000
     i, h = i0, PERIOD / n
     for _ in range(n):  # explicit Euler with h R/L = 3e-6
         i += h * (u - parameters.resistance * i - parameters.torque_constant * w) / parameters.inductance
     update(dut, context, period=PERIOD)
     assert current(dut, context) == pytest.approx(i, rel=1e-5)
-    assert context.get_discrete_state(0).value()[INTEGRAL] == pytest.approx(integral + (wanted - w) * PERIOD)
+    assert integral_of(context) == pytest.approx(integral + error * PERIOD)
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_stalled_motor_pushes_with_the_current_limit(sign):
+def test_a_stalled_motor_has_the_maximum_current(sign):
     dut, context = motor(sign * 0.03)
     update(dut, context, period=PERIOD, times=2000)
     assert current(dut, context) == pytest.approx(sign * P.current_limit, rel=1e-12)
@@ -70,7 +76,7 @@ def test_a_stalled_motor_pushes_with_the_current_limit(sign):
     assert force(dut, context) == pytest.approx(sign * stall, rel=1e-12)
 
 
-def test_the_current_never_passes_its_limit_whatever_the_speed():
+def test_the_current_never_exceeds_its_limit_at_any_speed():
     dut, context = motor(0.0)
     rng = np.random.default_rng(4)
     largest = 0.0
@@ -82,40 +88,40 @@ def test_the_current_never_passes_its_limit_whatever_the_speed():
     assert largest == pytest.approx(P.current_limit, rel=1e-9)
 
 
-def test_a_weak_supply_limits_the_current_before_the_limiter_does():
+def test_a_low_supply_voltage_limits_the_current():
     parameters = DcMotorParameters(supply_voltage=1.0)
     dut, context = motor(0.5, parameters=parameters)
     update(dut, context, period=PERIOD, times=100)
     assert current(dut, context) == pytest.approx(parameters.supply_voltage / parameters.resistance, rel=1e-9)
 
 
-def test_the_friction_of_a_coasting_motor():
+def test_the_force_of_a_motor_without_current_is_its_friction():
     dut, context = motor(0.0, (0.0, 0.02))
     w = P.ratio * 0.02
-    assert w > 20  # the smoothed Coulomb friction is its full size
+    assert w > 20  # the smoothed Coulomb friction has its full value
     expected = -P.ratio * (P.viscous_friction * w + P.coulomb_friction)
     assert force(dut, context) == pytest.approx(expected, rel=1e-6)
     assert force(*motor(0.0, (0.0, -0.02))) == pytest.approx(-expected, rel=1e-6)
     assert force(*motor(0.0)) == 0.0
 
 
-def test_the_integral_stands_still_while_the_current_is_limited():
+def test_the_integral_is_frozen_while_the_current_is_limited():
     dut, context = motor(0.03)
     update(dut, context, period=PERIOD, times=3000)
-    integral = context.get_discrete_state(0).value()[INTEGRAL]
-    wanted = P.ratio * 0.03
-    proportional = (P.speed_kp + P.torque_constant) * wanted
-    # It stopped within one period's growth of where the voltage reached what the current limit allows.
+    integral = integral_of(context)
+    command = P.ratio * 0.03
+    proportional = (P.speed_kp + P.torque_constant) * command
+    # The integral stopped within one period after the voltage had reached the limit for the maximum current.
     bound = max(0.0, P.resistance * P.current_limit - proportional) / P.speed_ki
-    assert 0 <= integral <= bound + wanted * PERIOD
-    # So the push is gone within milliseconds of the command.
+    assert 0 <= integral <= bound + command * PERIOD
+    # Therefore the current changes sign within milliseconds of the command.
     dut.GetInputPort("speed_command").FixValue(context, [-0.03])
     update(dut, context, period=PERIOD, times=3)
     assert current(dut, context) < 0
 
 
 def free_carriage(parameters, command, period):
-    """A carriage that nothing holds, on a drive that is given one command: drive, carriage and their simulator."""
+    """Returns a drive with a constant speed command, a carriage without load, and their simulator."""
     builder = DiagramBuilder()
     source = builder.AddSystem(ConstantVectorSource([command]))
     dut = builder.AddSystem(DcMotor(parameters=parameters, period=period))
@@ -131,13 +137,13 @@ def free_carriage(parameters, command, period):
 
 
 @pytest.mark.parametrize("command", [-0.018, 0.01])
-def test_an_unhindered_carriage_reaches_the_commanded_speed(command):
+def test_a_carriage_without_load_reaches_the_commanded_speed(command):
     dut, carriage, simulator = free_carriage(P, command, PERIOD)
     simulator.AdvanceTo(2.0)
     root = simulator.get_context()
     speed = carriage.GetMyContextFromRoot(root).get_continuous_state_vector()[1]
     assert speed == pytest.approx(command, rel=1e-4)
-    # All the torque goes into friction.
+    # The torque equals the friction.
     w = P.ratio * command
     needed = (P.viscous_friction * w + math.copysign(P.coulomb_friction, w)) / (P.screw_efficiency * P.torque_constant)
     own = dut.GetMyContextFromRoot(root)
@@ -145,31 +151,31 @@ def test_an_unhindered_carriage_reaches_the_commanded_speed(command):
 
 
 def speeds(parameters, command, times, period=PERIOD):
-    """Of a free carriage under the drive, from rest, m/s."""
+    """Speeds of a free carriage with the drive, from rest, m/s."""
     _, carriage, simulator = free_carriage(parameters, command, period)
     own = carriage.GetMyContextFromRoot(simulator.get_context())
-    found = []
+    values = []
     for t in times:
         simulator.AdvanceTo(t)
-        found.append(own.get_continuous_state_vector()[1])
-    return np.array(found)
+        values.append(own.get_continuous_state_vector()[1])
+    return np.array(values)
 
 
 def damping_and_inertia(p):
-    """Of the carriage on a motor at constant voltage: N^2 (eta k_t k_e / R + b) in N s/m, and its mass."""
+    """Damping N^2 (eta k_t k_e / R + b), N s/m, and mass, kg, of the carriage with a motor at constant voltage."""
     return p.ratio**2 * (p.screw_efficiency * p.torque_constant**2 / p.resistance + p.viscous_friction), MASS
 
 
 @pytest.mark.parametrize("friction", [0.0, 1e-3])
-def test_at_full_voltage_it_runs_up_with_its_mechanical_time_constant_to_its_no_load_speed(friction):
+def test_the_run_up_at_full_voltage_has_the_mechanical_time_constant_and_the_no_load_speed(friction):
     """w_0 = (eta k_t V/R - tau_c) / (eta k_t k_e/R + b), tau = J / (eta k_t k_e/R + b)."""
-    p = DcMotorParameters(coulomb_friction=friction, inductance=1e-6, current_limit=1e3)  # the voltage alone limits
+    p = DcMotorParameters(coulomb_friction=friction, inductance=1e-6, current_limit=1e3)  # only the voltage limits
     damping, inertia = damping_and_inertia(p)
     drive = p.ratio * (p.screw_efficiency * p.torque_constant * p.supply_voltage / p.resistance - friction)
     no_load, tau = drive / damping, inertia / damping
     times = tau * np.array([0.5, 1.0, 2.0, 3.0, 8.0])
     period = tau / 400
-    found = speeds(p, 10.0, times, period=period)  # a command that it cannot reach
+    found = speeds(p, 10.0, times, period=period)  # an unreachable command
     np.testing.assert_allclose(found, no_load * (1 - np.exp(-times / tau)), rtol=8e-3)
 
 
@@ -183,10 +189,10 @@ def test_at_standstill_the_current_rises_with_the_electrical_time_constant():
         assert current(dut, context) == pytest.approx(p.supply_voltage / p.resistance * rise, rel=1e-9)
 
 
-def test_a_small_step_of_the_speed_loop_is_that_of_its_second_order_transfer_function():
-    """J s^2 + (eta k_t (k_p + k_e)/R + b) s + eta k_t k_i/R, with the electrical lag below the period.
+def test_a_small_step_of_the_speed_loop_is_that_of_a_second_order_transfer_function():
+    """Denominator J s^2 + (eta k_t (k_p + k_e)/R + b) s + eta k_t k_i/R; the electrical lag is below the period.
 
-    The command is fed forward by the back-EMF constant, so the zero is at -k_i / (k_p + k_e).
+    The command is fed forward with the back-EMF constant, so the zero is at -k_i / (k_p + k_e).
     """
     p = DcMotorParameters(coulomb_friction=0.0, inductance=1e-6, current_limit=1e3)
     gain = p.ratio**2 * p.screw_efficiency * p.torque_constant / p.resistance

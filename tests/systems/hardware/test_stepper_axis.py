@@ -1,4 +1,4 @@
-"""The stepper with what it turns: the rig's own plant, the peg far above the hole, against the closed forms."""
+"""Compares the stepper on the pitch axis of the rig's plant, without contact, with closed forms."""
 
 import math
 
@@ -14,7 +14,7 @@ from systems.plant.contact_plant import AddRigPlant
 
 
 class PitchAxis:
-    """The pitch axis at rest at zero, its driver sent to ``target`` (rad), under a ``load`` (N m)."""
+    """The pitch axis at angle ``start`` (rad), its driver commanded to ``target`` (rad), under a ``load`` (N m)."""
 
     def __init__(self, *, target=0.0, load=0.0, time_step=1e-3, start=0.0):
         scenario = resolve_scenario(Scenario(), seed=0, stream=2)
@@ -45,7 +45,7 @@ class PitchAxis:
         rig.set_start(root, carriage=0.5, pitch=start, yaw=0.0)
         self.joint = plant.GetJointByName("pitch")
         self.push(load)
-        mass = plant.CalcMassMatrix(self.own)  # the rotor's inertia is in it
+        mass = plant.CalcMassMatrix(self.own)  # includes the rotor's inertia
         index = self.joint.velocity_start()
         self.inertia = mass[index, index]
         plant.GetJointByName("feed").Lock(self.own)
@@ -65,29 +65,29 @@ class PitchAxis:
         return self.motor.GetOutputPort("step_counts").Eval(own)[1]
 
 
-def test_a_released_axis_rings_at_its_frequency_and_dies_out_with_its_damping():
+def test_a_released_axis_vibrates_at_its_frequency_and_decays_with_its_damping():
     """J theta'' + b theta' + K theta = 0: exp(-zeta w t) (cos w_d t + zeta / sqrt(1 - zeta^2) sin w_d t)."""
     start = 0.3 * Scenario().stepper.step_angle
     axis = PitchAxis(start=start, time_step=2e-5)
     p = axis.parameters
     w = math.sqrt(p.stiffness / axis.inertia)
     zeta = p.damping / (2.0 * math.sqrt(p.stiffness * axis.inertia))
-    assert 0.2 < zeta < 0.8  # it does ring
+    assert 0.2 < zeta < 0.8  # it does vibrate
     damped = w * math.sqrt(1 - zeta**2)
-    seen = []
+    samples = []
     axis.simulator.set_monitor(
-        lambda context: seen.append((context.get_time(), axis.angle)) or EventStatus.DidNothing()
+        lambda context: samples.append((context.get_time(), axis.angle)) or EventStatus.DidNothing()
     )
     axis.simulator.AdvanceTo(2.0 * math.pi / damped)
-    t, theta = np.array(seen).T
+    t, theta = np.array(samples).T
     expected = np.exp(-zeta * w * t) * (np.cos(damped * t) + zeta / math.sqrt(1 - zeta**2) * np.sin(damped * t))
-    # The weight of the block, a pendulum under the pivot, adds less than a thousandth to the stiffness.
+    # The weight of the block below the pivot increases the stiffness by less than 0.1 %.
     np.testing.assert_allclose(theta / start, expected, atol=0.015)
     assert theta.min() < -0.05 * start
 
 
 @pytest.mark.parametrize("share", [-0.9, 0.2, 0.6, 0.9])
-def test_it_gives_way_by_the_torque_over_the_stiffness_and_holds(share):
+def test_a_load_below_the_holding_torque_deflects_the_axis_by_torque_over_stiffness(share):
     p = Scenario().stepper
     axis = PitchAxis(load=share * p.holding_torque)
     axis.simulator.AdvanceTo(0.15)
@@ -96,7 +96,7 @@ def test_it_gives_way_by_the_torque_over_the_stiffness_and_holds(share):
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_a_load_above_the_holding_torque_slips_by_exactly_one_electrical_period(sign):
+def test_a_load_above_the_holding_torque_makes_the_axis_slip_by_one_electrical_period(sign):
     p = Scenario().stepper
     axis = PitchAxis(load=1.05 * sign * p.holding_torque)
     axis.simulator.set_monitor(
@@ -113,7 +113,7 @@ def test_a_load_above_the_holding_torque_slips_by_exactly_one_electrical_period(
 
 @pytest.mark.parametrize("time_step", [1e-3, 2e-3])
 @pytest.mark.parametrize("share", [0.0, -0.8])
-def test_at_its_greatest_rate_and_acceleration_the_rotor_follows_without_losing_a_step(share, time_step):
+def test_no_step_is_lost_at_the_maximum_rate_and_acceleration(share, time_step):
     p = Scenario().stepper
     axis = PitchAxis(target=60 * p.step_angle, load=share * p.holding_torque, time_step=time_step)
     axis.simulator.AdvanceTo(60 / p.max_step_rate + p.max_step_rate / p.max_step_acceleration + 0.1)

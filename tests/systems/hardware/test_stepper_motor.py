@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.hardware import StepperMotorParameters
-from systems.hardware.stepper_motor import POSITION, SPEED, StepperMotor, ramp_speed
+from systems.hardware.stepper_motor import StepperMotor, StepperState, ramp_speed
 from tests.stepping import fixed_context, update
 
 P = StepperMotorParameters()
@@ -19,7 +19,7 @@ def motor(target, *, measured=0.0, start=0.0, parameters=P, period=PERIOD):
 
 
 def follow(dut, context, *, times):
-    """A rotor that follows without lag."""
+    """Updates with a rotor that follows without lag."""
     for _ in range(times):
         dut.GetInputPort("measured_angle").FixValue(context, [equilibrium(dut, context)])
         update(dut, context, period=PERIOD)
@@ -35,7 +35,7 @@ def counts(dut, context):
 
 @pytest.mark.parametrize(("target", "steps"), [(0.0, 0), (0.49, 0), (0.51, 1), (7.4, 7), (-3.6, -4)])
 @pytest.mark.parametrize("start", [0.0, 0.0411])
-def test_it_settles_on_the_nearest_whole_step_counted_from_where_it_stood(target, steps, start):
+def test_the_axis_moves_to_the_nearest_whole_step_from_its_start(target, steps, start):
     reached = start + steps * P.step_angle
     dut, context = motor(target * P.step_angle, start=start)
     assert equilibrium(dut, context) == start
@@ -44,7 +44,7 @@ def test_it_settles_on_the_nearest_whole_step_counted_from_where_it_stood(target
     assert counts(dut, context) == [abs(steps), 0]
 
 
-def test_going_there_and_back_counts_every_step():
+def test_steps_in_both_directions_are_counted():
     dut, context = motor(2 * P.step_angle)
     follow(dut, context, times=50)
     dut.GetInputPort("target_angle").FixValue(context, [-P.step_angle])
@@ -54,19 +54,20 @@ def test_going_there_and_back_counts_every_step():
 
 
 def ramp_profile(distance, parameters, times):
-    """Positions and speeds of the driver on its way to ``distance`` steps, from rest."""
+    """Positions and speeds of the driver on a move over ``distance`` steps, from rest."""
     dut, context = motor(distance * parameters.step_angle, parameters=parameters)
     states = []
     for _ in range(times):
         follow(dut, context, times=1)
-        states.append(context.get_discrete_state(0).value()[[POSITION, SPEED]].copy())
+        state = StepperState(context.get_discrete_state(0).value())
+        states.append([state.position, state.speed])
     return np.array(states).T
 
 
 @pytest.mark.parametrize("distance", [1, 2, 7, 40, -300])
 @pytest.mark.parametrize(("rate", "acceleration"), [(400.0, 2e4), (2500.0, 1e4), (300.0, 777.0)])
-def test_a_move_is_a_trapezoid_that_ends_on_its_step(distance, rate, acceleration):
-    """n steps take n/v + v/a where the top rate is reached, else 2 sqrt(n/a); a few periods are lost to rounding."""
+def test_a_move_has_a_trapezoidal_speed_and_ends_on_its_step(distance, rate, acceleration):
+    """n steps take n/v + v/a if the maximum rate is reached, else 2 sqrt(n/a), within a few periods of rounding."""
     parameters = StepperMotorParameters(max_step_rate=rate, max_step_acceleration=acceleration)
     n = abs(distance)
     time = n / rate + rate / acceleration if n > rate**2 / acceleration else 2 * math.sqrt(n / acceleration)
@@ -89,7 +90,7 @@ def test_a_move_is_a_trapezoid_that_ends_on_its_step(distance, rate, acceleratio
     acceleration=st.floats(500, 1e5),
 )
 @settings(max_examples=30, deadline=None)
-def test_whatever_is_asked_the_ramp_keeps_its_limits_and_arrives(targets, rate, acceleration):
+def test_the_ramp_keeps_its_limits_and_arrives_for_any_targets(targets, rate, acceleration):
     position = speed = 0.0
     change = acceleration * PERIOD
     for target in [*targets, round(targets[-1])]:
@@ -105,23 +106,23 @@ def test_whatever_is_asked_the_ramp_keeps_its_limits_and_arrives(targets, rate, 
     assert speed == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_target_nearer_than_it_can_brake_is_overrun_and_returned_to():
+def test_a_target_within_the_braking_distance_is_overshot_by_that_distance():
     parameters = StepperMotorParameters(max_step_rate=400.0, max_step_acceleration=4000.0)
     dut, context = motor(100 * P.step_angle, parameters=parameters)
     follow(dut, context, times=150)  # at 400 steps/s; stopping takes 20 steps
     dut.GetInputPort("target_angle").FixValue(context, [0.0])
-    at = equilibrium(dut, context) / P.step_angle
-    furthest = at
+    start = equilibrium(dut, context) / P.step_angle
+    furthest = start
     for _ in range(600):
         follow(dut, context, times=1)
         furthest = max(furthest, equilibrium(dut, context) / P.step_angle)
-    assert furthest - at == pytest.approx(20.0, abs=1.0)
+    assert furthest - start == pytest.approx(20.0, abs=1.0)
     assert equilibrium(dut, context) == 0.0
     assert counts(dut, context) == [2 * furthest, 0]
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_up_to_two_full_steps_of_lag_nothing_is_lost(sign):
+def test_no_step_is_lost_with_a_lag_of_up_to_two_full_steps(sign):
     dut, context = motor(0.0, measured=sign * 1.999 * P.step_angle)
     update(dut, context, period=PERIOD, times=20)
     assert equilibrium(dut, context) == 0.0
@@ -129,21 +130,21 @@ def test_up_to_two_full_steps_of_lag_nothing_is_lost(sign):
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_beyond_two_full_steps_the_rotor_falls_four_steps_further(sign):
+def test_the_rotor_slips_by_four_steps_with_a_lag_of_more_than_two_full_steps(sign):
     dut, context = motor(0.0, measured=sign * 2.001 * P.step_angle)
     update(dut, context, period=PERIOD)
     assert equilibrium(dut, context) == pytest.approx(sign * 4 * P.step_angle)
     assert counts(dut, context) == [0, 4]
-    update(dut, context, period=PERIOD, times=20)  # the lag is now -1.999 steps: it stays there
+    update(dut, context, period=PERIOD, times=20)  # the lag is now 1.999 steps
     assert equilibrium(dut, context) == pytest.approx(sign * 4 * P.step_angle)
     assert counts(dut, context) == [0, 4]
 
 
-def test_the_driver_does_not_know_what_was_lost():
+def test_the_driver_does_not_compensate_lost_steps():
     dut, context = motor(3 * P.step_angle, measured=-2.5 * P.step_angle)
     update(dut, context, period=PERIOD, times=12)
     dut.GetInputPort("measured_angle").FixValue(context, [-P.step_angle])
     update(dut, context, period=PERIOD, times=30)
-    # Three commanded steps from an equilibrium that slipped by minus four.
+    # Three commanded steps from an equilibrium that has slipped by -4 steps.
     assert counts(dut, context) == [3, 4]
     assert equilibrium(dut, context) == pytest.approx(-P.step_angle)

@@ -27,7 +27,7 @@ WELD = 2
 
 
 def sensor(held, *, tare=(0.0,) * 6, seed=5, **changes):
-    """``held`` is what the carriage holds the peg with: force, then torque, at the sensor."""
+    """``held`` is the wrench of the carriage on the peg at the sensor: force, then torque."""
     p = WrenchSensorParameters(**{**QUIET, **changes})
     dut = WrenchSensor(parameters=p, seed=seed, weld=WELD, tare=np.array(tare, dtype=float))
     context = dut.CreateDefaultContext()
@@ -47,17 +47,17 @@ def read(dut, context, p, times=1):
     return dut.GetOutputPort("wrench").Eval(context)
 
 
-def test_the_contact_pushes_back_on_what_the_carriage_holds():
+def test_the_measured_wrench_is_the_reaction_to_that_of_the_carriage():
     dut, context, p = sensor([1.0, -2.0, 3.0, 0.1, 0.2, -0.3], height=0.0, **IMMEDIATE)
     np.testing.assert_allclose(read(dut, context, p), [-1.0, 2.0, -3.0, -0.1, -0.2, 0.3], atol=1e-9)
 
 
-def test_before_the_first_reading_it_says_nothing():
+def test_the_wrench_is_zero_before_the_first_reading():
     dut, context, _ = sensor([1.0] * 6)
     np.testing.assert_array_equal(dut.GetOutputPort("wrench").Eval(context), np.zeros(6))
 
 
-def test_what_it_holds_in_free_air_is_tared():
+def test_the_wrench_without_contact_is_tared():
     weight = [0.0, 0.0, 1.45, 0.0, 0.01, 0.0]
     dut, context, p = sensor(weight, tare=weight, **IMMEDIATE)
     np.testing.assert_array_equal(read(dut, context, p, times=3), np.zeros(6))
@@ -71,7 +71,7 @@ def test_a_force_at_the_tip_has_no_moment_about_the_tip():
     np.testing.assert_allclose(read(dut, context, p), [*force, 0.0, 0.0, 0.0], atol=1e-9)
 
 
-def test_a_force_above_the_tip_has_its_lever_arm():
+def test_a_force_above_the_tip_has_a_moment_about_the_tip():
     h, above = 0.08, 0.02
     force = np.array([5.0, 0.0, 0.0])
     at_mount = np.cross([0.0, 0.0, above - h], force)
@@ -90,7 +90,7 @@ def test_the_step_response_is_that_of_a_first_order_low_pass():
     assert share > 0.99
 
 
-def test_readings_are_whole_quanta():
+def test_readings_are_multiples_of_the_quantum():
     quanta = {"force_quantum": 1 / 16, "torque_quantum": 1 / 752}
     dut, context, p = sensor([-0.30, 0.34, -12.345, 0.0, 0.0123, -0.4567], height=0.0, **quanta, **IMMEDIATE)
     expected = [
@@ -101,13 +101,13 @@ def test_readings_are_whole_quanta():
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_readings_stop_at_the_range(sign):
+def test_readings_are_clipped_to_the_range(sign):
     ranges = {"force_range": [145.0, 145.0, 290.0], "torque_range": [5.0, 4.0, 3.0]}
     dut, context, p = sensor(sign * np.array([1e3] * 3 + [1e2] * 3), height=0.0, **ranges, **IMMEDIATE)
     np.testing.assert_allclose(read(dut, context, p), -sign * np.array([145, 145, 290, 5, 4, 3]), rtol=1e-9)
 
 
-def test_the_noise_is_white_and_of_its_sigma_channel_by_channel():
+def test_the_noise_of_each_channel_is_white_with_its_standard_deviation():
     sigma = np.array([0.02, 0.03, 0.05, 5e-4, 6e-4, 7e-4])
     dut, context, p = sensor(
         [0.0] * 6, height=0.0, force_noise=list(sigma[:3]), torque_noise=list(sigma[3:]), **IMMEDIATE
@@ -120,7 +120,7 @@ def test_the_noise_is_white_and_of_its_sigma_channel_by_channel():
     assert np.abs(between - np.eye(12)).max() < 5.5 / math.sqrt(n)
 
 
-def test_the_bias_is_drawn_once_for_each_seed_with_its_sigma():
+def test_the_bias_is_constant_for_a_seed_and_has_its_standard_deviation():
     biases = []
     for seed in range(300):
         dut, context, p = sensor([0.0] * 6, seed=seed, height=0.0, force_bias=0.05, torque_bias=1e-3)
@@ -132,7 +132,7 @@ def test_the_bias_is_drawn_once_for_each_seed_with_its_sigma():
     np.testing.assert_allclose(sizes.std(axis=0), 1.0, rtol=5 / math.sqrt(600))
 
 
-def test_the_same_seed_reads_the_same_noise():
+def test_equal_seeds_give_equal_noise():
     noisy = {"force_noise": [0.02] * 3, "torque_noise": [5e-4] * 3}
     first, again, other = (
         np.array([read(*unit).copy() for _ in range(20)])
@@ -143,8 +143,8 @@ def test_the_same_seed_reads_the_same_noise():
 
 
 @pytest.mark.parametrize("samples", [0, 1, 2, 7])
-def test_the_delay_is_that_many_samples_to_the_last_bit(samples):
-    """The same sensor with the same noise, later; nothing before the first reading has come through."""
+def test_a_delayed_sensor_gives_exactly_the_same_readings_later(samples):
+    """The output is zero until the first reading has passed the delay."""
     noisy = {"force_noise": [0.02] * 3, "torque_noise": [5e-4] * 3, "force_drift": 0.1}
     at_once = sensor([1.0, 2.0, 3.0, 0.1, 0.2, 0.3], **noisy)
     late = sensor([1.0, 2.0, 3.0, 0.1, 0.2, 0.3], delay=samples * 1e-3, **noisy)
@@ -153,7 +153,8 @@ def test_the_delay_is_that_many_samples_to_the_last_bit(samples):
     np.testing.assert_array_equal(second[samples:], first[: 20 - samples])
 
 
-def test_the_drift_is_a_random_walk_whose_variance_grows_with_time():
+@pytest.mark.slow
+def test_the_drift_is_a_random_walk_with_a_variance_proportional_to_time():
     sigma = np.repeat([0.02, 4e-4], 3)
     n, seeds = 400, 60
     walks = []
@@ -165,35 +166,35 @@ def test_the_drift_is_a_random_walk_whose_variance_grows_with_time():
     for k in (24, 99, 399):
         variance = (walks[:, k] ** 2).mean()
         assert variance == pytest.approx((k + 1) * p.period, rel=5 * math.sqrt(2 / m))
-    # Steps are independent of what came before.
+    # The steps are independent.
     steps = np.diff(walks, axis=1)
     assert (steps**2).mean() == pytest.approx(p.period, rel=5 * math.sqrt(2 / steps.size))
     assert abs((steps[:, 1:] * steps[:, :-1]).mean()) < 5 * p.period / math.sqrt(steps.size)
 
 
-def test_the_spectrum_of_the_noise_is_flat_and_not_shaped_by_the_low_pass():
-    """Welch: the mean power in each eighth of the band is sigma^2, however low the corner is."""
+def test_the_low_pass_does_not_filter_the_noise():
+    """By Welch's method, the mean power in each eighth of the band is sigma^2, even with a low corner frequency."""
     dut, context, p = sensor([0.0] * 6, height=0.0, force_noise=[0.02] * 3, torque_noise=[5e-4] * 3, bandwidth=20.0)
     n, blocks = 128, 32
     readings = np.array([read(dut, context, p).copy() for _ in range(n * blocks)]) / np.repeat([0.02, 5e-4], 3)
     power = np.abs(np.fft.rfft(readings.reshape(blocks, n, 6), axis=1)[:, 1 : n // 2]) ** 2 / n
     for band in np.array_split(power.mean(axis=(0, 2)), 8):
-        # A periodogram's ordinate is exponentially distributed: its standard deviation is its mean.
+        # The value of a periodogram is exponentially distributed: its standard deviation equals its mean.
         assert band.mean() == pytest.approx(1.0, abs=5 / math.sqrt(len(band) * blocks * 6))
 
 
 @pytest.mark.parametrize("share", [0.25, 1.0, 3.0])
-def test_the_low_pass_attenuates_a_sine_as_its_transfer_function_says(share):
-    """|H| of y+ = y + b (u - y): b / |1 - (1 - b) e^(-jwT)|; at the corner nearly 1/sqrt(2)."""
+def test_the_low_pass_attenuates_a_sine_by_its_transfer_function(share):
+    """|H| of y+ = y + b (u - y) is b / |1 - (1 - b) e^(-jwT)|, about 1/sqrt(2) at the corner frequency."""
     corner, T = 20.0, 1e-3
     dut, context, p = sensor([0.0] * 6, height=0.0, bandwidth=corner, period=T)
     w = 2 * math.pi * share * corner
-    turns = round(1.0 / (share * corner * T))  # samples in one period, a whole number of them
-    heard = []
-    for k in range(12 * turns):
+    samples = round(1.0 / (share * corner * T))  # in one period of the sine
+    measured = []
+    for k in range(12 * samples):
         hold(dut, context, [-math.cos(w * k * T), 0, 0, 0, 0, 0])
-        heard.append(read(dut, context, p)[0])
-    last = np.array(heard[-4 * turns :])
+        measured.append(read(dut, context, p)[0])
+    last = np.array(measured[-4 * samples :])
     phase = np.exp(-1j * w * T * np.arange(len(last)))
     amplitude = 2 * abs((last * phase).mean())
     b = 1 - math.exp(-2 * math.pi * corner * T)

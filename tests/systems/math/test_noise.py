@@ -20,7 +20,7 @@ def test_each_series_is_standard_normal(series):
     for x in series.values():
         assert abs(x.mean()) < 5 / np.sqrt(N)
         assert abs(x.std() - 1) < 5 / np.sqrt(2 * N)
-        # Kolmogorov's distance exceeds 2.2/sqrt(n) with probability 2 exp(-2 x 2.2^2) = 1.3e-4.
+        # The Kolmogorov distance exceeds 2.2/sqrt(n) with probability 2 exp(-2 x 2.2^2) = 1.3e-4.
         assert stats.kstest(x, "norm").statistic < 2.2 / np.sqrt(N)
 
 
@@ -32,7 +32,7 @@ def test_streams_seeds_and_ticks_are_independent(series):
         assert abs(np.corrcoef(series[a][:-1], series[a][1:])[0, 1]) < 5 / np.sqrt(N), a
 
 
-def test_a_draw_is_a_function_of_its_arguments():
+def test_a_draw_depends_on_its_arguments_only():
     first = standard_normal(3, "a", 4, 6)
     standard_normal(9, "b", 1, 100)
     np.testing.assert_array_equal(standard_normal(3, "a", 4, 6), first)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pydrake.math import RotationMatrix
 from scipy.spatial.transform import Rotation
 
-from systems.math.rotation import from_rotation_vector, rotation_between, rotation_vector
+from systems.math.rotation import free_body_pose, from_rotation_vector, rotation_between, rotation_vector
 
 components = st.floats(-1.0, 1.0)
 directions = st.tuples(components, components, components).map(np.array).filter(lambda v: np.linalg.norm(v) > 0.1)
@@ -19,7 +19,7 @@ def unit(v):
 
 
 @given(direction=directions, angle=angles)
-def test_the_matrix_of_a_rotation_vector_is_scipys(direction, angle):
+def test_the_matrix_of_a_rotation_vector_equals_that_of_scipy(direction, angle):
     vector = unit(direction) * angle
     np.testing.assert_allclose(
         from_rotation_vector(vector).matrix(), Rotation.from_rotvec(vector).as_matrix(), atol=1e-11
@@ -27,7 +27,7 @@ def test_the_matrix_of_a_rotation_vector_is_scipys(direction, angle):
 
 
 @given(direction=directions, angle=angles)
-def test_the_rotation_vector_of_a_matrix_is_scipys(direction, angle):
+def test_the_rotation_vector_of_a_matrix_equals_that_of_scipy(direction, angle):
     vector = unit(direction) * angle
     R = Rotation.from_rotvec(vector)
     found = rotation_vector(RotationMatrix(R.as_matrix()))
@@ -36,26 +36,26 @@ def test_the_rotation_vector_of_a_matrix_is_scipys(direction, angle):
 
 
 @given(direction=directions, angle=st.floats(1e-8, math.pi - 1e-3))
-def test_there_and_back_keeps_the_digits_of_small_angles(direction, angle):
+def test_conversion_to_a_matrix_and_back_is_precise_for_small_angles(direction, angle):
     vector = unit(direction) * angle
     np.testing.assert_allclose(rotation_vector(from_rotation_vector(vector)), vector, rtol=1e-6, atol=1e-15)
 
 
 @pytest.mark.parametrize("axis", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.6, 0.0, 0.8)])
-def test_half_a_turn_is_pi_about_the_axis(axis):
+def test_the_rotation_vector_of_half_a_turn_has_length_pi(axis):
     R = RotationMatrix(Rotation.from_rotvec(math.pi * np.array(axis)).as_matrix())
     found = rotation_vector(R)
     assert np.linalg.norm(found) == pytest.approx(math.pi)
     np.testing.assert_allclose(np.abs(found @ np.array(axis)), math.pi, rtol=1e-9)
 
 
-def test_no_rotation_is_the_zero_vector():
+def test_the_rotation_vector_of_the_identity_is_zero():
     np.testing.assert_array_equal(rotation_vector(RotationMatrix()), np.zeros(3))
     np.testing.assert_array_equal(from_rotation_vector(np.zeros(3)).matrix(), np.eye(3))
 
 
 @given(a=directions, b=directions)
-def test_the_shortest_turn_carries_one_direction_onto_the_other(a, b):
+def test_the_shortest_rotation_turns_one_direction_onto_the_other(a, b):
     a, b = unit(a), unit(b)
     assume(a @ b > -0.999)
     turn = rotation_between(a, b)
@@ -64,5 +64,14 @@ def test_the_shortest_turn_carries_one_direction_onto_the_other(a, b):
     assert abs(turn @ a) < 1e-9  # no spin
 
 
-def test_a_direction_needs_no_turn_onto_itself():
+def test_the_rotation_between_equal_directions_is_zero():
     np.testing.assert_array_equal(rotation_between(np.array([0.0, 0.6, 0.8]), np.array([0.0, 0.6, 0.8])), np.zeros(3))
+
+
+@given(direction=directions, angle=angles, scale=st.floats(0.9, 1.1))
+def test_the_pose_of_a_free_body_does_not_depend_on_the_norm_of_its_quaternion(direction, angle, scale):
+    R = Rotation.from_rotvec(unit(direction) * angle)
+    x, y, z, w = R.as_quat()
+    X = free_body_pose(np.array([scale * w, scale * x, scale * y, scale * z, 0.1, -0.2, 0.3]))
+    np.testing.assert_allclose(X.rotation().matrix(), R.as_matrix(), atol=1e-12)
+    np.testing.assert_array_equal(X.translation(), [0.1, -0.2, 0.3])

@@ -1,4 +1,4 @@
-"""A device of a person's own is found through an entry point, and is read and written at 1 kHz."""
+"""Tests that a device is found through an entry point, and is read and written at 1 kHz."""
 
 import sys
 
@@ -20,7 +20,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 class Loopback:
-    """A handle on a spring: it sinks, and what it is given pushes it back."""
+    """A handle that sinks and is pushed back by the rendered force."""
 
     def __init__(self):
         self.z, self.written, self.reads, self.open = 0.0, [], 0, True
@@ -43,7 +43,7 @@ class Loopback:
 
 @pytest.fixture
 def installed(tmp_path, monkeypatch):
-    """A package with a device, as an installer would leave it."""
+    """An installed package that provides a device."""
     (tmp_path / "my_loopback.py").write_text(LOOPBACK)
     info = tmp_path / "my_loopback-1.0.dist-info"
     info.mkdir()
@@ -54,17 +54,17 @@ def installed(tmp_path, monkeypatch):
     sys.modules.pop("my_loopback", None)
 
 
-def test_an_installed_device_is_found_by_its_name(installed):
+def test_an_installed_device_is_found_by_name(installed):
     device = find_device("loopback")()
     assert device.read_pose().translation()[2] < 0.0
 
 
-def test_an_unknown_device_is_refused_with_what_there_is(installed):
+def test_the_error_for_an_unknown_device_lists_the_known_ones(installed):
     with pytest.raises(ValueError, match=r"'joystick' is not installed; found \['loopback', 'spacemouse'\].*" + GROUP):
         find_device("joystick")
 
 
-def test_it_is_read_and_written_once_a_millisecond_and_feels_the_hole(installed, quick_scenario):
+def test_a_device_is_read_and_written_once_per_millisecond_and_receives_the_contact_force(installed, quick_scenario):
     quick_scenario.start.tilt = [0.05, 0.0]
     quick_scenario.start.height = 2e-4
     resolved = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
@@ -77,12 +77,12 @@ def test_it_is_read_and_written_once_a_millisecond_and_feels_the_hole(installed,
     forces = np.array(device.written)[:, 3:]
     assert forces[:, 2].max() > 0.3  # it pushes the handle out of the hole
     assert np.linalg.norm(forces, axis=1).max() <= 22.0
-    shown = run.demonstration(Ending(Outcome.STOPPED), good=True)
-    assert shown.samples["z"].iloc[-1] < 0.0
+    demonstration = run.demonstration(Ending(Outcome.STOPPED), good=True)
+    assert demonstration.samples["z"].iloc[-1] < 0.0
 
 
-def test_the_peg_starts_where_the_handle_is(installed):
-    class Held:
+def test_the_pose_of_the_handle_at_the_start_has_no_effect(installed):
+    class FixedHandle:
         def read_pose(self):
             return RigidTransform(from_rotation_vector(np.array([0.3, 0.1, 0.0])), [0.01, 0.02, 0.03])
 
@@ -90,7 +90,7 @@ def test_the_peg_starts_where_the_handle_is(installed):
             self.wrench = wrench
 
     start = RigidTransform(from_rotation_vector(np.array([0.02, -0.01, 0.0])), [0.0, 0.001, 0.002])
-    device = Held()
+    device = FixedHandle()
     dut = DeviceOperator(device=device, period=1e-3, X_HD_start=start, moved_before=device.read_pose())
     context = fixed_context(dut, rendered_wrench=[1, 2, 3, 4, 5, 6])
     update(dut, context, period=1e-3)
@@ -100,7 +100,7 @@ def test_the_peg_starts_where_the_handle_is(installed):
     assert Rotation.from_matrix(found.rotation().matrix()).magnitude() < 0.03
 
 
-def test_a_device_that_is_unplugged_ends_the_run_with_an_oserror(installed, quick_scenario):
+def test_a_disconnected_device_ends_the_run_with_an_oserror(installed, quick_scenario):
     resolved = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
     device = find_device("loopback")()
     operator = DeviceOperator(device=device, period=1e-3, X_HD_start=start_pose(resolved))

@@ -7,7 +7,13 @@ from pydrake.math import RigidTransform
 from models.operator import PERSONAL, OperatorParameters, draw_person
 from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
 from systems.math.rotation import from_rotation_vector, rotation_between
-from systems.operators.simulated_operator import HINDERED_SHARE, SimulatedOperator, minimum_jerk, seen_misalignment
+from systems.operators.simulated_operator import (
+    HINDERED_SHARE,
+    HandState,
+    SimulatedOperator,
+    minimum_jerk,
+    seen_misalignment,
+)
 from tests.stepping import fixed_context, update
 
 HEIGHT = 0.003
@@ -15,7 +21,7 @@ UPRIGHT = np.array([0.0, 0.0, 1.0])
 
 
 def person(**changes):
-    """Someone with a steady hand and sharp eyes, so that what is left can be worked by hand."""
+    """Parameters without noise, bias, dead zones and tremor, for closed-form results."""
     steady = {
         **{"sight_noise": 0.0, "sight_bias": [0.0, 0.0], "dead_zone": 0.0, "sight_delay": 0.02},
         **{"offset_noise": 0.0, "offset_bias": [0.0, 0.0], "offset_dead_zone": 0.0},
@@ -36,7 +42,7 @@ def tilted(tilt, offset=(0.0, 0.0), depth=-HEIGHT):
 
 
 def hand(dut, context):
-    """Tilt, depth along the axis and offset of the hand."""
+    """Returns tilt, depth along the axis and offset of the hand."""
     X = dut.GetOutputPort("hand_pose").Eval(context)
     axis = X.rotation().col(2)
     tilt = rotation_between(UPRIGHT, axis)[:2]
@@ -46,7 +52,7 @@ def hand(dut, context):
 
 
 def rates(dut, context, period):
-    """d tilt/dt, d depth/dt and d offset/dt of the hand in the period after one decision, without a stroke."""
+    """Returns d tilt/dt, d depth/dt and d offset/dt of the hand in the period after one decision, without a stroke."""
     update(dut, context, period=0.0)
     before = hand(dut, context)
     context.SetTime(context.get_time() + period)
@@ -55,7 +61,7 @@ def rates(dut, context, period):
 
 
 def stroke(dut, context, o):
-    """How far the hand turns and slides in the first stroke, begun within one correction period; zero if none is."""
+    """Returns the turn and slide of the hand in its first stroke; zero if it makes none in two correction periods."""
     start = before = hand(dut, context)
     for _ in range(round(2 * o.correction_period / o.decision_period)):
         update(dut, context, period=o.decision_period)
@@ -68,7 +74,7 @@ def stroke(dut, context, o):
     return after[0] - start[0], after[2] - start[2]
 
 
-# ------------------------------------------------------------------- sight
+# sight
 
 
 def test_an_upright_centred_peg_is_seen_as_aligned():
@@ -77,23 +83,23 @@ def test_an_upright_centred_peg_is_seen_as_aligned():
     np.testing.assert_array_equal(offset, [0.0, 0.0])
 
 
-def test_what_is_seen_is_the_turn_of_the_axis_and_where_it_meets_the_mouth():
+def test_the_seen_misalignment_is_the_tilt_and_the_offset_of_the_axis():
     X = tilted([0.04, -0.03], [0.001, -0.002], depth=0.012)
     tilt, offset = seen_misalignment(X)
     np.testing.assert_allclose(tilt, [0.04, -0.03], rtol=1e-12)
     np.testing.assert_allclose(offset, [0.001, -0.002], rtol=1e-9)
 
 
-def test_spin_about_its_own_axis_is_not_seen():
+def test_spin_about_the_axis_is_not_seen():
     X = tilted([0.04, -0.03])
     spun = RigidTransform(X.rotation() @ from_rotation_vector(np.array([0.0, 0.0, 0.7])), X.translation())
     np.testing.assert_allclose(seen_misalignment(spun)[0], [0.04, -0.03], rtol=1e-12)
 
 
-# ------------------------------------------------------------------- rates
+# strokes and rates
 
 
-def test_the_hand_starts_where_the_scenario_puts_it():
+def test_the_hand_starts_at_the_pose_of_the_scenario():
     dut, context = operator(person(), tilt=[0.03, -0.05], offset=[0.001, 0.002])
     np.testing.assert_allclose(
         dut.GetOutputPort("hand_pose").Eval(context).GetAsMatrix34(),
@@ -102,7 +108,7 @@ def test_the_hand_starts_where_the_scenario_puts_it():
     )
 
 
-def test_the_seen_tilt_and_offset_are_closed_in_proportion():
+def test_a_stroke_is_proportional_to_the_seen_tilt_and_offset():
     o = person(align_gain=0.8, align_rate=10.0)
     dut, context = operator(o, tilt=[0.03, -0.05], offset=[0.001, 0.002])
     turn, slide = stroke(dut, context, o)
@@ -111,7 +117,7 @@ def test_the_seen_tilt_and_offset_are_closed_in_proportion():
     np.testing.assert_allclose(slide, [-share * 0.001, -share * 0.002], rtol=1e-5)
 
 
-def test_corrections_come_in_strokes_with_rests_between():
+def test_corrections_are_strokes_with_pauses():
     o = person(align_gain=1.0, align_rate=10.0)
     dut, context = operator(o, tilt=[0.03, 0.0])
     steps = []
@@ -125,66 +131,66 @@ def test_corrections_come_in_strokes_with_rests_between():
     assert moving.mean() == pytest.approx(o.correction_time / o.correction_period, abs=0.05)
 
 
-def test_a_stroke_is_smooth_and_starts_and_ends_at_rest():
+def test_a_stroke_is_smooth_from_rest_to_rest():
     shares = np.linspace(-0.2, 1.2, 2801)
     path = np.array([minimum_jerk(s) for s in shares])
     assert path[0] == 0.0
     assert path[-1] == 1.0
     speed = np.gradient(path, shares)
-    assert speed.max() == pytest.approx(1.875, rel=1e-4)  # of the mean, as for any minimum-jerk stroke
+    assert speed.max() == pytest.approx(1.875, rel=1e-4)  # relative to the mean, as for every minimum-jerk stroke
     assert np.abs(np.diff(speed)).max() < 0.01
 
 
-def test_the_turn_is_no_faster_than_the_hand():
+def test_the_turning_rate_is_limited():
     o = person(align_gain=100.0, align_rate=0.02)
     turn, _ = stroke(*operator(o, tilt=[0.03, -0.04]), o)
     np.testing.assert_allclose(turn, o.correction_period * np.array([-0.02 * 0.6, 0.02 * 0.8]), rtol=1e-6)
 
 
-@pytest.mark.parametrize(("zone", "answered"), [(0.0051, False), (0.0049, True)])
-def test_a_tilt_in_the_dead_zone_is_let_be(zone, answered):
+@pytest.mark.parametrize(("zone", "corrected"), [(0.0051, False), (0.0049, True)])
+def test_a_tilt_in_the_dead_zone_is_not_corrected(zone, corrected):
     o = person(dead_zone=zone, align_gain=1.0, align_rate=1.0)
     turn, _ = stroke(*operator(o, tilt=[0.003, 0.004]), o)
-    np.testing.assert_allclose(turn, -answered * o.correction_period * np.array([0.003, 0.004]), rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(turn, -corrected * o.correction_period * np.array([0.003, 0.004]), rtol=1e-6, atol=1e-12)
 
 
-@pytest.mark.parametrize(("zone", "answered"), [(0.00051, False), (0.00049, True)])
-def test_an_offset_in_its_dead_zone_is_let_be(zone, answered):
+@pytest.mark.parametrize(("zone", "corrected"), [(0.00051, False), (0.00049, True)])
+def test_an_offset_in_its_dead_zone_is_not_corrected(zone, corrected):
     o = person(offset_dead_zone=zone, align_gain=1.0)
     _, slide = stroke(*operator(o, offset=[0.0003, 0.0004]), o)
     np.testing.assert_allclose(
-        slide, -answered * o.correction_period * np.array([0.0003, 0.0004]), rtol=1e-6, atol=1e-12
+        slide, -corrected * o.correction_period * np.array([0.0003, 0.0004]), rtol=1e-6, atol=1e-12
     )
 
 
-def test_a_personal_bias_is_taken_for_tilt_and_offset_once_it_has_reached_the_hand():
+def test_a_personal_bias_is_corrected_like_a_tilt_and_an_offset():
     o = person(sight_bias=[0.002, -0.001], offset_bias=[0.0001, 0.0003], align_gain=1.0, align_rate=1.0)
     turn, slide = stroke(*operator(o), o)
     np.testing.assert_allclose(turn, o.correction_period * np.array([-0.002, 0.001]), rtol=1e-6)
     np.testing.assert_allclose(slide, o.correction_period * np.array([-0.0001, -0.0003]), rtol=1e-6)
 
 
-def test_a_felt_moment_is_yielded_to():
+def test_the_hand_yields_to_a_felt_moment():
     o = person(touch_gain=2.0)
     turn, _, _ = rates(*operator(o, wrench=[0.01, -0.02, 0.5, 0, 0, 0]), o.decision_period)
     np.testing.assert_allclose(turn, [0.02, -0.04], rtol=1e-6)
 
 
-def test_a_felt_force_across_the_axis_is_yielded_to_and_one_along_it_moves_nothing_aside():
+def test_the_hand_yields_to_a_felt_force_across_the_axis_only():
     o = person(touch_slide=0.01)
     _, _, slide = rates(*operator(o, wrench=[0, 0, 0, 0.5, -0.2, 0.7]), o.decision_period)
     np.testing.assert_allclose(slide, [0.005, -0.002], rtol=1e-6)
 
 
 @pytest.mark.parametrize(("share", "factor"), [(0.0, 1.0), (0.25, 0.75), (1.0, 0.0), (1.4, -0.4), (5.0, -0.5)])
-def test_the_speed_falls_with_the_push_that_is_felt(share, factor):
+def test_the_speed_decreases_with_the_felt_push(share, factor):
     o = person()
     push = share * o.comfortable_force
     _, feed, _ = rates(*operator(o, wrench=[0, 0, 0, 0, 0, push]), o.decision_period)
     assert feed == pytest.approx(factor * o.insertion_speed, rel=1e-6, abs=1e-12)
 
 
-def test_the_push_is_felt_along_the_tilted_axis_of_the_hand():
+def test_the_push_is_measured_along_the_tilted_axis_of_the_hand():
     o = person(align_gain=0.0)
     tilt = np.array([0.2, -0.1])
     axis = from_rotation_vector(np.array([*tilt, 0.0])).col(2)
@@ -196,8 +202,8 @@ def test_the_push_is_felt_along_the_tilted_axis_of_the_hand():
 
 
 @pytest.mark.parametrize("decisions", [1, 4, 8])
-def test_what_is_seen_reaches_the_hand_after_the_delay(decisions):
-    # A stroke at every decision shows what the hand knows at each.
+def test_the_hand_reacts_to_sight_after_the_delay(decisions):
+    # A stroke at every decision reveals the tilt that it answers.
     o = person(
         **{"sight_delay": decisions * 0.02, "decision_period": 0.02, "align_gain": 1.0, "align_rate": 1.0},
         **{"correction_period": 0.02, "correction_time": 0.02},
@@ -211,7 +217,7 @@ def test_what_is_seen_reaches_the_hand_after_the_delay(decisions):
         np.testing.assert_allclose(turn, [-0.01 if k >= decisions else 0.0, 0.0], rtol=1e-6, atol=1e-12)
 
 
-def test_patience_ends_after_so_many_seconds_of_hindered_pushing():
+def test_patience_ends_after_its_time_of_hindered_pushing():
     o = person(patience=0.1, decision_period=0.02)
     wrench = [0, 0, 0, 0, 0, 1.01 * HINDERED_SHARE * o.comfortable_force]
     dut, context = operator(o, wrench=wrench)
@@ -221,19 +227,30 @@ def test_patience_ends_after_so_many_seconds_of_hindered_pushing():
         update(dut, context, period=o.decision_period)
         speeds.append((hand(dut, context)[1] - before) / o.decision_period)
     pushing = o.insertion_speed * (1 - 1.01 * HINDERED_SHARE)
-    # Five decisions make 0.1 s; the next one is past it.
+    # Five decisions take 0.1 s; the next one is later.
     np.testing.assert_allclose(speeds[:5], pushing, rtol=1e-5)
     np.testing.assert_allclose(speeds[6:], -o.insertion_speed, rtol=1e-5)
 
 
-def test_a_light_push_never_ends_the_patience():
+def test_an_operator_without_patience_pulls_out_without_turning():
+    o = person(patience=1e-9, align_gain=1.0)
+    dut, context = operator(o, tilt=[0.03, 0.0], offset=[0.001, 0.0], wrench=[0.01, 0.0, 0.0, 0.1, 0.0, 10.0])
+    start = hand(dut, context)
+    update(dut, context, period=o.decision_period, times=30)  # two correction periods
+    tilt, depth, offset = hand(dut, context)
+    np.testing.assert_allclose(tilt, start[0], atol=1e-12)
+    np.testing.assert_allclose(offset, start[2], atol=1e-12)
+    assert depth == pytest.approx(start[1] - 30 * o.decision_period * o.insertion_speed, rel=1e-6)
+
+
+def test_a_light_push_does_not_end_the_patience():
     o = person(patience=0.02)
     dut, context = operator(o, wrench=[0, 0, 0, 0, 0, 0.99 * HINDERED_SHARE * o.comfortable_force])
     update(dut, context, period=o.decision_period, times=50)
     assert hand(dut, context)[1] > -HEIGHT
 
 
-def test_tremor_is_a_sine_of_its_amplitude_and_frequency():
+def test_tremor_is_a_sine_with_its_amplitude_and_frequency():
     o = person(tremor=2e-5, tremor_angle=3e-4, tremor_frequency=9.0)
     dut, context = operator(o)
     times = np.linspace(0.0, 2.0 / o.tremor_frequency, 201)
@@ -246,17 +263,17 @@ def test_tremor_is_a_sine_of_its_amplitude_and_frequency():
         offsets.append(offset)
     waves = [(column, 3e-4) for column in np.transpose(tilts)] + [(column, 2e-5) for column in np.transpose(offsets)]
     for wave, amplitude in [(depths, 2e-5), *waves]:
-        # Least squares on sine and cosine of the frequency leaves nothing.
+        # A sine and a cosine of this frequency fit the wave exactly.
         basis = np.column_stack([f(2 * math.pi * 9.0 * times) for f in (np.sin, np.cos)])
         coefficients, *_ = np.linalg.lstsq(basis, wave, rcond=None)
         np.testing.assert_allclose(basis @ coefficients, wave, atol=1e-3 * amplitude)
         assert np.hypot(*coefficients) == pytest.approx(amplitude, rel=1e-3)
 
 
-# ------------------------------------------------------------------- seeds
+# seeds
 
 
-def wander(seed, *, n=40, **changes):
+def noisy_motion(seed, *, n=40, **changes):
     o = OperatorParameters(sight_bias=[0.0, 0.0], offset_bias=[0.0, 0.0], **changes)
     dut, context = operator(o, tilt=[0.03, 0.0], seed=seed)
     trace = []
@@ -266,20 +283,22 @@ def wander(seed, *, n=40, **changes):
     return np.array(trace)
 
 
-def test_the_same_seed_moves_the_hand_the_same_way_and_another_does_not():
-    np.testing.assert_array_equal(wander(5), wander(5))
-    assert not np.array_equal(wander(5), wander(6))
+def test_equal_seeds_give_equal_motions_and_different_seeds_do_not():
+    np.testing.assert_array_equal(noisy_motion(5), noisy_motion(5))
+    assert not np.array_equal(noisy_motion(5), noisy_motion(6))
 
 
-def test_the_seed_reaches_both_the_sight_and_the_tremor():
-    assert not np.array_equal(wander(5, tremor=0.0, tremor_angle=0.0), wander(6, tremor=0.0, tremor_angle=0.0))
+def test_the_seed_affects_both_the_sight_and_the_tremor():
+    assert not np.array_equal(
+        noisy_motion(5, tremor=0.0, tremor_angle=0.0), noisy_motion(6, tremor=0.0, tremor_angle=0.0)
+    )
     blind = {"sight_noise": 0.0, "offset_noise": 0.0}
-    assert not np.array_equal(wander(5, **blind), wander(6, **blind))
+    assert not np.array_equal(noisy_motion(5, **blind), noisy_motion(6, **blind))
     calm = {**blind, "tremor": 0.0, "tremor_angle": 0.0, "correction_period": 0.02, "correction_time": 0.02}
-    np.testing.assert_array_equal(wander(5, **calm), wander(6, **calm))
+    np.testing.assert_array_equal(noisy_motion(5, **calm), noisy_motion(6, **calm))
 
 
-def test_the_noise_of_sight_has_its_sigma():
+def test_the_noise_of_the_sight_has_its_standard_deviation():
     sigmas = {"sight_noise": 0.002, "offset_noise": 0.0003}
     o = person(**sigmas, align_gain=1.0, align_rate=100.0, correction_period=0.02, correction_time=0.02)
     dut, context = operator(o)
@@ -295,10 +314,10 @@ def test_the_noise_of_sight_has_its_sigma():
     np.testing.assert_allclose(seen.std(axis=0), sigma, rtol=5 / math.sqrt(2 * len(seen)))
 
 
-# ------------------------------------------------------------------- people
+# people
 
 
-def test_a_person_is_the_same_in_whatever_they_do_and_another_is_not():
+def test_a_person_is_the_same_for_every_seed_and_differs_from_other_persons():
     def drawn(seed, person):
         return resolve_scenario(Scenario(), seed=seed, stream=DEMONSTRATION_STREAM, person=person)
 
@@ -309,7 +328,7 @@ def test_a_person_is_the_same_in_whatever_they_do_and_another_is_not():
         assert getattr(first, name) != getattr(second, name), name
 
 
-def test_people_keep_within_what_people_do():
+def test_the_drawn_parameters_have_their_distributions():
     people = [draw_person(OperatorParameters(), np.random.default_rng(k)) for k in range(200)]
     frequencies = [p.tremor_frequency for p in people]
     assert 8.0 <= min(frequencies) < 8.2
@@ -321,8 +340,12 @@ def test_people_keep_within_what_people_do():
     )
 
 
-def test_a_habit_keeps_the_person():
-    """A bad example is shown by somebody who can also show a good one."""
+def test_a_habit_does_not_change_the_other_parameters_of_a_person():
     good, bad = (draw_person(OperatorParameters(habit=h), np.random.default_rng(3)) for h in ("expert", "slams"))
     assert bad.sight_bias == good.sight_bias
     assert bad.insertion_speed == pytest.approx(3.0 * good.insertion_speed)
+
+
+def test_the_state_is_recovered_from_its_list():
+    values = np.arange(1.0, 18.0)
+    assert HandState.from_vector(values).as_list() == values.tolist()

@@ -1,4 +1,4 @@
-"""The SpaceMouse, from its raw reports on: the real package, over a device that answers as one plugged in would."""
+"""Tests the SpaceMouse with the real package and a simulated HID device that sends raw reports."""
 
 import struct
 from types import SimpleNamespace
@@ -13,17 +13,17 @@ from systems.operators.meshcat_operator import R_HV
 from systems.operators.space_mouse import SPEED, TURN_RATE, SpaceMouse
 
 pyspacemouse = pytest.importorskip("pyspacemouse", reason="needs the extra 'teleop'")
-FULL = 350  # counts at full deflection, of every model
+FULL = 350  # counts at full deflection, the same for every model
 
 
 class Receiver:
-    """Stands where the operating system's HID device does; reports as a SpaceNavigator does."""
+    """Replaces the HID device of the operating system; sends the reports of a SpaceNavigator."""
 
     vendor_id, product_id = 0x046D, 0xC626
     product_string, manufacturer_string, serial_number, release_number = "SpaceNavigator", "3Dconnexion", "", 1
 
     def __init__(self):
-        self.reports, self.plugged, self.is_open = [], True, False
+        self.reports, self.connected, self.is_open = [], True, False
 
     def open(self):
         self.is_open = True
@@ -31,11 +31,11 @@ class Receiver:
     def close(self):
         self.is_open = False
 
-    def set_nonblocking(self, wanted):
-        assert wanted
+    def set_nonblocking(self, nonblocking):
+        assert nonblocking
 
     def read(self, size):
-        if not self.plugged:
+        if not self.connected:
             from easyhid import HIDException
 
             raise HIDException("Failed to read from HID device: -1")
@@ -44,21 +44,21 @@ class Receiver:
 
 @pytest.fixture
 def receiver(monkeypatch):
-    """Plugged in, and a clock that goes on by a hundredth of a second at every look."""
-    plugged = Receiver()
-    monkeypatch.setattr("pyspacemouse.api.Enumeration", lambda: SimpleNamespace(find=lambda: [plugged]))
+    """A connected device, and a clock that advances by 0.01 s at every reading."""
+    device = Receiver()
+    monkeypatch.setattr("pyspacemouse.api.Enumeration", lambda: SimpleNamespace(find=lambda: [device]))
     ticks = iter(np.arange(0.0, 10.0, 0.01))
     monkeypatch.setattr(systems.operators.space_mouse, "time", SimpleNamespace(monotonic=lambda: next(ticks)))
-    return plugged
+    return device
 
 
 def report(channel, x, y, z):
-    """Channel 1 moves, channel 2 turns; in HID's own axes, x to the right, y toward the person, z down."""
+    """A report of translation (channel 1) or rotation (channel 2) in HID axes: x right, y to the person, z down."""
     return struct.pack("<Bhhh", channel, x, y, z)
 
 
 def lean(X: RigidTransform):
-    """Where the axis of the peg points, as the person before the cut sees it: right, away, up."""
+    """Direction of the peg's axis in the frame of the person: right, away, up."""
     return R_HV.inverse() @ X.rotation().col(2)
 
 
@@ -66,11 +66,11 @@ def lean(X: RigidTransform):
     ("counts", "direction"),
     [((FULL, 0, 0), (1, 0, 0)), ((0, FULL, 0), (0, -1, 0)), ((0, 0, FULL), (0, 0, -1)), ((10, -10, 10), (0, 0, 0))],
 )
-def test_a_push_moves_the_hand_the_way_the_person_pushes(receiver, counts, direction):
+def test_a_push_moves_the_hand_in_its_direction(receiver, counts, direction):
     dut = SpaceMouse()
     receiver.reports = [report(1, *counts)]
     for _ in range(5):
-        X = dut.read_pose()  # the deflection holds until another is reported
+        X = dut.read_pose()  # the deflection lasts until the next report
     np.testing.assert_allclose(R_HV.inverse() @ X.translation(), 0.05 * SPEED * np.array(direction), atol=1e-12)
     np.testing.assert_allclose(rotation_vector(X.rotation()), 0.0, atol=1e-12)
     receiver.reports = [report(1, 0, 0, 0)]
@@ -81,8 +81,8 @@ def test_a_push_moves_the_hand_the_way_the_person_pushes(receiver, counts, direc
     ("counts", "direction"),
     [((FULL, 0, 0), (0, -1)), ((-FULL, 0, 0), (0, 1)), ((0, FULL, 0), (-1, 0)), ((0, 0, FULL), (0, 0))],
 )
-def test_a_tilt_leans_the_peg_the_way_the_person_tilts(receiver, counts, direction):
-    """About HID's x, to the right, by the right hand's rule in x right, y toward the person, z down."""
+def test_a_tilt_leans_the_peg_in_its_direction(receiver, counts, direction):
+    """Rotations are right-handed about the HID axes: x right, y towards the person, z down."""
     dut = SpaceMouse()
     receiver.reports = [report(2, *counts)]
     for _ in range(5):
@@ -90,24 +90,24 @@ def test_a_tilt_leans_the_peg_the_way_the_person_tilts(receiver, counts, directi
     np.testing.assert_allclose(lean(X)[:2], np.sin(0.05 * TURN_RATE) * np.array(direction), atol=1e-12)
 
 
-def test_a_long_silence_is_not_made_up_for(receiver, monkeypatch):
+def test_a_long_time_between_readings_is_not_integrated(receiver, monkeypatch):
     dut = SpaceMouse()
     receiver.reports = [report(1, FULL, 0, 0)]
     monkeypatch.setattr(systems.operators.space_mouse, "time", SimpleNamespace(monotonic=lambda: 100.0))
     np.testing.assert_allclose(np.linalg.norm(dut.read_pose().translation()), 0.1 * SPEED)
 
 
-def test_one_that_is_unplugged_is_a_device_that_is_gone(receiver):
+def test_a_disconnected_spacemouse_raises_an_oserror(receiver):
     dut = SpaceMouse()
     dut.read_pose()
-    receiver.plugged = False
-    with pytest.raises(OSError, match="the SpaceMouse is gone"):
+    receiver.connected = False
+    with pytest.raises(OSError, match="the SpaceMouse is disconnected"):
         dut.read_pose()
     dut.close()
     assert not receiver.is_open
 
 
-def test_none_is_said_to_be_missing(monkeypatch):
+def test_a_missing_spacemouse_raises_an_oserror(monkeypatch):
     monkeypatch.setattr("pyspacemouse.api.Enumeration", lambda: SimpleNamespace(find=list))
     with pytest.raises(OSError, match="no SpaceMouse found"):
         SpaceMouse()

@@ -6,7 +6,7 @@ from pydrake.multibody.tree import BodyIndex
 from systems.plant.body_pose import BodyPose
 
 
-def test_it_picks_the_body_asked_for():
+def test_the_output_is_the_pose_of_the_selected_body():
     poses = [RigidTransform([float(k), 2.0 * k, -1.0 * k]) for k in range(4)]
     dut = BodyPose(BodyIndex(2))
     context = dut.CreateDefaultContext()

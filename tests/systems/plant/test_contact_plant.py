@@ -12,7 +12,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.math.rotation import from_rotation_vector
-from systems.plant.contact_plant import STEEL, AddRigPlant, AddVirtualPlant
+from systems.plant.contact_plant import MOUNT_MASS, STEEL, AddRigPlant, AddVirtualPlant
 
 G = 9.81
 
@@ -28,9 +28,9 @@ def scenario(quick_scenario):
 
 
 class Bench:
-    """The rig's plant alone, with a constant push on the carriage, torques on the gimbal, and the sensor."""
+    """The rig's plant with constant loads: on the carriage (N), gimbal (N m) and mount (N), and with the sensor."""
 
-    def __init__(self, scenario, *, push=0.0, torques=(0.0, 0.0)):
+    def __init__(self, scenario, *, push=0.0, torques=(0.0, 0.0), lateral=(0.0, 0.0)):
         builder = DiagramBuilder()
         self.contact = AddRigPlant(builder, scenario)
         self.scenario, self.plant = scenario, self.contact.plant
@@ -50,10 +50,10 @@ class Bench:
         rest = builder.AddSystem(ConstantVectorSource(np.zeros(4)))
         builder.Connect(rest.get_output_port(), plant.get_desired_state_input_port(gimbal))
         applied = np.zeros(plant.num_velocities())
-        for name, torque in zip(("pitch", "yaw"), torques, strict=True):
-            applied[plant.GetJointByName(name).velocity_start()] = torque
-        load = builder.AddSystem(ConstantVectorSource(applied))
-        builder.Connect(load.get_output_port(), plant.get_applied_generalized_force_input_port())
+        for name, load in zip(("pitch", "yaw", "mount_x", "mount_y"), (*torques, *lateral), strict=True):
+            applied[plant.GetJointByName(name).velocity_start()] = load
+        loads = builder.AddSystem(ConstantVectorSource(applied))
+        builder.Connect(loads.get_output_port(), plant.get_applied_generalized_force_input_port())
         builder.Connect(plant.get_reaction_forces_output_port(), self.sensor.GetInputPort("reaction_forces"))
         self.simulator = Simulator(builder.Build())
 
@@ -70,13 +70,13 @@ class Bench:
 
     @property
     def hanging(self):
-        """Weight of all that hangs on the screw, N."""
+        """Weight of all bodies that the screw carries, N."""
         instances = [self.plant.GetModelInstanceByName(name) for name in ("feed", "mount")]
         bodies = [self.plant.get_body(b) for i in instances for b in self.plant.GetBodyIndices(i)]
         return G * sum(body.default_mass() for body in bodies)
 
 
-# --------------------------------------------------------------------- rig
+# rig
 
 
 def test_the_peg_is_a_steel_cylinder(scenario):
@@ -86,17 +86,18 @@ def test_the_peg_is_a_steel_cylinder(scenario):
     assert bench.plant.GetBodyByName("peg").default_mass() == pytest.approx(mass)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", [5.0, 20.0])
-def test_a_peg_pressed_on_the_floor_of_the_hole_reads_the_force_it_is_pressed_with(scenario, load):
+def test_the_sensor_measures_the_force_that_presses_the_peg_on_the_floor(scenario, load):
     bench = Bench(scenario)
-    bench = Bench(scenario, push=bench.hanging - load)  # what the screw does not carry rests on the floor
+    bench = Bench(scenario, push=bench.hanging - load)  # the floor carries the rest
     own = bench.settle(tip_z=-scenario.geometry.hole_depth + 2e-5, seconds=0.5)
     wrench = bench.wrench()
     assert wrench[2] == pytest.approx(load, rel=1e-3)
     np.testing.assert_allclose(wrench[[0, 1, 3, 4, 5]], 0.0, atol=2e-3 * load)
     speed = bench.plant.GetJointByName("feed").get_translation_rate(own)
     assert abs(speed) < 1e-4
-    # And by the contact itself: strict hydroelastic, no contact of points.
+    # Drake reports the same force, as one hydroelastic contact.
     results = bench.plant.get_contact_results_output_port().Eval(own)
     assert results.num_point_pair_contacts() == 0
     assert results.num_hydroelastic_contacts() == 1
@@ -104,7 +105,7 @@ def test_a_peg_pressed_on_the_floor_of_the_hole_reads_the_force_it_is_pressed_wi
     assert abs(info.F_Ac_W().translational()[2]) == pytest.approx(load, rel=1e-3)
 
 
-def test_a_peg_in_free_air_reads_nothing(scenario):
+def test_the_sensor_measures_nothing_without_contact(scenario):
     bench = Bench(scenario)
     bench = Bench(scenario, push=bench.hanging)
     own = bench.settle(tip_z=0.005, seconds=0.2)
@@ -114,6 +115,7 @@ def test_a_peg_in_free_air_reads_nothing(scenario):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("axis", "name"), [(0, "pitch"), (1, "yaw")])
 @pytest.mark.parametrize("torque", [-0.8, 0.5])
 def test_a_torque_deflects_a_stepper_by_torque_over_stiffness(scenario, axis, name, torque):
@@ -124,7 +126,7 @@ def test_a_torque_deflects_a_stepper_by_torque_over_stiffness(scenario, axis, na
     own = bench.settle(tip_z=0.02, seconds=0.6)
     angle = bench.plant.GetJointByName(name).get_angle(own)
     plant = bench.plant
-    # The block's weight acts below the axes: it holds the gimbal back like a pendulum.
+    # The weight of the block acts below the axes, like a pendulum.
     bodies = [plant.GetBodyByName(n) for n in ("block", "pitch_ring", "yaw_ring")]
     pivot = np.array([0.0, 0.0, scenario.rig.pivot_height])
     moment = sum(
@@ -138,7 +140,7 @@ def test_a_torque_deflects_a_stepper_by_torque_over_stiffness(scenario, axis, na
     assert abs(angle) > 0.5 * abs(torque) / scenario.stepper.stiffness
 
 
-def test_an_overloaded_stepper_gives_its_holding_torque_and_no_more(scenario):
+def test_the_torque_of_an_overloaded_stepper_is_its_holding_torque(scenario):
     torque = 1.5 * scenario.stepper.holding_torque
     bench = Bench(scenario)
     bench = Bench(scenario, push=bench.hanging, torques=[torque, 0.0])
@@ -148,11 +150,55 @@ def test_an_overloaded_stepper_gives_its_holding_torque_and_no_more(scenario):
     assert abs(net[0]) == pytest.approx(scenario.stepper.holding_torque, rel=1e-6)
 
 
-def test_a_peg_pressed_on_the_wall_reads_the_moment_that_presses_it(scenario):
-    """The gimbal presses the wall of the hole on the upright peg; what the motor does not take, the contact takes."""
+@pytest.mark.parametrize(("axis", "name"), [(0, "mount_x"), (1, "mount_y")])
+@pytest.mark.parametrize("force", [-30.0, 100.0])
+def test_a_lateral_force_deflects_the_mount_by_5_micrometres_per_newton(scenario, axis, name, force):
+    """The default mount has 200 N/mm."""
+    lateral = [0.0, 0.0]
+    lateral[axis] = force
+    bench = Bench(scenario)
+    bench = Bench(scenario, push=bench.hanging, lateral=lateral)
+    own = bench.settle(tip_z=0.02, seconds=0.3)
+    assert bench.plant.GetJointByName(name).get_translation(own) == pytest.approx(5e-6 * force, rel=1e-3)
+    assert bench.contact.peg.EvalPoseInWorld(own).translation()[axis] == pytest.approx(5e-6 * force, rel=1e-3)
+
+
+def test_a_released_mount_vibrates_at_its_frequency_and_decays_with_its_damping(scenario):
+    """m x'' + B x' + K x = 0 with m the slide and the peg: exp(-B t/2m) (cos w_d t + B/(2 m w_d) sin w_d t)."""
+    scenario.contact.time_step = 1e-5
+    bench = Bench(scenario)
+    bench = Bench(scenario, push=bench.hanging)
+    plant = bench.plant
+    own = plant.GetMyMutableContextFromRoot(bench.simulator.get_mutable_context())
+    plant.GetJointByName("mount_y").set_translation(own, 1e-4)
+    mass = MOUNT_MASS + plant.GetBodyByName("peg").default_mass()
+    decay = 100.0 / (2.0 * mass)  # in units of 1/s; the default damping is 100 N s/m
+    w = math.sqrt(2.0e5 / mass - decay**2)
+    for t in np.arange(1, 9) * 0.5e-3:
+        bench.settle(tip_z=0.05, seconds=t)
+        expected = 1e-4 * math.exp(-decay * t) * (math.cos(w * t) + decay / w * math.sin(w * t))
+        assert plant.GetJointByName("mount_y").get_translation(own) == pytest.approx(expected, abs=2e-6)
+
+
+def test_a_coasting_carriage_slows_down_by_its_viscous_friction(scenario):
+    """(m + I N^2) v' = -b v: with b = 5 N s/m and 2.58 kg, the speed falls to 1/e in 0.52 s."""
+    bench = Bench(scenario)
+    bench = Bench(scenario, push=bench.hanging)
+    plant = bench.plant
+    own = plant.GetMyMutableContextFromRoot(bench.simulator.get_mutable_context())
+    joint = plant.GetJointByName("feed")
+    joint.set_translation_rate(own, 0.05)
+    bench.settle(tip_z=0.02, seconds=0.5)
+    inertia = bench.hanging / G + scenario.feed.rotor_inertia * scenario.feed.ratio**2
+    assert inertia == pytest.approx(2.58, abs=0.01)
+    assert joint.get_translation_rate(own) == pytest.approx(0.05 * math.exp(-5.0 * 0.5 / inertia), rel=5e-3)
+
+
+def test_the_sensor_measures_the_moment_that_presses_the_wall_on_the_peg(scenario):
+    """The gimbal presses the wall of the hole on the upright peg; motor and contact share the applied torque."""
     scenario.geometry.hole_depth, scenario.geometry.peg_length = 0.040, 0.070
-    scenario.stepper.holding_torque = 20.0  # it is not to slip
-    scenario.rig.mount_stiffness = 1e7  # nor is the peg to yield
+    scenario.stepper.holding_torque = 20.0  # so that it does not slip
+    scenario.rig.mount_stiffness = 1e7  # so that the peg does not yield
     depth, stiffness = 0.036, scenario.stepper.stiffness
     pressing = 3.0
     g = scenario.geometry
@@ -172,24 +218,24 @@ def test_a_peg_pressed_on_the_wall_reads_the_moment_that_presses_it(scenario):
     weight = np.cross(centre, [0.0, 0.0, -G * block.default_mass()])[0]
     assert about_pivot[0] == pytest.approx(torque + motor + weight, rel=0.01)
     assert about_pivot[0] > 0.1 * pressing
-    # The lower end of the hole turns towards +y, and pushes the peg that way.
+    # The lower end of the hole moves towards +y and pushes the peg in this direction.
     assert wrench[1] > 0.5 * about_pivot[0] / depth
 
 
-def test_the_pivot_may_lie_below_the_mouth(scenario):
+def test_the_gimbal_turns_the_hole_about_a_pivot_below_the_mouth(scenario):
     scenario.rig.pivot_height = -0.010
     bench = Bench(scenario)
     plant = bench.plant
     own = plant.GetMyMutableContextFromRoot(bench.simulator.get_mutable_context())
     plant.GetJointByName("pitch").set_angle(own, 0.1)
     X_WH = plant.EvalBodyPoseInWorld(own, bench.contact.block)
-    # The mouth's centre goes round a circle of 10 mm about x.
+    # The centre of the mouth moves on a circle of 10 mm about x.
     np.testing.assert_allclose(
         X_WH.translation(), [0.0, -0.010 * math.sin(0.1), -0.010 + 0.010 * math.cos(0.1)], atol=1e-12
     )
 
 
-def test_a_tilted_rig_is_a_tilted_peg_seen_from_the_hole(scenario):
+def test_turning_the_gimbal_tilts_the_peg_in_the_frame_of_the_hole(scenario):
     bench = Bench(scenario)
     plant = bench.plant
     own = plant.GetMyMutableContextFromRoot(bench.simulator.get_mutable_context())
@@ -201,7 +247,7 @@ def test_a_tilted_rig_is_a_tilted_peg_seen_from_the_hole(scenario):
     np.testing.assert_allclose(axis[:2], [-0.02, -0.03], atol=1e-4)
 
 
-# ----------------------------------------------------------------- virtual
+# virtual environment
 
 
 def virtual(scenario):
@@ -213,7 +259,7 @@ def virtual(scenario):
     return contact, simulator, own
 
 
-def test_a_virtual_peg_left_alone_stays_where_it_is(scenario):
+def test_a_virtual_peg_without_forces_does_not_move(scenario):
     contact, simulator, own = virtual(scenario)
     X = RigidTransform(from_rotation_vector(np.array([0.1, 0.2, 0.3])), [0.01, 0.02, 0.05])
     contact.plant.SetFreeBodyPose(own, contact.peg, X)
@@ -221,7 +267,7 @@ def test_a_virtual_peg_left_alone_stays_where_it_is(scenario):
     np.testing.assert_allclose(contact.peg.EvalPoseInWorld(own).GetAsMatrix34(), X.GetAsMatrix34(), atol=1e-12)
 
 
-def test_a_virtual_peg_has_the_couplings_mass_and_inertia_about_its_tip(scenario):
+def test_a_virtual_peg_has_the_mass_and_inertia_of_the_coupling(scenario):
     contact, _, own = virtual(scenario)
     inertia = contact.peg.CalcSpatialInertiaInBodyFrame(own)
     assert inertia.get_mass() == pytest.approx(scenario.coupling.peg_mass)
@@ -231,7 +277,7 @@ def test_a_virtual_peg_has_the_couplings_mass_and_inertia_about_its_tip(scenario
     )
 
 
-def test_a_push_at_the_tip_of_a_virtual_peg_does_not_turn_it(scenario):
+def test_a_force_at_the_tip_of_a_virtual_peg_does_not_turn_it(scenario):
     contact, simulator, own = virtual(scenario)
     contact.plant.SetFreeBodyPose(own, contact.peg, RigidTransform([0.0, 0.0, 0.05]))
     contact.plant.SetVelocities(own, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.1]))
@@ -251,14 +297,14 @@ def test_a_push_at_the_tip_of_a_virtual_peg_does_not_turn_it(scenario):
 
 
 @pytest.mark.parametrize("add", [AddVirtualPlant, AddRigPlant])
-def test_contact_is_strictly_hydroelastic(add, scenario):
+def test_the_contact_model_is_strictly_hydroelastic(add, scenario):
     contact = add(DiagramBuilder(), scenario)
     assert contact.plant.get_contact_model() == ContactModel.kHydroelastic
     assert contact.plant.time_step() == scenario.contact.time_step
 
 
 @pytest.mark.parametrize("add", [AddVirtualPlant, AddRigPlant])
-def test_peg_and_bore_are_made_of_as_many_facets_as_the_scenario_says(add, scenario):
+def test_peg_and_bore_have_the_facets_and_the_material_of_the_scenario(add, scenario):
     contact = add(DiagramBuilder(), scenario)
     g = scenario.geometry
     inspector = contact.scene_graph.model_inspector()

@@ -1,4 +1,4 @@
-"""What holds for the channels of every scenario: deterministic, finite, alive, unaliased, really randomised."""
+"""Properties of the recorded channels, in every scenario."""
 
 import numpy as np
 import pytest
@@ -13,8 +13,8 @@ NAMES = sorted(path.stem for path in SCENARIO_FOLDER.glob("*.yaml"))
 CONSTANT = {"free": set(), "rig": set(), "axial": {"ax", "ay", "az"}}
 
 
-def shown(name, seed):
-    """A quarter of a second that begins at the mouth, so that there is contact."""
+def short_scenario(name, seed):
+    """Returns a resolved scenario of 0.3 s that starts at the mouth, so that there is contact."""
     scenario = load_scenario(name)
     scenario.start.height = 1e-4
     scenario.recorder.time_limit = 0.3
@@ -25,29 +25,29 @@ def shown(name, seed):
 
 @pytest.fixture(scope="module", params=NAMES)
 def runs(request):
-    """The same seed twice, and another."""
-    scenarios = [shown(request.param, seed) for seed in (3, 3, 4)]
+    """Runs of the same seed twice, and of another seed."""
+    scenarios = [short_scenario(request.param, seed) for seed in (3, 3, 4)]
     return scenarios, [run_demonstration(s) for s in scenarios]
 
 
-def test_the_same_seed_gives_the_same_numbers_and_another_others(runs):
+def test_the_same_seed_gives_the_same_samples_and_another_seed_different_ones(runs):
     _, (first, again, other) = runs
     np.testing.assert_array_equal(first.samples.to_numpy(), again.samples.to_numpy())
     assert not np.array_equal(first.samples.to_numpy(), other.samples.to_numpy())
 
 
-def test_every_channel_is_finite_named_and_alive(runs):
+def test_every_channel_is_finite_named_and_not_constant(runs):
     scenarios, demonstrations = runs
     samples = demonstrations[0].samples
     assert tuple(samples.columns) == COLUMNS
     validate_samples(samples, "demonstration")
     assert np.isfinite(samples.to_numpy()).all()
     assert np.linalg.norm(samples[["fx", "fy", "fz"]], axis=1).max() > 0.1  # there is contact
-    dead = {c for c in COLUMNS if samples[c].nunique() < 3}
-    assert dead <= CONSTANT[scenarios[0].fixture]
+    constant = {c for c in COLUMNS if samples[c].nunique() < 3}
+    assert constant <= CONSTANT[scenarios[0].fixture]
 
 
-def test_what_is_returned_is_not_shared(runs):
+def test_returned_samples_share_no_memory(runs):
     _, (first, again, _) = runs
     assert not np.shares_memory(first.samples.to_numpy(), again.samples.to_numpy())
     columns = [first.samples[c].to_numpy() for c in COLUMNS]
@@ -57,7 +57,7 @@ def test_what_is_returned_is_not_shared(runs):
     again.samples.iloc[0, 1] -= 1.0
 
 
-def test_the_first_sample_is_the_start_that_was_drawn(runs):
+def test_the_first_sample_is_the_start_of_the_scenario(runs):
     scenarios, demonstrations = runs
     for scenario, demonstration in zip(scenarios, demonstrations, strict=True):
         row = demonstration.samples.iloc[0]
@@ -71,7 +71,7 @@ def test_the_first_sample_is_the_start_that_was_drawn(runs):
     assert starts[0] != starts[2] or starts[0] == given
 
 
-def test_the_turn_of_a_sample_is_that_between_its_neighbours(runs):
+def test_dangle_is_the_angle_from_the_previous_sample(runs):
     samples = runs[1][0].samples
     R = Rotation.from_rotvec(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
     np.testing.assert_allclose(samples["dangle"][1:], (R[:-1].inv() * R[1:]).magnitude(), atol=1e-9)

@@ -28,7 +28,7 @@ def named(row):
     return dict(zip(NAMES, row, strict=True))
 
 
-def test_a_row_worked_by_hand():
+def test_a_row_computed_by_hand():
     # The peg is turned by 90 degrees about z: its x axis points along y of the hole.
     row = named(
         demonstration_sample(
@@ -50,7 +50,7 @@ def test_a_row_worked_by_hand():
     np.testing.assert_allclose([row[f"r{c}"] for c in "xyz"], [0.0, 0.0, 0.01], atol=1e-12)
 
 
-def test_a_general_row_against_scipy():
+def test_a_general_row_agrees_with_scipy():
     rng = np.random.default_rng(2)
     R_HP, R_old, R_HD, R_HD_old = (Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)) for _ in range(4))
     p_HP, p_HD, p_HD_old, torque, force = rng.uniform(-1, 1, (5, 3))
@@ -75,7 +75,7 @@ def test_a_general_row_against_scipy():
     np.testing.assert_allclose(row, expected, atol=1e-9)
 
 
-def test_an_upright_peg_has_the_z_axis_and_no_angle():
+def test_an_upright_peg_has_the_z_axis_and_angle_zero():
     still = pose([0, 0, 0], [0, 0, 0])
     row = named(
         demonstration_sample(
@@ -85,7 +85,7 @@ def test_an_upright_peg_has_the_z_axis_and_no_angle():
     assert (row["ax"], row["ay"], row["az"], row["angle"], row["dangle"]) == (0.0, 0.0, 1.0, 0.0, 0.0)
 
 
-def test_the_first_row_is_a_motion_from_the_start():
+def test_the_first_row_is_the_motion_since_the_start():
     start = pose([0.05, 0.0, 0.0], [0.0, 0.0, 0.003])
     dut = DemonstrationRecorder(period=PERIOD, X_HP_start=start)
     moved = pose([0.05, 0.0, 0.0], [0.0, 0.0, 0.002])
@@ -97,7 +97,7 @@ def test_the_first_row_is_a_motion_from_the_start():
     assert row["dangle"] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_it_remembers_the_last_sample():
+def test_each_row_is_the_motion_since_the_previous_sample():
     dut = DemonstrationRecorder(period=PERIOD, X_HP_start=RigidTransform())
     poses = [pose([0.01 * k, 0, 0], [0, 0.001 * k**2, 0]) for k in range(4)]
     context = fixed_context(dut, peg_state=peg_state(poses[0]), contact_wrench=np.zeros(6), probe_pose=poses[0])
@@ -112,7 +112,7 @@ def test_it_remembers_the_last_sample():
 
 
 class Hand(LeafSystem):
-    """A probe and a peg that turn steadily about x and go down, the probe ahead."""
+    """A probe and a peg that turn about x and move down at constant speed, the probe 50 ms ahead."""
 
     SPEED, RATE = -0.02, 0.3
 
@@ -126,7 +126,7 @@ class Hand(LeafSystem):
         return pose([self.RATE * time, 0, 0], [0, 0, self.SPEED * time])
 
 
-def test_the_log_of_a_simulation_holds_one_row_a_period_with_the_motion_between():
+def test_the_log_of_a_simulation_holds_one_row_per_period_with_the_motion_since_the_last():
     builder = DiagramBuilder()
     hand = builder.AddSystem(Hand())
     dut, log = DemonstrationRecorder.AddToBuilder(builder=builder, period=PERIOD, X_HP_start=hand.at(0.0))
@@ -146,5 +146,5 @@ def test_the_log_of_a_simulation_holds_one_row_a_period_with_the_motion_between(
     np.testing.assert_allclose(samples["z"], Hand.SPEED * (samples["time"] - 0.05), atol=1e-12)
     np.testing.assert_allclose(samples["mx"], 0.0, atol=1e-12)
     np.testing.assert_allclose(samples["fx"], 3 * samples["time"], atol=1e-12)
-    # The first row has no sample before it: nothing has moved since the start.
+    # The first row has no previous sample, so its motion is zero.
     assert (samples.iloc[0][["ux", "uy", "uz", "rx", "ry", "rz"]] == 0).all()

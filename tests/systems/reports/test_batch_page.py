@@ -10,7 +10,6 @@ from scripts.run_rig import write_report
 from skill.data.outcome import Outcome
 from skill.data.rig_run import write_rig_run
 from systems.reports.batch_page import batch_report, worst_trial
-from systems.reports.histogram import bin_edges, histogram, nice_step
 from systems.runs.trial_result import TrialResult
 from tests.browser import blankness, open_page
 from tests.trajectories import STATE_NAMES, make_rig_run
@@ -45,69 +44,58 @@ def make_results(n=12):
 
 
 def page_of(results, **changes):
-    about = {"title": "t", "state_names": STATE_NAMES, "replay": "r.html", "made_by": {}, "scenario": "seed: 0\n"}
-    return batch_report(results, **{**about, **changes})
+    arguments = {"title": "t", "state_names": STATE_NAMES, "replay": "r.html", "made_by": {}, "scenario": "seed: 0\n"}
+    return batch_report(results, **{**arguments, **changes})
 
 
 # ------------------------------------------------------------------ worst trial
 
 
-def test_the_worst_is_the_shallowest_that_failed():
+def test_worst_trial_is_the_shallowest_failure():
     deeper = replace(PLAIN, seed=1, outcome=Outcome.TIME_OVER, depth=0.020, peak_lateral_force=99.0)
     shallower = replace(PLAIN, seed=2, outcome=Outcome.TIME_OVER, depth=0.003, peak_lateral_force=1.0)
     assert worst_trial([PLAIN, deeper, shallower]) is shallower
 
 
-def test_where_all_inserted_the_worst_pushed_hardest_across():
+def test_worst_trial_of_insertions_has_the_largest_lateral_force():
     hard = replace(PLAIN, seed=1, peak_lateral_force=40.0)
-    long_ = replace(PLAIN, seed=2, time=9.0, peak_axial_force=90.0)
-    assert worst_trial([PLAIN, hard, long_]) is hard
-
-
-# -------------------------------------------------------------------- histogram
-
-
-@pytest.mark.parametrize(
-    ("span", "maximum", "step"), [(10, 10, 1), (10.1, 10, 2), (0.3, 10, 0.05), (45, 10, 5), (0, 5, 0.2)]
-)
-def test_steps_are_round_and_no_more_than_asked(span, maximum, step):
-    assert nice_step(span, maximum) == pytest.approx(step)
-
-
-@pytest.mark.parametrize("values", [[0.0], [0.0, 0.0], [1.0, 10.0], [2.999, 3.0], list(range(100))])
-def test_every_value_lies_in_a_bin(values):
-    edges = bin_edges(np.array(values, dtype=float))
-    assert edges[0] == 0
-    assert edges[-1] > max(values)
-    assert len(edges) <= 30
-
-
-def test_bars_are_as_high_as_their_counts():
-    """Three of five in the first bin, one of them not good; the tallest bar fills the height."""
-    drawn = histogram(np.array([0.1, 0.1, 0.1, 9.9, 9.9]), np.array([True, True, False, True, True]), unit="s")
-    bars = re.findall(r'<rect [^>]*height="([\d.]+)" fill="(#\w+)"', drawn)
-    heights = {colour: [float(h) for h, c in bars if c == colour] for _, colour in bars}
-    unit = heights["#c1121f"][0]
-    assert heights["#0072b2"] == pytest.approx([2 * unit, 2 * unit], rel=0.01)
-    assert ">0.1 s<" in drawn  # the median
+    slow = replace(PLAIN, seed=2, time=9.0, peak_axial_force=90.0)
+    assert worst_trial([PLAIN, hard, slow]) is hard
 
 
 # ------------------------------------------------------------------------- page
 
 
-def test_the_summary_counts_and_gives_wilsons_interval():
+def test_summary_gives_counts_and_the_wilson_interval():
     page = page_of(make_results(10))
     assert "9 of 10" in page
-    assert "59.6 to 98.2 %" in page  # of 9 in 10, Wilson 1927
+    assert "59.6 to 98.2 %" in page  # for 9 of 10, Wilson 1927
     assert "back-offs, in 1 of the trials" in page
 
 
-def test_what_is_named_oddly_is_shown_and_not_obeyed():
+def test_text_that_looks_like_html_is_shown_as_text():
     odd = replace(PLAIN, outcome=Outcome.DIVERGED, detail='<b>"x" & y</b>')
     page = page_of([odd], title="<script>alert(1)</script>", made_by={"skill": "<i>.npz"}, scenario="a: <b>")
     assert "<script>alert" not in page
     assert page.count("<script>") == 1
     assert "&lt;b&gt;&quot;x&quot; &amp; y&lt;/b&gt;" in page
+
+
+def test_dollar_signs_and_names_of_placeholders_are_shown_as_text():
+    page = page_of([PLAIN], title="$style ${script}", made_by={"$rows": "100 $"}, scenario="a: $title")
+    assert "<h1>$style ${script}</h1>" in page
+    assert "<dt>$rows</dt><dd>100 $</dd>" in page
+    assert "<pre>a: $title</pre>" in page
+
+
+def test_columns_show_the_units_of_their_headings():
+    result = replace(PLAIN, seed=7, unsupported_time=0.25, unknown_time=0.5, penetration=31.4e-6)
+    row = page_of([result]).split("<tbody>")[1].split("</tbody>")[0]
+    cells = re.findall(r"<td [^>]*>(.*?)</td>", row)
+    assert "".join(re.findall(r">(\d+)</a>", cells[0])) == "7"
+    assert cells[1:7] == ["+1.0 -2.0", "inserted", "2.50", "24.7", "6.0", "12.0"]
+    assert cells[7:14] == ["0.10", "31", "20", "0", "0", "0.50", "0.25"]
+    assert cells[14].count("<i ") == 4
 
 
 @pytest.fixture
@@ -119,30 +107,31 @@ def batch(tmp_path):
     return tmp_path, results
 
 
-def test_the_report_opens_from_disk_with_a_row_a_trial_and_its_link_leads_to_a_replay(batch):
+@pytest.mark.slow
+def test_report_opens_from_disk_sorts_its_table_and_links_a_replay(batch):
     folder, results = batch
     with open_page(folder / "report.html", size=(1366, 768)) as page:
         page.wait("document.readyState === 'complete'")
         assert page.run("return document.querySelectorAll('#trials tbody tr').length") == len(results)
         assert page.run("return document.querySelectorAll('#trials tr.failed').length") == 1
         assert page.run("return document.querySelectorAll('svg rect').length") > 8
-        wide = "return document.documentElement.scrollWidth <= window.innerWidth"
-        assert page.run(wide), "the page is wider than a laptop's screen"
+        fits = "return document.documentElement.scrollWidth <= window.innerWidth"
+        assert page.run(fits), "the page is wider than the screen of a laptop"
         column = page.run("return [...document.querySelectorAll('th')].findIndex(h => h.innerText.startsWith('time'))")
-        shown = []
+        times = []
         for _ in range(2):
             page.run("document.querySelectorAll('th')[arguments[0]].click()", column)
-            shown.append(
+            times.append(
                 page.run(
                     "return [...document.querySelector('tbody').rows].map(r => +r.cells[arguments[0]].innerText)",
                     column,
                 )
             )
-        assert shown[0] == sorted(shown[0])
-        assert shown[1] == shown[0][::-1]
-        seen = blankness(page.screenshot())
-        assert seen.colours > 15
-        assert seen.drawn > 0.03
+        assert times[0] == sorted(times[0])
+        assert times[1] == times[0][::-1]
+        content = blankness(page.screenshot())
+        assert content.colours > 15
+        assert content.drawn > 0.03
         link = page.run("return document.querySelector('#worst a').getAttribute('href')")
         assert page.errors() == []
         assert page.requests() == []

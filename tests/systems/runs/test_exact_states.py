@@ -6,7 +6,7 @@ from skill.data.demonstration import Demonstration
 from systems.runs.exact_states import exact_labels, give_names
 
 
-def test_a_demonstration_starts_free_and_is_in_contact_where_there_is_force(demonstrations):
+def test_a_demonstration_starts_free_and_is_in_contact_where_forces_act(demonstrations):
     for demonstration in demonstrations[:3]:
         labels = exact_labels(demonstration)
         assert labels.shape == (len(demonstration.samples),)
@@ -15,7 +15,7 @@ def test_a_demonstration_starts_free_and_is_in_contact_where_there_is_force(demo
         assert np.mean((force > 0.01) == (labels != ContactLabel.FREE)) > 0.9
 
 
-def test_states_are_named_after_what_the_geometry_says(skill, demonstrations, skill_file, tmp_path):
+def test_states_are_named_after_their_exact_contact_states(skill, demonstrations, skill_file, tmp_path):
     named = type(skill).load(skill_file)
     give_names(named, demonstrations)
     assert len(set(named.state_names())) == named.n_states
@@ -25,7 +25,7 @@ def test_states_are_named_after_what_the_geometry_says(skill, demonstrations, sk
     assert type(skill).load(tmp_path / "named.npz").state_names() == named.state_names()
 
 
-def test_a_demonstration_without_a_geometry_is_not_judged(demonstrations, skill, skill_file):
+def test_a_demonstration_without_a_geometry_is_not_labelled(demonstrations, skill, skill_file):
     foreign = Demonstration(demonstrations[0].samples, good=True, outcome="inserted")
     with pytest.raises(ValueError, match="geometry"):
         exact_labels(foreign)

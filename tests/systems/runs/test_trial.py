@@ -14,7 +14,7 @@ from systems.runs.trial import TRIAL_STREAM, run_trial, run_trials, trial_scenar
 
 @pytest.fixture(scope="module")
 def inserted(skill):
-    """One whole trial from a tilt of three degrees, and what it came to."""
+    """One whole trial from a tilt of three degrees: scenario, result and run."""
     from tests.quick_scenario import make_quick_scenario
 
     scenario = make_quick_scenario()
@@ -24,7 +24,7 @@ def inserted(skill):
     return resolved, *run_trial(resolved, skill, seed=1000)
 
 
-def test_a_skill_learnt_from_five_demonstrations_inserts(inserted):
+def test_a_skill_trained_with_five_demonstrations_inserts(inserted):
     scenario, result, _ = inserted
     assert result.inserted
     assert result.reason == "inserted"
@@ -34,7 +34,7 @@ def test_a_skill_learnt_from_five_demonstrations_inserts(inserted):
     assert result.tilt == tuple(scenario.start.tilt)
 
 
-def test_the_tilt_was_taken_out_by_the_motors(inserted):
+def test_the_motors_reduced_the_tilt(inserted):
     scenario, result, run = inserted
     assert result.steps > 0
     first, last = run.samples.iloc[0], run.samples.iloc[-1]
@@ -43,7 +43,7 @@ def test_the_tilt_was_taken_out_by_the_motors(inserted):
     assert math.hypot(last["pitch"], last["yaw"]) < 0.4 * before
 
 
-def test_the_row_is_the_sum_of_the_record(inserted):
+def test_the_result_agrees_with_the_recorded_samples(inserted):
     scenario, result, run = inserted
     s = run.samples
     last = s.iloc[-1]
@@ -54,7 +54,7 @@ def test_the_row_is_the_sum_of_the_record(inserted):
     assert result.unsupported_time == pytest.approx(scenario.controller.period * (s["support"] < 1).sum())
     visited = [int(v) for v in s["state"]]
     assert list(result.states) == [v for k, v in enumerate(visited) if k == 0 or visited[k - 1] != v]
-    # Peaks are those of the contact at every step; the sensor's samples, filtered and fewer, come close from below.
+    # Peaks are those of the true contact at every step. The filtered and sampled sensor shows slightly lower ones.
     lateral = np.hypot(s["fx"], s["fy"]).max()
     noise = 5 * (scenario.sensor.force_bias + max(scenario.sensor.force_noise)) + scenario.sensor.force_quantum
     assert lateral - noise <= result.peak_lateral_force
@@ -66,12 +66,12 @@ def test_the_row_is_the_sum_of_the_record(inserted):
     assert run.result == result.record()
 
 
-def test_the_overlap_is_that_of_the_round_bodies_at_the_recorded_poses(inserted):
-    """Contact presses a compliant peg into the wall; only the mount gives way sideways."""
+def test_the_penetration_is_the_overlap_of_the_round_bodies_at_the_recorded_poses(inserted):
+    """The recorded poses lack the lateral deflection of the mount, which bounds the difference."""
     scenario, result, run = inserted
     bodies = round_bodies(scenario.geometry)
     s = run.samples
-    # The hole turns about its pivot, by yaw within pitch; the peg stays upright, and nearly on its axis.
+    # The hole turns about its pivot, by pitch and then by yaw; the peg stays upright and close to its axis.
     R_WH = Rotation.from_euler("XY", s[["pitch", "yaw"]].to_numpy())
     pivot = np.array([0.0, 0.0, scenario.rig.pivot_height])
     tip = np.column_stack([np.zeros(len(s)), np.zeros(len(s)), s["tip_z"]])
@@ -82,8 +82,9 @@ def test_the_overlap_is_that_of_the_round_bodies_at_the_recorded_poses(inserted)
     assert result.penetration > 1e-6
 
 
-def test_a_peg_that_is_stuck_when_the_time_runs_out_is_jammed(quick_scenario, skill):
-    """Nothing turns the hole, so the peg stays wedged however often it is drawn back."""
+@pytest.mark.slow
+def test_a_stuck_peg_is_jammed_when_the_time_runs_out(quick_scenario, skill):
+    """The hole does not turn, so the peg stays wedged."""
     quick_scenario.controller.gain = 1e-9
     quick_scenario.start.tilt = [0.05, 0.0]
     quick_scenario.start.height = 1e-4
@@ -94,7 +95,7 @@ def test_a_peg_that_is_stuck_when_the_time_runs_out_is_jammed(quick_scenario, sk
     assert run.result["reason"] == "jammed"
 
 
-def test_the_record_holds_all_that_is_needed_to_make_it_again(inserted, skill):
+def test_the_record_suffices_to_repeat_the_trial(inserted, skill):
     scenario, _, run = inserted
     assert json.loads(json.dumps(run.metadata)) == run.metadata
     again = parse_scenario(run.metadata["scenario"], "record")
@@ -105,7 +106,7 @@ def test_the_record_holds_all_that_is_needed_to_make_it_again(inserted, skill):
     assert scenario.seed == resolve_scenario(scenario, seed=1000, stream=TRIAL_STREAM).seed
 
 
-def test_a_trial_that_has_too_little_time_says_so(quick_scenario, skill):
+def test_a_trial_that_runs_out_of_time_has_that_reason(quick_scenario, skill):
     quick_scenario.trial.time_limit = 0.1
     result, run = run_trial(trial_scenario(quick_scenario, number=2), skill, seed=2)
     assert (result.inserted, result.reason) == (False, "time over")
@@ -113,8 +114,8 @@ def test_a_trial_that_has_too_little_time_says_so(quick_scenario, skill):
     assert len(run.samples) == 1 + round(0.1 / quick_scenario.controller.period)
 
 
-class Unsure(ManipulationSkill):
-    """A skill that computes a number that is none, some time after the start; picklable for other processes."""
+class NanSkill(ManipulationSkill):
+    """A skill that returns a NaN feed below some depth; picklable for other processes."""
 
     def act(self, measured, probabilities=None):
         action = super().act(measured, probabilities)
@@ -124,40 +125,40 @@ class Unsure(ManipulationSkill):
 
 
 @pytest.fixture
-def unsure(skill_file):
-    skill = Unsure.load(skill_file)
+def nan_skill(skill_file):
+    skill = NanSkill.load(skill_file)
     skill.when_depth_exceeds = -5e-4  # just before the mouth
     return skill
 
 
-def test_numbers_that_are_none_end_the_trial_with_its_reason_and_the_others_go_on(quick_scenario, unsure):
+@pytest.mark.slow
+def test_a_nan_action_ends_one_trial_and_not_the_batch(quick_scenario, nan_skill):
     quick_scenario.trial.time_limit = 1.0
     quick_scenario.start.height = 1e-3
     quick_scenario.start.tilt = [0.0, 0.0]
-    results = list(run_trials(quick_scenario, unsure, [0, 1, 2], jobs=1))
+    results = list(run_trials(quick_scenario, nan_skill, [0, 1, 2], jobs=1))
     assert [result.seed for result, _ in results] == [0, 1, 2]
     for result, run in results:
         assert not result.inserted
         assert result.reason.startswith("controller failed: ValueError: the action is not finite")
         assert 0 < result.time < 1.0
         assert np.isfinite(run.samples.to_numpy()).all()
-        # Its row is one of a JSON file: every number in it is a number.
-        json.dumps(result.record(), allow_nan=False)
+        json.dumps(result.record(), allow_nan=False)  # raises if a number is NaN or infinite
 
 
-def test_a_trial_that_fails_does_not_take_the_good_ones_along(quick_scenario, skill_file):
-    quick_scenario.trial.time_limit = 0.1  # too short to draw back after the fault, which is named all the same
-    skill = Unsure.load(skill_file)
-    ends = []
+def test_a_failed_trial_does_not_affect_the_others(quick_scenario, skill_file):
+    quick_scenario.trial.time_limit = 0.1  # too short for the retraction; the fault is reported nevertheless
+    skill = NanSkill.load(skill_file)
+    reasons = []
     for threshold in (1.0, -5e-2, 1.0):  # never, at once, never
         skill.when_depth_exceeds = threshold
-        ends += [r.reason for r, _ in run_trials(quick_scenario, skill, [len(ends)], jobs=1)]
-    assert ends[0] == ends[2] == "time over"
-    assert ends[1].startswith("controller failed")
+        reasons += [r.reason for r, _ in run_trials(quick_scenario, skill, [len(reasons)], jobs=1)]
+    assert reasons[0] == reasons[2] == "time over"
+    assert reasons[1].startswith("controller failed")
 
 
-def test_a_rig_that_cannot_be_simulated_ends_its_trial_too(quick_scenario, skill):
-    """A peg so stiff that its contact forces are near the largest numbers that there are."""
+def test_a_simulation_that_diverges_ends_its_trial(quick_scenario, skill):
+    """The peg is so stiff that its contact forces are close to overflow."""
     quick_scenario.contact.modulus = 1e300
     quick_scenario.trial.time_limit = 0.5
     quick_scenario.start.height = 1e-4
@@ -168,13 +169,14 @@ def test_a_rig_that_cannot_be_simulated_ends_its_trial_too(quick_scenario, skill
     assert np.isfinite(run.samples.to_numpy()).all()
 
 
-def test_jobs_do_not_change_the_results(quick_scenario, skill):
+@pytest.mark.slow
+def test_the_number_of_jobs_does_not_change_the_results(quick_scenario, skill):
     quick_scenario.trial.time_limit = 0.15
     alone = [asdict(r) for r, _ in run_trials(quick_scenario, skill, [3, 4], jobs=1)]
     together = [asdict(r) for r, _ in run_trials(quick_scenario, skill, [3, 4], jobs=2)]
     assert alone == together
 
 
-def test_trials_differ_in_their_start(quick_scenario):
+def test_trials_start_from_different_tilts(quick_scenario):
     tilts = [tuple(trial_scenario(quick_scenario, number=n).start.tilt) for n in range(50)]
     assert len(set(tilts)) == 50

@@ -21,7 +21,7 @@ HOME = 0.08
 
 
 def record(path):
-    """State 0 for half a second, state 1 for another, while the carriage sinks by 10 mm."""
+    """Records state 0 for half a second, then state 1 as long, while the carriage descends by 10 mm."""
     builder = DiagramBuilder()
     state = builder.AddSystem(
         TrajectorySource(PiecewisePolynomial.ZeroOrderHold(np.array([0.0, 0.5, 1.0]), np.array([[0.0, 1.0, 1.0]])))
@@ -44,28 +44,29 @@ def record(path):
         Simulator(builder.Build()).AdvanceTo(1.0)
 
 
-def test_a_recording_shows_the_state_that_held_by_its_colour_and_its_name(tmp_path):
+@pytest.mark.slow
+def test_recording_shows_the_colour_and_the_name_of_the_present_state(tmp_path):
     record(tmp_path / "page.html")
     with open_page(tmp_path / "page.html", size=(900, 700)) as page:
         page.wait("document.querySelector('canvas') !== null && viewer.animator.duration > 0.9")
         for time, state in ((0.25, 0), (0.75, 1)):
             page.run(f"viewer.animator.pause(); viewer.animator.seek({time}); viewer.animator.display_progress({time})")
-            shown = page.run(
+            visible = page.run(
                 "return ['peg', 'name'].map(kind => [0, 1].map(k => viewer.scene_tree.find("
                 "['drake', 'contact_state', kind, String(k)]).object.visible))"
             )
-            assert shown == [[state == 0, state == 1]] * 2
+            assert visible == [[state == 0, state == 1]] * 2
             height = page.run("return viewer.scene_tree.find(['drake', 'contact_state', 'peg']).object.position.z")
             assert height == pytest.approx(-0.01 * time, abs=0.01 / 32 + 1e-6)
-            wanted = np.array([int(state_colours(2)[state][i : i + 2], 16) for i in (1, 3, 5)], dtype=float)
+            colour = np.array([int(state_colours(2)[state][i : i + 2], 16) for i in (1, 3, 5)], dtype=float)
             picture = page.screenshot().astype(float)
-            # Shaded, but of that hue: the direction of its colour.
+            # Shading changes the brightness, but not the direction of the colour vector.
             brightness = np.linalg.norm(picture, axis=2) + 1e-9
-            alike = (picture @ wanted) / brightness / np.linalg.norm(wanted) > 0.985
+            matches = (picture @ colour) / brightness / np.linalg.norm(colour) > 0.985
             other = np.array([int(state_colours(2)[1 - state][i : i + 2], 16) for i in (1, 3, 5)], dtype=float)
-            wrong = (picture @ other) / brightness / np.linalg.norm(other) > 0.985
-            assert alike.mean() > 0.03
-            assert wrong.mean() < 0.003
+            matches_other = (picture @ other) / brightness / np.linalg.norm(other) > 0.985
+            assert matches.mean() > 0.03
+            assert matches_other.mean() < 0.003
         assert page.errors() == []
         assert page.requests() == []
 
@@ -73,20 +74,20 @@ def test_a_recording_shows_the_state_that_held_by_its_colour_and_its_name(tmp_pa
 def test_plates_face_the_camera():
     X_WL = plate_pose(np.array([3.0, 4.0, 0.0]), np.zeros(3))
     R = X_WL.rotation().matrix()
-    np.testing.assert_allclose(R[:, 1], [-0.6, -0.8, 0.0])  # read along +y
+    np.testing.assert_allclose(R[:, 1], [-0.6, -0.8, 0.0])  # +y points away from the camera
     np.testing.assert_allclose(R[:, 2], [0.0, 0.0, 1.0], atol=1e-12)
     np.testing.assert_allclose(R[:, 0], [-0.8, 0.6, 0.0])
 
 
 @pytest.mark.parametrize("name", ["a", "two-point contact / one point at the mouth"])
-def test_a_plate_is_as_long_as_its_text_and_not_distorted(name):
+def test_plate_has_the_length_of_its_text_and_is_not_distorted(name):
     gltf = json.loads(name_plate(name, "#D55E00", 0.005).source().in_memory().mesh_file.contents())
     width, height = gltf["accessors"][0]["max"][0], -gltf["accessors"][0]["min"][1]
     picture = Image.open(io.BytesIO(base64.b64decode(gltf["images"][0]["uri"].split(",")[1])))
     assert height == pytest.approx(0.005)
     assert width / height == pytest.approx(picture.width / picture.height, rel=0.02)
     pixels = np.asarray(picture.convert("RGB")).reshape(-1, 3)
-    assert ((np.abs(pixels - np.array([0xD5, 0x5E, 0x00])).max(axis=1) < 8).mean()) > 0.004  # the patch
+    assert ((np.abs(pixels - np.array([0xD5, 0x5E, 0x00])).max(axis=1) < 8).mean()) > 0.004  # the coloured square
     ink = (pixels.max(axis=1) < 90).reshape(picture.height, picture.width).any(axis=0)
     assert not ink[-1]
     assert not ink[0]

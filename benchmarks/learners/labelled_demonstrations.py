@@ -1,0 +1,114 @@
+"""Samples of recorded demonstrations as features of the learners, labelled with the exact contact state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.contact_geometry import axes_of_rotation_vectors
+from skill.arrays import Array
+from skill.data.demonstration import ACTIONS, Demonstration
+from skill.data.refinement import refine_demonstration
+from skill.features.contact_features import ContactFeatures
+from skill.features.wrench_features import MEASURED, CanonicalFeatures
+from systems.runs.exact_states import exact_bodies
+
+FORCE_NOISE, MOMENT_NOISE = 0.06, 5e-3  # N, N m; standard deviations of the rig's sensor
+STILL, ROUGH = 2e-5, 4e-4  # m; settings of `refine_demonstration`
+TOUCHING_FORCE = 0.01  # N; a larger recorded force counts as contact
+
+
+@dataclass(frozen=True)
+class LabelledDemonstrations:
+    """All refined samples of a set of demonstrations.
+
+    Attributes:
+        Z: (N, d), standardised features; the measured ones come first.
+        regressor_Z: (N, e), standardised features that the regressor sees (`CanonicalFeatures`).
+        labels: (N,), true contact states (`ContactLabel`).
+        groups: (N,), number of the demonstration.
+        phase: (N,), normalised time within the demonstration, in [0, 1).
+        times: (N,), time within the demonstration, s.
+        measured: number of measured features in ``Z``.
+        contact_agreement: share of samples on which geometry and recorded force agree about contact.
+        deepest_overlap: of the bodies at any sample, m.
+        example: number of the demonstration to draw: of the good ones with the most labels, the one whose rarest label
+            has the largest share.
+    """
+
+    Z: Array
+    regressor_Z: Array
+    labels: NDArray[np.intp]
+    groups: NDArray[np.intp]
+    phase: Array
+    times: Array
+    measured: int
+    contact_agreement: float
+    deepest_overlap: float
+    example: int
+
+    def as_the_regressor_sees_it(self) -> LabelledDemonstrations:
+        """The same samples with the features of the regressor."""
+        return replace(self, Z=self.regressor_Z, measured=len(CanonicalFeatures().get_feature_names_out()))
+
+    @property
+    def lengths(self) -> list[int]:
+        """Number of samples of each demonstration."""
+        return [int(n) for n in np.bincount(self.groups)]
+
+
+def label_demonstrations(demonstrations: list[Demonstration], seed: int) -> LabelledDemonstrations:
+    """Refines the demonstrations, adds sensor noise of the given seed, and labels every sample from its true pose.
+
+    Raises:
+        ValueError: if a demonstration does not state its geometry.
+    """
+    rng = np.random.default_rng(seed)
+    contact_features: list[Array] = []
+    regressor_features: list[Array] = []
+    labels, lengths, phase, times, agrees, gaps = [], [], [], [], [], []
+    for demonstration in demonstrations:
+        samples = demonstration.samples.copy()
+        samples[list(ACTIONS)] = samples[list(ACTIONS)].shift(-1, fill_value=0.0)
+        refined, _ = refine_demonstration(samples, still=STILL, rough=ROUGH)
+        bodies = exact_bodies(demonstration)
+        axis = axes_of_rotation_vectors(refined[["ax", "ay", "az"]].to_numpy() * refined[["angle"]].to_numpy())
+        p_HP = refined[["x", "y", "z"]].to_numpy()
+        labels.append(bodies.label(p_HP, axis))
+        gaps.append(bodies.gap(p_HP, axis))
+        force = np.linalg.norm(refined[["fx", "fy", "fz"]], axis=1)
+        agrees.append((force > TOUCHING_FORCE) == (labels[-1] > 0))
+        sigma = np.repeat([FORCE_NOISE, MOMENT_NOISE], 3)
+        refined[list(MEASURED[:6])] += sigma * rng.standard_normal((len(refined), 6))
+        contact_features.append(ContactFeatures().transform_demonstration(refined))
+        regressor_features.append(CanonicalFeatures().transform_demonstration(refined))
+        lengths.append(len(refined))
+        phase.append(np.linspace(0.0, 1.0, len(refined), endpoint=False))
+        times.append(refined["time"].to_numpy())
+    good = [k for k, demonstration in enumerate(demonstrations) if demonstration.good] or [0]
+    return LabelledDemonstrations(
+        Z=_standardised(contact_features),
+        regressor_Z=_standardised(regressor_features),
+        labels=np.concatenate(labels),
+        groups=np.repeat(np.arange(len(lengths)), lengths),
+        phase=np.concatenate(phase),
+        times=np.concatenate(times),
+        measured=len(ContactFeatures().get_feature_names_out()),
+        contact_agreement=float(np.concatenate(agrees).mean()),
+        deepest_overlap=float(-np.concatenate(gaps).min()),
+        example=max(good, key=lambda k: _variety(labels[k])),
+    )
+
+
+def _standardised(features: list[Array]) -> Array:
+    stacked = np.vstack(features)
+    standardised: Array = (stacked - stacked.mean(axis=0)) / stacked.std(axis=0)
+    return standardised
+
+
+def _variety(labels: NDArray[np.intp]) -> tuple[int, float]:
+    """Number of different labels, and the share of the rarest one."""
+    counts = np.unique(labels, return_counts=True)[1]
+    return len(counts), float(counts.min() / len(labels))

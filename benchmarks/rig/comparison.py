@@ -1,0 +1,172 @@
+"""The command line, the demonstrations and the table of a comparison on the rig.
+
+Results are stored in a folder whose name is a digest of what determines them: scenario, demonstrations and versions.
+The digest does not depend on the code of this project: remove the folder after a change.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import binomtest
+
+from benchmarks.command_line import argument_parser
+from benchmarks.recording import record_demonstrations
+from benchmarks.rig.trials import FIRST_TRIAL, Arm, Record, Setting, perform
+from models.scenario import Scenario, dump_scenario
+from skill.data.demonstration import read_demonstrations, write_demonstration
+from systems.reports.terminal import progress, write_json
+from systems.runs.demonstration_set import requests
+from systems.runs.provenance import versions
+
+GOOD, BAD = 24, 6  # numbers of demonstrations to record if none are given
+
+
+def command_line(description: str | None) -> argparse.ArgumentParser:
+    """The options of every comparison on the rig."""
+    out = Path("out/benchmarks/rig")
+    parser = argument_parser(description)
+    parser.add_argument("--demonstrations", type=Path, metavar="FOLDER", help="recorded ones; without it, records new")
+    parser.add_argument("--trials", type=int, default=20, help="trials of each policy (default: 20)")
+    parser.add_argument("--jobs", type=int, default=1, help="number of processes (default: 1)")
+    parser.add_argument(
+        "--only", action="append", metavar="NAME", help="only policies with this part of a name; repeat"
+    )
+    parser.add_argument("--scenario", default="nominal", help="name or YAML file of a scenario (default: nominal)")
+    parser.add_argument("--out", type=Path, default=out, metavar="FOLDER", help=f"stored results (default: {out})")
+    return parser
+
+
+def selected(arms: Sequence[Arm], only: Sequence[str] | None) -> list[Arm]:
+    """The arms whose name contains one of the given parts; all if ``only`` is None.
+
+    Raises:
+        ValueError: if there is no such arm.
+    """
+    chosen = [arm for arm in arms if only is None or any(part.lower() in arm.name.lower() for part in only)]
+    if not chosen:
+        raise ValueError(f"--only {only} matches none of the policies {[arm.name for arm in arms]}")
+    return chosen
+
+
+def prepared(scenario: Scenario, given: Path | None, out: Path, **numbers: int) -> Setting:
+    """The setting of a comparison.
+
+    Args:
+        scenario: unresolved.
+        given: folder of demonstrations; None to record them.
+        out: folder below which results and recorded demonstrations are stored.
+        **numbers: ``trials``, ``jobs`` and ``candidates`` of the setting.
+    """
+    folder = given if given is not None else recorded(scenario, out, jobs=numbers["jobs"])
+    demonstrations = read_demonstrations(folder)
+    digest = hashlib.sha256((dump_scenario(scenario) + json.dumps(versions())).encode())
+    for path in sorted(folder.glob("*.parquet")):
+        digest.update(path.read_bytes())
+    results = out / digest.hexdigest()[:12]
+    print(f"{len(demonstrations)} demonstrations from {folder}; results in {results}")
+    return Setting(scenario, demonstrations, results, **numbers)
+
+
+def recording_folder(scenario: Scenario, out: Path) -> Path:
+    """The folder in which `recorded` stores the demonstrations of this scenario."""
+    return out / f"demonstrations_{hashlib.sha256(dump_scenario(scenario).encode()).hexdigest()[:12]}"
+
+
+def recorded(scenario: Scenario, out: Path, *, jobs: int) -> Path:
+    """Records the demonstrations of this scenario that are not stored yet, and returns their folder."""
+    folder = recording_folder(scenario, out)
+    names = {request: folder / f"{request.number:03d}_{request.habit}.parquet" for request in requests(GOOD, BAD)}
+    missing = [request for request, path in names.items() if not path.exists()]
+    if missing:
+        for request, demonstration in record_demonstrations(scenario, missing, seed=0, jobs=jobs):
+            write_demonstration(demonstration, names[request])
+    return folder
+
+
+def wilson(successes: int, n: int) -> tuple[float, float]:
+    """95 % confidence interval of a probability (Wilson, Journal of the American Statistical Association 22, 1927)."""
+    interval = binomtest(successes, n).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)
+
+
+def summary(arm: Arm, record: Record, setting: Setting) -> dict[str, Any]:
+    """One row of the table. The median time is that of the insertions; the forces are those of all trials."""
+    rows = [record.trials[str(n)] for n in setting.numbers if str(n) in record.trials]
+    inserted = [r for r in rows if r["inserted"]]
+    force = [r["peak_lateral_n"] for r in rows if r["peak_lateral_n"] is not None]
+    ends = Counter(r["reason"].split(":")[0] for r in rows if not r["inserted"])
+
+    def mean(name: str) -> float | None:
+        values = list(record.content[name].values())
+        return float(np.mean(values)) if values else None
+
+    return {
+        "name": arm.name,
+        "trials": len(rows),
+        "inserted": len(inserted),
+        "interval": list(wilson(len(inserted), len(rows))) if rows else None,
+        "median_time_s": float(np.median([r["time_s"] for r in inserted])) if inserted else None,
+        "median_lateral_n": float(np.median(force)) if force else None,
+        "p95_lateral_n": float(np.percentile(force, 95)) if force else None,
+        "max_lateral_n": float(np.max(force)) if force else None,
+        "train_s": mean("train_s"),
+        "query_ms": mean("query_ms"),
+        "states": mean("states"),
+        "tuning_trials": len(record.tuning),
+        "tuned": record.content.get("tuned"),
+        "ends": dict(ends),
+        "error": record.content["error"],
+        "cpu_s_per_trial": float(np.mean([r["cpu_s"] for r in rows])) if rows else None,
+    }
+
+
+def compare(title: str, arms: Sequence[Arm], setting: Setting, json_file: Path | None) -> list[dict[str, Any]]:
+    """Performs all arms, prints the table, and writes the table and all trials to ``json_file``."""
+    total = sum(setting.trials + arm.tuning for arm in arms)
+    summaries, trials = [], {}
+    with progress(title, total) as advance:
+        for arm in arms:
+            record = perform(arm, setting, advance)
+            summaries.append(summary(arm, record, setting))
+            trials[arm.name] = list(record.trials.values())
+    print(report(title, summaries))
+    if json_file is not None:
+        head = {"demonstrations": len(setting.demonstrations), "first_trial": FIRST_TRIAL, "versions": versions()}
+        scenario = dump_scenario(setting.scenario)
+        write_json(json_file, {**head, "scenario": scenario, "summary": summaries, "trials": trials})
+    return summaries
+
+
+def report(title: str, summaries: Sequence[dict[str, Any]]) -> str:
+    """The table, one row per policy."""
+    head = (
+        f"{title:30} inserted   95 %   time s   across N: median   95th    max   states  train s  query ms  otherwise"
+    )
+    lines = [head]
+    for r in summaries:
+        low, high = r["interval"] or (0.0, 1.0)
+        ends = ", ".join(f"{count} {reason}" for reason, count in r["ends"].items())
+        lines.append(
+            f"{r['name']:30} {r['inserted']:4}/{r['trials']:<3} {100 * low:3.0f}-{100 * high:<3.0f}"
+            f" {_text(r['median_time_s'], '.2f'):>7} {_text(r['median_lateral_n'], '.1f'):>18}"
+            f" {_text(r['p95_lateral_n'], '.1f'):>6} {_text(r['max_lateral_n'], '.1f'):>6}"
+            f" {_text(r['states'], '.3g'):>8} {_text(r['train_s'], '.1f'):>8} {_text(r['query_ms'], '.2f'):>9}"
+            f"  {r['error'] or ends}"
+        )
+    lines.append(
+        "time: median of the insertions; across: maximum force across the peg in each trial, failures included;"
+    )
+    lines.append("train: time on one core, including the trials for tuning")
+    return "\n".join(lines)
+
+
+def _text(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)

@@ -1,0 +1,69 @@
+"""The command `haptic-skill`: one subcommand per task."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+from importlib.util import find_spec
+from typing import Annotated
+
+import typer
+
+from scripts import block_diagram, demo, practise, record_demonstrations, replay, run_rig, train_skill
+from scripts.command_line import make_app, run_app
+
+EXIT_CODES = "Exit codes: 0 success; 1 error, with one line on stderr; 2 wrong usage; 130 interrupted with Ctrl-C."
+
+app = make_app(no_args_is_help=True, epilog=EXIT_CODES)
+app.command("demo")(demo.main)
+app.command("record")(record_demonstrations.main)
+app.command("train")(train_skill.main)
+app.command("rig")(run_rig.main)
+app.command("practise")(practise.main)
+app.command("replay")(replay.main)
+app.command("diagram")(block_diagram.main)
+
+
+def version_of(distribution: str) -> str:
+    """The version of an installed distribution, or "of unknown version"."""
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return "of unknown version"
+
+
+def print_versions(requested: bool) -> None:
+    """Prints the versions and exits, if requested."""
+    if requested:
+        drake = version_of("drake") if find_spec("pydrake") else "not installed (install haptic-skill[sim])"
+        print(f"haptic-skill {version_of('haptic-skill')}, Python {platform.python_version()}, Drake {drake}")
+        raise typer.Exit
+
+
+@app.callback()
+def haptic_skill(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            is_eager=True,
+            callback=print_versions,
+            help="Print the versions of this package, Python and Drake, and exit.",
+        ),
+    ] = False,
+) -> None:
+    """Learns peg-in-hole insertion from haptic demonstrations, and inserts on a simulated rig.
+
+    The usual order is record, train, rig; `haptic-skill demo` runs all three. Every option has a default, and
+    `haptic-skill COMMAND -h` explains a command with an example. In a checkout, `python -m scripts.run_rig` and the
+    other modules of `scripts` are the same commands.
+    """
+
+
+def main() -> None:
+    """Entry point of `haptic-skill`."""
+    run_app(app)
+
+
+if __name__ == "__main__":
+    main()

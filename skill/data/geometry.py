@@ -1,0 +1,101 @@
+"""The sizes of peg and hole, as stored with demonstrations, rig runs and skills."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Self
+
+
+@dataclass(frozen=True)
+class PegHoleGeometry:
+    """The sizes of peg and hole.
+
+    Attributes:
+        peg_radius: m.
+        peg_length: m.
+        hole_radius: m, greater than the radius of the peg.
+        hole_depth: m, greater than the chamfer.
+        chamfer: width of the chamfer at the mouth, m, at 45 degrees.
+        facets: number of facets of the simulated bore and peg, at least 3.
+        block_radius: outer radius of the hole block, m, greater than that of the chamfer.
+        floor: thickness of the block below the bore, m.
+    """
+
+    peg_radius: float
+    peg_length: float
+    hole_radius: float
+    hole_depth: float
+    chamfer: float
+    facets: int
+    block_radius: float
+    floor: float
+
+    @property
+    def clearance(self) -> float:
+        """Radial clearance of peg and hole, m."""
+        return self.hole_radius - self.peg_radius
+
+    @classmethod
+    def from_metadata(cls, metadata: Mapping[str, Any], where: str) -> Self:
+        """Reads the entry ``geometry`` of metadata; ignores sizes that it does not know.
+
+        Args:
+            metadata: metadata of a demonstration, a rig run or a skill.
+            where: name of the source, for error messages.
+
+        Raises:
+            ValueError: if the geometry is missing or incomplete, or if a size is impossible.
+        """
+        geometry = cls.find(metadata, where)
+        if geometry is None:
+            raise ValueError(f"{where}: no geometry in the metadata; expected the sizes {_names()}")
+        return geometry
+
+    @classmethod
+    def find(cls, metadata: Mapping[str, Any], where: str) -> Self | None:
+        """Returns the geometry like `from_metadata`, or None if the metadata have no entry ``geometry``."""
+        stored = metadata.get("geometry")
+        if stored is None:
+            return None
+        if not isinstance(stored, Mapping):
+            raise ValueError(f"{where}: geometry is {stored!r}; expected a mapping of the sizes {_names()}")
+        missing = [name for name in _names() if not _is_number(stored.get(name))]
+        if missing:
+            raise ValueError(f"{where}: geometry lacks {missing}; expected finite numbers for {_names()}")
+        sizes = {name: float(stored[name]) for name in _names() if name != "facets"}
+        geometry = cls(facets=round(stored["facets"]), **sizes)
+        errors = geometry._errors()
+        if errors:
+            raise ValueError(f"{where}: geometry: {'; '.join(errors)}")
+        return geometry
+
+    def _errors(self) -> list[str]:
+        """What is impossible about the sizes."""
+        limits = {  # each size, and the greatest value that is too small for it
+            "peg_radius": 0.0,
+            "peg_length": 0.0,
+            "hole_radius": self.peg_radius,
+            "hole_depth": self.chamfer,
+            "block_radius": self.hole_radius + self.chamfer,
+            "floor": 0.0,
+        }
+        errors = [
+            f"{name.replace('_', ' ')} {getattr(self, name):g} m, expected more than {limit:g} m"
+            for name, limit in limits.items()
+            if not getattr(self, name) > limit
+        ]
+        if self.chamfer < 0.0:
+            errors.append(f"chamfer {self.chamfer:g} m, expected at least 0")
+        if self.facets < 3:
+            errors.append(f"{self.facets} facets, expected at least 3")
+        return errors
+
+
+def _names() -> list[str]:
+    return [field.name for field in fields(PegHoleGeometry)]
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

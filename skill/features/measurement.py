@@ -1,0 +1,40 @@
+"""The measurement that a policy receives, and the contact load that the force guard limits."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from skill.arrays import Array
+
+
+def measurement(wrench: ArrayLike, depth: ArrayLike) -> Array:
+    """Joins a wrench and a depth to a measurement.
+
+    Args:
+        wrench: (..., 6), force (N), then moment (N m), on the peg about its tip, in P.
+        depth: (...), depth of the tip below the mouth, m.
+
+    Returns:
+        (..., 7), the wrench and the height z = -depth of the tip, in the order of `MEASURED`.
+    """
+    return np.concatenate([np.asarray(wrench, dtype=float), -np.asarray(depth, dtype=float)[..., None]], axis=-1)
+
+
+def contact_loads(wrenches: Array, peg_radius: float) -> Array:
+    """Returns the load sqrt(|f|^2 + |m/r|^2) of each wrench, N.
+
+    The moment counts because a wedged peg carries a large couple under a small net force.
+
+    Args:
+        wrenches: (..., 6 or more), force f (N), then moment m (N m); further elements are ignored.
+        peg_radius: r, m.
+    """
+    force, moment = np.linalg.norm(wrenches[..., :3], axis=-1), np.linalg.norm(wrenches[..., 3:6], axis=-1)
+    loads: Array = np.hypot(force, moment / peg_radius)
+    return loads
+
+
+def contact_load(wrench: Array, peg_radius: float) -> float:
+    """Returns the load of one wrench (6 or more,), N; see `contact_loads`."""
+    return float(contact_loads(wrench, peg_radius))

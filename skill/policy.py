@@ -1,0 +1,58 @@
+"""The interface of a policy: what maps a measured wrench and depth to an action."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from numpy.typing import ArrayLike
+
+from skill.arrays import Array
+from skill.manipulation_skill import Action
+from skill.states.contact_state_filter import Estimate
+
+
+class StateFollower(Protocol):
+    """Estimates the state from sample to sample; `ContactStateFilter` is one.
+
+    A follower is immutable. Its caller stores the belief (M,), the log-probability of each state.
+    """
+
+    def initial_log_belief(self) -> Array:
+        """Returns the belief before the first sample, (M,)."""
+
+    def step(self, log_belief: ArrayLike, x: ArrayLike) -> Estimate:
+        """Returns the estimate after one more sample of features ``x``."""
+
+
+class RigPolicy(Protocol):
+    """The interface that `MakeRig`, `run_trial` and practice require of a policy.
+
+    A `ManipulationSkill` is one, and so is every `ControlLaw`. A policy acts on the measured wrench and depth alone.
+    Its only memory is the belief of its `state_filter`. It need not limit its actions: limits and the force guard
+    stand between every policy and the motors.
+    """
+
+    @property
+    def period_(self) -> float:
+        """Duration of an action, s."""
+
+    @property
+    def n_states(self) -> int:
+        """Number of states M of the filter."""
+
+    @property
+    def metadata_(self) -> Mapping[str, Any]:
+        """Holds ``geometry`` if the policy serves one peg and hole only."""
+
+    def state_names(self) -> list[str]:
+        """Returns the names of the M states, for tables and figures."""
+
+    def state_filter(self) -> StateFollower:
+        """Returns the estimator of the state."""
+
+    def measured_features(self, measured: ArrayLike) -> Array:
+        """Returns the filter's features of one measurement (7,): fx fy fz (N) mx my mz (N m) z (m)."""
+
+    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+        """Returns the action for one measurement (7,) and the probabilities (M,) of the states."""

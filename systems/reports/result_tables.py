@@ -1,0 +1,66 @@
+"""Tables for the terminal: the results of rig trials, and the contact states of a skill."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.box import SIMPLE
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from skill.manipulation_skill import ManipulationSkill
+    from systems.runs.trial_result import TrialResult
+
+
+def plain_table(title: str) -> Table:
+    """An empty table in the style of all tables here."""
+    return Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0))
+
+
+def result_table(results: Sequence[TrialResult]) -> Table:
+    """One row per trial, with a summary in the caption."""
+    table = plain_table("insertions on the rig")
+    table.add_column("trial", justify="right")
+    table.add_column("tilt\n(deg)", no_wrap=True, justify="right")
+    table.add_column("outcome", min_width=len("inserted"))
+    for name in ("time\n(s)", "depth\n(mm)", "axial\n(N)", "lateral\n(N)", "steps"):
+        table.add_column(name, justify="right")
+    table.add_column("states (visits)", min_width=14)
+    for r in results:
+        table.add_row(
+            str(r.seed),
+            "{:+.1f} {:+.1f}".format(*np.degrees(r.tilt)),
+            Text(r.reason, style="green" if r.inserted else "red"),
+            *(f"{r.time:.2f}", f"{1e3 * r.depth:.1f}", f"{r.peak_axial_force:.1f}", f"{r.peak_lateral_force:.1f}"),
+            str(r.steps),
+            f"{' '.join(map(str, dict.fromkeys(r.states)))} ({len(r.states)})",
+        )
+    table.caption = (
+        f"{sum(r.inserted for r in results)} of {len(results)} inserted;"
+        f" medians: {np.median([r.time for r in results]):.2f} s,"
+        f" peak lateral force {np.median([r.peak_lateral_force for r in results]):.0f} N,"
+        f" overlap {1e6 * np.median([r.penetration for r in results]):.0f} um"
+    )
+    return table
+
+
+def state_table(skill: ManipulationSkill) -> Table:
+    """The graph of contact states, one row per state."""
+    table = plain_table("contact states")
+    table.add_column("state", overflow="fold")
+    for column in ("visits", "dwell", "phase", "P(ins.)", "next"):
+        table.add_column(column, justify="right", min_width=len(column))
+    rows = skill.graph_.to_frame().itertuples(index=False)
+    for k, (name, row) in enumerate(zip(skill.state_names(), rows, strict=True)):
+        visits, dwell, _, phase, insertion, following = row
+        table.add_row(
+            Text(f"{k} {name}"), str(visits), f"{dwell:.2f}", f"{phase:.2f}", f"{insertion:.2f}", str(following)
+        )
+    table.caption = (
+        "dwell: mean time in the state, s; phase: 0 at the start; P(ins.): probability of insertion;"
+        " next: most frequent next state on the way to insertion"
+    )
+    return table

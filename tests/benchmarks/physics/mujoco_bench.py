@@ -1,0 +1,51 @@
+"""MuJoCo's plant alone, with constant inputs."""
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from benchmarks.physics.mujoco_model import MujocoContact
+from benchmarks.physics.mujoco_plant import MujocoPlant
+from systems.plant.contact_plant import AddRigPlant
+
+G = 9.81
+
+
+class Bench:
+    """MuJoCo's plant alone, with a constant force on the carriage and a constant equilibrium of the gimbal."""
+
+    def __init__(self, scenario, *, force=0.0, equilibrium=(0.0, 0.0)):
+        builder = DiagramBuilder()
+        self.scenario = scenario
+        self.plant = MujocoPlant.AddToBuilder(builder, scenario, MujocoContact())
+        for value, port in (
+            ([force], self.plant.carriage_force),
+            ([*equilibrium, 0, 0], self.plant.gimbal_equilibrium),
+        ):
+            builder.Connect(builder.AddSystem(ConstantVectorSource(value)).get_output_port(), port)
+        self.simulator = Simulator(builder.Build())
+
+    def start(self, *, tip_z, pitch=0.0, yaw=0.0):
+        carriage = self.scenario.sensor.height + tip_z
+        self.plant.set_start(self.simulator.get_mutable_context(), carriage=carriage, pitch=pitch, yaw=yaw)
+        return self
+
+    def advance(self, seconds):
+        self.simulator.AdvanceTo(self.simulator.get_context().get_time() + seconds)
+        return self
+
+    def held(self):
+        own = self.plant.GetMyContextFromRoot(self.simulator.get_context())
+        force = self.plant.reaction_forces.Eval(own)[self.plant.sensor]
+        return np.concatenate([force.translational(), force.rotational()])
+
+    def gimbal(self):
+        return self.plant.gimbal_state.Eval(self.plant.GetMyContextFromRoot(self.simulator.get_context()))
+
+
+def hanging_weight(scenario):
+    """Weight of the bodies on the feed drive, N, from Drake's plant."""
+    plant = AddRigPlant(DiagramBuilder(), scenario).plant
+    names = ("carriage", "mount_x", "mount_y", "peg")
+    return G * sum(plant.GetBodyByName(name).default_mass() for name in names)

@@ -1,0 +1,92 @@
+"""The bodies in MuJoCo against hand-worked statics and exact geometry."""
+
+import numpy as np
+import pytest
+
+mujoco = pytest.importorskip("mujoco", reason="needs the extra [peers]")
+
+
+from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, crawl  # noqa: E402
+from benchmarks.physics.contact_probe import PlanarPose  # noqa: E402
+from benchmarks.physics.mujoco_model import MujocoContact, MujocoProbe, rig_document  # noqa: E402
+from models.contact_geometry import PegInHole, axes_of_rotation_vectors  # noqa: E402
+from models.scenario import Scenario  # noqa: E402
+from tests.benchmarks.physics.mujoco_bench import hanging_weight  # noqa: E402
+
+
+@pytest.fixture
+def scenario(quick_scenario):
+    quick_scenario.rig.pivot_height = 0.0
+    return quick_scenario
+
+
+def test_the_mount_deflects_by_force_over_stiffness_and_the_sensor_measures_the_moment(scenario):
+    model = mujoco.MjModel.from_xml_string(rig_document(scenario, MujocoContact()))
+    data = mujoco.MjData(model)
+    data.qpos[model.joint("feed").qposadr[0]] = scenario.sensor.height + 0.01
+    data.ctrl[0] = hanging_weight(scenario)
+    force = np.array([12.0, -7.0, 0.0])  # at the peg's centre of mass
+    data.xfrc_applied[model.body("peg").id, :3] = force
+    mujoco.mj_step(model, data, nstep=200)
+    moved = [data.qpos[model.joint(name).qposadr[0]] for name in ("mount_x", "mount_y")]
+    np.testing.assert_allclose(moved, force[:2] / scenario.rig.mount_stiffness, rtol=1e-3)
+    lever = np.array([0.0, 0.0, 0.5 * scenario.geometry.peg_length - scenario.sensor.height])
+    np.testing.assert_allclose(data.sensordata[:2], -force[:2], rtol=1e-3)
+    np.testing.assert_allclose(data.sensordata[3:], -np.cross(lever, force), rtol=1e-3, atol=1e-6)
+
+
+def test_the_torque_of_an_overloaded_stepper_is_its_holding_torque(scenario):
+    model = mujoco.MjModel.from_xml_string(rig_document(scenario, MujocoContact()))
+    data = mujoco.MjData(model)
+    data.ctrl[1] = 0.5  # rad; 320 N m without the limit
+    mujoco.mj_forward(model, data)
+    assert data.actuator_force[1] == pytest.approx(scenario.stepper.holding_torque)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("tilt", "deep"), [(0.0, (-0.004, 5e-5)), (0.01, (-0.012, 5e-5)), (0.04, (-0.004, -0.001))])
+def test_the_ring_of_boxes_has_the_gap_of_the_exact_bore(tilt, deep):
+    """The overlap of some micrometres is the same by exact geometry and in MuJoCo."""
+    scenario = Scenario()
+    g = scenario.geometry
+    bodies = PegInHole(g.peg_radius, g.hole_radius, g.hole_depth, g.chamfer)
+    probe = MujocoProbe(scenario, MujocoContact())
+    axis = axes_of_rotation_vectors([[0.0, tilt, 0.0]])
+    rng = np.random.default_rng(1)
+    compared = 0
+    for x, z in zip(rng.uniform(-4e-4, 4e-4, 300), rng.uniform(*deep, 300), strict=True):
+        gap = bodies.gap([[x, 0.0, z]], axis)[0]
+        if not -3e-5 < gap < -1e-6:
+            continue
+        probe.place(PlanarPose(x, z, tilt))
+        mujoco.mj_forward(probe.model, probe.data)
+        assert min(c.dist for c in probe.data.contact) == pytest.approx(gap, abs=0.02 * abs(gap) + 1e-7)
+        compared += 1
+    assert compared > 3
+
+
+def test_the_force_on_a_slowly_sliding_peg_is_that_of_whitneys_balance():
+    scenario = Scenario()
+    probe = MujocoProbe(scenario, MujocoContact(), **CRAWLING)
+    sizes, friction = PegTheory.of(scenario), scenario.contact.friction
+    predicted, measured = crawl(probe, sizes, friction, lateral=0.0, moment=0.2, depth=0.020)
+    assert measured.mean() == pytest.approx(predicted, rel=0.08)
+
+
+def test_a_held_axis_does_not_move():
+    probe = MujocoProbe(Scenario(), MujocoContact())
+    probe.place(PlanarPose(0.0, 0.01, 0.02))
+    probe.load(1.0, -1.0, 0.1)
+    probe.hold("tilt")
+    probe.step(10)
+    assert probe.pose().tilt == pytest.approx(0.02, abs=1e-9)
+    assert probe.pose().x == pytest.approx(0.5 * 1.0 / 0.5 * (10 * probe.time_step) ** 2, rel=0.2)
+    probe.hold()
+    probe.step(10)
+    assert probe.pose().tilt > 0.021
+
+
+def test_an_unresolved_scenario_is_refused(quick_scenario):
+    quick_scenario.rig.pivot_height = None
+    with pytest.raises(ValueError, match="pivot_height"):
+        rig_document(quick_scenario, MujocoContact())

@@ -1,0 +1,103 @@
+"""MuJoCo's plant against hand-worked statics, Drake's plant and a whole insertion."""
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="needs the extra [peers]")
+
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+
+from benchmarks.physics.mujoco_model import MujocoContact
+from benchmarks.physics.mujoco_plant import MujocoPlant
+from systems.plant.contact_plant import ALUMINIUM, STEEL, AddRigPlant
+from systems.rig import WireRig
+from systems.runs.trial import run_rig, trial_scenario
+from tests.benchmarks.physics.mujoco_bench import Bench, G, hanging_weight
+from tests.diagrams import unconnected_inputs
+
+
+@pytest.fixture
+def scenario(quick_scenario):
+    quick_scenario.rig.pivot_height = 0.0
+    return quick_scenario
+
+
+def test_the_sensor_reads_the_pegs_weight_in_free_air(scenario):
+    g = scenario.geometry
+    bench = Bench(scenario, force=hanging_weight(scenario)).start(tip_z=0.01).advance(0.05)
+    weight = G * STEEL * math.pi * g.peg_radius**2 * g.peg_length
+    assert bench.plant.weight == pytest.approx(weight, rel=1e-4)
+    np.testing.assert_allclose(bench.held(), [0, 0, weight, 0, 0, 0], atol=1e-4)
+    assert bench.plant.tip_height(bench.simulator.get_context()) == pytest.approx(0.01, abs=1e-6)
+
+
+def test_the_sensor_reads_the_force_that_presses_the_peg_on_the_floor(scenario):
+    push = 8.0
+    bench = (
+        Bench(scenario, force=hanging_weight(scenario) - push).start(tip_z=-scenario.geometry.hole_depth).advance(0.3)
+    )
+    np.testing.assert_allclose(bench.held()[:3], [0, 0, bench.plant.weight - push], atol=0.02)
+    sunk = -bench.plant.tip_height(bench.simulator.get_context()) - scenario.geometry.hole_depth
+    assert 0 < sunk < 1e-4
+
+
+def test_the_hanging_block_turns_a_stepper_by_torque_over_stiffness(scenario):
+    g, angle = scenario.geometry, 0.05
+    height = g.hole_depth + g.floor
+    weight = G * ALUMINIUM * math.pi * g.block_radius**2 * height  # half a height below the axes
+    bench = Bench(scenario, force=hanging_weight(scenario), equilibrium=(angle, 0.0)).start(tip_z=0.02, pitch=angle)
+    measured = bench.advance(0.3).gimbal()[0]
+    expected = -weight * 0.5 * height * math.sin(angle) / scenario.stepper.stiffness
+    assert measured - angle == pytest.approx(expected, rel=0.01)
+
+
+def test_both_engines_start_with_the_peg_in_the_same_place(scenario):
+    scenario.rig.pivot_height = 0.002
+    poses = []
+    for add in (AddRigPlant, lambda builder, scenario: MujocoPlant.AddToBuilder(builder, scenario, MujocoContact())):
+        builder = DiagramBuilder()
+        plant = add(builder, scenario)
+        context = builder.Build().CreateDefaultContext()
+        plant.set_start(context, carriage=0.081, pitch=0.04, yaw=-0.03)
+        poses.append(plant.peg_in_hole(context).GetAsMatrix34())
+    np.testing.assert_allclose(poses[0], poses[1], atol=1e-12)
+
+
+def test_two_contexts_do_not_disturb_each_other(scenario):
+    """The plant computes in a work space of the context."""
+    bench = Bench(scenario, force=hanging_weight(scenario) - 5.0)
+    alone, first, second = (Simulator(bench.simulator.get_system()) for _ in range(3))
+    for simulator, pitch in ((alone, 0.03), (first, 0.03), (second, -0.01)):
+        bench.plant.set_start(
+            simulator.get_mutable_context(), carriage=scenario.sensor.height - 1e-4, pitch=pitch, yaw=0.0
+        )
+    alone.AdvanceTo(0.1)
+    for t in (0.03, 0.06, 0.1):
+        first.AdvanceTo(t)
+        second.AdvanceTo(t)
+    states = [s.get_context().get_discrete_state(0).value() for s in (alone, first, second)]
+    np.testing.assert_array_equal(states[0], states[1])
+    assert not np.array_equal(states[0], states[2])
+
+
+def test_a_time_step_that_does_not_divide_the_period_is_refused(scenario):
+    with pytest.raises(ValueError, match=r"MuJoCo's time step is 0.0007 s, expected a part of contact.time_step"):
+        MujocoPlant(scenario, MujocoContact(time_step=7e-4))
+
+
+@pytest.mark.slow
+def test_the_skill_inserts_in_mujoco(quick_scenario, skill):
+    quick_scenario.start.tilt = [0.04, -0.035]
+    quick_scenario.trial.time_limit = 8.0
+    resolved = trial_scenario(quick_scenario, number=1000)
+    builder = DiagramBuilder()
+    rig = WireRig(builder, resolved, skill, MujocoPlant.AddToBuilder(builder, resolved, MujocoContact()))
+    assert unconnected_inputs(rig.diagram) == set()
+    result, run = run_rig(rig, resolved, skill, seed=1000)
+    assert result.reason == "inserted"
+    assert result.depth == pytest.approx(resolved.full_depth, abs=1e-4)
+    assert result.steps > 0
+    assert np.isfinite(run.samples.to_numpy()).all()

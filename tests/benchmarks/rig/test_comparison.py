@@ -1,0 +1,31 @@
+"""The table of a comparison and the choice of its policies."""
+
+import pytest
+from statsmodels.stats.proportion import proportion_confint
+
+from benchmarks.rig.comparison import compare, selected, wilson
+from benchmarks.rig.trials import Arm
+
+
+@pytest.mark.parametrize(("successes", "n"), [(0, 20), (1, 20), (13, 20), (20, 20), (99, 100)])
+def test_the_interval_is_wilsons(successes, n):
+    assert wilson(successes, n) == pytest.approx(proportion_confint(successes, n, method="wilson"), abs=1e-6)
+
+
+def test_a_policy_whose_training_fails_does_not_stop_the_others(setting, performed, push, tmp_path, capsys):
+    def broken(setting, record, advance, draw):
+        raise FloatingPointError("no such number")
+
+    rows = compare("both", [Arm("broken", broken), Arm("push", push)], setting, tmp_path / "both.json")
+    assert rows[0]["error"] == "draw 0 not trained: FloatingPointError: no such number"
+    assert rows[1]["inserted"] == 3
+    assert "no such number" in capsys.readouterr().out
+    assert (tmp_path / "both.json").stat().st_size > 100
+
+
+def test_policies_are_selected_by_a_part_of_their_name(push):
+    arms = [Arm("LWR without states", push), Arm("CA states + LWR", push), Arm("no correction", push)]
+    assert selected(arms, None) == arms
+    assert selected(arms, ["lwr"]) == arms[:2]
+    with pytest.raises(ValueError, match=r"--only \['transformer'\] matches none of the policies"):
+        selected(arms, ["transformer"])

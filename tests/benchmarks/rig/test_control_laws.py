@@ -1,0 +1,79 @@
+"""The control laws follow their equations, and the tuning finds the best parameters."""
+
+import numpy as np
+import pytest
+
+from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, cost, tuned, tuning_trials
+from benchmarks.rig.trials import FIRST_TUNING, Arm, Setting, perform
+
+PERIOD = 0.02
+
+
+def measured(force=(0.0, 0.0, 0.0), moment=(0.0, 0.0, 0.0), z=-0.01):
+    return np.array([*force, *moment, z])
+
+
+def test_compliance_turns_with_the_moment_about_its_centre():
+    law = MomentCompliance(gain=2.0, height=0.01, dead_zone=0.03, speed=0.01, yield_force=20.0)
+    # A force of 6 N along y through the centre, 10 mm above the tip, has the moment -0.06 N m about the tip's x.
+    action = law.act(measured(force=(0, 6, 0), moment=(-0.06, 0, 0)))
+    np.testing.assert_allclose(action.turn, 0.0, atol=1e-15)
+    action = law.act(measured(moment=(0.03, 0.04, 0)))  # 50 mN m, 20 beyond the dead zone
+    np.testing.assert_allclose(action.turn, 2.0 * np.array([0.6, 0.8]) * 0.02 * PERIOD)
+    assert action.feed == pytest.approx(-0.01 * PERIOD * (1 - 5 / 20))  # a load of 0.05 N m / 10 mm
+    assert law.act(measured(force=(0, 0, 500))).feed == pytest.approx(0.5 * 0.01 * PERIOD)
+
+
+def search(law, loads):
+    """The angles (n, 2) of the search after each load, rad."""
+    state_filter = law.state_filter()
+    belief, angle, angles = state_filter.initial_log_belief(), np.zeros(2), []
+    for load in loads:
+        row = measured(force=(0, 0, load))
+        estimate = state_filter.step(belief, law.measured_features(row))
+        belief = estimate.log_belief
+        angle = angle + law.act(row, estimate.probabilities).turn
+        angles.append(angle)
+    return np.array(angles)
+
+
+def test_the_search_follows_a_spiral_at_a_constant_rate_and_returns():
+    law = SpiralSearch(spacing=0.01, rate=0.1, outer=0.03, touch=3.0)
+    angles = search(law, [5.0] * law.n_states)
+    steps = np.linalg.norm(np.diff(angles, axis=0), axis=1)
+    np.testing.assert_allclose(steps[10:-1], 0.1 * PERIOD, rtol=0.05)
+    radius = np.linalg.norm(angles, axis=1)
+    assert radius.max() == pytest.approx(0.03, rel=0.02)
+    np.testing.assert_allclose(angles[-1], 0.0, atol=1e-12)
+    # Turns are one spacing apart.
+    angle = np.unwrap(np.arctan2(angles[:, 1], angles[:, 0]))[: radius.argmax()]
+    np.testing.assert_allclose(np.interp(angle[-1] - 2 * np.pi, angle, radius[: len(angle)]), 0.03 - 0.01, rtol=0.03)
+
+
+def test_the_search_pauses_without_resistance():
+    law = SpiralSearch(touch=3.0)
+    angles = search(law, [5.0] * 20 + [1.0] * 20 + [5.0])
+    np.testing.assert_array_equal(angles[20:40], np.tile(angles[19], (20, 1)))
+    np.testing.assert_allclose(angles[40], search(law, [5.0] * 21)[-1])
+
+
+def test_tuning_chooses_the_lowest_cost_on_its_own_trials_and_resumes(setting, performed, no_progress):
+    arm = Arm("tuned", lambda s, record, advance, draw: tuned(MomentCompliance, s, record, advance))
+    record = perform(arm, setting, no_progress)
+    own = [n for n in performed if n >= FIRST_TUNING]
+    assert len(own) == len(record.tuning) == tuning_trials(8)
+    assert set(performed) - set(own) == set(setting.numbers)
+    # Every trial inserts with the same force, so that the fastest of eight candidates has the lowest cost.
+    candidates = [k for k in range(8) if f"{k}:{FIRST_TUNING}" in record.tuning]
+    times = {k: record.tuning[f"{k}:{FIRST_TUNING}"]["time_s"] for k in candidates}
+    assert record.content["tuned"]["speed"] == pytest.approx(0.05 / min(times.values()))
+    assert record.content["train_s"]["0"] == 0.5 * tuning_trials(8)
+    more = Setting(**(vars(setting) | {"trials": 5}))
+    perform(arm, more, no_progress)
+    assert performed[-1] == 7004
+    assert [n for n in performed if n >= FIRST_TUNING] == own
+
+
+def test_a_failure_costs_more_than_any_insertion(setting):
+    slow = {"inserted": True, "time_s": setting.scenario.trial.time_limit, "peak_lateral_n": 90.0}
+    assert cost(slow, setting) < cost({"inserted": False}, setting)

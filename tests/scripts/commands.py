@@ -1,0 +1,57 @@
+"""Runs commands for the tests: in a separate process, or faster in this one."""
+
+import importlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULES = {  # subcommand of haptic-skill: module with the same command
+    "demo": "scripts.demo",
+    "record": "scripts.record_demonstrations",
+    "train": "scripts.train_skill",
+    "rig": "scripts.run_rig",
+    "practise": "scripts.practise",
+    "replay": "scripts.replay",
+    "diagram": "scripts.block_diagram",
+}
+HAPTIC_SKILL = ("-c", "from scripts.haptic_skill import main; main()")  # what the installed command does
+
+
+def run_python(*arguments, cwd=ROOT, **environment):
+    """Runs Python in a separate process, which finds the packages of this checkout; returns the completed process."""
+    plain = {"NO_COLOR": "1", "COLUMNS": "200", "TERM": "dumb", "OPENBLAS_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
+    return subprocess.run(
+        [sys.executable, *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        env=os.environ | plain | environment,
+    )
+
+
+def invoke(name, *arguments):
+    """Runs a subcommand, or "haptic_skill" itself, in this process."""
+    app = importlib.import_module(MODULES.get(name, f"scripts.{name}")).app
+    return CliRunner(env={"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "160"}).invoke(app, [str(a) for a in arguments])
+
+
+def error_line(result):
+    """The one line that a failed command of `invoke` prints on stderr."""
+    assert result.exit_code == 1, result.output
+    assert isinstance(result.exception, SystemExit), result.exception
+    assert "Traceback" not in result.output
+    lines = [line for line in result.stderr.splitlines() if line.strip()]
+    assert len(lines) == 1, result.stderr
+    assert lines[0].startswith("error: ")
+    return lines[0]
+
+
+def files(folder):
+    """Paths of all files below a folder, relative to it, sorted."""
+    return sorted(str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file())

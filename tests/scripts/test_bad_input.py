@@ -1,0 +1,171 @@
+"""The messages of the commands about bad input: one line, and no file is written or removed."""
+
+import json
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from models.scenario import dump_scenario
+from tests.quick_scenario import REQUESTS, make_quick_scenario
+from tests.scripts.commands import error_line, files, invoke
+
+BAD_SCENARIOS = {
+    "an unknown key": ("contact: {fricton: 0.2}", "fricton"),
+    "a negative clearance": ("geometry: {hole_radius: 0.0099}", "clearance"),
+    "facets too coarse": ("geometry: {facets: 20}", "geometry.facets"),
+    "a word for a number": ("contact: {friction: much}", "friction"),
+}
+
+
+@pytest.mark.parametrize(("text", "expected"), BAD_SCENARIOS.values(), ids=BAD_SCENARIOS)
+def test_a_bad_scenario_stops_a_recording_before_it_starts(tmp_path, text, expected):
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text(text)
+    line = error_line(invoke("record", "--scenario", scenario, "--out", tmp_path / "out", "--jobs", 1))
+    assert expected in line
+    assert "mine.yaml" in line
+    assert files(tmp_path) == ["mine.yaml"]
+
+
+def test_a_bad_scenario_stops_the_rig_before_it_starts(tmp_path, skill_file):
+    scenario = tmp_path / "mine.yaml"
+    scenario.write_text("geometry: {facets: 20}")
+    line = error_line(invoke("rig", "--skill", skill_file, "--scenario", scenario, "--out", tmp_path / "rig"))
+    assert "geometry.facets" in line
+    assert files(tmp_path) == ["mine.yaml"]
+
+
+def test_the_error_about_an_unknown_scenario_names_the_known_ones(tmp_path):
+    line = error_line(invoke("record", "--scenario", "nominel", "--out", tmp_path / "out"))
+    assert "nominel" in line
+    assert "nominal" in line
+    assert files(tmp_path) == []
+
+
+def test_recordings_are_not_overwritten_without_the_option(tmp_path, demonstration_folder):
+    kept = tmp_path / "mine.parquet"
+    kept.write_bytes((demonstration_folder / "000.parquet").read_bytes())
+    before = kept.read_bytes()
+    line = error_line(invoke("record", "--out", tmp_path))
+    assert "--overwrite" in line
+    assert kept.read_bytes() == before
+    assert files(tmp_path) == ["mine.parquet"]
+
+
+def test_overwriting_with_a_bad_scenario_removes_nothing(tmp_path, demonstration_folder):
+    kept = tmp_path / "mine.parquet"
+    kept.write_bytes((demonstration_folder / "000.parquet").read_bytes())
+    error_line(invoke("record", "--out", tmp_path, "--overwrite", "--scenario", "nominel"))
+    unstable = tmp_path / "unstable.yaml"
+    unstable.write_text("coupling: {force_scale: 1.0}")
+    assert "not stable" in error_line(
+        invoke("record", "--out", tmp_path, "--overwrite", "--scenario", unstable, "--jobs", 1)
+    )
+    assert files(tmp_path) == ["mine.parquet", "unstable.yaml"]
+
+
+def test_zero_demonstrations_are_an_error(tmp_path):
+    line = error_line(invoke("record", "--good", 0, "--bad", 0, "--out", tmp_path / "out"))
+    assert "--good" in line
+    assert files(tmp_path) == []
+
+
+@pytest.mark.slow
+def test_a_habit_that_never_gives_the_requested_example_is_one_error(tmp_path):
+    """A tenth of a second is too short to insert."""
+    scenario = make_quick_scenario()
+    scenario.recorder.time_limit = 0.1
+    path = tmp_path / "hasty.yaml"
+    path.write_text(dump_scenario(scenario))
+    line = error_line(
+        invoke(
+            "record",
+            *("--good", 1, "--bad", 0, "--jobs", 1, "--scenario", path, "--out", tmp_path / "out"),
+        )
+    )
+    assert "no good example" in line
+    assert files(tmp_path) == ["hasty.yaml"]
+
+
+@pytest.mark.parametrize("fault", ["none", "truncated", "missing column", "renamed column", "not finite"])
+def test_training_on_bad_recordings_is_one_error_and_writes_no_skill(tmp_path, demonstration_folder, fault):
+    recordings = tmp_path / "recordings"
+    recordings.mkdir()
+    if fault != "none":
+        source = demonstration_folder / "000.parquet"
+        (recordings / "000.parquet").write_bytes(source.read_bytes())
+        bad = recordings / "001.parquet"
+        if fault == "truncated":
+            bad.write_bytes(source.read_bytes()[:-100])
+        else:
+            table = pq.read_table(source)
+            frame = table.to_pandas()
+            frame = {
+                "missing column": lambda f: f.drop(columns="mz"),
+                "renamed column": lambda f: f.rename(columns={"mz": "moment_z"}),
+                "not finite": lambda f: f.assign(mz=np.where(f.index == 2, np.nan, f["mz"])),
+            }[fault](frame)
+            new = pa.Table.from_pandas(frame, preserve_index=False)
+            pq.write_table(new.replace_schema_metadata(table.schema.metadata), bad)
+    line = error_line(invoke("train", "--demonstrations", recordings, "--out", tmp_path / "skill.npz"))
+    messages = {"none": "no demonstrations", "truncated": "001.parquet: not a complete Parquet file"}
+    assert messages.get(fault, "001.parquet") in line
+    if fault not in messages:
+        assert "mz" in line
+    assert not (tmp_path / "skill.npz").exists()
+
+
+def test_training_without_an_insertion_is_one_error(tmp_path, demonstration_folder):
+    (tmp_path / "shown").mkdir()
+    slams = demonstration_folder / f"{len(REQUESTS) - 1:03d}.parquet"
+    (tmp_path / "shown" / "000.parquet").write_bytes(slams.read_bytes())
+    line = error_line(invoke("train", "--demonstrations", tmp_path / "shown", "--out", tmp_path / "skill.npz"))
+    assert "none of the 1 demonstrations" in line
+    assert files(tmp_path) == ["shown/000.parquet"]
+
+
+@pytest.mark.parametrize("fault", ["missing", "truncated", "another version", "not a skill"])
+def test_running_with_a_bad_skill_is_one_error_and_writes_nothing(tmp_path, skill_file, fault):
+    skill = tmp_path / "skill.npz"
+    if fault == "truncated":
+        skill.write_bytes(skill_file.read_bytes()[:500])
+    elif fault == "another version":
+        with np.load(skill_file) as stored:
+            arrays = dict(stored)
+        header = json.loads(arrays["header"].tobytes())
+        header["skill_version"] += 1
+        arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+        np.savez(skill, **arrays)
+    elif fault == "not a skill":
+        skill.write_text("peg in hole")
+    line = error_line(invoke("rig", "--skill", skill, "--out", tmp_path / "rig", "--trials", 1))
+    messages = {"missing": "no such skill file", "another version": "version"}
+    assert messages.get(fault, "not a skill file") in line
+    assert "skill.npz" in line
+    assert set(files(tmp_path)) <= {"skill.npz"}
+
+
+def test_a_tilt_too_large_to_enter_is_one_error_before_the_first_trial(tmp_path, skill_file):
+    scenario = tmp_path / "quick.yaml"
+    scenario.write_text(dump_scenario(make_quick_scenario()))
+    line = error_line(
+        invoke(
+            "rig",
+            *("--skill", skill_file, "--scenario", scenario, "--tilt-deg", 20, "--trials", 8, "--seed", 0),
+            *("--out", tmp_path / "rig", "--jobs", 1),
+        )
+    )
+    assert "tilt" in line
+    assert files(tmp_path) == ["quick.yaml"]
+
+
+@pytest.mark.slow
+def test_an_output_path_that_cannot_be_written_is_one_error(tmp_path, demonstration_folder):
+    (tmp_path / "taken").write_text("mine")
+    line = error_line(
+        invoke("train", "--demonstrations", demonstration_folder, "--out", tmp_path / "taken" / "skill.npz")
+    )
+    assert "taken" in line
+    assert (tmp_path / "taken").read_text() == "mine"

@@ -1,0 +1,141 @@
+"""The commands end to end: record, train, rig, replay, diagram and demo on a quick scenario."""
+
+import json
+import math
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+
+from models.scenario import dump_scenario, load_scenario
+from skill.data.demonstration import read_demonstrations
+from skill.data.rig_run import read_rig_run
+from skill.manipulation_skill import ManipulationSkill
+from tests.quick_scenario import make_quick_scenario
+from tests.scripts.commands import HAPTIC_SKILL, files, run_python
+
+pytestmark = pytest.mark.slow
+
+TRIAL_MEASUREMENTS = ("time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "peak_moment_nm", "penetration_um")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a space in its path, that holds a quick scenario."""
+    scenario = make_quick_scenario()
+    scenario.start.tilt_range = scenario.start.demonstrated_tilt_range = math.radians(1.5)
+    scenario.recorder.time_limit = 1.5
+    folder = tmp_path_factory.mktemp("chain") / "a folder"
+    folder.mkdir()
+    (folder / "quick.yaml").write_text(dump_scenario(scenario))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def chain(folder):
+    """Records, trains, runs the rig and replays, with `haptic-skill` from this folder; what each command printed."""
+    commands = {
+        "record": ("--good", 3, "--bad", 1, "--seed", 1, "--scenario", "quick.yaml", "--jobs", 1, "--out", "shown"),
+        "train": ("--demonstrations", "shown", "--out", "skill.npz"),
+        "rig": (
+            *("--skill", "skill.npz", "--trials", 2, "--seed", 5, "--tilt-deg", 1.0, "--friction", 0.15),
+            *("--scenario", "quick.yaml", "--out", "rig", "--json", "mine.json", "--jobs", 1),
+        ),
+        "replay": ("rig/run_0005.parquet", "--no-open"),
+    }
+    printed = {}
+    for name, arguments in commands.items():
+        done = run_python(*HAPTIC_SKILL, name, *arguments, cwd=folder)
+        assert done.returncode == 0, done.stdout + done.stderr
+        printed[name] = done.stdout
+    return printed
+
+
+def test_recording_writes_one_valid_file_per_demonstration(chain, folder):
+    recordings = read_demonstrations(folder / "shown")
+    assert [d.good for d in recordings] == [True, True, True, False]
+    assert files(folder / "shown") == [
+        "000_good_expert.parquet",
+        "001_good_novice.parquet",
+        "002_good_expert.parquet",
+        "003_bad_blind.parquet",
+        "demonstrations.png",
+    ]
+    assert "4 demonstrations in shown" in chain["record"]
+
+
+def test_training_writes_a_skill_and_prints_its_states(chain, folder):
+    skill = ManipulationSkill.load(folder / "skill.npz")
+    assert f"{skill.n_states} contact states" in chain["train"]
+    for name in skill.state_names():
+        assert name in chain["train"]
+
+
+def test_the_json_has_one_object_per_trial_with_the_documented_keys(chain, folder):
+    results = json.loads((folder / "mine.json").read_text())
+    assert [r["seed"] for r in results] == [5, 6]
+    for r in results:
+        assert {"inserted", "reason", *TRIAL_MEASUREMENTS} <= set(r)
+        assert isinstance(r["inserted"], bool)
+        assert r["inserted"] == (r["reason"] == "inserted")
+        assert all(math.isfinite(r[k]) for k in TRIAL_MEASUREMENTS)
+        assert max(map(abs, r["tilt_deg"])) <= 1.0
+    assert f"{sum(r['inserted'] for r in results)} of 2 inserted" in chain["rig"]
+
+
+def test_the_trials_insert(chain, folder):
+    results = json.loads((folder / "mine.json").read_text())
+    assert [r["reason"] for r in results] == ["inserted", "inserted"]
+
+
+def test_every_run_is_recorded_with_the_result_that_the_json_has(chain, folder):
+    results = json.loads((folder / "mine.json").read_text())
+    worst = max(results, key=lambda r: r["peak_lateral_n"])["seed"]
+    assert files(folder / "rig") == [
+        *(f"replay_{worst:04d}.html", "report.html"),
+        *("run_0005.html", "run_0005.parquet", "run_0006.parquet"),
+    ]
+    for r in results:
+        run = read_rig_run(folder / "rig" / f"run_{r['seed']:04d}.parquet")
+        assert run.result == r
+        assert "friction: 0.15" in run.metadata["scenario"]
+
+
+def test_the_replay_is_written_beside_the_run(chain, folder):
+    assert (folder / "rig" / "run_0005.html").stat().st_size > 500_000
+    assert chain["replay"].startswith("rig/run_0005.html: rig run, ")
+
+
+@pytest.mark.graphviz
+def test_the_diagrams_are_drawn(chain, folder):
+    skill = ManipulationSkill.load(folder / "skill.npz")
+    skill.metadata_["geometry"] |= asdict(load_scenario().geometry)  # a skill for the hole that is drawn
+    skill.save(folder / "nominal.npz")
+    done = run_python(*HAPTIC_SKILL, "diagram", "--skill", "nominal.npz", "--out", "pictures", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert files(folder / "pictures") == ["rig.svg", "virtual_environment.svg"]
+    assert "</svg>" in (folder / "pictures" / "rig.svg").read_text()
+
+
+def test_the_module_of_a_command_makes_the_same_recordings(chain, folder, tmp_path):
+    done = run_python(
+        *("-m", "scripts.record_demonstrations", "--good", 1, "--bad", 0, "--seed", 1),
+        *("--scenario", folder / "quick.yaml", "--jobs", 1, "--out", tmp_path / "again"),
+    )
+    assert done.returncode == 0, done.stderr
+    first, repeated = read_demonstrations(folder / "shown")[0], read_demonstrations(tmp_path / "again")[0]
+    np.testing.assert_array_equal(first.samples.to_numpy(), repeated.samples.to_numpy())
+    assert first.metadata["seed"] == repeated.metadata["seed"]
+
+
+def test_the_demo_runs_the_whole_chain(folder, tmp_path):
+    done = run_python(
+        *("-m", "scripts.demo", "--good", 3, "--bad", 1, "--trials", 1, "--seed", 1, "--jobs", 1),
+        *("--scenario", folder / "quick.yaml", "--out", tmp_path / "out"),
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    written = [path.name for path in sorted((tmp_path / "out").iterdir())]
+    assert {"demonstrations", "skill.npz", "rig", "replay_insertion.html", "fig3_demonstration.png"} <= set(written)
+    listed = [line.strip().rstrip("/") for line in done.stdout.splitlines()]
+    assert listed[-len(written) :] == written
+    assert (tmp_path / "out" / "rig" / "run_0001.parquet").is_file()  # seed x trials

@@ -1,0 +1,220 @@
+"""The command haptic-skill as a whole: help, versions, exit codes, and what it runs without."""
+
+import ast
+import platform
+import tomllib
+from importlib.metadata import version
+
+import pytest
+from typer.main import get_command
+
+from scripts import haptic_skill
+from tests.scripts.commands import HAPTIC_SKILL, MODULES, ROOT, error_line, invoke, run_python
+from tests.trajectories import make_rig_run
+
+BLOCKED = """
+import sys
+for name in ("pydrake", "yaml"):
+    sys.modules[name] = None
+from scripts.haptic_skill import main
+try:
+    main()
+finally:
+    print(*{m.split(".")[0] for m, module in sys.modules.items() if module}, file=sys.stderr)
+"""
+
+
+@pytest.fixture
+def run_file(tmp_path):
+    from skill.data.rig_run import write_rig_run
+
+    path = tmp_path / "[bold]run.parquet"
+    write_rig_run(make_rig_run(), path)
+    return path
+
+
+# -------------------------------------------------------------------- help
+
+
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+def test_help_lists_every_command_and_the_exit_codes(flag):
+    done = invoke("haptic_skill", flag)
+    assert done.exit_code == 0
+    text = " ".join(done.stdout.split())
+    for name in MODULES:
+        assert f"{name} " in text
+    for code in ("0 success", "1 error", "2 wrong usage", "130 interrupted"):
+        assert code in text
+
+
+@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+def test_help_of_a_command_says_what_it_writes_and_has_an_example(name, flag):
+    done = invoke("haptic_skill", name, flag)
+    assert done.exit_code == 0, done.output
+    text, text_of_module = (" ".join(d.stdout.split()).split("[OPTIONS]", 1)[1] for d in (done, invoke(name, flag)))
+    assert text == text_of_module
+    assert "Reads a" in text or "Reads the" in text
+    assert "Writes " in text
+    assert f"haptic-skill {name} " in text.split("For example", 1)[1]
+    assert "--out" in text
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_the_module_of_a_command_starts_it(name):
+    tree = ast.parse((ROOT / MODULES[name].replace(".", "/")).with_suffix(".py").read_text())
+    assert ast.unparse(tree.body[-1]) == "if __name__ == '__main__':\n    run_app(app)"
+
+
+def test_the_same_option_means_the_same_in_every_command():
+    texts = {}
+    for name, command in get_command(haptic_skill.app).commands.items():
+        for option in command.params:
+            texts.setdefault(option.opts[0], {})[name] = option.help
+    for flag in ("--seed", "--jobs", "--scenario", "--skill", "--trials", "--good", "--bad"):
+        assert len(set(texts[flag].values())) == 1, texts[flag]
+    assert set(texts["--seed"]) == {"demo", "record", "train", "rig", "practise"}
+    assert "trial k of the rig uses seed + k" in texts["--seed"]["rig"]
+    for name, text in texts["--out"].items():
+        assert text.startswith(("Folder to write into", "File to write", "HTML page to write")), name
+
+
+def test_no_option_is_required():
+    for name, command in get_command(haptic_skill.app).commands.items():
+        required = [option.name for option in command.params if option.required]
+        assert required == (["file"] if name == "replay" else [])
+
+
+def test_the_versions_are_printed():
+    done = invoke("haptic_skill", "--version")
+    assert done.exit_code == 0
+    assert done.stdout.split() == [
+        *("haptic-skill", f"{version('haptic-skill')},"),
+        *("Python", f"{platform.python_version()},"),
+        *("Drake", version("drake")),
+    ]
+
+
+# -------------------------------------------------------------- exit codes
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_an_unknown_option_is_wrong_usage(name):
+    for done in (invoke(name, "--courage", "3"), invoke("haptic_skill", name, "--courage", "3")):
+        assert done.exit_code == 2
+        assert "--courage" in done.stderr
+        assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("arguments", [("bogus",), ("record", "--port", 7000), ("rig", "--trials", 0)])
+def test_wrong_usage_has_exit_code_2(arguments):
+    assert invoke("haptic_skill", *arguments).exit_code == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [("-m", "scripts.train_skill"), (*HAPTIC_SKILL, "train")])
+def test_a_failed_command_prints_one_line_in_a_separate_process(tmp_path, command):
+    done = run_python(*command, "--demonstrations", tmp_path / "nowhere", "--out", tmp_path / "skill.npz")
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ")
+    assert len(done.stderr.splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["train", "rig", "practise", "diagram", "replay", "record"])
+def test_a_bracket_in_a_file_name_is_not_markup(tmp_path, name):
+    path = tmp_path / "out" / "[bold]x.npz"
+    option = {"train": "--demonstrations", "replay": "--skill", "record": "--scenario"}.get(name, "--skill")
+    arguments = [path.with_suffix(".parquet")] if name == "replay" else [option, path]
+    assert "[bold]x" in error_line(invoke(name, *arguments, "--out", tmp_path / "other"))
+
+
+def test_a_bracket_in_the_name_of_an_output_is_not_markup(run_file):
+    done = invoke("replay", run_file, "--no-open")
+    assert done.exit_code == 0
+    assert f"{run_file.with_suffix('.html')}: rig run" in done.stdout
+
+
+# ---------------------------------------------- without Drake, and shadowed
+
+
+def blocked(*arguments):
+    """The command where Drake is not installed, and the names of the packages that it imported."""
+    done = run_python("-c", BLOCKED, *arguments)
+    *messages, imported = done.stderr.splitlines()
+    return done, messages, set(imported.split())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arguments", [("--help",), ("rig", "-h"), ("--version",)])
+def test_help_and_versions_import_neither_drake_nor_scikit_learn(arguments):
+    done, messages, imported = blocked(*arguments)
+    assert (done.returncode, messages) == (0, [])
+    assert not imported & {"pydrake", "sklearn", "pandas", "scipy"}
+    if arguments == ("--version",):
+        assert "Drake not installed" in done.stdout
+
+
+@pytest.mark.slow
+def test_replay_imports_neither_drake_nor_scikit_learn(run_file):
+    done, messages, imported = blocked("replay", run_file, "--no-open")
+    assert (done.returncode, messages) == (0, [])
+    assert not imported & {"pydrake", "sklearn"}
+    assert run_file.with_suffix(".html").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["demo", "record", "rig", "practise", "diagram"])
+def test_a_simulation_without_drake_names_the_extra_to_install(name):
+    done, messages, _ = blocked(name)
+    assert done.returncode == 1
+    assert len(messages) == 1
+    assert messages[0].startswith("error: ")
+    assert "install haptic-skill[sim]" in messages[0]
+
+
+@pytest.mark.slow
+def test_training_needs_no_drake(demonstration_folder, tmp_path):
+    done, messages, _ = blocked("train", "--demonstrations", demonstration_folder, "--out", tmp_path / "skill.npz")
+    assert (done.returncode, messages) == (0, [])
+
+
+@pytest.mark.parametrize("package", ["models", "skill", "systems"])
+@pytest.mark.parametrize("regular", [True, False], ids=["package", "folder"])
+def test_a_package_that_shadows_ours_is_one_error_with_both_paths(tmp_path, package, regular):
+    (tmp_path / package).mkdir()
+    if regular:
+        (tmp_path / package / "__init__.py").touch()
+    (tmp_path / "scripts").symlink_to(ROOT / "scripts")  # ours, without its neighbours
+    done = run_python(*HAPTIC_SKILL, "rig", cwd=tmp_path, PYTHONPATH=str(tmp_path))
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    for words in ("error: ", f"another package '{package}'", str(tmp_path / package), str(ROOT / package)):
+        assert words in done.stderr
+
+
+def test_a_foreign_package_scripts_is_reported_by_the_installed_command(tmp_path):
+    (tmp_path / "scripts").mkdir()
+    (tmp_path / "scripts" / "__init__.py").touch()
+    start = f"import sys; sys.path.append({str(ROOT)!r}); import haptic_skill; haptic_skill.main()"
+    done = run_python("-c", start, "rig", cwd=tmp_path, PYTHONPATH=str(tmp_path))
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    for words in ("another package 'scripts'", str(tmp_path / "scripts"), str(ROOT / "scripts")):
+        assert words in done.stderr
+
+
+def test_the_module_of_a_command_reports_a_shadowing_package_too(tmp_path):
+    (tmp_path / "systems").mkdir()
+    (tmp_path / "systems" / "__init__.py").touch()
+    (tmp_path / "scripts").symlink_to(ROOT / "scripts")
+    done = run_python("-m", "scripts.replay", "x.parquet", cwd=tmp_path)
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert str(tmp_path / "systems") in done.stderr
+    assert str(ROOT / "systems") in done.stderr
+
+
+def test_the_installed_command_is_the_one_tested_here():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert project["scripts"] == {"haptic-skill": "haptic_skill:main"}

@@ -1,0 +1,221 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
+
+from benchmarks.learners.cluster_sets import ellipses
+from skill.clustering.cluster_competition import exponential_schedule
+from skill.clustering.cluster_initialization import components_of_partition
+from skill.clustering.prototype_competition import (
+    FUZZY_ITERATIONS,
+    compete_for_prototypes,
+    competitive_memberships,
+    fuzzy_prototypes,
+    log_squared_distances,
+)
+from tests.skill.clustering.components import no_prior, random_components, spherical
+
+
+@given(seed=st.integers(0, 2**31), M=st.integers(2, 6), eta=st.floats(0.0, 20.0))
+@settings(max_examples=50, deadline=None)
+def test_memberships_sum_to_one_and_lie_between_zero_and_one(seed, M, eta):
+    rng = np.random.default_rng(seed)
+    previous = rng.dirichlet(np.ones(M), size=30)
+    U = competitive_memberships(rng.normal(size=(30, M)) * 30.0, previous, eta)
+    np.testing.assert_allclose(U.sum(axis=1), 1.0, atol=1e-12)
+    assert U.min() >= 0.0
+    assert U.max() <= 1.0 + 1e-12
+
+
+def test_memberships_satisfy_the_stationarity_conditions():
+    # 2 u d^2 - 2 alpha N_i is the same for all clusters of a sample; the half of the printed (8) and (9) cancels.
+    rng = np.random.default_rng(0)
+    d2 = rng.uniform(1.0, 4.0, (50, 3))
+    previous = rng.dirichlet(np.ones(3), size=50)
+    N_i = previous.sum(axis=0)
+    eta = 1e-3
+    U = competitive_memberships(np.log(d2), previous, eta)
+    alpha = eta * np.sum(previous**2 * d2) / np.sum(N_i**2)
+    multipliers = 2.0 * U * d2 - 2.0 * alpha * N_i
+    np.testing.assert_allclose(multipliers - multipliers[:, :1], 0.0, atol=1e-13)
+
+
+def test_memberships_are_clipped_and_normalised():
+    d2 = np.array([[1.0, 2.0, 4.0], [4.0, 1.0, 8.0]])
+    previous = np.array([[0.9, 0.1, 0.0], [0.6, 0.3, 0.1]])
+    N_i = previous.sum(axis=0)
+    H = (1.0 / d2) / (1.0 / d2).sum(axis=1, keepdims=True)
+    alpha = 1.5 * np.sum(previous**2 * d2) / np.sum(N_i**2)
+    raw = H + alpha / d2 * (N_i - H @ N_i[:, None])
+    assert raw.min() < 0.0
+    assert raw.max() > 1.0
+    clipped = np.clip(raw, 0.0, 1.0)
+    expected = clipped / clipped.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(competitive_memberships(np.log(d2), previous, 1.5), expected)
+    np.testing.assert_allclose(competitive_memberships(np.log(d2), previous, 0.0), H)
+
+
+def test_overwhelming_competition_does_not_overflow():
+    log_d2 = np.array([[700.0, 701.0], [-700.0, -701.0]])
+    previous = np.array([[0.8, 0.2], [0.6, 0.4]])
+    with np.errstate(all="raise", under="ignore"):
+        U = competitive_memberships(log_d2, previous, 1.0)
+    np.testing.assert_allclose(U[1], [1.0, 0.0])
+
+
+def test_membership_of_the_fmle_distance_is_the_posterior():
+    components = random_components(3)
+    Z = np.random.default_rng(0).normal(size=(20, 3))
+    H = competitive_memberships(log_squared_distances(Z, components, "fmle"), None, 1.0)
+    densities = np.stack(
+        [
+            P * multivariate_normal(v, F).pdf(Z)
+            for P, v, F in zip(components.weights, components.means, components.covariances, strict=True)
+        ],
+        axis=1,
+    )
+    np.testing.assert_allclose(H, densities / densities.sum(axis=1, keepdims=True), atol=1e-12)
+
+
+def test_fmle_distance_worked_by_hand():
+    components = random_components(2)
+    z = np.array([0.5, -0.5, 1.0])
+    F, offset = components.covariances[1], z - components.means[1]
+    expected = np.sqrt(np.linalg.det(F)) / components.weights[1] * np.exp(0.5 * offset @ np.linalg.inv(F) @ offset)
+    assert np.exp(log_squared_distances(z[None], components, "fmle")[0, 1]) == pytest.approx(expected)
+
+
+def test_gustafson_kessel_distance_has_unit_volume():
+    components = random_components(2)
+    Z = np.random.default_rng(1).normal(size=(5, 3))
+    log_d2 = log_squared_distances(Z, components, "gk")
+    F, v = components.covariances[1], components.means[1]
+    offset = Z[0] - v
+    expected = np.linalg.det(F) ** (1 / 3) * offset @ np.linalg.inv(F) @ offset
+    assert np.exp(log_d2[0, 1]) == pytest.approx(expected)
+
+
+def test_euclidean_distance_has_a_minimum():
+    components = random_components(2)
+    Z = np.array([components.means[0], components.means[0] + [3.0, 0.0, 4.0]])
+    np.testing.assert_allclose(log_squared_distances(Z, components, "euclid")[:, 0], np.log([1e-6, 25.0]))
+
+
+def test_unknown_distance_is_an_error():
+    with pytest.raises(ValueError, match="distance is 'cosine', expected 'fmle', 'gk' or 'euclid'"):
+        log_squared_distances(np.zeros((1, 3)), random_components(0), "cosine")
+
+
+@pytest.mark.parametrize("literal", [False, True])
+def test_prototypes_worked_by_hand(literal):
+    Z = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 2.0]])
+    U = np.array([[0.5, 0.5], [0.75, 0.25], [0.2, 0.8]])
+    found = fuzzy_prototypes(Z, U, no_prior(2), literal=literal)
+    np.testing.assert_allclose(found.weights, [1.45 / 3, 1.55 / 3])
+    w = U[:, 1] ** 2
+    mean = w @ Z / (w.sum() + 1e-6)  # the authors' program avoids a division by zero
+    np.testing.assert_allclose(found.means[1], mean, rtol=1e-12)
+    scatter = sum(w[j] * np.outer(Z[j] - mean, Z[j] - mean) for j in range(3))
+    np.testing.assert_allclose(found.covariances[1], scatter / (1.55 if literal else w.sum()))
+
+
+def reference_competition(Z, components, schedule, min_count, iterations):
+    """Euclidean competition from its equations, deaths by cardinality; returns means and numbers."""
+    means = components.means
+    U = None
+    numbers = []
+    for k in range(iterations):
+        d2 = np.maximum(((Z[:, None] - means) ** 2).sum(axis=2), 1e-6)
+        numbers.append(len(means))
+        inverse = 1.0 / d2
+        H = inverse / inverse.sum(axis=1, keepdims=True)
+        if k < 3:
+            U = H
+        else:
+            N_i = U.sum(axis=0)
+            alpha = schedule(k) * np.sum(U**2 * d2) / np.sum(N_i**2)
+            U = np.clip(H + alpha * inverse * (N_i - H @ N_i[:, None]), 0.0, 1.0)
+            U /= U.sum(axis=1, keepdims=True)
+            U = U[:, U.sum(axis=0) >= min_count]
+        means = (U**2).T @ Z / ((U**2).sum(axis=0) + 1e-6)[:, None]
+    return means, numbers
+
+
+def test_competition_against_its_equations():
+    Z, _ = ellipses(0)
+    start = components_of_partition(Z, np.random.default_rng(0).integers(0, 12, len(Z)), no_prior(2))
+    schedule = exponential_schedule(5.0, 5.0, begin=FUZZY_ITERATIONS)
+    found = compete_for_prototypes(
+        Z,
+        start,
+        no_prior(2),
+        schedule,
+        distance="euclid",
+        death_rule="cardinality",
+        min_count=20.0,
+        max_iter=20,
+        tol=0.0,
+    )
+    means, numbers = reference_competition(Z, start, schedule, 20.0, 20)
+    assert found.history.n_clusters == numbers
+    assert numbers[:4] == [12, 12, 12, 12]
+    assert 1 < len(means) < 12
+    np.testing.assert_allclose(found.components.means, means, rtol=1e-7)
+    np.testing.assert_array_equal(found.labels, np.argmin(((Z[:, None] - means) ** 2).sum(axis=2), axis=1))
+    np.testing.assert_allclose(found.history.eta, [schedule(k) for k in range(20)])
+    assert np.isnan(found.history.log_likelihood).all()
+    assert not found.converged
+
+
+def compete(Z, means, **changes):
+    arguments = {"distance": "euclid", "death_rule": "nearest", "min_count": 3.0, "max_iter": 12, "tol": 0.0}
+    start = spherical(np.full(len(means), 1.0 / len(means)), means)
+    return compete_for_prototypes(Z, start, no_prior(1), lambda k: 0.0, **{**arguments, **changes})
+
+
+PAIR = np.array([[0.0], [0.1], [-0.1], [0.05], [10.0], [10.1]])  # four samples and two samples
+
+
+def test_small_clusters_die_in_the_second_half():
+    found = compete(PAIR, [[0.0], [10.0]])
+    assert found.history.n_clusters == [2] * 7 + [1] * 5
+    assert found.components.means[0, 0] < 5.0  # the cluster of four samples survives
+    # With an odd number of iterations the middle one belongs to the first half.
+    assert compete(PAIR, [[0.0], [10.0]], max_iter=13).history.n_clusters == [2] * 8 + [1] * 5
+    assert compete(PAIR, [[0.0], [10.0]], min_count=2.0).history.n_clusters == [2] * 12
+
+
+def test_clusters_without_a_nearest_sample_die_after_the_fuzzy_iterations():
+    Z = np.array([[-1.0], [1.0], [-1.0], [1.0]])
+    assert compete(Z, [[-1.0], [1.0], [0.0]]).history.n_clusters[:6] == [3, 3, 3, 3, 2, 2]
+
+
+def test_largest_cluster_survives():
+    found = compete(PAIR, [[0.0], [10.0]], death_rule="cardinality", min_count=100.0)
+    assert len(found.components) == 1
+    assert found.history.n_clusters == [2, 2, 2, 2] + [1] * 8
+    assert found.components.means[0, 0] < 5.0
+
+
+def test_prototypes_converge_when_centres_are_still():
+    found = compete(PAIR, [[0.0], [10.0]], death_rule="cardinality", min_count=0.0, max_iter=100, tol=1e-7)
+    assert found.converged
+    assert len(found.history.eta) < 20
+    # The limit is on the sum over all centres: it has to hold for the last change but for none before.
+    centres = [
+        compete(PAIR, [[0.0], [10.0]], death_rule="cardinality", min_count=0.0, max_iter=k).components.means
+        for k in range(1, len(found.history.eta) + 1)
+    ]
+    changes = [np.abs(b - a).sum() for a, b in pairwise(centres)]
+    assert changes[-1] < 1e-7
+    assert min(changes[:-1]) >= 1e-7
+
+
+def test_literal_competition_divides_covariances_by_the_cardinality():
+    Z = np.random.default_rng(0).normal(size=(40, 1))
+    literal = compete(Z, [[-1.0], [1.0]], distance="fmle", death_rule="cardinality", max_iter=1)
+    plain = compete(Z, [[-1.0], [1.0]], distance="gk", death_rule="cardinality", max_iter=1)
+    assert (literal.components.covariances < plain.components.covariances).all()

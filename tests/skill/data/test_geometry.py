@@ -1,0 +1,66 @@
+from dataclasses import asdict, replace
+
+import pytest
+
+from skill.data.geometry import PegHoleGeometry
+from tests.trajectories import GEOMETRY
+
+DUT = PegHoleGeometry(**GEOMETRY)
+
+
+def test_the_geometry_of_metadata_is_read():
+    dut = PegHoleGeometry.from_metadata({"seed": 3, "geometry": {**GEOMETRY, "colour": "red"}}, "a.parquet")
+    assert dut == DUT
+    assert asdict(dut) == GEOMETRY
+    assert dut.clearance == pytest.approx(5e-5)
+
+
+def test_whole_numbers_are_read_as_sizes_and_a_stored_number_of_facets_as_an_integer():
+    dut = PegHoleGeometry.from_metadata({"geometry": {**GEOMETRY, "block_radius": 1, "facets": 64.0}}, "a")
+    assert isinstance(dut.block_radius, float)
+    assert isinstance(dut.facets, int)
+
+
+def test_metadata_without_a_geometry():
+    assert PegHoleGeometry.find({"seed": 3}, "a.parquet") is None
+    assert PegHoleGeometry.find({"geometry": None}, "a.parquet") is None
+    assert PegHoleGeometry.find({"geometry": GEOMETRY}, "a.parquet") == DUT
+    with pytest.raises(ValueError, match=r"a\.parquet: no geometry in the metadata; expected the sizes \['peg_radius'"):
+        PegHoleGeometry.from_metadata({"seed": 3}, "a.parquet")
+
+
+@pytest.mark.parametrize("value", [None, "10 mm", True, float("nan"), float("inf")])
+def test_a_size_that_is_not_a_finite_number_is_named(value):
+    stored = {**GEOMETRY, "hole_depth": value}
+    with pytest.raises(ValueError, match=r"a\.parquet: geometry lacks \['hole_depth'\]; expected finite numbers"):
+        PegHoleGeometry.from_metadata({"geometry": stored}, "a.parquet")
+
+
+def test_missing_sizes_are_named():
+    with pytest.raises(ValueError, match=r"geometry lacks \['peg_length', 'hole_radius', .*'floor'\]"):
+        PegHoleGeometry.from_metadata({"geometry": {"peg_radius": 0.01}}, "a")
+    with pytest.raises(ValueError, match="geometry is 3; expected a mapping"):
+        PegHoleGeometry.from_metadata({"geometry": 3}, "a")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"peg_radius": 0.0}, "a: geometry: peg radius 0 m, expected more than 0 m"),
+        ({"peg_length": -0.1}, "peg length -0.1 m, expected more than 0 m"),
+        ({"hole_radius": 0.01}, "hole radius 0.01 m, expected more than 0.01 m"),
+        ({"hole_depth": 0.0005}, "hole depth 0.0005 m, expected more than 0.0005 m"),
+        ({"block_radius": 0.0105}, "block radius 0.0105 m, expected more than 0.01055 m"),
+        ({"floor": 0.0}, "floor 0 m, expected more than 0 m"),
+        ({"chamfer": -0.001}, "chamfer -0.001 m, expected at least 0"),
+        ({"facets": 2}, "2 facets, expected at least 3"),
+    ],
+)
+def test_an_impossible_size_is_named(change, message):
+    with pytest.raises(ValueError, match=message):
+        PegHoleGeometry.from_metadata({"geometry": {**GEOMETRY, **change}}, "a")
+
+
+def test_extreme_sizes_are_accepted():
+    edge = replace(DUT, chamfer=0.0, facets=3, block_radius=0.01006)
+    assert PegHoleGeometry.from_metadata({"geometry": asdict(edge)}, "a") == edge

@@ -1,0 +1,106 @@
+"""Every figure against a stored description of what it draws.
+
+After a wanted change of a figure, write the descriptions anew and look at the figure:
+
+    UPDATE_FIGURES=1 python -m pytest tests/skill/figures/test_figure_descriptions.py
+"""
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from skill.data.demonstration import Demonstration
+from skill.data.outcome import Outcome
+from skill.figures.demonstration_figure import COLOURS, plot_set
+from skill.figures.paper_figures import new_figure, plot_demonstration, plot_outcomes, plot_run
+from skill.figures.practice_figure import plot_practice
+from skill.figures.state_graph_figure import draw_state_graph
+from skill.states.state_graph import StateGraph
+from tests.skill.figures.description import describe
+from tests.trajectories import make_demonstration, make_rig_run
+
+FOLDER = Path(__file__).parent / "descriptions"
+
+
+def trials(number: int = 5, slower: float = 1.0) -> pd.DataFrame:
+    k = np.arange(1.0, number + 1)
+    return pd.DataFrame(
+        {
+            "inserted": k != 3,
+            "time_s": slower * (2.0 + np.sin(k)),
+            "peak_axial_n": 10.0 + 3.0 * k,
+            "peak_lateral_n": slower * (20.0 + 5.0 * np.cos(k)),
+        }
+    )
+
+
+def practice() -> Figure:
+    rounds = np.repeat([0, 1, 2], 4)
+    costs = 5.0 - rounds + 0.3 * np.cos(np.arange(12.0))
+    return plot_practice(
+        pd.DataFrame({"round": rounds, "cost": costs, "kept": rounds != 1}), trials(slower=1.3), trials()
+    )
+
+
+def run() -> Figure:
+    made = make_rig_run()
+    return plot_run(replace(made, result={"reason": "inserted", "time_s": 2.4, "tilt_deg": [1.25, -2.0]}))
+
+
+def state_graph(**options: list[str]) -> Figure:
+    sequences = [[0, 0, 1, 1, 1, 2, 3, 3], [0, 1, 1, 2, 2, 1, 2, 3], [0, 0, 1, 2, 2, 2], [1, 1, 0, 0, 2, 3]]
+    figure = new_figure(4.0)
+    graph = StateGraph(sample_period=0.02).fit(sequences, ["inserted", "inserted", "jammed", "time over"])
+    draw_state_graph(graph, figure.add_subplot(), **options)
+    return figure
+
+
+def demonstration_set() -> Figure:
+    outcomes = ["inserted", "inserted", "inserted roughly", "jammed", "another word", "fault"]
+    demonstrations = []
+    for k, outcome in enumerate(outcomes):
+        metadata = {"habit": "expert" if k < 3 else "slams", "operator": k % 2} if k != 3 else {}
+        made = make_demonstration(tilt=0.03 + 0.01 * k, **metadata)
+        demonstrations.append(Demonstration(made.samples, k < 2, outcome, made.metadata))
+    return plot_set(demonstrations, rough_force=30.0)
+
+
+FIGURES = {
+    "demonstration": lambda: plot_demonstration(make_demonstration()),
+    "run": run,
+    "run_with_long_names": lambda: plot_run(make_rig_run(), ["free", "against the chamfer of the hole", "c", "d", "e"]),
+    "outcomes": lambda: plot_outcomes(trials().assign(seed=np.arange(7, 12))),
+    "many_outcomes": lambda: plot_outcomes(trials(30)),
+    "practice": practice,
+    "state_graph": state_graph,
+    "state_graph_with_names": lambda: state_graph(names=["free", "rim", "wedge", "in"], colours=list("rgbk")),
+    "demonstration_set": demonstration_set,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_figure_matches_its_stored_description(name):
+    found = "\n".join(describe(FIGURES[name]())) + "\n"
+    path = FOLDER / f"{name}.txt"
+    if os.environ.get("UPDATE_FIGURES"):
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(found)
+    assert found.splitlines() == path.read_text().splitlines()
+
+
+def test_every_outcome_has_its_own_colour():
+    assert set(COLOURS) == set(Outcome)
+    assert len(set(COLOURS.values())) == len(COLOURS)
+
+
+def test_an_unknown_outcome_is_drawn_as_other():
+    made = make_demonstration()
+    foreign = Demonstration(made.samples, False, "dropped", made.metadata)
+    figure = plot_set([foreign, made], rough_force=30.0)
+    assert [t.get_text() for t in figure.axes[0].get_legend().get_texts()] == ["inserted", "other"]

@@ -1,0 +1,144 @@
+import html
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from systems.reports.motion import Motion, motion_of_demonstration, motion_of_run
+from systems.reports.replay_page import replay_page
+from systems.reports.scene import arrow_scale
+from tests.browser import blankness, open_page
+from tests.trajectories import STATE_NAMES, make_demonstration, make_rig_run
+
+
+@pytest.fixture
+def write_page(tmp_path: Path) -> Callable[..., Path]:
+    """Writes the page of a motion and returns its path."""
+
+    def write(motion: Motion, **options: Any) -> Path:
+        path = tmp_path / "page.html"
+        path.write_text(replay_page(motion, **{"title": "page", **options}))
+        return path
+
+    return write
+
+
+@pytest.mark.slow
+def test_page_of_a_rig_run_shows_the_scene_and_the_sample_at_a_time(write_page):
+    samples = make_rig_run().samples
+    page = write_page(motion_of_run(make_rig_run()))
+    with open_page(page, fragment="#t=0.5") as browser:
+        browser.wait("window.replay && replay.ready && document.querySelector('.now')")
+        for time in (0.5, 1.01, 1.999):
+            browser.run("replay.seek(arguments[0])", time)
+            browser.wait(f"document.getElementById('reading-time').textContent === '{time:.2f} s'")
+            row = samples[samples["time"] <= time + 1e-6].iloc[-1]
+            text = browser.run("return document.getElementById('card').innerText")
+            now = browser.run("return [...document.querySelectorAll('.now')].map(e => e.children[1].textContent)")
+            assert now == [STATE_NAMES[int(row["state"])]]
+            assert f"{-1e3 * row['tip_z']:.2f} mm" in text
+            assert f"{row['fz']:.1f} N" in text
+            load = np.hypot(np.linalg.norm(row[["fx", "fy", "fz"]]), np.linalg.norm(row[["mx", "my", "mz"]]) / 0.01)
+            assert f"{load:.1f} of 50 N" in text
+            bar = browser.run("return parseFloat(document.querySelector('#load-bar div').style.width)")
+            assert bar == pytest.approx(2 * load, abs=0.01)
+            assert f"{row['pitch_taken']:.0f}, {row['yaw_taken']:.0f}" in text
+            peg = browser.run(
+                "const o = viewer.scene_tree.find(['meshcat', 'peg']).object;"
+                "const c = viewer.scene_tree.find(['meshcat', 'peg', 'body', '<object>']).object.material.color;"
+                "return [o.position.x, o.position.y, o.position.z, '#' + c.getHexString().toUpperCase()]"
+            )
+            tip_z = np.interp(time, samples["time"], samples["tip_z"])
+            assert peg[:3] == pytest.approx([0, 0, tip_z], abs=1e-8)
+            motion = motion_of_run(make_rig_run())
+            assert peg[3] == motion.colours[int(row["state"])]
+        text = browser.run("return document.body.innerText")
+        for name in (*STATE_NAMES, "moment, 10 mm", "force guard", "rig run: inserted"):
+            assert name in text
+        picture = browser.screenshot()
+        content = blankness(picture)
+        assert content.colours > 60
+        assert content.drawn > 0.1
+        view = blankness(picture[100:-140, 320:-320])  # the scene between the panels
+        assert view.colours > 20
+        assert view.drawn > 0.15
+        assert browser.requests() == []
+        assert browser.errors() == []
+
+
+@pytest.mark.slow
+def test_unvisited_states_have_no_row_in_the_legend(write_page):
+    page = write_page(motion_of_run(make_rig_run(state_names=[*STATE_NAMES, "never seen"])))
+    with open_page(page) as browser:
+        browser.wait("window.replay && replay.ready && document.querySelector('.now')")
+        assert browser.run("return document.querySelectorAll('#phases > div').length") == len(STATE_NAMES)
+        assert "never: never seen" in browser.run("return document.getElementById('card').innerText")
+
+
+@pytest.mark.slow
+def test_page_of_a_demonstration_has_no_readings_of_the_rig(write_page):
+    with open_page(write_page(motion_of_demonstration(make_demonstration()))) as browser:
+        browser.wait("window.replay && replay.ready && document.querySelector('.now')")
+        assert browser.run("return document.querySelectorAll('.rig').length") == 0
+        assert browser.errors() == []
+
+
+@pytest.mark.slow
+def test_page_of_a_demonstration_plays_to_its_end(write_page):
+    with open_page(write_page(motion_of_demonstration(make_demonstration()), speed=8)) as browser:
+        browser.wait("window.replay && replay.time() >= replay.end - 1e-6")
+        first = browser.screenshot()
+        quaternion = browser.run("return viewer.scene_tree.find(['meshcat', 'peg']).object.quaternion.toArray()")
+        last = motion_of_demonstration(make_demonstration()).R_WP[-1].as_quat()
+        np.testing.assert_allclose(quaternion, last, atol=1e-6)
+        browser.wait("document.getElementById('play').textContent === 'play'")
+        browser.run("document.getElementById('play').click(); replay.pause(); replay.seek(0)")
+        browser.wait("document.getElementById('reading-time').textContent === '0.00 s'")
+        assert browser.run("return document.getElementById('reading-tilt').textContent") == "2.50 °"
+        changed = np.abs(browser.screenshot().astype(int) - first).max(axis=2) > 24
+        assert changed.mean() > 0.01
+        assert browser.requests() == []
+        assert browser.errors() == []
+
+
+@pytest.mark.slow
+def test_arrow_has_the_direction_and_the_length_of_the_force(write_page):
+    motion = motion_of_demonstration(make_demonstration())
+    k = int(np.linalg.norm(motion.force, axis=1).argmax())
+    with open_page(write_page(motion), fragment=f"#t={motion.time[k]}") as browser:
+        browser.wait("window.replay && replay.ready")
+        browser.wait(f"Math.abs(replay.time() - {motion.time[k]}) < 1e-6")
+        end = browser.run(
+            "viewer.scene.updateMatrixWorld(true);"
+            "const head = viewer.scene_tree.find(['meshcat', 'force', 'head', 'cone0']).object;"
+            "return head.parent.localToWorld(head.position.clone().setZ(0.004)).toArray()"
+        )
+    # In the world of the viewer, y points upwards.
+    end_W = np.array([end[0], -end[2], end[1]])
+    expected = motion.p_WP[k] + motion.R_WP[k].apply(motion.force[k]) / arrow_scale(motion).force
+    np.testing.assert_allclose(end_W, expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("title", ['</script><b>sly & quoted"', "<!--<script>", "$data ${script} $"])
+def test_page_is_self_contained_and_shows_any_title_as_text(title):
+    page = replay_page(motion_of_demonstration(make_demonstration()), title=title)
+    head = page[: page.index("<script>")]
+    for outside in ("<script src", '<link rel="stylesheet', "@import", 'src="http', 'href="http'):
+        assert outside not in head
+    assert page.count("</script>") == 2
+    data = page[page.index("const data = ") + len("const data = ") :].split(";\n", 1)[0]
+    assert json.loads(data)["title"] == title
+    assert f"<title>{html.escape(title)}</title>" in page
+    assert "<!--" not in page[page.index("const data = ") :]
+
+
+@pytest.mark.slow
+def test_any_title_is_shown_in_the_browser(write_page):
+    title = "<!--<script>$data</script>"
+    with open_page(write_page(motion_of_demonstration(make_demonstration()), title=title)) as browser:
+        browser.wait("window.replay && replay.ready")
+        assert browser.run("return [document.title, document.getElementById('title').textContent]") == [title, title]
+        assert browser.errors() == []
