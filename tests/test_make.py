@@ -60,3 +60,14 @@ def test_an_interpreter_that_is_missing_is_one_clear_line(checkout):
     )
     assert done.returncode != 0
     assert "python9.99 does not run here" in done.stderr
+
+
+def test_system_packages_that_cannot_be_installed_are_named_in_one_line(tmp_path):
+    done = subprocess.run(
+        ["/bin/sh", ROOT / ".ci" / "system-packages"],
+        env={"PATH": str(tmp_path)}, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0
+    assert done.stdout.splitlines() == [
+        "missing commands: chromium chromedriver dot (there is no apt-get); the tests that need them are skipped"
+    ]

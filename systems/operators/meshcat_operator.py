@@ -19,8 +19,8 @@ from systems.operators.simulated_operator import seen_misalignment
 # Label, minimum, maximum, step, keys to decrease and increase; in millimetres and degrees for display.
 SLIDERS = (
     ("depth mm (S W)", -10.0, 40.0, 0.5, "KeyS", "KeyW"),
-    ("lean right ° (← →)", -5.0, 5.0, 0.1, "ArrowLeft", "ArrowRight"),
-    ("lean away ° (↓ ↑)", -5.0, 5.0, 0.1, "ArrowDown", "ArrowUp"),
+    ("tilt right ° (← →)", -5.0, 5.0, 0.1, "ArrowLeft", "ArrowRight"),
+    ("tilt away ° (↓ ↑)", -5.0, 5.0, 0.1, "ArrowDown", "ArrowUp"),
     ("right mm (J L)", -5.0, 5.0, 0.05, "KeyJ", "KeyL"),
     ("away mm (K I)", -5.0, 5.0, 0.05, "KeyK", "KeyI"),
 )
@@ -75,7 +75,7 @@ class MeshcatOperator(LeafSystem):
         output_ports:
         - hand_pose
 
-    The depth of the hand along its axis, its lean and its offset follow sliders in the browser, at a limited rate. Lean
+    The depth of the hand along its axis, its tilt and its offset follow sliders in the browser, at a limited rate. Tilt
     and offset are to the right and away from the person in front of the cutaway (frame V). The sticks of a gamepad move
     the sliders. ``hand_pose`` is the pose X_HD of the probe. The sliders are read once per period and their values are
     kept in the Context, so that between two readings the pose depends on the Context only.
@@ -140,7 +140,7 @@ def hand_pose(coordinates: NDArray[np.float64]) -> RigidTransform:
     """Returns X_HD of a hand.
 
     Args:
-        coordinates: Depth along the axis, lean to the right, lean away, offset to the right, offset away (5,), in m
+        coordinates: Depth along the axis, tilt to the right, tilt away, offset to the right, offset away (5,), in m
             and rad.
     """
     depth, right, away, *offset = coordinates

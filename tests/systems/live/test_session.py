@@ -341,7 +341,7 @@ def test_session_continues_after_a_closed_page_and_a_disconnected_gamepad(tmp_pa
             press(page, " ")
             session.wait_for("gamepad: left stick tilts, right stick feeds")
             page.run("navigator.getGamepads = () => [" + pad % "0.2" + "]")  # moves less than a step of the slider
-            slider = row(page, "lean right").find_element("css selector", "input")
+            slider = row(page, "tilt right").find_element("css selector", "input")
             end = time.monotonic() + 30
             while float(slider.get_property("value")) < 1.0:
                 assert time.monotonic() < end
