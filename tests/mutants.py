@@ -1,6 +1,6 @@
 """Mutation testing: which small faults in systems/ and skill/ does no test notice?
 
-    python -m tests.mutants [--number 200] [--seed 0] [--jobs 2] [--json FILE]
+    python -m tests.mutants [--number 200] [--seed 0] [--jobs 2] [--json FILE] [--again FILE]
 
 1. One run of the suite with coverage tells which tests execute which line, and how long each test takes.
 2. A seeded sample of mutants is drawn from all places that can be mutated: a comparison, an arithmetic or boolean
@@ -28,7 +28,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from xml.etree import ElementTree
 
-from systems.reports.terminal import console, progress, write_json
+from systems.reports.terminal import progress, say, write_json
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("systems", "skill")
@@ -139,6 +139,12 @@ def draw(number: int, seed: int) -> list[Mutant]:
     return random.Random(seed).sample(everything, number)
 
 
+def survivors_of(report: Path) -> list[Mutant]:
+    """The survivors of an earlier run on the same source."""
+    return [Mutant(**{k: v for k, v in row.items() if k != "noticed"})
+            for row in json.loads(report.read_text())["mutants"] if not row["noticed"]]  # fmt: skip
+
+
 def source_of(mutant: Mutant) -> str:
     """The text of the mutated file."""
     tree = ast.parse((ROOT / mutant.file).read_text())
@@ -175,10 +181,10 @@ class Coverage:
 
 
 def measure(folder: Path) -> Coverage:
-    """Runs the suite once with coverage; browser tests are left out."""
+    """Runs the suite once with coverage."""
     report, junit = folder / "coverage.json", folder / "junit.xml"
     sources = [f"--cov={name}" for name in FOLDERS]
-    run = [sys.executable, "-m", "pytest", "-q", "-n", "2", "-m", "not browser", *sources, "--cov-context=test"]
+    run = [sys.executable, "-m", "pytest", "-q", "-n", "2", *sources, "--cov-context=test"]
     env = {**environment(), "COVERAGE_FILE": str(folder / "coverage")}
     subprocess.run([*run, "--cov-report=", f"--junitxml={junit}"], cwd=ROOT, env=env, check=True)
     make = [sys.executable, "-m", "coverage", "json", "--show-contexts", "-q", "-o", str(report)]
@@ -198,7 +204,7 @@ def is_noticed(mutant: Mutant, tests: list[str], tree: Path) -> bool:
     """Makes the mutant in a copy of the tree and runs its tests until one fails."""
     target = tree / mutant.file
     original = target.read_text()
-    run = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "-m", "not browser"]
+    run = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
     try:
         target.write_text(source_of(mutant))
         for first in range(0, len(tests), BATCH):
@@ -232,10 +238,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="seed of the sample")
     parser.add_argument("--jobs", type=int, default=2, help="processes to use")
     parser.add_argument("--json", type=Path, default=None, help="where to write every mutant and its verdict")
+    parser.add_argument("--again", type=Path, default=None, help="report of an earlier run: try only its survivors")
     arguments = parser.parse_args()
     if subprocess.run(["git", "status", "--porcelain"], cwd=ROOT, capture_output=True, text=True, check=True).stdout:
         sys.exit("error: the tree has changes that are not committed; mutants are made in a clone of the last commit")
-    mutants = draw(arguments.number, arguments.seed)
+    mutants = survivors_of(arguments.again) if arguments.again else draw(arguments.number, arguments.seed)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         coverage = measure(folder)
@@ -253,11 +260,11 @@ def main() -> None:
         with ThreadPoolExecutor(arguments.jobs) as pool, progress("mutants", len(mutants)) as advance:
             for verdict in pool.map(judge, mutants):
                 noticed.append(verdict)
+                if not verdict:
+                    mutant = mutants[len(noticed) - 1]
+                    say(f"survived: {mutant.file}:{mutant.line} {mutant.change}")
                 advance(f"{sum(noticed)} of {len(noticed)} noticed")
-    survivors = [mutant for mutant, verdict in zip(mutants, noticed, strict=True) if not verdict]
-    for mutant in survivors:
-        console.print(f"survived: {mutant.file}:{mutant.line} {mutant.change}", highlight=False, markup=False)
-    console.print(f"{sum(noticed)} of {len(mutants)} mutants noticed (seed {arguments.seed})")
+    say(f"{sum(noticed)} of {len(mutants)} mutants noticed")
     if arguments.json is not None:
         rows = [{**asdict(m), "noticed": v} for m, v in zip(mutants, noticed, strict=True)]
         write_json(arguments.json, {"seed": arguments.seed, "noticed": sum(noticed), "mutants": rows})

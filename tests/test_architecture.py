@@ -1,4 +1,4 @@
-"""The floors of the house: who may import whom, and what no file may hold."""
+"""The layout of the project: which folder may import from which, and limits on the size of files and folders."""
 
 import ast
 import re
@@ -98,19 +98,19 @@ def test_imports_run_downward_only(name):
 
 
 @pytest.mark.parametrize("name", sorted(n for n in MODULES if n.startswith("skill.")))
-def test_what_is_learnt_knows_nothing_of_drake(name):
+def test_skill_never_imports_drake(name):
     assert "pydrake" not in {module.split(".")[0] for module, _ in imports(MODULES[name])}
 
 
 @pytest.mark.parametrize("name", sorted(MODULES))
-def test_nothing_is_imported_from_everywhere(name):
+def test_there_are_no_wildcard_imports(name):
     for module, names in imports(MODULES[name]):
         assert module != "pydrake.all"
         assert "all" not in names or module != "pydrake"
         assert "*" not in names
 
 
-def test_no_module_imports_itself_through_others():
+def test_module_imports_have_no_circle():
     graph = {
         name.removesuffix(".__init__"): project_imports(name) - {name.removesuffix(".__init__")}
         for name in MODULES
@@ -120,7 +120,7 @@ def test_no_module_imports_itself_through_others():
     assert order.index("models.bore") < order.index("systems.plant.contact_plant")
 
 
-def test_no_room_imports_itself_through_others():
+def test_room_imports_have_no_circle():
     graph = {}
     for name in MODULES:
         if name != "skill.__init__":
@@ -131,7 +131,7 @@ def test_no_room_imports_itself_through_others():
 
 
 @pytest.mark.slow
-def test_the_skill_is_imported_where_there_is_no_drake():
+def test_the_skill_can_be_imported_without_drake():
     code = """
 import importlib, pkgutil, sys
 
@@ -159,17 +159,17 @@ print(len(names))
 
 
 @pytest.mark.parametrize("name", sorted(MODULES))
-def test_no_file_is_too_long_to_read(name):
+def test_no_module_exceeds_400_lines(name):
     lines = len(MODULES[name].read_text().splitlines())
     assert lines <= MAX_LINES, f"{name} has {lines} lines; split it"
 
 
-def test_every_module_says_what_it_is():
+def test_every_module_has_a_docstring():
     for name, path in MODULES.items():
         assert ast.get_docstring(ast.parse(path.read_text())), name
 
 
-def test_no_tracked_file_names_a_place_on_some_machine():
+def test_no_tracked_file_contains_a_machine_path():
     places = re.compile(r"/(?:home|Users|root|work|mnt|tmp|var|opt)/[\w.\-]+|[A-Z]:\\\\Users")
     found = []
     for path in tracked():

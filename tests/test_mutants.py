@@ -1,0 +1,44 @@
+"""The faults that mutation testing makes."""
+
+import ast
+
+import pytest
+
+from tests.mutants import ROOT, draw, mutable, mutate, source_of
+
+
+@pytest.mark.parametrize(
+    ("text", "mutated"),
+    [
+        ("a < b", "a >= b"),
+        ("a is None", "a is not None"),
+        ("a + b", "a - b"),
+        ("a * b", "a / b"),
+        ("a and b", "a or b"),
+        ("not a", "not not a"),
+        ("-a", "+a"),
+        ("f(2)", "f(3)"),
+        ("f(0.5)", "f(5.0)"),
+        ("f(0.0)", "f(1.0)"),
+        ("min(a, b)", "max(a, b)"),
+        ("np.argmax(a)", "np.argmin(a)"),
+    ],
+)
+def test_a_fault_is_made(text, mutated):
+    tree = ast.parse(text)
+    [(node, _)] = mutable(tree)
+    mutate(node)
+    assert ast.unparse(tree) == mutated
+
+
+@pytest.mark.parametrize("text", ["import a", "raise E(1)", "assert a < 1", "x: list[1]", "f'{1}'", "a = 'b'"])
+def test_what_cannot_change_a_result_is_left_alone(text):
+    assert list(mutable(ast.parse(text))) == []
+
+
+def test_the_sample_is_seeded_and_every_mutant_is_another_program():
+    mutants = draw(20, seed=3)
+    assert mutants == draw(20, seed=3) != draw(20, seed=4)
+    for mutant in mutants:
+        original = ast.unparse(ast.parse((ROOT / mutant.file).read_text()))
+        assert source_of(mutant).strip() != original.strip()
