@@ -34,19 +34,19 @@ class CanonicalFrame:
 
     def angle(self, measured: Array) -> Array:
         """Angle phi from P to the canonical frame about z, rad, in [-pi, pi], (n,), of measurements (n, 7)."""
-        force, moment = measured[:, 0:2], measured[:, 3:5]
-        missing = np.maximum(0.0, self.force_floor - np.hypot(force[:, 0], force[:, 1]))
-        size = np.hypot(np.hypot(moment[:, 0], moment[:, 1]), self.peg_radius * self.force_floor)
-        x = force[:, 0] + missing * moment[:, 1] / size
-        y = force[:, 1] - missing * moment[:, 0] / size
+        fx, fy, _, mx, my, _, _ = measured.T
+        missing = np.maximum(0.0, self.force_floor - np.hypot(fx, fy))
+        size = np.hypot(np.hypot(mx, my), self.peg_radius * self.force_floor)
+        x = fx + missing * my / size
+        y = fy - missing * mx / size
         return np.asarray(np.arctan2(y, x), dtype=np.float64)
 
     def to_frame(self, measured: Array) -> Array:
         """Measurements (n, 7), expressed in P, with force and moment expressed in the canonical frame."""
         phi = self.angle(measured)
         turned = measured.copy()
-        turned[:, 0:2] = turn(measured[:, 0:2], -phi)
-        turned[:, 3:5] = turn(measured[:, 3:5], -phi)
+        turned[:, 0:2] = turn(measured, -phi)
+        turned[:, 3:5] = turn(measured[:, 3:], -phi)
         return turned
 
 

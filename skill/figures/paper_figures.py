@@ -199,12 +199,13 @@ def plot_outcomes(results: pd.DataFrame) -> Figure:
         axes.set_ylabel(label, fontsize=9)
         tidy(axes)
         axes.grid(visible=False, axis="x")
-    panels[-1].set_xlabel("trial", fontsize=9)
-    panels[-1].set_xlim(number.min() - 0.6, number.max() + 0.6)
+    *_, bottom = panels
+    bottom.set_xlabel("trial", fontsize=9)
+    bottom.set_xlim(number.min() - 0.6, number.max() + 0.6)
     if len(results) <= MAX_LISTED:
-        panels[-1].set_xticks(number)
+        bottom.set_xticks(number)
     else:
-        panels[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
+        bottom.xaxis.set_major_locator(MaxNLocator(integer=True))
     marks = [
         Line2D([], [], marker="o", color=FIRST, linestyle="", label=f"inserted: {inserted.sum()}"),
         Line2D([], [], marker="X", color=SECOND, linestyle="", label=f"not inserted: {(~inserted).sum()}"),

@@ -94,7 +94,7 @@ def draw_scene(motion: Motion) -> PageWindow:
     _draw_peg(scene["peg"], motion)
     _draw_arrow(scene["force"], FORCE_COLOUR, heads=1)
     _draw_arrow(scene["moment"], MOMENT_COLOUR, heads=2)
-    animation = Animation(default_framerate=1)
+    animation = Animation()
     times = [float(t) for t in motion.time]
     _animate_pose(animation, scene["hole"], times, motion.p_WH, motion.R_WH)
     _animate_pose(animation, scene["peg"], times, motion.p_WP, motion.R_WP)
@@ -230,7 +230,7 @@ def _animate_colour(animation: Animation, node: meshcat.Visualizer, motion: Moti
         values += [colours[motion.phase[k - 1]], colours[motion.phase[k]]]
     if times[-1] < motion.time[-1]:  # so that all clips end together
         times.append(float(motion.time[-1]))
-        values.append(colours[motion.phase[-1]])
+        values.append(values[-1])
     mesh = node[OBJECT]
     _set_track(animation, mesh, "material.color", "color", times, values)
     _set_track(animation, mesh, "material.emissive", "color", times, PEG_EMISSION * np.array(values))

@@ -28,7 +28,7 @@ def deepest_overlap(geometry: Geometry, p_HP: ArrayLike, axis_H: ArrayLike) -> f
         p_HP: (n, 3), centre of the tip, m.
         axis_H: (n, 3), unit vector along the peg, away from the tip.
     """
-    p, axis = np.reshape(p_HP, (-1, 3)), np.reshape(axis_H, (-1, 3))
+    p, axis = np.atleast_2d(p_HP), np.atleast_2d(axis_H)
     valid = np.isfinite(p).all(axis=1) & (axis[:, 2] > MIN_UPRIGHT)
     if not valid.any():
         return 0.0

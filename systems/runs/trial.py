@@ -73,7 +73,7 @@ class TrialMonitor:
 
     def penetration(self) -> float:
         """Returns the deepest overlap of the round bodies at one pose per controller period, m."""
-        poses = np.array(self._poses).reshape(-1, 6)
+        poses = np.reshape(self._poses, (len(self._poses), 6))
         return deepest_overlap(self._scenario.geometry, poses[:, :3], poses[:, 3:])
 
     def _end(self, outcome: Outcome, detail: str = "") -> EventStatus:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axes._secondary_axes import SecondaryAxis
 from matplotlib.collections import Collection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -41,7 +42,7 @@ def numbers(values: Any) -> str:
     return " ".join(f"{value:.6g}" for value in array + 0.0)
 
 
-def _axes(axes: Axes) -> list[str]:
+def _axes(axes: Axes | SecondaryAxis) -> list[str]:
     # Automatic ticks depend on the size of the axes on the page, and so on the fonts.
     fixed = [axis for axis in (axes.xaxis, axes.yaxis) if isinstance(axis.get_major_locator(), FixedLocator)]
     ticks = [text.get_text() for axis in fixed for text in axis.get_ticklabels()]
@@ -56,7 +57,7 @@ def _axes(axes: Axes) -> list[str]:
     for text in (axes.xaxis.label, axes.yaxis.label, axes.title, axes._left_title):
         if text.get_text():
             result.append(_text(text))
-    for artist in (*axes.get_children(), *axes.child_axes):
+    for artist in axes.get_children():
         if artist not in (axes.patch, axes.title, axes._left_title, axes._right_title):
             result += _artist(artist)
     return result
@@ -91,7 +92,7 @@ def _artist(artist: Artist) -> list[str]:
         return [f"patch {numbers(x)} | {numbers(y)} {style} {common}"]
     if isinstance(artist, Text) and artist.get_text():
         return [_text(artist)]
-    if isinstance(artist, Axes):  # a secondary axis
+    if isinstance(artist, SecondaryAxis):
         return [f"secondary {line}" for line in _axes(artist)]
     return []
 
@@ -106,4 +107,6 @@ def _legend(legend: Legend) -> str:
     handles = [line for handle in legend.legend_handles for line in _artist(handle)]
     texts = [(t.get_text(), t.get_fontsize()) for t in legend.get_texts()]
     title = (legend.get_title().get_text(), legend.get_title().get_fontsize())
-    return f"legend {texts} {title} columns {legend._ncols} frame {legend.get_frame_on()} {legend._loc} {handles}"
+    space = f"{legend.handlelength:g} {legend.columnspacing:g}"
+    columns = f"columns {legend._ncols} space {space}"
+    return f"legend {texts} {title} {columns} frame {legend.get_frame_on()} {legend._loc} {handles}"

@@ -29,6 +29,32 @@ def test_the_interval_covers_the_true_change_about_as_often_as_its_level():
     assert 44 <= covered <= 50
 
 
+@pytest.mark.parametrize(
+    ("level", "lower", "upper"), [(0.95, 0.0, 1.0), (0.54, 0.0, 1.0), (0.46, 0.5, 0.5), (0.0, 0.5, 0.5)]
+)
+def test_the_interval_of_two_trials_is_that_of_their_four_resamples(level, lower, upper):
+    """Of two trials, one unchanged and one doubled, a quarter of the resamples have change 0, a half 0.5, a quarter 1."""
+    c = paired_change([1.0, 1.0], [1.0, 2.0], level=level)
+    assert (c.lower, c.upper) == (lower, upper)
+    assert (c.before, c.after, c.change) == (1.0, 1.5, 0.5)
+
+
+def test_the_change_is_that_of_the_medians_and_not_the_median_of_the_changes():
+    c = paired_change([1.0, 2.0, 10.0], [4.0, 3.0, 5.0])
+    assert (c.before, c.after, c.change) == (2.0, 4.0, 1.0)
+    assert c.p_value == 1.0  # differences 3, 1 and -5: the ranks of both signs sum to 3
+
+
+def test_the_interval_of_published_numbers_can_be_repeated():
+    """The ends depend on the number of resamples and on the seed; these are stored values."""
+    before = 2.0 + np.sin(np.arange(1.0, 12.0))
+    after = before - 0.4 + 0.5 * np.cos(3.0 * np.arange(1.0, 12.0))
+    c = paired_change(before, after, level=0.777)
+    assert (c.lower, c.upper) == pytest.approx(STORED, rel=1e-12)
+    other = paired_change(before, after, level=0.777, random_state=1)
+    assert (other.lower, other.upper) != (c.lower, c.upper)
+
+
 def test_pairs_are_resampled_together():
     """Values differ by a factor of 1000 between trials, but each changes by the same factor: there is no spread."""
     before = np.logspace(0, 3, 20)
@@ -43,7 +69,13 @@ def test_pairs_are_resampled_together():
         ([1.0, 2.0], [1.0], "shape"),
         ([1.0], [1.0], "at least 2"),
         ([1.0, np.nan], [1.0, 1.0], "finite"),
+        ([1.0, np.inf], [1.0, 1.0], "finite"),
+        ([1.0, 2.0], [np.nan, 1.0], "finite"),
+        ([1.0, 2.0], [1.0, -np.inf], "finite"),
         ([0.0, 1.0], [1.0, 1.0], "positive"),
+        ([1.0, -1.0], [1.0, 1.0], "positive"),
+        ([[1.0, 2.0]], [[1.0, 2.0]], "shape"),
+        ([[1.0], [2.0]], [[1.0], [2.0]], "shape"),
     ],
 )
 def test_measurements_that_cannot_be_compared_are_an_error(before, after, message):

@@ -70,6 +70,46 @@ def test_the_correction_is_the_weighted_minus_the_unweighted_mean_of_the_log_fac
     assert factor > 1.2
 
 
+def test_costs_that_hardly_vary_give_a_small_advantage():
+    """The standard deviation of the costs, about 1e-5 s, is below its lower bound of 1e-3 s."""
+    rollouts = [make_rollout(log_factors=DOUBLE, cost=2.0), make_rollout(log_factors=HALF, cost=2.00002)]
+    z = advantages(rollouts, make_skill().regressor_)
+    np.testing.assert_allclose(z, [0.01, 0.01, -0.01, -0.01], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("inverse_temperature", "clip"), [(0.7, 2.0), (2.0, 0.3)])
+def test_the_weights_are_the_exponential_of_the_clipped_advantage(inverse_temperature, clip):
+    z = min(1.0 / np.sqrt(4 / 3 * 1.25), clip)
+    rollouts = [make_rollout(log_factors=[0.6, -0.2], cost=1.0), make_rollout(log_factors=[-0.6, 0.2], cost=3.0)]
+    weighting = AdvantageWeighting(inverse_temperature=inverse_temperature, advantage_clip=clip)
+    updated = advantage_weighted_update(make_skill(), rollouts, weighting)
+    change = np.tanh(inverse_temperature * z)  # share of the cheaper rollout minus that of the other
+    factor = np.exp([0.6 * change, 0.6 * change, -0.2 * change])
+    np.testing.assert_allclose(action_of(updated), action_of(make_skill()) * factor, rtol=1e-6)
+
+
+def test_the_correction_is_a_kernel_mean_of_all_rows_with_the_wider_bandwidth():
+    """Two rows at 0 and two at 1; at 0, those at 1 have the kernel exp(-1 / 3^2)."""
+    rollouts = [
+        make_rollout(log_factors=np.log([f, 1.0]), cost=cost, x=x, n=1)
+        for x, f, cost in ((0.0, 1.2, 1.0), (0.0, 1.0, 3.0), (1.0, 2.0, 1.0), (1.0, 3.0, 3.0))
+    ]
+    skill = make_skill()
+    updated = advantage_weighted_update(skill, rollouts, AdvantageWeighting(bandwidth_factor=3.0))
+    w = np.exp(advantages(rollouts, skill.regressor_))
+    assert 0.3 < np.log(w).max() < 2.0
+    kernel = np.exp(-np.array([0.0, 0.0, 1.0, 1.0]) / 9.0)
+    logs = np.log([1.2, 1.0, 2.0, 3.0])
+    change = np.average(logs, weights=kernel * w) - np.average(logs, weights=kernel)
+    assert abs(change) > 0.01
+    np.testing.assert_allclose(action_of(updated)[:2] / action_of(skill)[:2], np.exp(change), rtol=1e-9)
+    assert action_of(updated)[2] == pytest.approx(action_of(skill)[2])
+
+
+def test_the_parameters_of_the_update_are_those_that_are_documented():
+    assert AdvantageWeighting() == AdvantageWeighting(inverse_temperature=1.0, advantage_clip=2.0, bandwidth_factor=2.0)
+
+
 def test_the_number_of_rows_of_a_trial_does_not_decide_the_correction():
     """The unweighted mean, which is subtracted, contains the 90 high-cost rows as well as the 10 low-cost rows."""
     rollouts = [make_rollout(log_factors=DOUBLE, cost=1.0, n=10), make_rollout(log_factors=HALF, cost=3.0, n=90)]

@@ -4,7 +4,7 @@ import pytest
 from models.hardware import DcMotorParameters
 from models.scenario import ControllerParameters, WatchdogParameters, parse_scenario
 from systems.control.faults import Fault
-from systems.control.watchdog import COMMANDS, Watchdog
+from systems.control.watchdog import COMMANDS, Watchdog, WatchdogState
 from tests.stepping import fixed_context, update
 
 P, MOTOR = WatchdogParameters(), DcMotorParameters()
@@ -138,3 +138,70 @@ def test_a_stored_scenario_without_the_stall_distance_still_loads():
 def test_the_watchdog_checks_from_time_zero():
     timing = watchdog()[0].GetUniquePeriodicDiscreteUpdateAttribute()
     assert (timing.offset_sec(), timing.period_sec()) == (0.0, P.period)
+
+
+def test_a_moment_does_not_count_as_a_contact_force():
+    """A drive at its limit would be blocked by such a force, not by such a moment."""
+    large = MOTOR.force_constant * MOTOR.current_limit
+    for axis, fault in enumerate([Fault.NONE] * 3 + [Fault.MOTOR_STALLED] * 3):
+        wrench = np.zeros(6)
+        wrench[axis] = -large
+        dut, context = watchdog(current=[-MOTOR.current_limit], wrench=wrench)
+        assert step(dut, context, times=PERIODS + 2) == fault
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("share", "fault"), [(0.96, Fault.MOTOR_STALLED), (0.94, Fault.ENCODER_STUCK)])
+def test_a_current_from_95_percent_of_the_limit_counts_as_limited(sign, share, fault):
+    motor = DcMotorParameters(current_limit=2.5)
+    dut = Watchdog(parameters=P, motor=motor)
+    zeros = {name: [0.0] for name in ("controller_failed", "measurement_fault", "depth")}
+    counts = {name: [0.0, 0.0] for name in ("pitch_counts", "yaw_counts")}
+    context = fixed_context(
+        dut, **COMMANDED, **zeros, **counts, wrench=np.zeros(6), current=[sign * share * 2.5]
+    )
+    assert step(dut, context, times=PERIODS + 2) == fault
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize(("share", "stalled"), [(0.9, True), (1.1, False)])
+def test_a_change_of_depth_by_the_stall_depth_in_either_direction_starts_anew(direction, share, stalled):
+    dut, context = watchdog(current=[-0.3])
+    assert step(dut, context, times=PERIODS - 1) == Fault.NONE
+    found = step(dut, context, times=4, depth=[0.005 + direction * share * P.stall_depth])
+    assert (found == Fault.ENCODER_STUCK) == stalled
+
+
+def test_the_stall_distance_is_measured_and_not_the_time():
+    """At a quarter of the speed it takes four times as long."""
+    dut, context = watchdog(current=[-0.3], feed_speed=[-0.0025])
+    assert step(dut, context, times=4 * PERIODS) == Fault.NONE
+    assert step(dut, context, times=2) == Fault.ENCODER_STUCK
+
+
+def test_a_fault_of_the_measurement_takes_precedence():
+    everything = {"pitch_counts": [9.0, 1.0], "yaw_counts": [9.0, 1.0]}
+    failed = {**everything, "controller_failed": [1.0]}
+    measured = {**failed, "measurement_fault": [float(Fault.ENCODER_JUMPED)]}
+    for change, fault in (
+        (everything, Fault.PITCH_STEPS_LOST),
+        (failed, Fault.CONTROLLER_FAILED),
+        (measured, Fault.ENCODER_JUMPED),
+    ):
+        dut, context = watchdog(**change)
+        assert step(dut, context) == fault
+
+
+def test_the_angles_of_both_axes_stay_after_a_fault():
+    dut, context = watchdog()
+    step(dut, context, controller_failed=[1.0])
+    step(dut, context, target_pitch=[0.3], target_yaw=[0.4])
+    assert commands(dut, context)["target_pitch"] == [0.01]
+    assert commands(dut, context)["target_yaw"] == [-0.02]
+
+
+def test_the_state_survives_its_storage():
+    state = WatchdogState(Fault.ENCODER_STUCK, 0.1, 0.2, 0.3, 0.4, 0.5)
+    assert state.as_list() == [6.0, 0.1, 0.2, 0.3, 0.4, 0.5]
+    assert WatchdogState.from_vector(np.array(state.as_list())) == state
+    assert WatchdogState().as_list() == [0.0] * 6

@@ -25,6 +25,7 @@ from models.scenario import (
 )
 from systems.haptics.coupling_margins import (
     STEP_LIMIT,
+    Margin,
     coupling_margins,
     passive_damping,
     require_margins,
@@ -166,3 +167,102 @@ def test_the_conditions_with_and_without_the_filter_are_both_reported():
         passive_damping(stiffness=800.0, damping=36.0, period=T, bandwidth=VELOCITY_BANDWIDTH)
     )
     assert exact.limit == DEVICE_PRESETS["paper"].grip_damping
+
+
+@pytest.mark.parametrize(
+    ("value", "limit", "factor", "holds"),
+    [(0.5, 2.0, 4.0, True), (4.0, 1.0, 0.25, False), (3.0, 3.0, 1.0, False), (0.0, 2.0, math.inf, True)],
+)
+def test_a_margin_is_the_ratio_of_limit_to_value(value, limit, factor, holds):
+    margin = Margin("", value, limit, "")
+    assert (margin.factor, margin.holds) == (factor, holds)
+
+
+def test_the_step_number_is_that_of_a_worked_example():
+    """6 N s/m * 2 ms / 3 kg = 0.004, and 9000 N/m * (2 ms)^2 / (2 * 3 kg) = 0.006."""
+    found = step_number(stiffness=9000.0, damping=6.0, inertia=3.0, time_step=2e-3)
+    assert found == pytest.approx(0.004 + 0.006, rel=1e-12)
+
+
+COUPLING = CouplingParameters(
+    stiffness=4000.0, damping=200.0, angular_stiffness=100.0, angular_damping=1.5, guide_stiffness=1e5,
+    guide_damping=500.0, peg_mass=4.0, peg_inertia=0.02, force_scale=0.2, torque_scale=0.02,
+)  # fmt: skip
+
+
+def simulation_margins(fixture, *, pivot_height=None, pivot_range=0.003):
+    """Value and limit of each condition of the simulation, for a hole of 30 mm and steps of 1 ms."""
+    scenario = Scenario(fixture=fixture, coupling=COUPLING)
+    scenario.contact.time_step, scenario.geometry.hole_depth = 1e-3, 0.030
+    scenario.rig.pivot_height, scenario.rig.pivot_range = pivot_height, pivot_range
+    return {m.name: (m.value, m.limit) for m in coupling_margins(scenario)[:6]}
+
+
+@pytest.mark.parametrize("pivot", [{"pivot_height": 0.010}, {"pivot_height": -0.010}, {"pivot_range": 0.010}])
+@pytest.mark.parametrize("fixture", ["rig", "axial"])
+def test_the_guide_acts_with_the_lever_of_hole_and_pivot(fixture, pivot):
+    """The lever is 30 mm + 10 mm, so its square is 0.0016 m^2.
+
+    Translation: K = 4000 + 100000 = 104000 N/m, B = 200 + 500 = 700 N s/m, on 4 kg.
+    Rotation: K = 2 * 100 + 160 = 360 N m/rad, B = 2 * 1.5 + 0.8 = 3.8 N m s/rad, on 0.02 kg m^2.
+    """
+    assert simulation_margins(fixture, **pivot) == {
+        "B dt/m": pytest.approx((0.175, 1.0)),
+        "K dt^2/m": pytest.approx((0.026, 4.0)),
+        "B dt/m + K dt^2/2m": pytest.approx((0.188, 2.0)),
+        "B dt/m, rotation": pytest.approx((0.19, 1.0)),
+        "K dt^2/m, rotation": pytest.approx((0.018, 4.0)),
+        "B dt/m + K dt^2/2m, rotation": pytest.approx((0.199, 2.0)),
+    }
+
+
+def test_without_a_fixture_only_the_coupling_acts():
+    """K = 4000 N/m and B = 200 N s/m on 4 kg; 100 N m/rad and 1.5 N m s/rad on 0.02 kg m^2."""
+    assert simulation_margins("free") == {
+        "B dt/m": pytest.approx((0.05, 1.0)),
+        "K dt^2/m": pytest.approx((0.001, 4.0)),
+        "B dt/m + K dt^2/2m": pytest.approx((0.0505, 2.0)),
+        "B dt/m, rotation": pytest.approx((0.075, 1.0)),
+        "K dt^2/m, rotation": pytest.approx((0.005, 4.0)),
+        "B dt/m + K dt^2/2m, rotation": pytest.approx((0.0775, 2.0)),
+    }
+
+
+def test_the_conditions_of_the_display_are_those_of_a_worked_example():
+    """The gains are the scaled ones; the limits follow from the data of the device.
+
+    Force: K = 0.2 * 4000 = 800 N/m, B = 0.2 * 200 = 40 N s/m, 2 b/T = 20 / 1 ms, 2 f_c/Delta = 80 mN / 30 um.
+    Torque: K = 0.02 * 100 = 2 N m/rad, B = 0.02 * 1.5 = 0.03 N m s/rad, 0.04 / 1 ms and 2 mN m / 50 urad.
+    """
+    margins = coupling_margins(Scenario(coupling=COUPLING))[6:]
+    found = {m.name: (m.value, m.limit) for m in margins if "filter," not in m.name and not m.name.endswith("filter")}
+    assert found == {
+        "Colgate, K T/2 + B unfiltered": pytest.approx((40.4, 10.0)),
+        "Abbott-Okamura, K against 2b/T": pytest.approx((800.0, 20e3)),
+        "Abbott-Okamura, K against 2 f_c/Delta": pytest.approx((800.0, 0.08 / 3e-5)),
+        "device's stiffness": (pytest.approx(800.0), math.inf),
+        "device's damping": (pytest.approx(40.0), math.inf),
+        "Colgate, K T/2 + B unfiltered, rotation": pytest.approx((0.031, 0.02)),
+        "Abbott-Okamura, K against 2b/T, rotation": pytest.approx((2.0, 40.0)),
+        "Abbott-Okamura, K against 2 f_c/Delta, rotation": pytest.approx((2.0, 40.0)),
+        "device's stiffness, rotation": (pytest.approx(2.0), math.inf),
+        "device's damping, rotation": (pytest.approx(0.03), math.inf),
+    }
+    assert [m.name for m in margins if not m.required] == [name for name in found if name.startswith("Colgate,")]
+
+
+@pytest.mark.parametrize(
+    ("gain", "scale", "name", "limit"),
+    [
+        ("stiffness", 0.2, "device's stiffness", 800.0),
+        ("damping", 0.2, "device's damping", 5.0),
+        ("angular_stiffness", 0.02, "device's stiffness, rotation", 0.3),
+        ("angular_damping", 0.02, "device's damping, rotation", 0.004),
+    ],
+)
+@pytest.mark.parametrize(("excess", "holds"), [(-1e-10, True), (1e-10, True), (4e-9, False)])
+def test_a_gain_may_equal_the_limit_of_the_driver(gain, scale, name, limit, excess, holds):
+    """Rounding of a few parts in 10^10 is no violation."""
+    coupling = dataclasses.replace(COUPLING, **{gain: limit / scale * (1.0 + excess)})
+    scenario = Scenario(coupling=coupling, device="premium_1_5_6dof")
+    assert {m.name: m.holds for m in coupling_margins(scenario)}[name] == holds

@@ -7,20 +7,25 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
+from dataclasses import astuple
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
+from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
+import systems.live.clock
 import systems.live.session
 from models.scenario import load_scenario
 from skill.data.demonstration import read_demonstration
-from systems.live.buttons import QUIT, START, Buttons
+from skill.data.outcome import Ending, Outcome
+from systems.live.buttons import BAD, DISCARD, GOOD, QUIT, START, Buttons
 from systems.live.display import SATURATED
 from systems.live.page import open_live_page
-from systems.live.session import LiveSession
+from systems.live.session import LiveSession, next_number
 from systems.math.rotation import from_rotation_vector
 from systems.operators.meshcat_operator import R_HV, hand_coordinates, hand_pose
 from tests.browser import blankness, open_page
@@ -131,6 +136,291 @@ def test_lost_device_is_reported_closed_and_opened_again(session, monkeypatch):
     assert dut.messages.count("device lost (unplugged): demonstration discarded, Space starts another") == 2
     assert dut.messages[-1] == "session over"
     assert [(len(handle.written), handle.closed) for handle in Handle.opened] == [(61, True)] * 2  # one per tick
+
+
+@pytest.fixture
+def wall(monkeypatch):
+    """A wall clock that only moves when the test or a sleep moves it; ``sleeps`` lists the sleeps."""
+    wall = SimpleNamespace(now=1000.0, sleeps=[])
+
+    def sleep(seconds):
+        wall.sleeps.append(seconds)
+        wall.now += seconds
+
+    clock = SimpleNamespace(monotonic=lambda: wall.now, sleep=sleep)
+    monkeypatch.setattr(systems.live.session, "time", clock)
+    monkeypatch.setattr(systems.live.clock, "time", clock)
+    return wall
+
+
+@pytest.fixture(scope="module")
+def meshcat():
+    return Meshcat()
+
+
+class Page:
+    """Replaces the page; keeps the values that it shows."""
+
+    address = "http://localhost:1"
+
+    def __init__(self):
+        self.values = {}
+
+    def show(self, **values):
+        self.values |= values
+
+
+@pytest.fixture
+def quiet(tmp_path, meshcat, monkeypatch):
+    """A session whose page is open and whose buttons click when ``clicks`` lists them; the session takes the first."""
+    (tmp_path / "quick.yaml").write_text(yaml.safe_dump(QUICK))
+    messages, page, clicks = [], Page(), []
+    dut = LiveSession(
+        scenario=load_scenario(str(tmp_path / "quick.yaml")),
+        out=tmp_path,
+        seed=0,
+        meshcat=meshcat,
+        page=page,
+        tell=messages.append,
+    )
+    dut.messages, dut.values, dut.clicks, dut.is_open = messages, page.values, clicks, True
+    monkeypatch.setattr(LiveSession, "_page_is_open", lambda self: self.is_open)
+    monkeypatch.setattr(Buttons, "clicked", lambda _, label: clicks[:1] == [label] and bool(clicks.pop(0)))
+    monkeypatch.setattr(Buttons, "any_waiting", lambda _, *labels: clicks[:1] != [] and clicks[0] in labels)
+    monkeypatch.setattr(Buttons, "forget_clicks", lambda _: clicks.clear())
+    return dut
+
+
+def test_before_a_demonstration_the_panel_shows_zeros_and_the_depth_of_the_start(quiet, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(quiet._display, "draw_forces", lambda *args, **options: drawn.append((args, options)))
+    quiet.kept = [Path("a"), Path("b")]
+    quiet._prepare_next()
+    for name in ("force", "moment", "load", "rate", "energy", "min_energy"):
+        assert quiet.values[name] == 0.0, name
+    assert set(quiet.values["deadlines"].values()) == {0}
+    assert quiet.values["depth"]["tip"] == pytest.approx(-5e-4)  # half a millimetre above the mouth
+    assert 0.003 < quiet.values["depth"]["full"] < 0.004  # of a hole of 4 mm
+    assert quiet.values["kept"] == 2
+    ((tip, force), options) = drawn[0]
+    np.testing.assert_allclose(tip, [0.0, 0.0, 5e-4], atol=1e-9)
+    np.testing.assert_array_equal(force, np.zeros(3))
+    assert options == {"load": 0.0, "contact": None}
+
+
+def test_a_closed_page_is_noticed_after_five_seconds_and_ends_the_session_after_two_minutes(quiet, wall):
+    quiet.is_open = False
+    start, log = wall.now, {}
+    while quiet._is_over() is False:
+        wall.now += 0.5
+        for message in quiet.messages:
+            log.setdefault(message, wall.now - start)
+        assert wall.now < start + 200.0
+    assert log["no page is open: open http://localhost:1 to continue"] == 6.0  # said at 5.5 s, recorded after it
+    assert quiet.messages.count("no page is open: open http://localhost:1 to continue") == 1
+    assert quiet.messages[-1] == "the page stayed closed: session over"
+    assert wall.now - start == 120.5
+
+
+def test_an_open_page_ends_the_absence(quiet, wall):
+    for is_open, seconds in ((False, 100.0), (True, 0.0), (False, 100.0), (False, 0.0)):
+        quiet.is_open = is_open
+        assert quiet._is_over() is False
+        wall.now += seconds
+    assert len([m for m in quiet.messages if m.startswith("no page is open")]) == 1  # the second absence has lasted 100 s
+    quiet.clicks.append(QUIT)
+    assert quiet._is_over() is True
+    assert quiet.messages[-1] == "session over"
+
+
+class Run:
+    """Replaces a demonstration: it ends after a number of ticks, each of which costs wall-clock time."""
+
+    def __init__(self, wall, *, ticks=10**9, cost=0.0):
+        self.wall, self.ticks, self.cost, self.times = wall, ticks, cost, []
+        self.simulator = SimpleNamespace(get_context=lambda: "context")
+        self.asked = []
+
+    def advance(self, time):
+        self.times.append(time)
+        self.wall.now += self.cost
+        return Ending(Outcome.INSERTED) if len(self.times) >= self.ticks else None
+
+    def demonstration(self, ending, **options):
+        self.asked.append(options)
+        if not self.times:
+            raise ValueError("too short")
+        return SimpleNamespace(reason=ending.outcome.value, good=options.get("good"), metadata={"number": options["number"]})
+
+
+class Environment:
+    """Replaces a virtual environment in which a peg pushes at a depth of 3 mm."""
+
+    def rendered_wrench(self, context):
+        assert context == "context"
+        return SimpleNamespace(wrench=np.array([1.0, 2.0, 2.0, 3.0, 4.0, 12.0]), load=0.25)
+
+    def peg_pose(self, context):
+        return RigidTransform([0.0, 0.0, -0.003])
+
+    def contact_force(self, context):
+        return np.array([0.0, 0.0, -0.001]), np.array([0.0, 0.0, 1.0])
+
+    def energy(self, context):
+        return SimpleNamespace(total=0.5, minimum=-0.25)
+
+
+def simulate(session, run):
+    resolved = SimpleNamespace(
+        device=next(iter(systems.live.session.DEVICE_PRESETS)),
+        contact=SimpleNamespace(time_step=0.004),
+        recorder=SimpleNamespace(period=0.01),
+        full_depth=0.02,
+    )
+    return session._simulate(run, Environment(), resolved)
+
+
+def test_a_demonstration_runs_in_real_time_and_shows_forces_32_and_readings_10_times_a_second(quiet, wall, monkeypatch):
+    drawn, read = [], []
+    monkeypatch.setattr(quiet._display, "draw_forces", lambda *args, **options: drawn.append((wall.now, args, options)))
+    monkeypatch.setattr(quiet._display, "show_readings", lambda readings: read.append((wall.now, readings)))
+    run = Run(wall, ticks=1005)
+    assert simulate(quiet, run) == Ending(Outcome.INSERTED)
+    np.testing.assert_allclose(run.times, np.arange(1, 1006) * 1e-3)
+    assert wall.now == pytest.approx(1001.005)
+    # Forces and readings are looked at every 10 ms: drawn every 40 ms, read every 100 or 110 ms, and at the end.
+    assert np.diff([now for now, *_ in drawn][:-1]) == pytest.approx(0.04)
+    gaps = np.diff([1000.0, *[now for now, _ in read][:-1]])
+    assert ((gaps > 0.0999) & (gaps < 0.1101)).all()
+    for now, readings in read:
+        assert readings.rate == pytest.approx(1.0)
+        ticks = round((now - 1000.0) * 1000)
+        assert astuple(readings.deadlines) == (0, ticks // 4, 0, ticks)
+    assert [drawn[-1][0], read[-1][0]] == pytest.approx([1001.005] * 2)
+    _, (tip, force), options = drawn[-1]
+    np.testing.assert_array_equal([tip, force], [[0.0, 0.0, -0.003], [3.0, 4.0, 12.0]])
+    assert options["load"] == 0.25
+    np.testing.assert_array_equal(options["contact"], [[0.0, 0.0, -0.001], [0.0, 0.0, 1.0]])
+
+
+def test_the_panel_shows_the_depth_and_the_energy_and_half_speed_as_one_half(quiet, wall):
+    """Ticks of 1 ms that cost 2 ms run at half the speed, and all are late."""
+    run = Run(wall, ticks=300, cost=0.002)
+    simulate(quiet, run)
+    assert quiet.values["rate"] == pytest.approx(0.5)
+    assert quiet.values["deadlines"] == {"late_steps": 75, "steps": 75, "late_ticks": 300, "ticks": 300}
+    assert quiet.values["depth"] == {"tip": 0.003, "full": 0.02}
+    assert [quiet.values[k] for k in ("force", "moment", "load")] == pytest.approx([13.0, 3.0, 0.25])
+    assert [quiet.values[k] for k in ("energy", "min_energy", "kept")] == [0.5, -0.25, 0]
+
+
+def test_a_button_or_a_closed_page_ends_a_demonstration(quiet, wall):
+    quiet.clicks.append(START)  # has no meaning now
+    assert simulate(quiet, Run(wall, ticks=30)) == Ending(Outcome.INSERTED)
+    quiet.clicks[:] = [GOOD]
+    run = Run(wall)
+    assert simulate(quiet, run) == Ending(Outcome.STOPPED)
+    assert len(run.times) == 10  # one recorder period
+    assert quiet.clicks == [GOOD]  # it is also the verdict
+    quiet.clicks.clear()
+    quiet.is_open = False
+    assert simulate(quiet, Run(wall)) is None
+    assert wall.now < 1000.5
+
+
+def verdict(session, wall, *clicks, ticks=1):
+    """Whether the person quits, and the demonstrations that are asked for."""
+    run = Run(wall)
+    run.times = [0.0] * ticks
+    session.clicks[:] = clicks
+    return session._judge(run, Ending(Outcome.INSERTED), 3), [options.get("good") for options in run.asked[1:]]
+
+
+def test_the_person_judges_a_demonstration(quiet, wall, monkeypatch):
+    written = []
+    monkeypatch.setattr(systems.live.session, "write_demonstration", lambda d, path: written.append((d.good, path.name)))
+    assert verdict(quiet, wall, GOOD) == (False, [True])
+    assert verdict(quiet, wall, BAD) == (False, [False])
+    assert written == [(True, "003_good_live.parquet"), (False, "003_bad_live.parquet")]
+    assert [path.name for path in quiet.kept] == [name for _, name in written]
+    assert verdict(quiet, wall, DISCARD) == (False, [])
+    assert quiet.messages[-1] == "discarded: Space starts another"
+    assert verdict(quiet, wall, QUIT) == (True, [])
+    quiet.is_open = False
+    assert verdict(quiet, wall) == (False, [])
+    assert quiet.messages[-1] == "the page was closed before a verdict: demonstration discarded"
+    assert verdict(quiet, wall, GOOD, ticks=0) == (False, [])
+    assert quiet.messages[-1] == "too short to keep; Space starts another"
+    assert quiet.clicks == []
+    assert len(written) == 2
+
+
+def test_a_demonstration_that_cannot_be_written_can_be_kept_again_or_discarded(quiet, wall, monkeypatch):
+    fails = iter([True, False, True])
+
+    def write(demonstration, path):
+        if next(fails):
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(systems.live.session, "write_demonstration", write)
+    assert verdict(quiet, wall, GOOD, BAD) == (False, [True, False])
+    assert [path.name for path in quiet.kept] == ["003_bad_live.parquet"]
+    assert verdict(quiet, wall, GOOD, DISCARD) == (False, [True])
+    assert "not kept, No space left on device: make room and press again, or X to discard" in quiet.messages
+    assert len(quiet.kept) == 1
+
+
+def test_the_session_looks_at_the_buttons_about_thirty_times_a_second(quiet, wall, monkeypatch):
+    def open_for_a_while(_):
+        if wall.now > 1001.0:
+            quiet.clicks.append(QUIT)
+        return True
+
+    monkeypatch.setattr(LiveSession, "_page_is_open", open_for_a_while)
+    assert quiet.run() == []
+    assert all(1 / 50 < seconds < 1 / 25 for seconds in wall.sleeps)
+    wall.sleeps.clear()
+    wall.now = 1000.0
+    assert verdict(quiet, wall) == (True, [])
+    assert all(1 / 50 < seconds < 1 / 25 for seconds in wall.sleeps)
+    assert wall.now == pytest.approx(1001.0, abs=0.1)
+
+
+def test_a_gamepad_is_announced_once_when_it_comes_and_once_when_it_goes(quiet):
+    quiet.messages.clear()
+    for axes in ([], [0.0], [0.0, 0.0], [], []):
+        quiet._meshcat = SimpleNamespace(GetGamepad=lambda axes=axes: SimpleNamespace(axes=axes, index=0))
+        quiet._watch_gamepad()
+    assert quiet.messages == ["gamepad: left stick tilts, right stick feeds", "gamepad disconnected: use sliders and keys"]
+
+
+def test_a_page_is_open_if_a_browser_is_connected(session):
+    dut = session()
+    for number, is_open in ((0, False), (1, True), (2, True)):
+        dut._meshcat = SimpleNamespace(GetNumActiveConnections=lambda number=number: number)
+        assert dut._page_is_open() is is_open
+
+
+def test_the_hand_follows_the_sliders_50_times_a_second(quiet, monkeypatch):
+    made = []
+
+    def make(resolved, *, operator, meshcat, contact_forces):
+        made.append((operator, contact_forces))
+
+    monkeypatch.setattr(systems.live.session, "MakeVirtualEnvironment", make)
+    _, resolved = quiet._next()
+    quiet._build(resolved)
+    ((operator, contact_forces),) = made
+    timing = operator.GetUniquePeriodicDiscreteUpdateAttribute()
+    assert (timing.period_sec(), timing.offset_sec()) == (0.02, 0.0)
+    assert contact_forces is False  # the session draws its own
+
+
+def test_recordings_are_numbered_after_the_largest_number(tmp_path):
+    assert next_number(tmp_path) == 0
+    for name in ("004_good_live.parquet", "017_bad_live.parquet", "099_note.txt", "1_x.parquet"):
+        (tmp_path / name).touch()
+    assert next_number(tmp_path) == 18
 
 
 class Session:

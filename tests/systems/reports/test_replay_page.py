@@ -1,15 +1,18 @@
 import html
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from systems.reports.motion import Motion, motion_of_demonstration, motion_of_run
+from systems.reports.page_template import script_value
 from systems.reports.replay_page import replay_page
-from systems.reports.scene import arrow_scale
+from systems.reports.scene import arrow_scale, draw_scene, viewer_source
 from tests.browser import blankness, open_page
 from tests.trajectories import STATE_NAMES, make_demonstration, make_rig_run
 
@@ -142,3 +145,93 @@ def test_any_title_is_shown_in_the_browser(write_page):
         browser.wait("window.replay && replay.ready")
         assert browser.run("return [document.title, document.getElementById('title').textContent]") == [title, title]
         assert browser.errors() == []
+
+
+# -------------------------------------------------------------- data of the page
+
+
+def data_of(page: str) -> dict[str, Any]:
+    """The constant `data` of the page's script."""
+    return json.loads(page[page.index("const data = ") + len("const data = ") :].split(";\n", 1)[0])
+
+
+def third_of_everything() -> Motion:
+    """Two samples, with 1/3 of an SI unit for everything measured."""
+    motion = motion_of_run(make_rig_run())
+    third = np.full(3, 1 / 3)
+    return replace(
+        motion,
+        time=np.array([0.0, 1 / 3]),
+        R_WP=Rotation.from_rotvec([[0, 0, 0], [0, 1 / 3, 0]]),
+        R_WH=Rotation.identity(2),
+        force=np.array([0 * third, third]),
+        moment=np.array([0 * third, third]),
+        depth=np.array([0.0, 1 / 3]),
+        phase=np.array([0, 1]),
+        guard=np.array([False, True]),
+        steps=np.array([[0, 0], [3, 5]]),
+    )
+
+
+def test_readings_are_rounded_to_what_the_page_can_show():
+    """1 us, 0.1 um, 0.1 urad, 0.1 mN and 0.1 uN m."""
+    data = data_of(replay_page(third_of_everything(), title="t"))
+    assert data["time"] == [0, 0.333333]
+    assert data["depth"] == [0, 0.3333333]
+    assert data["lean"] == [[0, 0], [0.3333333, 0]]
+    assert data["force"] == [0, 0.5774]  # 1 / sqrt(3)
+    assert data["moment"] == [0, 0.5773503]
+    assert data["load"] == [0, 57.7379]  # sqrt((1 + 100^2) / 3), for a radius of 10 mm
+    # The peg leans towards x: cos(1/3) = 0.944957 and sin(1/3) = 0.327195.
+    assert data["lateral"] == [[0, 0], [0.4240, 0.3333]]
+    assert data["axial"] == [0, 0.3333]  # along the peg
+
+
+def test_page_holds_the_labels_and_the_steps_of_both_motors():
+    data = data_of(replay_page(third_of_everything(), title="t", speed=2.0))
+    assert (data["speed"], data["about"], data["limit"]) == (2, "rig run: inserted", 50)
+    assert (data["phase"], data["phases"]) == ([0, 1], STATE_NAMES)
+    assert data["guard"] == [False, True]
+    assert data["steps"] == [[0, 3], [0, 5]]
+    assert (data["force_colour"], data["moment_colour"]) == ("#C1121F", "#6A1B9A")
+    # The camera stands at x = 124 mm, y = 110 mm.
+    assert np.tan(data["azimuth"]) == pytest.approx(110 / 124)
+    assert 0 < data["azimuth"] < np.pi / 2
+
+
+@pytest.mark.parametrize(
+    ("force", "moment", "scales"),
+    [
+        (6.0, 0.06, ("2 N", "20 N mm")),  # arrows of 30 mm
+        (30.0, 0.17, ("10 N", "50 N mm")),
+        (30.0, 0.3, ("10 N", "0.1 N m")),
+        (0.0, 0.0, ("0.5 N", "5 N mm")),
+    ],
+)
+def test_legend_gives_what_an_arrow_of_10_mm_stands_for(force, moment, scales):
+    motion = third_of_everything()
+    motion = replace(motion, force=np.array([[0, 0, 0], [0, 0, force]]), moment=np.array([[0, 0, 0], [0, moment, 0]]))
+    data = data_of(replay_page(motion, title="t"))
+    assert (data["force_scale"], data["moment_scale"]) == scales
+
+
+def test_page_of_a_demonstration_holds_no_guard_and_no_steps():
+    data = data_of(replay_page(motion_of_demonstration(make_demonstration()), title="t"))
+    assert data["speed"] == 1
+    assert [data["guard"], data["steps"], data["limit"]] == [None, None, None]
+
+
+@pytest.mark.parametrize("speed", [0.0, -1.0, np.inf, np.nan])
+def test_speed_that_is_not_a_finite_number_above_0_is_an_error(speed):
+    with pytest.raises(ValueError, match="speed"):
+        replay_page(third_of_everything(), title="t", speed=speed)
+
+
+def test_slow_motion_is_allowed():
+    assert data_of(replay_page(third_of_everything(), title="t", speed=0.1))["speed"] == 0.1
+
+
+def test_page_contains_the_viewer_and_the_commands_of_the_scene():
+    page = replay_page(third_of_everything(), title="t")
+    assert viewer_source() in page
+    assert script_value(draw_scene(third_of_everything()).commands_base64()[:2])[1:-1] in page

@@ -1,8 +1,15 @@
+from dataclasses import replace
+
+import numpy as np
 import pytest
+from pydrake.math import RigidTransform
 
 from models.scenario import DEMONSTRATION_STREAM, resolve_scenario
 from skill.data.outcome import Ending, Outcome
+from systems.runs import demonstration_run
 from systems.runs.demonstration_run import DemonstrationRun
+from systems.virtual_environment import MakeVirtualEnvironment
+from tests.quick_scenario import make_quick_scenario
 
 
 class FailingSimulator:
@@ -23,3 +30,110 @@ def test_an_exception_of_the_solver_ends_the_demonstration_as_diverged(quick_sce
     run = DemonstrationRun(resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM))
     run.simulator = FailingSimulator(error)
     assert run.advance(0.1) == Ending(Outcome.DIVERGED, detail)
+
+
+@pytest.fixture(scope="module")
+def started():
+    """A demonstration after 60 ms, before any contact: its resolved scenario, environment and run."""
+    scenario = resolve_scenario(make_quick_scenario(), seed=7, stream=DEMONSTRATION_STREAM)
+    environment = MakeVirtualEnvironment(scenario)
+    run = DemonstrationRun(scenario, environment)
+    assert run.advance(0.06) is None
+    return scenario, environment, run
+
+
+class Placed:
+    """A contact plant whose peg has a fixed pose."""
+
+    def __init__(self, plant, pose):
+        self.plant, self.peg, self._pose = plant, self, pose
+
+    def EvalPoseInWorld(self, context):
+        return self._pose
+
+
+@pytest.mark.parametrize(
+    ("height", "outcome"),
+    [
+        (0.00199, None),
+        (0.00201, Outcome.GIVEN_UP),
+        (0.0, None),
+        (-0.01169, None),
+        (-0.01171, Outcome.INSERTED),
+        (np.nan, Outcome.DIVERGED),
+    ],
+)
+def test_the_height_of_the_tip_ends_a_demonstration(started, monkeypatch, height, outcome):
+    """The peg starts 1 mm above the mouth and gives up at twice that; 11.7 of the hole's 12 mm are full depth."""
+    _, environment, run = started
+    pose = RigidTransform([0.0, 0.0, height])
+    monkeypatch.setattr(run, "_environment", replace(environment, contact=Placed(environment.contact.plant, pose)))
+    status = run._monitor(run.simulator.get_context())
+    assert (status.message() or None) == outcome
+    assert (status.system() is None) == (outcome is None)
+
+
+def test_the_time_limit_ends_a_demonstration(quick_scenario):
+    quick_scenario.recorder.time_limit = 0.03
+    run = DemonstrationRun(resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM))
+    assert run.advance(0.02) is None
+    assert run.simulator.get_context().get_time() == pytest.approx(0.02)
+    assert run.advance(0.05) == Ending(Outcome.TIME_OVER)
+    assert run.simulator.get_context().get_time() == pytest.approx(0.03)
+
+
+def test_the_record_has_a_sample_per_period_and_tells_its_origin(started):
+    scenario, environment, run = started
+    found = run.demonstration(Ending(Outcome.INSERTED), operator=3)
+    assert found.good
+    assert found.outcome is Outcome.INSERTED
+    assert found.samples["time"].to_numpy() == pytest.approx([0.0, 0.02, 0.04, 0.06])
+    m = found.metadata
+    assert (m["seed"], m["habit"], m["operator"]) == (scenario.seed, scenario.operator.habit, 3)
+    assert m["penetration_um"] == 0.0
+    assert m["lowest_probe_energy_J"] == environment.energy(run.simulator.get_context()).minimum < 0.0
+
+
+@pytest.mark.parametrize(("outcome", "good"), [(Outcome.INSERTED, False), (Outcome.STOPPED, True)])
+def test_the_operator_may_call_a_demonstration_good_or_bad(started, outcome, good):
+    assert started[2].demonstration(Ending(outcome), good=good).good == good
+
+
+def record_with_force(started, monkeypatch, force, ending, **arguments):
+    """The demonstration of a peg at the mouth if all its samples had a contact force (2, 3, 6) / 7 of this size, N."""
+    _, _, run = started
+    samples = demonstration_run.DemonstrationRecorder.samples
+
+    def pressed(*given):
+        return samples(*given).assign(fx=2 / 7 * force, fy=3 / 7 * force, fz=6 / 7 * force, z=0.0)
+
+    monkeypatch.setattr(demonstration_run.DemonstrationRecorder, "samples", pressed)
+    return run.demonstration(ending, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("force", "outcome"),
+    [
+        (19.9, Outcome.INSERTED),
+        (20.1, Outcome.INSERTED_ROUGHLY),
+        (0.99e5, Outcome.INSERTED_ROUGHLY),
+        (1.01e5, Outcome.DIVERGED),
+    ],
+)
+def test_the_largest_force_of_an_insertion_decides_its_outcome(started, monkeypatch, force, outcome):
+    found = record_with_force(started, monkeypatch, force, Ending(Outcome.INSERTED))
+    assert found.outcome is outcome
+    assert found.good == (outcome is Outcome.INSERTED)
+
+
+def test_a_diverged_demonstration_is_bad_whatever_the_operator_says(started, monkeypatch):
+    found = record_with_force(started, monkeypatch, 2e5, Ending(Outcome.INSERTED), good=True)
+    assert (found.good, found.detail) == (False, "a contact force of 2e+05 N")
+
+
+def test_a_peg_that_is_pressed_until_the_time_is_over_is_jammed(started, monkeypatch):
+    monkeypatch.setattr("systems.runs.jamming.JAMMED_TIME", 0.03)
+    for force, outcome in ((2.9, Outcome.TIME_OVER), (3.1, Outcome.JAMMED)):
+        with monkeypatch.context() as patch:
+            assert record_with_force(started, patch, force, Ending(Outcome.TIME_OVER)).outcome is outcome
+            assert record_with_force(started, patch, force, Ending(Outcome.GIVEN_UP)).outcome is Outcome.GIVEN_UP
