@@ -36,6 +36,7 @@ def test_what_cannot_change_a_result_is_left_alone(text):
     assert list(mutable(ast.parse(text))) == []
 
 
+@pytest.mark.slow
 def test_the_sample_is_seeded_and_every_mutant_is_another_program():
     mutants = draw(20, seed=3)
     assert mutants == draw(20, seed=3) != draw(20, seed=4)

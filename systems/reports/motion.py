@@ -25,8 +25,6 @@ from skill.states.state_style import state_colours, state_labels
 if TYPE_CHECKING:
     from skill.manipulation_skill import ManipulationSkill
 
-"""Names of the sizes that a replay needs; all in m, except the number of facets."""
-
 # The peg is coloured by the contact force if no contact states are known.
 FORCE_LEVELS = (0.5, 2.0, 8.0, 30.0)  # in units of N
 LEVEL_COLOURS = ("#B0B7BF", "#9ECAE1", "#4292C6", "#08519C", "#081D58")  # one hue, from light to dark

@@ -47,6 +47,7 @@ def test_help_lists_every_command_and_the_exit_codes(flag):
         assert code in text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODULES)
 @pytest.mark.parametrize("flag", ["-h", "--help"])
 def test_help_of_a_command_says_what_it_writes_and_has_an_example(name, flag):
@@ -179,6 +180,7 @@ def test_training_needs_no_drake(demonstration_folder, tmp_path):
     assert (done.returncode, messages) == (0, [])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", ["models", "skill", "systems"])
 @pytest.mark.parametrize("regular", [True, False], ids=["package", "folder"])
 def test_a_package_that_shadows_ours_is_one_error_with_both_paths(tmp_path, package, regular):

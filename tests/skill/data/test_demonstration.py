@@ -152,6 +152,10 @@ def test_a_file_of_another_version_is_refused(path):
     assert f"version {FORMAT_VERSION + 1}, expected {FORMAT_VERSION}" in message
 
 
+def test_files_of_version_1_stay_readable(path):
+    assert read_demonstration(with_header(path, format_version=1)).reason == read_demonstration(path).reason
+
+
 def test_a_foreign_parquet_file_is_refused(tmp_path):
     path = tmp_path / "foreign.parquet"
     pd.DataFrame({"a": [1.0, 2.0]}).to_parquet(path)

@@ -107,17 +107,24 @@ def test_the_rotation_step_spans_the_removed_samples():
     samples["dangle"] = [0.0, 0.1, 0.2, 0.3, 0.4]
     refined, _ = refine_demonstration(samples, still=0.5, rough=np.inf)
     np.testing.assert_allclose(refined["dangle"], [0.0, 0.6, 0.4])
+    samples["ux"] = [1.0, 0.0, 1.0, 1.0, 1.0]  # only one sample is removed
+    refined, _ = refine_demonstration(samples, still=0.5, rough=np.inf)
+    np.testing.assert_allclose(refined["dangle"], [0.0, 0.3, 0.3, 0.4])
 
 
 @pytest.mark.parametrize(
     ("change", "remedy"),
     [
         ({"still": -1.0}, "zero or more"),
+        ({"still": np.inf}, "zero or more"),
+        ({"still": np.nan}, "zero or more"),
         ({"still": 5.0}, "lower `still`"),
         ({"rough": 0.0}, "infinity to skip"),
+        ({"rough": -1.0}, "infinity to skip"),
         ({"rough": np.nan}, "infinity to skip"),
         ({"average": "first"}, "'both' or 'later'"),
         ({"rotation_scale": 0.0}, "peg's radius"),
+        ({"rotation_scale": np.inf}, "peg's radius"),
     ],
 )
 def test_bad_arguments_raise(change, remedy):
@@ -179,3 +186,12 @@ def test_the_rotation_step_of_a_removed_start_is_zero():
     samples["angle"], samples["dangle"] = [0.0, 0.1, 0.3], [0.0, 0.1, 0.2]
     refined, _ = refine_demonstration(samples, still=0.5, rough=np.inf)
     np.testing.assert_allclose(refined["dangle"], [0.0, 0.2])
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3])
+def test_a_difference_of_the_size_of_rounding_errors_is_not_averaged(size):
+    """The limit is 1e-12 of the largest action, however small that is."""
+    for difference, count in ((5e-13, 0), (5e-12, 1)):
+        actions = size * np.array([[1.0], [1.0 + difference]])
+        assert smooth_actions(actions, 1e-300)[1] == count
+    assert smooth_actions(np.zeros((0, 6)), 1.0)[1] == 0

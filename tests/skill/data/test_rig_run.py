@@ -81,6 +81,13 @@ def test_a_run_of_another_version_is_refused(path):
     assert f"version {RUN_VERSION + 1}, expected {RUN_VERSION}" in error_message(path)
 
 
+def test_runs_of_version_2_stay_readable(path):
+    table = pq.read_table(path)
+    header = {**json.loads(table.schema.metadata[b"rig_run"]), "format_version": 2}
+    pq.write_table(table.replace_schema_metadata({b"rig_run": json.dumps(header).encode()}), path)
+    assert len(read_rig_run(path).samples) == table.num_rows
+
+
 def test_a_truncated_run_is_refused(path):
     path.write_bytes(path.read_bytes()[:-20])
     assert "not a complete Parquet file" in error_message(path)

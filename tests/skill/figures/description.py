@@ -47,10 +47,12 @@ def _axes(axes: Axes | SecondaryAxis) -> list[str]:
     fixed = [axis for axis in (axes.xaxis, axes.yaxis) if isinstance(axis.get_major_locator(), FixedLocator)]
     ticks = [text.get_text() for axis in fixed for text in axis.get_ticklabels()]
     sizes = {t.get_fontsize() for axis in (axes.xaxis, axes.yaxis) for t in axis.get_ticklabels()}
-    grid = [g.get_visible() for axis in (axes.xaxis, axes.yaxis) for g in axis.get_gridlines()[:1]]
+    lines = [line for axis in (axes.xaxis, axes.yaxis) for line in axis.get_gridlines()[:1]]
+    grid = [f"{g.get_linewidth():g} {to_hex(g.get_color())}" if g.get_visible() else "none" for g in lines]
+    lengths = [line.get_markersize() for axis in (axes.xaxis, axes.yaxis) for line in axis.get_ticklines()[:1]]
     result = [
         f"limits {numbers([*axes.get_xlim(), *axes.get_ylim()])} order {axes.get_zorder():g}",
-        f"ticks {ticks} {numbers(sorted(sizes))} grid {grid} {axes.get_axisbelow()}",
+        f"ticks {ticks} {numbers(sorted(sizes))} length {numbers(lengths)} grid {grid} {axes.get_axisbelow()}",
         f"spines {[name for name, spine in axes.spines.items() if spine.get_visible()]}",
         f"axis {axes.axison} background {axes.patch.get_visible()} aspect {axes.get_aspect()}",
     ]

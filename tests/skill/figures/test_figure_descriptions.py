@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from skill.data.demonstration import Demonstration
 from skill.data.outcome import Outcome
-from skill.figures.demonstration_figure import COLOURS, plot_set
+from skill.figures.demonstration_figure import COLOURS, plot_set, summarise
 from skill.figures.paper_figures import new_figure, plot_demonstration, plot_outcomes, plot_run
 from skill.figures.practice_figure import plot_practice
 from skill.figures.state_graph_figure import draw_state_graph
@@ -104,3 +104,18 @@ def test_an_unknown_outcome_is_drawn_as_other():
     foreign = Demonstration(made.samples, False, "dropped", made.metadata)
     figure = plot_set([foreign, made], rough_force=30.0)
     assert [t.get_text() for t in figure.axes[0].get_legend().get_texts()] == ["inserted", "other"]
+
+
+def test_a_summary_holds_peak_force_duration_and_the_tilt_at_the_start():
+    samples = make_demonstration().samples.head(4).copy()
+    samples["time"] = [1.0, 1.5, 2.0, 4.0]
+    samples["angle"] = [0.05, 0.04, 0.06, 0.01]
+    samples[["fx", "fy", "fz"]] = [[0.0, 0.0, 1.0], [2.0, -3.0, 6.0], [0.0, 4.0, 3.0], [5.0, 0.0, 0.0]]
+    first = Demonstration(samples, True, Outcome.INSERTED, {"habit": "expert", "operator": 3})
+    second = Demonstration(samples.tail(3), False, Outcome.JAMMED)
+    assert summarise([first, second]).to_dict("records") == [
+        {"habit": "expert", "person": 3, "good": True, "outcome": Outcome.INSERTED, "peak_force": 7.0, "time": 3.0,
+         "tilt": 0.05},
+        {"habit": "unknown", "person": 0, "good": False, "outcome": Outcome.JAMMED, "peak_force": 7.0, "time": 2.5,
+         "tilt": 0.04},
+    ]  # fmt: skip

@@ -1,10 +1,12 @@
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from matplotlib.ticker import FixedLocator
 
 from skill.data.demonstration import CHANNELS
 from skill.figures.paper_figures import plot_demonstration, plot_outcomes, plot_run, save_figure
@@ -78,6 +80,44 @@ def test_medians_are_those_of_the_inserted():
     figure = plot_outcomes(make_outcomes([True, True, True, False]))
     assert [axes.texts[0].get_text() for axes in figure.axes] == ["2", "20", "40"]
     assert [t.get_text() for t in figure.legends[0].get_texts()][:2] == ["inserted: 3", "not inserted: 1"]
+
+
+def test_trials_without_a_number_are_numbered_from_one():
+    figure = plot_outcomes(make_outcomes([True, False, True]))
+    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "trial"]
+    assert figure.axes[2].get_xticks().tolist() == [1, 2, 3]
+    assert figure.axes[2].get_xlim() == (0.4, 3.6)
+    reached = [points.get_offsets().tolist() for points in figure.axes[1].collections[1:]]
+    assert reached == [[[1.0, 10.0], [3.0, 30.0]], [[2.0, 20.0]]]
+
+
+@pytest.mark.parametrize(("number", "listed"), [(20, True), (21, False)])
+def test_up_to_twenty_trials_are_numbered_one_by_one(number, listed):
+    axes = plot_outcomes(make_outcomes([True] * number)).axes[2]
+    assert isinstance(axes.xaxis.get_major_locator(), FixedLocator) == listed
+
+
+def test_the_largest_magnitudes_of_a_run_are_given_in_their_units():
+    run = make_rig_run()
+    samples = run.samples.copy()
+    for k, name in enumerate(("fx", "fy", "fz", "mx", "my", "depth")):
+        samples[name] = 0.0
+        samples.loc[[3, 5], name] = [0.001 * (k + 1), -0.002 * (k + 1)]
+    series = plot_run(replace(run, samples=samples)).axes[0]
+    (right,) = series.child_axes
+    texts = [t.get_text() for t in right.get_yticklabels()]
+    assert texts == ["1 = 0.002 N", "1 = 0.004 N", "1 = 0.006 N", "1 = 8 N mm", "1 = 10 N mm", "1 = 12 mm"]
+    np.testing.assert_allclose(right.get_yticks(), [0.0, -2.3, -4.6, -6.9, -9.2, -11.5])
+    curves = [line.get_ydata() for line in series.lines if len(line.get_ydata()) == len(samples)]
+    for height, curve, sign in zip(right.get_yticks(), curves, (1, 1, 1, 1, 1, -1), strict=True):
+        np.testing.assert_allclose(curve[[0, 3, 5]] - height, np.array([0.0, 0.5, -1.0]) * sign, atol=1e-12)
+
+
+def test_a_series_that_is_zero_stays_on_its_line():
+    run = make_rig_run()
+    series = plot_run(replace(run, samples=run.samples.assign(fy=0.0))).axes[0]
+    curves = [line.get_ydata() for line in series.lines if len(line.get_ydata()) == len(run.samples)]
+    np.testing.assert_allclose(curves[1], -2.3)
 
 
 def test_outcomes_need_at_least_one_trial():

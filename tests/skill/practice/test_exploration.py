@@ -1,4 +1,5 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -130,3 +131,64 @@ def test_rows_of_a_back_off_are_left_out_and_their_costs_added_to_the_row_before
 def test_the_cost_to_go_is_the_sum_of_the_costs_from_a_row_on():
     rollout = Rollout(np.zeros((3, 1)), np.ones((3, 1)), np.zeros((3, 2)), costs=np.array([1.0, 2.0, 4.0]))
     np.testing.assert_array_equal(rollout.costs_to_go, [7.0, 6.0, 4.0])
+
+
+def test_a_perturbed_policy_takes_the_factors_at_the_depth_that_is_measured_last():
+    measured = np.array([5.0, 3.0, 2.0, 0.01, 0.02, 0.03, -0.005])
+    action = PerturbedPolicy(FixedPolicy(), PERTURBATION).act(measured)
+    np.testing.assert_allclose(action.turn, [0.2, -0.4])
+    assert action.feed == pytest.approx(-5e-4)
+
+
+@pytest.mark.parametrize(("full_depth", "knots"), [(0.001, 2), (0.004, 2), (0.012, 3), (0.024, 6)])
+def test_knots_are_about_the_spacing_apart(full_depth, knots):
+    drawn = ExplorationNoise().draw(np.random.default_rng(0), full_depth)
+    np.testing.assert_allclose(drawn.depths, np.linspace(0.0, full_depth, knots))
+    assert drawn.turn.shape == drawn.feed.shape == (knots,)
+
+
+def test_the_parameters_of_practice_are_those_that_are_documented():
+    assert ExplorationNoise() == ExplorationNoise(turn=2.5, feed=1.5, spacing=5e-3)
+    assert Cost() == Cost(force=25.0, failure=5.0)
+
+
+def short_run(**result):
+    """Five rows, one second apart, of which the third and the last hold a back-off."""
+    samples = make_rig_run().samples.head(5).assign(
+        time=[1.0, 2.0, 3.0, 4.0, 6.0],
+        fx=[0.0, 3.0, 0.0, 6.0, 90.0],
+        fy=[0.0, 4.0, 0.0, 8.0, 90.0],
+        depth=[0.0, 0.005, 0.005, 0.010, 0.030],
+        guard=[0.0, 0.0, 1.0, 0.0, 1.0],
+    )  # fmt: skip
+    return run_of(samples, **result)
+
+
+def test_the_cost_of_a_step_is_that_of_the_force_at_its_start():
+    """The forces are 0, 5, 0 and 10 N, the last step takes 2 s, and the force in the last row has no step."""
+    cost = Cost(force=5.0, failure=7.0)
+    np.testing.assert_allclose(cost.of_steps(short_run()), [1.0, 2.0, 1.0, 10.0, 0.0])
+    # The tip is deeper than the hole, so nothing of the depth is missing.
+    np.testing.assert_allclose(cost.of_steps(short_run(inserted=False)), [1.0, 2.0, 1.0, 10.0, 7.0])
+
+
+class CountingSkill(FixedPolicy):
+    """A skill with one state, whose state filter counts the measurements; its features are twice the measurements."""
+
+    n_states = 1
+    features_ = SimpleNamespace(transform=lambda X: 2.0 * X)
+
+    def state_filter(self):
+        def step(belief, features):
+            return SimpleNamespace(log_belief=belief + 1.0, probabilities=[belief + features[1]])
+
+        return SimpleNamespace(initial_log_belief=lambda: 10.0, step=step)
+
+
+def test_the_rollout_of_a_short_run_by_hand():
+    """The commands of the third and the last row respond to the second and the fourth; nothing responds to the last."""
+    rollout = rollout_of(short_run(), PerturbedPolicy(CountingSkill(), PERTURBATION), Cost(force=5.0))
+    np.testing.assert_allclose(rollout.costs, [3.0, 11.0])
+    np.testing.assert_allclose(rollout.memberships, [[10.0], [12.0]])  # no force along y in these rows
+    np.testing.assert_allclose(rollout.features[:, 6], [0.0, -0.010])
+    np.testing.assert_allclose(rollout.log_factors, np.log([[1.0, 1.0], [2.0, 0.5]]))

@@ -165,3 +165,10 @@ def test_a_state_survives_its_list_of_numbers():
 def test_a_load_at_the_limit_causes_no_back_off():
     assert step(GuardState(), load=P.force_limit).state.mode is GuardMode.WORKING
     assert step(GuardState(), load=1.001 * P.force_limit).state.mode is GuardMode.BACKING_OFF
+
+
+def test_the_first_measurement_counts_as_progress_at_any_depth():
+    """The guard starts with an anchor 1 m above the mouth, so that the time since progress begins with the run."""
+    assert GuardState().as_list() == [0.0, 0.0, -1.0, 0.0]
+    state = step(GuardState(), depth=-0.05).state
+    assert (state.anchor, state.elapsed) == (-0.05, 0.0)

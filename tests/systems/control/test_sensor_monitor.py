@@ -99,6 +99,15 @@ def test_the_permitted_repeats_follow_from_noise_and_quantum():
     assert repeats_of_a_stuck_sensor(quiet) == math.inf  # any number of repeats is permitted
 
 
+@pytest.mark.parametrize(("forces", "torques", "repeats"), [(1, 0, 30), (1, 1, 15), (2, 1, 10), (1, 3, 8)])
+def test_channels_that_repeat_half_of_the_time_may_repeat_until_one_in_a_billion(forces, torques, repeats):
+    """A normal variable is within 0.6745 sigma of its mean with probability 1/2, and 1e9 is 2^29.9."""
+    sensor = WrenchSensorParameters(force_quantum=2 * 0.67449 * 0.02, torque_quantum=2 * 0.67449 * 5e-4)
+    sensor.force_noise = [0.02] * forces + [0.0] * (3 - forces)
+    sensor.torque_noise = [5e-4] * torques + [0.0] * (3 - torques)
+    assert repeats_of_a_stuck_sensor(sensor) == repeats
+
+
 def test_a_simulated_sensor_at_rest_repeats_its_reading_no_more_often_than_the_bound():
     """The worst case: the true value of every channel is in the middle of a quantum."""
     rng = np.random.default_rng(3)
@@ -121,3 +130,7 @@ def test_the_outputs_are_zero_before_the_first_sound_sample(dut):
 def test_the_monitor_checks_from_time_zero(dut):
     timing = dut.GetUniquePeriodicDiscreteUpdateAttribute()
     assert (timing.offset_sec(), timing.period_sec()) == (0.0, SENSOR.period)
+
+
+def test_the_outputs_are_a_wrench_a_depth_and_a_fault(dut):
+    assert [dut.GetOutputPort(name).size() for name in ("wrench", "depth", "fault")] == [6, 1, 1]

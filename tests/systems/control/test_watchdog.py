@@ -104,6 +104,14 @@ def test_a_feed_that_the_contact_blocks_is_no_fault():
         assert step(dut, context, times=PERIODS + 2) == fault
 
 
+@pytest.mark.parametrize("current", [0.3, 0.6])
+@pytest.mark.parametrize(("share", "fault"), [(1.02, Fault.NONE), (0.98, Fault.ENCODER_STUCK)])
+def test_half_of_the_force_of_the_present_current_is_a_contact(current, share, fault):
+    force = share * 0.5 * MOTOR.force_constant * current
+    dut, context = watchdog(current=[-current], wrench=[0, 0, force, 0, 0, 0])
+    assert step(dut, context, times=PERIODS + 2) == fault
+
+
 def test_a_feed_that_moves_or_is_retracted_in_between_is_no_fault():
     dut, context = watchdog(current=[-MOTOR.current_limit])
     for k in range(10 * PERIODS):
@@ -157,9 +165,7 @@ def test_a_current_from_95_percent_of_the_limit_counts_as_limited(sign, share, f
     dut = Watchdog(parameters=P, motor=motor)
     zeros = {name: [0.0] for name in ("controller_failed", "measurement_fault", "depth")}
     counts = {name: [0.0, 0.0] for name in ("pitch_counts", "yaw_counts")}
-    context = fixed_context(
-        dut, **COMMANDED, **zeros, **counts, wrench=np.zeros(6), current=[sign * share * 2.5]
-    )
+    context = fixed_context(dut, **COMMANDED, **zeros, **counts, wrench=np.zeros(6), current=[sign * share * 2.5])
     assert step(dut, context, times=PERIODS + 2) == fault
 
 
@@ -205,3 +211,8 @@ def test_the_state_survives_its_storage():
     assert state.as_list() == [6.0, 0.1, 0.2, 0.3, 0.4, 0.5]
     assert WatchdogState.from_vector(np.array(state.as_list())) == state
     assert WatchdogState().as_list() == [0.0] * 6
+
+
+def test_every_output_is_one_number():
+    dut = watchdog()[0]
+    assert [dut.GetOutputPort(name).size() for name in (*COMMANDS, "fault", "stopped")] == [1] * 5

@@ -105,6 +105,7 @@ def radius_of_loop(*, mass, b, spring, K, B, bandwidth):
     return np.abs(np.linalg.eigvals(step)).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("K", "B", "bandwidth"), [(800.0, 0.0, 60.0), (800.0, 36.0, 60.0), (300.0, 9.0, 200.0)])
 def test_the_passive_damping_stabilises_every_hand_and_a_lower_one_does_not(K, B, bandwidth):
     minimum = passive_damping(stiffness=K, damping=B, period=T, bandwidth=bandwidth)
@@ -120,6 +121,14 @@ def test_the_passive_damping_stabilises_every_hand_and_a_lower_one_does_not(K, B
 def test_a_plain_spring_damper_needs_the_damping_of_colgate():
     found = passive_damping(stiffness=800.0, damping=5.0, period=T, bandwidth=1e6)
     assert found == pytest.approx(800.0 * T / 2 + 5.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(("K", "B", "period"), [(800.0, 36.0, 1e-3), (0.0, 3.0, 1e-3), (500.0, 6.0, 2e-3)])
+def test_a_filter_that_halves_the_error_in_a_period_needs_a_third_of_the_damping(K, B, period):
+    """The condition is strictest at half of the sampling rate: K T/2 + B a/(2 - a), and a = 1/2."""
+    bandwidth = math.log(2.0) / (2.0 * math.pi * period)
+    found = passive_damping(stiffness=K, damping=B, period=period, bandwidth=bandwidth)
+    assert found == pytest.approx(K * period / 2 + B / 3, rel=1e-9)
 
 
 @pytest.mark.parametrize("path", sorted(SCENARIO_FOLDER.glob("*.yaml")), ids=lambda p: p.stem)
@@ -155,6 +164,10 @@ def test_the_gains_of_the_default_coupling_exceed_the_limits_of_the_premiums_dri
     scenario = Scenario(device="premium_1_5_6dof")
     with pytest.raises(ValueError, match="device's damping is 36 N s/m, expected below 5"):
         require_margins(scenario)
+
+
+def test_the_conditions_are_returned_if_they_hold():
+    assert require_margins(Scenario()) == coupling_margins(Scenario())
 
 
 def test_the_conditions_with_and_without_the_filter_are_both_reported():

@@ -152,3 +152,35 @@ def test_the_sustained_wrench_is_never_limited():
 def test_the_state_is_recovered_from_its_list():
     values = np.arange(1.0, 15.0)
     assert DeviceState.from_vector(values).as_list() == values.tolist()
+
+
+def test_the_low_pass_of_the_velocity_has_60_hz():
+    """After a period of 1 ms the share is 1 - exp(-2 pi * 0.06) = 0.3141."""
+    start = RigidTransform()
+    dut, context = device(start=start, hand=RigidTransform([0.0, 0.0, 10 * P.position_resolution]))
+    update(dut, context, period=T)
+    velocity = dut.GetOutputPort("probe_velocity").Eval(context)
+    np.testing.assert_allclose(velocity, [0, 0, 0, 0, 0, 0.3141 * 10 * P.position_resolution / T], rtol=1e-4)
+
+
+def test_the_load_is_the_larger_ratio_of_force_and_torque_to_their_limits():
+    for torque, force, load in ((0.5, 0.25, 0.5), (0.25, 0.75, 0.75), (3.0, 2.0, 3.0), (0.0, 0.0, 0.0)):
+        wrench = np.zeros(6)
+        wrench[1], wrench[3:] = -torque * P.peak_torque, force * P.peak_force * np.array([2.0, -1.0, 2.0]) / 3.0
+        dut, context = device(wrench=wrench)
+        assert dut.load(context) == pytest.approx(load)
+        np.testing.assert_allclose(dut.limit(wrench, np.zeros(2)), wrench / max(load, 1.0), rtol=1e-12)
+
+
+def test_the_mean_squares_limit_force_and_torque_separately():
+    """At half of the sustained square the limit is sqrt((s^2 + p^2) / 2); above it, s."""
+    torque, force = np.array([9.0, 0, 0, 0, 0, 0]), np.array([0, 0, 0, 0, 900.0, 0])
+    s_t, s_f = P.sustained_torque, P.sustained_force
+    half = math.sqrt(0.5 * (s_t**2 + P.peak_torque**2)), math.sqrt(0.5 * (s_f**2 + P.peak_force**2))
+    device_ = device()[0]
+    assert device_.limit(torque, np.array([0.5 * s_t**2, 0.0]))[0] == pytest.approx(half[0])
+    assert device_.limit(torque, np.array([2.0 * s_t**2, 0.0]))[0] == pytest.approx(s_t)
+    assert device_.limit(torque, np.array([0.0, 2.0 * s_f**2]))[0] == pytest.approx(P.peak_torque)
+    assert device_.limit(force, np.array([0.0, 0.5 * s_f**2]))[4] == pytest.approx(half[1])
+    assert device_.limit(force, np.array([0.0, 2.0 * s_f**2]))[4] == pytest.approx(s_f)
+    assert device_.limit(force, np.array([2.0 * s_t**2, 0.0]))[4] == pytest.approx(P.peak_force)

@@ -204,3 +204,8 @@ def test_a_small_step_of_the_speed_loop_is_that_of_a_second_order_transfer_funct
     _, expected = step(TransferFunction(numerator, denominator), T=np.concatenate([[0.0], times]))
     found = speeds(p, command, times, period=1e-4)
     np.testing.assert_allclose(found / command, expected[1:], atol=0.02)
+
+
+def test_every_output_is_one_number():
+    dut = motor(0.0)[0]
+    assert [dut.GetOutputPort(name).size() for name in ("carriage_force", "current")] == [1, 1]

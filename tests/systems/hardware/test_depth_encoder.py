@@ -24,3 +24,7 @@ def test_the_quantisation_error_is_at_most_half_a_count():
         depth = dut.GetOutputPort("depth").Eval(context)[0]
         assert abs(depth - (HOME - position)) <= RESOLUTION / 2 * (1 + 1e-9)
         assert depth / RESOLUTION == pytest.approx(round(depth / RESOLUTION), abs=1e-6)
+
+
+def test_the_output_is_one_number():
+    assert DepthEncoder(home=HOME, resolution=RESOLUTION).GetOutputPort("depth").size() == 1

@@ -148,3 +148,8 @@ def test_the_driver_does_not_compensate_lost_steps():
     # Three commanded steps from an equilibrium that has slipped by -4 steps.
     assert counts(dut, context) == [3, 4]
     assert equilibrium(dut, context) == pytest.approx(-P.step_angle)
+
+
+def test_the_outputs_are_an_angle_and_two_counts():
+    dut = motor(0.0)[0]
+    assert [dut.GetOutputPort(name).size() for name in ("equilibrium_angle", "step_counts")] == [1, 2]

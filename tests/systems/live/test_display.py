@@ -76,7 +76,9 @@ def test_colour_changes_at_half_the_limit_of_the_device_and_at_the_limit():
 def test_the_colours_are_green_orange_red_and_the_blue_of_the_panel():
     shade = lambda c: [round(255 * v) for v in (c.r(), c.g(), c.b())]  # noqa: E731
     assert [shade(c) for c in (LOW, HIGH, SATURATED)] == [[26, 140, 51], [237, 158, 13], [217, 13, 20]]
-    assert "#{:02x}{:02x}{:02x}".format(*shade(CONTACT)) in re.search(r"\.contact \{ color: (.*?);", PANEL.read_text())[1]
+    assert (
+        "#{:02x}{:02x}{:02x}".format(*shade(CONTACT)) in re.search(r"\.contact \{ color: (.*?);", PANEL.read_text())[1]
+    )
 
 
 @pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, -0.6, 0.8], [0.0, 0.0, 1.0], [0.6, 0.0, -0.8]])
@@ -97,7 +99,7 @@ def test_a_short_arrow_has_a_smaller_head_and_a_thinner_shaft(browser):
     shaft, head = drawn(browser, [0.1, 0.0, 0.0])
     np.testing.assert_allclose(np.linalg.norm(head[:3, :3], axis=0), 0.25)
     np.testing.assert_allclose(np.linalg.norm(shaft[:3, :3], axis=0), [0.25, 0.25, 1e-6])
-    np.testing.assert_allclose(at(head, 0, 0, 0), START + [0.001, 0.0, 0.0], atol=2e-6)
+    np.testing.assert_allclose(at(head, 0, 0, 0), START + np.array([0.001, 0.0, 0.0]), atol=2e-6)
 
 
 def test_an_arrow_of_no_force_is_too_small_to_see_but_can_be_inverted(browser):
@@ -149,8 +151,12 @@ def test_the_arrows_have_the_scales_that_the_panel_states(browser, display):
     hand, contact = (float(n) for n in re.findall(r"([\d.]+) N/cm", PANEL.read_text()))
     point = np.array([0.0, 0.001, 0.0])
     display.draw_forces(START, np.array([0.0, 0.0, 2 * hand]), load=0.6, contact=(point, np.array([contact, 0.0, 0.0])))
-    np.testing.assert_allclose(at(browser.arrow("rendered_force")[1], 0, 0, 0), START + [0.0, 0.0, 0.02], atol=1e-12)
-    np.testing.assert_allclose(at(browser.arrow("contact_force")[1], 0, 0, 0), point + [0.01, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(
+        at(browser.arrow("rendered_force")[1], 0, 0, 0), START + np.array([0.0, 0.0, 0.02]), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        at(browser.arrow("contact_force")[1], 0, 0, 0), point + np.array([0.01, 0.0, 0.0]), atol=1e-12
+    )
     assert browser.properties["live/rendered_force/shaft", "color"][0] == pytest.approx(HIGH.r() ** 2.2)
     assert browser.properties["live/contact_force/shaft", "color"][2] == pytest.approx(CONTACT.b() ** 2.2)
     display.draw_forces(START, np.zeros(3), load=0.0, contact=None)
@@ -205,7 +211,8 @@ def view(browser):
 
 
 @pytest.mark.parametrize(
-    ("name", "elevation", "azimuth"), [("of the cut", 26.0, 0.0), ("from above", 89.5, 0.0), ("from the side", 4.0, 45.0)]
+    ("name", "elevation", "azimuth"),
+    [("of the cut", 26.0, 0.0), ("from above", 89.5, 0.0), ("from the side", 4.0, 45.0)],
 )
 def test_each_view_has_a_key_and_looks_from_its_side(browser, display, name, elevation, azimuth):
     """Azimuth is zero where the person is, positive to the right."""

@@ -227,7 +227,9 @@ def test_an_open_page_ends_the_absence(quiet, wall):
         quiet.is_open = is_open
         assert quiet._is_over() is False
         wall.now += seconds
-    assert len([m for m in quiet.messages if m.startswith("no page is open")]) == 1  # the second absence has lasted 100 s
+    assert (
+        len([m for m in quiet.messages if m.startswith("no page is open")]) == 1
+    )  # the second absence has lasted 100 s
     quiet.clicks.append(QUIT)
     assert quiet._is_over() is True
     assert quiet.messages[-1] == "session over"
@@ -250,7 +252,9 @@ class Run:
         self.asked.append(options)
         if not self.times:
             raise ValueError("too short")
-        return SimpleNamespace(reason=ending.outcome.value, good=options.get("good"), metadata={"number": options["number"]})
+        return SimpleNamespace(
+            reason=ending.outcome.value, good=options.get("good"), metadata={"number": options["number"]}
+        )
 
 
 class Environment:
@@ -338,7 +342,9 @@ def verdict(session, wall, *clicks, ticks=1):
 
 def test_the_person_judges_a_demonstration(quiet, wall, monkeypatch):
     written = []
-    monkeypatch.setattr(systems.live.session, "write_demonstration", lambda d, path: written.append((d.good, path.name)))
+    monkeypatch.setattr(
+        systems.live.session, "write_demonstration", lambda d, path: written.append((d.good, path.name))
+    )
     assert verdict(quiet, wall, GOOD) == (False, [True])
     assert verdict(quiet, wall, BAD) == (False, [False])
     assert written == [(True, "003_good_live.parquet"), (False, "003_bad_live.parquet")]
@@ -391,14 +397,16 @@ def test_a_gamepad_is_announced_once_when_it_comes_and_once_when_it_goes(quiet):
     for axes in ([], [0.0], [0.0, 0.0], [], []):
         quiet._meshcat = SimpleNamespace(GetGamepad=lambda axes=axes: SimpleNamespace(axes=axes, index=0))
         quiet._watch_gamepad()
-    assert quiet.messages == ["gamepad: left stick tilts, right stick feeds", "gamepad disconnected: use sliders and keys"]
+    assert quiet.messages == [
+        "gamepad: left stick tilts, right stick feeds",
+        "gamepad disconnected: use sliders and keys",
+    ]
 
 
-def test_a_page_is_open_if_a_browser_is_connected(session):
-    dut = session()
+def test_a_page_is_open_if_a_browser_is_connected():
     for number, is_open in ((0, False), (1, True), (2, True)):
-        dut._meshcat = SimpleNamespace(GetNumActiveConnections=lambda number=number: number)
-        assert dut._page_is_open() is is_open
+        meshcat = SimpleNamespace(GetNumActiveConnections=lambda number=number: number)
+        assert LiveSession._page_is_open(SimpleNamespace(_meshcat=meshcat)) is is_open
 
 
 def test_the_hand_follows_the_sliders_50_times_a_second(quiet, monkeypatch):

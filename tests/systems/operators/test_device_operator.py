@@ -64,6 +64,7 @@ def test_the_error_for_an_unknown_device_lists_the_known_ones(installed):
         find_device("joystick")
 
 
+@pytest.mark.slow
 def test_a_device_is_read_and_written_once_per_millisecond_and_receives_the_contact_force(installed, quick_scenario):
     quick_scenario.start.tilt = [0.05, 0.0]
     quick_scenario.start.height = 2e-4

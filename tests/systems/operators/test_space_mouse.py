@@ -90,11 +90,30 @@ def test_a_tilt_leans_the_peg_in_its_direction(receiver, counts, direction):
     np.testing.assert_allclose(lean(X)[:2], np.sin(0.05 * TURN_RATE) * np.array(direction), atol=1e-12)
 
 
+def test_full_deflection_moves_30_mm_and_turns_8_degrees_in_a_second(receiver):
+    dut = SpaceMouse()
+    receiver.reports = [report(1, FULL, 0, 0)]
+    X = [dut.read_pose() for _ in range(50)][-1]  # in half a second
+    assert np.linalg.norm(X.translation()) == pytest.approx(0.015)
+    receiver.reports = [report(2, FULL, 0, 0)]
+    X = [dut.read_pose() for _ in range(50)][-1]
+    assert np.linalg.norm(rotation_vector(X.rotation())) == pytest.approx(np.radians(4.0))
+
+
+@pytest.mark.parametrize(("share", "moves"), [(0.04, False), (-0.04, False), (0.06, True), (-0.06, True)])
+@pytest.mark.parametrize("channel", [1, 2])
+def test_deflections_below_5_percent_are_ignored(receiver, channel, share, moves):
+    dut = SpaceMouse()
+    receiver.reports = [report(channel, round(share * FULL), 0, 0)]
+    X = dut.read_pose()
+    assert X.IsNearlyIdentity(1e-12) != moves
+
+
 def test_a_long_time_between_readings_is_not_integrated(receiver, monkeypatch):
     dut = SpaceMouse()
     receiver.reports = [report(1, FULL, 0, 0)]
     monkeypatch.setattr(systems.operators.space_mouse, "time", SimpleNamespace(monotonic=lambda: 100.0))
-    np.testing.assert_allclose(np.linalg.norm(dut.read_pose().translation()), 0.1 * SPEED)
+    np.testing.assert_allclose(np.linalg.norm(dut.read_pose().translation()), 0.003)  # 30 mm/s for 0.1 s
 
 
 def test_a_disconnected_spacemouse_raises_an_oserror(receiver):

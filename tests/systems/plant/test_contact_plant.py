@@ -12,7 +12,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.math.rotation import from_rotation_vector
-from systems.plant.contact_plant import MOUNT_MASS, STEEL, AddRigPlant, AddVirtualPlant
+from systems.plant.contact_plant import BLOCK_COLOUR, MOUNT_MASS, PEG_COLOUR, STEEL, AddRigPlant, AddVirtualPlant
 
 G = 9.81
 
@@ -84,6 +84,38 @@ def test_the_peg_is_a_steel_cylinder(scenario):
     bench = Bench(scenario)
     mass = STEEL * math.pi * g.peg_radius**2 * g.peg_length
     assert bench.plant.GetBodyByName("peg").default_mass() == pytest.approx(mass)
+
+
+def test_the_block_is_an_aluminium_cylinder_from_below_the_floor_to_the_mouth(scenario):
+    """12 mm of hole and 10 mm of floor, 30 mm in radius, 2700 kg/m^3: 0.16795 kg, and its centre is 11 mm deep.
+
+    About the mouth: m r^2/2 = 7.558e-5 kg m^2 along z, m (r^2/4 + h^2/3) = 6.488e-5 kg m^2 across.
+    """
+    bench = Bench(scenario)
+    own = bench.plant.GetMyContextFromRoot(bench.simulator.get_context())
+    inertia = bench.contact.block.CalcSpatialInertiaInBodyFrame(own)
+    assert inertia.get_mass() == pytest.approx(0.16795, rel=1e-4)
+    np.testing.assert_allclose(inertia.get_com(), [0.0, 0.0, -0.011], atol=1e-15)
+    moments = inertia.CalcRotationalInertia().get_moments()
+    np.testing.assert_allclose(moments, [6.488e-5, 6.488e-5, 7.558e-5], rtol=1e-3)
+
+
+def test_the_peg_is_balanced_halfway_along_its_length(scenario):
+    """40 mm of steel, 10 mm in radius: 0.09865 kg."""
+    peg = Bench(scenario).contact.peg
+    assert peg.default_mass() == pytest.approx(0.09865, rel=1e-4)
+    np.testing.assert_allclose(peg.default_com(), [0.0, 0.0, 0.020], atol=1e-15)
+
+
+def test_the_slides_of_the_mount_weigh_50_grams(scenario):
+    plant = Bench(scenario).plant
+    assert [plant.GetBodyByName(name).default_mass() for name in ("mount_x", "mount_y")] == [0.05, 0.05]
+
+
+@pytest.mark.parametrize("colour", [PEG_COLOUR, BLOCK_COLOUR])
+def test_a_colour_has_three_shares_and_an_opacity(colour):
+    assert colour.shape == (4,)
+    assert ((colour >= 0.0) & (colour <= 1.0)).all()
 
 
 @pytest.mark.slow

@@ -94,6 +94,11 @@ def test_the_record_has_a_sample_per_period_and_tells_its_origin(started):
     assert m["lowest_probe_energy_J"] == environment.energy(run.simulator.get_context()).minimum < 0.0
 
 
+def test_the_overlap_is_recorded_in_tenths_of_a_micrometre(started, monkeypatch):
+    monkeypatch.setattr(demonstration_run, "deepest_overlap", lambda *_: 12.3456e-6)
+    assert started[2].demonstration(Ending(Outcome.INSERTED)).metadata["penetration_um"] == 12.3
+
+
 @pytest.mark.parametrize(("outcome", "good"), [(Outcome.INSERTED, False), (Outcome.STOPPED, True)])
 def test_the_operator_may_call_a_demonstration_good_or_bad(started, outcome, good):
     assert started[2].demonstration(Ending(outcome), good=good).good == good
