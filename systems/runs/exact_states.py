@@ -16,6 +16,7 @@ from skill.data.geometry import PegHoleGeometry
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.states.state_naming import name_states
+from systems.runs.penetration import round_bodies
 
 
 def exact_bodies(demonstration: Demonstration) -> PegInHole:
@@ -24,8 +25,7 @@ def exact_bodies(demonstration: Demonstration) -> PegInHole:
     Raises:
         ValueError: if the metadata of the demonstration hold no complete geometry.
     """
-    sizes = PegHoleGeometry.from_metadata(demonstration.metadata, "demonstration")
-    return PegInHole(sizes.peg_radius, sizes.hole_radius, sizes.hole_depth, sizes.chamfer)
+    return round_bodies(PegHoleGeometry.from_metadata(demonstration.metadata, "demonstration"))
 
 
 def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:

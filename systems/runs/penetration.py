@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from models.contact_geometry import PegInHole
-from models.scenario import Geometry
+from skill.data.geometry import PegHoleGeometry
+
+if TYPE_CHECKING:  # a scenario needs Drake, which training must not import
+    from models.scenario import Geometry
 
 MIN_UPRIGHT = math.cos(math.radians(44.9))  # the exact gap is not defined for a tilt beyond 45 degrees
 
 
-def round_bodies(geometry: Geometry) -> PegInHole:
-    """Returns the exact round peg and hole, which the meshes of a scenario approximate."""
+def round_bodies(geometry: Geometry | PegHoleGeometry) -> PegInHole:
+    """Returns the exact round peg and hole, which the simulated meshes approximate."""
     return PegInHole(geometry.peg_radius, geometry.hole_radius, geometry.hole_depth, geometry.chamfer)
 
 
