@@ -222,3 +222,20 @@ def test_a_fault_is_reported_even_if_the_time_runs_out_before_the_rig_stops(scen
 )
 def test_an_exception_is_shortened_to_one_line(error, line):
     assert one_line(error) == line
+
+
+def test_the_numbers_in_stored_runs_keep_their_meaning():
+    numbers = {fault.name: int(fault) for fault in Fault}
+    assert numbers == {
+        "NONE": 0,
+        "SENSOR_DISCONNECTED": 1,
+        "SENSOR_SATURATED": 2,
+        "SENSOR_STUCK": 3,
+        "ENCODER_DISCONNECTED": 4,
+        "ENCODER_JUMPED": 5,
+        "ENCODER_STUCK": 6,
+        "MOTOR_STALLED": 7,
+        "PITCH_STEPS_LOST": 8,
+        "YAW_STEPS_LOST": 9,
+        "CONTROLLER_FAILED": 10,
+    }

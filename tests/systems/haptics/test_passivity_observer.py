@@ -45,6 +45,15 @@ def test_the_held_force_of_a_spring_generates_the_energy_of_its_lag():
     assert found[-1, 1] == found[:, 0].min()
 
 
+def test_the_minimum_starts_at_zero():
+    X = RigidTransform([0.001, 0.0, 0.02])
+    dut = PassivityObserver(period=T, X_HD_start=X)
+    context = fixed_context(dut, probe_pose=X, rendered_wrench=np.zeros(6))
+    np.testing.assert_array_equal(dut.GetOutputPort("energy").Eval(context), [0.0, 0.0])
+    raised = observed([RigidTransform([0.0, 0.0, 1e-3 * k]) for k in range(5)], [[0, 0, 0, 0, 0, -2.0]] * 5)
+    assert raised[-1] == pytest.approx([2.0 * 4e-3, 0.0])
+
+
 def test_rotation_against_a_moment_adds_energy():
     poses = [RigidTransform(from_rotation_vector(np.array([0.0, 0.01 * k, 0.0])), [0, 0, 0]) for k in range(11)]
     found = observed(poses, [[0, -0.2, 0, 0, 0, 0]] * 11)

@@ -1,4 +1,3 @@
-import math
 import re
 from dataclasses import replace
 
@@ -10,27 +9,9 @@ from scripts.run_rig import write_report
 from skill.data.outcome import Outcome
 from skill.data.rig_run import write_rig_run
 from systems.reports.batch_page import batch_report, worst_trial
-from systems.runs.trial_result import TrialResult
 from tests.browser import blankness, open_page
 from tests.trajectories import STATE_NAMES, make_rig_run
-
-PLAIN = TrialResult(
-    seed=0,
-    tilt=(math.radians(1.0), math.radians(-2.0)),
-    outcome=Outcome.INSERTED,
-    time=2.5,
-    depth=0.0247,
-    peak_axial_force=6.0,
-    peak_lateral_force=12.0,
-    peak_moment=0.1,
-    penetration=20e-6,
-    steps=20,
-    lost_steps=0,
-    back_offs=0,
-    unknown_time=0.1,
-    unsupported_time=0.0,
-    states=(0, 1, 2, 3),
-)
+from tests.trial_results import PLAIN
 
 
 def make_results(n=12):

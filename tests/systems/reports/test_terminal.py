@@ -1,31 +1,10 @@
-"""Errors, plain text and tables on the terminal."""
+"""Errors and plain text on the terminal."""
 
-import io
-from dataclasses import replace
-from types import SimpleNamespace
+import json
 
-import pandas as pd
 import pytest
-from rich.console import Console
 
-from skill.data.outcome import Outcome
-from skill.practice.paired_comparison import PairedChange
 from systems.reports import terminal
-from systems.reports.practice_report import change_table
-from systems.reports.result_tables import result_table, state_table
-from systems.runs.trial_result import TrialResult
-
-RESULT = TrialResult(
-    **{"seed": 3, "tilt": (0.01, -0.02), "outcome": Outcome.INSERTED, "time": 2.5, "depth": 0.0247},
-    **{"peak_axial_force": 6.0, "peak_lateral_force": 12.0, "peak_moment": 0.1, "penetration": 20e-6},
-    **{"steps": 20, "lost_steps": 0, "back_offs": 0, "unknown_time": 0.1, "unsupported_time": 0.0, "states": (0, 1)},
-)
-
-
-def text_of(table):
-    console = Console(file=io.StringIO(), width=140)
-    console.print(table)
-    return " ".join(console.file.getvalue().split())
 
 
 def raising(error):
@@ -111,33 +90,19 @@ def test_a_status_text_is_not_markup():
         pass
 
 
-# ------------------------------------------------------------------ tables
+# --------------------------------------------------------------- JSON files
 
 
-def test_the_result_table_has_one_row_per_trial_and_a_summary():
-    failed = replace(RESULT, seed=4, outcome=Outcome.FAILED, detail="[/x] broke", time=3.5)
-    text = text_of(result_table([RESULT, failed]))
-    assert "3 +0.6 -1.1 inserted 2.50 24.7 6.0 12.0 20 0 1 (2)" in text
-    assert "[/x] broke" in text
-    assert "1 of 2 inserted; medians: 3.00 s, peak lateral force 12 N, overlap 20 um" in text
+def test_a_json_file_is_complete_and_ends_with_a_line_break(tmp_path):
+    path = tmp_path / "new" / "results.json"
+    terminal.write_json(path, {"a": [1, 2.5, None]})
+    assert json.loads(path.read_text()) == {"a": [1, 2.5, None]}
+    assert path.read_text().endswith("}\n")
 
 
-def test_the_names_of_states_are_not_markup():
-    columns = ("visits", "dwell_s", "dwell_std_s", "phase", "P(inserted)", "desired_next")
-    frame = pd.DataFrame([(2, 0.5, 0.1, 0.0, 0.9, "inserted")], columns=columns)
-    skill = SimpleNamespace(graph_=SimpleNamespace(to_frame=lambda: frame), state_names=lambda: ["[/x] free"])
-    assert "0 [/x] free 2 0.50 0.00 0.90 inserted" in text_of(state_table(skill))
-
-
-def test_the_change_table_names_only_changes_that_are_large_and_certain():
-    change = PairedChange(before=2.0, after=1.5, change=-0.25, lower=-0.3, upper=-0.1, p_value=0.01)
-    changes = {
-        "time_s": change,
-        "peak_lateral_n": replace(change, upper=0.1),
-        "peak_axial_n": replace(change, change=0.25, lower=0.1, upper=0.3),
-    }
-    text = text_of(change_table(changes, [RESULT], [RESULT]))
-    assert "time (s) 2.00 1.50 -25 % -30 to -10 % 0.01" in text
-    assert text.endswith("fell by at least 20 %: time; rose by at least 20 %: peak axial force")
-    uncertain = {"time_s": replace(change, change=-0.19)}
-    assert text_of(change_table(uncertain, [RESULT], [RESULT])).endswith("fell by at least 20 %: nothing")
+def test_a_value_that_json_cannot_hold_leaves_the_old_file(tmp_path):
+    path = tmp_path / "results.json"
+    terminal.write_json(path, 1)
+    with pytest.raises(TypeError):
+        terminal.write_json(path, object())
+    assert json.loads(path.read_text()) == 1
