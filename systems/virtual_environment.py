@@ -10,7 +10,7 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
-from pydrake.systems.primitives import VectorLogSink
+from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
 from models.hardware import DEVICE_PRESETS
 from models.scenario import RIG_FIXTURE, Scenario
@@ -62,7 +62,7 @@ class VirtualEnvironment:
         diagram: the whole diagram.
         contact: the plant with peg and hole.
         log: log of the recorded channels.
-        energy_log: log of [total, minimum] of `ProbeEnergy`.
+        energy_log: log of [total, minimum] of the `PassivityObserver`.
         device: the haptic device.
         observer: the passivity observer at the probe.
         X_HP_start: pose of the peg at the start.
@@ -178,15 +178,17 @@ def MakeVirtualEnvironment(
     proxy = builder.AddNamedSystem(
         "haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture, peg=contact.peg.index())
     )
-    recorder, log = DemonstrationRecorder.AddToBuilder(
-        builder=builder, period=scenario.recorder.period, X_HP_start=X_HP_start
+    period = scenario.recorder.period
+    recorder = builder.AddNamedSystem(
+        "demonstration_recorder", DemonstrationRecorder(period=period, X_HP_start=X_HP_start)
     )
-    observer, energy_log = PassivityObserver.AddToBuilder(
-        builder=builder,
-        period=parameters.servo_period,
-        log_period=scenario.recorder.period,
-        X_HD_start=X_HP_start,
+    log = LogVectorOutput(recorder.GetOutputPort("sample"), builder, period)
+    log.set_name("demonstration_log")
+    observer = builder.AddNamedSystem(
+        "passivity_observer", PassivityObserver(period=parameters.servo_period, X_HD_start=X_HP_start)
     )
+    energy_log = LogVectorOutput(observer.GetOutputPort("energy"), builder, period)
+    energy_log.set_name("energy_log")
     sight = builder.AddNamedSystem("sight", BodyPose(contact.peg.index()))
     _connect(
         builder,

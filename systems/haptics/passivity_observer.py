@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, EventStatus, LeafSystem, State
-from pydrake.systems.primitives import VectorLogSink
+from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 
 from systems.math.rotation import from_rotation_vector, rotation_vector
 
@@ -85,26 +84,6 @@ class PassivityObserver(LeafSystem):
         self._energy = self.DeclareVectorOutputPort(
             "energy", 2, self._calc_energy, {self.discrete_state_ticket(self._state)}
         )
-
-    @staticmethod
-    def AddToBuilder(
-        *, builder: DiagramBuilder, period: float, log_period: float, X_HD_start: RigidTransform
-    ) -> tuple[PassivityObserver, VectorLogSink]:
-        """Adds an observer and a log of its output.
-
-        Args:
-            builder: Builder of the diagram.
-            period: See the class.
-            log_period: Period of the log, s.
-            X_HD_start: See the class.
-
-        Returns:
-            The observer and the log; the observer's inputs are not connected.
-        """
-        observer = builder.AddNamedSystem("passivity_observer", PassivityObserver(period=period, X_HD_start=X_HD_start))
-        log = builder.AddNamedSystem("energy_log", VectorLogSink(2, log_period))
-        builder.Connect(observer._energy, log.get_input_port())
-        return observer, log
 
     def _update(self, context: Context, state: State) -> EventStatus:
         old = ObserverState.from_vector(context.get_discrete_state(self._state).value())

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, EventStatus, LeafSystem, State
+from pydrake.systems.framework import BasicVector, Context, EventStatus, LeafSystem, State
 from pydrake.systems.primitives import VectorLogSink
 
 from skill.arrays import Array
@@ -77,24 +77,6 @@ class DemonstrationRecorder(LeafSystem):
             self._calc_sample,
             {*inputs, self.discrete_state_ticket(self._previous)},
         )
-
-    @staticmethod
-    def AddToBuilder(
-        *, builder: DiagramBuilder, period: float, X_HP_start: RigidTransform
-    ) -> tuple[DemonstrationRecorder, VectorLogSink]:
-        """Adds a recorder and the log of its samples.
-
-        Args:
-            builder: builder of the diagram.
-            period: sample period, s.
-            X_HP_start: pose of peg and probe at the start.
-        """
-        recorder = builder.AddNamedSystem(
-            "demonstration_recorder", DemonstrationRecorder(period=period, X_HP_start=X_HP_start)
-        )
-        log = builder.AddNamedSystem("demonstration_log", VectorLogSink(len(CHANNELS) + len(ACTIONS), period))
-        builder.Connect(recorder._sample, log.get_input_port())
-        return recorder, log
 
     @staticmethod
     def samples(log: VectorLogSink, context: Context) -> pd.DataFrame:

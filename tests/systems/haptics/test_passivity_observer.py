@@ -6,6 +6,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import LogVectorOutput
 
 from models.hardware import DEVICE_PRESETS
 from models.scenario import DEMONSTRATION_STREAM, resolve_scenario
@@ -113,7 +114,8 @@ def random_motion(scenario, *, seed, push, reach, angle, duration):
             peg=contact.peg.index(),
         )
     )
-    observer, log = PassivityObserver.AddToBuilder(builder=builder, period=T, log_period=0.01, X_HD_start=X)
+    observer = builder.AddSystem(PassivityObserver(period=T, X_HD_start=X))
+    log = LogVectorOutput(observer.GetOutputPort("energy"), builder, 0.01)
     peg_state = contact.plant.get_state_output_port(contact.peg.model_instance())
     builder.Connect(hand.get_output_port(), device.GetInputPort("hand_pose"))
     builder.Connect(proxy.GetOutputPort("probe_wrench"), device.GetInputPort("virtual_wrench"))

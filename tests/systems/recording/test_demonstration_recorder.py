@@ -4,6 +4,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import LogVectorOutput
 from scipy.spatial.transform import Rotation
 
 from skill.data.demonstration import ACTIONS, CHANNELS, COLUMNS, validate_samples
@@ -129,7 +130,8 @@ class Hand(LeafSystem):
 def test_the_log_of_a_simulation_holds_one_row_per_period_with_the_motion_since_the_last():
     builder = DiagramBuilder()
     hand = builder.AddSystem(Hand())
-    dut, log = DemonstrationRecorder.AddToBuilder(builder=builder, period=PERIOD, X_HP_start=hand.at(0.0))
+    dut = builder.AddSystem(DemonstrationRecorder(period=PERIOD, X_HP_start=hand.at(0.0)))
+    log = LogVectorOutput(dut.GetOutputPort("sample"), builder, PERIOD)
     builder.Connect(hand.GetOutputPort("probe"), dut.GetInputPort("probe_pose"))
     builder.Connect(hand.GetOutputPort("peg"), dut.GetInputPort("peg_state"))
     builder.Connect(hand.GetOutputPort("wrench"), dut.GetInputPort("contact_wrench"))
