@@ -349,3 +349,8 @@ def test_a_habit_does_not_change_the_other_parameters_of_a_person():
 def test_the_state_is_recovered_from_its_list():
     values = np.arange(1.0, 18.0)
     assert HandState.from_vector(values).as_list() == values.tolist()
+
+
+def test_a_hand_at_the_start_has_decided_nothing_and_does_not_move():
+    start = HandState(depth=-1e-3, tilt=np.array([0.1, -0.2]), offset=np.array([1e-3, 2e-3]))
+    assert sorted(start.as_list(), key=abs) == [0.0] * 12 + [-1e-3, 1e-3, 2e-3, 0.1, -0.2]
