@@ -189,16 +189,26 @@ def test_an_exception_in_the_skill_ends_one_trial_and_not_the_batch(quick_scenar
         assert result.reason == "controller failed: ZeroDivisionError: no such state"
 
 
-def test_an_exception_in_the_simulation_ends_one_trial_and_not_the_batch(quick_scenario, skill, monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (KeyError("count"), "failed: KeyError: 'count'"),
+        (KeyError(), "failed: KeyError"),
+        (RuntimeError(), "diverged: RuntimeError"),
+    ],
+)
+def test_an_exception_in_the_simulation_ends_one_trial_and_not_the_batch(
+    quick_scenario, skill, monkeypatch, error, reason
+):
     class Broken(DepthEncoder):
         def _calc(self, context, output):
             super()._calc(context, output)
             if context.get_time() > 0.05:
-                raise KeyError("count")
+                raise error
 
     monkeypatch.setattr(rig_module, "DepthEncoder", Broken)
     for result, run in run_trials(quick_scenario, skill, [0, 1], jobs=1):
-        assert result.reason == "failed: KeyError: 'count'"
+        assert result.reason == run.result["reason"] == reason
         assert result.record()["time_s"] == pytest.approx(0.05, abs=2e-3)
         assert len(run.samples) >= 3
 
@@ -214,9 +224,10 @@ def test_a_fault_is_reported_even_if_the_time_runs_out_before_the_rig_stops(scen
     ("error", "line"),
     [
         (RuntimeError("one\ntwo"), "RuntimeError: one"),
-        (RuntimeError(), "RuntimeError: "),
-        (RuntimeError(""), "RuntimeError: "),
-        (RuntimeError("\ntwo"), "RuntimeError: "),
+        (RuntimeError(), "RuntimeError"),
+        (RuntimeError(""), "RuntimeError"),
+        (RuntimeError("\n \n"), "RuntimeError"),
+        (RuntimeError("\n  two\nthree"), "RuntimeError: two"),
         (ValueError("x" * 500), "ValueError: " + "x" * 120),
     ],
 )
