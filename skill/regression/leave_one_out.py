@@ -62,7 +62,7 @@ class StoredSamples:
             itself = found == rows[block, None]
             if with_copies:
                 itself = (x == queries[block][:, None, :]).all(axis=2)
-                itself &= ~itself.all(axis=1, keepdims=True)
+                itself &= (~itself & np.isfinite(log_w)).any(axis=1, keepdims=True)
             if not closed:
                 log_w = np.where(itself, -np.inf, log_w)
             weights, _, scaled_ridge = normalised_weights(log_w, ridge)

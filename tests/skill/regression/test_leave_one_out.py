@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from sklearn.preprocessing import StandardScaler
 
+from benchmarks.learners.regression_sets import cross, friedman, insertion
 from skill.regression.bandwidth_selection import default_bandwidths, select_feature_scale
 from skill.regression.leave_one_out import MAX_LEFT_OUT
 from skill.regression.locally_weighted_regression import LWRegressor
@@ -27,6 +29,30 @@ def test_a_linear_function_of_14_features_is_predicted_within_one_per_cent_by_th
     assert relative_error(dut, *linear(1000, 14, 1)) < 1e-3
     narrow = LWRegressor(bandwidth=1.0).fit(*linear(10_000, 14, 0))
     assert relative_error(narrow, *linear(1000, 14, 1)) > 0.05  # five effective samples for 15 coefficients
+
+
+PROBLEMS = {
+    "cross": (lambda seed: cross(500, seed), 0.4),
+    "friedman": (lambda seed: friedman(1000, seed), 0.9),
+    "normalised insertions": (lambda seed: insertion(1500, seed, "normalised"), 0.9),
+    "canonical insertions": (lambda seed: insertion(1500, seed, "canonical"), 1.02),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("problem", "ratio"), PROBLEMS.values(), ids=PROBLEMS)
+def test_the_selected_bandwidth_is_no_worse_than_one_on_other_problems(problem, ratio):
+    def error(bandwidth):
+        errors = []
+        for seed in range(3):
+            train, fresh = problem(seed), problem(1000 + seed)
+            scaler = StandardScaler().fit(train.X)
+            model = LWRegressor(bandwidth=bandwidth).fit(scaler.transform(train.X), train.y)
+            off = fresh.judged(model.predict(scaler.transform(fresh.X)).reshape(len(fresh.X), -1)) - fresh.truth
+            errors.append((np.sqrt((off**2).mean(axis=0)) / fresh.truth.std(axis=0)).mean())
+        return np.mean(errors)
+
+    assert error("auto") < ratio * error(1.0)
 
 
 @pytest.mark.parametrize("kind", ["fixed", "adaptive"])
@@ -61,6 +87,15 @@ def test_weights_and_contact_states_count_in_the_selection():
     opposite = np.where(wild, 1.0, -1.0) * np.sin(20.0 * X[:, 0])  # without the states, the outputs cancel
     states = np.column_stack([wild, ~wild]).astype(float)
     assert LWRegressor().fit(X, opposite, states).bandwidth_ < 0.3 * LWRegressor().fit(X, opposite).bandwidth_
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_sample_alone_in_its_state_does_not_disturb_the_selection():
+    X, y = linear(50, 2, 0)
+    states = np.tile([1.0, 0.0], (50, 1))
+    everyone = LWRegressor().fit(X, y, states).bandwidth_
+    states[7] = [0.0, 1.0]
+    assert LWRegressor().fit(X, y, states).bandwidth_ == everyone
 
 
 def test_many_samples_are_left_out_evenly():
