@@ -21,6 +21,10 @@ CUTAWAY_TURNS = (3 / 8, 7 / 8)
 """Part of the ring that a cutaway picture shows, in turns about z; the camera looks in from the other half."""
 
 
+MAX_FACETS = 512
+"""Maximum number of facets. The time of a step grows with it; 256 are as good as round (docs/physics.md)."""
+
+
 @dataclass(frozen=True)
 class TriangleMesh:
     """A closed surface with outward normals.
@@ -53,6 +57,11 @@ def facet_sagitta(radius: float, facets: int) -> float:
 def minimum_facets(radius: float, clearance: float) -> int:
     """Returns the minimum number of facets whose sagitta is at most a quarter of the clearance (both in m)."""
     return math.ceil(math.pi / math.acos(1.0 - clearance / (4.0 * radius)))
+
+
+def minimum_clearance(radius: float) -> float:
+    """Returns the smallest clearance (m) for which `MAX_FACETS` are enough; see `minimum_facets`."""
+    return 4.0 * facet_sagitta(radius, MAX_FACETS)
 
 
 def cutaway_sector(facets: int) -> tuple[int, int]:

@@ -14,9 +14,12 @@ import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from models.bore import facet_sagitta, minimum_facets
+from models.bore import MAX_FACETS, facet_sagitta, minimum_clearance, minimum_facets
+from models.contact_stiffness import softness_violations
 from models.contact_theory import largest_entry_tilt
+from models.document import read_document, read_text
 from models.hardware import DEVICE_PRESETS, DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
+from models.hardware_checks import is_multiple, sensor_violations, stall_violations
 from models.operator import HABITS, OperatorParameters, draw_person
 from models.validation import Violation, check_document, number_violations, raise_first
 
@@ -197,6 +200,7 @@ def load_scenario(name: str | Path = "nominal") -> Scenario:
 
     Raises:
         ValueError: Naming the file and the problem, e.g. an unknown key, a wrong type or an impossible geometry.
+        OSError: If the file cannot be read.
     """
     path = Path(name)
     if path.suffix != ".yaml":
@@ -204,7 +208,8 @@ def load_scenario(name: str | Path = "nominal") -> Scenario:
     if not path.is_file():
         known = sorted(p.stem for p in SCENARIO_FOLDER.glob("*.yaml"))
         raise ValueError(f"scenario {path}: no such file; expected a YAML file or one of {known}")
-    return parse_scenario(path.read_text(), f"scenario {path}")
+    where = f"scenario {path}"
+    return parse_scenario(read_text(path, where), where)
 
 
 def dump_scenario(scenario: Scenario) -> str:
@@ -222,12 +227,11 @@ def parse_scenario(text: str, where: str) -> Scenario:
     Raises:
         ValueError: Naming ``where`` and the problem.
     """
-    try:
-        document = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise ValueError(f"{where}: invalid YAML: {' '.join(str(error).split())}") from error
-    check_document({} if document is None else document, Scenario, where)
-    scenario: Scenario = yaml_load_typed(schema=Scenario, data=text, defaults=Scenario()) if document else Scenario()
+    document = read_document(text, where)
+    document = {} if document is None else document
+    check_document(document, Scenario, where)
+    # Drake gets the values as they were read, not the text: it takes 1e10 for a string.
+    scenario: Scenario = yaml_load_typed(schema=Scenario, data=yaml.safe_dump(document), defaults=Scenario())
     validate_scenario(scenario, where)
     return scenario
 
@@ -253,9 +257,12 @@ def _violations(scenario: Scenario) -> Iterator[Violation]:
 
 def _geometry_violations(g: Geometry) -> Iterator[Violation]:
     """Checks that the sizes describe a peg that fits into a closed bore, meshed finely enough for the clearance."""
+    name, found = "geometry clearance (hole_radius - peg_radius)", f"{1e3 * g.clearance:.4g} mm"
     if g.clearance <= 0:
-        name, found = "geometry clearance (hole_radius - peg_radius)", f"{1e3 * g.clearance:.4g} mm"
         yield Violation(name, found, "> 0: the hole must be wider than the peg")
+    elif g.clearance < minimum_clearance(g.hole_radius):
+        smallest = f"{1e3 * minimum_clearance(g.hole_radius):.4g} mm"
+        yield Violation(name, found, f"at least {smallest}, which {MAX_FACETS} facets can resolve")
     if not 0 <= g.chamfer < g.hole_depth:
         yield Violation("geometry.chamfer", f"{g.chamfer} m", "at least 0 and below hole_depth")
     if g.peg_length <= g.hole_depth:
@@ -293,6 +300,8 @@ def _limit_violations(scenario: Scenario) -> Iterator[Violation]:
         yield Violation("trial.full_depth_margin", f"{margin} m", f"below geometry.hole_depth {hole_depth} m")
     if scenario.contact.friction_spread > 1:
         yield Violation("contact.friction_spread", scenario.contact.friction_spread, "at most 1")
+    g = scenario.geometry
+    yield from softness_violations(modulus=scenario.contact.modulus, clearance=g.clearance, peg_radius=g.peg_radius)
     guard = scenario.controller
     if not guard.soft_force < guard.hold_force <= guard.force_limit:
         yield Violation(
@@ -313,8 +322,8 @@ def _tilt_violations(start: StartParameters, g: Geometry) -> Iterator[Violation]
 
 
 def _timing_violations(scenario: Scenario) -> Iterator[Violation]:
-    """Checks that periods are multiples of the steps that they are counted in."""
-    operator, sensor, step = scenario.operator, scenario.sensor, scenario.contact.time_step
+    """Checks that periods are multiples of the steps that they are counted in, and the timing of the sensors."""
+    operator, step = scenario.operator, scenario.contact.time_step
     if operator.correction_time > operator.correction_period:
         bound = f"above 0 and at most operator.correction_period {operator.correction_period} s"
         yield Violation("operator.correction_time", f"{operator.correction_time} s", bound)
@@ -322,14 +331,14 @@ def _timing_violations(scenario: Scenario) -> Iterator[Violation]:
         ("recorder.period", scenario.recorder.period),
         ("controller.period", scenario.controller.period),
     ):
-        if not _is_multiple(period, step):
+        if not is_multiple(period, step):
             yield Violation(name, f"{period} s", f"a multiple of contact.time_step {step} s")
-    if not _is_multiple(sensor.delay, sensor.period):
-        yield Violation("sensor.delay", f"{sensor.delay} s", f"a multiple of sensor.period {sensor.period} s")
-
-
-def _is_multiple(value: float, step: float) -> bool:
-    return abs(value / step - round(value / step)) < 1e-6
+    yield from sensor_violations(scenario.sensor)
+    yield from stall_violations(
+        resolution=scenario.rig.encoder_resolution,
+        stall_depth=scenario.controller.stall_depth,
+        feed_stall_distance=scenario.controller.feed_stall_distance,
+    )
 
 
 DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM, PRACTICE_STREAM, CHECK_STREAM, LIVE_STREAM = 1, 2, 3, 4, 5, 6

@@ -194,7 +194,7 @@ class ManipulationSkill:
 
     def _tuned(self, X: Array, Y: Array, groups: NDArray[np.intp], P: Array) -> LWRegressor:
         """The default regressor, with the feature scale that predicts left-out demonstrations best."""
-        regressor = LWRegressor(feature_scale="standard", ridge=1.0)
+        regressor = LWRegressor(bandwidth=1.0, feature_scale="standard", ridge=1.0)
         if len(np.unique(groups)) >= FOLDS:
             selected = select_feature_scale(
                 regressor, X, Y, groups, memberships=P, n_splits=FOLDS, random_state=self.random_state

@@ -182,7 +182,9 @@ def _add_parts(
         ),
         monitor=builder.AddNamedSystem(
             "sensor_monitor",
-            SensorMonitor(sensor=sensor, top_speed=scenario.feed.no_load_speed, resolution=resolution),
+            SensorMonitor(
+                sensor=sensor, top_speed=scenario.feed.no_load_speed, resolution=resolution, depth_period=step
+            ),
         ),
         watchdog=builder.AddNamedSystem("watchdog", Watchdog(parameters=scenario.controller, motor=scenario.feed)),
         motor=builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=step)),

@@ -250,7 +250,7 @@ class CompetitiveAgglomeration(GaussianStates):
         )
         self._set_states(data.restored(selection.components), distance=distance, design_effect=tau)
         self.n_effective_ = N / tau
-        self.labels_ = self.predict(X)
+        self.labels_ = self._log_memberships_of(X, *self.marginal())[0].argmax(axis=1)
 
     def _select_by_evidence(
         self, Z: Array, starts: list[_Start], prior: CovariancePrior, groups: NDArray[np.intp] | None, *, polish: bool

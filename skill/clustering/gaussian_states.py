@@ -27,6 +27,9 @@ from skill.clustering.state_number import bayesian_information_criterion
 UNKNOWN = -1
 """Label of a sample that belongs to no state."""
 
+MAX_VALUE = 1e100
+"""Values of samples are clipped to this magnitude, so that squared distances stay finite."""
+
 STORED_ARRAYS = ("weights", "means", "covariances", "precision_factors", "design_effect", "distance")
 """Names of the arrays that `GaussianStates.from_arrays` requires."""
 
@@ -97,19 +100,25 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         return components, precision_factors(covariances)
 
     def _validated(self, X: ArrayLike, channels: ArrayLike | None) -> tuple[Array, GaussianComponents, Array]:
-        """Returns the checked samples, and the components and precision factors in their channels."""
+        """Returns the checked and clipped samples, and the components and precision factors in their channels."""
         components, factors = self.marginal(channels)
         if channels is None:
-            return validate_data(self, X, dtype=np.float64, reset=False), components, factors
-        checked: Array = check_array(X, dtype=np.float64)
+            checked: Array = validate_data(self, X, dtype=np.float64, reset=False)
+        else:
+            checked = check_array(X, dtype=np.float64)
         k = components.means.shape[1]
         if checked.shape[1] != k:
             raise ValueError(f"X has {checked.shape[1]} columns, expected {k}: one for each of channels={channels!r}")
-        return checked, components, factors
+        return np.clip(checked, -MAX_VALUE, MAX_VALUE), components, factors
 
     def _log_memberships(self, X: ArrayLike, channels: ArrayLike | None) -> tuple[Array, Array, Array]:
         """Returns log memberships (not normalised), log-densities and squared Mahalanobis distances, each (n, M)."""
-        Z, components, factors = self._validated(X, channels)
+        return self._log_memberships_of(*self._validated(X, channels))
+
+    def _log_memberships_of(
+        self, Z: Array, components: GaussianComponents, factors: Array
+    ) -> tuple[Array, Array, Array]:
+        """The same for checked samples and the result of `marginal` for their channels."""
         distances = squared_mahalanobis(Z, components.means, factors)
         densities = log_normalizers(components.weights, factors) - 0.5 * distances
         if self.distance_ == "fmle":
@@ -134,7 +143,12 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         return labels
 
     def predict_proba(self, X: ArrayLike, channels: ArrayLike | None = None) -> Array:
-        """Returns the posterior of each state (the membership for gk and euclid), shape (n, M); rows sum to one."""
+        """Returns the posterior of each state (the membership for gk and euclid), shape (n, M); rows sum to one.
+
+        Far away the posterior of the state with the smallest Mahalanobis distance is one, however improbable the sample
+        is: `mahalanobis`, `score_samples` and the gate of `predict` tell how far it is. Values beyond 1e100 count as
+        1e100.
+        """
         memberships, _, _ = self._log_memberships(X, channels)
         return np.exp(memberships - logsumexp(memberships, axis=1, keepdims=True))
 

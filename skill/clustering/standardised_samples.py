@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skill.arrays import Array
+from skill.channel_scale import standard_scale
 from skill.clustering.gaussian_components import GaussianComponents
 
 
@@ -34,11 +35,7 @@ class StandardisedSamples:
             scaled: whether to divide by the standard deviation.
         """
         shift = X.mean(axis=0) if centred else np.zeros(X.shape[1])
-        scale = np.ones(X.shape[1])
-        if scaled:
-            spread = X.std(axis=0)
-            varies = spread > 10.0 * np.finfo(float).eps * np.abs(X).max(axis=0)
-            scale[varies] = spread[varies]
+        scale = standard_scale(X) if scaled else np.ones(X.shape[1])
         return cls((X - shift) / scale, shift, scale)
 
     def restored(self, components: GaussianComponents) -> GaussianComponents:

@@ -93,7 +93,7 @@ def advantage_weighted_update(
     X, P = _features_and_memberships(rollouts)
     g = np.vstack([rollout.log_factors for rollout in rollouts])
     mean = LWRegressor(
-        bandwidth=weighting.bandwidth_factor * old.bandwidth,
+        bandwidth=weighting.bandwidth_factor * old.bandwidth_,
         degree=0,
         n_neighbors=None,
         feature_scale=old.feature_scale_,

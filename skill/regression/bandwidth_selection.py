@@ -16,6 +16,8 @@ from sklearn.base import clone
 from sklearn.model_selection import GroupKFold
 
 from skill.arrays import Array
+from skill.regression.kernel_neighbourhood import Kernel
+from skill.regression.leave_one_out import candidate_bandwidths
 from skill.regression.locally_weighted_regression import LWRegressor
 
 Fold = tuple[NDArray[np.intp], NDArray[np.intp]]
@@ -88,13 +90,14 @@ def select_bandwidth(
     if rule not in ("minimum", "one_standard_error"):
         raise ValueError(f"rule = {rule!r}; expected 'minimum' or 'one_standard_error'")
     data = GroupedSamples.checked(X, y, groups, memberships, sample_weight, n_splits)
-    fitted = data.fit(clone(regressor), np.arange(len(data.X)))
+    template = clone(regressor).set_params(bandwidth=1.0)  # any number: fits with "auto" would select one in vain
+    fitted = data.fit(clone(template), np.arange(len(data.X)))
     candidates = default_bandwidths(fitted) if bandwidths is None else np.sort(np.asarray(bandwidths, float))
     if candidates.size == 0 or not (np.isfinite(candidates).all() and candidates[0] > 0):
         raise ValueError(f"bandwidths = {bandwidths}; expected one or more positive numbers")
     errors = np.empty((len(data.folds), len(candidates)))
     for i, (train, test) in enumerate(data.folds):
-        model = data.fit(clone(regressor), train)
+        model = data.fit(clone(template), train)
         for j, bandwidth in enumerate(candidates):
             # The neighbour index does not depend on the bandwidth, so one fit serves all candidates.
             model.set_params(bandwidth=float(bandwidth))
@@ -128,7 +131,8 @@ def select_feature_scale(
     shrinks. The resulting error is optimistic, because it was minimised: evaluate on other groups.
 
     Args:
-        regressor: regressor with the initial feature scale and all other parameters; it is not changed.
+        regressor: regressor with the initial feature scale and all other parameters; it is not changed. A bandwidth
+            "auto" is selected once, for the initial scale.
         X: (n, d).
         y: (n,) or (n, p).
         groups: (n,), the demonstration of each sample.
@@ -146,13 +150,17 @@ def select_feature_scale(
     data = GroupedSamples.checked(X, y, groups, memberships, sample_weight, n_splits)
     if max_queries is not None and max_queries < len(data.X):
         data = data.thinned(max_queries, random_state)
-    scale = data.fit(clone(regressor), np.arange(len(data.X))).feature_scale_.copy()
+    template = clone(regressor)
+    fitted = data.fit(clone(regressor), np.arange(len(data.X)))
+    if fitted.get_params().get("bandwidth") == "auto":
+        template.set_params(bandwidth=fitted.bandwidth_)
+    scale = fitted.feature_scale_.copy()
     evaluations = 0
 
     def error_of(trial: Array) -> float:
         nonlocal evaluations
         evaluations += 1
-        model = clone(regressor).set_params(feature_scale=trial)
+        model = clone(template).set_params(feature_scale=trial)
         return float(np.mean([data.error(data.fit(model, train), test) for train, test in data.folds]))
 
     best = initial = error_of(scale)
@@ -174,20 +182,10 @@ def select_feature_scale(
     return FeatureScaleSelection(scale, best, initial, evaluations)
 
 
-def default_bandwidths(fitted: LWRegressor, n_queries: int = 100) -> Array:
-    """Twelve candidates, from an eighth to four times the median radius of a neighbourhood.
-
-    The radius is the distance to the farthest neighbour used. For an adaptive kernel, whose bandwidth is in units of
-    this radius, the candidates are the multiples themselves.
-    """
-    multiples = np.geomspace(0.125, 4.0, 12)
-    if fitted.bandwidth_type == "adaptive":
-        return multiples
-    queries = fitted.X_[:: max(1, len(fitted.X_) // n_queries)]
-    k = len(fitted.X_) if fitted.n_neighbors is None else min(int(fitted.n_neighbors), len(fitted.X_))
-    distances = np.linalg.norm(queries[:, None, :] - fitted.X_[None, :, :], axis=2)
-    radius = float(np.median(np.partition(distances, k - 1, axis=1)[:, k - 1]))
-    return multiples * (radius if radius > 0 else 1.0)
+def default_bandwidths(fitted: LWRegressor) -> Array:
+    """The candidates (12,) for a fitted regressor; see `candidate_bandwidths`."""
+    adaptive = fitted.bandwidth_type == "adaptive"
+    return candidate_bandwidths(fitted.X_, Kernel(1.0, adaptive, fitted.n_neighbors))
 
 
 @dataclass(frozen=True)

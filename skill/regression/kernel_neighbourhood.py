@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,7 +87,18 @@ class KernelNeighbourhood:
         Yields:
             A slice of b queries, with rows (b, k), samples (b, k, d) and log weights (b, k).
         """
-        k = self._count(kernel, extra)
+        for _, block, found, x, log_w in self.blocks_of_kernels(queries, Q, [kernel], extra):
+            yield block, found, x, log_w
+
+    def blocks_of_kernels(
+        self, queries: Array, Q: Array | None, kernels: Sequence[Kernel], extra: int = 0
+    ) -> Iterator[tuple[int, slice, Rows, Array, Array]]:
+        """The same for several kernels that differ in their bandwidths only; the neighbours are searched once.
+
+        Yields:
+            The number of the kernel, then the values of `blocks`.
+        """
+        k = self._count(kernels[0], extra)
         step = max(1, BLOCK // (k * self._points.shape[1]))
         stride = step * max(1, SEARCH_BLOCK // (k * step))
         for first in range(0, len(queries), stride):
@@ -96,8 +107,9 @@ class KernelNeighbourhood:
             for start in range(first, many.stop, step):
                 block = slice(start, min(start + step, many.stop))
                 part = slice(block.start - first, block.stop - first)
-                share = None if log_share is None else log_share[part]
-                yield block, *self._weighted(queries[block], found[part], share, kernel, k)
+                for number, kernel in enumerate(kernels):
+                    share = None if log_share is None else log_share[part]
+                    yield number, block, *self._weighted(queries[block], found[part], share, kernel, k)
 
     def _weighted(
         self, queries: Array, found: Rows, log_share: Array | None, kernel: Kernel, k: int

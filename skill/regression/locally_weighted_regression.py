@@ -1,7 +1,6 @@
 """Locally weighted regression with contact states.
 
-A linear model is fitted around each query to the nearest samples. The weight of a sample is a Gaussian kernel of its
-distance, times the probability that sample and query share their contact state.
+A linear model is fitted around each query to the nearest samples, weighted by distance and contact state.
 """
 
 from __future__ import annotations
@@ -18,8 +17,10 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from skill.arrays import Array
+from skill.channel_scale import standard_scale
 from skill.regression.explanation import Explanation
 from skill.regression.kernel_neighbourhood import Kernel, KernelNeighbourhood
+from skill.regression.leave_one_out import StoredSamples
 from skill.regression.local_model import (
     LocalPrediction,
     equivalent_kernel,
@@ -34,7 +35,7 @@ MAX_QUERY = 1e100
 
 
 class LWRegressor(RegressorMixin, BaseEstimator):
-    """Locally weighted regression with one or more outputs; `fit` only stores the samples.
+    """Locally weighted regression with one or more outputs; `fit` stores the samples.
 
     The kernel weight of sample i for query q is
 
@@ -46,20 +47,22 @@ class LWRegressor(RegressorMixin, BaseEstimator):
 
     Args:
         bandwidth: h, in units of the scaled features; for ``bandwidth_type="adaptive"``, in units of the distance to
-            the farthest neighbour used.
+            the farthest neighbour used. "auto" selects it in ``fit`` by the leave-one-out error of at most 500
+            samples. Where samples resemble their neighbours in time, this is too narrow: use `select_bandwidth`.
         bandwidth_type: "fixed" or "adaptive".
         degree: 1 for the local linear model, 0 for the kernel mean.
         ridge: penalty on the squared slope, for scaled features and weights of at most 1.
         n_neighbors: number of nearest samples used; None for all. With memberships, these are the samples of greatest
             weight among the nearest of each state that the query may be in.
-        feature_scale: m, (d,), positive; "standard" for the reciprocal standard deviation of each feature; None for
-            ones.
+        feature_scale: m, (d,), positive; "standard" for the reciprocal standard deviation of each feature, one for a
+            constant feature; None for ones.
         algorithm: "kd_tree", "brute", or "auto" to choose by number of samples and features.
 
     Attributes:
         X_: (n, d), the samples of positive weight, times ``feature_scale_``.
         y_: (n, p), their outputs.
         sample_weight_: (n,), their weights.
+        bandwidth_: the bandwidth that is used; the selected one for "auto".
         rows_: (n,), their row numbers in the data given to ``fit``.
         memberships_: (n, K), their contact-state probabilities, or None.
         feature_scale_: (d,), the scale m.
@@ -70,7 +73,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
     """
 
     _parameter_constraints: dict[str, list[Any]] = {
-        "bandwidth": [Interval(Real, 0, None, closed="neither")],
+        "bandwidth": [Interval(Real, 0, None, closed="neither"), StrOptions({"auto"})],
         "bandwidth_type": [StrOptions({"fixed", "adaptive"})],
         "degree": [Interval(Integral, 0, 1, closed="both")],
         "ridge": [Interval(Real, 0, None, closed="left")],
@@ -81,7 +84,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
 
     def __init__(
         self,
-        bandwidth: float = 1.0,
+        bandwidth: float | str = "auto",
         *,
         bandwidth_type: str = "fixed",
         degree: int = 1,
@@ -133,7 +136,14 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         self.sample_weight_ = weight[rows]
         self.rows_ = rows
         self._build()
+        if self.bandwidth == "auto":
+            self._selected = self._stored.best_bandwidth(self._kernel(1.0), ridge=self.ridge, degree=self.degree)
         return self
+
+    @property
+    def bandwidth_(self) -> float:
+        """The parameter, or what the last ``fit`` selected if that is "auto"."""
+        return self._selected if self.bandwidth == "auto" else float(self.bandwidth)
 
     def predict(
         self,
@@ -210,16 +220,15 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         return best
 
     def explain(self, x: ArrayLike, membership: ArrayLike | None = None, level: float = 0.95) -> Explanation:
-        """Explains the prediction at one query.
+        """Explains the prediction at one query (d,).
 
         Args:
-            x: (d,).
+            x: the query.
             membership: (K,), contact-state probabilities of the query, or None.
             level: nominal coverage of the interval.
         """
-        queries, Q = self._queries(
-            np.asarray(x, dtype=float)[None], None if membership is None else np.asarray(membership)[None]
-        )
+        q = None if membership is None else np.asarray(membership)[None]
+        queries, Q = self._queries(np.asarray(x, dtype=float)[None], q)
         local = self._local(queries, Q)
         lower, upper = local.interval(level)
         _, found, x, log_w = next(self._neighbourhood.blocks(queries, Q, self._kernel()))
@@ -255,25 +264,16 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             raise ValueError(f"method = {method!r}; expected 'direct' or 'closed'")
         if len(self.X_) < 2:
             raise ValueError("leave_one_out needs at least 2 samples; found 1")
-        out = np.empty_like(self.y_)
-        for block, found, x, log_w in self._neighbourhood.blocks(self.X_, self.memberships_, self._kernel(), extra=1):
-            itself = found == np.arange(len(self.X_))[block, None]
-            if method == "direct":
-                log_w = np.where(itself, -np.inf, log_w)
-            weights, _, ridge = normalised_weights(log_w, self.ridge)
-            kernel = equivalent_kernels(self.X_[block], x, weights, ridge, self.degree)
-            fitted = (kernel[:, None, :] @ self.y_[found])[:, 0, :]
-            if method == "closed":
-                own_influence = np.where(itself, kernel, 0.0).sum(axis=1)[:, None]
-                fitted = self.y_[block] - (self.y_[block] - fitted) / (1.0 - own_influence)
-            out[block] = fitted
+        out = self._stored.predictions(
+            np.arange(len(self.X_)), [self._kernel()], ridge=self.ridge, degree=self.degree, closed=method == "closed"
+        )[0]
         return self._shaped(out)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """The fitted estimator as plain arrays, which can be stored without pickle."""
         check_is_fitted(self)
         arrays: dict[str, NDArray[Any]] = {
-            "bandwidth": np.array(float(self.bandwidth)),
+            "bandwidth": np.array(self.bandwidth_),
             "bandwidth_type": np.array(self.bandwidth_type),
             "degree": np.array(int(self.degree)),
             "ridge": np.array(float(self.ridge)),
@@ -302,8 +302,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         missing = {"bandwidth", "feature_scale", "X", "y", "sample_weight", "rows"} - set(arrays)
         if missing:
             raise ValueError(f"arrays lack {sorted(missing)}; expected what LWRegressor.to_arrays returned")
-        k = int(arrays["n_neighbors"])
-        scale = np.array(arrays["feature_scale"], dtype=float)
+        k, scale = int(arrays["n_neighbors"]), np.array(arrays["feature_scale"], dtype=float)
         self = cls(
             bandwidth=float(arrays["bandwidth"]),
             bandwidth_type=str(arrays["bandwidth_type"]),
@@ -336,18 +335,19 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         """Computes what follows from the stored samples."""
         self.marginal_variance_ = self.y_.var(axis=0)
         self._neighbourhood = KernelNeighbourhood(self.X_, self.memberships_, self.sample_weight_, self.algorithm)
+        self._stored = StoredSamples(self.X_, self.y_, self.memberships_, self.sample_weight_, self._neighbourhood)
 
     def _resolved_scale(self, X: Array) -> Array:
         if self.feature_scale is None:
             return np.ones(X.shape[1])
         if isinstance(self.feature_scale, str):
-            spread = X.std(axis=0)
-            return np.asarray(np.divide(1.0, spread, out=np.ones(X.shape[1]), where=spread > 0), dtype=np.float64)
+            return 1.0 / standard_scale(X)
         scale = np.asarray(self.feature_scale, dtype=float)
-        if scale.shape != (X.shape[1],) or not (np.isfinite(scale).all() and (scale > 0).all()):
-            raise ValueError(
-                f"feature_scale has shape {scale.shape}; expected {X.shape[1]} positive numbers, one for each feature"
-            )
+        expected = f"expected {X.shape[1]} positive, finite numbers, one for each feature"
+        if scale.shape != (X.shape[1],):
+            raise ValueError(f"feature_scale has shape {scale.shape}; {expected}")
+        if not (np.isfinite(scale).all() and (scale > 0).all()):
+            raise ValueError(f"feature_scale is {scale}; {expected}")
         return scale
 
     def _queries(self, X: ArrayLike, memberships: ArrayLike | None) -> tuple[Array, Array | None]:
@@ -381,8 +381,9 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         weights, log_w_max, ridge = normalised_weights(log_w, self.ridge)
         return equivalent_kernel(query, x, weights, float(ridge), self.degree) @ self.y_[found], float(log_w_max)
 
-    def _kernel(self) -> Kernel:
-        return Kernel(float(self.bandwidth), self.bandwidth_type == "adaptive", self.n_neighbors)
+    def _kernel(self, bandwidth: float | None = None) -> Kernel:
+        chosen = self.bandwidth_ if bandwidth is None else bandwidth
+        return Kernel(chosen, self.bandwidth_type == "adaptive", self.n_neighbors)
 
     def _local(self, queries: Array, Q: Array | None) -> LocalPrediction:
         parts = [

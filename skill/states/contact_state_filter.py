@@ -6,7 +6,6 @@ context of a simulation. `StateEstimator` stores the belief itself.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from skill.arrays import Array
 from skill.clustering.gaussian_components import log_normalizers
-from skill.clustering.gaussian_states import UNKNOWN, GaussianStates, chi_square_gate
+from skill.clustering.gaussian_states import MAX_VALUE, UNKNOWN, GaussianStates, chi_square_gate
 
 MAX_ROW_SUM_ERROR = 1e-9
 """Maximum deviation from one of the row sums of a transition matrix."""
@@ -88,6 +87,8 @@ class ContactStateFilter:
     def step(self, log_belief: ArrayLike, x: ArrayLike) -> Estimate:
         """Returns the estimate after one sample; does not change the filter or the arguments.
 
+        Values beyond 1e100 count as 1e100, as in `GaussianStates.predict_proba`.
+
         Args:
             log_belief: shape (M,), belief of the previous step, or `initial_log_belief`.
             x: shape (k,), one sample.
@@ -98,6 +99,9 @@ class ContactStateFilter:
         sample = np.asarray(x, dtype=np.float64)
         if sample.shape != (self.n_channels,):
             raise ValueError(f"sample has shape {sample.shape}, expected ({self.n_channels},)")
+        if not np.isfinite(sample).all():
+            raise ValueError(f"sample is not finite: {sample}; check the sensor")
+        sample = np.minimum(np.maximum(sample, -MAX_VALUE), MAX_VALUE)
         whitened = self._whitening @ sample
         whitened -= self._offset
         blocks = whitened.reshape(self.n_states, self.n_channels)
@@ -111,8 +115,6 @@ class ContactStateFilter:
         updated -= 0.5 * distances
         best = int(updated.argmax())
         distance = float(distances[best])
-        if math.isnan(distance):
-            raise ValueError(f"sample is not finite: {sample}; check the sensor")
         known = distance <= self.threshold
         if not known:
             updated = predicted if self.transitions is not None else np.array(log_belief, dtype=np.float64)

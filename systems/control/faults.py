@@ -44,5 +44,10 @@ def repeats_of_a_stuck_sensor(p: WrenchSensorParameters) -> float:
 
 
 def one_line(error: BaseException) -> str:
-    """Returns the type and the first line of the message of an exception, at most 120 characters of it."""
-    return f"{type(error).__name__}: {(str(error).splitlines() or [''])[0][:120]}"
+    """Returns the type of an exception and, if there is one, the first line of its message with text.
+
+    At most 120 characters of this line are returned.
+    """
+    lines = [line.strip() for line in str(error).splitlines()]
+    message = next((line for line in lines if line), "")
+    return f"{type(error).__name__}: {message[:120]}" if message else type(error).__name__

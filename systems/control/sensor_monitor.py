@@ -61,7 +61,7 @@ class SensorMonitor(LeafSystem):
     * wrench and depth are finite (else disconnected),
     * no channel of the sensor is at the end of its range (else saturated),
     * the six readings have not repeated themselves more often than their noise allows (else stuck, see
-      `repeats_of_a_stuck_sensor`),
+      `repeats_of_a_stuck_sensor`); the zeros before the first reading has passed the sensor's delay do not count,
     * the depth has not changed faster than the feed can move (else jumped).
 
     ``fault`` (`Fault`) is the first fault and stays. Sound measurements are passed on at once. After a fault, and
@@ -69,20 +69,25 @@ class SensorMonitor(LeafSystem):
     tip in P, the depth in m.
     """
 
-    def __init__(self, *, sensor: WrenchSensorParameters, top_speed: float, resolution: float) -> None:
+    def __init__(
+        self, *, sensor: WrenchSensorParameters, top_speed: float, resolution: float, depth_period: float
+    ) -> None:
         """Stores the limits.
 
         Args:
             sensor: parameters of the force/torque sensor.
             top_speed: maximum speed of the feed, m/s.
             resolution: resolution of the depth encoder, m.
+            depth_period: time between two changes of the depth, s; in a simulation the step of the plant.
         """
         super().__init__()
         self._height = sensor.height
         quantum = np.repeat([sensor.force_quantum, sensor.torque_quantum], 3)
         self._end = np.array([*sensor.force_range, *sensor.torque_range]) - 0.5 * quantum
         self._max_repeats = repeats_of_a_stuck_sensor(sensor)
-        self._max_change = top_speed * sensor.period + resolution
+        # The first reading arrives one period after the delay; it is compared with the second one.
+        self._first_comparison = sensor.delay + 1.5 * sensor.period
+        self._max_change = top_speed * max(sensor.period, depth_period) + resolution
         self._raw_wrench = self.DeclareVectorInputPort("raw_wrench", 6)
         self._raw_depth = self.DeclareVectorInputPort("raw_depth", 1)
         self._state = self.DeclareDiscreteState(MonitorState().as_list())
@@ -100,7 +105,8 @@ class SensorMonitor(LeafSystem):
         if state.fault is not Fault.NONE:
             return
         wrench, depth = self._raw_wrench.Eval(context), self._raw_depth.Eval(context)[0]
-        same = state.started and np.array_equal(wrench, state.wrench)
+        measured = context.get_time() > self._first_comparison
+        same = state.started and measured and np.array_equal(wrench, state.wrench)
         state = replace(state, repeats=state.repeats + 1 if same else 0.0)
         fault = self._find_fault(state, wrench, depth)
         if fault is Fault.NONE:

@@ -37,12 +37,26 @@ def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]
 
 
 def rotation_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the shortest rotation vector (3,), rad, that turns the unit vector ``a`` onto the unit vector ``b``."""
-    normal = cross(a, b)
+    """Returns the shortest rotation vector (3,), rad, that turns the unit vector ``a`` onto the unit vector ``b``.
+
+    For opposite vectors this is half a turn about an axis normal to both, one of many.
+    """
+    normal, cosine = cross(a, b), float(a @ b)
     sine = math.sqrt(normal @ normal)
     if sine < 1e-12:
-        return normal
-    return normal * (math.atan2(sine, float(a @ b)) / sine)
+        return normal if cosine > 0.0 else _normal_to(a) * math.pi
+    if cosine < 0.0:
+        # Near half a turn the cross product is mostly rounding error. The axis must stay normal to a - b.
+        difference = a - b
+        normal = normal - difference * (float(normal @ difference) / float(difference @ difference))
+        return normal * (math.atan2(sine, cosine) / math.sqrt(normal @ normal))
+    return normal * (math.atan2(sine, cosine) / sine)
+
+
+def _normal_to(a: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns a unit vector (3,) normal to the unit vector ``a``."""
+    normal = cross(a, np.eye(3)[int(np.abs(a).argmin())])
+    return normal / math.sqrt(normal @ normal)
 
 
 def free_body_pose(q: NDArray[np.float64]) -> RigidTransform:

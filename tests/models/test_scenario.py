@@ -8,7 +8,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.bore import minimum_facets
+from models.bore import minimum_clearance, minimum_facets
 from models.hardware import DEVICE_PRESETS
 from models.scenario import (
     DEMONSTRATION_STREAM,
@@ -223,6 +223,61 @@ BAD_RANGES = {
         "controller: {force_limit: 15.0}",
         "controller.hold_force is 20.0 N.*at most controller.force_limit 15.0 N",
     ),
+    "too many facets": ("geometry: {facets: 10000}", "geometry.facets is 10000, expected between 3 and 512"),
+    "a billion facets": ("geometry: {facets: 1000000000}", "geometry.facets is 1000000000, expected between 3 and 512"),
+    "a tiny time step": (
+        "contact: {time_step: 1e-12}",
+        "contact.time_step is 1e-12 s, expected between 1e-05 and 0.1 s",
+    ),
+    "a tiny sensor period": ("sensor: {period: 1e-9}", "sensor.period is 1e-09 s, expected between 1e-05 and 1 s"),
+    "a tiny decision period": ("operator: {decision_period: 1e-9}", "operator.decision_period is 1e-09 s, expected be"),
+    "an endless trial": (
+        "trial: {time_limit: 1e9}",
+        "trial.time_limit is 1000000000.0 s, expected between .* 3600 s",
+    ),
+    "a huge radius": (
+        "geometry: {peg_radius: 1e300}",
+        r"geometry.peg_radius is 1e\+300 m, expected between 0.0001 and",
+    ),
+    "a number beyond all limits": (
+        "coupling: {peg_mass: 1e13}",
+        "coupling.peg_mass is 10000000000000.0, expected betw",
+    ),
+    "a number below all limits": ("coupling: {peg_mass: 1e-13}", "coupling.peg_mass is 1e-13, expected between 1e-12"),
+    "a signed number beyond all limits": (
+        "rig: {pivot_height: -1e13}",
+        r"pivot_height is -10000000000000.0, expected between -1e\+12",
+    ),
+    "an element beyond all limits": ("sensor: {force_range: [1, 1, 1e13]}", "sensor.force_range is 10000000000000.0, "),
+    "an integer of 150 digits": ("seed: 1" + "0" * 149, "seed is 1000.*0, expected a whole number of 64 bits"),
+    "a seed of more than 63 bits": (
+        "seed: 9223372036854775808",
+        "seed is 9223372036854775808, expected a whole number",
+    ),
+    "a clearance of one rounding step": (
+        "geometry: {hole_radius: 0.010000000000000002}",
+        "clearance .* is 1.735e-15 mm, expected at least 0.000753 mm, which 512 facets can resolve",
+    ),
+    "a force quantum as large as the range": (
+        "sensor: {force_quantum: 145.0}",
+        "sensor.force_quantum is 145.0 N, expected at most a tenth of sensor.force_range, 14.5 N",
+    ),
+    "a torque quantum above a tenth of the smallest range": (
+        "sensor: {torque_quantum: 0.2, torque_range: [5.0, 1.9, 5.0]}",
+        "sensor.torque_quantum is 0.2 N m, expected at most a tenth of sensor.torque_range, 0.19 N m",
+    ),
+    "a delay of many periods": (
+        "sensor: {delay: 1.001}",
+        "sensor.delay is 1.001 s, expected at most 1000 times sensor.period 0.001 s",
+    ),
+    "an encoder so coarse that a moving feed seems to be still": (
+        "rig: {encoder_resolution: 0.00051}",
+        "rig.encoder_resolution is 0.00051 m, expected at most half of controller.feed_stall_distance 0.001 m",
+    ),
+    "a depth of a stall that a moving feed does not reach": (
+        "controller: {stall_depth: 0.002}",
+        "controller.stall_depth is 0.002 m, expected at most half of controller.feed_stall_distance 0.001 m",
+    ),
     "a negative force limit": ("controller: {force_limit: -1.0}", "controller.force_limit"),
 }
 
@@ -233,6 +288,25 @@ def test_a_value_out_of_range_raises_an_error(tmp_path, text, message):
     with pytest.raises(ValueError, match=message) as caught:
         load_scenario(path)
     assert str(path) in str(caught.value)
+
+
+LARGEST = """
+seed: 9223372036854775807
+geometry: {facets: 512}
+contact: {time_step: 0.00001}
+sensor: {force_quantum: 14.5, delay: 1.0}
+rig: {encoder_resolution: 0.0005}
+trial: {time_limit: 3600}
+"""
+
+
+def test_values_at_their_limits_are_valid(tmp_path):
+    scenario = load_scenario(write(tmp_path, LARGEST))
+    assert (scenario.geometry.facets, scenario.sensor.delay) == (512, 1.0)
+    scenario.geometry.peg_radius = scenario.geometry.hole_radius - 1.001 * minimum_clearance(0.01005)
+    scenario.contact.modulus = 1e14
+    validate_scenario(scenario)
+    assert minimum_facets(0.01005, scenario.geometry.clearance) == 512
 
 
 def test_the_error_for_an_unknown_scenario_lists_the_known_ones():

@@ -39,7 +39,7 @@ ARGUMENTS = {
         "guard": S.controller,
         "peg_radius": 0.01,
     },
-    "SensorMonitor": lambda skill: {"sensor": S.sensor, "top_speed": 0.4, "resolution": 5e-6},
+    "SensorMonitor": lambda skill: {"sensor": S.sensor, "top_speed": 0.4, "resolution": 5e-6, "depth_period": 1e-3},
     "MeshcatOperator": lambda skill: {"meshcat": Meshcat(), "period": 0.02, "X_HD_start": X},
     "PassivityObserver": lambda skill: {"period": 1e-3, "X_HD_start": X},
     "SimulatedOperator": lambda skill: {

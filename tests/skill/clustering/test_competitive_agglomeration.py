@@ -2,6 +2,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from sklearn.metrics import adjusted_rand_score
 from sklearn.utils.estimator_checks import parametrize_with_checks
@@ -183,3 +184,15 @@ def test_diagonal_covariances_are_diagonal():
     X, _ = separated(0, N=600, d=4)
     dut = CompetitiveAgglomeration(covariance_type="diag", n_init=1, random_state=0).fit(X)
     assert not (dut.covariances_ * (1 - np.eye(4))).any()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_table_with_named_columns_is_fitted_and_predicted_without_a_warning():
+    X, _ = separated(0, N=300)
+    frame = pd.DataFrame(X, columns=[f"channel {k}" for k in range(X.shape[1])])
+    dut = CompetitiveAgglomeration(random_state=0, n_init=1).fit(frame)
+    assert list(dut.feature_names_in_) == list(frame.columns)
+    np.testing.assert_array_equal(dut.labels_, dut.predict(frame))
+    np.testing.assert_array_equal(dut.labels_, CompetitiveAgglomeration(random_state=0, n_init=1).fit(X).labels_)
+    with pytest.raises(ValueError, match="feature names"):
+        dut.predict(frame[frame.columns[::-1]])

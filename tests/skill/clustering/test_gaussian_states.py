@@ -9,6 +9,7 @@ from sklearn.exceptions import ConvergenceWarning, NotFittedError
 
 from benchmarks.learners.cluster_sets import separated, spheres
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import UNKNOWN, GaussianStates, chi_square_gate
 from tests.skill.clustering.components import random_components
 
@@ -81,6 +82,33 @@ def test_gate_rejects_the_nominal_share_and_all_distant_samples(fitted):
     assert (dut.predict(X[:, [0, 1]] + 100.0, channels=[0, 1], gate=0.999) == -1).all()
     far = dut.mahalanobis(X).min(axis=1) > chi2.ppf(0.95, 14)
     np.testing.assert_array_equal(far, dut.predict(X, gate=0.95) == -1)
+
+
+FAR = [1e200, 1.7e308, 1e100, 1e30]
+
+
+@pytest.mark.parametrize("distance", [{}, {"distance": "gk", "merge": None}, {"distance": "euclid", "merge": None}])
+@pytest.mark.parametrize("value", FAR)
+@pytest.mark.filterwarnings("error:overflow", "error:invalid")
+def test_probabilities_far_away_are_finite_and_sum_to_one(distance, value):
+    rng = np.random.default_rng(0)
+    X = np.vstack([rng.normal(size=(60, 3)), rng.normal(8.0, 3.0, (60, 3))])
+    dut = CompetitiveAgglomeration(random_state=0, n_init=1, max_iter=300, **distance).fit(X)
+    far = value * np.array([[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [0.0, 0.0, 1.0]])
+    probabilities = dut.predict_proba(far)
+    np.testing.assert_allclose(probabilities.sum(axis=1), 1.0)
+    np.testing.assert_array_equal(dut.predict(far), probabilities.argmax(axis=1))
+    assert np.isfinite(dut.score_samples(far)).all()
+    assert (dut.predict(far, gate=0.999) == UNKNOWN).all()
+
+
+@pytest.mark.parametrize("value", FAR)
+def test_a_sample_far_away_belongs_to_the_state_with_the_smallest_mahalanobis_distance(value):
+    dut = CompetitiveAgglomeration()
+    narrow, wide = np.eye(2), 4.0 * np.eye(2)
+    dut._set_states(GaussianComponents(np.array([0.9, 0.1]), np.zeros((2, 2)), np.stack([narrow, wide])))
+    dut.n_features_in_ = 2
+    np.testing.assert_array_equal(dut.predict_proba([[value, value]]), [[0.0, 1.0]])
 
 
 def test_bic_prefers_the_fit_to_a_single_gaussian(fitted):

@@ -249,13 +249,13 @@ def test_queries_are_drawn_and_training_samples_are_kept():
         original = next(fold for fold in data.folds if np.array_equal(fold[0], train))
         assert set(test) <= set(original[1])
     options = {"max_passes": 1, "n_splits": 3}
-    few = select_feature_scale(LWRegressor(), X, y, groups, max_queries=10, random_state=4, **options)
-    model = LWRegressor().fit(X, y)
+    model = LWRegressor(bandwidth=1.0).fit(X, y)
+    few = select_feature_scale(model, X, y, groups, max_queries=10, random_state=4, **options)
     assert few.initial_error == pytest.approx(
         np.mean([thinned.error(thinned.fit(model, train), test) for train, test in thinned.folds])
     )
-    every = select_feature_scale(LWRegressor(), X, y, groups, max_queries=None, **options)
-    at_most = select_feature_scale(LWRegressor(), X, y, groups, max_queries=len(X), **options)
+    every = select_feature_scale(model, X, y, groups, max_queries=None, **options)
+    at_most = select_feature_scale(model, X, y, groups, max_queries=len(X), **options)
     assert every.error == at_most.error != few.error
 
 

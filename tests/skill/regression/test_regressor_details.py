@@ -8,7 +8,7 @@ from tests.skill.regression.samples import wavy
 
 def test_the_default_parameters():
     assert LWRegressor().get_params() == {
-        **{"bandwidth": 1.0, "bandwidth_type": "fixed", "degree": 1, "ridge": 0.01, "n_neighbors": 200},
+        **{"bandwidth": "auto", "bandwidth_type": "fixed", "degree": 1, "ridge": 0.01, "n_neighbors": 200},
         **{"feature_scale": None, "algorithm": "auto"},
     }
 
@@ -43,10 +43,31 @@ def test_standardised_features_ignore_those_that_do_not_vary():
     given = LWRegressor(feature_scale=[1.0, 2.0, 3.0, 4.0]).fit(X, Y)
     np.testing.assert_array_equal(given.X_, X * [1.0, 2.0, 3.0, 4.0])
     np.testing.assert_array_equal(LWRegressor().fit(X, Y).feature_scale_, 1.0)
-    with pytest.raises(ValueError, match="4 positive numbers, one for each feature"):
-        LWRegressor(feature_scale=[1.0, 2.0, 0.0, 1.0]).fit(X, Y)
-    with pytest.raises(ValueError, match="4 positive numbers, one for each feature"):
-        LWRegressor(feature_scale=[1.0, 2.0, np.inf, 1.0]).fit(X, Y)
+
+
+@pytest.mark.parametrize(
+    ("scale", "found"),
+    [
+        ([0.0, 1.0, 1.0], r"is \[0. 1. 1.\]"),
+        ([1.0, 2.0, -1.0], r"is \[ 1.  2. -1.\]"),
+        ([1.0, np.inf, 1.0], r"is \[ 1. inf  1.\]"),
+        ([np.nan, 1.0, 1.0], r"is \[nan  1.  1.\]"),
+        ([1.0, 1.0], r"has shape \(2,\)"),
+        (1.0, r"The 'feature_scale' parameter of LWRegressor must be"),
+    ],
+)
+def test_the_error_about_a_feature_scale_says_what_is_wrong_with_it(scale, found):
+    X, Y = wavy(20)
+    with pytest.raises(ValueError, match=found):
+        LWRegressor(feature_scale=scale).fit(X, Y)
+
+
+@pytest.mark.parametrize("value", [0.1, 1e-300, 1e6 + 0.1, -1.0 / 3.0])
+@pytest.mark.parametrize("n", [3, 300, 100_000])
+def test_a_constant_feature_keeps_its_unit_for_any_number_of_samples(value, n):
+    X = np.column_stack([np.linspace(0.0, 1.0, n), np.full(n, value)])
+    dut = LWRegressor(bandwidth=1.0, feature_scale="standard").fit(X, X[:, 0])
+    np.testing.assert_array_equal(dut.feature_scale_, [1.0 / X.std(axis=0)[0], 1.0])
 
 
 @pytest.mark.parametrize("ridge", [1e-3, 0.3])
@@ -146,4 +167,6 @@ def test_stored_arrays_restore_every_parameter():
 def test_leaving_one_of_two_samples_out_predicts_the_other():
     dut = LWRegressor().fit([[0.0], [1.0]], [3.0, 5.0])
     np.testing.assert_allclose(dut.leave_one_out(), [5.0, 3.0])
-    np.testing.assert_allclose(LWRegressor().fit([[0.0], [1.0]], [3.0, 5.0]).support_between([0, 1]), [-1.0, -1.0])
+    np.testing.assert_allclose(
+        LWRegressor(bandwidth=1.0).fit([[0.0], [1.0]], [3.0, 5.0]).support_between([0, 1]), [-1.0, -1.0]
+    )

@@ -176,5 +176,28 @@ def test_wrong_samples_are_errors():
     dut = ContactStateFilter(states())
     with pytest.raises(ValueError, match=r"expected \(4,\)"):
         dut.step(dut.initial_log_belief(), np.zeros(3))
-    with pytest.raises(ValueError, match="not finite"):
-        dut.step(dut.initial_log_belief(), np.full(4, np.nan))
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("channels", [[0], [2], [1, 3], None])
+@pytest.mark.parametrize("gate", [0.999, None])
+def test_a_sample_that_is_not_finite_is_an_error(value, channels, gate):
+    dut = ContactStateFilter(states(), channels=channels, gate=gate)
+    for bad in range(dut.n_channels):
+        sample = np.zeros(dut.n_channels)
+        sample[bad] = value
+        with pytest.raises(ValueError, match="sample is not finite"):
+            dut.step(dut.initial_log_belief(), sample)
+
+
+@pytest.mark.parametrize("channels", [[0], None])
+@pytest.mark.parametrize("gate", [0.999, None])
+@pytest.mark.parametrize("transitions", [None, np.full((3, 3), 1.0 / 3.0)])
+@pytest.mark.parametrize("value", [1e200, -1e200, 1.7e308])
+@pytest.mark.filterwarnings("error")
+def test_a_sample_far_away_has_finite_probabilities(channels, gate, transitions, value):
+    dut = ContactStateFilter(states(), channels=channels, gate=gate, transitions=transitions)
+    estimate = dut.step(dut.initial_log_belief(), np.full(dut.n_channels, value))
+    assert estimate.probabilities.sum() == pytest.approx(1.0)
+    assert np.isfinite(estimate.mahalanobis)
+    assert estimate.known == (gate is None)

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 
+from models.scenario import validate_scenario
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
 from systems import rig as rig_module
@@ -136,6 +137,48 @@ def test_a_trial_with_a_faulty_sensor_ends_safely(scenario, skill, monkeypatch, 
 
 
 @pytest.mark.slow
+def test_a_delayed_sensor_is_not_a_stuck_one(quick_scenario, skill):
+    quick_scenario.start.tilt = [0.02, -0.02]
+    quick_scenario.sensor.delay = 0.02
+    result, run = run_trial(trial_scenario(quick_scenario, number=1), skill, seed=1)
+    assert (run.samples["fault"] == Fault.NONE).all()
+    assert result.inserted, result.reason
+
+
+@pytest.mark.slow
+def test_a_stuck_sensor_with_a_delay_ends_a_trial_safely(scenario, skill, monkeypatch):
+    scenario.sensor.delay = 0.02
+    monkeypatch.setattr(rig_module, "WrenchSensor", faulty_sensor(stuck))
+    result, run = run_trial(scenario, skill, seed=7)
+    after = check_safe_ending(result, run, Fault.SENSOR_STUCK)
+    assert after["time"].iloc[0] - BEGIN < 0.1
+
+
+SOUND_SENSORS = {  # section, values
+    "measures twenty times a step": ("sensor", {"period": 1e-4}),
+    "measures once in ten steps": ("sensor", {"period": 0.02, "delay": 0.02}),
+    "has no noise": ("sensor", {"force_noise": [0.0] * 3, "torque_noise": [0.0] * 3, "force_drift": 0.0}),
+    "has coarse steps": ("sensor", {"force_quantum": 5.0, "torque_quantum": 0.5}),
+    "is slow": ("sensor", {"bandwidth": 0.5}),
+    "is an encoder with coarse counts": ("rig", {"encoder_resolution": 0.5e-3}),
+    "is an encoder with fine counts": ("rig", {"encoder_resolution": 1e-9}),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("section", "values"), SOUND_SENSORS.values(), ids=SOUND_SENSORS)
+def test_a_sound_sensor_of_any_setting_raises_no_alarm(scenario, skill, section, values):
+    for name, value in values.items():
+        setattr(getattr(scenario, section), name, value)
+    validate_scenario(scenario)
+    scenario.start.height = 0.003  # in free motion first, at full speed
+    scenario.trial.time_limit = 0.5
+    _, run = run_trial(scenario, skill, seed=7)
+    assert run.samples["depth"].iloc[-1] > 0.0  # in contact
+    assert (run.samples["fault"] == Fault.NONE).all()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "fault"),
     [
@@ -189,16 +232,26 @@ def test_an_exception_in_the_skill_ends_one_trial_and_not_the_batch(quick_scenar
         assert result.reason == "controller failed: ZeroDivisionError: no such state"
 
 
-def test_an_exception_in_the_simulation_ends_one_trial_and_not_the_batch(quick_scenario, skill, monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (KeyError("count"), "failed: KeyError: 'count'"),
+        (KeyError(), "failed: KeyError"),
+        (RuntimeError(), "diverged: RuntimeError"),
+    ],
+)
+def test_an_exception_in_the_simulation_ends_one_trial_and_not_the_batch(
+    quick_scenario, skill, monkeypatch, error, reason
+):
     class Broken(DepthEncoder):
         def _calc(self, context, output):
             super()._calc(context, output)
             if context.get_time() > 0.05:
-                raise KeyError("count")
+                raise error
 
     monkeypatch.setattr(rig_module, "DepthEncoder", Broken)
     for result, run in run_trials(quick_scenario, skill, [0, 1], jobs=1):
-        assert result.reason == "failed: KeyError: 'count'"
+        assert result.reason == run.result["reason"] == reason
         assert result.record()["time_s"] == pytest.approx(0.05, abs=2e-3)
         assert len(run.samples) >= 3
 
@@ -214,9 +267,10 @@ def test_a_fault_is_reported_even_if_the_time_runs_out_before_the_rig_stops(scen
     ("error", "line"),
     [
         (RuntimeError("one\ntwo"), "RuntimeError: one"),
-        (RuntimeError(), "RuntimeError: "),
-        (RuntimeError(""), "RuntimeError: "),
-        (RuntimeError("\ntwo"), "RuntimeError: "),
+        (RuntimeError(), "RuntimeError"),
+        (RuntimeError(""), "RuntimeError"),
+        (RuntimeError("\n \n"), "RuntimeError"),
+        (RuntimeError("\n  two\nthree"), "RuntimeError: two"),
         (ValueError("x" * 500), "ValueError: " + "x" * 120),
     ],
 )

@@ -15,7 +15,11 @@ TOP_SPEED, RESOLUTION = 0.4, 5e-6
 
 @pytest.fixture
 def dut():
-    return SensorMonitor(sensor=SENSOR, top_speed=TOP_SPEED, resolution=RESOLUTION)
+    return make_monitor()
+
+
+def make_monitor(sensor=SENSOR, depth_period=SENSOR.period):
+    return SensorMonitor(sensor=sensor, top_speed=TOP_SPEED, resolution=RESOLUTION, depth_period=depth_period)
 
 
 def sample(k):
@@ -77,7 +81,7 @@ def test_each_channel_saturates_at_the_end_of_its_range(channel, sign):
     ends = np.array([*SENSOR.force_range, *SENSOR.torque_range])
     quanta = np.repeat([SENSOR.force_quantum, SENSOR.torque_quantum], 3)
     for steps, fault in ((0, Fault.SENSOR_SATURATED), (1, Fault.NONE)):
-        dut = SensorMonitor(sensor=SENSOR, top_speed=TOP_SPEED, resolution=RESOLUTION)
+        dut = make_monitor()
         reading = np.zeros(6)
         reading[channel] = sign * (np.floor(ends[channel] / quanta[channel]) - steps) * quanta[channel]
         assert sample_once(dut, started(dut), wrench_at_tip(reading, SENSOR.height))[2] == fault
@@ -89,6 +93,38 @@ def test_a_sensor_that_repeats_its_reading_too_often_is_stuck(dut):
     for k in range(maximum + 1):
         assert sample_once(dut, context, sample(9))[2] == Fault.NONE, k
     assert sample_once(dut, context, sample(9))[2] == Fault.SENSOR_STUCK
+
+
+DELAYS = [0, 2, 20, 200]  # in units of the sensor's period
+
+
+@pytest.mark.parametrize("delay", DELAYS)
+def test_the_zeros_of_the_delay_line_are_not_a_stuck_sensor(delay):
+    dut = make_monitor(WrenchSensorParameters(delay=delay * SENSOR.period))
+    context = fixed_context(dut)
+    for k in range(delay + 1):
+        assert sample_once(dut, context, np.zeros(6))[2] == Fault.NONE, k
+    for k in range(10):
+        assert sample_once(dut, context, sample(k))[2] == Fault.NONE, k
+
+
+@pytest.mark.parametrize("delay", DELAYS)
+@pytest.mark.parametrize("reading", [np.zeros(6), sample(9)], ids=["zero", "not zero"])
+def test_a_sensor_that_is_stuck_from_its_first_reading_on_is_noticed(delay, reading):
+    """A sensor that always reads zero cannot be told from the delay line before the delay is over."""
+    dut = make_monitor(WrenchSensorParameters(delay=delay * SENSOR.period))
+    context = fixed_context(dut)
+    faults = [sample_once(dut, context, np.zeros(6))[2] for _ in range(delay + 1)]
+    permitted = repeats_of_a_stuck_sensor(SENSOR)
+    faults += [sample_once(dut, context, reading)[2] for _ in range(permitted + 2)]
+    assert faults == [Fault.NONE] * (delay + 1 + permitted + 1) + [Fault.SENSOR_STUCK]
+
+
+def test_a_depth_that_changes_less_often_than_the_sensor_measures_may_change_more_at_once():
+    largest = TOP_SPEED * 4 * SENSOR.period + RESOLUTION
+    for change, fault in ((0.99 * largest, Fault.NONE), (1.01 * largest, Fault.ENCODER_JUMPED)):
+        dut = make_monitor(depth_period=4 * SENSOR.period)
+        assert sample_once(dut, started(dut), sample(9), 0.001 + change)[2] == fault
 
 
 def test_the_permitted_repeats_follow_from_noise_and_quantum():

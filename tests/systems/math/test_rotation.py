@@ -56,12 +56,29 @@ def test_the_rotation_vector_of_the_identity_is_zero():
 
 @given(a=directions, b=directions)
 def test_the_shortest_rotation_turns_one_direction_onto_the_other(a, b):
-    a, b = unit(a), unit(b)
-    assume(a @ b > -0.999)
+    check_shortest_rotation(unit(a), unit(b))
+
+
+@given(a=directions, across=directions, angle=st.floats(0.0, 1e-3) | st.floats(0.0, 1e-11))
+def test_the_shortest_rotation_between_nearly_opposite_directions_is_precise(a, across, angle):
+    a = unit(a)
+    normal = np.cross(a, across)
+    assume(np.linalg.norm(normal) > 0.01)
+    b = Rotation.from_rotvec(unit(normal) * (math.pi - angle)).apply(a)
+    check_shortest_rotation(a, unit(b))
+
+
+@pytest.mark.parametrize("a", [*np.eye(3), *-np.eye(3), unit(np.ones(3)), np.array([0.6, 0.0, -0.8])], ids=str)
+def test_opposite_directions_are_half_a_turn_apart(a):
+    check_shortest_rotation(a, -a)
+
+
+def check_shortest_rotation(a, b):
+    """Checks that the rotation turns ``a`` onto ``b``, by the angle between them, without spin."""
     turn = rotation_between(a, b)
-    np.testing.assert_allclose(Rotation.from_rotvec(turn).apply(a), b, atol=1e-9)
-    assert np.linalg.norm(turn) == pytest.approx(math.acos(np.clip(a @ b, -1, 1)), abs=1e-7)
-    assert abs(turn @ a) < 1e-9  # no spin
+    np.testing.assert_allclose(Rotation.from_rotvec(turn).apply(a), b, atol=2e-12)
+    assert np.linalg.norm(turn) == pytest.approx(2.0 * math.atan2(np.linalg.norm(a - b), np.linalg.norm(a + b)))
+    assert abs(turn @ a) < 1e-9
 
 
 def test_the_rotation_between_equal_directions_is_zero():

@@ -1,0 +1,51 @@
+"""The overlap of peg and bore that the compliance of the simulated contact causes.
+
+The pressure of the hydroelastic contact is the modulus E times the depth over the radius r, so that bodies of one shape
+overlap by delta = k r (F / (E r^2))^n under a load F. Exponent and factor are those of a peg in two-point contact with
+a tilt of 1 degree (the table "Convergence" of docs/physics.md): 57.6, 23.1, 9.2 and 3.5 um under 5 N, for r = 10 mm and
+E = 1e8, 1e9, 1e10 and 1e11 Pa.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from models.validation import Violation
+
+OVERLAP_FACTOR = 0.121
+OVERLAP_EXPONENT = 0.4
+
+STATED_LOAD = 20.0
+"""Load for which a contact must be stiff enough, N; at this load the controller stops the feed by default."""
+
+
+def expected_overlap(*, modulus: float, peg_radius: float, load: float = STATED_LOAD) -> float:
+    """Returns the expected overlap (m) of peg and bore.
+
+    Args:
+        modulus: Hydroelastic modulus E, Pa.
+        peg_radius: Radius r of the peg, m.
+        load: Load F of the contact, N.
+    """
+    return float(OVERLAP_FACTOR * peg_radius * (load / (modulus * peg_radius**2)) ** OVERLAP_EXPONENT)
+
+
+def softest_modulus(*, clearance: float, peg_radius: float, load: float = STATED_LOAD) -> float:
+    """Returns the modulus (Pa) at which the expected overlap equals the radial clearance (m).
+
+    With a softer contact the bodies pass through each other: the peg then fits into the hole at any tilt.
+    """
+    return float(load / peg_radius**2 * (OVERLAP_FACTOR * peg_radius / clearance) ** (1.0 / OVERLAP_EXPONENT))
+
+
+def softness_violations(*, modulus: float, clearance: float, peg_radius: float) -> Iterator[Violation]:
+    """Checks that the contact keeps peg and bore apart under the stated load; see `softest_modulus`."""
+    softest = softest_modulus(clearance=clearance, peg_radius=peg_radius)
+    if modulus < softest:
+        overlap = 1e6 * expected_overlap(modulus=modulus, peg_radius=peg_radius)
+        yield Violation(
+            "contact.modulus",
+            f"{modulus} Pa (an overlap of {overlap:.3g} um under {STATED_LOAD:.0f} N)",
+            f"at least {softest:.2g} Pa: the bodies pass through each other if they overlap by more than the clearance"
+            f" of {1e6 * clearance:.3g} um",
+        )

@@ -1,0 +1,150 @@
+"""Reads the YAML text of a scenario into plain values, within limits, and refuses what would be lost."""
+
+from __future__ import annotations
+
+import re
+import reprlib
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+MAX_SIZE = 32_000
+"""Maximum size of a document, in bytes of a file and in characters of a text; the largest in use has 4,000."""
+
+MAX_NESTING = 20
+"""Maximum number of levels of a document; a scenario has three."""
+
+MAX_VALUES = 2000
+"""Maximum number of keys and values, together; a whole scenario has 250."""
+
+MAX_ALIASES = 20
+"""Maximum number of aliases, so that references to references cannot multiply."""
+
+MAX_SCALAR = 200
+"""Maximum number of characters of a key or a value."""
+
+_BRIEF = reprlib.Repr()
+_BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = 60
+
+
+def brief(value: Any) -> str:
+    """Returns ``repr(value)`` for a message: on one line, with the middle of a long value left out."""
+    return _BRIEF.repr(value)
+
+
+def read_text(path: Path, where: str) -> str:
+    """Returns the text of a file.
+
+    Args:
+        path: The file.
+        where: Name of the file in error messages.
+
+    Raises:
+        ValueError: If the file is larger than `MAX_SIZE` or is not UTF-8.
+        OSError: If it cannot be read.
+    """
+    with path.open("rb") as file:
+        data = file.read(MAX_SIZE + 1)
+    _check_size(len(data), "bytes", where)
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        found = f"byte 0x{data[error.start]:02x} (at {error.start})"
+        raise ValueError(f"{where}: line {line}: found {found}, expected text in UTF-8") from error
+
+
+def read_document(text: str, where: str) -> Any:
+    """Returns the values of a YAML text: mappings, lists, strings, numbers, booleans and None.
+
+    Numbers such as 1e10, which YAML 1.1 takes for strings, are numbers.
+
+    Args:
+        text: YAML text of one document.
+        where: Name of the source in error messages.
+
+    Raises:
+        ValueError: Naming ``where``, the line and the problem: invalid YAML, a duplicate key, a tag, or a text beyond
+            the limits of this module.
+    """
+    _check_size(len(text), "characters", where)
+    try:
+        return yaml.load(text, Loader=_Loader)  # a SafeLoader: it makes plain values only
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = f"line {mark.line + 1}: " if mark is not None else ""
+        problem = "; ".join(part for part in (error.problem, error.context) if part)
+        raise ValueError(f"{where}: {line}{_explained(problem)}") from error
+    except (yaml.YAMLError, ValueError) as error:  # a character, a date or a number that there is not
+        raise ValueError(f"{where}: invalid YAML: {_explained(str(error))}") from error
+
+
+class _Loader(yaml.SafeLoader):
+    """The safe loader with numbers such as 1e10, without duplicate keys and tags, and with limits."""
+
+    def __init__(self, stream: str) -> None:
+        super().__init__(stream)
+        self._path: list[str] = []
+        self._levels = 0
+        self._aliases = 0
+        self._values = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Composes one value; ``index`` is the node of its key, if it has one."""
+        event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        if isinstance(event, yaml.AliasEvent):
+            self._aliases += 1
+            if self._aliases > MAX_ALIASES:
+                raise _problem(f"found more than {MAX_ALIASES} aliases, such as '*{brief(event.anchor)[1:]}", event)
+        elif event.tag is not None:
+            raise _problem(f"found the tag {brief(event.tag)}, expected plain values without tags", event)
+        if isinstance(event, yaml.ScalarEvent) and len(event.value) > MAX_SCALAR:
+            found = f"{brief(event.value)} of {len(event.value)} characters"
+            raise _problem(f"found {found}, expected at most {MAX_SCALAR}", event)
+        self._values += 1
+        if self._values > MAX_VALUES:
+            raise _problem(f"found more than {MAX_VALUES} keys and values, expected a scenario of a few hundred", event)
+        if self._levels == MAX_NESTING:
+            raise _problem(f"found more than {MAX_NESTING} levels of nesting, expected sections with keys", event)
+        self._levels += 1
+        self._path.append(index.value if isinstance(index, yaml.ScalarNode) else "")
+        node = super().compose_node(parent, index)
+        self._path.pop()
+        self._levels -= 1
+        return node
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        """Composes a mapping; refuses a key that it has twice."""
+        node: yaml.MappingNode = super().compose_mapping_node(anchor)
+        lines: dict[tuple[str, str], int] = {}
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
+            first = lines.get((key.tag, key.value))
+            if first is not None:
+                name = ".".join([*filter(None, self._path), key.value])
+                raise _problem(f"found the key {brief(name)} again, expected it once; it is on line {first}", key)
+            lines[key.tag, key.value] = key.start_mark.line + 1
+        return node
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+\Z"), list("-+.0123456789")
+)
+
+
+def _problem(text: str, place: Any) -> yaml.MarkedYAMLError:
+    """Returns the error about an event or a node."""
+    return yaml.MarkedYAMLError(problem=text, problem_mark=place.start_mark)
+
+
+def _explained(problem: str) -> str:
+    """Returns the parser's description of a problem on one line, with a hint about tabs."""
+    line = " ".join(problem.split())
+    return f"{line}; indent with spaces, not with tabs" if r"'\t'" in problem else line
+
+
+def _check_size(size: int, unit: str, where: str) -> None:
+    if size > MAX_SIZE:
+        raise ValueError(f"{where}: found more than {MAX_SIZE} {unit}, expected a scenario of a few thousand")

@@ -1,0 +1,119 @@
+"""Leave-one-out predictions of a locally weighted regression, and the bandwidth with the smallest error of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skill.arrays import Array
+from skill.regression.kernel_neighbourhood import Kernel, KernelNeighbourhood
+from skill.regression.local_model import equivalent_kernels, normalised_weights
+
+MAX_LEFT_OUT = 500
+"""Number of samples that are left out, one by one, to select a bandwidth. They are evenly spaced among all samples."""
+
+
+@dataclass(frozen=True)
+class StoredSamples:
+    """The samples of a locally weighted regression.
+
+    Attributes:
+        X: (n, d), scaled features.
+        y: (n, p), outputs.
+        memberships: (n, K), contact-state probabilities, or None.
+        sample_weight: (n,), positive.
+        neighbourhood: search for neighbours among X.
+    """
+
+    X: Array
+    y: Array
+    memberships: Array | None
+    sample_weight: Array
+    neighbourhood: KernelNeighbourhood
+
+    def predictions(
+        self,
+        rows: NDArray[np.intp],
+        kernels: Sequence[Kernel],
+        *,
+        ridge: float,
+        degree: int,
+        closed: bool = False,
+        with_copies: bool = False,
+    ) -> Array:
+        """Predictions (B, r, p) by B kernels at the samples ``rows`` (r,), each without the sample itself.
+
+        Args:
+            rows: numbers of the samples.
+            kernels: kernels that differ in their bandwidths only.
+            ridge: penalty of the squared slope.
+            degree: 0 or 1.
+            closed: whether to divide the residual of the fit with the sample by 1 - l_ii, instead of leaving it out.
+            with_copies: whether to leave out all samples with the same features too, unless there are no others.
+        """
+        queries, outputs = self.X[rows], self.y[rows]
+        P = None if self.memberships is None else self.memberships[rows]
+        out = np.empty((len(kernels), *outputs.shape))
+        blocks = self.neighbourhood.blocks_of_kernels(queries, P, kernels, extra=1)
+        for number, block, found, x, log_w in blocks:
+            itself = found == rows[block, None]
+            if with_copies:
+                itself = (x == queries[block][:, None, :]).all(axis=2)
+                itself &= (~itself & np.isfinite(log_w)).any(axis=1, keepdims=True)
+            if not closed:
+                log_w = np.where(itself, -np.inf, log_w)
+            weights, _, scaled_ridge = normalised_weights(log_w, ridge)
+            influence = equivalent_kernels(queries[block], x, weights, scaled_ridge, degree)
+            fitted = (influence[:, None, :] @ self.y[found])[:, 0, :]
+            if closed:
+                own_influence = np.where(itself, influence, 0.0).sum(axis=1)[:, None]
+                fitted = outputs[block] - (outputs[block] - fitted) / (1.0 - own_influence)
+            out[number, block] = fitted
+        return out
+
+    def best_bandwidth(self, kernel: Kernel, *, ridge: float, degree: int) -> float:
+        """The candidate of `candidate_bandwidths` with the minimum error of left-out samples.
+
+        The squared error of each output is divided by its variance. Copies of a sample are left out with it, so that a
+        weight counts like repetitions. The bandwidth of ``kernel`` is returned if no output varies: any is then right.
+
+        Args:
+            kernel: the kernel; its bandwidth is replaced by that of each candidate.
+            ridge: penalty of the squared slope.
+            degree: 0 or 1.
+        """
+        variance = self.y.var(axis=0)
+        varies = variance > 0
+        if not varies.any():
+            return kernel.bandwidth
+        rows = np.unique(np.linspace(0, len(self.X) - 1, MAX_LEFT_OUT).astype(np.intp))
+        candidates = candidate_bandwidths(np.unique(self.X, axis=0), kernel)[::-1]
+        kernels = [replace(kernel, bandwidth=float(bandwidth)) for bandwidth in candidates]
+        predicted = self.predictions(rows, kernels, ridge=ridge, degree=degree, with_copies=True)
+        squares = np.average((predicted - self.y[rows]) ** 2, axis=1, weights=self.sample_weight[rows])
+        errors = (squares[:, varies] / variance[varies]).mean(axis=1)
+        return float(candidates[errors.argmin()])  # the widest of equal ones
+
+
+def candidate_bandwidths(X: Array, kernel: Kernel, n_queries: int = 100) -> Array:
+    """Twelve candidates, from an eighth to four times the median radius of a neighbourhood.
+
+    The radius is the distance to the farthest neighbour used. For an adaptive kernel, whose bandwidth is in units of
+    this radius, the candidates are the multiples themselves.
+
+    Args:
+        X: (n, d), scaled features.
+        kernel: the kernel; its bandwidth has no effect.
+        n_queries: number of neighbourhoods, roughly.
+    """
+    multiples = np.geomspace(0.125, 4.0, 12)
+    if kernel.adaptive:
+        return multiples
+    k = len(X) if kernel.n_neighbors is None else min(int(kernel.n_neighbors), len(X))
+    queries = X[:: max(1, len(X) // n_queries)]
+    radii = [np.partition(np.linalg.norm(query - X, axis=1), k - 1)[k - 1] for query in queries]
+    radius = float(np.median(radii))
+    return multiples * (radius if radius > 0 else 1.0)

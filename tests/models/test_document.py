@@ -1,0 +1,140 @@
+"""The text of a scenario: what is refused, with which line, and how fast."""
+
+import time
+
+import pytest
+import yaml
+
+from models.document import MAX_ALIASES, MAX_NESTING, MAX_SCALAR, MAX_SIZE, MAX_VALUES, brief, read_document, read_text
+from models.scenario import SCENARIO_FOLDER, Scenario, load_scenario, parse_scenario
+
+
+def test_plain_values_are_those_of_yaml():
+    text = "a: {b: [1, 2.5, -.inf, 1.0e+10], c: null, d: yes, e: text, 'f': \"1e10\"}\n# a comment\ng: 1_000"
+    assert read_document(text, "text") == yaml.safe_load(text)
+    for path in SCENARIO_FOLDER.glob("*.yaml"):
+        assert read_document(path.read_text(), "text") == yaml.safe_load(path.read_text())
+    assert read_document("", "text") is read_document("# nothing", "text") is None
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        *(("1e10", 1e10), ("1E10", 1e10), ("2e-3", 2e-3), ("-2e-3", -2e-3), ("+5e+8", 5e8), ("1.5e3", 1500.0)),
+        *(("1.e3", 1000.0), (".5e3", 500.0), ("1.0e+10", 1e10)),
+    ],
+)
+def test_numbers_with_an_exponent_are_numbers(text, value):
+    found = read_document(f"x: {text}", "text")["x"]
+    assert found == value
+    assert type(found) is float
+
+
+@pytest.mark.parametrize("text", ["e10", "1e", "1e1.5", "1e10 N", "0x1e5x", "'1e10'", "--1e5", "1e5e5"])
+def test_other_texts_are_not_numbers(text):
+    assert read_document(f"x: {text}", "text") == yaml.safe_load(f"x: {text}")
+    assert isinstance(read_document(f"x: {text}", "text")["x"], str)
+
+
+def test_a_number_with_an_exponent_is_read_in_a_scenario():
+    found = parse_scenario("contact: {modulus: 3e10, time_step: 1e-3}\nstart: {tilt: [1e-2, -2e-2]}", "text")
+    assert (found.contact.modulus, found.contact.time_step, found.start.tilt) == (3e10, 1e-3, [0.01, -0.02])
+
+
+BOMB = "a: &a [1, 1]\n" + "\n".join(f"{y}: &{y} [{', '.join([f'*{x}'] * 9)}]" for x, y in zip("abcdefg", "bcdefgh"))  # noqa: B905
+MERGES = BOMB.replace("[1, 1]", "{x: 1}").replace(": &b [", ": &b {<<: [").replace("]\nc", "]}\nc")
+
+BAD_TEXT = {
+    "a duplicate section": ("seed: 1\ngeometry: {}\ngeometry: {}", "line 3: found the key 'geometry' again.*on line 2"),
+    "a duplicate key": ("contact:\n  friction: 0.1\n  friction: 0.2", "line 3: found the key 'contact.friction' again"),
+    "a duplicate key in braces": ("contact: {friction: 0.1, 'friction': 0.1}", "line 1: found the key 'contact.fric"),
+    "a tab": ("contact:\n\tfriction: 0.2", r"line 2: found character '\\t'.*spaces, not with tabs"),
+    "an unknown alias": ("contact: *mine", "line 1: found undefined alias 'mine'"),
+    "an alias bomb": (BOMB, f"line 4: found more than {MAX_ALIASES} aliases"),
+    "a bomb of merged keys": (MERGES, f"line 4: found more than {MAX_ALIASES} aliases"),
+    "deep lists": ("[" * 5000, f"line 1: found more than {MAX_NESTING} levels of nesting"),
+    "deep mappings": ("{a: " * 5000, f"line 1: found more than {MAX_NESTING} levels of nesting"),
+    "deep blocks": (
+        "\n".join(" " * k + "a:" for k in range(100)),
+        f"line {MAX_NESTING}: found more than {MAX_NESTING}",
+    ),
+    "a number of 400 digits": ("seed: 1" + "0" * 399, f"line 1: found '1000.*' of 400 char.*at most {MAX_SCALAR}"),
+    "a number of 5000 digits": ("seed: " + "9" * 5000, "line 1: found '999.*' of 5000 characters"),
+    "a long key": ("k" * 1000 + ": 1", "line 1: found 'kkk.*' of 1000 characters"),
+    "a tag": ("contact: !!python/object/apply:os.system [ls]", "line 1: found the tag '.*os.system', expected plain"),
+    "a tag of a number": ("seed: !!int 5", "line 1: found the tag"),
+    "a long text": ("#" * (MAX_SIZE + 1), f"found more than {MAX_SIZE} characters"),
+    "many values": ("start: {tilt: [" + "1," * 10_000 + "]}", f"line 1: found more than {MAX_VALUES} keys and values"),
+    "a control character": ("seed: \x01", "unacceptable character #x0001"),
+    "a date that there is not": ("seed: 2020-13-45", "month"),
+    "two documents": ("seed: 1\n---\nseed: 2", "line 2: .*another document"),
+    "an open bracket": ("contact: {friction: 0.2", "line 1: expected ',' or '}'"),
+    "a list as a key": ("? [a]\n: b", "line 1: found unhashable key"),
+}
+
+
+@pytest.mark.parametrize(("text", "message"), BAD_TEXT.values(), ids=BAD_TEXT)
+def test_a_bad_text_is_one_line_at_once_with_its_place(text, message):
+    start = time.perf_counter()
+    with pytest.raises(ValueError, match=f"^mine: .*{message}") as caught:
+        read_document(text, "mine")
+    assert time.perf_counter() - start < 1.0
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x: &a [1, 2]\ny: [" + ", ".join(["*a"] * MAX_ALIASES) + "]",
+        "[" * MAX_NESTING + "]" * MAX_NESTING,
+        "x: " + "y" * MAX_SCALAR,
+        "[" + "1, " * (MAX_VALUES - 1) + "]",
+        "x: 1" + " " * (MAX_SIZE - 4),
+    ],
+    ids=["aliases", "nesting", "value", "values", "size"],
+)
+def test_a_text_at_a_limit_is_read(text):
+    assert read_document(text, "mine") == yaml.safe_load(text)
+
+
+def test_aliases_and_merged_keys_are_read():
+    text = "rig: &r {mount_damping: 50.0}\nsensor: {force_noise: &n [0.1, 0.1, 0.1], torque_noise: *n}"
+    found = parse_scenario(text, "text")
+    assert found.rig.mount_damping == 50.0
+    assert found.sensor.force_noise == found.sensor.torque_noise == [0.1, 0.1, 0.1]
+    assert found.sensor.force_noise is not found.sensor.torque_noise
+    assert read_document("a: &a {x: 1, y: 2}\nb: {<<: *a, y: 3}", "text")["b"] == {"x": 1, "y": 3}
+
+
+def test_a_file_that_is_not_utf_8_is_named_with_the_line(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_bytes(b"seed: 1\n# f\xfcr\n")
+    with pytest.raises(ValueError, match=r"mine.yaml: line 2: found byte 0xfc \(at 11\), expected text in UTF-8"):
+        load_scenario(path)
+    path.write_bytes("seed: 5  # µm".encode("utf-8-sig"))
+    assert load_scenario(path).seed == 5
+
+
+def test_a_huge_file_is_refused_without_reading_it(tmp_path):
+    path = tmp_path / "mine.yaml"
+    with path.open("wb") as file:
+        file.truncate(10**12)  # a sparse file
+    start = time.perf_counter()
+    with pytest.raises(ValueError, match=f"mine.yaml: found more than {MAX_SIZE} bytes"):
+        load_scenario(path)
+    assert time.perf_counter() - start < 1.0
+    path.write_bytes(b"#" * MAX_SIZE)
+    assert read_text(path, "mine") == "#" * MAX_SIZE
+    assert load_scenario(path) == Scenario()
+
+
+def test_a_long_value_is_shortened_on_one_line():
+    assert brief("short") == "'short'"
+    assert brief(0.1) == "0.1"
+    assert len(brief("x" * 1000)) <= 60
+    assert len(brief([["y" * 1000] * 1000] * 1000)) < 3000
+    loop = []
+    loop.append(loop)
+    assert len(brief(loop)) < 100
+    assert "\n" not in brief("a\nb")

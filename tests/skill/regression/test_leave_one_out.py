@@ -1,0 +1,151 @@
+"""The bandwidth that a regressor selects for itself by leaving out samples."""
+
+import numpy as np
+import pytest
+from sklearn.preprocessing import StandardScaler
+
+from benchmarks.learners.regression_sets import cross, friedman, insertion
+from skill.regression.bandwidth_selection import default_bandwidths, select_feature_scale
+from skill.regression.leave_one_out import MAX_LEFT_OUT
+from skill.regression.locally_weighted_regression import LWRegressor
+from tests.skill.regression.samples import wavy
+
+
+def linear(n, d, seed, noise=0.0):
+    """Standard normal features, and a linear function of them with the same coefficients for every seed."""
+    slope = np.random.default_rng(99).normal(size=d)
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(n, d))
+    return X, X @ slope + noise * rng.normal(size=n)
+
+
+def relative_error(model, X, truth):
+    return np.sqrt(np.mean((model.predict(X) - truth) ** 2)) / truth.std()
+
+
+@pytest.mark.slow
+def test_a_linear_function_of_14_features_is_predicted_within_one_per_cent_by_the_defaults():
+    dut = LWRegressor().fit(*linear(10_000, 14, 0))
+    assert relative_error(dut, *linear(1000, 14, 1)) < 1e-3
+    narrow = LWRegressor(bandwidth=1.0).fit(*linear(10_000, 14, 0))
+    assert relative_error(narrow, *linear(1000, 14, 1)) > 0.05  # five effective samples for 15 coefficients
+
+
+PROBLEMS = {
+    "cross": (lambda seed: cross(500, seed), 0.4),
+    "friedman": (lambda seed: friedman(1000, seed), 0.9),
+    "normalised insertions": (lambda seed: insertion(1500, seed, "normalised"), 0.9),
+    "canonical insertions": (lambda seed: insertion(1500, seed, "canonical"), 1.02),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("problem", "ratio"), PROBLEMS.values(), ids=PROBLEMS)
+def test_the_selected_bandwidth_is_no_worse_than_one_on_other_problems(problem, ratio):
+    def error(bandwidth):
+        errors = []
+        for seed in range(3):
+            train, fresh = problem(seed), problem(1000 + seed)
+            scaler = StandardScaler().fit(train.X)
+            model = LWRegressor(bandwidth=bandwidth).fit(scaler.transform(train.X), train.y)
+            off = fresh.judged(model.predict(scaler.transform(fresh.X)).reshape(len(fresh.X), -1)) - fresh.truth
+            errors.append((np.sqrt((off**2).mean(axis=0)) / fresh.truth.std(axis=0)).mean())
+        return np.mean(errors)
+
+    assert error("auto") < ratio * error(1.0)
+
+
+@pytest.mark.parametrize("kind", ["fixed", "adaptive"])
+@pytest.mark.parametrize("d", [2, 6, 14])
+def test_a_linear_function_with_noise_is_predicted_better_than_its_noise(d, kind):
+    dut = LWRegressor(bandwidth_type=kind).fit(*linear(600, d, 0, noise=0.2))
+    X, truth = linear(500, d, 1)
+    assert relative_error(dut, X, truth) * truth.std() < 0.1
+
+
+def test_the_selected_bandwidth_has_the_smallest_error_of_refitted_regressors():
+    X, Y = wavy(60, 3)
+    dut = LWRegressor(n_neighbors=20).fit(X, Y)
+    errors = []
+    for bandwidth in default_bandwidths(dut):
+        model = LWRegressor(bandwidth=bandwidth, n_neighbors=20)
+        kept = ~np.eye(60, dtype=bool)
+        left_out = np.array([model.fit(X[kept[i]], Y[kept[i]]).predict(X[i : i + 1])[0] for i in range(60)])
+        errors.append((((left_out - Y) ** 2).mean(axis=0) / Y.var(axis=0)).mean())
+    assert dut.bandwidth_ == default_bandwidths(dut)[np.argmin(errors)]
+
+
+@pytest.mark.slow
+def test_weights_and_contact_states_count_in_the_selection():
+    rng = np.random.default_rng(0)
+    X = rng.uniform(-1.0, 1.0, (400, 1))
+    wild = np.arange(400) % 2 == 0
+    Y = np.where(wild, np.sin(20.0 * X[:, 0]), X[:, 0])
+    tame = LWRegressor().fit(X, Y, sample_weight=np.where(wild, 1e-9, 1.0))
+    rough = LWRegressor().fit(X, Y, sample_weight=np.where(wild, 1.0, 1e-9))
+    assert tame.bandwidth_ > 3.0 * rough.bandwidth_
+    opposite = np.where(wild, 1.0, -1.0) * np.sin(20.0 * X[:, 0])  # without the states, the outputs cancel
+    states = np.column_stack([wild, ~wild]).astype(float)
+    assert LWRegressor().fit(X, opposite, states).bandwidth_ < 0.3 * LWRegressor().fit(X, opposite).bandwidth_
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_sample_alone_in_its_state_does_not_disturb_the_selection():
+    X, y = linear(50, 2, 0)
+    states = np.tile([1.0, 0.0], (50, 1))
+    everyone = LWRegressor().fit(X, y, states).bandwidth_
+    states[7] = [0.0, 1.0]
+    assert LWRegressor().fit(X, y, states).bandwidth_ == everyone
+
+
+def test_many_samples_are_left_out_evenly():
+    """The first samples alone are constant; a selection by them would take the widest bandwidth."""
+    n = 4 * MAX_LEFT_OUT
+    X = np.linspace(0.0, 1.0, n)[:, None]
+    Y = np.where(X[:, 0] < 0.3, 0.0, np.sin(60.0 * X[:, 0]))
+    dut = LWRegressor(n_neighbors=None).fit(X, Y)
+    assert dut.bandwidth_ < 0.25 * default_bandwidths(dut)[-1]
+
+
+@pytest.mark.parametrize(
+    ("X", "Y", "bandwidth"),
+    [
+        ([[0.5]], [3.0], 1.0),
+        ([[0.0], [1.0], [2.0]], [3.0, 3.0, 3.0], 1.0),
+        ([[0.5]] * 5, [1.0, 2.0, 3.0, 4.0, 5.0], 4.0),
+    ],
+    ids=["one sample", "equal outputs", "equal samples"],
+)
+def test_samples_that_do_not_tell_bandwidths_apart_select_a_wide_one(X, Y, bandwidth):
+    dut = LWRegressor().fit(X, Y)
+    assert dut.bandwidth_ == pytest.approx(bandwidth)
+    np.testing.assert_allclose(dut.predict([[0.5]]), np.mean(Y))
+
+
+def test_a_given_bandwidth_is_used_as_it_is_and_may_be_changed_after_the_fit():
+    X, Y = wavy(50)
+    dut = LWRegressor().fit(X, Y)
+    selected = dut.bandwidth_
+    dut.set_params(bandwidth=0.25)
+    assert dut.bandwidth_ == 0.25
+    np.testing.assert_array_equal(dut.predict(X), LWRegressor(bandwidth=0.25).fit(X, Y).predict(X))
+    assert dut.set_params(bandwidth="auto").bandwidth_ == selected
+
+
+def test_the_selected_bandwidth_is_stored():
+    X, Y = wavy(50)
+    dut = LWRegressor().fit(X, Y)
+    again = LWRegressor.from_arrays(dut.to_arrays())
+    assert again.bandwidth == again.bandwidth_ == dut.bandwidth_
+    np.testing.assert_array_equal(again.predict(X), dut.predict(X))
+
+
+def test_a_feature_scale_is_selected_for_one_bandwidth():
+    X, Y = wavy(120)
+    groups = np.arange(120) % 6
+    selected = LWRegressor().fit(X, Y).bandwidth_
+    options = {"max_passes": 1, "n_splits": 3}
+    one = select_feature_scale(LWRegressor(), X, Y, groups, **options)
+    other = select_feature_scale(LWRegressor(bandwidth=selected), X, Y, groups, **options)
+    np.testing.assert_array_equal(one.feature_scale, other.feature_scale)
+    assert one.error == other.error
