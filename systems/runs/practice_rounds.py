@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, Scenario, resolve_scenario
 from skill.data.rig_run import RigRun
@@ -16,6 +16,7 @@ from skill.practice.exploration import Cost, ExplorationNoise, PerturbedPolicy, 
 from skill.practice.policy_update import AdvantageWeighting, advantage_weighted_update
 from systems.runs.trial import run_trial
 from systems.runs.trial_result import TrialResult
+from systems.runs.worker_pool import run_in_processes
 
 
 @dataclass(frozen=True)
@@ -145,9 +146,10 @@ def _run(
     advance: Callable[[str], None],
 ) -> list[tuple[TrialResult, RigRun]]:
     done = []
-    for result, run in Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(run_trial)(resolve_scenario(scenario, seed=n, stream=stream), policy, seed=n) for n, policy in trials
-    ):
+    tasks = (
+        partial(run_trial, resolve_scenario(scenario, seed=n, stream=stream), policy, seed=n) for n, policy in trials
+    )
+    for result, run in run_in_processes(tasks, jobs=jobs):
         done.append((result, run))
         advance(f"{title}, trial {result.seed}: {result.reason}, {result.time:.1f} s")
     return done
