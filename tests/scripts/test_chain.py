@@ -60,6 +60,7 @@ def test_recording_writes_one_valid_file_per_demonstration(chain, folder):
         "002_good_expert.parquet",
         "003_bad_blind.parquet",
         "demonstrations.png",
+        "index.json",
     ]
     assert "4 demonstrations in shown" in chain["record"]
 
@@ -92,9 +93,10 @@ def test_every_run_is_recorded_with_the_result_that_the_json_has(chain, folder):
     results = json.loads((folder / "mine.json").read_text())
     worst = max(results, key=lambda r: r["peak_lateral_n"])["seed"]
     assert files(folder / "rig") == [
-        *(f"replay_{worst:04d}.html", "report.html"),
+        *("index.json", f"replay_{worst:04d}.html", "report.html", "results.json"),
         *("run_0005.html", "run_0005.parquet", "run_0006.parquet"),
     ]
+    assert json.loads((folder / "rig" / "results.json").read_text()) == results
     for r in results:
         run = read_rig_run(folder / "rig" / f"run_{r['seed']:04d}.parquet")
         assert run.result == r
