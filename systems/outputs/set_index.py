@@ -65,7 +65,7 @@ class SetIndex:
         kind: of the folder.
         request: what the files were made for; two sets with the same request are the same. None: not known.
         files: names of the files that belong to the set as long as it exists.
-        reports: names of the files that are made from them at the end, and can be made again.
+        reports: names of the files that are made from them at the end, and can be made again. The first is made last.
     """
 
     kind: SetKind
@@ -88,8 +88,8 @@ class SetIndex:
         return [name for name in self.items if (folder / name).is_file()]
 
     def is_complete(self, folder: Path) -> bool:
-        """Whether all items are in a folder."""
-        return self.finished(folder) == self.items
+        """Whether all items and the last report are in a folder."""
+        return self.finished(folder) == self.items and all((folder / name).is_file() for name in self.reports[:1])
 
     def write(self, folder: Path) -> None:
         """Writes the index into a folder."""

@@ -176,7 +176,11 @@ def _run_held_out(
 
 
 def _changes(before: Sequence[TrialResult], after: Sequence[TrialResult]) -> dict[str, PairedChange]:
-    return {
-        name: paired_change([getattr(r, field) for r in before], [getattr(r, field) for r in after])
-        for name, (field, _) in MEASURES.items()
-    }
+    """The change of each measure; one that cannot be compared is left out, with a message."""
+    changes = {}
+    for name, (field, title) in MEASURES.items():
+        try:
+            changes[name] = paired_change([getattr(r, field) for r in before], [getattr(r, field) for r in after])
+        except ValueError as error:
+            say(f"{title} is not compared ({error})")
+    return changes
