@@ -40,7 +40,7 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
     from skill.data.demonstration import read_demonstration
     from skill.data.tables import write_atomically
     from systems.outputs.folder_lock import locked_file, locked_folder
-    from systems.outputs.output_checks import RECORDING_SIZE, check_file, check_folder
+    from systems.outputs.output_checks import RECORDING_SIZE, check_file, check_folder, named_errors
     from systems.outputs.output_set import check_set, is_begun, remove_unfinished
     from systems.reports.terminal import say
     from systems.sessions.record_session import plan_recording, record
@@ -89,7 +89,8 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
         # The largest starting tilt shows most.
         demonstration = max(recordings, key=lambda path: starting_tilt(read_demonstration(path)))
         hardest = max(results, key=lambda r: (r.inserted, abs(r.tilt[0]) + abs(r.tilt[1])))
-        write_pictures(demonstration, hardest, results, skill, out)
+        with named_errors(out, "the recordings, the skill and the runs are complete"):
+            write_pictures(demonstration, hardest, results, skill, out)
         (out / UNFINISHED).unlink()
         say(f"{time.monotonic() - start_time:.0f} s; in {out}:")
         for path in sorted(out.glob("[!.]*")):

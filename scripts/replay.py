@@ -60,7 +60,7 @@ def main(
 
         haptic-skill replay out/rig/run_0003.parquet --speed 0.25 --out slow.html
     """
-    from systems.outputs.output_checks import check_file
+    from systems.outputs.output_checks import check_file, named_errors
     from systems.reports.replay_page import write_replay
     from systems.reports.terminal import busy, say
 
@@ -68,7 +68,7 @@ def main(
     if page.resolve() == file.resolve():
         raise ValueError(f"{file} is the recording; choose another file for the page with --out")
     check_file(page)
-    with busy(f"drawing {file.name}"):
+    with busy(f"drawing {file.name}"), named_errors(page, "the recording is unchanged"):
         motion = write_replay(file, page, skill=skill, speed=speed)
     say(f"{page}: {motion.kind}, {motion.time[-1]:.2f} s, {motion.outcome} ({page.stat().st_size / 1e6:.1f} MB)")
     if skill is not None and motion.kind == "rig run":

@@ -52,7 +52,7 @@ def main(
 
     For example:
 
-        haptic-skill rig --trials 20 --seed 100 --tilt-deg 2 --friction 0.3 --json out/mine.json
+        haptic-skill rig --trials 20 --seed 100 --tilt-deg 2 --friction 0.3 --out out/mine
     """
     from systems.sessions.rig_session import run
 

@@ -38,7 +38,6 @@ ROOT = Path(__file__).resolve().parent.parent
 START, WORK, WRITE = "start-up", "work", "writing"
 SHARES = {START: 0.15, WORK: 0.35, WRITE: 0.5}
 MAX_START, MAX_WORK, MAX_WRITE = 3.0, 1.5, 3e-3  # s
-MAX_CHANGES = 25  # of the folder, before a kill while writing
 MAX_KILLS_IN_A_ROW = 12  # then the command may complete
 ORPHAN_TIME = 10.0  # s that a worker may outlive its parent
 TIMEOUT = 240.0  # s that a command may take
@@ -133,7 +132,7 @@ def wait(process: subprocess.Popen[bytes], lane: Lane, moment: str, rng: random.
     elif moment == WORK:
         delay, changes = rng.uniform(0.0, MAX_WORK), 1
     else:
-        delay, changes = rng.uniform(0.0, MAX_WRITE), rng.randint(1, MAX_CHANGES)
+        delay, changes = rng.uniform(0.0, MAX_WRITE), rng.randint(1, lane.changes)
     while changes and process.poll() is None and time.monotonic() - started < TIMEOUT:
         time.sleep(2e-4)
         now = state(lane.folder)

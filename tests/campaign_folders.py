@@ -44,9 +44,11 @@ class Lane:
     Attributes:
         name: of the command.
         folder: that it writes into.
+        changes: number of changes of the folder that the command makes, about.
     """
 
     name = ""
+    changes = 0
 
     def __init__(self, base: Path) -> None:
         self.base = base
@@ -106,7 +108,7 @@ class SetLane(Lane):
         is_new = index is not None and (index.request or {}).get("seed") == self.round
         if self.old and not is_new and whole != self.old:
             faults.append("the old set is not whole")
-        if is_new and self.old and not (index and index.is_complete(self.folder)):
+        if is_new and self.old and index is not None and index.finished(self.folder) != index.items:
             faults.append("a part of the new set has replaced the old one")
         made = new if is_new or not self.old else marks(self.folder / NEW)
         lost = [name for name, mark in self.known.items() if made.get(name) != mark]
@@ -148,6 +150,7 @@ class RecordLane(SetLane):
     """Records six demonstrations, with another seed each time."""
 
     name = "record"
+    changes = 30
 
     def command(self, jobs: int) -> list[object]:
         """The module and its arguments."""
@@ -167,6 +170,7 @@ class RigLane(SetLane):
     """Runs five short trials, with other numbers each time."""
 
     name = "rig"
+    changes = 35
 
     def command(self, jobs: int) -> list[object]:
         """The module and its arguments."""
@@ -204,6 +208,7 @@ class TrainLane(Lane):
     """Trains a skill, with another seed each time."""
 
     name = "train"
+    changes = 5
 
     def command(self, jobs: int) -> list[object]:
         """The module and its arguments."""
@@ -230,6 +235,7 @@ class PractiseLane(Lane):
     """Practises one round, with another seed each time."""
 
     name = "practise"
+    changes = 40
 
     def command(self, jobs: int) -> list[object]:
         """The module and its arguments."""
@@ -278,6 +284,7 @@ class LiveLane(Lane):
     """Keeps three live recordings, beside the earlier ones."""
 
     name = "live"
+    changes = 12
 
     def command(self, jobs: int) -> list[object]:
         """The module and its arguments."""

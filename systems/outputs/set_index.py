@@ -12,9 +12,23 @@ from typing import Any
 from skill.data.demonstration import read_demonstration
 from skill.data.rig_run import read_rig_run
 from skill.data.tables import write_atomically
+from systems.runs.trial_result import TrialResult
 
 INDEX_NAME = "index.json"
 INDEX_VERSION = 1
+
+
+def read_result(path: Path) -> TrialResult:
+    """Reads and validates a run, and returns its result.
+
+    Raises:
+        ValueError: if the file or the result in it is not valid. The message names the file.
+    """
+    row = read_rig_run(path).result
+    try:
+        return TrialResult.from_record(row)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
 
 
 @dataclass(frozen=True)
@@ -46,7 +60,7 @@ DEMONSTRATIONS = SetKind(
     "demonstrations", r"\d{3,}_(good|bad)_(?!live\.)\w+\.parquet", r"demonstrations\.png", read_demonstration
 )
 LIVE = SetKind("live recordings", r"[^.].*\.parquet", r"(?!)", read_demonstration)  # lists none: all are read
-RUNS = SetKind("runs", r"run_\d{4,}\.parquet", r"results\.json|report\.html|replay_\d{4,}\.html", read_rig_run)
+RUNS = SetKind("runs", r"run_\d{4,}\.parquet", r"results\.json|report\.html|replay_\d{4,}\.html", read_result)
 PRACTICE = SetKind(
     "practice trials",
     r"round_\d{4,}_(trial|check)_\d{4,}\.parquet|held_out_(before|after)_\d{4,}\.parquet",

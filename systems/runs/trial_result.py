@@ -68,7 +68,18 @@ class TrialResult:
 
     @classmethod
     def from_record(cls, row: Mapping[str, Any]) -> Self:
-        """Inverts `record`, except for the rounding: ``from_record(row).record() == row``."""
+        """Inverts `record`, except for the rounding: ``from_record(row).record() == row``.
+
+        Raises:
+            ValueError: if a value is missing or has another type.
+        """
+        try:
+            return cls._from_record(row)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise ValueError(f"not the result of a trial ({type(error).__name__}: {error})") from error
+
+    @classmethod
+    def _from_record(cls, row: Mapping[str, Any]) -> Self:
         fault, detail = _parse_fault(row["reason"])
         outcome, other = (Outcome.FAULT, detail) if fault is not Fault.NONE else parse_outcome(row["reason"])
         pitch, yaw = row["tilt_deg"]

@@ -121,7 +121,7 @@ def _run_missing(
     files: OutputSet, scenario: Scenario, skill: ManipulationSkill, numbers: range, jobs: int
 ) -> list[TrialResult]:
     """Runs the trials that are not there yet; `RESULTS` agrees with the run files after each."""
-    done = {n: TrialResult.from_record(files.finished[run_name(n)].result) for n in numbers if _has(files, n)}
+    done: dict[int, TrialResult] = {n: files.finished[run_name(n)] for n in numbers if run_name(n) in files.finished}
 
     def write_results() -> None:
         files.write(RESULTS, lambda path: write_json(path, [done[n].record() for n in sorted(done)]))
@@ -139,10 +139,6 @@ def _run_missing(
             write_results()
             advance(f"trial {result.seed}: {result.reason}, {result.time:.1f} s")
     return [done[n] for n in numbers]
-
-
-def _has(files: OutputSet, number: int) -> bool:
-    return run_name(number) in files.finished
 
 
 def write_report(results: Sequence[TrialResult], out: Path, *, skill: str, scenario: Scenario) -> None:

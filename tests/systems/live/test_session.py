@@ -426,9 +426,11 @@ def test_the_hand_follows_the_sliders_50_times_a_second(quiet, monkeypatch):
 
 def test_recordings_are_numbered_after_the_largest_number(tmp_path):
     assert next_number(tmp_path) == 0
-    for name in ("004_good_live.parquet", "017_bad_live.parquet", "099_note.txt", "1_x.parquet"):
+    for name in ("004_good_live.parquet", "017_bad_live.parquet", "099_note.txt", "1_x.parquet", "20_x.parquet"):
         (tmp_path / name).touch()
     assert next_number(tmp_path) == 18
+    (tmp_path / "1000_good_live.parquet").touch()
+    assert next_number(tmp_path) == 1001  # not 100, which would replace a recording later
 
 
 class Session:

@@ -5,6 +5,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,14 @@ def test_a_damaged_item_is_made_again(tmp_path):
     (tmp_path / NAMES[1]).write_bytes((tmp_path / NAMES[1]).read_bytes()[:500])
     assert make_set(tmp_path, 1).damaged == [NAMES[1]]
     assert seeds(tmp_path) == [1, 1, 1]
+
+
+def test_a_run_without_a_valid_result_is_made_again(tmp_path):
+    index = SetIndex(RUNS, {}, ("run_0000.parquet",))
+    with open_set(tmp_path, index, overwrite=False) as runs:
+        runs.write("run_0000.parquet", lambda path: write_rig_run(replace(make_rig_run(), result={}), path))
+    with open_set(tmp_path, index, overwrite=False) as runs:
+        assert (runs.finished, runs.damaged) == ({}, ["run_0000.parquet"])
 
 
 def test_a_set_of_another_request_is_not_replaced_unasked(tmp_path):

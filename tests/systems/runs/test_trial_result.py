@@ -45,3 +45,20 @@ def test_every_rounded_row_is_kept_exactly():
 def test_an_exact_result_is_kept_in_full_precision():
     result = replace(RESULT, outcome=Outcome.FAULT, fault=Fault.SENSOR_STUCK)
     assert exact_result(json.loads(json.dumps(asdict(result)))) == result
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        {},
+        {k: v for k, v in RESULT.record().items() if k != "depth_mm"},
+        RESULT.record() | {"tilt_deg": 3.0},
+        RESULT.record() | {"tilt_deg": [1.0]},
+        RESULT.record() | {"states": None},
+        RESULT.record() | {"reason": None},
+        RESULT.record() | {"depth_mm": "deep"},
+    ],
+)
+def test_a_row_that_is_not_a_result_is_one_error(row):
+    with pytest.raises(ValueError, match="not the result of a trial"):
+        TrialResult.from_record(row)
