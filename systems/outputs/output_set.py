@@ -122,7 +122,7 @@ def check_set(folder: Path, index: SetIndex, *, overwrite: bool) -> SetIndex | N
     if old is not None and old.kind is not index.kind:
         raise ValueError(f"{folder}: holds {old.kind.name}, not {index.kind.name}; choose another --out")
     if index.kind is DEMONSTRATIONS:
-        _refuse_live(folder, set() if old is None else old.names)
+        _refuse_live(folder)
     _refuse_foreign(folder, old, index, overwrite=overwrite)
     if old is not None and old.request != index.request and old.finished(folder) and not overwrite:
         raise ValueError(
@@ -167,10 +167,10 @@ def remove_unfinished(folder: Path, names: Iterable[str]) -> list[Path]:
     return removed
 
 
-def _refuse_live(folder: Path, listed: set[str]) -> None:
-    """Refuses a folder that holds live recordings, as files that are not in the index."""
+def _refuse_live(folder: Path) -> None:
+    """Refuses a folder that holds live recordings, whatever their names and the index say."""
     for path in sorted(folder.glob("*.parquet")):
-        if path.name not in listed and _is_live(path):
+        if _is_live(path):
             raise ValueError(f"{path}: a live recording, which no command replaces; choose another --out")
 
 

@@ -183,7 +183,7 @@ def test_recordings_are_not_made_beside_foreign_ones_unasked(tmp_path):
     assert "mine.parquet" in files(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["000_good_live.parquet", "mine.parquet"])
+@pytest.mark.parametrize("name", ["000_good_live.parquet", "mine.parquet", NAMES[1]])
 @pytest.mark.parametrize("with_set", [False, True])
 def test_live_recordings_are_never_replaced(tmp_path, name, with_set):
     if with_set:
