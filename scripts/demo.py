@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from scripts.command_line import command, make_app, run_app
 from scripts.options import Bad, Jobs, OneOrMoreGood, OutFolder, ScenarioName, Seed, Trials
-from scripts.record_demonstrations import record
-from scripts.replay import write_replay
-from scripts.run_rig import run
 from scripts.train_skill import train
 
 if TYPE_CHECKING:
@@ -22,6 +21,14 @@ if TYPE_CHECKING:
 
 app = make_app()
 
+SKILL, UNFINISHED = "skill.npz", ".unfinished-demo.json"
+PICTURES = (
+    *("fig3_demonstration.png", "fig5_insertion.png", "rig_trials.png"),
+    *("replay_demonstration.html", "replay_insertion.html"),
+    *("recording_demonstration.html", "recording_insertion.html"),
+)
+PICTURE_SIZE = 3_000_000  # bytes, about
+
 
 def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: str, jobs: int) -> None:
     """Runs the chain and writes everything into the folder ``out``.
@@ -31,31 +38,63 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
         OSError: if a file cannot be written.
     """
     from skill.data.demonstration import read_demonstration
+    from skill.data.tables import write_atomically
+    from systems.outputs.folder_lock import locked_file, locked_folder
+    from systems.outputs.output_checks import RECORDING_SIZE, check_file, check_folder, named_errors
+    from systems.outputs.output_set import check_set, is_begun, remove_unfinished
     from systems.reports.terminal import say
+    from systems.sessions.record_session import plan_recording, record
+    from systems.sessions.rig_session import rig_index, run
 
     start_time = time.monotonic()
-    recordings = record(
-        out=out / "demonstrations", good=good, bad=bad, seed=seed, scenario=scenario, jobs=jobs, overwrite=True
-    )
-    skill = train(demonstrations=out / "demonstrations", out=out / "skill.npz", seed=seed)
-    results = run(
-        skill=out / "skill.npz",
-        trials=trials,
-        seed=seed * trials,
-        tilt_deg=None,
-        friction=None,
-        scenario=scenario,
-        out=out / "rig",
-        json=None,
-        jobs=jobs,
-    )
-    # The largest starting tilt shows most.
-    demonstration = max(recordings, key=lambda path: starting_tilt(read_demonstration(path)))
-    hardest = max(results, key=lambda r: (r.inserted, abs(r.tilt[0]) + abs(r.tilt[1])))
-    write_pictures(demonstration, hardest, results, skill, out)
-    say(f"{time.monotonic() - start_time:.0f} s; in {out}:")
-    for path in sorted(out.iterdir()):
-        say(f"  {path.name}{'/' if path.is_dir() else ''}")
+    recorded, inserted, first = out / "demonstrations", out / "rig", seed * trials
+    plan = plan_recording(out=recorded, good=good, bad=bad, seed=seed, scenario=scenario)
+    runs = rig_index(plan.scenario, trials=trials, seed=first, skill=b"")
+    check_folder(out, size=len(PICTURES) * PICTURE_SIZE + (good + bad + trials) * RECORDING_SIZE)
+    for name in (SKILL, *PICTURES):
+        check_file(out / name)
+    with ExitStack() as locks:
+        for folder in (out, recorded, inserted):
+            locks.enter_context(locked_folder(folder))
+        locks.enter_context(locked_file(out / SKILL))
+        check_set(recorded, plan.index, overwrite=True)
+        check_set(inserted, runs, overwrite=True)
+        remove_unfinished(out, (*PICTURES, UNFINISHED))
+        request = json.dumps({**(plan.index.request or {}), "trials": trials}).encode()
+        goes_on = (out / UNFINISHED).is_file() and (out / UNFINISHED).read_bytes() == request
+        write_atomically(out / UNFINISHED, request)
+        recordings = record(
+            out=recorded,
+            good=good,
+            bad=bad,
+            seed=seed,
+            scenario=scenario,
+            jobs=jobs,
+            overwrite=not (goes_on and is_begun(recorded, plan.index)),
+        )
+        skill = train(demonstrations=recorded, out=out / SKILL, seed=seed)
+        runs = rig_index(plan.scenario, trials=trials, seed=first, skill=(out / SKILL).read_bytes())
+        results = run(
+            skill=out / SKILL,
+            trials=trials,
+            seed=first,
+            tilt_deg=None,
+            friction=None,
+            scenario=scenario,
+            out=inserted,
+            json=None,
+            jobs=jobs,
+            overwrite=not (goes_on and is_begun(inserted, runs)),
+        )
+        # The largest starting tilt shows most.
+        demonstration = max(recordings, key=lambda path: starting_tilt(read_demonstration(path)))
+        hardest = max(results, key=lambda r: (r.inserted, abs(r.tilt[0]) + abs(r.tilt[1])))
+        with named_errors(out, "the recordings, the skill and the runs are complete"):
+            write_pictures(demonstration, hardest, results, skill, out)
+        (out / UNFINISHED).unlink()
+        say(f"{time.monotonic() - start_time:.0f} s; in {out}:")
+        for path in sorted(out.glob("[!.]*")):
+            say(f"  {path.name}{'/' if path.is_dir() else ''}")
 
 
 def starting_tilt(demonstration: Demonstration) -> float:
@@ -82,6 +121,7 @@ def write_pictures(
     from skill.data.demonstration import read_demonstration
     from skill.data.rig_run import read_rig_run
     from skill.figures.paper_figures import plot_demonstration, plot_outcomes, plot_run, save_figure
+    from systems.reports.replay_page import write_replay
     from systems.reports.terminal import progress
     from systems.runs.demonstration_run import run_demonstration
     from systems.runs.trial import run_trial
@@ -93,7 +133,7 @@ def write_pictures(
         save_figure(plot_run(read_rig_run(run_file)), out / "fig5_insertion.png")
         save_figure(plot_outcomes(pd.DataFrame([r.record() for r in results])), out / "rig_trials.png")
         advance("figures")
-        write_replay(demonstration, out / "replay_demonstration.html", skill=out / "skill.npz")
+        write_replay(demonstration, out / "replay_demonstration.html", skill=out / SKILL)
         write_replay(run_file, out / "replay_insertion.html")
         advance("replays")
         with recorded(out / "recording_demonstration.html") as meshcat:
@@ -122,7 +162,8 @@ def main(
     seed gives other trials.
 
     Reads a scenario. Writes into the folder of `--out` the recordings, the skill, the runs with their report, three
-    figures, and replays of one demonstration and one insertion. Replaces what an earlier demo left there.
+    figures, and replays of one demonstration and one insertion. Replaces what an earlier demo left there, once the new
+    recordings and runs are complete; never other files, and never live recordings. Goes on after an interruption.
 
     For example:
 

@@ -12,7 +12,10 @@ import typer
 from scripts import block_diagram, demo, practise, record_demonstrations, replay, run_rig, train_skill
 from scripts.command_line import make_app, run_app
 
-EXIT_CODES = "Exit codes: 0 success; 1 error, with one line on stderr; 2 wrong usage; 130 interrupted with Ctrl-C."
+EXIT_CODES = (
+    "Exit codes: 0 success; 1 error, with one line on stderr; 2 wrong usage; 130 interrupted with Ctrl-C;"
+    " 143 ended by SIGTERM."
+)
 
 app = make_app(no_args_is_help=True, epilog=EXIT_CODES)
 app.command("demo")(demo.main)

@@ -7,21 +7,49 @@ from typing import Annotated
 
 import typer
 
+MAX_SEED = 2**32 - 1  # the largest that NumPy and scikit-learn accept everywhere
+MAX_TRIALS = 100_000
+
+
+def parse_path(text: str | Path) -> Path:
+    """Converts the value of an option to a path; an empty one would mean the current folder, and is refused."""
+    if not str(text):
+        raise typer.BadParameter("an empty path; expected the name of a file or folder")
+    return Path(text)
+
+
 SCENARIO = typer.Option("--scenario", help="Name of a scenario in models/scenarios, or path of a YAML file.")
 SKILL = typer.Option("--skill", metavar="FILE.npz", help="Skill to read, a file that `haptic-skill train` wrote.")
+SEED_HELP = "Seeds the random draws; trial k of the rig uses seed + k."
 GOOD_HELP = "Number of good demonstrations: they insert gently."
 
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Seeds the random draws; trial k of the rig uses seed + k.")]
-Jobs = Annotated[int, typer.Option("--jobs", min=1, help="Number of processes.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, max=MAX_SEED, help=SEED_HELP)]
+Jobs = Annotated[int, typer.Option("--jobs", min=1, max=256, help="Number of processes.")]
 ScenarioName = Annotated[str, SCENARIO]
 OptionalScenarioName = Annotated[str | None, SCENARIO]
 SkillFile = Annotated[Path, SKILL]
 OptionalSkillFile = Annotated[Path | None, SKILL]
-OutFolder = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder to write into.")]
-OutFile = Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write; replaces an existing file.")]
+OutFolder = Annotated[Path, typer.Option("--out", parser=parse_path, metavar="FOLDER", help="Folder to write into.")]
+OptionalOutFolder = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        parser=parse_path,
+        metavar="FOLDER",
+        help="Folder to write into.",
+        show_default="out/demonstrations, with --live out/live",
+    ),
+]
+OutFile = Annotated[
+    Path, typer.Option("--out", parser=parse_path, metavar="FILE", help="File to write; replaces an existing file.")
+]
 Good = Annotated[int, typer.Option("--good", min=0, help=GOOD_HELP)]
 OneOrMoreGood = Annotated[int, typer.Option("--good", min=1, help=GOOD_HELP)]
 Bad = Annotated[
     int, typer.Option("--bad", min=0, help="Number of bad demonstrations: they jam, slam, give up or over-correct.")
 ]
-Trials = Annotated[int, typer.Option("--trials", min=1, help="Number of insertions on the rig.")]
+Overwrite = Annotated[
+    bool,
+    typer.Option("--overwrite", help="Replace what this program wrote into the folder of --out, once all is complete."),
+]
+Trials = Annotated[int, typer.Option("--trials", min=1, max=MAX_TRIALS, help="Number of insertions on the rig.")]

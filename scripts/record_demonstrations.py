@@ -5,63 +5,15 @@ from __future__ import annotations
 import os
 import sys
 import webbrowser
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from scripts.command_line import command, make_app, run_app
-from scripts.options import Bad, Good, Jobs, OptionalScenarioName, OutFolder, Seed
-
-if TYPE_CHECKING:
-    from systems.haptics.coupling_margins import Margin
+from scripts.options import Bad, Good, Jobs, OptionalOutFolder, OptionalScenarioName, Overwrite, Seed
 
 app = make_app()
-
-
-def record(*, out: Path, good: int, bad: int, seed: int, scenario: str, jobs: int, overwrite: bool) -> list[Path]:
-    """Records ``good`` + ``bad`` demonstrations into the folder ``out``, and returns the paths of their files.
-
-    Raises:
-        ValueError: if no demonstration is requested, the folder holds recordings and ``overwrite`` is false, or the
-            scenario is not valid or not stable.
-        OSError: if a file cannot be written. The recordings that were finished stay.
-    """
-    from models.scenario import load_scenario
-    from skill.data.demonstration import read_demonstrations, write_demonstration
-    from skill.figures.demonstration_figure import plot_set
-    from skill.figures.paper_figures import save_figure
-    from systems.haptics.coupling_margins import require_margins
-    from systems.reports.terminal import progress, say
-    from systems.runs.demonstration_set import demonstrate_all, requests
-
-    chosen = load_scenario(scenario)
-    requested = requests(good, bad)
-    if not requested:
-        raise ValueError("0 demonstrations requested; expected --good or --bad to be at least 1")
-    old = sorted(out.glob("*.parquet"))
-    if old and not overwrite:
-        raise ValueError(f"{out}: holds {len(old)} recordings already; choose another --out, or add --overwrite")
-    margins = require_margins(chosen)
-    for path in old:
-        path.unlink()
-    remove_unfinished(out)
-    print_margins(margins)
-    written: list[Path] = []
-    lowest: list[float] = []
-    with progress("demonstrations", len(requested)) as advance:
-        for request, demonstration in demonstrate_all(chosen, requested, seed=seed, jobs=jobs):
-            path = out / f"{request.number:03d}_{'good' if request.good else 'bad'}_{request.habit}.parquet"
-            write_demonstration(demonstration, path)
-            written.append(path)
-            lowest.append(demonstration.metadata["lowest_probe_energy_J"])
-            advance(f"{request.habit}: {demonstration.reason}, {demonstration.duration:.1f} s")
-    figure = out / "demonstrations.png"
-    save_figure(plot_set(read_demonstrations(out), rough_force=chosen.recorder.rough_force), figure)
-    say(f"{len(written)} demonstrations in {out}; outcomes, forces and times in {figure.name}")
-    say(f"minimum energy at the probe's port: {1e3 * min(lowest):.3f} mJ (negative: the display produced energy)")
-    return written
 
 
 def record_live(*, out: Path, seed: int, scenario: str, driver: str | None, port: int | None) -> list[Path]:
@@ -77,11 +29,10 @@ def record_live(*, out: Path, seed: int, scenario: str, driver: str | None, port
     from systems.live.session import LiveSession
     from systems.operators.device_operator import find_device
     from systems.reports.terminal import say
+    from systems.sessions.margin_table import print_margins
 
     chosen = load_scenario(scenario)
     print_margins(require_margins(chosen))
-    out.mkdir(parents=True, exist_ok=True)
-    remove_unfinished(out)
     meshcat, page = open_live_page(port)
     say(f"open {page.address} in a browser")
     if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
@@ -103,45 +54,16 @@ def record_live(*, out: Path, seed: int, scenario: str, driver: str | None, port
     return kept
 
 
-def remove_unfinished(folder: Path) -> None:
-    """Removes the temporary files of a session that was killed while writing, never a finished recording."""
-    from systems.reports.terminal import say
-
-    unfinished = sorted(folder.glob(".*.parquet.*"))
-    for path in unfinished:
-        path.unlink()
-    if unfinished:
-        say(f"removed {len(unfinished)} unfinished file(s) of an earlier session; finished recordings are complete")
-
-
-def print_margins(margins: Sequence[Margin]) -> None:
-    """Prints the stability conditions of the coupling, one row each: value, limit, and the factor between them."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    from systems.reports.terminal import console
-
-    table = Table(title="stability margins of the coupling", box=SIMPLE_HEAD)
-    for column in ("condition", "value", "below", "unit", "margin"):
-        table.add_column(column, justify="left" if column in ("condition", "unit") else "right")
-    for m in margins:
-        note = f"x{m.factor:.2g}" if m.required else f"x{m.factor:.2g}, for comparison"
-        table.add_row(m.name, f"{m.value:.3g}", f"{m.limit:.3g}", m.unit, note)
-    console.print(table)
-
-
 @app.command()
 @command
 def main(
-    out: OutFolder = Path("out/demonstrations"),
+    out: OptionalOutFolder = None,
     good: Good = 24,
     bad: Bad = 6,
     seed: Seed = 0,
     scenario: OptionalScenarioName = None,
     jobs: Jobs = 2,
-    overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Remove the recordings in the folder of --out first.")
-    ] = False,
+    overwrite: Overwrite = False,
     live: Annotated[bool, typer.Option("--live", help="Demonstrate yourself, in the browser.")] = False,
     driver: Annotated[
         str | None, typer.Option(help="With --live: name of your device driver, or 'spacemouse' (see docs/haptics.md).")
@@ -158,18 +80,29 @@ def main(
 
     Reads a scenario (nominal, or live with `--live`). Writes into the folder of `--out` one .parquet file per
     demonstration, with the fourteen channels and the action, sampled at 50 Hz, and demonstrations.png. The seed
-    chooses the operators and the starting poses.
+    chooses the operators and the starting poses. Given again after an interruption, it goes on where it stopped. Live
+    recordings have a folder of their own, which no command replaces.
 
     For example:
 
         haptic-skill record --good 8 --bad 2 --out out/few
     """
+    if live and overwrite:
+        raise typer.BadParameter("--overwrite is not for --live: live recordings are never deleted")
     if live:
-        record_live(out=out, seed=seed, scenario=scenario or "live", driver=driver, port=port)
+        from systems.outputs.live_folder import open_live_folder
+
+        folder = out or Path("out/live")
+        with open_live_folder(folder):
+            record_live(out=folder, seed=seed, scenario=scenario or "live", driver=driver, port=port)
     elif driver is not None or port is not None:
         raise typer.BadParameter("--driver and --port need --live")
     else:
-        record(out=out, good=good, bad=bad, seed=seed, scenario=scenario or "nominal", jobs=jobs, overwrite=overwrite)
+        from systems.sessions.record_session import record
+
+        folder = out or Path("out/demonstrations")
+        chosen = scenario or "nominal"
+        record(out=folder, good=good, bad=bad, seed=seed, scenario=chosen, jobs=jobs, overwrite=overwrite)
 
 
 if __name__ == "__main__":

@@ -5,43 +5,14 @@ from __future__ import annotations
 import sys
 import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from scripts.command_line import command, make_app, run_app
-from scripts.options import OptionalSkillFile
-
-if TYPE_CHECKING:
-    from systems.reports.motion import Motion
+from scripts.options import OptionalSkillFile, parse_path
 
 app = make_app()
-
-
-def write_replay(
-    file: Path, page: Path, *, title: str | None = None, skill: Path | None = None, speed: float = 1.0
-) -> Motion:
-    """Writes the replay of a stored demonstration or rig run, and returns its motion.
-
-    Args:
-        file: demonstration or rig run (.parquet).
-        page: HTML file to write.
-        title: heading of the page; None takes the name of the file.
-        skill: skill file that names the contact states of a demonstration.
-        speed: speed of the replay; 1 is the speed of the motion.
-
-    Raises:
-        ValueError: if a file is not valid, or the speed is not positive.
-        OSError: if the page cannot be written.
-    """
-    from skill.data.tables import write_atomically
-    from systems.reports.motion import read_motion
-    from systems.reports.replay_page import replay_page
-
-    motion = read_motion(file, skill)
-    html = replay_page(motion, title=file.stem if title is None else title, speed=speed)
-    write_atomically(page, html.encode())
-    return motion
 
 
 @app.command()
@@ -58,7 +29,10 @@ def main(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="HTML page to write; replaces an existing file.", metavar="FILE", show_default="FILE, ending in .html"
+            parser=parse_path,
+            help="HTML page to write; replaces an existing file.",
+            metavar="FILE",
+            show_default="FILE, ending in .html",
         ),
     ] = None,
     skill: OptionalSkillFile = None,
@@ -86,12 +60,15 @@ def main(
 
         haptic-skill replay out/rig/run_0003.parquet --speed 0.25 --out slow.html
     """
+    from systems.outputs.output_checks import check_file, named_errors
+    from systems.reports.replay_page import write_replay
     from systems.reports.terminal import busy, say
 
     page = file.with_suffix(".html") if out is None else out
     if page.resolve() == file.resolve():
         raise ValueError(f"{file} is the recording; choose another file for the page with --out")
-    with busy(f"drawing {file.name}"):
+    check_file(page)
+    with busy(f"drawing {file.name}"), named_errors(page, "the recording is unchanged"):
         motion = write_replay(file, page, skill=skill, speed=speed)
     say(f"{page}: {motion.kind}, {motion.time[-1]:.2f} s, {motion.outcome} ({page.stat().st_size / 1e6:.1f} MB)")
     if skill is not None and motion.kind == "rig run":

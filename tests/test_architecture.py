@@ -78,8 +78,9 @@ def test_scripts_hold_command_lines_only():
     assert sum(lines.values()) < MAX_SCRIPT_LINES, lines
 
 
-def test_reports_are_made_without_drake():
-    reached, open_names = set(), {name for name in MODULES if name.startswith("systems.reports.")}
+@pytest.mark.parametrize("room", ["reports", "outputs"])
+def test_reports_and_outputs_are_made_without_drake(room):
+    reached, open_names = set(), {name for name in MODULES if name.startswith(f"systems.{room}.")}
     while open_names:
         name = open_names.pop()
         reached.add(name)

@@ -12,11 +12,11 @@ import re
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from threadpoolctl import threadpool_limits
 
 from models.scenario import Scenario
@@ -25,6 +25,7 @@ from skill.features.wrench_features import MEASURED
 from skill.policy import RigPolicy
 from systems.reports.terminal import write_json
 from systems.runs.trial import run_trial, trial_scenario
+from systems.runs.worker_pool import run_in_processes
 
 FIRST_TRIAL, FIRST_TUNING = 7000, 9000
 QUERIES = 300  # decisions over which the query time is measured
@@ -152,9 +153,8 @@ def attempt(scenario: Scenario, policy: RigPolicy, number: int) -> Row:
 
 def attempts(setting: Setting, policy: RigPolicy, numbers: list[int]) -> Iterator[Row]:
     """Performs the trials and yields their results in order, as they end."""
-    if numbers:
-        work = (delayed(attempt)(setting.scenario, policy, number) for number in numbers)
-        yield from Parallel(n_jobs=setting.jobs, return_as="generator")(work)
+    tasks = (partial(attempt, setting.scenario, policy, number) for number in numbers)
+    yield from run_in_processes(tasks, jobs=setting.jobs)
 
 
 def query_time(policy: RigPolicy, demonstrations: Sequence[Demonstration]) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -317,5 +318,5 @@ def live_scenario(scenario: Scenario, *, seed: int, number: int) -> Scenario:
 
 def next_number(folder: Path) -> int:
     """Returns one more than the largest number with which the name of a recording in ``folder`` begins."""
-    numbers = [int(path.name[:3]) for path in folder.glob("[0-9][0-9][0-9]_*.parquet")]
-    return max(numbers, default=-1) + 1
+    matches = (re.match(r"(\d{3,})_", path.name) for path in folder.glob("*.parquet"))
+    return max((int(match[1]) for match in matches if match), default=-1) + 1

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import html
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from systems.reports.motion import Motion
+from skill.data.tables import write_atomically
+from systems.reports.motion import Motion, read_motion
 from systems.reports.page_template import fill_page, script_value
 from systems.reports.scene import CAMERA, FORCE_COLOUR, MOMENT_COLOUR, arrow_scale, draw_scene, viewer_source
 
@@ -37,6 +39,28 @@ def replay_page(motion: Motion, *, title: str, speed: float = 1.0) -> str:
         scene_commands=script_value(draw_scene(motion).commands_base64()),
         data=script_value(_overlay_data(motion, title, speed)),
     )
+
+
+def write_replay(
+    file: Path, page: Path, *, title: str | None = None, skill: Path | None = None, speed: float = 1.0
+) -> Motion:
+    """Writes the replay of a stored demonstration or rig run, and returns its motion.
+
+    Args:
+        file: demonstration or rig run (.parquet).
+        page: HTML file to write.
+        title: heading of the page; None takes the name of the file.
+        skill: skill file that names the contact states of a demonstration.
+        speed: speed of the replay; 1 is the speed of the motion.
+
+    Raises:
+        ValueError: if a file is not valid, or the speed is not positive.
+        OSError: if the page cannot be written.
+    """
+    motion = read_motion(file, skill)
+    html = replay_page(motion, title=file.stem if title is None else title, speed=speed)
+    write_atomically(page, html.encode())
+    return motion
 
 
 def _overlay_data(motion: Motion, title: str, speed: float) -> dict[str, Any]:

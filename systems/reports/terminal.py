@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import json
 import logging
+import signal
+import threading
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
+from types import FrameType
 from typing import Any, NoReturn, ParamSpec, TypeVar
 
 from rich.console import Console
@@ -25,8 +28,8 @@ warnings.filterwarnings("ignore", message=r"\d+ tasks which were still being pro
 console = Console()
 errors = Console(stderr=True)
 
-FAILED, INTERRUPTED = 1, 130
-"""Exit codes of a command that failed, and of one that Ctrl-C ended. Wrong usage is 2, success 0."""
+FAILED, INTERRUPTED, TERMINATED = 1, 130, 143
+"""Exit codes of a command that failed, or that Ctrl-C or SIGTERM ended. Wrong usage is 2, success 0."""
 
 SIMULATION_PACKAGES = ("pydrake", "joblib", "yaml")
 """Packages that the extra ``sim`` installs."""
@@ -40,7 +43,7 @@ def report_errors(command: Callable[P, R]) -> Callable[P, R]:
 
     - ValueError, OSError: ``error: ...``, exit code 1.
     - ModuleNotFoundError of a package of the simulation: which extra to install, exit code 1.
-    - KeyboardInterrupt (Ctrl-C): ``interrupted``, exit code 130.
+    - KeyboardInterrupt (Ctrl-C): ``interrupted``, exit code 130; `Terminated` (SIGTERM): ``terminated``, 143.
 
     Other exceptions are defects of the program and keep their traceback.
     """
@@ -48,26 +51,49 @@ def report_errors(command: Callable[P, R]) -> Callable[P, R]:
     @wraps(command)
     def reporting(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            return command(*args, **kwargs)
+            with sigterm_raises():
+                return command(*args, **kwargs)
         except (ValueError, OSError) as error:
             fail(str(error) or type(error).__name__)
         except ImportError as error:
             if isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while Drake was initialising
-                interrupt()
+                interrupt(error.__cause__)
             package = (error.name or "").split(".")[0]
             if package not in SIMULATION_PACKAGES:
                 raise
             fail(f"this command needs the simulation, but '{package}' is missing: install haptic-skill[sim]")
-        except KeyboardInterrupt:
-            interrupt()
+        except KeyboardInterrupt as reason:
+            interrupt(reason)
 
     return reporting
 
 
-def interrupt() -> NoReturn:
-    """Prints ``interrupted`` on stderr, and exits with code 130."""
-    errors.print("interrupted")
-    raise SystemExit(INTERRUPTED) from None
+class Terminated(KeyboardInterrupt):
+    """SIGTERM has arrived; it ends a command as Ctrl-C does."""
+
+
+@contextmanager
+def sigterm_raises() -> Iterator[None]:
+    """Raises `Terminated` in the main thread when SIGTERM arrives, so that locks and workers are released."""
+
+    def handle(number: int, frame: FrameType | None) -> NoReturn:
+        raise Terminated
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread may set a handler
+        return
+    previous = signal.signal(signal.SIGTERM, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+def interrupt(reason: BaseException) -> NoReturn:
+    """Prints on stderr that the command was interrupted or terminated, and exits with code 130 or 143."""
+    terminated = isinstance(reason, Terminated)
+    errors.print("terminated" if terminated else "interrupted")
+    raise SystemExit(TERMINATED if terminated else INTERRUPTED) from None
 
 
 def fail(message: str) -> NoReturn:

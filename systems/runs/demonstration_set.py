@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-
-from joblib import Parallel, delayed
+from functools import partial
 
 from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
 from skill.data.demonstration import Demonstration
 from skill.data.outcome import Outcome
 from systems.runs.demonstration_run import run_demonstration
+from systems.runs.worker_pool import run_in_processes
 
 GOOD_HABITS = ("expert", "novice")
 BAD_HABITS = ("blind", "slams", "gives_up", "overcorrects")
 OPERATORS = 10  # number of people who demonstrate in turn: three of thirty demonstrations each
 MAX_ATTEMPTS = 50
+MAX_DEMONSTRATIONS = 10_000  # in one set, so that `attempt_seed` is unique
 
 
 @dataclass(frozen=True)
@@ -40,15 +41,22 @@ class Request:
 
 
 def requests(good: int, bad: int) -> list[Request]:
-    """Returns the requests for a set: first the good habits in turn, then the bad habits in turn."""
+    """Returns the requests for a set: first the good habits in turn, then the bad habits in turn.
+
+    Raises:
+        ValueError: if none or more than `MAX_DEMONSTRATIONS` are requested.
+    """
+    if not 1 <= good + bad <= MAX_DEMONSTRATIONS:
+        limit = f"{MAX_DEMONSTRATIONS:,}"
+        raise ValueError(f"{good + bad} demonstrations requested; expected --good plus --bad to be 1 to {limit}")
     habits = [(GOOD_HABITS[i % len(GOOD_HABITS)], True) for i in range(good)]
     habits += [(BAD_HABITS[i % len(BAD_HABITS)], False) for i in range(bad)]
     return [Request(i, habit, outcome) for i, (habit, outcome) in enumerate(habits)]
 
 
 def attempt_seed(seed: int, number: int, attempt: int) -> int:
-    """Returns the seed of one attempt; it is unique for attempt < MAX_ATTEMPTS and number < 10,000."""
-    return (seed * 10_000 + number) * MAX_ATTEMPTS + attempt
+    """Returns the seed of one attempt; it is unique for attempt < MAX_ATTEMPTS and number < MAX_DEMONSTRATIONS."""
+    return (seed * MAX_DEMONSTRATIONS + number) * MAX_ATTEMPTS + attempt
 
 
 def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstration:
@@ -82,10 +90,8 @@ def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstra
 
 
 def demonstrate_all(
-    scenario: Scenario, requested: list[Request], *, seed: int, jobs: int
+    scenario: Scenario, requested: Sequence[Request], *, seed: int, jobs: int
 ) -> Iterator[tuple[Request, Demonstration]]:
     """Yields the demonstrations in the order of the requests, as they finish, from ``jobs`` processes."""
-    results = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(demonstrate)(scenario, request, seed=seed) for request in requested
-    )
-    yield from zip(requested, results, strict=True)
+    tasks = (partial(demonstrate, scenario, request, seed=seed) for request in requested)
+    yield from zip(requested, run_in_processes(tasks, jobs=jobs), strict=True)

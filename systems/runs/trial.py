@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
+from functools import partial
 
 import numpy as np
 import pandas as pd
-from joblib import Parallel, delayed
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
@@ -24,6 +24,7 @@ from systems.runs.jamming import is_jammed
 from systems.runs.penetration import deepest_overlap
 from systems.runs.provenance import versions
 from systems.runs.trial_result import TrialResult
+from systems.runs.worker_pool import run_in_processes
 
 
 class TrialMonitor:
@@ -90,9 +91,8 @@ def run_trials(
     scenario: Scenario, skill: RigPolicy, numbers: list[int], *, jobs: int
 ) -> Iterator[tuple[TrialResult, RigRun]]:
     """Yields the trials in the order of their numbers, as they finish, from ``jobs`` processes."""
-    yield from Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(run_trial)(trial_scenario(scenario, number=n), skill, seed=n) for n in numbers
-    )
+    tasks = (partial(run_trial, trial_scenario(scenario, number=n), skill, seed=n) for n in numbers)
+    yield from run_in_processes(tasks, jobs=jobs)
 
 
 def run_trial(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
-from skill.data.outcome import Outcome
+from skill.data.outcome import Outcome, parse_outcome
 from systems.control.faults import Fault
 
 
@@ -65,6 +66,43 @@ class TrialResult:
             return f"{self.fault.label}: {self.detail}" if self.detail else self.fault.label
         return self.outcome.text(self.detail)
 
+    @classmethod
+    def from_record(cls, row: Mapping[str, Any]) -> Self:
+        """Inverts `record`, except for the rounding: ``from_record(row).record() == row``.
+
+        Raises:
+            ValueError: if a value is missing or has another type.
+        """
+        try:
+            return cls._from_record(row)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise ValueError(f"not the result of a trial ({type(error).__name__}: {error})") from error
+
+    @classmethod
+    def _from_record(cls, row: Mapping[str, Any]) -> Self:
+        fault, detail = _parse_fault(row["reason"])
+        outcome, other = (Outcome.FAULT, detail) if fault is not Fault.NONE else parse_outcome(row["reason"])
+        pitch, yaw = row["tilt_deg"]
+        return cls(
+            seed=row["seed"],
+            tilt=(math.radians(pitch), math.radians(yaw)),
+            outcome=outcome,
+            time=row["time_s"],
+            depth=1e-3 * row["depth_mm"],
+            peak_axial_force=row["peak_axial_n"],
+            peak_lateral_force=row["peak_lateral_n"],
+            peak_moment=row["peak_moment_nm"],
+            penetration=1e-6 * row["penetration_um"],
+            steps=row["steps"],
+            lost_steps=row["lost_steps"],
+            back_offs=row["back_offs"],
+            unknown_time=row["unknown_s"],
+            unsupported_time=row["unsupported_s"],
+            states=tuple(row["states"]),
+            fault=fault,
+            detail=other,
+        )
+
     def record(self) -> dict[str, Any]:
         """Returns the row for ``results.json`` and run files: in mm, um and degrees, and rounded."""
         return {
@@ -85,3 +123,11 @@ class TrialResult:
             "unsupported_s": round(self.unsupported_time, 2),
             "states": list(self.states),
         }
+
+
+def _parse_fault(reason: str) -> tuple[Fault, str]:
+    """Returns the fault with which the text of a reason begins, and the detail after it; ``Fault.NONE`` without one."""
+    for fault in Fault:
+        if fault is not Fault.NONE and (reason == fault.label or reason.startswith(f"{fault.label}: ")):
+            return fault, reason[len(fault.label) + 2 :]
+    return Fault.NONE, ""

@@ -66,9 +66,10 @@ def test_overwriting_with_a_bad_scenario_removes_nothing(tmp_path, demonstration
     assert files(tmp_path) == ["mine.parquet", "unstable.yaml"]
 
 
-def test_zero_demonstrations_are_an_error(tmp_path):
-    line = error_line(invoke("record", "--good", 0, "--bad", 0, "--out", tmp_path / "out"))
-    assert "--good" in line
+def test_no_or_too_many_demonstrations_are_an_error(tmp_path):
+    for good in (0, 10_001):
+        line = error_line(invoke("record", "--good", good, "--bad", 0, "--out", tmp_path / "out"))
+        assert f"{good} demonstrations requested; expected --good plus --bad to be 1 to 10,000" in line
     assert files(tmp_path) == []
 
 

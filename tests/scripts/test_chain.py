@@ -12,7 +12,7 @@ from skill.data.demonstration import read_demonstrations
 from skill.data.rig_run import read_rig_run
 from skill.manipulation_skill import ManipulationSkill
 from tests.quick_scenario import make_quick_scenario
-from tests.scripts.commands import HAPTIC_SKILL, files, run_python
+from tests.scripts.commands import HAPTIC_SKILL, files, invoke, run_python
 
 pytestmark = pytest.mark.slow
 
@@ -60,6 +60,7 @@ def test_recording_writes_one_valid_file_per_demonstration(chain, folder):
         "002_good_expert.parquet",
         "003_bad_blind.parquet",
         "demonstrations.png",
+        "index.json",
     ]
     assert "4 demonstrations in shown" in chain["record"]
 
@@ -92,9 +93,10 @@ def test_every_run_is_recorded_with_the_result_that_the_json_has(chain, folder):
     results = json.loads((folder / "mine.json").read_text())
     worst = max(results, key=lambda r: r["peak_lateral_n"])["seed"]
     assert files(folder / "rig") == [
-        *(f"replay_{worst:04d}.html", "report.html"),
+        *("index.json", f"replay_{worst:04d}.html", "report.html", "results.json"),
         *("run_0005.html", "run_0005.parquet", "run_0006.parquet"),
     ]
+    assert json.loads((folder / "rig" / "results.json").read_text()) == results
     for r in results:
         run = read_rig_run(folder / "rig" / f"run_{r['seed']:04d}.parquet")
         assert run.result == r
@@ -126,6 +128,35 @@ def test_the_module_of_a_command_makes_the_same_recordings(chain, folder, tmp_pa
     first, repeated = read_demonstrations(folder / "shown")[0], read_demonstrations(tmp_path / "again")[0]
     np.testing.assert_array_equal(first.samples.to_numpy(), repeated.samples.to_numpy())
     assert first.metadata["seed"] == repeated.metadata["seed"]
+
+
+class Stop(BaseException):
+    """Ends a demo as a kill does."""
+
+
+def test_an_interrupted_demo_goes_on_and_a_complete_one_is_made_anew(folder, tmp_path, monkeypatch):
+    demo = ("--good", 3, "--bad", 0, "--trials", 1, "--seed", 1, "--jobs", 1, "--scenario", folder / "quick.yaml")
+    recording, run = tmp_path / "demonstrations" / "000_good_expert.parquet", tmp_path / "rig" / "run_0001.parquet"
+
+    def stop(*arguments):
+        raise Stop
+
+    for pictures in (stop, stop, lambda *arguments: None):
+        monkeypatch.setattr("scripts.demo.write_pictures", pictures)
+        try:
+            result = invoke("demo", *demo, "--out", tmp_path)
+        except Stop:
+            times = [path.stat().st_mtime_ns for path in (recording, run)]
+    assert result.exit_code == 0, result.output
+    assert "3 of 3 demonstrations are there already" in result.output
+    assert "1 of 1 trials are there already" in result.output
+    assert [path.stat().st_mtime_ns for path in (recording, run)] == times
+    assert [path.name for path in tmp_path.glob(".*")] == []
+    monkeypatch.setattr("scripts.demo.write_pictures", stop)
+    with pytest.raises(Stop):
+        invoke("demo", *demo, "--out", tmp_path)
+    assert recording.stat().st_mtime_ns > times[0]
+    assert run.stat().st_mtime_ns > times[1]
 
 
 def test_the_demo_runs_the_whole_chain(folder, tmp_path):

@@ -43,7 +43,7 @@ def test_help_lists_every_command_and_the_exit_codes(flag):
     text = " ".join(done.stdout.split())
     for name in MODULES:
         assert f"{name} " in text
-    for code in ("0 success", "1 error", "2 wrong usage", "130 interrupted"):
+    for code in ("0 success", "1 error", "2 wrong usage", "130 interrupted", "143 ended"):
         assert code in text
 
 

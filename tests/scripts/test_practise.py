@@ -16,17 +16,21 @@ from tests.scripts.commands import error_line, invoke
 def practised(tmp_path_factory, skill_file):
     """Folder and output of the shortest possible practice, which starts at the mouth and almost upright."""
     folder = tmp_path_factory.mktemp("practice")
+    done = practise(folder, skill_file)
+    assert done.exit_code == 0, done.output
+    return folder, done.output
+
+
+def practise(folder, skill_file, *more):
     scenario = make_quick_scenario()
     scenario.start.height, scenario.start.tilt_range = 1e-4, math.radians(0.7)
     scenario.trial.time_limit = 0.5
     (folder / "quick.yaml").write_text(dump_scenario(scenario))
-    done = invoke(
+    return invoke(
         "practise",
         *("--skill", skill_file, "--out", folder / "practised.npz", "--scenario", folder / "quick.yaml"),
-        *("--rounds", 1, "--starts", 1, "--checks", 1, "--held-out", 2, "--held-out-seed", 30, "--jobs", 1),
+        *("--rounds", 1, "--starts", 1, "--checks", 1, "--held-out", 2, "--held-out-seed", 30, "--jobs", 1, *more),
     )
-    assert done.exit_code == 0, done.output
-    return folder, done.output
 
 
 def test_practice_writes_a_skill_its_trials_and_a_figure(practised):
@@ -64,4 +68,49 @@ def test_a_discarded_round_leaves_the_skill_unchanged(practised):
 def test_a_missing_skill_is_one_error(tmp_path):
     line = error_line(invoke("practise", "--skill", tmp_path / "none.npz", "--out", tmp_path / "p.npz"))
     assert "no such skill file" in line
+    assert list(tmp_path.iterdir()) == []
+
+
+class Stop(BaseException):
+    """Ends a practice as a kill does: no handler of the program catches it."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [1, 4, 8])
+def test_an_interrupted_practice_goes_on_and_ends_with_the_same_files(tmp_path, practised, skill_file, after):
+    from systems.sessions import practice_session
+
+    written = []
+
+    class StoppingStore(practice_session.FolderStore):
+        def save(self, name, trial):
+            super().save(name, trial)
+            written.append(name)
+            if len(written) == after:
+                raise Stop
+
+    (tmp_path / "practised.npz").write_bytes(b"of an earlier practice")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(practice_session, "FolderStore", StoppingStore)
+        with pytest.raises(Stop):
+            practise(tmp_path, skill_file)
+    assert (tmp_path / "practised.npz").read_bytes() == b"of an earlier practice"
+    unfinished = tmp_path / "practised.npz.unfinished"
+    assert sorted(path.name for path in unfinished.glob("*.parquet")) == sorted(written)
+    if after > 1:
+        ManipulationSkill.load(unfinished / "best.npz")
+    line = error_line(practise(tmp_path, skill_file, "--seed", 1))
+    assert f"practised.npz.unfinished: holds {after} trials of another request (another practice)" in line
+    done = practise(tmp_path, skill_file)
+    assert f"{after} of 8 trials are there already" in done.output
+    assert {p.name for p in tmp_path.iterdir()} == {"quick.yaml", "practised.npz", "practised.json", "practised.png"}
+    folder, _ = practised
+    for name in ("practised.npz", "practised.json", "practised.png"):
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes(), name
+
+
+@pytest.mark.parametrize("name", ["x.json", "x.png"])
+def test_an_output_that_is_also_the_name_of_a_companion_is_refused(tmp_path, skill_file, name):
+    line = error_line(invoke("practise", "--skill", skill_file, "--out", tmp_path / name))
+    assert f"are the same file, {tmp_path / name}" in line
     assert list(tmp_path.iterdir()) == []

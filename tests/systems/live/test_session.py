@@ -28,6 +28,7 @@ from systems.live.page import open_live_page
 from systems.live.session import LiveSession, next_number
 from systems.math.rotation import from_rotation_vector
 from systems.operators.meshcat_operator import R_HV, hand_coordinates, hand_pose
+from systems.outputs.folder_lock import LOCK_NAME
 from tests.browser import blankness, open_page
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -426,9 +427,11 @@ def test_the_hand_follows_the_sliders_50_times_a_second(quiet, monkeypatch):
 
 def test_recordings_are_numbered_after_the_largest_number(tmp_path):
     assert next_number(tmp_path) == 0
-    for name in ("004_good_live.parquet", "017_bad_live.parquet", "099_note.txt", "1_x.parquet"):
+    for name in ("004_good_live.parquet", "017_bad_live.parquet", "099_note.txt", "1_x.parquet", "20_x.parquet"):
         (tmp_path / name).touch()
     assert next_number(tmp_path) == 18
+    (tmp_path / "1000_good_live.parquet").touch()
+    assert next_number(tmp_path) == 1001  # not 100, which would replace a recording later
 
 
 class Session:
@@ -578,7 +581,7 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
     assert example.samples["z"].iloc[-1] < -0.003
     assert example.metadata["habit"] == "live"
     assert example.metadata["lowest_probe_energy_J"] <= 0
-    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["000_good_live.parquet"]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["000_good_live.parquet", "index.json"]
 
 
 @pytest.mark.slow
@@ -602,7 +605,7 @@ def test_saturation_is_red_a_full_disk_is_reported_and_a_killed_session_keeps_it
         session.wait_for("stopped: G keep as good, B keep as bad")
         session.wait_for("not kept, File too large: make room and press again")
         wait_for_text(page, "status", "make room and press again")
-        assert list(out.iterdir()) == []
+        assert [path.name for path in out.iterdir()] == [LOCK_NAME]
         resource.prlimit(session.process.pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY,) * 2)
         press(page, "b")
         session.wait_for("kept 000_bad_live.parquet")
@@ -631,7 +634,7 @@ def test_session_continues_after_a_closed_page_and_a_disconnected_gamepad(tmp_pa
             session.wait_for("recording:")
         session.wait_for("the page was closed: demonstration discarded")
         assert session.process.poll() is None
-        assert list((tmp_path / "out").iterdir()) == []
+        assert [path.name for path in (tmp_path / "out").iterdir()] == [LOCK_NAME]
         with session.page() as page:
             wait_for_text(page, "status", "the page was closed")
             page.wait("document.body.innerText.includes('view of the cut (1)')")

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 
 from models.scenario import Scenario
-from scripts.run_rig import write_report
 from skill.data.outcome import Outcome
 from skill.data.rig_run import write_rig_run
 from systems.reports.batch_page import batch_report, worst_trial
+from systems.sessions.rig_session import write_report
 from tests.browser import blankness, open_page
 from tests.trajectories import STATE_NAMES, make_rig_run
 from tests.trial_results import PLAIN
@@ -84,7 +84,7 @@ def batch(tmp_path):
     results = make_results()
     for r in results:
         write_rig_run(make_rig_run(), tmp_path / f"run_{r.seed:04d}.parquet")
-    write_report(results, tmp_path, title="twelve insertions", skill="skill.npz", scenario=Scenario())
+    write_report(results, tmp_path, skill="skill.npz", scenario=Scenario())
     return tmp_path, results
 
 

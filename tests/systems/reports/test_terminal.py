@@ -1,6 +1,10 @@
 """Errors and plain text on the terminal."""
 
 import json
+import os
+import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -49,6 +53,26 @@ def test_an_interruption_is_one_line_with_exit_code_130(capsys):
             raising(error)()
         assert ended.value.code == 130
         assert capsys.readouterr() == ("", "interrupted\n")
+
+
+def test_sigterm_ends_a_command_as_ctrl_c_does(capsys):
+    before = signal.getsignal(signal.SIGTERM)
+
+    @terminal.report_errors
+    def command():
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(10)
+
+    with pytest.raises(SystemExit) as ended:
+        command()
+    assert ended.value.code == 143
+    assert capsys.readouterr() == ("", "terminated\n")
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_a_command_runs_in_another_thread_too():
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(terminal.report_errors(lambda: 3)).result() == 3
 
 
 def test_a_missing_package_of_the_simulation_names_the_extra(capsys):

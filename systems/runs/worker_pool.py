@@ -1,0 +1,47 @@
+"""The processes that simulate: the one place that starts them. They end soon after their parent, however it ends."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from typing import TypeVar
+
+from joblib import Parallel, delayed
+
+R = TypeVar("R")
+
+WATCH_PERIOD = 1.0  # in units of s, between two looks at the parent
+
+
+def run_in_processes(tasks: Iterable[Callable[[], R]], *, jobs: int) -> Iterator[R]:
+    """Yields the results of the tasks in their order, as they finish, from at most ``jobs`` processes.
+
+    Args:
+        tasks: functions without arguments that can be pickled, for example `functools.partial` objects.
+        jobs: number of processes; 1 runs the tasks in this process.
+    """
+    # Without memory maps (max_nbytes) no temporary folder is left when a process is killed.
+    yield from Parallel(
+        n_jobs=jobs,
+        return_as="generator",
+        max_nbytes=None,
+        initializer=watch_parent,
+        initargs=(os.getpid(),),
+    )(delayed(_run)(task) for task in tasks)
+
+
+def watch_parent(parent: int) -> None:
+    """Starts a thread that ends this process at most `WATCH_PERIOD` after the process ``parent`` has ended."""
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _run(task: Callable[[], R]) -> R:
+    return task()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:  # a process without a parent gets another one
+        time.sleep(WATCH_PERIOD)
+    os._exit(1)  # at once: nobody is left to take the result

@@ -1,0 +1,107 @@
+"""A live session without a browser, for the kill campaign: a script presses the buttons, a device moves the peg.
+
+    python -m tests.scripted_live --out FOLDER --scenario FILE --number N
+
+The session, the simulation and the files are the real ones. The script starts a demonstration, the device pushes the
+peg into the hole, and the script keeps the recording as good, N times.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform
+
+from models.scenario import load_scenario
+from systems.live.buttons import GOOD, QUIT, START
+from systems.live.session import LiveSession
+from systems.outputs.live_folder import open_live_folder
+from systems.reports.terminal import report_errors, say
+
+FEED = 0.04  # speed of the device, m/s
+TICK = 1e-3  # of the device, s
+
+
+class PushingDevice:
+    """A haptic device whose handle moves down at a constant speed."""
+
+    def __init__(self) -> None:
+        self.ticks = 0
+
+    def read_pose(self) -> RigidTransform:
+        """Returns the pose of the handle."""
+        return RigidTransform(np.array([0.0, 0.0, -FEED * TICK * self.ticks]))
+
+    def write_wrench(self, wrench: object) -> None:
+        """Takes one tick's wrench."""
+        self.ticks += 1
+
+    def close(self) -> None:
+        """Closes the device."""
+
+
+class ScriptedButtons:
+    """Presses start, then keep, ``number`` times, then quit."""
+
+    def __init__(self, number: int) -> None:
+        self._script = [START, GOOD] * number + [QUIT]
+
+    def clicked(self, label: str) -> bool:
+        """Whether a button is the next of the script."""
+        if self._script and self._script[0] == label:
+            self._script.pop(0)
+            return True
+        return False
+
+    def any_waiting(self, *labels: str) -> bool:
+        """Whether a running demonstration is to be stopped: never."""
+        return False
+
+    def forget_clicks(self) -> None:
+        """Forgets nothing, because the script waits."""
+
+
+class ScriptedSession(LiveSession):
+    """A session whose page counts as open."""
+
+    def _page_is_open(self) -> bool:
+        return True
+
+
+class NoPage:
+    """Takes what the session shows."""
+
+    address = "nowhere"
+
+    def show(self, **values: object) -> None:
+        """Shows nothing."""
+
+
+@report_errors
+def main() -> None:
+    """Runs the session."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--scenario", required=True)
+    parser.add_argument("--number", type=int, default=3)
+    arguments = parser.parse_args()
+    scenario = load_scenario(arguments.scenario)
+    with open_live_folder(arguments.out):
+        session = ScriptedSession(
+            scenario=scenario,
+            out=arguments.out,
+            seed=0,
+            meshcat=Meshcat(),
+            page=NoPage(),
+            tell=say,
+            open_device=PushingDevice,
+        )
+        session._buttons = ScriptedButtons(arguments.number)
+        say(f"{len(session.run())} demonstrations kept")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,286 @@
+"""What the commands do with outputs: tried before the work, never mixed or replaced unasked, kept after a failure."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+import yaml
+
+from models.scenario import dump_scenario
+from skill.data.demonstration import read_demonstration, write_demonstration
+from skill.data.rig_run import read_rig_run
+from skill.manipulation_skill import ManipulationSkill
+from systems.outputs.folder_lock import LOCK_NAME
+from tests.quick_scenario import make_quick_scenario
+from tests.scripts.commands import MODULES, ROOT, error_line, files, invoke
+from tests.systems.outputs.sets import NAMES, make_set
+from tests.trajectories import make_demonstration
+
+FEW = ("--good", 1, "--bad", 0, "--jobs", 1)
+
+
+@pytest.fixture
+def nowhere(tmp_path):
+    """A path below a file, where nothing can be written."""
+    (tmp_path / "taken").write_text("mine")
+    return tmp_path / "taken" / "out"
+
+
+@pytest.fixture
+def quick(tmp_path_factory):
+    """Path of a scenario whose trials last a tenth of a second."""
+    scenario = make_quick_scenario()
+    scenario.trial.time_limit = 0.1
+    path = tmp_path_factory.mktemp("scenario") / "quick.yaml"
+    path.write_text(dump_scenario(scenario))
+    return path
+
+
+# ------------------------------------------------------- before the work
+
+
+def test_outputs_are_tried_before_the_work(nowhere, skill_file, demonstration_folder):
+    commands = {
+        "record": (*FEW, "--out", nowhere),
+        "train": ("--demonstrations", demonstration_folder, "--out", nowhere),
+        "rig": ("--skill", skill_file, "--out", nowhere),
+        "practise": ("--skill", skill_file, "--out", nowhere),
+        "demo": ("--out", nowhere),
+        "replay": (demonstration_folder / "000.parquet", "--out", nowhere),
+    }
+    for name, arguments in commands.items():
+        line = error_line(invoke(name, *arguments))
+        assert "taken is not a folder" in line, name
+        assert "--out" in line
+
+
+def test_a_folder_in_the_place_of_a_file_is_refused_before_the_work(tmp_path, skill_file, demonstration_folder):
+    (tmp_path / "x.json").mkdir()
+    rig = ("--skill", skill_file, "--out", tmp_path / "rig", "--trials", 1)
+    assert "--json" in error_line(invoke("rig", *rig, "--json", tmp_path / "x.json"))
+    train = ("--demonstrations", demonstration_folder, "--out", tmp_path)
+    assert "is a folder; expected the name of a file" in error_line(invoke("train", *train))
+    assert files(tmp_path) == []
+
+
+@pytest.mark.parametrize("json_name", ["skill.npz", "rig/run_0000.parquet", "rig/report.html"])
+def test_the_copy_of_the_results_replaces_no_other_file_of_the_command(tmp_path, skill_file, json_name):
+    (tmp_path / "skill.npz").write_bytes(skill_file.read_bytes())
+    rig = ("--skill", tmp_path / "skill.npz", "--out", tmp_path / "rig", "--trials", 1)
+    assert "are the same file" in error_line(invoke("rig", *rig, "--json", tmp_path / json_name))
+    ManipulationSkill.load(tmp_path / "skill.npz")
+    assert files(tmp_path) == ["skill.npz"]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("record", "--out", ""),
+        ("train", "--out", ""),
+        ("train", "--demonstrations", ""),
+        ("rig", "--json", ""),
+        ("replay", "x.parquet", "--out", ""),
+        ("rig", "--trials", "99999999999"),
+        ("rig", "--jobs", "99999999999"),
+        ("demo", "--seed", "99999999999999999"),
+        ("demo", "--trials", "99999999999"),
+        ("practise", "--starts", "99999999999"),
+        ("practise", "--checks", "99999999999"),
+        ("practise", "--rounds", "99999999999"),
+        ("practise", "--held-out", "99999999999"),
+        ("record", "--live", "--overwrite"),
+    ],
+)
+def test_an_impossible_value_of_an_option_is_wrong_usage(tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    result = invoke(*arguments)
+    assert result.exit_code == 2, result.output
+    assert arguments[-2] in result.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["a[/b].npz", "[old]/skill.npz", "[red]x.npz"])
+def test_a_file_name_is_not_markup(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    assert f"error: {name}: no such skill file" in error_line(invoke("rig", "--skill", name))
+
+
+# ------------------------------------------------------- what is there already
+
+
+def test_an_unstable_scenario_removes_nothing(tmp_path):
+    make_set(tmp_path / "out", 1)
+    (tmp_path / "bad.yaml").write_text("coupling: {stiffness: 1.0e+9}")
+    before = {name: (tmp_path / name).stat().st_mtime_ns for name in files(tmp_path)}
+    line = error_line(
+        invoke("record", *FEW, "--out", tmp_path / "out", "--overwrite", "--scenario", tmp_path / "bad.yaml")
+    )
+    assert "not stable" in line
+    assert {name: (tmp_path / name).stat().st_mtime_ns for name in files(tmp_path)} == before
+
+
+@pytest.mark.parametrize(
+    "command", [("record", "--overwrite", "--out", "out/demonstrations"), ("demo", "--out", "out")]
+)
+def test_live_recordings_survive_a_recording_and_a_demo(tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "out" / "demonstrations"
+    write_demonstration(make_demonstration(habit="live"), folder / "000_good_live.parquet")
+    line = error_line(invoke(*command, *FEW))
+    assert "out/demonstrations/000_good_live.parquet: a live recording, which no command replaces" in line
+    assert files(tmp_path) == ["out/demonstrations/000_good_live.parquet"]
+
+
+def test_a_demo_is_refused_before_it_records_if_its_rig_folder_holds_something_else(tmp_path):
+    make_set(tmp_path / "rig", 1)
+    line = error_line(invoke("demo", *FEW, "--out", tmp_path))
+    assert "rig: holds demonstrations, not runs" in line
+    assert {path.name for path in tmp_path.iterdir()} == {"rig"}
+
+
+def test_training_reads_what_the_index_lists_and_says_so(tmp_path):
+    make_set(tmp_path / "set", 1, NAMES)
+    (tmp_path / "set" / "mine.parquet").write_bytes(b"not a recording")
+    result = invoke("train", "--demonstrations", tmp_path / "set", "--out", tmp_path / "skill.npz")
+    assert "1 files are not in its index and are not read: mine.parquet" in result.output
+    assert "mine.parquet: " not in result.stderr
+
+
+def test_a_second_session_in_one_folder_stops_with_one_line(tmp_path, skill_file):
+    code = "import sys; from pathlib import Path; from systems.outputs.folder_lock import locked_folder, locked_file\n"
+    code += "with locked_folder(Path(sys.argv[1])), locked_file(Path(sys.argv[1] + '.npz')): print(flush=True); input()"
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path / "out")], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as holder:
+        holder.stdout.readline()
+        commands = {
+            "record": (*FEW, "--out", tmp_path / "out"),
+            "rig": ("--skill", skill_file, "--out", tmp_path / "out"),
+            "demo": (*FEW, "--out", tmp_path / "out"),
+            "practise": ("--skill", skill_file, "--out", tmp_path / "out.npz"),
+        }
+        for name, arguments in commands.items():
+            assert f"process {holder.pid} (-c, since 2" in error_line(invoke(name, *arguments)), name
+        live = error_line(invoke("record", "--live", "--out", tmp_path / "out"))
+        assert f"process {holder.pid}" in live
+        holder.stdin.close()
+        holder.wait()
+    assert files(tmp_path) == []
+
+
+# ------------------------------------------------------- the folder of the rig
+
+
+def rig(skill_file, quick, out, *more, trials=2, seed=0):
+    arguments = ("--skill", skill_file, "--scenario", quick, "--out", out, "--trials", trials, "--seed", seed)
+    return invoke("rig", *arguments, "--jobs", 1, *more)
+
+
+def agreeing_runs(folder):
+    """The numbers of the results, after comparing them with the run files."""
+    results = json.loads((folder / "results.json").read_text())
+    runs = [read_rig_run(path).result for path in sorted(folder.glob("run_*.parquet"))]
+    assert results == runs
+    return [r["seed"] for r in results]
+
+
+@pytest.mark.slow
+def test_runs_of_two_requests_are_not_mixed(tmp_path, skill_file, quick):
+    out = tmp_path / "rig"
+    assert rig(skill_file, quick, out, trials=3).exit_code == 0
+    line = error_line(rig(skill_file, quick, out, trials=1))
+    assert "rig: holds 3 runs of another request (trials 3, here 1); choose another --out, or add --overwrite" in line
+    assert agreeing_runs(out) == [0, 1, 2]
+    assert rig(skill_file, quick, out, "--overwrite", trials=1, seed=7).exit_code == 0
+    assert agreeing_runs(out) == [7]
+    assert files(out) == ["index.json", "replay_0007.html", "report.html", "results.json", "run_0007.parquet"]
+
+
+@pytest.mark.slow
+def test_an_interrupted_rig_goes_on_and_its_results_are_those_of_one_run(tmp_path, skill_file, quick):
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    assert rig(skill_file, quick, whole).exit_code == 0
+    assert rig(skill_file, quick, parts).exit_code == 0
+    (parts / "run_0001.parquet").unlink()
+    (parts / "results.json").unlink()
+    kept = (parts / "run_0000.parquet").stat().st_mtime_ns
+    result = rig(skill_file, quick, parts, "--json", tmp_path / "copy.json")
+    assert "1 of 2 trials are there already" in result.output
+    assert (parts / "run_0000.parquet").stat().st_mtime_ns == kept
+    assert agreeing_runs(parts) == [0, 1]
+    assert (parts / "results.json").read_bytes() == (whole / "results.json").read_bytes()
+    assert (tmp_path / "copy.json").read_bytes() == (whole / "results.json").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_full_disk_keeps_the_runs_and_names_the_file(tmp_path, skill_file, quick):
+    """The limit on the size of files lets runs pass and stops the replay at the end."""
+    command = [sys.executable, "-m", MODULES["rig"], "--skill", skill_file, "--scenario", quick, "--out", tmp_path]
+    done = subprocess.run(
+        [str(part) for part in (*command, "--trials", 2, "--jobs", 1)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: (
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN),
+            resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000)),
+        ),
+    )
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert "report.html: not written (File too large)" in done.stderr
+    assert "2 of 2 runs in" in done.stderr
+    assert agreeing_runs(tmp_path) == [0, 1]
+
+
+# ------------------------------------------------------- signals and workers
+
+
+def workers_of(process):
+    """The processes whose parent is a process."""
+    listing = subprocess.run(["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
+    rows = [line.split(None, 2) for line in listing.splitlines()]
+    return [int(pid) for pid, parent, *_ in rows if int(parent) == process.pid]
+
+
+def alive(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_no_worker_outlives_its_parent(tmp_path, number):
+    scenario = tmp_path / "quick.yaml"
+    scenario.write_text(yaml.safe_dump({"recorder": {"time_limit": 60.0}}))
+    command = [sys.executable, "-m", MODULES["record"], "--scenario", str(scenario), "--out", str(tmp_path / "out")]
+    with subprocess.Popen(
+        [*command, "--jobs", "2"], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    ) as process:
+        end = time.monotonic() + 60
+        while len(workers_of(process)) < 3:  # two workers, and the tracker of their resources
+            assert time.monotonic() < end
+            assert process.poll() is None, process.stderr.read()
+            time.sleep(0.05)
+        workers = workers_of(process)
+        process.send_signal(number)
+        process.wait(20)
+        end = time.monotonic() + 10
+        while any(map(alive, workers)):
+            assert time.monotonic() < end, workers
+            time.sleep(0.05)
+        if number == signal.SIGTERM:
+            assert process.returncode == 143
+            assert process.stderr.read() == "terminated\n"
+            assert not (tmp_path / "out" / LOCK_NAME).exists()
+    for path in (tmp_path / "out").glob("*.parquet"):
+        read_demonstration(path)
