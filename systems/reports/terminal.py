@@ -28,7 +28,7 @@ errors = Console(stderr=True)
 FAILED, INTERRUPTED = 1, 130
 """Exit codes of a command that failed, and of one that Ctrl-C ended. Wrong usage is 2, success 0."""
 
-SIMULATION_PACKAGES = ("pydrake", "joblib", "yaml")
+SIMULATION_PACKAGES = ("pydrake", "joblib", "yaml", "tornado")
 """Packages that the extra ``sim`` installs."""
 
 P = ParamSpec("P")

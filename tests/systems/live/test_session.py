@@ -13,8 +13,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import umsgpack
 import yaml
-from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 import systems.live.clock
@@ -23,8 +23,11 @@ from models.scenario import load_scenario
 from skill.data.demonstration import read_demonstration
 from skill.data.outcome import Ending, Outcome
 from systems.live.buttons import BAD, DISCARD, GOOD, QUIT, START, Buttons
+from systems.live.controls import LiveControls
 from systems.live.display import SATURATED
-from systems.live.page import open_live_page
+from systems.live.messages import Outbox
+from systems.live.page import LivePage, open_live_page
+from systems.live.scene import LiveScene
 from systems.live.session import LiveSession, next_number
 from systems.math.rotation import from_rotation_vector
 from systems.operators.meshcat_operator import R_HV, hand_coordinates, hand_pose
@@ -70,7 +73,7 @@ def session(tmp_path):
     """Makes sessions in this process without an open page; ``messages`` of a session lists what it told."""
     path = tmp_path / "quick.yaml"
     path.write_text(yaml.safe_dump(QUICK))
-    meshcat, page = open_live_page()
+    page = open_live_page()
 
     def make(**options):
         messages = []
@@ -78,7 +81,6 @@ def session(tmp_path):
             scenario=load_scenario(str(path)),
             out=tmp_path,
             seed=0,
-            meshcat=meshcat,
             page=page,
             tell=messages.append,
             **options,
@@ -94,7 +96,9 @@ def test_session_without_an_open_page_gives_its_address_and_ends(session, monkey
     monkeypatch.setattr(systems.live.session, "ABSENCE_NOTICE", 0.1)
     dut = session(absence_limit=0.3)
     assert dut.run() == []
-    assert any(re.match(r"no page is open: open http://localhost:\d+ to continue", line) for line in dut.messages)
+    assert any(
+        re.match(r"no page is open: open http://127\.0\.0\.1:\d+/[\w-]{32}/ to continue", line) for line in dut.messages
+    )
     assert dut.messages[-1] == "the page stayed closed: session over"
 
 
@@ -129,7 +133,7 @@ def test_lost_device_is_reported_closed_and_opened_again(session, monkeypatch):
         next_press["button"] = next(presses, None)
         return True
 
-    monkeypatch.setattr(LiveSession, "_page_is_open", lambda _: True)
+    monkeypatch.setattr(LivePage, "is_shown", True)
     monkeypatch.setattr(Buttons, "clicked", clicked)
     monkeypatch.setattr(Buttons, "forget_clicks", lambda _: None)
     assert dut.run() == []
@@ -153,25 +157,25 @@ def wall(monkeypatch):
     return wall
 
 
-@pytest.fixture(scope="module")
-def meshcat():
-    return Meshcat()
-
-
 class Page:
-    """Replaces the page; keeps the values that it shows."""
+    """Replaces the page; keeps the values that it shows, and serves nothing."""
 
     address = "http://localhost:1"
 
     def __init__(self):
-        self.values = {}
+        self.values, self.is_shown, self.refused = {}, True, None
+        outbox = Outbox()
+        self.scene, self.controls = LiveScene(outbox), LiveControls(outbox)
+
+    def refusals(self):
+        return self.refused
 
     def show(self, **values):
         self.values |= values
 
 
 @pytest.fixture
-def quiet(tmp_path, meshcat, monkeypatch):
+def quiet(tmp_path, monkeypatch):
     """A session whose page is open and whose buttons click when ``clicks`` lists them; the session takes the first."""
     (tmp_path / "quick.yaml").write_text(yaml.safe_dump(QUICK))
     messages, page, clicks = [], Page(), []
@@ -179,12 +183,10 @@ def quiet(tmp_path, meshcat, monkeypatch):
         scenario=load_scenario(str(tmp_path / "quick.yaml")),
         out=tmp_path,
         seed=0,
-        meshcat=meshcat,
         page=page,
         tell=messages.append,
     )
-    dut.messages, dut.values, dut.clicks, dut.is_open = messages, page.values, clicks, True
-    monkeypatch.setattr(LiveSession, "_page_is_open", lambda self: self.is_open)
+    dut.messages, dut.values, dut.clicks, dut.page = messages, page.values, clicks, page
     monkeypatch.setattr(Buttons, "clicked", lambda _, label: clicks[:1] == [label] and bool(clicks.pop(0)))
     monkeypatch.setattr(Buttons, "any_waiting", lambda _, *labels: clicks[:1] != [] and clicks[0] in labels)
     monkeypatch.setattr(Buttons, "forget_clicks", lambda _: clicks.clear())
@@ -209,7 +211,7 @@ def test_before_a_demonstration_the_panel_shows_zeros_and_the_depth_of_the_start
 
 
 def test_a_closed_page_is_noticed_after_five_seconds_and_ends_the_session_after_two_minutes(quiet, wall):
-    quiet.is_open = False
+    quiet.page.is_shown = False
     start, log = wall.now, {}
     while quiet._is_over() is False:
         wall.now += 0.5
@@ -224,7 +226,7 @@ def test_a_closed_page_is_noticed_after_five_seconds_and_ends_the_session_after_
 
 def test_an_open_page_ends_the_absence(quiet, wall):
     for is_open, seconds in ((False, 100.0), (True, 0.0), (False, 100.0), (False, 0.0)):
-        quiet.is_open = is_open
+        quiet.page.is_shown = is_open
         assert quiet._is_over() is False
         wall.now += seconds
     assert (
@@ -327,7 +329,7 @@ def test_a_button_or_a_closed_page_ends_a_demonstration(quiet, wall):
     assert len(run.times) == 10  # one recorder period
     assert quiet.clicks == [GOOD]  # it is also the verdict
     quiet.clicks.clear()
-    quiet.is_open = False
+    quiet.page.is_shown = False
     assert simulate(quiet, Run(wall)) is None
     assert wall.now < 1000.5
 
@@ -352,7 +354,7 @@ def test_the_person_judges_a_demonstration(quiet, wall, monkeypatch):
     assert verdict(quiet, wall, DISCARD) == (False, [])
     assert quiet.messages[-1] == "discarded: Space starts another"
     assert verdict(quiet, wall, QUIT) == (True, [])
-    quiet.is_open = False
+    quiet.page.is_shown = False
     assert verdict(quiet, wall) == (False, [])
     assert quiet.messages[-1] == "the page was closed before a verdict: demonstration discarded"
     assert verdict(quiet, wall, GOOD, ticks=0) == (False, [])
@@ -377,12 +379,18 @@ def test_a_demonstration_that_cannot_be_written_can_be_kept_again_or_discarded(q
 
 
 def test_the_session_looks_at_the_buttons_about_thirty_times_a_second(quiet, wall, monkeypatch):
-    def open_for_a_while(_):
-        if wall.now > 1001.0:
-            quiet.clicks.append(QUIT)
-        return True
+    class PageOpenForAWhile(Page):
+        @property
+        def is_shown(self):
+            if wall.now > 1001.0:
+                quiet.clicks.append(QUIT)
+            return True
 
-    monkeypatch.setattr(LiveSession, "_page_is_open", open_for_a_while)
+        @is_shown.setter
+        def is_shown(self, value):
+            pass
+
+    quiet._page = PageOpenForAWhile()
     assert quiet.run() == []
     assert all(1 / 50 < seconds < 1 / 25 for seconds in wall.sleeps)
     wall.sleeps.clear()
@@ -395,7 +403,8 @@ def test_the_session_looks_at_the_buttons_about_thirty_times_a_second(quiet, wal
 def test_a_gamepad_is_announced_once_when_it_comes_and_once_when_it_goes(quiet):
     quiet.messages.clear()
     for axes in ([], [0.0], [0.0, 0.0], [], []):
-        quiet._meshcat = SimpleNamespace(GetGamepad=lambda axes=axes: SimpleNamespace(axes=axes, index=0))
+        pad = {"index": 0, "axes": axes} if axes else {}
+        assert quiet.page.controls.receive(umsgpack.packb({"type": "gamepad", "name": "", "gamepad": pad}), browser=1)
         quiet._watch_gamepad()
     assert quiet.messages == [
         "gamepad: left stick tilts, right stick feeds",
@@ -403,25 +412,18 @@ def test_a_gamepad_is_announced_once_when_it_comes_and_once_when_it_goes(quiet):
     ]
 
 
-def test_a_page_is_open_if_a_browser_is_connected():
-    for number, is_open in ((0, False), (1, True), (2, True)):
-        meshcat = SimpleNamespace(GetNumActiveConnections=lambda number=number: number)
-        assert LiveSession._page_is_open(SimpleNamespace(_meshcat=meshcat)) is is_open
-
-
 def test_the_hand_follows_the_sliders_50_times_a_second(quiet, monkeypatch):
     made = []
 
-    def make(resolved, *, operator, meshcat, contact_forces):
-        made.append((operator, contact_forces))
+    def make(resolved, *, operator):
+        made.append(operator)
 
     monkeypatch.setattr(systems.live.session, "MakeVirtualEnvironment", make)
     _, resolved = quiet._next()
     quiet._build(resolved)
-    ((operator, contact_forces),) = made
+    (operator,) = made
     timing = operator.GetUniquePeriodicDiscreteUpdateAttribute()
     assert (timing.period_sec(), timing.offset_sec()) == (0.02, 0.0)
-    assert contact_forces is False  # the session draws its own
 
 
 def test_recordings_are_numbered_after_the_largest_number(tmp_path):
@@ -526,7 +528,7 @@ def orange(picture):
 def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
     with live(tmp_path) as session, session.page() as page:
         wait_for_text(page, "status", "ready: press Space")
-        assert (tmp_path / "opened.txt").read_text().strip() + "/" == page.driver.current_url
+        assert (tmp_path / "opened.txt").read_text().strip() == page.driver.current_url
         page.wait("document.body.innerText.includes('view of the cut (1)')")
         time.sleep(0.5)
         ready = keep_picture(page, "ready")  # before anything is pressed: a large peg and block in the middle
