@@ -148,7 +148,7 @@ def main(
     ] = None,
     port: Annotated[
         int | None,
-        typer.Option(help="With --live: port of the page.", min=1, max=65535, show_default="a free one"),
+        typer.Option(help="With --live: port of the page.", show_default="a free one"),
     ] = None,
 ) -> None:
     """Records demonstrations of peg-in-hole insertion in the virtual environment.
