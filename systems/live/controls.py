@@ -16,7 +16,7 @@ from systems.live.messages import Outbox
 
 MAX_FRAME = 4096  # in units of bytes; the largest event, of a gamepad, has a few hundred
 MAX_AXES = 32  # axes of a gamepad
-UNREADABLE = (umsgpack.UnpackException, ValueError, TypeError, OverflowError, RecursionError)
+UNREADABLE = (umsgpack.UnpackException, OverflowError, RecursionError)  # from a date, and from deep nesting
 # What the page sends; Drake's page evaluates these functions in the browser.
 BUTTON = "() => this.connection.send(msgpack.encode({'type': 'button', 'name': %s}))"
 SLIDER = "value => this.connection.send(msgpack.encode({'type': 'slider', 'name': %s, 'value': value}))"

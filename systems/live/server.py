@@ -14,7 +14,6 @@ from typing import Any, cast
 
 from tornado.http1connection import HTTP1ServerConnection
 from tornado.httpserver import HTTPServer
-from tornado.httputil import HTTPMessageDelegate
 from tornado.iostream import IOStream, StreamClosedError
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
@@ -116,11 +115,11 @@ class CountedStream(IOStream):
     """A connection.
 
     Attributes:
-        has_input: whether anything has arrived since the last answer.
-        has_request: whether it was a whole request.
+        has_input: whether anything has arrived since the last whole request.
+        is_websocket: whether the connection has become a WebSocket.
     """
 
-    has_input = has_request = False
+    has_input = is_websocket = False
 
     def read_from_fd(self, buf: bytearray | memoryview) -> int | None:
         """Reads; see `IOStream`."""
@@ -150,15 +149,10 @@ class BoundedServer(HTTPServer):
         self._streams.add(counted)
         super().handle_stream(counted, address)
 
-    def start_request(self, server_conn: Any, request_conn: Any) -> HTTPMessageDelegate:
-        """Waits for a request on a connection."""
-        server_conn.stream.has_input = server_conn.stream.has_request = False
-        return super().start_request(server_conn, request_conn)
-
     def on_close(self, server_conn: Any) -> None:
         """Counts a connection that ended in the middle of a request, or whose request could not be read."""
         super().on_close(server_conn)
-        if server_conn.stream.has_input and not server_conn.stream.has_request:
+        if server_conn.stream.has_input and not server_conn.stream.is_websocket:
             self.refused[JUNK_REQUEST] += 1
 
     def close_streams(self) -> None:
@@ -184,7 +178,7 @@ class GuardedHandler(RequestHandler):
 
     def prepare(self) -> None:
         """Checks the request."""
-        self._stream().has_request = True
+        self._stream().has_input = False
         token = self.request.path.split("/")[1]
         headers = self.request.headers
         objection = self._site.access.objection(token, headers, needs_origin=is_handshake(headers))
@@ -257,6 +251,7 @@ class PageHandler(GuardedHandler, WebSocketHandler):
     async def get(self) -> None:
         """Answers with the page, or begins a WebSocket."""
         if is_handshake(self.request.headers):
+            self._stream().is_websocket = True
             await super().get()
         else:
             self.send_file("")

@@ -87,7 +87,7 @@ JUNK = {
     "axis above 1": pack(type="gamepad", gamepad=pad(axes=[1.01])),
     "axis is a text": pack(type="gamepad", gamepad=pad(axes=["0"])),
     "too many axes": pack(type="gamepad", gamepad=pad(axes=[0.0] * (MAX_AXES + 1))),
-    "a time that no clock has": umsgpack.packb({"type": umsgpack.Ext(-1, b"\xff" * 12)}),
+    "a time that no clock has": umsgpack.packb({"type": umsgpack.Ext(-1, bytes(4) + b"\x7f" * 8)}),
 }
 
 
