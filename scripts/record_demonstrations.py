@@ -16,15 +16,18 @@ from scripts.options import Bad, Good, Jobs, OptionalOutFolder, OptionalScenario
 app = make_app()
 
 
-def record_live(*, out: Path, seed: int, scenario: str, driver: str | None, port: int | None) -> list[Path]:
+def record_live(
+    *, out: Path, seed: int, scenario: str, driver: str | None, host: str | None, port: int | None
+) -> list[Path]:
     """Runs a session in the browser with a person at the controls, and returns the recordings that they kept.
 
     Raises:
         ValueError: if the scenario is not valid or not stable, or no device driver has the name ``driver``.
-        OSError: if the folder ``out`` cannot be written, or the port is in use.
+        OSError: if the folder ``out`` cannot be written, or the page cannot listen at ``host`` and ``port``.
     """
     from models.scenario import load_scenario
     from systems.haptics.coupling_margins import require_margins
+    from systems.live.access import LOCAL_HOST
     from systems.live.page import open_live_page
     from systems.live.session import LiveSession
     from systems.operators.device_operator import find_device
@@ -32,22 +35,16 @@ def record_live(*, out: Path, seed: int, scenario: str, driver: str | None, port
     from systems.sessions.margin_table import print_margins
 
     chosen = load_scenario(scenario)
-    print_margins(require_margins(chosen))
-    meshcat, page = open_live_page(port)
-    say(f"open {page.address} in a browser")
-    if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        webbrowser.open(page.address)  # without a desktop this could start a text browser in the terminal
-    session = LiveSession(
-        scenario=chosen,
-        out=out,
-        seed=seed,
-        meshcat=meshcat,
-        page=page,
-        tell=say,
-        open_device=find_device(driver) if driver is not None else None,
-    )
+    margins = require_margins(chosen)
+    device = find_device(driver) if driver is not None else None
+    page = open_live_page(host=host or LOCAL_HOST, port=port)
     try:
-        kept = session.run()
+        print_margins(margins)
+        for line in page.announcement():
+            say(line)
+        if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+            webbrowser.open(page.address)  # without a desktop this could start a text browser in the terminal
+        kept = LiveSession(scenario=chosen, out=out, seed=seed, page=page, tell=say, open_device=device).run()
     finally:
         page.close()
     say(f"{len(kept)} demonstrations kept in {out}")
@@ -68,9 +65,13 @@ def main(
     driver: Annotated[
         str | None, typer.Option(help="With --live: name of your device driver, or 'spacemouse' (see docs/haptics.md).")
     ] = None,
+    host: Annotated[
+        str | None,
+        typer.Option(help="With --live: address at which the page listens.", show_default="127.0.0.1: this machine"),
+    ] = None,
     port: Annotated[
         int | None,
-        typer.Option(help="With --live: port of the page, which also uses the next one.", show_default="free ports"),
+        typer.Option(help="With --live: port of the page.", show_default="a free one"),
     ] = None,
 ) -> None:
     """Records demonstrations of peg-in-hole insertion in the virtual environment.
@@ -94,9 +95,9 @@ def main(
 
         folder = out or Path("out/live")
         with open_live_folder(folder):
-            record_live(out=folder, seed=seed, scenario=scenario or "live", driver=driver, port=port)
-    elif driver is not None or port is not None:
-        raise typer.BadParameter("--driver and --port need --live")
+            record_live(out=folder, seed=seed, scenario=scenario or "live", driver=driver, host=host, port=port)
+    elif (driver, host, port) != (None, None, None):
+        raise typer.BadParameter("--driver, --host and --port need --live")
     else:
         from systems.sessions.record_session import record
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
-from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
@@ -132,24 +131,12 @@ def start_pose(scenario: Scenario) -> RigidTransform:
     return RigidTransform(R_HP, np.array([*offset, pivot]) + distance * R_HP.col(2))
 
 
-def show_start(scenario: Scenario, *, meshcat: Meshcat) -> None:
-    """Draws peg and hole into ``meshcat`` as they are at the start of a resolved scenario."""
-    builder = DiagramBuilder()
-    contact = AddVirtualPlant(builder, scenario)
-    AddVisualization(builder=builder, contact=contact, meshcat=meshcat, contact_forces=False)
-    simulator = Simulator(builder.Build())
-    plant_context = contact.plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    contact.plant.SetFreeBodyPose(plant_context, contact.peg, start_pose(scenario))
-    simulator.Initialize()  # replaces the previous drawing
-
-
 def MakeVirtualEnvironment(
     scenario: Scenario,
     *,
     fixture: VirtualFixture | None = None,
     operator: LeafSystem | None = None,
     meshcat: Meshcat | None = None,
-    contact_forces: bool = True,
 ) -> VirtualEnvironment:
     """Builds the diagram of a resolved scenario; simulates nothing.
 
@@ -159,7 +146,6 @@ def MakeVirtualEnvironment(
         operator: system with an output ``hand_pose``, the pose to which it moves the probe, and optional inputs
             ``peg_pose`` and ``rendered_wrench``; None makes the simulated operator.
         meshcat: Meshcat to draw into; None draws nothing.
-        contact_forces: whether to draw arrows of the contact forces too.
 
     Raises:
         ValueError: if the scenario is not resolved, or its coupling is not stable (see `coupling_margins`).
@@ -201,7 +187,7 @@ def MakeVirtualEnvironment(
         observer=observer,
     )
     if meshcat is not None:
-        AddVisualization(builder=builder, contact=contact, meshcat=meshcat, contact_forces=contact_forces)
+        AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
     diagram = builder.Build()
     diagram.set_name("virtual_environment")
     return VirtualEnvironment(diagram, contact, log, energy_log, device, observer, X_HP_start)

@@ -90,13 +90,16 @@ class Page:
 
 
 @contextmanager
-def open_page(path: Path | str, *, size: tuple[int, int] = (1100, 720), fragment: str = "") -> Iterator[Page]:
+def open_page(
+    path: Path | str, *, size: tuple[int, int] = (1100, 720), fragment: str = "", flags: tuple[str, ...] = ()
+) -> Iterator[Page]:
     """Opens a file or an address in a new browser.
 
     Args:
         path: file, or address.
         size: width and height of the window, pixels.
         fragment: appended to the address, beginning with ``#``.
+        flags: more flags of the browser's command line.
 
     Raises:
         AssertionError: if selenium, the browser or its driver is not installed.
@@ -117,7 +120,7 @@ def open_page(path: Path | str, *, size: tuple[int, int] = (1100, 720), fragment
     with tempfile.TemporaryDirectory(prefix="browser-", ignore_cleanup_errors=True) as profile:
         options = webdriver.ChromeOptions()
         options.binary_location = chromium
-        for flag in (*FLAGS, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"):
+        for flag in (*FLAGS, *flags, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"):
             options.add_argument(flag)
         options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
         driver = webdriver.Chrome(options=options, service=Service(driver_path))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pydrake.geometry import Meshcat
+from systems.live.controls import LiveControls
 
 START, GOOD, BAD, DISCARD, QUIT = "start (Space)", "keep as good (G)", "keep as bad (B)", "discard (X)", "quit (Q)"
 KEYS = {START: "Space", GOOD: "KeyG", BAD: "KeyB", DISCARD: "KeyX", QUIT: "KeyQ"}
@@ -24,21 +24,21 @@ SESSION_HELP = [
 
 
 class Buttons:
-    """The buttons of `KEYS` in a Meshcat; every click is handled once.
+    """The buttons of `KEYS`; every click is handled once.
 
     Args:
-        meshcat: Meshcat that shows the buttons.
+        controls: controls of the page, to which the buttons are added.
     """
 
-    def __init__(self, meshcat: Meshcat) -> None:
-        self._meshcat = meshcat
+    def __init__(self, controls: LiveControls) -> None:
+        self._controls = controls
         for label, key in KEYS.items():
-            meshcat.AddButton(label, key)
-        self._handled = {label: meshcat.GetButtonClicks(label) for label in KEYS}
+            controls.AddButton(label, key)
+        self._handled = {label: controls.GetButtonClicks(label) for label in KEYS}
 
     def clicked(self, label: str) -> bool:
         """Whether a button has been clicked since the last call for it."""
-        clicks = self._meshcat.GetButtonClicks(label)
+        clicks = self._controls.GetButtonClicks(label)
         if clicks == self._handled[label]:
             return False
         self._handled[label] = clicks
@@ -46,7 +46,7 @@ class Buttons:
 
     def any_waiting(self, *labels: str) -> bool:
         """Whether one of the buttons has been clicked; the click still counts for `clicked`."""
-        return any(self._meshcat.GetButtonClicks(label) != self._handled[label] for label in labels)
+        return any(self._controls.GetButtonClicks(label) != self._handled[label] for label in labels)
 
     def forget_clicks(self) -> None:
         """Ignores all clicks so far."""

@@ -6,14 +6,19 @@ import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from pydrake.geometry import Cylinder, Meshcat, MeshcatCone, Rgba
+from pydrake.geometry import Cylinder, MeshcatCone, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import DiagramBuilder
 
+from models.scenario import Scenario
 from skill.arrays import Array
 from systems.live.clock import Deadlines
 from systems.live.page import LivePage
+from systems.live.scene import LiveScene
 from systems.math.rotation import from_rotation_vector, rotation_between
 from systems.operators.meshcat_operator import R_HV
+from systems.plant.contact_plant import AddVirtualPlant
+from systems.virtual_environment import start_pose
 from systems.visualization.scene import aim_camera
 
 RENDERED_SCALE, CONTACT_SCALE = 250.0, 1500.0  # in units of N/m of arrow; panel.html states them too
@@ -34,21 +39,21 @@ class Arrow:
     """An arrow of a force, drawn over the other objects so that the peg does not hide it.
 
     Args:
-        meshcat: Meshcat to draw into.
+        scene: scene to draw into.
         name: name of the arrow, whose path is ``live/name``.
         scale: force per length of the arrow, N/m.
         order: drawing order; the arrow with the highest order is on top.
     """
 
-    def __init__(self, meshcat: Meshcat, name: str, *, scale: float, order: float) -> None:
-        self._meshcat, self._scale = meshcat, scale
+    def __init__(self, scene: LiveScene, name: str, *, scale: float, order: float) -> None:
+        self._scene, self._scale = scene, scale
         self._shaft, self._head = f"live/{name}/shaft", f"live/{name}/head"
         self._colour: Rgba | None = None
-        meshcat.SetObject(self._shaft, Cylinder(0.0008, 1.0))
-        meshcat.SetObject(self._head, MeshcatCone(HEAD_LENGTH, 0.002, 0.002))
+        scene.SetObject(self._shaft, Cylinder(0.0008, 1.0))
+        scene.SetObject(self._head, MeshcatCone(HEAD_LENGTH, 0.002, 0.002))
         for path in (self._shaft, self._head):
-            meshcat.SetProperty(f"{path}/<object>", "material.depthTest", False)
-            meshcat.SetProperty(f"{path}/<object>", "renderOrder", order)
+            scene.SetProperty(f"{path}/<object>", "material.depthTest", False)
+            scene.SetProperty(f"{path}/<object>", "renderOrder", order)
 
     def draw(self, start: Array, force: Array, colour: Rgba) -> None:
         """Draws the arrow.
@@ -66,18 +71,18 @@ class Arrow:
         matrix = RigidTransform(R, start + 0.5 * shaft * direction).GetAsMatrix4()
         matrix[:3, :2] *= min(1.0, max(1e-6, length / HEAD_LENGTH))  # a force near zero must not leave a disc
         matrix[:3, 2] *= shaft
-        self._meshcat.SetTransform(self._shaft, matrix)
+        self._scene.SetTransform(self._shaft, matrix)
         head = min(1.0, length / HEAD_LENGTH)
         R_head = R @ RotationMatrix.MakeXRotation(math.pi)  # Meshcat's cone has its point at its origin, z inwards
         matrix = RigidTransform(R_head, start + (shaft + head * HEAD_LENGTH) * direction).GetAsMatrix4()
         matrix[:3, :3] *= max(1e-6, head)
-        self._meshcat.SetTransform(self._head, matrix)
+        self._scene.SetTransform(self._head, matrix)
         if colour != self._colour:  # a change of material costs the browser a frame
             self._colour = colour
             # The viewer expects linear light. It draws transparent objects last, hence 0.99: over the peg.
             linear = [value**2.2 for value in (colour.r(), colour.g(), colour.b())]
             for path in (self._shaft, self._head):
-                self._meshcat.SetProperty(path, "color", [*linear, 0.99])
+                self._scene.SetProperty(path, "color", [*linear, 0.99])
 
 
 @dataclass(frozen=True)
@@ -110,20 +115,19 @@ class Readings:
 
 
 class LiveDisplay:
-    """Shows a session in a Meshcat and its page. It holds no state that a simulation depends on.
+    """Shows a session on its page. It holds no state that a simulation depends on.
 
     Args:
-        meshcat: Meshcat for the arrows and the buttons of the views.
-        page: page whose panel shows readings and messages.
+        page: page with the scene, the buttons of the views, and the panel of readings and messages.
         help_lines: help for the controls, (keys, what they do) for each line.
     """
 
-    def __init__(self, meshcat: Meshcat, page: LivePage, *, help_lines: list[tuple[list[str], str]]) -> None:
-        self._meshcat, self._page = meshcat, page
-        self._rendered = Arrow(meshcat, "rendered_force", scale=RENDERED_SCALE, order=11.0)
-        self._contact = Arrow(meshcat, "contact_force", scale=CONTACT_SCALE, order=10.0)
+    def __init__(self, page: LivePage, *, help_lines: list[tuple[list[str], str]]) -> None:
+        self._page = page
+        self._rendered = Arrow(page.scene, "rendered_force", scale=RENDERED_SCALE, order=11.0)
+        self._contact = Arrow(page.scene, "contact_force", scale=CONTACT_SCALE, order=10.0)
         for label, (key, _) in VIEWS.items():
-            meshcat.AddButton(label, key)
+            page.controls.AddButton(label, key)
         self._view_clicks = dict.fromkeys(VIEWS, 0)
         self._view = next(iter(VIEWS))
         page.show(keys=help_lines)
@@ -132,6 +136,16 @@ class LiveDisplay:
     def show_message(self, message: str) -> None:
         """Shows a line of text over the scene."""
         self._page.show(status=message)
+
+    def draw_start(self, scenario: Scenario) -> None:
+        """Draws peg and hole as they are at the start of a resolved scenario."""
+        contact = AddVirtualPlant(DiagramBuilder(), scenario)
+        self._page.scene.draw_plant(contact)
+        self.move_peg(start_pose(scenario))
+
+    def move_peg(self, X_HP: RigidTransform) -> None:
+        """Draws the peg at a pose."""
+        self._page.scene.SetTransform("plant/peg", X_HP)
 
     def draw_forces(
         self,
@@ -173,12 +187,12 @@ class LiveDisplay:
 
     def reset_camera(self) -> None:
         """Puts the camera back to the view chosen last."""
-        aim_camera(self._meshcat, camera=R_HV @ np.array(VIEWS[self._view][1]), target=CAMERA_TARGET)
+        aim_camera(self._page.scene, camera=R_HV @ np.array(VIEWS[self._view][1]), target=CAMERA_TARGET)
 
     def follow_view_buttons(self) -> None:
         """Moves the camera if the button of a view has been clicked."""
         for label in VIEWS:
-            clicks = self._meshcat.GetButtonClicks(label)
+            clicks = self._page.controls.GetButtonClicks(label)
             if clicks != self._view_clicks[label]:
                 self._view_clicks[label], self._view = clicks, label
                 self.reset_camera()

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Meshcat
 
 from models.hardware import DEVICE_PRESETS
 from models.scenario import LIVE_STREAM, Scenario, resolve_scenario
@@ -22,7 +21,7 @@ from systems.operators.device_operator import DeviceOperator, LiveDevice
 from systems.operators.meshcat_operator import MeshcatOperator, add_sliders, hand_coordinates
 from systems.runs.demonstration_run import DemonstrationRun
 from systems.runs.demonstration_set import attempt_seed
-from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment, show_start, start_pose
+from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment, start_pose
 from systems.visualization.scene import FRAME
 
 IDLE_PERIOD = 0.03  # in units of s, between two checks of the buttons
@@ -38,7 +37,6 @@ class LiveSession:
         scenario: scenario with ranges, from which every demonstration draws its own start.
         out: folder for the recordings; existing recordings stay, and the numbering continues after them.
         seed: seed of the starts.
-        meshcat: Meshcat whose scene the page shows.
         page: page that the person opens.
         tell: receives the messages that the page shows too, for example a console.
         open_device: opens the person's haptic device; None uses sliders, keys and gamepad of the page.
@@ -51,19 +49,18 @@ class LiveSession:
         scenario: Scenario,
         out: Path,
         seed: int,
-        meshcat: Meshcat,
         page: LivePage,
         tell: Callable[[str], None] = print,
         open_device: Callable[[], LiveDevice] | None = None,
         absence_limit: float = 120.0,
     ) -> None:
-        self._scenario, self._out, self._seed, self._meshcat, self._page = scenario, out, seed, meshcat, page
+        self._scenario, self._out, self._seed, self._page = scenario, out, seed, page
         self._tell, self._open_device, self._absence_limit = tell, open_device, absence_limit
-        self._buttons = Buttons(meshcat)
+        self._buttons = Buttons(page.controls)
         if open_device is None:
-            add_sliders(meshcat, np.zeros(5))
+            add_sliders(page.controls, np.zeros(5))
         help_lines = SESSION_HELP if open_device is not None else MOTION_HELP + SESSION_HELP
-        self._display = LiveDisplay(meshcat, page, help_lines=help_lines)
+        self._display = LiveDisplay(page, help_lines=help_lines)
         for keys, action in help_lines:
             tell(f"  {' '.join(keys):10s} {action}")
         self._device: LiveDevice | None = None
@@ -88,6 +85,9 @@ class LiveSession:
                 time.sleep(IDLE_PERIOD)
         finally:
             self._close_device()
+            refusals = self._page.refusals()
+            if refusals is not None:
+                self._tell(refusals)
         return self.kept
 
     def _is_over(self) -> bool:
@@ -95,7 +95,7 @@ class LiveSession:
         if self._buttons.clicked(QUIT):
             self._say("session over")
             return True
-        if self._page_is_open():
+        if self._page.is_shown:
             self._absent_since, self._absence_noticed = None, False
             return False
         if self._absent_since is None:
@@ -119,11 +119,11 @@ class LiveSession:
     def _prepare_next(self) -> None:
         """Draws the start of the next demonstration."""
         _, resolved = self._next()
-        show_start(resolved, meshcat=self._meshcat)
+        self._display.draw_start(resolved)
         self._display.reset_camera()
         X_HP = start_pose(resolved)
         if self._open_device is None:
-            add_sliders(self._meshcat, hand_coordinates(X_HP))
+            add_sliders(self._page.controls, hand_coordinates(X_HP))
         tip = X_HP.translation()
         self._display.draw_forces(tip, np.zeros(3), load=0.0, contact=None)
         self._display.show_readings(
@@ -170,8 +170,8 @@ class LiveSession:
                 moved_before=self._device.read_pose(),  # the peg starts where the handle is now
             )
         else:
-            operator = MeshcatOperator(meshcat=self._meshcat, period=SLIDER_PERIOD, X_HD_start=X_HP_start)
-        return MakeVirtualEnvironment(resolved, operator=operator, meshcat=self._meshcat, contact_forces=False)
+            operator = MeshcatOperator(meshcat=self._page.controls, period=SLIDER_PERIOD, X_HD_start=X_HP_start)
+        return MakeVirtualEnvironment(resolved, operator=operator)
 
     def _simulate(self, run: DemonstrationRun, environment: VirtualEnvironment, resolved: Scenario) -> Ending | None:
         """Returns how the demonstration ended, or None if the page was closed."""
@@ -184,14 +184,14 @@ class LiveSession:
             ending = self._advance(run, clock, ticks=round(resolved.recorder.period / servo_period))
             if ending is not None or time.monotonic() - last_drawn > FRAME:
                 last_drawn = time.monotonic()
-                self._draw_forces(run, environment)
+                self._draw(run, environment)
             if ending is not None or time.monotonic() - last_reading > READING_PERIOD:
                 rate = (clock.time - last_reading_time) / (time.monotonic() - last_reading)
                 last_reading, last_reading_time = time.monotonic(), clock.time
                 self._show_readings(run, environment, resolved, rate=rate, deadlines=clock.deadlines)
                 self._display.follow_view_buttons()
                 self._watch_gamepad()
-                if not self._page_is_open():
+                if not self._page.is_shown:
                     return None
             if ending is not None:
                 return ending
@@ -227,7 +227,7 @@ class LiveSession:
                 return False
             if self._buttons.clicked(QUIT):
                 return True
-            if not self._page_is_open():
+            if not self._page.is_shown:
                 self._tell("the page was closed before a verdict: demonstration discarded")
                 return False
             self._display.follow_view_buttons()
@@ -248,12 +248,13 @@ class LiveSession:
 
     # ------------------------------------------------------------- page and device
 
-    def _draw_forces(self, run: DemonstrationRun, environment: VirtualEnvironment) -> None:
+    def _draw(self, run: DemonstrationRun, environment: VirtualEnvironment) -> None:
         context = run.simulator.get_context()
         rendered = environment.rendered_wrench(context)
-        tip = environment.peg_pose(context).translation()
+        X_HP = environment.peg_pose(context)
         contact = environment.contact_force(context)
-        self._display.draw_forces(tip, rendered.wrench[3:], load=rendered.load, contact=contact)
+        self._display.move_peg(X_HP)
+        self._display.draw_forces(X_HP.translation(), rendered.wrench[3:], load=rendered.load, contact=contact)
 
     def _show_readings(
         self,
@@ -284,15 +285,12 @@ class LiveSession:
 
     def _watch_gamepad(self) -> None:
         """Says when a gamepad is connected or disconnected."""
-        has_gamepad = len(self._meshcat.GetGamepad().axes) > 0  # the index stays valid after a disconnection
+        has_gamepad = len(self._page.controls.GetGamepad().axes) > 0
         if self._has_gamepad and not has_gamepad:
             self._say("gamepad disconnected: use sliders and keys")
         elif has_gamepad and not self._has_gamepad:
             self._say("gamepad: left stick tilts, right stick feeds")
         self._has_gamepad = has_gamepad
-
-    def _page_is_open(self) -> bool:
-        return bool(self._meshcat.GetNumActiveConnections() > 0)
 
     def _say(self, message: str) -> None:
         """Shows a message on the page and on the console."""

@@ -81,7 +81,7 @@ class MeshcatOperator(LeafSystem):
     kept in the Context, so that between two readings the pose depends on the Context only.
 
     Args:
-        meshcat: Meshcat instance with the sliders.
+        meshcat: Meshcat instance with the sliders, or `LiveControls`, which has the same methods.
         period: Reading period, s.
         X_HD_start: Pose of the probe at the start.
     """

@@ -31,7 +31,7 @@ errors = Console(stderr=True)
 FAILED, INTERRUPTED, TERMINATED = 1, 130, 143
 """Exit codes of a command that failed, or that Ctrl-C or SIGTERM ended. Wrong usage is 2, success 0."""
 
-SIMULATION_PACKAGES = ("pydrake", "joblib", "yaml")
+SIMULATION_PACKAGES = ("pydrake", "joblib", "yaml", "tornado")
 """Packages that the extra ``sim`` installs."""
 
 P = ParamSpec("P")

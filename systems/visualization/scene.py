@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatVisualizer, MeshcatVisualizerParams, Role
+from pydrake.geometry import Meshcat, MeshcatParams, MeshcatVisualizer, MeshcatVisualizerParams, Role
 from pydrake.multibody.meshcat import ContactVisualizer, ContactVisualizerParams
 from pydrake.systems.framework import DiagramBuilder
 
@@ -17,20 +17,18 @@ from systems.plant.contact_plant import ContactPlant
 
 CAMERA = np.array([0.062, 0.055, 0.030])  # in units of m, in W; it looks at TARGET
 TARGET = np.array([0.0, 0.0, -0.004])  # in units of m, in W
+LOCAL_HOST = "127.0.0.1"  # Meshcat checks nobody: only this machine may reach it
 FRAME = 1 / 32  # in units of s, between two pictures
 NEWTONS_PER_METRE = 600.0  # scale of the arrows of contact forces
 
 
-def AddVisualization(
-    *, builder: DiagramBuilder, contact: ContactPlant, meshcat: Meshcat, contact_forces: bool = True
-) -> None:
+def AddVisualization(*, builder: DiagramBuilder, contact: ContactPlant, meshcat: Meshcat) -> None:
     """Adds visualizers of a plant to a diagram.
 
     Args:
         builder: builder of the diagram.
         contact: the plant.
         meshcat: Meshcat to draw into; its camera is not moved.
-        contact_forces: whether to draw arrows of the contact forces.
     """
     MeshcatVisualizer.AddToBuilder(
         builder,
@@ -38,8 +36,6 @@ def AddVisualization(
         meshcat,
         MeshcatVisualizerParams(role=Role.kIllustration, prefix="visualizer", publish_period=FRAME),
     )
-    if not contact_forces:
-        return
     ContactVisualizer.AddToBuilder(
         builder,
         contact.plant,
@@ -61,7 +57,7 @@ def recorded(path: Path) -> Iterator[Meshcat]:
     Args:
         path: file of the page. It is not written if the context ends with an exception.
     """
-    meshcat = Meshcat()
+    meshcat = Meshcat(MeshcatParams(host=LOCAL_HOST))
     aim_camera(meshcat)
     meshcat.StartRecording(frames_per_second=1 / FRAME, set_visualizations_while_recording=False)
     yield meshcat

@@ -4,7 +4,7 @@ from systems.live.buttons import BAD, GOOD, KEYS, QUIT, START, Buttons
 
 
 class Clicks:
-    """Replaces Meshcat; counts the clicks of its buttons."""
+    """Replaces the controls; counts the clicks of its buttons."""
 
     def __init__(self):
         self.keys, self.counts = {}, {}

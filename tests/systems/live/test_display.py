@@ -14,11 +14,12 @@ BLACK = Rgba(0.0, 0.0, 0.0)
 
 
 class Recorder:
-    """Replaces Meshcat and the page, and keeps what is set last."""
+    """Replaces the page, its scene and its controls, and keeps what is set last."""
 
     def __init__(self):
         self.shapes, self.transforms, self.properties, self.calls = {}, {}, {}, []
         self.clicks, self.keys, self.values = {}, {}, {}
+        self.scene = self.controls = self
 
     def SetObject(self, path, shape):
         self.shapes[path] = shape
@@ -54,7 +55,7 @@ def browser():
 
 @pytest.fixture
 def display(browser):
-    return LiveDisplay(browser, browser, help_lines=[(["Q"], "quit")])
+    return LiveDisplay(browser, help_lines=[(["Q"], "quit")])
 
 
 def drawn(browser, force, *, scale=100.0):

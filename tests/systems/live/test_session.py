@@ -3,18 +3,15 @@
 import os
 import re
 import resource
-import subprocess
-import sys
 import time
-from contextlib import contextmanager
 from dataclasses import astuple
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import umsgpack
 import yaml
-from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 import systems.live.clock
@@ -23,24 +20,19 @@ from models.scenario import load_scenario
 from skill.data.demonstration import read_demonstration
 from skill.data.outcome import Ending, Outcome
 from systems.live.buttons import BAD, DISCARD, GOOD, QUIT, START, Buttons
+from systems.live.controls import LiveControls
 from systems.live.display import SATURATED
-from systems.live.page import open_live_page
+from systems.live.messages import Outbox
+from systems.live.page import LivePage, open_live_page
+from systems.live.scene import LiveScene
 from systems.live.session import LiveSession, next_number
 from systems.math.rotation import from_rotation_vector
 from systems.operators.meshcat_operator import R_HV, hand_coordinates, hand_pose
 from systems.outputs.folder_lock import LOCK_NAME
-from tests.browser import blankness, open_page
+from tests.browser import blankness
+from tests.systems.live.live_session import QUICK, drag, live, press, row, text_of, wait_for_text
 
-ROOT = Path(__file__).resolve().parents[3]
 PICTURES = os.environ.get("LIVE_PICTURES")  # folder in which the screenshots are kept, if set
-SIZE = (1100, 760)
-QUICK = {
-    "geometry": {"hole_depth": 0.004, "peg_length": 0.02, "hole_radius": 0.0102, "facets": 32},
-    "start": {"height": 5e-4, "tilt": [0.0, 0.0]},
-    "contact": {"time_step": 0.004},
-    "coupling": {"peg_inertia": 0.02, "angular_damping": 2.0},
-    "recorder": {"time_limit": 60.0, "rough_force": 500.0},
-}
 JAMS = {**QUICK, "geometry": {**QUICK["geometry"], "hole_depth": 0.01}, "start": {"height": 5e-4, "tilt": [0.055, 0.0]}}
 
 
@@ -71,7 +63,7 @@ def session(tmp_path):
     """Makes sessions in this process without an open page; ``messages`` of a session lists what it told."""
     path = tmp_path / "quick.yaml"
     path.write_text(yaml.safe_dump(QUICK))
-    meshcat, page = open_live_page()
+    page = open_live_page()
 
     def make(**options):
         messages = []
@@ -79,7 +71,6 @@ def session(tmp_path):
             scenario=load_scenario(str(path)),
             out=tmp_path,
             seed=0,
-            meshcat=meshcat,
             page=page,
             tell=messages.append,
             **options,
@@ -95,7 +86,9 @@ def test_session_without_an_open_page_gives_its_address_and_ends(session, monkey
     monkeypatch.setattr(systems.live.session, "ABSENCE_NOTICE", 0.1)
     dut = session(absence_limit=0.3)
     assert dut.run() == []
-    assert any(re.match(r"no page is open: open http://localhost:\d+ to continue", line) for line in dut.messages)
+    assert any(
+        re.match(r"no page is open: open http://127\.0\.0\.1:\d+/[\w-]{32}/ to continue", line) for line in dut.messages
+    )
     assert dut.messages[-1] == "the page stayed closed: session over"
 
 
@@ -130,7 +123,7 @@ def test_lost_device_is_reported_closed_and_opened_again(session, monkeypatch):
         next_press["button"] = next(presses, None)
         return True
 
-    monkeypatch.setattr(LiveSession, "_page_is_open", lambda _: True)
+    monkeypatch.setattr(LivePage, "is_shown", True)
     monkeypatch.setattr(Buttons, "clicked", clicked)
     monkeypatch.setattr(Buttons, "forget_clicks", lambda _: None)
     assert dut.run() == []
@@ -154,25 +147,25 @@ def wall(monkeypatch):
     return wall
 
 
-@pytest.fixture(scope="module")
-def meshcat():
-    return Meshcat()
-
-
 class Page:
-    """Replaces the page; keeps the values that it shows."""
+    """Replaces the page; keeps the values that it shows, and serves nothing."""
 
     address = "http://localhost:1"
 
     def __init__(self):
-        self.values = {}
+        self.values, self.is_shown, self.refused = {}, True, None
+        outbox = Outbox()
+        self.scene, self.controls = LiveScene(outbox), LiveControls(outbox)
+
+    def refusals(self):
+        return self.refused
 
     def show(self, **values):
         self.values |= values
 
 
 @pytest.fixture
-def quiet(tmp_path, meshcat, monkeypatch):
+def quiet(tmp_path, monkeypatch):
     """A session whose page is open and whose buttons click when ``clicks`` lists them; the session takes the first."""
     (tmp_path / "quick.yaml").write_text(yaml.safe_dump(QUICK))
     messages, page, clicks = [], Page(), []
@@ -180,12 +173,10 @@ def quiet(tmp_path, meshcat, monkeypatch):
         scenario=load_scenario(str(tmp_path / "quick.yaml")),
         out=tmp_path,
         seed=0,
-        meshcat=meshcat,
         page=page,
         tell=messages.append,
     )
-    dut.messages, dut.values, dut.clicks, dut.is_open = messages, page.values, clicks, True
-    monkeypatch.setattr(LiveSession, "_page_is_open", lambda self: self.is_open)
+    dut.messages, dut.values, dut.clicks, dut.page = messages, page.values, clicks, page
     monkeypatch.setattr(Buttons, "clicked", lambda _, label: clicks[:1] == [label] and bool(clicks.pop(0)))
     monkeypatch.setattr(Buttons, "any_waiting", lambda _, *labels: clicks[:1] != [] and clicks[0] in labels)
     monkeypatch.setattr(Buttons, "forget_clicks", lambda _: clicks.clear())
@@ -210,7 +201,7 @@ def test_before_a_demonstration_the_panel_shows_zeros_and_the_depth_of_the_start
 
 
 def test_a_closed_page_is_noticed_after_five_seconds_and_ends_the_session_after_two_minutes(quiet, wall):
-    quiet.is_open = False
+    quiet.page.is_shown = False
     start, log = wall.now, {}
     while quiet._is_over() is False:
         wall.now += 0.5
@@ -225,7 +216,7 @@ def test_a_closed_page_is_noticed_after_five_seconds_and_ends_the_session_after_
 
 def test_an_open_page_ends_the_absence(quiet, wall):
     for is_open, seconds in ((False, 100.0), (True, 0.0), (False, 100.0), (False, 0.0)):
-        quiet.is_open = is_open
+        quiet.page.is_shown = is_open
         assert quiet._is_over() is False
         wall.now += seconds
     assert (
@@ -234,6 +225,14 @@ def test_an_open_page_ends_the_absence(quiet, wall):
     quiet.clicks.append(QUIT)
     assert quiet._is_over() is True
     assert quiet.messages[-1] == "session over"
+
+
+@pytest.mark.parametrize("refused", [None, "refused or ignored: junk frame 5"])
+def test_what_was_refused_is_told_at_the_end(quiet, refused):
+    quiet.page.refused = refused
+    quiet.clicks.append(QUIT)
+    quiet.run()
+    assert quiet.messages[-1] == (refused or "session over")
 
 
 class Run:
@@ -328,7 +327,7 @@ def test_a_button_or_a_closed_page_ends_a_demonstration(quiet, wall):
     assert len(run.times) == 10  # one recorder period
     assert quiet.clicks == [GOOD]  # it is also the verdict
     quiet.clicks.clear()
-    quiet.is_open = False
+    quiet.page.is_shown = False
     assert simulate(quiet, Run(wall)) is None
     assert wall.now < 1000.5
 
@@ -353,7 +352,7 @@ def test_the_person_judges_a_demonstration(quiet, wall, monkeypatch):
     assert verdict(quiet, wall, DISCARD) == (False, [])
     assert quiet.messages[-1] == "discarded: Space starts another"
     assert verdict(quiet, wall, QUIT) == (True, [])
-    quiet.is_open = False
+    quiet.page.is_shown = False
     assert verdict(quiet, wall) == (False, [])
     assert quiet.messages[-1] == "the page was closed before a verdict: demonstration discarded"
     assert verdict(quiet, wall, GOOD, ticks=0) == (False, [])
@@ -378,12 +377,18 @@ def test_a_demonstration_that_cannot_be_written_can_be_kept_again_or_discarded(q
 
 
 def test_the_session_looks_at_the_buttons_about_thirty_times_a_second(quiet, wall, monkeypatch):
-    def open_for_a_while(_):
-        if wall.now > 1001.0:
-            quiet.clicks.append(QUIT)
-        return True
+    class PageOpenForAWhile(Page):
+        @property
+        def is_shown(self):
+            if wall.now > 1001.0:
+                quiet.clicks.append(QUIT)
+            return True
 
-    monkeypatch.setattr(LiveSession, "_page_is_open", open_for_a_while)
+        @is_shown.setter
+        def is_shown(self, value):
+            pass
+
+    quiet._page = PageOpenForAWhile()
     assert quiet.run() == []
     assert all(1 / 50 < seconds < 1 / 25 for seconds in wall.sleeps)
     wall.sleeps.clear()
@@ -396,7 +401,8 @@ def test_the_session_looks_at_the_buttons_about_thirty_times_a_second(quiet, wal
 def test_a_gamepad_is_announced_once_when_it_comes_and_once_when_it_goes(quiet):
     quiet.messages.clear()
     for axes in ([], [0.0], [0.0, 0.0], [], []):
-        quiet._meshcat = SimpleNamespace(GetGamepad=lambda axes=axes: SimpleNamespace(axes=axes, index=0))
+        pad = {"index": 0, "axes": axes} if axes else {}
+        assert quiet.page.controls.receive(umsgpack.packb({"type": "gamepad", "name": "", "gamepad": pad}), browser=1)
         quiet._watch_gamepad()
     assert quiet.messages == [
         "gamepad: left stick tilts, right stick feeds",
@@ -404,25 +410,18 @@ def test_a_gamepad_is_announced_once_when_it_comes_and_once_when_it_goes(quiet):
     ]
 
 
-def test_a_page_is_open_if_a_browser_is_connected():
-    for number, is_open in ((0, False), (1, True), (2, True)):
-        meshcat = SimpleNamespace(GetNumActiveConnections=lambda number=number: number)
-        assert LiveSession._page_is_open(SimpleNamespace(_meshcat=meshcat)) is is_open
-
-
 def test_the_hand_follows_the_sliders_50_times_a_second(quiet, monkeypatch):
     made = []
 
-    def make(resolved, *, operator, meshcat, contact_forces):
-        made.append((operator, contact_forces))
+    def make(resolved, *, operator):
+        made.append(operator)
 
     monkeypatch.setattr(systems.live.session, "MakeVirtualEnvironment", make)
     _, resolved = quiet._next()
     quiet._build(resolved)
-    ((operator, contact_forces),) = made
+    (operator,) = made
     timing = operator.GetUniquePeriodicDiscreteUpdateAttribute()
     assert (timing.period_sec(), timing.offset_sec()) == (0.02, 0.0)
-    assert contact_forces is False  # the session draws its own
 
 
 def test_recordings_are_numbered_after_the_largest_number(tmp_path):
@@ -432,87 +431,6 @@ def test_recordings_are_numbered_after_the_largest_number(tmp_path):
     assert next_number(tmp_path) == 18
     (tmp_path / "1000_good_live.parquet").touch()
     assert next_number(tmp_path) == 1001  # not 100, which would replace a recording later
-
-
-class Session:
-    """The command line in a process of its own."""
-
-    def __init__(self, process, log):
-        self.process, self._log = process, log
-
-    def wait_for(self, pattern, timeout=60.0):
-        """Waits until the output matches a pattern, and returns the match."""
-        end = time.monotonic() + timeout
-        while time.monotonic() < end:
-            running = self.process.poll() is None
-            match = re.search(pattern, self._log.read_text())
-            if match:
-                return match
-            if not running:
-                break
-            time.sleep(0.05)
-        raise AssertionError(f"'{pattern}' is not in the output:\n{self._log.read_text()}")
-
-    def page(self):
-        return open_page(self.wait_for(r"open (http\S+) in a browser").group(1), size=SIZE)
-
-
-@contextmanager
-def live(tmp_path, scenario=QUICK, file_size=resource.RLIM_INFINITY):
-    path, log = tmp_path / "quick.yaml", tmp_path / "log.txt"
-    path.write_text(yaml.safe_dump(scenario))
-    browser = tmp_path / "browser.sh"  # stands for the desktop's
-    browser.write_text(f'#!/bin/sh\necho "$1" > {tmp_path / "opened.txt"}\n')
-    browser.chmod(0o755)
-    command = [sys.executable, "-m", "scripts.record_demonstrations", "--live", "--out", str(tmp_path / "out")]
-    with log.open("w") as stream:
-        process = subprocess.Popen(
-            [*command, "--scenario", str(path)],
-            cwd=ROOT,
-            stdout=stream,
-            stderr=subprocess.STDOUT,
-            env={**os.environ, "COLUMNS": "200", "PYTHONUNBUFFERED": "1", "DISPLAY": ":9", "BROWSER": f"{browser} %s"},
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (file_size, resource.RLIM_INFINITY)),
-        )
-    try:
-        yield Session(process, log)
-    finally:
-        process.kill()
-        process.wait()
-
-
-def press(page, *keys, times=1, pause=0.0):
-    from selenium.webdriver.common.action_chains import ActionChains
-
-    for _ in range(times):
-        for key in keys:
-            ActionChains(page.driver).send_keys(key).perform()
-        time.sleep(pause)
-
-
-def row(page, label):
-    """The row of the controls whose text starts with ``label``."""
-    return page.run(
-        "return [...document.querySelectorAll('li.cr')].find(r => r.textContent.startsWith(arguments[0]))", label
-    )
-
-
-def drag(page, label, share):
-    """Presses the mouse in the middle of a slider and drags it by ``share`` of its width."""
-    from selenium.webdriver.common.action_chains import ActionChains
-    from selenium.webdriver.common.by import By
-
-    slider = row(page, label).find_element(By.CSS_SELECTOR, ".slider")
-    pixels = round(share * slider.size["width"])
-    ActionChains(page.driver).click_and_hold(slider).move_by_offset(pixels, 0).release().perform()
-
-
-def text_of(page, name):
-    return page.run("return document.getElementById(arguments[0]).textContent", name)
-
-
-def wait_for_text(page, name, pattern, timeout=30.0):
-    page.wait(f"/{pattern}/.test(document.getElementById('{name}').textContent)", timeout)
 
 
 def keep_picture(page, name):
@@ -529,7 +447,7 @@ def orange(picture):
 def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
     with live(tmp_path) as session, session.page() as page:
         wait_for_text(page, "status", "ready: press Space")
-        assert (tmp_path / "opened.txt").read_text().strip() + "/" == page.driver.current_url
+        assert (tmp_path / "opened.txt").read_text().strip() == page.driver.current_url
         page.wait("document.body.innerText.includes('view of the cut (1)')")
         time.sleep(0.5)
         ready = keep_picture(page, "ready")  # before anything is pressed: a large peg and block in the middle

@@ -59,7 +59,8 @@ def test_a_view_can_be_chosen_and_has_neither_a_grid_nor_axes():
 
 def test_a_recording_has_32_frames_a_second_and_is_written_at_the_end(monkeypatch, tmp_path):
     meshcat = Recorder()
-    monkeypatch.setattr(systems.visualization.scene, "Meshcat", lambda: meshcat)
+    opened = []
+    monkeypatch.setattr(systems.visualization.scene, "Meshcat", lambda params: opened.append(params) or meshcat)
     with recorded(tmp_path / "a.html") as given:
         assert given is meshcat
         assert meshcat.calls == [("start", 32.0, False)]
@@ -67,28 +68,26 @@ def test_a_recording_has_32_frames_a_second_and_is_written_at_the_end(monkeypatc
     assert meshcat.calls[1:] == ["stop", "publish"]
     assert (tmp_path / "a.html").read_text() == "the page"
     assert meshcat.target[2] == -0.004  # the camera is aimed
+    assert [params.host for params in opened] == ["127.0.0.1"]  # no other machine reaches its port
 
 
-@pytest.mark.parametrize("contact_forces", [False, True])
-def test_a_contact_force_of_6_newtons_is_drawn_1_cm_long(monkeypatch, contact_forces):
+def test_a_contact_force_of_6_newtons_is_drawn_1_cm_long(monkeypatch):
     added = {}
     for name in ("MeshcatVisualizer", "ContactVisualizer"):
         add = lambda *args, name=name: added.update({name: args})  # noqa: E731
         monkeypatch.setattr(systems.visualization.scene, name, SimpleNamespace(AddToBuilder=add))
     contact = SimpleNamespace(scene_graph="scene graph", plant="plant")
-    AddVisualization(builder="builder", contact=contact, meshcat="meshcat", contact_forces=contact_forces)
+    AddVisualization(builder="builder", contact=contact, meshcat="meshcat")
     *where, shapes = added.pop("MeshcatVisualizer")
     assert where == ["builder", "scene graph", "meshcat"]
     assert 1 / shapes.publish_period == 32.0
-    assert bool(added) == contact_forces
-    if contact_forces:
-        *where, arrows = added["ContactVisualizer"]
-        assert where == ["builder", "plant", "meshcat"]
-        assert 1 / arrows.publish_period == 32.0
-        assert 6.0 / arrows.newtons_per_meter == pytest.approx(0.01)
-        assert 0.5 / arrows.newton_meters_per_meter == pytest.approx(0.01)  # 0.5 N m
-        assert 0.05 < arrows.radius / 0.01 < 0.1  # slim
-        assert 0.1 < arrows.force_threshold < 0.3  # N; shorter than half a millimetre is not drawn
+    *where, arrows = added["ContactVisualizer"]
+    assert where == ["builder", "plant", "meshcat"]
+    assert 1 / arrows.publish_period == 32.0
+    assert 6.0 / arrows.newtons_per_meter == pytest.approx(0.01)
+    assert 0.5 / arrows.newton_meters_per_meter == pytest.approx(0.01)  # 0.5 N m
+    assert 0.05 < arrows.radius / 0.01 < 0.1  # slim
+    assert 0.1 < arrows.force_threshold < 0.3  # N; shorter than half a millimetre is not drawn
 
 
 @pytest.mark.slow
