@@ -41,6 +41,8 @@ LIMITS = {
     "operator.decision_period": (1e-3, 1.0, "s"),
     **dict.fromkeys(("recorder.time_limit", "trial.time_limit"), (1e-3, 3600.0, "s")),
     **dict.fromkeys(("sensor.delay", "operator.sight_delay"), (0.0, 10.0, "s")),
+    **dict.fromkeys(("start.tilt_range", "start.demonstrated_tilt_range"), (0.0, 0.5 * math.pi, "rad")),
+    "start.offset_range": (0.0, 1.0, "m"),
     "start.height": (MIN_POSITIVE, 1.0, "m"),
     "sensor.height": (MIN_POSITIVE, 1.0, "m"),
     "seed": (0, 2**63 - 1, ""),

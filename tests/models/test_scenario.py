@@ -231,6 +231,11 @@ BAD_RANGES = {
     ),
     "a tiny sensor period": ("sensor: {period: 1e-9}", "sensor.period is 1e-09 s, expected between 1e-05 and 1 s"),
     "a tiny decision period": ("operator: {decision_period: 1e-9}", "operator.decision_period is 1e-09 s, expected be"),
+    "a tilt range in degrees": ("start: {tilt_range: 3.4}", "start.tilt_range is 3.4 rad, expected between 0 and 1.57"),
+    "an offset range in millimetres": (
+        "start: {offset_range: 2}",
+        "start.offset_range is 2.0 m, expected between 0 and 1",
+    ),
     "an endless trial": (
         "trial: {time_limit: 1e9}",
         "trial.time_limit is 1000000000.0 s, expected between .* 3600 s",

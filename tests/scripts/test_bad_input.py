@@ -37,6 +37,19 @@ def test_a_bad_scenario_stops_the_rig_before_it_starts(tmp_path, skill_file):
     assert files(tmp_path) == ["mine.yaml"]
 
 
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        (("--tilt-deg", "1e20"), "start.tilt_range is 1.7453292519943296e+18 rad, expected between 0 and 1.5708 rad"),
+        (("--friction", "1e13"), "contact.friction is 10000000000000.0, expected between 0 and 1e+12"),
+    ],
+)
+def test_an_option_that_replaces_a_value_is_checked_like_the_scenario(tmp_path, skill_file, option, message):
+    line = error_line(invoke("rig", "--skill", skill_file, "--out", tmp_path / "rig", *option))
+    assert line.endswith(f"command line: {message}")
+    assert files(tmp_path) == []
+
+
 def test_the_error_about_an_unknown_scenario_names_the_known_ones(tmp_path):
     line = error_line(invoke("record", "--scenario", "nominel", "--out", tmp_path / "out"))
     assert "nominel" in line
