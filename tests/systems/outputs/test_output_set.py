@@ -326,3 +326,4 @@ def test_the_figure_of_the_old_set_does_not_stay_beside_the_new_one(tmp_path):
         write_item(items, NAMES[2], 2)
         items.complete()
     assert files(tmp_path) == [*NAMES, "index.json"]
+    assert make_set(tmp_path, 2, overwrite=True).finished.keys() == set(NAMES)  # only the figure was missing
