@@ -114,7 +114,9 @@ class SetLane(Lane):
         lost = [name for name, mark in self.known.items() if made.get(name) != mark]
         if lost:
             faults.append(f"lost or made again: {lost}")
-        self.known = made
+        # A command that was killed between its last file and its end is complete; --overwrite then makes all anew.
+        is_complete = is_new and index is not None and index.is_complete(self.folder)
+        self.known = {} if is_complete and self.old else made
         return faults
 
     def faults_after_completion(self) -> list[str]:

@@ -75,9 +75,6 @@ class OutputSet:
         """Ends the work on the items: a set that replaces another takes its place."""
         if self._place == self.folder:
             return
-        old = find_set(self.folder, self._index.kind)
-        for name in old.reports if old is not None else ():
-            (self.folder / name).unlink(missing_ok=True)  # they would not belong to the new items
         remove_unfinished(self._place, self._index.names)
         self._place.rename(self.folder / READY)
         finish_replacement(self.folder)

@@ -84,3 +84,32 @@ def test_a_damaged_lock_file_of_a_living_holder_blocks_without_a_name(tmp_path, 
     (tmp_path / "out" / LOCK_NAME).write_text("")
     with pytest.raises(OSError, match="out: another process writes here"), locked_folder(tmp_path / "out"):
         pass
+
+
+@pytest.mark.slow
+def test_processes_that_take_turns_never_hold_the_folder_together(tmp_path):
+    """A process may open the lock file just before its holder removes it, and must not take it for the lock."""
+    code = """
+import sys, time
+from pathlib import Path
+from systems.outputs.folder_lock import locked_folder
+folder, turns = Path(sys.argv[1]), 0
+end = time.monotonic() + 3
+while time.monotonic() < end:
+    try:
+        with locked_folder(folder):
+            (folder / "inside").touch(exist_ok=False)
+            turns += 1
+            (folder / "inside").unlink()
+    except OSError as error:
+        if "writes here" not in str(error):
+            raise
+print(turns)
+"""
+    (tmp_path / "other").touch()  # so that the folder stays
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    processes = [subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    turns = [int(process.communicate()[0] or -1) for process in processes]
+    assert [process.returncode for process in processes] == [0, 0, 0]
+    assert min(turns) > 0
+    assert [path.name for path in tmp_path.iterdir()] == ["other"]

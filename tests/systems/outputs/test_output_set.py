@@ -14,9 +14,9 @@ from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import write_rig_run
 from systems.outputs import output_set
 from systems.outputs.live_folder import open_live_folder
-from systems.outputs.output_set import finish_replacement, open_set, remove_unfinished
+from systems.outputs.output_set import open_set, remove_unfinished
 from systems.outputs.recordings import find_recordings
-from systems.outputs.set_index import RUNS, SetIndex, find_set, read_index
+from systems.outputs.set_index import RUNS, SetIndex, read_index
 from tests.scripts.commands import ROOT, files
 from tests.systems.outputs.sets import NAMES, index_of, make_set, write_item
 from tests.trajectories import make_demonstration, make_rig_run
@@ -314,7 +314,16 @@ def test_a_set_that_is_replaced_twice_finishes_the_first_replacement(tmp_path):
     with open_set(tmp_path, index_of(2), overwrite=True) as items:
         write_item(items, NAMES[2], 2)
     (tmp_path / output_set.NEW).rename(tmp_path / output_set.READY)  # as a process that was killed here
-    finish_replacement(tmp_path)
+    assert make_set(tmp_path, 2).finished.keys() == set(NAMES)
     assert seeds(tmp_path) == [2, 2, 2]
-    assert find_set(tmp_path, index_of(2).kind) == index_of(2)
-    assert not (tmp_path / output_set.READY).exists()
+    assert files(tmp_path) == WHOLE
+
+
+def test_the_figure_of_the_old_set_does_not_stay_beside_the_new_one(tmp_path):
+    make_set(tmp_path, 1)
+    make_set(tmp_path, 2, overwrite=True, stop_after=2)
+    with open_set(tmp_path, index_of(2), overwrite=True) as items:
+        write_item(items, NAMES[2], 2)
+        items.complete()
+    assert files(tmp_path) == [*NAMES, "index.json"]
+    assert make_set(tmp_path, 2, overwrite=True).finished.keys() == set(NAMES)  # only the figure was missing
