@@ -17,7 +17,7 @@ app = make_app()
 
 
 def record_live(
-    *, out: Path, seed: int, scenario: str, driver: str | None, host: str | None, port: int | None
+    *, out: Path, seed: int, scenario: str, driver: str | None, port: int | None, host: str | None = None
 ) -> list[Path]:
     """Runs a session in the browser with a person at the controls, and returns the recordings that they kept.
 
