@@ -20,7 +20,7 @@ rx ry rz    rad    action of the operator: rotation vector of the probe since th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from skill.data.outcome import Outcome, parse_outcome
+from skill.data.geometry import PegHoleGeometry
+from skill.data.outcome import UNPHYSICAL, Outcome, parse_outcome
+from skill.data.plausibility import check_demonstration
 from skill.data.tables import read_table, validate_table, write_table
 
 CHANNELS = (
@@ -42,7 +44,8 @@ ACTIONS = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 COLUMNS = ("time", *CHANNELS, *ACTIONS)
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""Version of the files that are written; those of version 1 have no digest."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,8 @@ class Demonstration:
         detail: additional text to the outcome; the stored text itself for `Outcome.OTHER`.
 
     Raises:
-        ValueError: if the samples fail `validate_samples`.
+        ValueError: if the samples fail `validate_samples`, or if they are implausible (`check_demonstration`) though
+            the outcome is not that the simulation diverged or failed.
     """
 
     samples: pd.DataFrame
@@ -67,11 +71,11 @@ class Demonstration:
     detail: str = ""
 
     def __post_init__(self) -> None:
-        validate_samples(self.samples, "demonstration")
         if not isinstance(self.outcome, Outcome):  # a string, perhaps from another program
             outcome, detail = parse_outcome(self.outcome)
             object.__setattr__(self, "outcome", outcome)
             object.__setattr__(self, "detail", detail or self.detail)
+        _validate(self.samples, self.outcome, self.metadata, "demonstration")
 
     @property
     def reason(self) -> str:
@@ -104,8 +108,21 @@ def validate_samples(samples: pd.DataFrame, where: str) -> None:
         )
 
 
+def _validate(samples: pd.DataFrame, outcome: Outcome, metadata: Mapping[str, Any], where: str) -> None:
+    validate_samples(samples, where)
+    if outcome not in UNPHYSICAL:
+        check_demonstration(samples, PegHoleGeometry.find(metadata, where), where)
+
+
 def write_demonstration(demonstration: Demonstration, path: Path) -> None:
-    """Writes a demonstration as one Parquet file, atomically."""
+    """Writes a demonstration as one Parquet file, atomically.
+
+    Raises:
+        ValueError: if metadata have a name that the header of the file uses itself.
+    """
+    taken = sorted({"format_version", "good", "outcome", "duration_s"} & set(demonstration.metadata))
+    if taken:
+        raise ValueError(f"{path}: metadata named {taken} cannot be stored; rename them")
     header = {
         "good": demonstration.good,
         "outcome": demonstration.reason,
@@ -119,14 +136,26 @@ def read_demonstration(path: Path) -> Demonstration:
     """Reads and validates one demonstration file.
 
     Raises:
-        ValueError: if the file is missing, damaged or of another kind or version. The message names the file.
+        ValueError: if the file is missing, damaged, changed, implausible, or of another kind or version. The message
+            names the file.
     """
-    samples, header = read_table(path, COLUMNS, kind="demonstration", version=FORMAT_VERSION, keys=("good", "outcome"))
-    validate_samples(samples, str(path))
-    good = bool(header.pop("good"))
-    outcome, detail = parse_outcome(str(header.pop("outcome")))
-    header.pop("duration_s", None)
-    return Demonstration(samples=samples, good=good, outcome=outcome, metadata=header, detail=detail)
+    samples, header = read_table(
+        path, COLUMNS, kind="demonstration", versions=range(1, FORMAT_VERSION + 1), keys=("good", "outcome")
+    )
+    good, text, duration = header.pop("good"), header.pop("outcome"), header.pop("duration_s", None)
+    if not isinstance(good, bool):
+        raise ValueError(f"{path}: 'good' is {good!r}, expected true or false")
+    if not isinstance(text, str):
+        raise ValueError(f"{path}: 'outcome' is {text!r}, expected a text")
+    outcome, detail = parse_outcome(text)
+    _validate(samples, outcome, header, str(path))
+    demonstration = Demonstration(samples=samples, good=good, outcome=outcome, metadata=header, detail=detail)
+    if duration is not None and duration != demonstration.duration:
+        raise ValueError(
+            f"{path}: 'duration_s' is {duration!r}, but the samples last {demonstration.duration:g} s;"
+            " expected the same"
+        )
+    return demonstration
 
 
 def read_demonstrations(folder: Path) -> list[Demonstration]:

@@ -1,0 +1,33 @@
+"""Reads the JSON texts that files carry."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+
+def parse_object(text: bytes | str, object_hook: Callable[[dict[str, Any]], Any] | None = None) -> dict[str, Any]:
+    """Returns a JSON object.
+
+    Args:
+        text: JSON; NaN and infinite numbers are allowed.
+        object_hook: replaces each object within it.
+
+    Raises:
+        ValueError: if the text is not JSON, not an object, nested too deeply, or has a key twice.
+    """
+
+    def unique(pairs: list[tuple[str, Any]]) -> Any:
+        found = dict(pairs)
+        if len(found) < len(pairs):
+            raise ValueError(f"a key occurs twice among {sorted(name for name, _ in pairs)}")
+        return found if object_hook is None else object_hook(found)
+
+    try:
+        value = json.loads(text, object_pairs_hook=unique)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+    if not isinstance(value, dict):
+        raise ValueError(f"found {'null' if value is None else type(value).__name__}, expected an object")
+    return value
