@@ -15,7 +15,7 @@ export OPENBLAS_NUM_THREADS := 1
 CONSTRAINTS := $(wildcard constraints/$(VERSION).txt)
 FAST := not slow and not browser
 
-.PHONY: demo test test-fast lint mutants bench bench-rig clean environment .venv system-packages
+.PHONY: demo test test-fast lint mutants fuzz bench bench-rig clean environment .venv system-packages
 
 demo: environment
 	$(RUN) scripts.demo $(ARGS)
@@ -35,6 +35,10 @@ lint: environment
 # 200 small faults, one at a time, in systems/ and skill/: how many does a test notice?
 mutants: environment
 	$(RUN) tests.mutants --jobs 2 --json out/mutants.json
+
+# 10,000 changes of recordings, runs, skills and scenarios: is one accepted without a word?
+fuzz: environment
+	$(RUN) tests.fuzz --jobs 2 --json out/fuzz.json
 
 PHYSICS := theory convergence engines realtime
 LEARNERS := clustering clustering_speed regression regression_intervals contact_states

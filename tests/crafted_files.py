@@ -65,3 +65,13 @@ def sealed_arrays(arrays: dict[str, np.ndarray]) -> bytes:
         np.save(stream, array, allow_pickle=True)
         members[f"{name}.npy"] = stream.getvalue()
     return sealed_archive(members)
+
+
+def write_unsealed_skill(path: Path, version: int) -> Path:
+    """Rewrites a skill as earlier versions wrote it: without a digest."""
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    header = {**json.loads(arrays["header"].tobytes()), "skill_version": version}
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    np.savez_compressed(path, **arrays)
+    return path

@@ -20,7 +20,7 @@ rx ry rz    rad    action of the operator: rotation vector of the probe since th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -58,6 +58,7 @@ class Demonstration:
         outcome: how the demonstration ended; a string is parsed with `parse_outcome`.
         metadata: everything needed to repeat it (seed, resolved scenario, geometry, versions).
         detail: additional text to the outcome; the stored text itself for `Outcome.OTHER`.
+        source: file that it was read from, for error messages; empty for a demonstration that was not read.
 
     Raises:
         ValueError: if the samples fail `validate_samples`, or if they are implausible (`check_demonstration`) though
@@ -69,13 +70,17 @@ class Demonstration:
     outcome: Outcome
     metadata: dict[str, Any] = field(default_factory=dict)
     detail: str = ""
+    source: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(self.outcome, Outcome):  # a string, perhaps from another program
             outcome, detail = parse_outcome(self.outcome)
             object.__setattr__(self, "outcome", outcome)
             object.__setattr__(self, "detail", detail or self.detail)
-        _validate(self.samples, self.outcome, self.metadata, "demonstration")
+        where = self.source or "demonstration"
+        validate_samples(self.samples, where)
+        if self.outcome not in UNPHYSICAL:
+            check_demonstration(self.samples, PegHoleGeometry.find(self.metadata, where), where)
 
     @property
     def reason(self) -> str:
@@ -106,12 +111,6 @@ def validate_samples(samples: pd.DataFrame, where: str) -> None:
         raise ValueError(
             f"{where}: columns ax, ay, az have length {length[row]:.6g} in row {row}, expected a unit axis"
         )
-
-
-def _validate(samples: pd.DataFrame, outcome: Outcome, metadata: Mapping[str, Any], where: str) -> None:
-    validate_samples(samples, where)
-    if outcome not in UNPHYSICAL:
-        check_demonstration(samples, PegHoleGeometry.find(metadata, where), where)
 
 
 def write_demonstration(demonstration: Demonstration, path: Path) -> None:
@@ -148,8 +147,9 @@ def read_demonstration(path: Path) -> Demonstration:
     if not isinstance(text, str):
         raise ValueError(f"{path}: 'outcome' is {text!r}, expected a text")
     outcome, detail = parse_outcome(text)
-    _validate(samples, outcome, header, str(path))
-    demonstration = Demonstration(samples=samples, good=good, outcome=outcome, metadata=header, detail=detail)
+    demonstration = Demonstration(
+        samples=samples, good=good, outcome=outcome, metadata=header, detail=detail, source=str(path)
+    )
     if duration is not None and duration != demonstration.duration:
         raise ValueError(
             f"{path}: 'duration_s' is {duration!r}, but the samples last {demonstration.duration:g} s;"

@@ -6,6 +6,9 @@ import json
 from collections.abc import Callable
 from typing import Any
 
+MAX_DIGITS = 100
+"""Largest number of digits of an integer; more than 308 could not become a float."""
+
 
 def parse_object(text: bytes | str, object_hook: Callable[[dict[str, Any]], Any] | None = None) -> dict[str, Any]:
     """Returns a JSON object.
@@ -15,7 +18,8 @@ def parse_object(text: bytes | str, object_hook: Callable[[dict[str, Any]], Any]
         object_hook: replaces each object within it.
 
     Raises:
-        ValueError: if the text is not JSON, not an object, nested too deeply, or has a key twice.
+        ValueError: if the text is not JSON, not an object, nested too deeply, or has a key twice or an integer of more
+            than ``MAX_DIGITS`` digits.
     """
 
     def unique(pairs: list[tuple[str, Any]]) -> Any:
@@ -25,9 +29,15 @@ def parse_object(text: bytes | str, object_hook: Callable[[dict[str, Any]], Any]
         return found if object_hook is None else object_hook(found)
 
     try:
-        value = json.loads(text, object_pairs_hook=unique)
+        value = json.loads(text, object_pairs_hook=unique, parse_int=_integer)
     except RecursionError:
         raise ValueError("nested too deeply") from None
     if not isinstance(value, dict):
         raise ValueError(f"found {'null' if value is None else type(value).__name__}, expected an object")
     return value
+
+
+def _integer(digits: str) -> int:
+    if len(digits) > MAX_DIGITS:
+        raise ValueError(f"an integer of {len(digits)} digits, expected at most {MAX_DIGITS}")
+    return int(digits)

@@ -1,7 +1,10 @@
+import json
 import re
+import time
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -303,3 +306,92 @@ def test_a_detail_is_kept_beside_an_outcome_and_replaced_by_that_of_a_text():
     assert Demonstration(samples, True, Outcome.JAMMED, detail="at 3 mm").reason == "jammed: at 3 mm"
     assert Demonstration(samples, True, "jammed: at 4 mm", detail="at 3 mm").reason == "jammed: at 4 mm"
     assert Demonstration(samples, True, "jammed", detail="at 3 mm").reason == "jammed: at 3 mm"
+
+
+# ------------------------------------------------------------ damaged files
+
+
+@pytest.mark.parametrize(
+    ("column", "message"),
+    [
+        (pa.array([[1.0]] * 400), "column 'fx' has type list"),
+        (pa.array([{"a": 1.0}] * 400), "column 'fx' has type struct"),
+        (pa.array([True] * 400), "column 'fx' has type bool"),
+        (pa.array(range(400), pa.timestamp("ns")), "column 'fx' has type timestamp"),
+        (pa.nulls(400, pa.float64()), "column 'fx' is not finite"),
+    ],
+)
+def test_a_column_that_holds_no_plain_numbers_is_refused(path, column, message):
+    table = pq.read_table(path)
+    k = table.column_names.index("fx")
+    changed = table.set_column(k, "fx", column.slice(0, table.num_rows))
+    path.write_bytes(sealed_parquet(changed, {"demonstration": table.schema.metadata[b"demonstration"]}))
+    assert message in error_message(path)
+
+
+def test_a_column_that_is_there_twice_is_refused(path):
+    table = pq.read_table(path)
+    changed = table.append_column("fx", table.column("fy"))
+    path.write_bytes(sealed_parquet(changed, {"demonstration": table.schema.metadata[b"demonstration"]}))
+    assert "columns ['fx'] occur more than once" in error_message(path)
+    with pytest.raises(ValueError, match=r"here: columns \['a'\] occur more than once"):
+        tables.validate_table(pd.concat([TABLE, TABLE[["a"]]], axis=1), ("time", "a"), "here")
+
+
+def test_the_columns_that_pandas_would_take_for_an_index_are_unknown(path):
+    table = pq.read_table(path)
+    frame = table.to_pandas().set_index("fx")
+    indexed = pa.Table.from_pandas(frame, preserve_index=True)
+    header = json.loads(table.schema.metadata[b"demonstration"])
+    metadata = {**indexed.schema.metadata, b"demonstration": json.dumps({**header, "format_version": 1}).encode()}
+    pq.write_table(indexed.replace_schema_metadata(metadata), path)
+    assert tuple(sorted(read_demonstration(path).samples.columns)) == tuple(sorted(COLUMNS))
+
+
+def test_a_changed_bit_is_noticed_wherever_it_is(path):
+    data = path.read_bytes()
+    for place in range(0, len(data), 331):
+        path.write_bytes(data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :])
+        error_message(path)
+
+
+def test_a_page_carries_a_checksum_of_its_own(path, monkeypatch):
+    monkeypatch.setattr(tables, "is_sealed", lambda data: True)
+    data = path.read_bytes()
+    start = pq.ParquetFile(path).metadata.row_group(0).column(5).data_page_offset
+    place = start + 200
+    path.write_bytes(data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :])
+    assert "crc" in error_message(path).lower()
+
+
+def test_a_recording_without_its_digest_is_refused(path):
+    table = pq.read_table(path)
+    header = {b"demonstration": table.schema.metadata[b"demonstration"]}
+    pq.write_table(table.replace_schema_metadata(header), path)
+    assert "damaged: a demonstration file of version 2 without its digest" in error_message(path)
+
+
+def test_the_number_of_samples_is_limited(demonstration, path, tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "MAX_ROWS", len(demonstration.samples) - 1)
+    assert f"found {len(demonstration.samples)} samples, expected at most" in error_message(path)
+    with pytest.raises(ValueError, match=r"new\.parquet: found .* samples, expected at most"):
+        write_demonstration(demonstration, tmp_path / "new.parquet")
+
+
+def test_the_size_of_a_file_is_limited(path):
+    with path.open("r+b") as stream:
+        stream.truncate(tables.MAX_BYTES + 1)
+    assert "100 MB, expected at most 100 MB" in error_message(path)
+
+
+@pytest.mark.slow
+def test_the_longest_recording_is_read_in_seconds(tmp_path):
+    rng = np.random.default_rng(0)
+    table = pd.DataFrame(rng.random((tables.MAX_ROWS, len(COLUMNS))), columns=list(COLUMNS))
+    table["time"] = np.arange(len(table)) * 1e-3
+    tables.write_table(table, COLUMNS, tmp_path / "long.parquet", kind="thing", version=2, header={})
+    assert (tmp_path / "long.parquet").stat().st_size < tables.MAX_BYTES
+    start = time.monotonic()
+    again, _ = tables.read_table(tmp_path / "long.parquet", COLUMNS, kind="thing", versions=(1, 2), keys=())
+    assert time.monotonic() - start < 10.0
+    pd.testing.assert_frame_equal(again, table, check_exact=True)
