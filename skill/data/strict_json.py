@@ -9,6 +9,9 @@ from typing import Any
 MAX_DIGITS = 100
 """Largest number of digits of an integer; more than 308 could not become a float."""
 
+MAX_LENGTH = 10_000_000
+"""Largest number of characters; its objects then take below 500 MB."""
+
 
 def parse_object(text: bytes | str, object_hook: Callable[[dict[str, Any]], Any] | None = None) -> dict[str, Any]:
     """Returns a JSON object.
@@ -18,8 +21,8 @@ def parse_object(text: bytes | str, object_hook: Callable[[dict[str, Any]], Any]
         object_hook: replaces each object within it.
 
     Raises:
-        ValueError: if the text is not JSON, not an object, nested too deeply, or has a key twice or an integer of more
-            than ``MAX_DIGITS`` digits.
+        ValueError: if the text is not JSON, not an object, nested too deeply, longer than ``MAX_LENGTH``, or has a key
+            twice or an integer of more than ``MAX_DIGITS`` digits.
     """
 
     def unique(pairs: list[tuple[str, Any]]) -> Any:
@@ -28,6 +31,8 @@ def parse_object(text: bytes | str, object_hook: Callable[[dict[str, Any]], Any]
             raise ValueError(f"a key occurs twice among {sorted(name for name, _ in pairs)}")
         return found if object_hook is None else object_hook(found)
 
+    if len(text) > MAX_LENGTH:
+        raise ValueError(f"{len(text)} characters, expected at most {MAX_LENGTH}")
     try:
         value = json.loads(text, object_pairs_hook=unique, parse_int=_integer)
     except RecursionError:

@@ -16,13 +16,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from skill.data.sealed_file import UNSEALED, is_sealed, read_bounded, seal
-from skill.data.strict_json import parse_object
+from skill.data.strict_json import MAX_LENGTH, parse_object
 
 MAX_ROWS = 300_000
 """Largest number of samples of a file: five minutes at 1 kHz. Reading them takes below 500 MB and a second."""
 
 MAX_BYTES = 100_000_000
 """Largest size of a file; ``MAX_ROWS`` samples of 21 columns have at most 60 MB."""
+
+COMPRESSIONS = ("SNAPPY", "UNCOMPRESSED")
+"""Compressions that are read: these unpack to at most some twenty times the size."""
 
 
 def check_columns(names: Sequence[str], columns: Sequence[str], where: str) -> None:
@@ -123,12 +126,14 @@ def write_table(
         header: JSON-serialisable values to store with the table.
 
     Raises:
-        ValueError: if the table has more than ``MAX_ROWS`` rows.
+        ValueError: if the table has more than ``MAX_ROWS`` rows, or the header is too long.
     """
     _check_length(len(table), str(path))
     rows = pa.Table.from_pandas(table[list(columns)].astype(float), preserve_index=False)
     rows = rows.replace_schema_metadata(None)
     text = json.dumps({"format_version": version, **header})
+    if len(text) > MAX_LENGTH:
+        raise ValueError(f"{path}: metadata of {len(text)} characters, expected at most {MAX_LENGTH}")
     sink = pa.BufferOutputStream()
     # The Arrow schema would hold a second copy of the metadata.
     with pq.ParquetWriter(sink, rows.schema, store_schema=False, write_page_checksum=True) as writer:
@@ -163,32 +168,56 @@ def read_table(
         ValueError: if the file is missing, truncated, changed, too large, of another kind or version, or fails
             `validate_table`. The message names the file.
     """
-    with _named(path, kind):
-        data = read_bounded(Path(path), MAX_BYTES)
-        sealed = is_sealed(data)
-        file = pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
+    with _named(path, f"{kind} file"):
+        file, sealed = _open(path)
         metadata = file.metadata.metadata or {}
         schema = file.schema_arrow
-        lengths = [file.metadata.num_rows, sum(file.metadata.row_group(k).num_rows for k in range(file.num_row_groups))]
+        groups = [file.metadata.row_group(k) for k in range(file.num_row_groups)]
+        rows = max(file.metadata.num_rows, sum(group.num_rows for group in groups))
+        chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
     header = _header(metadata, path, kind=kind, versions=versions, keys=keys, sealed=sealed)
-    _check_length(max(lengths), str(path))
+    _check_length(rows, str(path))
+    for chunk in chunks:
+        if chunk.compression not in COMPRESSIONS or chunk.total_compressed_size > 65_536 + 20 * rows:
+            raise ValueError(
+                f"{path}: column '{chunk.path_in_schema}' has {chunk.total_compressed_size} bytes with compression"
+                f" {chunk.compression} for {rows} samples, expected at most 20 each with {' or '.join(COMPRESSIONS)}"
+            )
     check_columns(schema.names, columns, str(path))
     for field in schema:
         if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
             raise ValueError(f"{path}: column '{field.name}' has type {field.type}, expected numbers")
-    with _named(path, kind):
+    with _named(path, f"{kind} file"):
         table = file.read().to_pandas(ignore_metadata=True)
     validate_table(table, columns, str(path), min_rows=min_rows)
     return table, header
 
 
+def stored_kind(path: Path, kinds: Sequence[str]) -> str | None:
+    """Returns which of these kinds of file this is, or None if it is none of them.
+
+    Raises:
+        ValueError: if the file is missing, truncated, changed or too large. The message names the file.
+    """
+    with _named(path, "file"):
+        metadata = _open(path)[0].metadata.metadata or {}
+    return next((kind for kind in kinds if kind.encode() in metadata), None)
+
+
+def _open(path: Path) -> tuple[pq.ParquetFile, bool]:
+    """Returns a Parquet file in memory, and whether it carries a digest."""
+    data = read_bounded(Path(path), MAX_BYTES)
+    sealed = is_sealed(data)
+    return pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True), sealed
+
+
 @contextmanager
-def _named(path: Path, kind: str) -> Iterator[None]:
+def _named(path: Path, what: str) -> Iterator[None]:
     """Turns all errors of reading a Parquet file into one `ValueError` that names it."""
     try:
         yield
     except FileNotFoundError:
-        raise ValueError(f"{path}: no such {kind} file") from None
+        raise ValueError(f"{path}: no such {what}") from None
     except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
         raise ValueError(f"{path}: not a complete Parquet file ({one_line(error)})") from error
 

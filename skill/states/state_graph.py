@@ -261,6 +261,10 @@ class StateGraph(BaseEstimator):
         ended = np.asarray(arrays["counts"]).sum(axis=1) + np.asarray(arrays["exits"]).sum(axis=1)
         if not np.array_equal(ended, arrays["visits"]):
             raise ValueError("array 'visits' is not the number of the transitions in 'counts' and 'exits'")
+        unseen = np.asarray(arrays["visits"]) == 0
+        for name, rule in RULES.items():
+            if rule.unknown and not np.array_equal(np.isnan(arrays[name]), unseen):
+                raise ValueError(f"array '{name}' is not NaN exactly where a state has no 'visits'")
         outcomes = np.asarray(arrays["outcomes"])
         if not np.array_equal(outcomes, np.unique(outcomes)) or str(arrays["success"]) not in outcomes:
             raise ValueError(f"array 'outcomes' is {outcomes.tolist()}, expected names in order with that of 'success'")

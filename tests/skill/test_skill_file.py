@@ -375,6 +375,7 @@ DAMAGES = {
     "other visits": (put("graph/visits", 0, 1e6), "'visits' is not the number of the transitions"),
     "phase": (put("graph/phase", 0, 2.0), "array 'phase' lies between"),
     "dwell": (put("graph/dwell_mean_s", 0, -2.0), "array 'dwell_mean_s' lies between -2"),
+    "unknown dwell": (put("graph/dwell_mean_s", 0, NAN), "'dwell_mean_s' is not NaN exactly where a state has no"),
     "graph period": (set_array("graph/sample_period", lambda _: np.array(0.0)), "'sample_period' lies between"),
     "outcomes": (set_array("graph/outcomes", lambda o: o[::-1].copy()), "array 'outcomes' is"),
     "success": (set_array("graph/success", lambda _: np.array("glory")), "expected names in order with that of"),

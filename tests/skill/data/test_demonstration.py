@@ -384,6 +384,34 @@ def test_the_size_of_a_file_is_limited(path):
     assert "100 MB, expected at most 100 MB" in error_message(path)
 
 
+@pytest.mark.parametrize("compression", ["ZSTD", "GZIP"])
+def test_a_compression_that_can_hide_gigabytes_is_refused(path, compression):
+    table = pq.read_table(path)
+    header = json.loads(table.schema.metadata[b"demonstration"])
+    metadata = {b"demonstration": json.dumps({**header, "format_version": 1}).encode()}
+    pq.write_table(table.replace_schema_metadata(metadata), path, compression=compression)
+    assert f"with compression {compression} for" in error_message(path)
+
+
+def test_a_column_of_more_bytes_than_its_samples_need_is_refused(path):
+    table = pq.read_table(path)
+    k = table.column_names.index("fx")
+    rng = np.random.default_rng(0)
+    wide = pa.array([rng.random(3000).tolist()] * table.num_rows)
+    changed = table.set_column(k, "fx", wide)
+    path.write_bytes(sealed_parquet(changed, {"demonstration": table.schema.metadata[b"demonstration"]}))
+    assert "column 'fx.list.element' has" in error_message(path)
+
+
+def test_the_length_of_metadata_is_limited(demonstration, path, tmp_path):
+    table = pq.read_table(path)
+    path.write_bytes(sealed_parquet(table, {"demonstration": '{"a": [' + "[]," * 4_000_000 + "1]}"}))
+    assert "12000010 characters, expected at most 10000000" in error_message(path)
+    long = Demonstration(demonstration.samples, good=True, outcome="inserted", metadata={"notes": "x" * 10_000_000})
+    with pytest.raises(ValueError, match=r"long\.parquet: metadata of"):
+        write_demonstration(long, tmp_path / "long.parquet")
+
+
 @pytest.mark.slow
 def test_the_longest_recording_is_read_in_seconds(tmp_path):
     rng = np.random.default_rng(0)
