@@ -13,9 +13,9 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from skill.array_schema import ArrayRule, check_arrays
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.data.array_schema import ArrayRule, check_arrays
 from skill.data.npz_archive import read_archive
 from skill.data.sealed_file import UNSEALED, is_sealed, read_bounded, seal
 from skill.data.strict_json import parse_object

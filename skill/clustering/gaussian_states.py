@@ -14,6 +14,7 @@ from scipy.stats import chi2
 from sklearn.base import BaseEstimator, ClusterMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
+from skill.array_schema import ArrayRule, check_arrays
 from skill.arrays import Array
 from skill.clustering.gaussian_components import (
     GaussianComponents,
@@ -24,7 +25,6 @@ from skill.clustering.gaussian_components import (
 )
 from skill.clustering.prototype_competition import log_squared_distances
 from skill.clustering.state_number import bayesian_information_criterion
-from skill.data.array_schema import ArrayRule, check_arrays
 from skill.data.strict_json import parse_object
 
 NUMERIC_DTYPE = re.compile(r"[<|>=][biuf][1248]")

@@ -15,6 +15,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from skill.data.parquet_footer import column_chunks
 from skill.data.sealed_file import UNSEALED, is_sealed, read_bounded, seal
 from skill.data.strict_json import MAX_LENGTH, parse_object
 
@@ -26,6 +27,9 @@ MAX_BYTES = 100_000_000
 
 COMPRESSIONS = ("SNAPPY", "UNCOMPRESSED")
 """Compressions that are read: these unpack to at most some twenty times the size."""
+
+MIN_CHUNK, MAX_ROW_BYTES = 65_536, 20
+"""Bytes that a column may have, and that it may have more for each row; numbers need 8."""
 
 
 def check_columns(names: Sequence[str], columns: Sequence[str], where: str) -> None:
@@ -172,17 +176,7 @@ def read_table(
         file, sealed = _open(path)
         metadata = file.metadata.metadata or {}
         schema = file.schema_arrow
-        groups = [file.metadata.row_group(k) for k in range(file.num_row_groups)]
-        rows = max(file.metadata.num_rows, sum(group.num_rows for group in groups))
-        chunks = [group.column(k) for group in groups for k in range(group.num_columns)]
     header = _header(metadata, path, kind=kind, versions=versions, keys=keys, sealed=sealed)
-    _check_length(rows, str(path))
-    for chunk in chunks:
-        if chunk.compression not in COMPRESSIONS or chunk.total_compressed_size > 65_536 + 20 * rows:
-            raise ValueError(
-                f"{path}: column '{chunk.path_in_schema}' has {chunk.total_compressed_size} bytes with compression"
-                f" {chunk.compression} for {rows} samples, expected at most 20 each with {' or '.join(COMPRESSIONS)}"
-            )
     check_columns(schema.names, columns, str(path))
     for field in schema:
         if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
@@ -205,10 +199,19 @@ def stored_kind(path: Path, kinds: Sequence[str]) -> str | None:
 
 
 def _open(path: Path) -> tuple[pq.ParquetFile, bool]:
-    """Returns a Parquet file in memory, and whether it carries a digest."""
+    """Returns a Parquet file in memory, and whether it carries a digest; what it will unpack to is bounded."""
     data = read_bounded(Path(path), MAX_BYTES)
     sealed = is_sealed(data)
-    return pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True), sealed
+    for chunk in column_chunks(data):
+        if chunk.compression not in COMPRESSIONS or chunk.size > MIN_CHUNK + MAX_ROW_BYTES * chunk.rows:
+            raise ValueError(
+                f"{chunk.size} bytes with compression {chunk.compression} for {chunk.rows} samples of a column,"
+                f" expected at most {MAX_ROW_BYTES} each with {' or '.join(COMPRESSIONS)}"
+            )
+    file = pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
+    groups = [file.metadata.row_group(k) for k in range(file.num_row_groups)]
+    _check_length(max(file.metadata.num_rows, sum(group.num_rows for group in groups)), str(path))
+    return file, sealed
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skill.data.array_schema import ArrayRule, check_arrays
+from skill.array_schema import ArrayRule, check_arrays
 from skill.regression.membership_index import check_memberships
 
 RULES = {
