@@ -15,7 +15,7 @@ export OPENBLAS_NUM_THREADS := 1
 CONSTRAINTS := $(wildcard constraints/$(VERSION).txt)
 FAST := not slow and not browser
 
-.PHONY: demo test test-fast lint mutants campaign bench bench-rig clean environment .venv system-packages
+.PHONY: demo test test-fast lint mutants fuzz campaign bench bench-rig clean environment .venv system-packages
 
 demo: environment
 	$(RUN) scripts.demo $(ARGS)
@@ -39,6 +39,10 @@ mutants: environment
 # 1,000 SIGKILLs at random moments of five commands: is anything lost? About 40 minutes.
 campaign: environment
 	$(RUN) tests.campaign --number 1000 --jobs 2 --json out/campaign.json
+
+# 10,000 changes of recordings, runs, skills and scenarios: is one accepted without a word?
+fuzz: environment
+	$(RUN) tests.fuzz --jobs 2 --json out/fuzz.json
 
 PHYSICS := theory convergence engines realtime
 LEARNERS := clustering clustering_speed regression regression_intervals contact_states

@@ -16,7 +16,7 @@ from sklearn.base import clone
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import ACTIONS, Demonstration
-from skill.data.geometry import PegHoleGeometry
+from skill.data.geometry import PegHoleGeometry, common_geometry
 from skill.data.outcome import Outcome
 from skill.data.refinement import refine_demonstration
 from skill.features.contact_features import ContactFeatures
@@ -139,7 +139,9 @@ class ManipulationSkill:
                 f"none of the {len(demonstrations)} demonstrations is good (outcomes: {outcomes});"
                 " expected at least one good demonstration to learn from"
             )
-        geometry = _common_geometry(demonstrations)
+        geometry = common_geometry(
+            [(d.source or f"demonstration {n}", d.metadata) for n, d in enumerate(demonstrations)]
+        )
         self.features_ = CanonicalFeatures() if self.features is None else clone(self.features)
         self.state_features_ = (
             _contact_features(geometry) if self.state_features is None else clone(self.state_features)
@@ -374,19 +376,3 @@ def _contact_features(geometry: PegHoleGeometry | None) -> ContactFeatures:
     if geometry is None:
         return ContactFeatures()
     return ContactFeatures(peg_radius=geometry.peg_radius, play=geometry.clearance)
-
-
-def _common_geometry(demonstrations: Sequence[Demonstration]) -> PegHoleGeometry | None:
-    """The geometry of all demonstrations; None if they do not state it.
-
-    Raises:
-        ValueError: if the geometries differ.
-    """
-    geometries = [PegHoleGeometry.find(d.metadata, f"demonstration {n}") for n, d in enumerate(demonstrations)]
-    for number, geometry in enumerate(geometries):
-        if geometry != geometries[0]:
-            raise ValueError(
-                f"demonstration {number} has geometry {geometry}, demonstration 0 has {geometries[0]};"
-                " expected one geometry: train a skill for each"
-            )
-    return geometries[0]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 import zipfile
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,20 +13,32 @@ from typing import Any, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from skill.array_schema import ArrayRule, check_arrays
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.data.tables import write_atomically
+from skill.data.npz_archive import read_archive
+from skill.data.sealed_file import UNSEALED, is_sealed, read_bounded, seal
+from skill.data.strict_json import parse_object
+from skill.data.tables import one_line, write_atomically
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import CanonicalFeatures, NormalisedFeatures, RawFeatures, WrenchFeatures
 from skill.regression.locally_weighted_regression import LWRegressor
+from skill.skill_schema import PARAMETERS, check_header, check_parts, feature_part
 from skill.states.state_graph import StateGraph
 
-SKILL_VERSION = 4
-"""Version of the file format; files of other versions are not loaded."""
+SKILL_VERSION = 5
+"""Version of the files that are written."""
 
+UNSEALED_VERSION = 4
+"""The other version that is read; its files have no digest."""
 
-SKILL_PARAMETERS = ("still", "rough", "force_noise", "moment_noise", "random_state")
+MAX_BYTES = 50_000_000
+"""Largest size of a file; a skill of thirty demonstrations has 0.3 MB."""
+
+SKILL_PARAMETERS = tuple(PARAMETERS)
 """The constructor parameters of a `ManipulationSkill` that are stored."""
+
+SOURCES = {"sources": ArrayRule(("n", 2))}
 
 
 class ArrayPart(Protocol):
@@ -80,7 +91,7 @@ class SkillContents:
 
 
 def write_skill_file(path: Path, contents: SkillContents) -> None:
-    """Writes a skill file atomically.
+    """Writes a skill file atomically, with a digest in the comment of the archive.
 
     Raises:
         TypeError: if a part is not of a type that can be stored.
@@ -102,59 +113,76 @@ def write_skill_file(path: Path, contents: SkillContents) -> None:
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)
-    write_atomically(path, stream.getvalue())
+    with zipfile.ZipFile(stream, "a") as archive:
+        archive.comment = UNSEALED
+    write_atomically(path, seal(stream.getvalue()))
 
 
 def read_skill_file(path: Path) -> SkillContents:
-    """Reads a skill file.
+    """Reads a skill file; everything in it is checked before anything is built.
 
     Raises:
-        ValueError: if the file is missing, damaged, not a skill file, or of another version. The message names the
-            file.
+        ValueError: if the file is missing, damaged, changed, too large, not a skill file, or of another version. The
+            message names the file and what is wrong in it.
     """
-    header, arrays = _read_archive(path)
-    if header.get("skill_version") != SKILL_VERSION:
+    header, arrays, sealed = _read_archive(Path(path))
+    version = header.get("skill_version")
+    if type(version) is not int or version not in (UNSEALED_VERSION, SKILL_VERSION):
         raise ValueError(
-            f"{path}: skill file version {header.get('skill_version')}, expected {SKILL_VERSION}; train the skill again"
+            f"{path}: skill file version {version}, expected {UNSEALED_VERSION} or {SKILL_VERSION};"
+            " train the skill again"
         )
     try:
-        parameters = dict(header["parameters"])
-        unknown = sorted(set(parameters) - set(SKILL_PARAMETERS))
-        if unknown:
-            raise ValueError(f"unknown parameters {unknown}; expected some of {list(SKILL_PARAMETERS)}")
-        sources = arrays.pop("sources")
-        arrays_of: dict[str, dict[str, NDArray[Any]]] = {name: {} for name in ARRAY_PARTS}
-        for full_name, array in arrays.items():
-            part, key = full_name.split("/", 1)
+        if version == SKILL_VERSION and not sealed:
+            raise ValueError(f"damaged: a file of version {version} without its digest")
+        return _contents(header, arrays)
+    except ValueError as error:
+        raise ValueError(f"{path}: not a complete skill file ({one_line(error)})") from error
+
+
+def _contents(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> SkillContents:
+    check_header(header)
+    arrays_of: dict[str, dict[str, NDArray[Any]]] = {name: {} for name in ARRAY_PARTS}
+    sources: dict[str, NDArray[Any]] = {}
+    for full_name, array in arrays.items():
+        part, _, key = full_name.partition("/")
+        if key and part in arrays_of:
             arrays_of[part][key] = array
-        parts: dict[str, Any] = {}
-        for name in FEATURE_PARTS:
-            kind, settings = header[name]
-            parts[name] = FEATURE_TYPES[kind](**settings)
-        for name, part_type in ARRAY_PARTS.items():
+        else:
+            sources[full_name] = array
+    check_arrays(sources, SOURCES, "a skill")
+    parts: dict[str, Any] = {name: feature_part(name, header[name], FEATURE_TYPES) for name in FEATURE_PARTS}
+    for name, part_type in ARRAY_PARTS.items():
+        try:
             parts[name] = part_type.from_arrays(arrays_of[name])
-        return SkillContents(
-            parameters=parameters,
-            parts=parts,
-            sources=sources,
-            period=header["period"],
-            metadata=header["metadata"],
-            names=header["names"],
-            min_log_support=float(header["least_log_support"]),
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{path}: not a complete skill file ({error})") from error
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from error
+    check_parts(parts, sources["sources"], header)
+    return SkillContents(
+        parameters=header["parameters"],
+        parts=parts,
+        sources=sources["sources"],
+        period=header["period"],
+        metadata=header["metadata"],
+        names=header["names"],
+        min_log_support=float(header["least_log_support"]),
+    )
 
 
-def _read_archive(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+def _read_archive(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], bool]:
+    """Returns the header, the arrays, and whether the file carries a digest."""
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-        return dict(json.loads(arrays.pop("header").tobytes())), arrays
+        data = read_bounded(path, MAX_BYTES)
+        sealed = is_sealed(data)
+        arrays = read_archive(data)
+        header = arrays.pop("header", None)
+        if header is None or header.dtype != np.uint8:
+            raise ValueError("no header")
+        return parse_object(header.tobytes()), arrays, sealed
     except FileNotFoundError:
         raise ValueError(f"{path}: no such skill file; train one first") from None
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise ValueError(f"{path}: not a skill file of this program ({error})") from error
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: not a skill file of this program ({one_line(error)})") from error
 
 
 def _check_types(parts: Mapping[str, Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any, Self
 
@@ -13,6 +14,7 @@ from scipy.stats import chi2
 from sklearn.base import BaseEstimator, ClusterMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
+from skill.array_schema import ArrayRule, check_arrays
 from skill.arrays import Array
 from skill.clustering.gaussian_components import (
     GaussianComponents,
@@ -23,6 +25,16 @@ from skill.clustering.gaussian_components import (
 )
 from skill.clustering.prototype_competition import log_squared_distances
 from skill.clustering.state_number import bayesian_information_criterion
+from skill.data.strict_json import parse_object
+
+NUMERIC_DTYPE = re.compile(r"[<|>=][biuf][1248]")
+"""The types of parameters that are arrays, as `numpy.dtype.str` names them."""
+
+FACTOR_ERROR = 1e-2
+"""Largest element of R' F R - I that rounding explains for stored precision factors."""
+
+ROUNDING = 1e-9
+"""Relative size of an element that rounding explains."""
 
 UNKNOWN = -1
 """Label of a sample that belongs to no state."""
@@ -30,8 +42,16 @@ UNKNOWN = -1
 MAX_VALUE = 1e100
 """Values of samples are clipped to this magnitude, so that squared distances stay finite."""
 
-STORED_ARRAYS = ("weights", "means", "covariances", "precision_factors", "design_effect", "distance")
-"""Names of the arrays that `GaussianStates.from_arrays` requires."""
+RULES = {
+    "means": ArrayRule(("M", "d")),
+    "weights": ArrayRule(("M",), low=0.0, high=1.0 + 1e-6),
+    "covariances": ArrayRule(("M", "d", "d")),
+    "precision_factors": ArrayRule(("M", "d", "d")),
+    "design_effect": ArrayRule(positive=True),
+    "distance": ArrayRule(holds="texts", choices=("fmle", "gk", "euclid")),
+    "parameters": ArrayRule(holds="texts", optional=True),
+}
+"""The arrays of `GaussianStates.to_arrays`: M states in d channels."""
 
 
 class GaussianStates(ClusterMixin, BaseEstimator):
@@ -204,28 +224,17 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         "parameters"; the parameters are then unknown, and `get_params` reports the defaults.
 
         Raises:
-            ValueError: if an array is missing, has the wrong shape, or is not finite, or if a stored parameter is not
-                a parameter of this class.
+            ValueError: if an array is missing, unknown, has the wrong shape, is not finite or does not fit the others,
+                or if a stored parameter is not a parameter of this class or out of range.
         """
-        missing = [name for name in STORED_ARRAYS if name not in arrays]
-        if missing:
-            raise ValueError(f"arrays {missing} are missing; expected {list(STORED_ARRAYS)} of to_arrays()")
-        means = np.array(arrays["means"], dtype=np.float64)
-        if means.ndim != 2:
-            raise ValueError(f"array 'means' has shape {means.shape}, expected (M, d)")
-        M, d = means.shape
-        shapes = {"weights": (M,), "covariances": (M, d, d), "precision_factors": (M, d, d)}
-        values = {name: np.array(arrays[name], dtype=np.float64) for name in shapes}
-        for name, shape in shapes.items():
-            if values[name].shape != shape:
-                raise ValueError(f"array '{name}' has shape {values[name].shape}, expected {shape}")
-        for name, value in [("means", means), *values.items()]:
-            if not np.isfinite(value).all():
-                raise ValueError(f"array '{name}' is not finite; the file is damaged, fit and save again")
+        sizes = check_arrays(arrays, RULES, f"{cls.__name__}.to_arrays")
+        names = ("weights", "means", "covariances", "precision_factors")
+        values = {name: np.array(arrays[name], dtype=np.float64) for name in names}
+        _check_components(values["weights"], values["covariances"], values["precision_factors"])
         states = cls(**cls._stored_parameters(arrays))
-        states.weights_, states.means_ = values["weights"], means
+        states.weights_, states.means_ = values["weights"], values["means"]
         states.covariances_, states.precision_factors_ = values["covariances"], values["precision_factors"]
-        states.n_clusters_, states.n_features_in_ = M, d
+        states.n_clusters_, states.n_features_in_ = sizes["M"], sizes["d"]
         states.distance_ = str(arrays["distance"])
         states.design_effect_ = float(arrays["design_effect"])
         return states
@@ -235,10 +244,14 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         """Returns the constructor parameters in the arrays; empty for arrays of earlier versions."""
         if "parameters" not in arrays:
             return {}
-        parameters: dict[str, Any] = json.loads(str(arrays["parameters"]), object_hook=_from_json)
+        try:
+            parameters = parse_object(str(arrays["parameters"]), _from_json)
+        except ValueError as error:
+            raise ValueError(f"array 'parameters': {error}") from error
         unknown = sorted(set(parameters) - set(cls().get_params(deep=False)))
         if unknown:
             raise ValueError(f"stored parameters {unknown} are not parameters of {cls.__name__}")
+        cls(**parameters)._validate_params()
         return parameters
 
 
@@ -271,4 +284,24 @@ def _to_json(value: Any) -> Any:
 
 def _from_json(value: dict[str, Any]) -> Any:
     """Restores the arrays of `_to_json`."""
-    return np.array(value["array"], dtype=value["dtype"]) if set(value) == {"array", "dtype"} else value
+    if set(value) != {"array", "dtype"}:
+        return value
+    dtype = str(value["dtype"])
+    if not NUMERIC_DTYPE.fullmatch(dtype):
+        raise ValueError(f"an array of type {dtype[:40]!r}, expected numbers")
+    return np.array(value["array"], dtype=dtype)
+
+
+def _check_components(weights: Array, covariances: Array, factors: Array) -> None:
+    """Checks that weights sum to one, and that precision factors belong to their covariances."""
+    if abs(weights.sum() - 1.0) > 1e-6:
+        raise ValueError(f"array 'weights' sums to {weights.sum():.6g}, expected 1")
+    if np.abs(covariances - covariances.transpose(0, 2, 1)).max() > ROUNDING * np.abs(covariances).max():
+        raise ValueError("array 'covariances' is not symmetric")
+    below = np.abs(np.tril(factors, -1)).max()
+    if below > ROUNDING * np.abs(factors).max() or np.einsum("mdd->md", factors).min() <= 0.0:
+        raise ValueError("array 'precision_factors' is not upper triangular with a positive diagonal")
+    with np.errstate(over="ignore", invalid="ignore"):
+        products = factors.transpose(0, 2, 1) @ covariances @ factors
+    if not np.abs(products - np.eye(factors.shape[-1])).max() < FACTOR_ERROR:
+        raise ValueError("array 'precision_factors' does not belong to 'covariances'")

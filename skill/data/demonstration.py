@@ -28,7 +28,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from skill.data.outcome import Outcome, parse_outcome
+from skill.data.geometry import PegHoleGeometry
+from skill.data.outcome import UNPHYSICAL, Outcome, parse_outcome
+from skill.data.plausibility import check_demonstration
 from skill.data.tables import read_table, validate_table, write_table
 
 CHANNELS = (
@@ -42,7 +44,8 @@ ACTIONS = ("ux", "uy", "uz", "rx", "ry", "rz")
 
 COLUMNS = ("time", *CHANNELS, *ACTIONS)
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""Version of the files that are written; those of version 1 have no digest."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +58,11 @@ class Demonstration:
         outcome: how the demonstration ended; a string is parsed with `parse_outcome`.
         metadata: everything needed to repeat it (seed, resolved scenario, geometry, versions).
         detail: additional text to the outcome; the stored text itself for `Outcome.OTHER`.
+        source: file that it was read from, for error messages; empty for a demonstration that was not read.
 
     Raises:
-        ValueError: if the samples fail `validate_samples`.
+        ValueError: if the samples fail `validate_samples`, or if they are implausible (`check_demonstration`) though
+            the outcome is not that the simulation diverged or failed.
     """
 
     samples: pd.DataFrame
@@ -65,13 +70,17 @@ class Demonstration:
     outcome: Outcome
     metadata: dict[str, Any] = field(default_factory=dict)
     detail: str = ""
+    source: str = ""
 
     def __post_init__(self) -> None:
-        validate_samples(self.samples, "demonstration")
         if not isinstance(self.outcome, Outcome):  # a string, perhaps from another program
             outcome, detail = parse_outcome(self.outcome)
             object.__setattr__(self, "outcome", outcome)
             object.__setattr__(self, "detail", detail or self.detail)
+        where = self.source or "demonstration"
+        validate_samples(self.samples, where)
+        if self.outcome not in UNPHYSICAL:
+            check_demonstration(self.samples, PegHoleGeometry.find(self.metadata, where), where)
 
     @property
     def reason(self) -> str:
@@ -105,7 +114,14 @@ def validate_samples(samples: pd.DataFrame, where: str) -> None:
 
 
 def write_demonstration(demonstration: Demonstration, path: Path) -> None:
-    """Writes a demonstration as one Parquet file, atomically."""
+    """Writes a demonstration as one Parquet file, atomically.
+
+    Raises:
+        ValueError: if metadata have a name that the header of the file uses itself.
+    """
+    taken = sorted({"format_version", "good", "outcome", "duration_s"} & set(demonstration.metadata))
+    if taken:
+        raise ValueError(f"{path}: metadata named {taken} cannot be stored; rename them")
     header = {
         "good": demonstration.good,
         "outcome": demonstration.reason,
@@ -119,14 +135,27 @@ def read_demonstration(path: Path) -> Demonstration:
     """Reads and validates one demonstration file.
 
     Raises:
-        ValueError: if the file is missing, damaged or of another kind or version. The message names the file.
+        ValueError: if the file is missing, damaged, changed, implausible, or of another kind or version. The message
+            names the file.
     """
-    samples, header = read_table(path, COLUMNS, kind="demonstration", version=FORMAT_VERSION, keys=("good", "outcome"))
-    validate_samples(samples, str(path))
-    good = bool(header.pop("good"))
-    outcome, detail = parse_outcome(str(header.pop("outcome")))
-    header.pop("duration_s", None)
-    return Demonstration(samples=samples, good=good, outcome=outcome, metadata=header, detail=detail)
+    samples, header = read_table(
+        path, COLUMNS, kind="demonstration", versions=range(1, FORMAT_VERSION + 1), keys=("good", "outcome")
+    )
+    good, text, duration = header.pop("good"), header.pop("outcome"), header.pop("duration_s", None)
+    if not isinstance(good, bool):
+        raise ValueError(f"{path}: 'good' is {good!r}, expected true or false")
+    if not isinstance(text, str):
+        raise ValueError(f"{path}: 'outcome' is {text!r}, expected a text")
+    outcome, detail = parse_outcome(text)
+    demonstration = Demonstration(
+        samples=samples, good=good, outcome=outcome, metadata=header, detail=detail, source=str(path)
+    )
+    if duration is not None and duration != demonstration.duration:
+        raise ValueError(
+            f"{path}: 'duration_s' is {duration!r}, but the samples last {demonstration.duration:g} s;"
+            " expected the same"
+        )
+    return demonstration
 
 
 def read_demonstrations(folder: Path) -> list[Demonstration]:

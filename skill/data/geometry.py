@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
@@ -91,6 +91,38 @@ class PegHoleGeometry:
         if self.facets < 3:
             errors.append(f"{self.facets} facets, expected at least 3")
         return errors
+
+
+def common_geometry(metadata_of: Sequence[tuple[str, Mapping[str, Any]]]) -> PegHoleGeometry | None:
+    """Returns the geometry that all sources share; None if they do not state it.
+
+    Args:
+        metadata_of: name and metadata of each source.
+
+    Raises:
+        ValueError: if the geometries differ. The message names the sources with the rarest geometry, and how it differs
+            from the most frequent one.
+    """
+    sources: dict[PegHoleGeometry | None, list[str]] = {}
+    for name, metadata in metadata_of:
+        sources.setdefault(PegHoleGeometry.find(metadata, name), []).append(name)
+    usual, *others = sorted(sources, key=lambda geometry: -len(sources[geometry]))
+    if others:
+        odd = others[-1]
+        named = ", ".join(sources[odd][:3]) + (f" and {len(sources[odd]) - 3} more" if len(sources[odd]) > 3 else "")
+        raise ValueError(
+            f"{named}: {_difference(odd, usual)} in {len(sources[usual])} of {len(metadata_of)} demonstrations, such as"
+            f" {sources[usual][0]}; expected one geometry: train a skill for each"
+        )
+    return usual
+
+
+def _difference(odd: PegHoleGeometry | None, usual: PegHoleGeometry | None) -> str:
+    """What is special about a geometry."""
+    if odd is None or usual is None:
+        return "no geometry, but there is one" if odd is None else "a geometry, but there is none"
+    different = [name for name in _names() if getattr(odd, name) != getattr(usual, name)]
+    return ", ".join(f"{name} {getattr(odd, name):g}, but {getattr(usual, name):g}" for name in different)
 
 
 def _names() -> list[str]:

@@ -27,6 +27,10 @@ class Outcome(StrEnum):
         return f"{self}: {detail}" if detail else str(self)
 
 
+UNPHYSICAL = (Outcome.DIVERGED, Outcome.FAILED)
+"""Outcomes of simulations that broke down: their last samples may hold anything."""
+
+
 @dataclass(frozen=True)
 class Ending:
     """How a run ended.

@@ -31,6 +31,10 @@ from typing import Any
 
 import pandas as pd
 
+from skill.data.geometry import PegHoleGeometry
+from skill.data.outcome import UNPHYSICAL
+from skill.data.plausibility import check_run
+from skill.data.run_result import check_result, outcome_of, shortened
 from skill.data.tables import read_table, validate_table, write_table
 
 RUN_COLUMNS = (
@@ -40,7 +44,8 @@ RUN_COLUMNS = (
     *("tip_z", "pitch", "yaw"),
 )
 
-RUN_VERSION = 2
+RUN_VERSION = 3
+"""Version of the files that are written; those of version 2 have no digest."""
 
 
 @dataclass(frozen=True)
@@ -74,9 +79,20 @@ def read_rig_run(path: Path) -> RigRun:
     """Reads and validates one rig run.
 
     Raises:
-        ValueError: if the file is missing, damaged or of another kind or version. The message names the file.
+        ValueError: if the file is missing, damaged, changed, implausible, of another kind or version, or if its result
+            is not that of its samples. The message names the file.
     """
     samples, header = read_table(
-        path, RUN_COLUMNS, kind="rig_run", version=RUN_VERSION, keys=("result", "metadata"), min_rows=1
+        path, RUN_COLUMNS, kind="rig_run", versions=(2, RUN_VERSION), keys=("result", "metadata"), min_rows=1
     )
-    return RigRun(samples=samples, result=header["result"], metadata=header["metadata"])
+    result, metadata = header["result"], header["metadata"]
+    for name, value in (("result", result), ("metadata", metadata)):
+        if not isinstance(value, dict):
+            raise ValueError(f"{path}: '{name}' is {shortened(value)}, expected an object")
+    names = metadata.get("state_names") or []
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"{path}: 'state_names' is {shortened(names)}, expected a list of texts")
+    if outcome_of(result, str(path)) not in UNPHYSICAL:
+        check_run(samples, PegHoleGeometry.find(metadata, str(path)), len(names) or None, str(path))
+    check_result(result, samples, str(path))
+    return RigRun(samples=samples, result=result, metadata=metadata)

@@ -1,11 +1,12 @@
-"""Reads and writes validated tables as Parquet files with a JSON header; writes are atomic."""
+"""Reads and writes validated tables as Parquet files with a JSON header and a digest; writes are atomic."""
 
 from __future__ import annotations
 
 import json
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,39 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
+
+from skill.data.parquet_footer import column_chunks
+from skill.data.sealed_file import UNSEALED, is_sealed, read_bounded, seal
+from skill.data.strict_json import MAX_LENGTH, parse_object
+
+MAX_ROWS = 300_000
+"""Largest number of samples of a file: five minutes at 1 kHz. Reading them takes below 500 MB and a second."""
+
+MAX_BYTES = 100_000_000
+"""Largest size of a file; ``MAX_ROWS`` samples of 21 columns have at most 60 MB."""
+
+COMPRESSIONS = ("SNAPPY", "UNCOMPRESSED")
+"""Compressions that are read: these unpack to at most some twenty times the size."""
+
+MIN_CHUNK, MAX_ROW_BYTES = 65_536, 20
+"""Bytes that a column may have, and that it may have more for each row; numbers need 8."""
+
+
+def check_columns(names: Sequence[str], columns: Sequence[str], where: str) -> None:
+    """Checks that a table has exactly the expected columns, in any order.
+
+    Raises:
+        ValueError: naming ``where`` and the columns that are missing, unknown or there twice.
+    """
+    missing = [c for c in columns if c not in names]
+    unknown = [c for c in names if c not in columns]
+    if missing or unknown:
+        raise ValueError(
+            f"{where}: missing columns {missing}, unknown columns {unknown}; expected exactly {list(columns)}"
+        )
+    twice = sorted({c for c in names if list(names).count(c) > 1})
+    if twice:
+        raise ValueError(f"{where}: columns {twice} occur more than once; expected exactly {list(columns)}")
 
 
 def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, min_rows: int = 2) -> None:
@@ -27,16 +61,11 @@ def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, m
     Raises:
         ValueError: if a check fails. The message names ``where``, what was found and what was expected.
     """
-    missing = [c for c in columns if c not in table.columns]
-    unknown = [c for c in table.columns if c not in columns]
-    if missing or unknown:
-        raise ValueError(
-            f"{where}: missing columns {missing}, unknown columns {unknown}; expected exactly {list(columns)}"
-        )
+    check_columns(list(table.columns), columns, where)
     if len(table) < min_rows:
         raise ValueError(f"{where}: found {len(table)} samples, expected at least {min_rows}")
     for column in columns:
-        if not pd.api.types.is_numeric_dtype(table[column]):
+        if not _holds_numbers(table[column]):
             raise ValueError(f"{where}: column '{column}' has type {table[column].dtype}, expected numbers")
         bad = np.flatnonzero(~np.isfinite(table[column].to_numpy(dtype=float)))
         if bad.size:
@@ -47,6 +76,12 @@ def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, m
     steps = np.diff(table["time"].to_numpy(dtype=float))
     if np.any(steps <= 0):
         raise ValueError(f"{where}: column 'time' does not increase after row {int(np.argmax(steps <= 0))}")
+
+
+def _holds_numbers(column: pd.Series) -> bool:
+    """Whether a column holds real numbers; booleans are none."""
+    types = pd.api.types
+    return types.is_numeric_dtype(column) and not (types.is_bool_dtype(column) or types.is_complex_dtype(column))
 
 
 def write_atomically(path: Path, data: bytes) -> None:
@@ -84,7 +119,7 @@ def write_table(
     version: int,
     header: dict[str, Any],
 ) -> None:
-    """Writes some columns of a table as a Parquet file, as 64-bit floats.
+    """Writes some columns of a table as a Parquet file, as 64-bit floats, with a checksum of each page and a digest.
 
     Args:
         table: table with at least ``columns``.
@@ -93,17 +128,32 @@ def write_table(
         kind: kind of file; the name of the metadata entry that holds the header.
         version: version of the file format, stored in the header.
         header: JSON-serialisable values to store with the table.
+
+    Raises:
+        ValueError: if the table has more than ``MAX_ROWS`` rows, or the header is too long.
     """
+    _check_length(len(table), str(path))
     rows = pa.Table.from_pandas(table[list(columns)].astype(float), preserve_index=False)
+    rows = rows.replace_schema_metadata(None)
     text = json.dumps({"format_version": version, **header})
-    rows = rows.replace_schema_metadata({**(rows.schema.metadata or {}), kind.encode(): text.encode()})
+    if len(text) > MAX_LENGTH:
+        raise ValueError(f"{path}: metadata of {len(text)} characters, expected at most {MAX_LENGTH}")
     sink = pa.BufferOutputStream()
-    pq.write_table(rows, sink)
-    write_atomically(path, sink.getvalue().to_pybytes())
+    # The Arrow schema would hold a second copy of the metadata.
+    with pq.ParquetWriter(sink, rows.schema, store_schema=False, write_page_checksum=True) as writer:
+        writer.write_table(rows)
+        writer.add_key_value_metadata({kind: text, "sha256": UNSEALED.decode()})
+    write_atomically(path, seal(sink.getvalue().to_pybytes()))
 
 
 def read_table(
-    path: Path, columns: Sequence[str], *, kind: str, version: int, keys: Sequence[str], min_rows: int = 2
+    path: Path,
+    columns: Sequence[str],
+    *,
+    kind: str,
+    versions: Sequence[int],
+    keys: Sequence[str],
+    min_rows: int = 2,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Reads and validates a file of `write_table`.
 
@@ -111,7 +161,7 @@ def read_table(
         path: file to read.
         columns: columns that the table must have.
         kind: expected kind of file.
-        version: expected version of the file format.
+        versions: versions of the file format that are read. The first has no digest, all later ones must have one.
         keys: entries that the header must have.
         min_rows: minimum number of rows.
 
@@ -119,28 +169,89 @@ def read_table(
         The table and its header, without the version.
 
     Raises:
-        ValueError: if the file is missing, truncated, of another kind or version, or fails `validate_table`.
-            The message names the file.
+        ValueError: if the file is missing, truncated, changed, too large, of another kind or version, or fails
+            `validate_table`. The message names the file.
     """
+    with _named(path, f"{kind} file"):
+        file, sealed = _open(path)
+        metadata = file.metadata.metadata or {}
+        schema = file.schema_arrow
+    header = _header(metadata, path, kind=kind, versions=versions, keys=keys, sealed=sealed)
+    check_columns(schema.names, columns, str(path))
+    for field in schema:
+        if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
+            raise ValueError(f"{path}: column '{field.name}' has type {field.type}, expected numbers")
+    with _named(path, f"{kind} file"):
+        table = file.read().to_pandas(ignore_metadata=True)
+    validate_table(table, columns, str(path), min_rows=min_rows)
+    return table, header
+
+
+def stored_kind(path: Path, kinds: Sequence[str]) -> str | None:
+    """Returns which of these kinds of file this is, or None if it is none of them.
+
+    Raises:
+        ValueError: if the file is missing, truncated, changed or too large. The message names the file.
+    """
+    with _named(path, "file"):
+        metadata = _open(path)[0].metadata.metadata or {}
+    return next((kind for kind in kinds if kind.encode() in metadata), None)
+
+
+def _open(path: Path) -> tuple[pq.ParquetFile, bool]:
+    """Returns a Parquet file in memory, and whether it carries a digest; what it will unpack to is bounded."""
+    data = read_bounded(Path(path), MAX_BYTES)
+    sealed = is_sealed(data)
+    for chunk in column_chunks(data):
+        if chunk.compression not in COMPRESSIONS or chunk.size > MIN_CHUNK + MAX_ROW_BYTES * chunk.rows:
+            raise ValueError(
+                f"{chunk.size} bytes with compression {chunk.compression} for {chunk.rows} samples of a column,"
+                f" expected at most {MAX_ROW_BYTES} each with {' or '.join(COMPRESSIONS)}"
+            )
+    file = pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
+    groups = [file.metadata.row_group(k) for k in range(file.num_row_groups)]
+    _check_length(max(file.metadata.num_rows, sum(group.num_rows for group in groups)), str(path))
+    return file, sealed
+
+
+@contextmanager
+def _named(path: Path, what: str) -> Iterator[None]:
+    """Turns all errors of reading a Parquet file into one `ValueError` that names it."""
     try:
-        rows = pq.read_table(path)
+        yield
     except FileNotFoundError:
-        raise ValueError(f"{path}: no such {kind} file") from None
-    except (pa.ArrowInvalid, OSError) as error:
-        raise ValueError(f"{path}: not a complete Parquet file ({error})") from error
-    raw = (rows.schema.metadata or {}).get(kind.encode())
+        raise ValueError(f"{path}: no such {what}") from None
+    except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
+        raise ValueError(f"{path}: not a complete Parquet file ({one_line(error)})") from error
+
+
+def _header(
+    metadata: dict[bytes, bytes], path: Path, *, kind: str, versions: Sequence[int], keys: Sequence[str], sealed: bool
+) -> dict[str, Any]:
+    """Returns the header of a file, without its version."""
+    raw = metadata.get(kind.encode())
     if raw is None:
         raise ValueError(f"{path}: no '{kind}' metadata; expected a {kind} file of this program")
     try:
-        header = json.loads(raw)
+        header = parse_object(raw)
     except ValueError as error:
-        raise ValueError(f"{path}: damaged '{kind}' metadata ({error})") from error
+        raise ValueError(f"{path}: damaged '{kind}' metadata ({one_line(error)})") from error
     found = header.pop("format_version", None)
-    if found != version:
-        raise ValueError(f"{path}: {kind} format version {found}, expected {version}")
+    if type(found) is not int or found not in versions:
+        raise ValueError(f"{path}: {kind} format version {found}, expected {' or '.join(map(str, versions))}")
+    if found != versions[0] and not sealed:
+        raise ValueError(f"{path}: damaged: a {kind} file of version {found} without its digest")
     missing = [key for key in keys if key not in header]
     if missing:
         raise ValueError(f"{path}: '{kind}' metadata lacks {missing}; expected a {kind} file of this program")
-    table = rows.to_pandas()
-    validate_table(table, columns, str(path), min_rows=min_rows)
-    return table, header
+    return header
+
+
+def one_line(error: BaseException) -> str:
+    """Returns the message of an exception on one line, at most 200 characters of it."""
+    return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+def _check_length(rows: int, where: str) -> None:
+    if rows > MAX_ROWS:
+        raise ValueError(f"{where}: found {rows} samples, expected at most {MAX_ROWS}; lower the sampling rate")

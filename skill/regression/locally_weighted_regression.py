@@ -29,6 +29,7 @@ from skill.regression.local_model import (
     normalised_weights,
 )
 from skill.regression.membership_index import check_memberships
+from skill.regression.regressor_arrays import check_regressor_arrays
 
 MAX_QUERY = 1e100
 """Scaled queries are clipped to this magnitude, so that squared distances stay finite."""
@@ -297,11 +298,9 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         """Restores an estimator from ``to_arrays``; its predictions are bit-identical.
 
         Raises:
-            ValueError: if an array is missing.
+            ValueError: if an array is missing, unknown, or does not fit the others.
         """
-        missing = {"bandwidth", "feature_scale", "X", "y", "sample_weight", "rows"} - set(arrays)
-        if missing:
-            raise ValueError(f"arrays lack {sorted(missing)}; expected what LWRegressor.to_arrays returned")
+        check_regressor_arrays(arrays)
         k, scale = int(arrays["n_neighbors"]), np.array(arrays["feature_scale"], dtype=float)
         self = cls(
             bandwidth=float(arrays["bandwidth"]),

@@ -18,21 +18,30 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
+from skill.array_schema import ArrayRule, check_arrays
 from skill.arrays import Array
 
-FITTED = (
-    "counts_",
-    "exits_",
-    "sample_counts_",
-    "visits_",
-    "phase_",
-    "outcomes_",
-    "dwell_mean_",
-    "dwell_std_",
-    "dwell_mean_s_",
-    "dwell_std_s_",
-)
-"""Fitted attributes that are stored; the others follow from them."""
+MAX_COUNT = 1e12
+"""Largest number of samples or visits in a stored graph."""
+
+DWELL = ArrayRule(("K",), low=0.0, unknown=True)
+
+FITTED = {
+    "counts_": ArrayRule(("K", "K"), low=0.0, high=MAX_COUNT),
+    "exits_": ArrayRule(("K", "A"), low=0.0, high=MAX_COUNT),
+    "sample_counts_": ArrayRule(("K", "K"), low=0.0, high=MAX_COUNT),
+    "visits_": ArrayRule(("K",), low=0.0, high=MAX_COUNT),
+    "phase_": ArrayRule(("K",), low=0.0, high=1.0, unknown=True),
+    "outcomes_": ArrayRule(("A",), holds="texts"),
+    **dict.fromkeys(("dwell_mean_", "dwell_std_", "dwell_mean_s_", "dwell_std_s_"), DWELL),
+}
+"""Fitted attributes that are stored, and what they are: K states and A outcomes. The others follow from them."""
+
+RULES = {name.rstrip("_"): rule for name, rule in FITTED.items()} | {
+    "sample_period": ArrayRule(positive=True),
+    "success": ArrayRule(holds="texts"),
+}
+"""The arrays of `StateGraph.to_arrays`."""
 
 
 @dataclass(frozen=True)
@@ -246,11 +255,19 @@ class StateGraph(BaseEstimator):
         """Restores a graph from the result of `to_arrays`.
 
         Raises:
-            ValueError: if an array is missing.
+            ValueError: if an array is missing, unknown, or does not fit the others.
         """
-        missing = {name.rstrip("_") for name in FITTED} - set(arrays)
-        if missing:
-            raise ValueError(f"arrays {sorted(missing)} are missing; expected the result of StateGraph.to_arrays")
+        check_arrays(arrays, RULES, "StateGraph.to_arrays")
+        ended = np.asarray(arrays["counts"]).sum(axis=1) + np.asarray(arrays["exits"]).sum(axis=1)
+        if not np.array_equal(ended, arrays["visits"]):
+            raise ValueError("array 'visits' is not the number of the transitions in 'counts' and 'exits'")
+        unseen = np.asarray(arrays["visits"]) == 0
+        for name, rule in RULES.items():
+            if rule.unknown and not np.array_equal(np.isnan(arrays[name]), unseen):
+                raise ValueError(f"array '{name}' is not NaN exactly where a state has no 'visits'")
+        outcomes = np.asarray(arrays["outcomes"])
+        if not np.array_equal(outcomes, np.unique(outcomes)) or str(arrays["success"]) not in outcomes:
+            raise ValueError(f"array 'outcomes' is {outcomes.tolist()}, expected names in order with that of 'success'")
         self = cls(
             n_states=len(arrays["visits"]),
             sample_period=float(arrays["sample_period"]),

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
@@ -19,6 +17,7 @@ from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import RigRun, read_rig_run
+from skill.data.tables import stored_kind
 from skill.features.measurement import contact_loads
 from skill.states.state_style import state_colours, state_labels
 
@@ -104,7 +103,10 @@ def read_motion(path: Path, skill: Path | None = None) -> Motion:
     Raises:
         ValueError: if a file is missing or invalid; the message names it.
     """
-    if _stored_kind(path) == "rig_run":
+    kind = stored_kind(path, ("demonstration", "rig_run"))
+    if kind is None:
+        raise ValueError(f"{path}: neither a demonstration nor a rig run (a Parquet file of another kind)")
+    if kind == "rig_run":
         return motion_of_run(read_rig_run(path), where=str(path))
     demonstration = read_demonstration(path)
     if skill is None:
@@ -239,17 +241,3 @@ def make_block(size: PegHoleGeometry) -> TriangleMesh:
 def _columns(samples: pd.DataFrame, *names: str) -> Array:
     # A copy, because some functions of scipy refuse the read-only views of pandas.
     return samples[list(names)].to_numpy(dtype=float, copy=True)
-
-
-def _stored_kind(path: Path) -> str:
-    """Returns "demonstration" or "rig_run", from the metadata of the file."""
-    try:
-        metadata = pq.read_schema(path).metadata or {}
-    except FileNotFoundError:
-        raise ValueError(f"{path}: no such file; expected a stored demonstration or rig run (.parquet)") from None
-    except (pa.ArrowInvalid, OSError) as error:
-        raise ValueError(f"{path}: not a complete Parquet file ({error})") from error
-    for kind in ("demonstration", "rig_run"):
-        if kind.encode() in metadata:
-            return kind
-    raise ValueError(f"{path}: neither a demonstration nor a rig run (a Parquet file of another kind)")

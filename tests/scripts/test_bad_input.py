@@ -3,11 +3,10 @@
 import json
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from models.scenario import dump_scenario
+from tests.crafted_files import rewrite
 from tests.quick_scenario import REQUESTS, make_quick_scenario
 from tests.scripts.commands import error_line, files, invoke
 
@@ -114,15 +113,13 @@ def test_training_on_bad_recordings_is_one_error_and_writes_no_skill(tmp_path, d
         if fault == "truncated":
             bad.write_bytes(source.read_bytes()[:-100])
         else:
-            table = pq.read_table(source)
-            frame = table.to_pandas()
-            frame = {
+            change = {
                 "missing column": lambda f: f.drop(columns="mz"),
                 "renamed column": lambda f: f.rename(columns={"mz": "moment_z"}),
                 "not finite": lambda f: f.assign(mz=np.where(f.index == 2, np.nan, f["mz"])),
-            }[fault](frame)
-            new = pa.Table.from_pandas(frame, preserve_index=False)
-            pq.write_table(new.replace_schema_metadata(table.schema.metadata), bad)
+            }[fault]
+            bad.write_bytes(source.read_bytes())
+            rewrite(bad, "demonstration", change)
     line = error_line(invoke("train", "--demonstrations", recordings, "--out", tmp_path / "skill.npz"))
     messages = {"none": "no demonstrations", "truncated": "001.parquet: not a complete Parquet file"}
     assert messages.get(fault, "001.parquet") in line

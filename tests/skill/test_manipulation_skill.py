@@ -7,7 +7,7 @@ import pytest
 from sklearn.linear_model import LinearRegression
 
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.data.demonstration import ACTIONS
+from skill.data.demonstration import ACTIONS, read_demonstrations, write_demonstration
 from skill.data.refinement import refine_demonstration
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, RawFeatures
@@ -405,17 +405,31 @@ def test_demonstrations_without_a_geometry_get_the_default_features():
     assert skill.metadata_["geometry"] is None
 
 
-@pytest.mark.parametrize("other", [None, {**GEOMETRY, "hole_depth": 0.03}])
-def test_demonstrations_with_different_geometries_are_refused(other):
+@pytest.mark.parametrize(
+    ("other", "difference"),
+    [
+        (None, "no geometry, but there is one in 1 of 2"),
+        ({**GEOMETRY, "hole_depth": 0.03}, "hole_depth 0.03, but 0.025 in 1 of 2"),
+    ],
+)
+def test_demonstrations_with_different_geometries_are_refused(other, difference):
     one, two = made_up_demonstrations(2)
-    with pytest.raises(ValueError, match=r"demonstration 1 has geometry.*train a skill for each"):
+    with pytest.raises(ValueError, match=rf"demonstration 1: {difference} demonstrations.*train a skill for each"):
         ManipulationSkill(**single_state()).fit([one, with_geometry(two, other)])
 
 
-def test_an_incomplete_geometry_is_an_error_that_names_the_demonstration():
-    one, two = made_up_demonstrations(2)
-    with pytest.raises(ValueError, match=r"demonstration 1: geometry lacks.*hole_radius"):
-        ManipulationSkill(**single_state()).fit([one, with_geometry(two, {"peg_radius": 0.01})])
+def test_the_file_with_the_odd_geometry_is_named(tmp_path):
+    for n, shown in enumerate(made_up_demonstrations(3)):
+        odd = with_geometry(shown, {**GEOMETRY, "peg_radius": 0.00995}) if n == 0 else shown
+        write_demonstration(odd, tmp_path / f"{n}.parquet")
+    message = rf"{tmp_path}/0\.parquet: peg_radius 0\.00995, but 0\.01 in 2 of 3 demonstrations, such as .*1\.parquet;"
+    with pytest.raises(ValueError, match=message):
+        ManipulationSkill(**single_state()).fit(read_demonstrations(tmp_path))
+
+
+def test_an_incomplete_geometry_is_an_error():
+    with pytest.raises(ValueError, match=r"demonstration: geometry lacks.*hole_radius"):
+        with_geometry(made_up_demonstrations(1)[0], {"peg_radius": 0.01})
 
 
 # ------------------------------------------------------- states and support

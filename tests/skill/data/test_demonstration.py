@@ -1,5 +1,6 @@
 import json
 import re
+import time
 
 import numpy as np
 import pandas as pd
@@ -17,6 +18,7 @@ from skill.data.demonstration import (
     write_demonstration,
 )
 from skill.data.outcome import Outcome
+from tests.crafted_files import rewrite, sealed_parquet, write_unsealed
 from tests.trajectories import make_demonstration
 
 
@@ -33,20 +35,11 @@ def path(demonstration, tmp_path):
 
 
 def rewritten(path, change):
-    """The file at ``path`` with its table changed and its metadata kept."""
-    table = pq.read_table(path)
-    frame = change(table.to_pandas())
-    new = pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(table.schema.metadata)
-    pq.write_table(new, path)
-    return path
+    return rewrite(path, "demonstration", change)
 
 
 def with_header(path, **changes):
-    table = pq.read_table(path)
-    header = json.loads(table.schema.metadata[b"demonstration"])
-    header.update(changes)
-    pq.write_table(table.replace_schema_metadata({b"demonstration": json.dumps(header).encode()}), path)
-    return path
+    return rewrite(path, "demonstration", **changes)
 
 
 def error_message(path):
@@ -149,11 +142,14 @@ def test_a_truncated_file_is_refused(path, kept):
 
 def test_a_file_of_another_version_is_refused(path):
     message = error_message(with_header(path, format_version=FORMAT_VERSION + 1))
-    assert f"version {FORMAT_VERSION + 1}, expected {FORMAT_VERSION}" in message
+    assert f"version {FORMAT_VERSION + 1}, expected 1 or {FORMAT_VERSION}" in message
 
 
 def test_files_of_version_1_stay_readable(path):
-    assert read_demonstration(with_header(path, format_version=1)).reason == read_demonstration(path).reason
+    new = read_demonstration(path)
+    old = read_demonstration(write_unsealed(path, "demonstration", 1))
+    pd.testing.assert_frame_equal(old.samples, new.samples, check_exact=True)
+    assert (old.good, old.reason, old.metadata) == (new.good, new.reason, new.metadata)
 
 
 def test_a_foreign_parquet_file_is_refused(tmp_path):
@@ -162,17 +158,48 @@ def test_a_foreign_parquet_file_is_refused(tmp_path):
     assert "expected a demonstration file" in error_message(path)
 
 
-def test_damaged_metadata_is_refused(path):
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{not json", "damaged 'demonstration' metadata"),
+        ("[]", "expected an object"),
+        ("null", "found null, expected an object"),
+        ("3", "expected an object"),
+        ("[" * 100_000, "nested too deeply"),
+        ('{"format_version": 2, "good": true, "good": false, "outcome": "inserted"}', "a key occurs twice"),
+        ("\udcff", "damaged 'demonstration' metadata"),
+        ('{"format_version": 2}', "metadata lacks ['good', 'outcome']"),
+        ('{"format_version": true, "good": true, "outcome": "inserted"}', "format version True"),
+        ('{"format_version": [2], "good": true, "outcome": "inserted"}', "format version [2]"),
+    ],
+)
+def test_damaged_metadata_is_refused(path, text, message):
     table = pq.read_table(path)
-    pq.write_table(table.replace_schema_metadata({b"demonstration": b"{not json"}), path)
-    assert "demonstration" in error_message(path)
+    path.write_bytes(sealed_parquet(table, {"demonstration": text.encode(errors="surrogateescape")}))
+    assert message in error_message(path)
 
 
-def test_metadata_without_an_outcome_is_refused(path):
-    table = pq.read_table(path)
-    header = json.dumps({"format_version": FORMAT_VERSION}).encode()
-    pq.write_table(table.replace_schema_metadata({b"demonstration": header}), path)
-    assert "good" in error_message(path)
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ({"good": "false"}, "'good' is 'false', expected true or false"),
+        ({"good": 1}, "'good' is 1, expected true or false"),
+        ({"outcome": 3}, "'outcome' is 3, expected a text"),
+        ({"outcome": None}, "'outcome' is None, expected a text"),
+        ({"duration_s": 7.0}, "'duration_s' is 7.0, but the samples last"),
+        ({"geometry": [1]}, "geometry is [1]"),
+    ],
+)
+def test_an_entry_of_the_wrong_type_is_refused(path, entry, message):
+    assert message in error_message(with_header(path, **entry))
+
+
+@pytest.mark.parametrize("name", ["good", "outcome", "duration_s", "format_version"])
+def test_metadata_cannot_replace_what_the_file_says_itself(demonstration, tmp_path, name):
+    strange = Demonstration(demonstration.samples, good=True, outcome="inserted", metadata={name: 1})
+    with pytest.raises(ValueError, match=f"metadata named .'{name}'. cannot be stored"):
+        write_demonstration(strange, tmp_path / "demonstration.parquet")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_missing_file_is_named(tmp_path):
@@ -256,11 +283,11 @@ def test_a_table_is_written_with_its_header(tmp_path):
     path = tmp_path / "new" / "folder" / "a.parquet"
     tables.write_table(TABLE, ("a", "time"), path, kind="thing", version=7, header={"x": 1})
     assert path.stat().st_mode & 0o777 == 0o644
-    table, header = tables.read_table(path, ("a", "time"), kind="thing", version=7, keys=("x",))
+    table, header = tables.read_table(path, ("a", "time"), kind="thing", versions=(6, 7), keys=("x",))
     assert list(table.columns) == ["a", "time"]
     assert header == {"x": 1}
     with pytest.raises(ValueError, match="metadata lacks"):
-        tables.read_table(path, ("a", "time"), kind="thing", version=7, keys=("y",))
+        tables.read_table(path, ("a", "time"), kind="thing", versions=(6, 7), keys=("y",))
 
 
 def test_an_axis_may_be_rounded_and_a_duration_is_the_time_between_the_first_and_the_last_sample():
@@ -279,3 +306,120 @@ def test_a_detail_is_kept_beside_an_outcome_and_replaced_by_that_of_a_text():
     assert Demonstration(samples, True, Outcome.JAMMED, detail="at 3 mm").reason == "jammed: at 3 mm"
     assert Demonstration(samples, True, "jammed: at 4 mm", detail="at 3 mm").reason == "jammed: at 4 mm"
     assert Demonstration(samples, True, "jammed", detail="at 3 mm").reason == "jammed: at 3 mm"
+
+
+# ------------------------------------------------------------ damaged files
+
+
+@pytest.mark.parametrize(
+    ("column", "message"),
+    [
+        (pa.array([[1.0]] * 400), "column 'fx' has type list"),
+        (pa.array([{"a": 1.0}] * 400), "column 'fx' has type struct"),
+        (pa.array([True] * 400), "column 'fx' has type bool"),
+        (pa.array(range(400), pa.timestamp("ns")), "column 'fx' has type timestamp"),
+        (pa.nulls(400, pa.float64()), "column 'fx' is not finite"),
+    ],
+)
+def test_a_column_that_holds_no_plain_numbers_is_refused(path, column, message):
+    table = pq.read_table(path)
+    k = table.column_names.index("fx")
+    changed = table.set_column(k, "fx", column.slice(0, table.num_rows))
+    path.write_bytes(sealed_parquet(changed, {"demonstration": table.schema.metadata[b"demonstration"]}))
+    assert message in error_message(path)
+
+
+def test_a_column_that_is_there_twice_is_refused(path):
+    table = pq.read_table(path)
+    changed = table.append_column("fx", table.column("fy"))
+    path.write_bytes(sealed_parquet(changed, {"demonstration": table.schema.metadata[b"demonstration"]}))
+    assert "columns ['fx'] occur more than once" in error_message(path)
+    with pytest.raises(ValueError, match=r"here: columns \['a'\] occur more than once"):
+        tables.validate_table(pd.concat([TABLE, TABLE[["a"]]], axis=1), ("time", "a"), "here")
+
+
+def test_the_columns_that_pandas_would_take_for_an_index_are_unknown(path):
+    table = pq.read_table(path)
+    frame = table.to_pandas().set_index("fx")
+    indexed = pa.Table.from_pandas(frame, preserve_index=True)
+    header = json.loads(table.schema.metadata[b"demonstration"])
+    metadata = {**indexed.schema.metadata, b"demonstration": json.dumps({**header, "format_version": 1}).encode()}
+    pq.write_table(indexed.replace_schema_metadata(metadata), path)
+    assert tuple(sorted(read_demonstration(path).samples.columns)) == tuple(sorted(COLUMNS))
+
+
+def test_a_changed_bit_is_noticed_wherever_it_is(path):
+    data = path.read_bytes()
+    for place in range(0, len(data), 331):
+        path.write_bytes(data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :])
+        error_message(path)
+
+
+def test_a_page_carries_a_checksum_of_its_own(path, monkeypatch):
+    monkeypatch.setattr(tables, "is_sealed", lambda data: True)
+    data = path.read_bytes()
+    start = pq.ParquetFile(path).metadata.row_group(0).column(5).data_page_offset
+    place = start + 200
+    path.write_bytes(data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :])
+    assert "crc" in error_message(path).lower()
+
+
+def test_a_recording_without_its_digest_is_refused(path):
+    table = pq.read_table(path)
+    header = {b"demonstration": table.schema.metadata[b"demonstration"]}
+    pq.write_table(table.replace_schema_metadata(header), path)
+    assert "damaged: a demonstration file of version 2 without its digest" in error_message(path)
+
+
+def test_the_number_of_samples_is_limited(demonstration, path, tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "MAX_ROWS", len(demonstration.samples) - 1)
+    assert f"found {len(demonstration.samples)} samples, expected at most" in error_message(path)
+    with pytest.raises(ValueError, match=r"new\.parquet: found .* samples, expected at most"):
+        write_demonstration(demonstration, tmp_path / "new.parquet")
+
+
+def test_the_size_of_a_file_is_limited(path):
+    with path.open("r+b") as stream:
+        stream.truncate(tables.MAX_BYTES + 1)
+    assert "100 MB, expected at most 100 MB" in error_message(path)
+
+
+@pytest.mark.parametrize("compression", ["ZSTD", "GZIP"])
+def test_a_compression_that_can_hide_gigabytes_is_refused(path, compression):
+    table = pq.read_table(path)
+    header = json.loads(table.schema.metadata[b"demonstration"])
+    metadata = {b"demonstration": json.dumps({**header, "format_version": 1}).encode()}
+    pq.write_table(table.replace_schema_metadata(metadata), path, compression=compression)
+    assert f"with compression {compression} for" in error_message(path)
+
+
+def test_a_column_of_more_bytes_than_its_samples_need_is_refused(path):
+    table = pq.read_table(path)
+    k = table.column_names.index("fx")
+    rng = np.random.default_rng(0)
+    wide = pa.array([rng.random(3000).tolist()] * table.num_rows)
+    changed = table.set_column(k, "fx", wide)
+    path.write_bytes(sealed_parquet(changed, {"demonstration": table.schema.metadata[b"demonstration"]}))
+    assert f"bytes with compression SNAPPY for {table.num_rows} samples of a column, expected" in error_message(path)
+
+
+def test_the_length_of_metadata_is_limited(demonstration, path, tmp_path):
+    table = pq.read_table(path)
+    path.write_bytes(sealed_parquet(table, {"demonstration": '{"a": [' + "[]," * 4_000_000 + "1]}"}))
+    assert "12000010 characters, expected at most 10000000" in error_message(path)
+    long = Demonstration(demonstration.samples, good=True, outcome="inserted", metadata={"notes": "x" * 10_000_000})
+    with pytest.raises(ValueError, match=r"long\.parquet: metadata of"):
+        write_demonstration(long, tmp_path / "long.parquet")
+
+
+@pytest.mark.slow
+def test_the_longest_recording_is_read_in_seconds(tmp_path):
+    rng = np.random.default_rng(0)
+    table = pd.DataFrame(rng.random((tables.MAX_ROWS, len(COLUMNS))), columns=list(COLUMNS))
+    table["time"] = np.arange(len(table)) * 1e-3
+    tables.write_table(table, COLUMNS, tmp_path / "long.parquet", kind="thing", version=2, header={})
+    assert (tmp_path / "long.parquet").stat().st_size < tables.MAX_BYTES
+    start = time.monotonic()
+    again, _ = tables.read_table(tmp_path / "long.parquet", COLUMNS, kind="thing", versions=(1, 2), keys=())
+    assert time.monotonic() - start < 10.0
+    pd.testing.assert_frame_equal(again, table, check_exact=True)

@@ -2,7 +2,7 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from skill.data.geometry import PegHoleGeometry
+from skill.data.geometry import PegHoleGeometry, common_geometry
 from tests.trajectories import GEOMETRY
 
 DUT = PegHoleGeometry(**GEOMETRY)
@@ -64,3 +64,18 @@ def test_an_impossible_size_is_named(change, message):
 def test_extreme_sizes_are_accepted():
     edge = replace(DUT, chamfer=0.0, facets=3, block_radius=0.01006)
     assert PegHoleGeometry.from_metadata({"geometry": asdict(edge)}, "a") == edge
+
+
+def test_the_rarest_geometry_is_the_odd_one():
+    usual, odd = {"geometry": GEOMETRY}, {"geometry": {**GEOMETRY, "facets": 92}}
+    assert common_geometry([("a", usual), ("a", usual)]) == PegHoleGeometry.find(usual, "a")
+    assert common_geometry([("a", {}), ("b", {})]) is None
+    for order in ("aab", "aba", "baa"):
+        named = [(f"{k}{letter}", odd if letter == "b" else usual) for k, letter in enumerate(order)]
+        with pytest.raises(ValueError, match=rf"^{order.index('b')}b: facets 92, but 64 in 2 of 3 demonstrations"):
+            common_geometry(named)
+    many = [(f"u{k}", usual) for k in range(6)] + [(f"o{k}", odd) for k in range(5)]
+    with pytest.raises(ValueError, match=r"^o0, o1, o2 and 2 more: "):
+        common_geometry(many)
+    with pytest.raises(ValueError, match=r"^b: a geometry, but there is none in 2 of 3"):
+        common_geometry([("a", {}), ("b", usual), ("c", {})])

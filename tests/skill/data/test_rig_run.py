@@ -3,7 +3,6 @@ import re
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
@@ -11,6 +10,7 @@ from models.scenario import TRIAL_STREAM, resolve_scenario
 from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import RUN_COLUMNS, RUN_VERSION, RigRun, read_rig_run, write_rig_run
 from systems.runs.trial import run_trial
+from tests.crafted_files import rewrite, sealed_parquet, write_unsealed
 
 
 @pytest.fixture(scope="module")
@@ -65,27 +65,18 @@ def test_a_file_of_the_other_kind_is_refused(path, demonstrations, tmp_path):
     ids=["missing", "renamed", "not finite", "backwards"],
 )
 def test_a_bad_table_is_refused(path, change, message):
-    table = pq.read_table(path)
-    frame = change(table.to_pandas())
-    pq.write_table(
-        pa.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(table.schema.metadata), path
-    )
-    assert message in error_message(path)
+    assert message in error_message(rewrite(path, "rig_run", change))
 
 
 def test_a_run_of_another_version_is_refused(path):
-    table = pq.read_table(path)
-    header = json.loads(table.schema.metadata[b"rig_run"])
-    header["format_version"] = RUN_VERSION + 1
-    pq.write_table(table.replace_schema_metadata({b"rig_run": json.dumps(header).encode()}), path)
-    assert f"version {RUN_VERSION + 1}, expected {RUN_VERSION}" in error_message(path)
+    rewrite(path, "rig_run", format_version=RUN_VERSION + 1)
+    assert f"version {RUN_VERSION + 1}, expected 2 or {RUN_VERSION}" in error_message(path)
 
 
-def test_runs_of_version_2_stay_readable(path):
-    table = pq.read_table(path)
-    header = {**json.loads(table.schema.metadata[b"rig_run"]), "format_version": 2}
-    pq.write_table(table.replace_schema_metadata({b"rig_run": json.dumps(header).encode()}), path)
-    assert len(read_rig_run(path).samples) == table.num_rows
+def test_runs_of_version_2_stay_readable(run, path):
+    again = read_rig_run(write_unsealed(path, "rig_run", 2))
+    pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
+    assert (again.result, again.metadata) == (run.result, run.metadata)
 
 
 def test_a_truncated_run_is_refused(path):
@@ -94,10 +85,23 @@ def test_a_truncated_run_is_refused(path):
 
 
 def test_metadata_without_a_result_is_refused(path):
-    table = pq.read_table(path)
-    header = json.dumps({"format_version": RUN_VERSION}).encode()
-    pq.write_table(table.replace_schema_metadata({b"rig_run": header}), path)
-    assert "result" in error_message(path)
+    header = json.dumps({"format_version": RUN_VERSION})
+    path.write_bytes(sealed_parquet(pq.read_table(path), {"rig_run": header}))
+    assert "metadata lacks ['result', 'metadata']" in error_message(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ({"result": [1]}, "'result' is [1], expected an object"),
+        ({"metadata": None}, "'metadata' is None, expected an object"),
+        ({"metadata": {"state_names": "free"}}, "'state_names' is 'free', expected a list of texts"),
+        ({"metadata": {"state_names": [1, 2]}}, "'state_names' is [1, 2], expected a list of texts"),
+        ({"metadata": {"geometry": {"peg_radius": -1}}}, "geometry lacks"),
+    ],
+)
+def test_an_entry_of_the_wrong_type_is_refused(path, header, message):
+    assert message in error_message(rewrite(path, "rig_run", **header))
 
 
 def test_a_run_of_bad_samples_is_refused(run):
@@ -106,5 +110,6 @@ def test_a_run_of_bad_samples_is_refused(run):
 
 
 def test_a_run_may_have_a_single_row(run, tmp_path):
-    write_rig_run(RigRun(run.samples.head(1), run.result), tmp_path / "one.parquet")
+    result = {"inserted": False, "reason": "time over", "time_s": 0.004, "depth_mm": -1.0}
+    write_rig_run(RigRun(run.samples.head(1), result), tmp_path / "one.parquet")
     assert len(read_rig_run(tmp_path / "one.parquet").samples) == 1

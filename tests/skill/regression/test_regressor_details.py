@@ -160,7 +160,7 @@ def test_stored_arrays_restore_every_parameter():
         assert again.n_features_in_ == 3
         np.testing.assert_array_equal(again.marginal_variance_, dut.marginal_variance_)
         np.testing.assert_array_equal(again.rows_, np.arange(30))
-    with pytest.raises(ValueError, match=r"arrays lack \['rows', 'y'\]"):
+    with pytest.raises(ValueError, match=r"arrays \['rows', 'y'\] are missing"):
         LWRegressor.from_arrays({k: v for k, v in dut.to_arrays().items() if k not in ("y", "rows")})
 
 

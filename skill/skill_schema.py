@@ -1,0 +1,155 @@
+"""Checks the header of a skill file, and that the parts of a skill fit together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from skill.arrays import Array
+from skill.data.geometry import PegHoleGeometry
+from skill.features.wrench_features import WrenchFeatures
+
+MAX_PERIOD = 1.0
+"""Largest sample period, s."""
+
+MAX_ACTION = 10.0
+"""Largest turn (rad) or feed (m) over one sample period."""
+
+N_ACTIONS = 3
+"""Number of outputs of the regressor: turn about x and y, and feed."""
+
+Check = Callable[[Any], bool]
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of JSON is a number, which may be infinite or NaN."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _at_least_zero(value: Any) -> bool:
+    return is_number(value) and 0.0 <= value < math.inf
+
+
+PARAMETERS: dict[str, tuple[Check, str]] = {
+    "still": (_at_least_zero, "a length in m of at least 0"),
+    "rough": (lambda value: is_number(value) and value > 0.0, "a positive length in m"),
+    "force_noise": (_at_least_zero, "a force in N of at least 0"),
+    "moment_noise": (_at_least_zero, "a moment in N m of at least 0"),
+    "random_state": (lambda value: value is None or (type(value) is int and value >= 0), "an integer of at least 0"),
+}
+"""The constructor parameters of a `ManipulationSkill` that are stored, and what they may be."""
+
+ENTRIES: dict[str, tuple[Check, str]] = {
+    "skill_version": (lambda value: type(value) is int, "an integer"),
+    "parameters": (lambda value: isinstance(value, dict), "an object"),
+    "features": (lambda value: _is_part(value), "a class name and its parameters"),
+    "state_features": (lambda value: _is_part(value), "a class name and its parameters"),
+    "period": (lambda value: is_number(value) and 0.0 < value <= MAX_PERIOD, "a positive time of at most 1 s"),
+    "metadata": (lambda value: isinstance(value, dict), "an object"),
+    "names": (lambda value: value is None or _are_texts(value), "null or a list of texts"),
+    "least_log_support": (lambda value: is_number(value) and value < math.inf, "a number"),
+}
+"""The entries of the header, and what they may be."""
+
+
+def _is_part(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2 and isinstance(value[0], str) and isinstance(value[1], dict)
+
+
+def _are_texts(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(name, str) for name in value)
+
+
+def check_header(header: Mapping[str, Any]) -> None:
+    """Checks the header of a skill file.
+
+    Raises:
+        ValueError: naming the entry, what was found and what was expected.
+    """
+    _check_entries(header, ENTRIES, "entries of the header", complete=True)
+    _check_entries(header["parameters"], PARAMETERS, "parameters", complete=False)
+    PegHoleGeometry.find(header["metadata"], "header")
+    for name in ("demonstrations", "good", "practice_trials"):
+        count = header["metadata"].get(name, 1)
+        if type(count) is not int or count < 1:
+            raise ValueError(f"header: metadata '{name}' is {count!r}, expected a positive integer")
+
+
+def feature_part(name: str, entry: list[Any], types: Mapping[str, type[WrenchFeatures]]) -> WrenchFeatures:
+    """Returns the features that a header describes.
+
+    Args:
+        name: name of the part, for error messages.
+        entry: name of the class, and its parameters.
+        types: the classes that may be made, by their names.
+
+    Raises:
+        ValueError: if the class or a parameter is unknown, or a parameter is not a positive number.
+    """
+    kind, settings = entry
+    if kind not in types:
+        raise ValueError(f"{name}: class {kind!r}, expected one of {sorted(types)}")
+    known = sorted(types[kind]().get_params())
+    if sorted(settings) != known:
+        raise ValueError(f"{name}: parameters {sorted(settings)} of {kind}, expected {known}")
+    for key, value in settings.items():
+        if not (is_number(value) and 0.0 < value < math.inf):
+            raise ValueError(f"{name}: '{key}' is {value!r}, expected a positive number in SI units")
+    return types[kind](**settings)
+
+
+def check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, Any]) -> None:
+    """Checks that the parts of a skill fit together.
+
+    Args:
+        parts: the parts by their names (see `skill.skill_file`).
+        sources: (n, 2), demonstration number and time (s) of each sample of the regressor.
+        header: the header of the file.
+
+    Raises:
+        ValueError: naming the part, what was found and what was expected.
+    """
+    states, regressor, graph = parts["states"], parts["regressor"], parts["graph"]
+    measured = len(parts["state_features"].get_feature_names_out())
+    channels = measured + len(parts["state_features"].hidden_names())
+    features = len(parts["features"].get_feature_names_out())
+    K, P = len(states.means_), regressor.memberships_
+    for what, found, expected in (
+        ("states: number of channels", states.means_.shape[1], channels),
+        ("graph: number of states", len(graph.visits_), K),
+        ("regressor: number of features", regressor.X_.shape[1], features),
+        ("regressor: number of outputs", regressor.y_.shape[1], N_ACTIONS),
+        ("regressor: number of contact states", K if P is None else P.shape[1], K),
+        ("sources: number of samples", len(sources), len(regressor.X_)),
+    ):
+        if found != expected:
+            raise ValueError(f"{what} is {found}, expected {expected} as the other parts have")
+    if not (np.isfinite(sources).all() and (sources[:, 0] >= 0).all() and (sources[:, 0] % 1 == 0).all()):
+        raise ValueError("sources: expected the number of a demonstration and a time in s for each sample")
+    if regressor.rows_[-1] >= len(sources):
+        raise ValueError(f"regressor: array 'rows' goes up to {regressor.rows_[-1]}, expected below {len(sources)}")
+    largest = float(np.abs(regressor.y_).max())
+    if largest > MAX_ACTION:
+        raise ValueError(f"regressor: array 'y' goes up to {largest:g} rad or m, expected at most {MAX_ACTION:g}")
+    names = header["names"]
+    if names is not None and len(names) < K:
+        raise ValueError(f"header: {len(names)} names, expected one for each of {K} states")
+
+
+def _check_entries(
+    found: Mapping[str, Any], expected: Mapping[str, tuple[Check, str]], what: str, *, complete: bool
+) -> None:
+    unknown = sorted(set(found) - set(expected))
+    if unknown:
+        raise ValueError(f"unknown {what} {unknown}; expected {'' if complete else 'some of '}{list(expected)}")
+    missing = [name for name in expected if name not in found]
+    if missing and complete:
+        raise ValueError(f"missing {what} {missing}")
+    for name, value in found.items():
+        fits, wanted = expected[name]
+        if not fits(value):
+            text = repr(value)
+            raise ValueError(f"'{name}' is {text if len(text) < 60 else f'{text[:60]}...'}, expected {wanted}")

@@ -1,0 +1,77 @@
+"""Files with chosen contents that carry a digest of their own, as a careful forger would write them."""
+
+import io
+import json
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from skill.data.sealed_file import UNSEALED, seal
+
+
+def sealed_parquet(table: pa.Table, metadata: dict[str, str | bytes]) -> bytes:
+    """A Parquet file with this table, these metadata and a digest."""
+    sink = pa.BufferOutputStream()
+    table = table.replace_schema_metadata(None)
+    with pq.ParquetWriter(sink, table.schema, store_schema=False, write_page_checksum=True) as writer:
+        writer.write_table(table)
+        writer.add_key_value_metadata({**metadata, "sha256": UNSEALED.decode()})
+    return seal(sink.getvalue().to_pybytes())
+
+
+def contents(path: Path, kind: str) -> tuple[pd.DataFrame, dict]:
+    """Table and header of a recording or a run."""
+    table = pq.read_table(path)
+    return table.to_pandas(), json.loads(table.schema.metadata[kind.encode()])
+
+
+def rewrite(path: Path, kind: str, change=None, **header) -> Path:
+    """Rewrites a file with its table passed through ``change`` and these entries of its header."""
+    frame, old = contents(path, kind)
+    frame = frame if change is None else change(frame)
+    table = pa.Table.from_pandas(frame, preserve_index=False)
+    path.write_bytes(sealed_parquet(table, {kind: json.dumps({**old, **header})}))
+    return path
+
+
+def write_unsealed(path: Path, kind: str, version: int) -> Path:
+    """Rewrites a file as earlier versions wrote it: without a digest, with the metadata of pandas."""
+    frame, header = contents(path, kind)
+    table = pa.Table.from_pandas(frame, preserve_index=False)
+    text = json.dumps({**header, "format_version": version})
+    pq.write_table(table.replace_schema_metadata({**table.schema.metadata, kind.encode(): text.encode()}), path)
+    return path
+
+
+def sealed_archive(members: dict[str, bytes], compression: int = zipfile.ZIP_DEFLATED) -> bytes:
+    """A zip archive with these members and a digest."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", compression) as archive:
+        for name, data in members.items():
+            archive.writestr(zipfile.ZipInfo(name), data, compression)
+        archive.comment = UNSEALED
+    return seal(stream.getvalue())
+
+
+def sealed_arrays(arrays: dict[str, np.ndarray]) -> bytes:
+    """An npz archive with these arrays and a digest."""
+    members = {}
+    for name, array in arrays.items():
+        stream = io.BytesIO()
+        np.save(stream, array, allow_pickle=True)
+        members[f"{name}.npy"] = stream.getvalue()
+    return sealed_archive(members)
+
+
+def write_unsealed_skill(path: Path, version: int) -> Path:
+    """Rewrites a skill as earlier versions wrote it: without a digest."""
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    header = {**json.loads(arrays["header"].tobytes()), "skill_version": version}
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    np.savez_compressed(path, **arrays)
+    return path

@@ -1,0 +1,350 @@
+"""Fuzz test of all files that the programs read: is any change of a file accepted without a word?
+
+    python -m tests.fuzz [--number 10000] [--seed 0] [--first 0] [--jobs 2] [--json FILE]
+
+Each mutation changes one file (a recording, a run, a skill or a scenario, and files of the versions without a digest)
+and loads it in a process of its own. Its outcome is
+
+* refused: one `ValueError` in one line that names the file,
+* identical: the file loads and holds what it held before,
+* another file: a file without a digest (a scenario, an old version), or one whose digest was made anew, loads and is
+  sound; nothing in it can say that it was changed,
+
+or a defect:
+
+* silent change: a file with a digest loads and holds something else,
+* unsound: a skill loads, but does not act by finite numbers,
+* message: a refusal without the name of the file, or on several lines,
+* exception: an exception other than ValueError,
+* memory, time: loading takes over 1 GB or 10 s,
+* crash: the process ends.
+
+Mutation k of a seed is always the same: ``--seed 0 --first k --number 1`` repeats it. The exit code is 1 if there is a
+defect.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import resource
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import cache
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from random import Random
+from typing import Any
+
+from tests import fuzz_mutations as mutations
+
+MAX_MEMORY = 1e9  # bytes, more than before
+MAX_TIME = 10.0  # s
+PATIENCE = 30.0  # s without a word after which a process is ended
+START_TIME = 60.0  # s more that a process has for its start
+GOOD = ("refused", "identical", "another file")
+
+PARQUET = (mutations.parquet_header, mutations.parquet_value, mutations.parquet_column)
+ARCHIVE = (
+    *(mutations.archive_header, mutations.archive_value, mutations.archive_array, mutations.archive_member),
+    *(mutations.archive_shape, mutations.archive_directory),
+)
+FORGERIES: dict[str, tuple[Callable[[bytes, Random], bytes], ...]] = {
+    "recording": (mutations.forged, *PARQUET),
+    "run": (mutations.forged, *PARQUET),
+    "skill": (mutations.forged, *ARCHIVE),
+    "scenario": (mutations.scenario_value, mutations.scenario_lines),
+    "recording, version 1": (),
+    "run, version 2": (),
+    "skill, version 4": (),
+}
+"""The kinds of files, and the mutations of each that make a digest anew or need none."""
+
+KINDS = tuple(FORGERIES)
+BOMBS = 400
+"""One in so many mutations of a skill is a bomb, which takes a second to make."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One mutation and its outcome."""
+
+    number: int
+    kind: str
+    mutation: str
+    outcome: str
+    detail: str = ""
+
+
+def mutation_of(kind: str, rng: Random) -> Callable[[bytes, Random], bytes]:
+    """Draws a mutation; half of them change bytes only."""
+    if kind == "skill" and rng.randrange(BOMBS) == 0:
+        return mutations.archive_bomb
+    return rng.choice(FORGERIES[kind] if FORGERIES[kind] and rng.random() < 0.5 else mutations.BYTES)
+
+
+# ---------------------------------------------------------------- originals
+
+
+def write_originals(folder: Path) -> dict[str, Path]:
+    """Writes one file of each kind."""
+    from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+    from skill.data.demonstration import write_demonstration
+    from skill.data.rig_run import write_rig_run
+    from skill.manipulation_skill import ManipulationSkill
+    from skill.regression.locally_weighted_regression import LWRegressor
+    from tests.crafted_files import write_unsealed, write_unsealed_skill
+    from tests.trajectories import make_demonstration, make_rig_run
+
+    paths = {kind: folder / f"{kind}.parquet" for kind in KINDS}
+    paths |= {kind: folder / f"{kind}.npz" for kind in KINDS if kind.startswith("skill")}
+    paths["scenario"] = folder / "scenario.yaml"
+    shown = [make_demonstration(tilt=0.04 + 0.005 * k, direction=k) for k in range(4)]
+    for kind in ("recording", "recording, version 1"):
+        write_demonstration(shown[0], paths[kind])
+    for kind in ("run", "run, version 2"):
+        write_rig_run(make_rig_run(), paths[kind])
+    states = CompetitiveAgglomeration(m_init=4, n_init=1, reg_covar=0.05, random_state=0)
+    skill = ManipulationSkill(states=states, regressor=LWRegressor(bandwidth=0.7)).fit(shown)
+    for kind in ("skill", "skill, version 4"):
+        skill.save(paths[kind])
+    write_unsealed(paths["recording, version 1"], "demonstration", 1)
+    write_unsealed(paths["run, version 2"], "rig_run", 2)
+    write_unsealed_skill(paths["skill, version 4"], 4)
+    scenario = Path(__file__).parents[1] / "models" / "scenarios" / "one_of_everything.yaml"
+    paths["scenario"].write_bytes(scenario.read_bytes())
+    return paths
+
+
+# ------------------------------------------------------------------- loading
+
+
+def load(kind: str, path: Path) -> tuple[bytes, bool]:
+    """Loads a file; returns all that it holds, and whether it is sound."""
+    if kind.startswith("recording"):
+        from skill.data.demonstration import read_demonstration
+
+        shown = read_demonstration(path)
+        header = json.dumps([shown.good, shown.reason, shown.metadata])
+        return header.encode() + shown.samples.to_numpy().tobytes(), True
+    if kind.startswith("run"):
+        from skill.data.rig_run import read_rig_run
+
+        run = read_rig_run(path)
+        return json.dumps([run.result, run.metadata]).encode() + run.samples.to_numpy().tobytes(), True
+    if kind == "scenario":
+        from models.scenario import dump_scenario, load_scenario
+
+        return dump_scenario(load_scenario(path)).encode(), True
+    return load_skill(path)
+
+
+def load_skill(path: Path) -> tuple[bytes, bool]:
+    """Loads a skill; it is sound if it acts by finite numbers."""
+    import numpy as np
+
+    from skill.manipulation_skill import ManipulationSkill
+    from skill.skill_file import ARRAY_PARTS, FEATURE_PARTS, SKILL_PARAMETERS
+
+    skill = ManipulationSkill.load(path)
+    header = [{name: getattr(skill, name) for name in SKILL_PARAMETERS}, skill.period_, skill.metadata_, skill.names_]
+    header += [[type(part).__name__, part.get_params()] for part in (getattr(skill, f"{n}_") for n in FEATURE_PARTS)]
+    content = json.dumps([*header, skill.min_log_support_]).encode() + skill.sources_.tobytes()
+    for part in ARRAY_PARTS:
+        for name, array in sorted(getattr(skill, f"{part}_").to_arrays().items()):
+            content += name.encode() + array.dtype.str.encode() + array.tobytes()
+    action = skill.act([5.0, 3.0, 2.0, 0.01, 0.02, 0.0, -0.008])
+    return content, bool(np.isfinite([*action.turn, action.feed, *action.probabilities, action.support]).all())
+
+
+# ------------------------------------------------------------------- judging
+
+
+def judge(kind: str, original: bytes, held: bytes, changed: bytes, path: Path, *, vouched: bool) -> tuple[str, str]:
+    """Loads a changed file.
+
+    Args:
+        kind: one of ``KINDS``.
+        original: the bytes of the file before the change.
+        held: what it held, from `load`.
+        changed: its bytes after the change.
+        path: where to write it.
+        vouched: whether the file carries a digest that was not made anew.
+
+    Returns:
+        The outcome and its detail.
+    """
+    path.write_bytes(changed)
+    start = time.monotonic()
+    before = start_of_memory()
+    try:
+        found, sound = load(kind, path)
+        outcome, detail = ("identical", "") if found == held else ("another file", "")
+        if outcome != "identical" and vouched and changed != original:
+            outcome = "silent change"
+        elif not sound:
+            outcome = "unsound"
+    except ValueError as error:
+        named = str(path) in str(error) and "\n" not in str(error)
+        outcome, detail = "refused" if named else "message", str(error)
+    except BaseException as error:
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        outcome, detail = "exception", f"{type(error).__name__}: {error}"
+    memory, seconds = peak_memory() - before, time.monotonic() - start
+    if memory > MAX_MEMORY:
+        return "memory", f"{memory / 1e9:.1f} GB; {outcome} {detail}"
+    if seconds > MAX_TIME:
+        return "time", f"{seconds:.0f} s; {outcome} {detail}"
+    return outcome, detail
+
+
+def start_of_memory() -> float:
+    """Sets the peak memory of this process back, and returns it, bytes."""
+    with suppress(OSError):  # the peak then stays, and counts once
+        Path("/proc/self/clear_refs").write_text("5")
+    return peak_memory()
+
+
+def peak_memory() -> float:
+    """The largest memory of this process, bytes."""
+    try:
+        text = Path("/proc/self/status").read_text()
+        return 1024.0 * int(text.split("VmHWM:")[1].split()[0])
+    except (OSError, IndexError):
+        return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
+@cache
+def originals(folder: Path) -> dict[str, tuple[bytes, bytes]]:
+    """The bytes and the contents of each original."""
+    paths = {path.stem: path for path in folder.iterdir() if path.is_file()}
+    return {kind: (paths[kind].read_bytes(), load(kind, paths[kind])[0]) for kind in KINDS}
+
+
+def attempt(number: int, seed: int, folder: Path) -> Trial:
+    """Makes and judges one mutation."""
+    rng = Random(f"{seed} {number}")
+    kind = KINDS[number % len(KINDS)]
+    mutation = mutation_of(kind, rng)
+    original, held = originals(folder)[kind]
+    vouched = mutation in mutations.BYTES and kind in ("recording", "run", "skill")
+    work = folder / "work"
+    work.mkdir(exist_ok=True)
+    path = work / f"{multiprocessing.current_process().name} {kind}{'.yaml' if kind == 'scenario' else '.dat'}"
+    changed = mutation(original, rng)
+    outcome, detail = judge(kind, original, held, changed, path, vouched=vouched)
+    return Trial(number, kind, mutation.__name__, outcome, detail[:500])
+
+
+# ----------------------------------------------------------------- processes
+
+
+def worker(connection: Connection, numbers: list[int], seed: int, folder: Path) -> None:
+    """Attempts the mutations; says which one begins, and how each ended."""
+    import warnings
+
+    warnings.simplefilter("ignore")
+    originals(folder)
+    spare = 4 * int(MAX_MEMORY)  # protects the machine; `judge` finds what takes a quarter of it
+    used = 1024 * int(Path("/proc/self/status").read_text().split("VmSize:")[1].split()[0])
+    resource.setrlimit(resource.RLIMIT_AS, (used + spare, used + spare))
+    for number in numbers:
+        connection.send(number)
+        connection.send(attempt(number, seed, folder))
+    connection.close()
+
+
+def run(numbers: list[int], seed: int, jobs: int, method: str = "spawn") -> Iterator[Trial]:
+    """Attempts mutations in ``jobs`` processes, started by ``method``; one that crashes or hangs is replaced."""
+    context = multiprocessing.get_context(method)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_originals(folder)
+        running: dict[Connection, tuple[Any, list[int], float]] = {}
+
+        def begin(remaining: list[int]) -> None:
+            receiver, sender = context.Pipe(duplex=False)
+            process = context.Process(target=worker, args=(sender, remaining, seed, folder), daemon=True)
+            process.start()
+            sender.close()
+            running[receiver] = process, remaining, time.monotonic() + START_TIME
+
+        for k in range(jobs):
+            begin(numbers[k::jobs])
+        while running:
+            for connection in wait(list(running), timeout=1.0):
+                assert isinstance(connection, Connection)
+                process, remaining, _ = running.pop(connection)
+                try:
+                    message = connection.recv()
+                except EOFError:
+                    process.join()
+                    if remaining:
+                        yield lost(remaining[0], seed, "crash", f"exit code {process.exitcode}")
+                        begin(remaining[1:])
+                    continue
+                if isinstance(message, Trial):
+                    remaining = remaining[1:]
+                    yield message
+                running[connection] = process, remaining, time.monotonic()
+            for connection, (process, remaining, since) in list(running.items()):
+                if time.monotonic() - since > PATIENCE:
+                    process.kill()
+                    del running[connection]
+                    yield lost(remaining[0], seed, "time", f"no end after {PATIENCE:.0f} s")
+                    begin(remaining[1:])
+
+
+def lost(number: int, seed: int, outcome: str, detail: str) -> Trial:
+    """The mutation that took its process with it."""
+    kind = KINDS[number % len(KINDS)]
+    return Trial(number, kind, mutation_of(kind, Random(f"{seed} {number}")).__name__, outcome, detail)
+
+
+# -------------------------------------------------------------------- report
+
+
+def report(trials: list[Trial]) -> str:
+    """A table of kinds and outcomes, and the defects."""
+    outcomes = [*GOOD, *sorted({t.outcome for t in trials} - set(GOOD))]
+    counts = Counter((t.kind, t.outcome) for t in trials)
+    lines = [f"{'':22}" + "".join(f"{outcome:>15}" for outcome in outcomes)]
+    lines += [f"{kind:22}" + "".join(f"{counts[kind, outcome]:15}" for outcome in outcomes) for kind in KINDS]
+    defects = [t for t in trials if t.outcome not in GOOD]
+    lines += [f"{t.outcome}: number {t.number}, {t.kind}, {t.mutation}: {t.detail[:200]!r}" for t in defects]
+    return "\n".join([*lines, f"{len(trials)} mutations, {len(defects)} defects"])
+
+
+def main() -> None:
+    """Attempts the mutations and prints the defects."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--number", type=int, default=10_000, help="mutations to try")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the mutations")
+    parser.add_argument("--first", type=int, default=0, help="number of the first mutation")
+    parser.add_argument("--jobs", type=int, default=2, help="processes to use")
+    parser.add_argument("--json", type=Path, default=None, help="where to write every mutation and its outcome")
+    arguments = parser.parse_args()
+    from systems.reports.terminal import progress, say, write_json
+
+    trials = []
+    numbers = list(range(arguments.first, arguments.first + arguments.number))
+    with progress("mutations", len(numbers)) as advance:
+        for trial in run(numbers, arguments.seed, arguments.jobs):
+            trials.append(trial)
+            advance(f"{sum(t.outcome not in GOOD for t in trials)} defects" if len(trials) % 100 == 0 else "")
+    trials.sort(key=lambda trial: trial.number)
+    say(report(trials))
+    if arguments.json is not None:
+        write_json(arguments.json, {"seed": arguments.seed, "mutations": [asdict(trial) for trial in trials]})
+    sys.exit(any(trial.outcome not in GOOD for trial in trials))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,182 @@
+"""Wrong units and nonsense are refused with the likely unit; unusual devices and sizes are not."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from skill.data.demonstration import ACTIONS, Demonstration, read_demonstration, write_demonstration
+from skill.data.geometry import PegHoleGeometry
+from skill.data.rig_run import RigRun, read_rig_run, write_rig_run
+from tests.crafted_files import rewrite
+from tests.trajectories import GEOMETRY, make_demonstration, make_rig_run
+
+POSITIONS, FORCES, MOMENTS = ["x", "y", "z"], ["fx", "fy", "fz"], ["mx", "my", "mz"]
+
+
+def scaled(samples, columns, factor):
+    changed = samples.copy()
+    changed[list(columns)] *= factor
+    return changed
+
+
+def at(samples, row, **values):
+    changed = samples.copy()
+    for name, value in values.items():
+        changed.loc[row, name] = value
+    return changed
+
+
+DEGREES = 180.0 / np.pi
+FAULTS = {
+    "mm": (lambda s: scaled(s, POSITIONS, 1e3), ["'z'", "24.7 m", "looks like millimetres"]),
+    "um": (lambda s: scaled(s, POSITIONS, 1e6), ["'z'", "looks like micrometres"]),
+    "x in mm": (lambda s: scaled(s, ["x"], 1e3), ["'x'", "looks like millimetres", "inside a bore of radius 10.05 mm"]),
+    "N mm": (lambda s: scaled(s, MOMENTS, 1e3), ["mx, my, mz look like N mm", "lever"]),
+    "kN": (lambda s: scaled(s, FORCES, 1e-3), ["fx, fy, fz look like kilonewtons"]),
+    "mN": (lambda s: scaled(s, FORCES, 1e3 * 200), ["'fx'", "looks like millinewtons"]),
+    "degrees": (lambda s: scaled(s, ["angle", "dangle"], DEGREES), ["angle", "looks like degrees"]),
+    "angle in degrees": (lambda s: scaled(s, ["angle"], 0.5 * DEGREES), ["angle", "looks like degrees"]),
+    "dangle in degrees": (lambda s: scaled(s, ["dangle"], DEGREES), ["'dangle' looks like degrees"]),
+    "hand in degrees": (lambda s: scaled(s, ["rx", "ry", "rz"], DEGREES), ["rx, ry", "look like degrees"]),
+    "hand in mm": (lambda s: scaled(s, ["ux", "uy", "uz"], 1e3), ["'uz'", "looks like millimetres per second"]),
+    "ms": (lambda s: scaled(s, ["time"], 1e3), ["'time' is 20 s", "looks like milliseconds"]),
+    "us": (lambda s: scaled(s, ["time"], 1e6), ["'time'", "looks like microseconds"]),
+    "epoch": (lambda s: s.assign(time=s["time"] + 1.7e9), ["'time'", "time since the start"]),
+    "gap": (lambda s: s.assign(time=s["time"] + 1e3 * (s.index > 40)), ["gap of 1000.02 s after row 40"]),
+    "a metre deep": (lambda s: at(s, 70, z=-1.0), ["'z' lies between", "1 m, expected at most 0.0285", "25 mm depth"]),
+    "a metre beside": (lambda s: at(s, 0, x=1.5), ["'x' lies between", "1.5 m, expected -1 to 1 m"]),
+    "negative angle": (lambda s: at(s, 5, angle=-1.0), ["'angle' lies between -1 and", "expected 0 to 3.142 rad"]),
+    "huge angle": (lambda s: at(s, 5, angle=1e6), ["'angle' lies between", "1e+06 rad, expected 0 to 3.142 rad"]),
+    "upside down": (lambda s: at(s, 5, angle=3.0), ["172 deg in row 5, expected at most 60 deg"]),
+    "negative step": (lambda s: at(s, 5, dangle=-1.0), ["'dangle' over time lies between -50"]),
+    "no steps": (lambda s: s.assign(dangle=0.0), ["'dangle' sums up to 0 rad"]),
+    "hand too fast": (lambda s: at(s, 5, ux=1.0), ["'ux' over time lies between 0 and 50 m/s, expected -5 to 5 m/s"]),
+}
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "demonstration.parquet"
+    write_demonstration(make_demonstration(), path)
+    return path
+
+
+def refusal(read, path):
+    with pytest.raises(ValueError, match=re.escape(f"{path}: ")) as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_an_implausible_demonstration_is_refused_with_the_likely_unit(path, fault):
+    change, parts = FAULTS[fault]
+    message = refusal(read_demonstration, rewrite(path, "demonstration", change, duration_s=None))
+    assert [part for part in parts if part not in message] == [], message
+    samples = change(make_demonstration().samples)
+    with pytest.raises(ValueError, match=r"^demonstration: "):
+        Demonstration(samples, True, "inserted", {"geometry": GEOMETRY})
+
+
+@pytest.mark.parametrize("fault", ["mm", "um", "N mm", "kN", "mN", "degrees", "ms", "gap", "a metre deep", "epoch"])
+def test_wrong_units_are_found_without_the_sizes_too(demonstrations, fault):
+    change, _ = FAULTS[fault]
+    Demonstration(demonstrations[0].samples, True, "inserted")
+    with pytest.raises(ValueError, match="expected"):
+        Demonstration(change(demonstrations[0].samples), True, "inserted")
+
+
+def test_a_boolean_column_holds_no_numbers(path):
+    message = refusal(read_demonstration, rewrite(path, "demonstration", lambda s: s.assign(fx=s["fx"] > 0)))
+    assert "column 'fx' has type bool, expected numbers" in message
+    with pytest.raises(ValueError, match="column 'fy' has type bool, expected numbers"):
+        Demonstration(make_demonstration().samples.assign(fy=True), True, "inserted")
+    with pytest.raises(ValueError, match="column 'fy' has type complex128, expected numbers"):
+        Demonstration(make_demonstration().samples.assign(fy=1j), True, "inserted")
+
+
+@pytest.mark.parametrize("outcome", ["diverged: a contact force of 1e+09 N", "failed: RuntimeError"])
+def test_a_simulation_that_broke_down_may_hold_anything(outcome):
+    samples = scaled(make_demonstration().samples, [*POSITIONS, *FORCES], 1e7)
+    assert Demonstration(samples, False, outcome).reason == outcome
+
+
+def test_a_peg_ten_times_larger_with_other_rates_and_forces_is_plausible(tmp_path):
+    small = make_demonstration()
+    lengths = [n for n in GEOMETRY if n != "facets"]
+    geometry = {**GEOMETRY, **{n: 10.0 * GEOMETRY[n] for n in lengths}}
+    samples = scaled(small.samples, [*POSITIONS, "ux", "uy", "uz"], 10.0)
+    samples = scaled(scaled(samples, FORCES, 50.0), MOMENTS, 500.0)
+    for rate in (0.2, 1.0, 5.0):  # 10 to 250 Hz
+        made = Demonstration(scaled(samples, ["time"], 1.0 / rate), True, "inserted", {"geometry": geometry})
+        write_demonstration(made, tmp_path / "large.parquet")
+        assert read_demonstration(tmp_path / "large.parquet").metadata["geometry"] == geometry
+
+
+def test_a_small_gentle_peg_and_a_motionless_one_are_plausible():
+    lengths = [n for n in GEOMETRY if n != "facets"]
+    geometry = {**GEOMETRY, **{n: 0.1 * GEOMETRY[n] for n in lengths}}
+    samples = scaled(make_demonstration().samples, [*POSITIONS, "ux", "uy", "uz", *FORCES], 0.1)
+    Demonstration(scaled(samples, MOMENTS, 0.01), True, "inserted", {"geometry": geometry})
+    still = make_demonstration().samples.assign(**dict.fromkeys([*FORCES, *MOMENTS, *ACTIONS, "dangle", "angle"], 0.0))
+    Demonstration(still, False, "given up", {"geometry": GEOMETRY})
+
+
+def test_a_dropout_of_some_samples_is_plausible():
+    samples = make_demonstration().samples
+    Demonstration(samples.drop(index=range(30, 60)).reset_index(drop=True), True, "inserted", {"geometry": GEOMETRY})
+
+
+def test_recorded_demonstrations_are_plausible(demonstrations):
+    assert len(demonstrations) == 6  # reading them has checked them
+    assert PegHoleGeometry.find(demonstrations[0].metadata, "here") is not None
+
+
+RUN_FAULTS = {
+    "mm": (lambda s: scaled(s, ["depth", "tip_z"], 1e3), ["'tip_z'", "looks like millimetres"]),
+    "measured depth in mm": (lambda s: scaled(s, ["depth"], 1e3), ["'depth'", "looks like millimetres"]),
+    "true height in mm": (lambda s: scaled(s, ["tip_z"], 1e3), ["'tip_z'", "looks like millimetres"]),
+    "N mm": (lambda s: scaled(s, MOMENTS, 1e3), ["mx, my, mz look like N mm"]),
+    "kN": (lambda s: scaled(s, FORCES, 1e-3), ["fx, fy, fz look like kilonewtons"]),
+    "degrees": (lambda s: scaled(s, ["target_pitch", "pitch"], DEGREES), ["pitch'", "looks like degrees"]),
+    "small turns in degrees": (
+        lambda s: s.assign(yaw=0.3 * DEGREES * s["yaw"], yaw_taken=np.rint(0.3 * s["yaw_taken"])),
+        ["the turn in column 'yaw'", "steps were taken", "looks like degrees"],
+    ),
+    "mm/s": (lambda s: scaled(s, ["feed_speed"], 1e3), ["'feed_speed'", "looks like millimetres per second"]),
+    "ms": (lambda s: scaled(s, ["time"], 1e3), ["'time'", "looks like milliseconds"]),
+    "support": (lambda s: at(s, 3, support=1.5), ["'support' lies between 1 and 1.5, expected 0 to 1"]),
+    "guard": (lambda s: at(s, 3, guard=0.5), ["'guard' holds 0.5 in row 3, expected whole numbers"]),
+    "known": (lambda s: at(s, 3, known=-1.0), ["'known' lies between -1 and 1, expected 0 to 1"]),
+    "state": (lambda s: at(s, 3, state=4.0), ["'state' lies between 0 and 4, expected 0 to 3 (4 state names)"]),
+    "steps": (lambda s: at(s, 3, pitch_taken=-2.0), ["'pitch_taken' lies between -2"]),
+}
+
+
+@pytest.mark.parametrize("fault", RUN_FAULTS)
+def test_an_implausible_run_is_refused_with_the_likely_unit(tmp_path, fault):
+    change, parts = RUN_FAULTS[fault]
+    write_rig_run(make_rig_run(), tmp_path / "run.parquet")
+    message = refusal(read_rig_run, rewrite(tmp_path / "run.parquet", "rig_run", change))
+    assert [part for part in parts if part not in message] == [], message
+
+
+def test_a_biased_sensor_is_plausible(tmp_path):
+    run = make_rig_run()
+    samples = run.samples.assign(mx=run.samples["mx"] + 1.0, **dict.fromkeys(FORCES, 0.05))
+    write_rig_run(RigRun(samples, run.result, run.metadata), tmp_path / "run.parquet")
+    read_rig_run(tmp_path / "run.parquet")
+
+
+def test_a_run_that_broke_down_may_hold_anything(tmp_path):
+    run = make_rig_run()
+    result = {"inserted": False, "reason": "diverged", "depth_mm": float("nan")}
+    write_rig_run(RigRun(scaled(run.samples, ["tip_z", "fx"], 1e6), result, run.metadata), tmp_path / "run.parquet")
+    assert np.isnan(read_rig_run(tmp_path / "run.parquet").result["depth_mm"])
+
+
+def test_paths_of_any_type_are_named(path):
+    rewrite(path, "demonstration", FAULTS["mm"][0])
+    assert refusal(read_demonstration, Path(path)) == refusal(read_demonstration, str(path))
