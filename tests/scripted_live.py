@@ -12,11 +12,12 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 from models.scenario import load_scenario
+from systems.live.access import LOCAL_HOST
 from systems.live.buttons import GOOD, QUIT, START
+from systems.live.page import LivePage
 from systems.live.session import LiveSession
 from systems.outputs.live_folder import open_live_folder
 from systems.reports.terminal import report_errors, say
@@ -64,20 +65,12 @@ class ScriptedButtons:
         """Forgets nothing, because the script waits."""
 
 
-class ScriptedSession(LiveSession):
-    """A session whose page counts as open."""
+class WatchedPage(LivePage):
+    """The page of a session, which counts as shown without a browser."""
 
-    def _page_is_open(self) -> bool:
+    @property
+    def is_shown(self) -> bool:
         return True
-
-
-class NoPage:
-    """Takes what the session shows."""
-
-    address = "nowhere"
-
-    def show(self, **values: object) -> None:
-        """Shows nothing."""
 
 
 @report_errors
@@ -90,17 +83,15 @@ def main() -> None:
     arguments = parser.parse_args()
     scenario = load_scenario(arguments.scenario)
     with open_live_folder(arguments.out):
-        session = ScriptedSession(
-            scenario=scenario,
-            out=arguments.out,
-            seed=0,
-            meshcat=Meshcat(),
-            page=NoPage(),
-            tell=say,
-            open_device=PushingDevice,
-        )
-        session._buttons = ScriptedButtons(arguments.number)
-        say(f"{len(session.run())} demonstrations kept")
+        page = WatchedPage(host=LOCAL_HOST, port=0)
+        try:
+            session = LiveSession(
+                scenario=scenario, out=arguments.out, seed=0, page=page, tell=say, open_device=PushingDevice
+            )
+            session._buttons = ScriptedButtons(arguments.number)
+            say(f"{len(session.run())} demonstrations kept")
+        finally:
+            page.close()
 
 
 if __name__ == "__main__":

@@ -73,7 +73,7 @@ def test_runs_that_end_early_agree_with_their_results(skill, tmp_path, outcome, 
     scenario = make_quick_scenario()
     scenario.trial.time_limit = 0.3
     if outcome == "a fault":  # every reading is beyond the range of the sensor
-        scenario.sensor.force_range = [1e-3, 1e-3, 1e-3]
+        scenario.sensor.force_range, scenario.sensor.force_quantum = [1e-3, 1e-3, 1e-3], 1e-5
     elif outcome == "diverged":
         monkeypatch.setattr("systems.runs.trial.DIVERGENCE_FORCE", 0.5)
     elif outcome == "no sample":

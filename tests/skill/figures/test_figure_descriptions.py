@@ -108,14 +108,14 @@ def test_an_unknown_outcome_is_drawn_as_other():
 
 def test_a_summary_holds_peak_force_duration_and_the_tilt_at_the_start():
     samples = make_demonstration().samples.head(4).copy()
-    samples["time"] = [1.0, 1.5, 2.0, 4.0]
-    samples["angle"] = [0.05, 0.04, 0.06, 0.01]
+    samples["time"] = [1.0, 1.25, 1.5, 2.0]
+    samples["angle"], samples["dangle"] = [0.05, 0.04, 0.06, 0.01], [0.0, 0.01, 0.02, 0.05]
     samples[["fx", "fy", "fz"]] = [[0.0, 0.0, 1.0], [2.0, -3.0, 6.0], [0.0, 4.0, 3.0], [5.0, 0.0, 0.0]]
     first = Demonstration(samples, True, Outcome.INSERTED, {"habit": "expert", "operator": 3})
     second = Demonstration(samples.tail(3), False, Outcome.JAMMED)
     assert summarise([first, second]).to_dict("records") == [
-        {"habit": "expert", "person": 3, "good": True, "outcome": Outcome.INSERTED, "peak_force": 7.0, "time": 3.0,
+        {"habit": "expert", "person": 3, "good": True, "outcome": Outcome.INSERTED, "peak_force": 7.0, "time": 1.0,
          "tilt": 0.05},
-        {"habit": "unknown", "person": 0, "good": False, "outcome": Outcome.JAMMED, "peak_force": 7.0, "time": 2.5,
+        {"habit": "unknown", "person": 0, "good": False, "outcome": Outcome.JAMMED, "peak_force": 7.0, "time": 0.75,
          "tilt": 0.04},
     ]  # fmt: skip
