@@ -45,13 +45,15 @@ def report_errors(command: Callable[P, R]) -> Callable[P, R]:
     - ModuleNotFoundError of a package of the simulation: which extra to install, exit code 1.
     - KeyboardInterrupt (Ctrl-C): ``interrupted``, exit code 130; `Terminated` (SIGTERM): ``terminated``, 143.
 
+    A warning becomes one line on stderr too.
+
     Other exceptions are defects of the program and keep their traceback.
     """
 
     @wraps(command)
     def reporting(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            with sigterm_raises():
+            with sigterm_raises(), one_line_warnings():
                 return command(*args, **kwargs)
         except (ValueError, OSError) as error:
             fail(str(error) or type(error).__name__)
@@ -87,6 +89,21 @@ def sigterm_raises() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, previous)
+
+
+@contextmanager
+def one_line_warnings() -> Iterator[None]:
+    """Prints the message of a warning on stderr, without the line of code that issued it."""
+
+    def show(message: Warning | str, *_: object, **__: object) -> None:
+        errors.print(Text.assemble(("warning:", "bold yellow"), " ", " ".join(str(message).split())), soft_wrap=True)
+
+    previous = warnings.showwarning
+    warnings.showwarning = show
+    try:
+        yield
+    finally:
+        warnings.showwarning = previous
 
 
 def interrupt(reason: BaseException) -> NoReturn:

@@ -4,6 +4,7 @@ import json
 import os
 import signal
 import time
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -37,6 +38,17 @@ def test_an_error_is_one_line_on_stderr_exactly_as_it_is_written(capsys, error, 
         raising(error)()
     assert ended.value.code == 1
     assert capsys.readouterr() == ("", f"error: {message}\n")
+
+
+def test_a_warning_is_one_line_on_stderr_without_the_code_that_issued_it(capsys):
+    @terminal.report_errors
+    def command():
+        warnings.warn("groups contains\n  [one] demonstration", UserWarning, stacklevel=1)
+
+    shown = warnings.showwarning
+    command()
+    assert capsys.readouterr() == ("", "warning: groups contains [one] demonstration\n")
+    assert warnings.showwarning is shown
 
 
 def test_a_long_error_is_not_wrapped(capsys):
