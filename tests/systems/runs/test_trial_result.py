@@ -12,10 +12,20 @@ from systems.runs.trial_result import TrialResult
 from systems.sessions.practice_session import exact_result
 from tests.trial_results import PLAIN
 
-RESULT = TrialResult(
-    **{"seed": 3, "tilt": (0.0123456, -0.0234567), "outcome": Outcome.INSERTED, "time": 2.51234, "depth": 0.02471234},
-    **{"peak_axial_force": 6.06, "peak_lateral_force": 12.34, "peak_moment": 0.1234, "penetration": 20.06e-6},
-    **{"steps": 20, "lost_steps": 1, "back_offs": 2, "unknown_time": 0.121, "unsupported_time": 0.1, "states": (0, 1)},
+RESULT = replace(
+    PLAIN,
+    tilt=(0.0123456, -0.0234567),
+    time=2.51234,
+    depth=0.02471234,
+    peak_axial_force=6.06,
+    peak_lateral_force=12.34,
+    peak_moment=0.1234,
+    penetration=20.06e-6,
+    lost_steps=1,
+    back_offs=2,
+    unknown_time=0.121,
+    unsupported_time=0.1,
+    states=(0, 1),
 )
 ENDINGS = [
     (Outcome.INSERTED, Fault.NONE, ""),
