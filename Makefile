@@ -40,7 +40,7 @@ mutants: environment
 campaign: environment
 	$(RUN) tests.campaign --number 1000 --jobs 2 --json out/campaign.json
 
-# 10,000 changes of recordings, runs, skills and scenarios: is one accepted without a word?
+# 10,000 damaged recordings, runs, skills and scenarios: does one load unnoticed? Three minutes.
 fuzz: environment
 	$(RUN) tests.fuzz --jobs 2 --json out/fuzz.json
 

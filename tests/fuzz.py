@@ -166,7 +166,7 @@ def load_skill(path: Path) -> tuple[bytes, bool]:
 # ------------------------------------------------------------------- judging
 
 
-def judge(kind: str, original: bytes, held: bytes, changed: bytes, path: Path, *, vouched: bool) -> tuple[str, str]:
+def judge(kind: str, original: bytes, held: bytes, changed: bytes, path: Path, *, sealed: bool) -> tuple[str, str]:
     """Loads a changed file.
 
     Args:
@@ -175,7 +175,7 @@ def judge(kind: str, original: bytes, held: bytes, changed: bytes, path: Path, *
         held: what it held, from `load`.
         changed: its bytes after the change.
         path: where to write it.
-        vouched: whether the file carries a digest that was not made anew.
+        sealed: whether the file carries a digest that was not made anew.
 
     Returns:
         The outcome and its detail.
@@ -186,7 +186,7 @@ def judge(kind: str, original: bytes, held: bytes, changed: bytes, path: Path, *
     try:
         found, sound = load(kind, path)
         outcome, detail = ("identical", "") if found == held else ("another file", "")
-        if outcome != "identical" and vouched and changed != original:
+        if outcome != "identical" and sealed and changed != original:
             outcome = "silent change"
         elif not sound:
             outcome = "unsound"
@@ -234,12 +234,12 @@ def attempt(number: int, seed: int, folder: Path) -> Trial:
     kind = KINDS[number % len(KINDS)]
     mutation = mutation_of(kind, rng)
     original, held = originals(folder)[kind]
-    vouched = mutation in mutations.BYTES and kind in ("recording", "run", "skill")
+    sealed = mutation in mutations.BYTES and kind in ("recording", "run", "skill")
     work = folder / "work"
     work.mkdir(exist_ok=True)
     path = work / f"{multiprocessing.current_process().name} {kind}{'.yaml' if kind == 'scenario' else '.dat'}"
     changed = mutation(original, rng)
-    outcome, detail = judge(kind, original, held, changed, path, vouched=vouched)
+    outcome, detail = judge(kind, original, held, changed, path, sealed=sealed)
     return Trial(number, kind, mutation.__name__, outcome, detail[:500])
 
 

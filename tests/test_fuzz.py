@@ -49,7 +49,7 @@ def silent_changes(folder, kind, number=150):
     outcomes = []
     for k in range(number):
         changed = mutations.flip_bit(original, Random(k))
-        outcomes.append(fuzz.judge(kind, original, held, changed, path, vouched=True)[0])
+        outcomes.append(fuzz.judge(kind, original, held, changed, path, sealed=True)[0])
     path.unlink()
     return outcomes.count("silent change")
 
@@ -76,7 +76,7 @@ def judged(folder, monkeypatch, read, kind="recording"):
     """The outcome of a file that is read by ``read``."""
     original, held = fuzz.originals(folder)[kind]
     monkeypatch.setattr(demonstrations, "read_demonstration", read)
-    outcome, _ = fuzz.judge(kind, original, held, b"changed", folder / "work.dat", vouched=True)
+    outcome, _ = fuzz.judge(kind, original, held, b"changed", folder / "work.dat", sealed=True)
     (folder / "work.dat").unlink()
     return outcome
 
@@ -117,7 +117,7 @@ def test_a_skill_that_acts_by_nan_is_unsound(folder, monkeypatch):
     original, held = fuzz.originals(folder)[kind]
     broken = Action(turn=[float("nan"), 0.0], feed=0.0, probabilities=[1.0])
     monkeypatch.setattr(ManipulationSkill, "act", lambda self, measured: broken)
-    assert fuzz.judge(kind, original, held + b"x", original, folder / "work.dat", vouched=False)[0] == "unsound"
+    assert fuzz.judge(kind, original, held + b"x", original, folder / "work.dat", sealed=False)[0] == "unsound"
 
 
 def crashes(number, seed, folder):
