@@ -104,6 +104,6 @@ def exposure_warning(host: str) -> str | None:
         where = f"{', '.join(found)}: everyone in the network of this address"
         remedy = ""
     return (
-        f"warning: the page listens on {where} can reach it. Who has its address with the token can watch and control"
-        f" the session. The connection is not encrypted: who can read the network traffic can read the token{remedy}"
+        f"warning: the page listens on {where} can reach it. Anyone with the address and its token can watch and"
+        f" control the session. The connection is not encrypted: the token can be read from the network traffic{remedy}"
     )

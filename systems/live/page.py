@@ -57,7 +57,7 @@ class LivePage:
 
     @property
     def address(self) -> str:
-        """The address of the page for a browser on this machine. Who knows it controls the session."""
+        """The address of the page for a browser on this machine. Anyone who knows it controls the session."""
         return f"http://{page_host(self._host)}:{self._port}/{self._site.access.token}/"
 
     @property
