@@ -7,7 +7,6 @@ import re
 import secrets
 import socket
 from collections.abc import Mapping
-from urllib.parse import urlsplit
 
 LOCAL_HOST = "127.0.0.1"
 AUTHORITY = re.compile(r"(?:\[(?P<v6>[0-9A-Fa-f:.]+)\]|(?P<name>[^\s:/@\[\]]+))(?::\d{1,5})?")
@@ -28,6 +27,8 @@ class Access:
     def __init__(self, host: str) -> None:
         self.token = secrets.token_urlsafe(24)
         self._names = {"localhost", host.lower()}
+        listens_at = _ip_address(host)
+        self._is_local = host.lower() == "localhost" or (listens_at is not None and listens_at.is_loopback)
 
     def objection(self, token: str, headers: Mapping[str, str], *, needs_origin: bool) -> str | None:
         """Returns why a request is refused, or None if it may pass.
@@ -44,14 +45,14 @@ class Access:
         origin = headers.get("Origin")
         if needs_origin and origin is None:
             return FOREIGN_ORIGIN
-        if origin is not None and _authority(origin) != host.lower():
+        if origin is not None and origin.lower() != f"http://{host.lower()}":
             return FOREIGN_ORIGIN
         if not secrets.compare_digest(token.encode(), self.token.encode()):
             return WRONG_TOKEN
         return None
 
     def _is_own_host(self, host: str) -> bool:
-        """Whether a Host header has the name of the server or an IP address.
+        """Whether a Host header has the name of the server or an IP address: of this machine only, for a local server.
 
         A foreign site can let its own *name* point to this machine (DNS rebinding), but not an address.
         """
@@ -59,15 +60,8 @@ class Access:
         if match is None:
             return False
         name = match["v6"] or match["name"]
-        return name.lower() in self._names or _ip_address(name) is not None
-
-
-def _authority(origin: str) -> str:
-    """Host and port of an Origin header; empty if it has none."""
-    try:
-        return urlsplit(origin).netloc.lower()
-    except ValueError:
-        return ""
+        address = _ip_address(name)
+        return name.lower() in self._names or (address is not None and (address.is_loopback or not self._is_local))
 
 
 def _ip_address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:

@@ -179,7 +179,8 @@ class GuardedHandler(RequestHandler):
     def prepare(self) -> None:
         """Checks the request."""
         self._stream().has_input = False
-        token = self.request.path.split("/")[1]
+        parts = self.request.path.split("/")
+        token = parts[1] if len(parts) > 1 else ""  # a path of a raw request may have no "/"
         headers = self.request.headers
         objection = self._site.access.objection(token, headers, needs_origin=is_handshake(headers))
         if objection is not None:

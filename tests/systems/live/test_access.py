@@ -15,11 +15,19 @@ def objection(host=OWN, origin=None, token=None, needs_origin=False, listens_at=
     )
 
 
-@pytest.mark.parametrize(
-    "host", [OWN, "localhost:7100", "LOCALHOST:8000", "127.0.0.1", "[::1]:7100", "192.168.1.5:7100", "0.0.0.0:7100"]
-)
-def test_addresses_and_localhost_are_own_hosts(host):
+@pytest.mark.parametrize("host", [OWN, "localhost:7100", "LOCALHOST:8000", "127.0.0.1", "127.0.0.2:7100", "[::1]:7100"])
+def test_addresses_of_this_machine_and_localhost_are_own_hosts(host):
     assert objection(host=host) is None
+    assert objection(host=host, listens_at="0.0.0.0") is None
+
+
+@pytest.mark.parametrize("host", ["192.168.1.5:7100", "6.6.6.6", "[2001:db8::1]:7100"])
+def test_other_addresses_are_own_hosts_only_of_a_server_for_other_machines(host):
+    assert objection(host=host) == FOREIGN_HOST
+    assert objection(host=host, listens_at="::1") == FOREIGN_HOST
+    assert objection(host=host, listens_at="localhost") == FOREIGN_HOST
+    assert objection(host=host, listens_at="0.0.0.0") is None
+    assert objection(host=host, listens_at="192.168.1.5") is None
 
 
 @pytest.mark.parametrize(
@@ -54,6 +62,7 @@ def test_the_name_at_which_the_page_listens_is_an_own_host_and_no_other():
         "http://evil.example:7100",
         "http://127.0.0.1:7101",  # another server on this machine
         "http://127.0.0.1",
+        f"https://{OWN}",
         "http://localhost:7100",  # not the name in the Host header
         "null",  # a file, or a frame in a sandbox
         "http://[",

@@ -219,6 +219,15 @@ def test_requests_that_cannot_be_read_are_counted(page, client, data, caplog):
     assert caplog.records == []  # the console of the session shows the count only
 
 
+@pytest.mark.parametrize("path", [b"*", b"foo", b"", b"?", b"http://127.0.0.1"])
+def test_a_path_without_a_slash_is_refused_like_a_wrong_token(page, client, path, caplog):
+    status, _ = client.ask(b"GET " + path + b" HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+    assert status in {None, 400, 403}
+    wait(lambda: sum(refused(page).values()) == 1)
+    assert clicks_at_the_right_address(page, client)
+    assert caplog.records == []
+
+
 def test_half_a_request_is_counted_when_its_connection_closes(page, client):
     with client.connect() as connection:
         connection.sendall(client.request()[:-4])
