@@ -24,6 +24,11 @@ MAX_ALIASES = 20
 MAX_SCALAR = 200
 """Maximum number of characters of a key or a value."""
 
+NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+"""Tags of numbers."""
+
+_OTHER_BASE = re.compile(r"[-+]?(?:0[0-7_]+|[0-9_]+:.*)")
+
 _BRIEF = reprlib.Repr()
 _BRIEF.maxstring = _BRIEF.maxother = _BRIEF.maxlong = 60
 
@@ -58,15 +63,16 @@ def read_text(path: Path, where: str) -> str:
 def read_document(text: str, where: str) -> Any:
     """Returns the values of a YAML text: mappings, lists, strings, numbers, booleans and None.
 
-    Numbers such as 1e10, which YAML 1.1 takes for strings, are numbers.
+    Numbers such as 1e10, which YAML 1.1 takes for strings, are numbers. Numbers such as 010 and 1:30, which it reads to
+    base 8 and 60, are errors.
 
     Args:
         text: YAML text of one document.
         where: Name of the source in error messages.
 
     Raises:
-        ValueError: Naming ``where``, the line and the problem: invalid YAML, a duplicate key, a tag, or a text beyond
-            the limits of this module.
+        ValueError: Naming ``where``, the line and the problem: invalid YAML, a duplicate key, a tag, a number to
+            base 8 or 60, or a text beyond the limits of this module.
     """
     _check_size(len(text), "characters", where)
     try:
@@ -112,6 +118,9 @@ class _Loader(yaml.SafeLoader):
         node = super().compose_node(parent, index)
         self._path.pop()
         self._levels -= 1
+        if isinstance(node, yaml.ScalarNode) and node.tag in NUMBERS and _OTHER_BASE.fullmatch(node.value):
+            found = f"found {brief(node.value)}, which YAML reads to base 8 or 60"
+            raise _problem(f"{found}, expected a decimal number without leading zeros or colons", node)
         return node
 
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:

@@ -138,3 +138,18 @@ def test_a_long_value_is_shortened_on_one_line():
     loop.append(loop)
     assert len(brief(loop)) < 100
     assert "\n" not in brief("a\nb")
+
+
+@pytest.mark.parametrize("number", ["010", "-017", "1:30", "+1:30:00", "0:30.5"])
+def test_numbers_to_base_8_and_60_are_refused(number):
+    with pytest.raises(
+        ValueError, match=r"x: line 2: found '.*', which YAML reads to base 8 or 60, expected a decimal"
+    ):
+        read_document(f"a: 1\nb: [{number}]", "x")
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("0", 0), ("-0", 0), ("0.05", 0.05), ("10", 10), ("0x10", 16), ("'010'", "010"), ("0e3", 0.0)]
+)
+def test_decimal_numbers_and_quoted_texts_keep_their_values(text, value):
+    assert read_document(text, "x") == value
