@@ -84,7 +84,8 @@ class Demonstration:
         object.__setattr__(self, "good", bool(self.good))
         validate_samples(self.samples, where)
         if self.outcome not in UNPHYSICAL:
-            check_demonstration(self.samples, PegHoleGeometry.find(self.metadata, where), where)
+            inserted = self.outcome in (Outcome.INSERTED, Outcome.INSERTED_ROUGHLY)
+            check_demonstration(self.samples, PegHoleGeometry.find(self.metadata, where), where, inserted=inserted)
 
     @property
     def reason(self) -> str:
