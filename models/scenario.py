@@ -296,8 +296,9 @@ def _name_violations(scenario: Scenario) -> Iterator[Violation]:
 def _limit_violations(scenario: Scenario) -> Iterator[Violation]:
     """Checks the upper limits of single values, and the order of the force limits."""
     margin, hole_depth = scenario.trial.full_depth_margin, scenario.geometry.hole_depth
-    if margin >= hole_depth:
-        yield Violation("trial.full_depth_margin", f"{margin} m", f"below geometry.hole_depth {hole_depth} m")
+    if margin > 0.5 * hole_depth:
+        bound = f"at most half of geometry.hole_depth {hole_depth} m"
+        yield Violation("trial.full_depth_margin", f"{margin} m", bound)
     if scenario.contact.friction_spread > 1:
         yield Violation("contact.friction_spread", scenario.contact.friction_spread, "at most 1")
     g = scenario.geometry

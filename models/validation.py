@@ -37,13 +37,19 @@ LIMITS = {
     # Below the step, hours of computing time pass within a second; the others are counted in it or in as small steps.
     "contact.time_step": (1e-5, 0.1, "s"),
     "contact.modulus": (MIN_POSITIVE, math.inf, "Pa"),  # a stiffer contact is rigid
-    **dict.fromkeys(("recorder.period", "controller.period", "sensor.period"), (1e-5, 1.0, "s")),
+    # Recordings and runs outside these limits are refused as implausible (`skill.data.plausibility`).
+    **dict.fromkeys(("recorder.period", "controller.period"), (1e-5, 0.5, "s")),
+    **dict.fromkeys(("sensor.torque_bias", "sensor.torque_noise"), (0.0, 0.2, "N m")),
+    "sensor.torque_drift": (0.0, 5e-3, "N m/sqrt(s)"),
+    **dict.fromkeys(("sensor.force_bias", "sensor.force_noise"), (0.0, 1e3, "N")),
+    "sensor.force_drift": (0.0, 10.0, "N/sqrt(s)"),
+    **dict.fromkeys(("start.offset_range", "start.offset"), (0.0, 0.9, "m")),
+    "start.height": (MIN_POSITIVE, 0.45, "m"),  # an operator gives up at twice this height
+    "sensor.period": (1e-5, 1.0, "s"),
     "operator.decision_period": (1e-3, 1.0, "s"),
     **dict.fromkeys(("recorder.time_limit", "trial.time_limit"), (1e-3, 3600.0, "s")),
     **dict.fromkeys(("sensor.delay", "operator.sight_delay"), (0.0, 10.0, "s")),
     **dict.fromkeys(("start.tilt_range", "start.demonstrated_tilt_range"), (0.0, 0.5 * math.pi, "rad")),
-    "start.offset_range": (0.0, 1.0, "m"),
-    "start.height": (MIN_POSITIVE, 1.0, "m"),
     "sensor.height": (MIN_POSITIVE, 1.0, "m"),
     "seed": (0, 2**63 - 1, ""),
 }

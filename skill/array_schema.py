@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +11,11 @@ from numpy.typing import NDArray
 
 KINDS = {"numbers": "fiu", "integers": "iu", "truth values": "b", "texts": "U"}
 """Kinds of NumPy types, by the name of what an array may hold."""
+
+
+MAX_MAGNITUDE, MIN_POSITIVE = 1e12, 1e-12
+"""Largest magnitude of a stored number, and the least of one that is divided by, without limits of their own. Real
+numbers lie far within them, and squares and ratios of them stay finite."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +35,8 @@ class ArrayRule:
 
     shape: tuple[str | int, ...] = ()
     holds: str = "numbers"
-    low: float = -math.inf
-    high: float = math.inf
+    low: float = -MAX_MAGNITUDE
+    high: float = MAX_MAGNITUDE
     positive: bool = False
     unknown: bool = False
     choices: tuple[str, ...] = ()
@@ -94,5 +98,5 @@ def _check_values(name: str, array: NDArray[Any], rule: ArrayRule) -> None:
         return
     low, high = known.min(), known.max()
     if low < rule.low or high > rule.high or (rule.positive and low <= 0):
-        expected = "positive numbers" if rule.positive else f"{rule.low:g} to {rule.high:g}"
+        expected = f"positive numbers of at most {rule.high:g}" if rule.positive else f"{rule.low:g} to {rule.high:g}"
         raise ValueError(f"array '{name}' lies between {low:g} and {high:g}, expected {expected}")

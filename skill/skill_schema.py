@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from skill.array_schema import MAX_MAGNITUDE, MIN_POSITIVE
 from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
 from skill.features.wrench_features import WrenchFeatures
@@ -17,6 +18,9 @@ MAX_PERIOD = 1.0
 
 MAX_ACTION = 10.0
 """Largest turn (rad) or feed (m) over one sample period."""
+
+MAX_SEED = 2**32 - 1
+"""Largest seed of NumPy's and scikit-learn's generators."""
 
 N_ACTIONS = 3
 """Number of outputs of the regressor: turn about x and y, and feed."""
@@ -30,15 +34,21 @@ def is_number(value: object) -> bool:
 
 
 def _at_least_zero(value: Any) -> bool:
-    return is_number(value) and 0.0 <= value < math.inf
+    return is_number(value) and 0.0 <= value <= MAX_MAGNITUDE
 
 
 PARAMETERS: dict[str, tuple[Check, str]] = {
     "still": (_at_least_zero, "a length in m of at least 0"),
-    "rough": (lambda value: is_number(value) and value > 0.0, "a positive length in m"),
+    "rough": (
+        lambda value: is_number(value) and (0.0 < value <= MAX_MAGNITUDE or value == math.inf),
+        "a positive length in m",
+    ),
     "force_noise": (_at_least_zero, "a force in N of at least 0"),
     "moment_noise": (_at_least_zero, "a moment in N m of at least 0"),
-    "random_state": (lambda value: value is None or (type(value) is int and value >= 0), "an integer of at least 0"),
+    "random_state": (
+        lambda value: value is None or (type(value) is int and 0 <= value <= MAX_SEED),
+        "an integer from 0 to 2^32 - 1",
+    ),
 }
 """The constructor parameters of a `ManipulationSkill` that are stored, and what they may be."""
 
@@ -50,7 +60,7 @@ ENTRIES: dict[str, tuple[Check, str]] = {
     "period": (lambda value: is_number(value) and 0.0 < value <= MAX_PERIOD, "a positive time of at most 1 s"),
     "metadata": (lambda value: isinstance(value, dict), "an object"),
     "names": (lambda value: value is None or _are_texts(value), "null or a list of texts"),
-    "least_log_support": (lambda value: is_number(value) and value < math.inf, "a number"),
+    "least_log_support": (lambda value: is_number(value) and value <= MAX_MAGNITUDE, "a number of at most 1e12"),
 }
 """The entries of the header, and what they may be."""
 
@@ -74,8 +84,8 @@ def check_header(header: Mapping[str, Any]) -> None:
     PegHoleGeometry.find(header["metadata"], "header")
     for name in ("demonstrations", "good", "practice_trials"):
         count = header["metadata"].get(name, 1)
-        if type(count) is not int or count < 1:
-            raise ValueError(f"header: metadata '{name}' is {count!r}, expected a positive integer")
+        if type(count) is not int or not 1 <= count <= MAX_MAGNITUDE:
+            raise ValueError(f"header: metadata '{name}' is {count!r}, expected a positive integer of at most 1e12")
 
 
 def feature_part(name: str, entry: list[Any], types: Mapping[str, type[WrenchFeatures]]) -> WrenchFeatures:
@@ -87,7 +97,7 @@ def feature_part(name: str, entry: list[Any], types: Mapping[str, type[WrenchFea
         types: the classes that may be made, by their names.
 
     Raises:
-        ValueError: if the class or a parameter is unknown, or a parameter is not a positive number.
+        ValueError: if the class or a parameter is unknown, or a parameter is not a positive number of usual size.
     """
     kind, settings = entry
     if kind not in types:
@@ -96,8 +106,8 @@ def feature_part(name: str, entry: list[Any], types: Mapping[str, type[WrenchFea
     if sorted(settings) != known:
         raise ValueError(f"{name}: parameters {sorted(settings)} of {kind}, expected {known}")
     for key, value in settings.items():
-        if not (is_number(value) and 0.0 < value < math.inf):
-            raise ValueError(f"{name}: '{key}' is {value!r}, expected a positive number in SI units")
+        if not (is_number(value) and MIN_POSITIVE <= value <= MAX_MAGNITUDE):
+            raise ValueError(f"{name}: '{key}' is {value!r}, expected a positive number in SI units, 1e-12 to 1e12")
     return types[kind](**settings)
 
 
@@ -117,12 +127,14 @@ def check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, A
     channels = measured + len(parts["state_features"].hidden_names())
     features = len(parts["features"].get_feature_names_out())
     K, P = len(states.means_), regressor.memberships_
+    if P is None:
+        raise ValueError(f"regressor: array 'memberships' is missing, expected one column for each of {K} states")
     for what, found, expected in (
         ("states: number of channels", states.means_.shape[1], channels),
         ("graph: number of states", len(graph.visits_), K),
         ("regressor: number of features", regressor.X_.shape[1], features),
         ("regressor: number of outputs", regressor.y_.shape[1], N_ACTIONS),
-        ("regressor: number of contact states", K if P is None else P.shape[1], K),
+        ("regressor: number of contact states", P.shape[1], K),
         ("sources: number of samples", len(sources), len(regressor.X_)),
     ):
         if found != expected:

@@ -14,7 +14,7 @@ from scipy.stats import chi2
 from sklearn.base import BaseEstimator, ClusterMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
-from skill.array_schema import ArrayRule, check_arrays
+from skill.array_schema import MAX_MAGNITUDE, MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array
 from skill.clustering.gaussian_components import (
     GaussianComponents,
@@ -47,7 +47,7 @@ RULES = {
     "weights": ArrayRule(("M",), low=0.0, high=1.0 + 1e-6),
     "covariances": ArrayRule(("M", "d", "d")),
     "precision_factors": ArrayRule(("M", "d", "d")),
-    "design_effect": ArrayRule(positive=True),
+    "design_effect": ArrayRule(low=MIN_POSITIVE),
     "distance": ArrayRule(holds="texts", choices=("fmle", "gk", "euclid")),
     "parameters": ArrayRule(holds="texts", optional=True),
 }
@@ -252,6 +252,8 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         if unknown:
             raise ValueError(f"stored parameters {unknown} are not parameters of {cls.__name__}")
         cls(**parameters)._validate_params()
+        for name, default in cls().get_params(deep=False).items():
+            _check_parameter(name, parameters.get(name, default), default)
         return parameters
 
 
@@ -268,6 +270,21 @@ def chi_square_gate(probability: float, degrees: int) -> float:
     if not 0.0 < probability < 1.0:
         raise ValueError(f"gate={probability!r}: expected a probability between 0 and 1, for example 0.999")
     return float(chi2.ppf(probability, degrees))
+
+
+def _check_parameter(name: str, value: Any, default: Any) -> None:
+    """Checks what scikit-learn does not: that truth values are no numbers, and the size of numbers."""
+    if isinstance(default, bool) is not isinstance(value, bool):
+        expected = "true or false" if isinstance(default, bool) else "no truth value"
+        raise ValueError(f"parameter '{name}' is {value!r}, expected {expected}")
+    if value is None or isinstance(value, str):
+        return
+    try:
+        sizes = np.abs(np.asarray(value, dtype=float))
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"parameter '{name}' does not hold numbers") from None
+    if not (sizes <= MAX_MAGNITUDE).all():
+        raise ValueError(f"parameter '{name}' is up to {sizes.max():g}, expected at most {MAX_MAGNITUDE:g}")
 
 
 def _to_json(value: Any) -> Any:

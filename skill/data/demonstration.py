@@ -31,6 +31,7 @@ import pandas as pd
 from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import UNPHYSICAL, Outcome, parse_outcome
 from skill.data.plausibility import check_demonstration
+from skill.data.run_result import shortened
 from skill.data.tables import read_table, validate_table, write_table
 
 CHANNELS = (
@@ -61,8 +62,8 @@ class Demonstration:
         source: file that it was read from, for error messages; empty for a demonstration that was not read.
 
     Raises:
-        ValueError: if the samples fail `validate_samples`, or if they are implausible (`check_demonstration`) though
-            the outcome is not that the simulation diverged or failed.
+        ValueError: if ``good`` is neither true nor false, if the samples fail `validate_samples`, or if they are
+            implausible (`check_demonstration`) though the outcome is not that the simulation diverged or failed.
     """
 
     samples: pd.DataFrame
@@ -78,9 +79,13 @@ class Demonstration:
             object.__setattr__(self, "outcome", outcome)
             object.__setattr__(self, "detail", detail or self.detail)
         where = self.source or "demonstration"
+        if not isinstance(self.good, bool | np.bool_):
+            raise ValueError(f"{where}: 'good' is {shortened(self.good)}, expected true or false")
+        object.__setattr__(self, "good", bool(self.good))
         validate_samples(self.samples, where)
         if self.outcome not in UNPHYSICAL:
-            check_demonstration(self.samples, PegHoleGeometry.find(self.metadata, where), where)
+            inserted = self.outcome in (Outcome.INSERTED, Outcome.INSERTED_ROUGHLY)
+            check_demonstration(self.samples, PegHoleGeometry.find(self.metadata, where), where, inserted=inserted)
 
     @property
     def reason(self) -> str:
@@ -142,8 +147,6 @@ def read_demonstration(path: Path) -> Demonstration:
         path, COLUMNS, kind="demonstration", versions=range(1, FORMAT_VERSION + 1), keys=("good", "outcome")
     )
     good, text, duration = header.pop("good"), header.pop("outcome"), header.pop("duration_s", None)
-    if not isinstance(good, bool):
-        raise ValueError(f"{path}: 'good' is {good!r}, expected true or false")
     if not isinstance(text, str):
         raise ValueError(f"{path}: 'outcome' is {text!r}, expected a text")
     outcome, detail = parse_outcome(text)

@@ -7,6 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
+MAX_SIZE = 10.0
+"""Largest size of peg or hole, m; scenarios allow no larger one."""
+
 
 @dataclass(frozen=True)
 class PegHoleGeometry:
@@ -46,7 +49,7 @@ class PegHoleGeometry:
             where: name of the source, for error messages.
 
         Raises:
-            ValueError: if the geometry is missing or incomplete, or if a size is impossible.
+            ValueError: if the geometry is missing or incomplete, or if a size is impossible or above ``MAX_SIZE``.
         """
         geometry = cls.find(metadata, where)
         if geometry is None:
@@ -85,6 +88,11 @@ class PegHoleGeometry:
             f"{name.replace('_', ' ')} {getattr(self, name):g} m, expected more than {limit:g} m"
             for name, limit in limits.items()
             if not getattr(self, name) > limit
+        ]
+        errors += [
+            f"{name.replace('_', ' ')} {getattr(self, name):g} m, expected at most {MAX_SIZE:g} m"
+            for name in (*limits, "chamfer")
+            if getattr(self, name) > MAX_SIZE
         ]
         if self.chamfer < 0.0:
             errors.append(f"chamfer {self.chamfer:g} m, expected at least 0")

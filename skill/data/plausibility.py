@@ -39,7 +39,7 @@ MAX_QUIET_FORCE = 0.02
 """Force below which a sensor would be quieter than any, N."""
 
 MAX_BIAS = 2.0
-"""Largest bias of a moment, N m."""
+"""Largest bias of a moment, N m; the limits of a scenario keep its simulated sensor within it."""
 
 MAX_STEP_ANGLE = 0.1
 """Largest turn of the hole for one step of a stepper, rad; 1.8 deg is usual without a gear."""
@@ -53,11 +53,17 @@ MAX_TURN_SPEED = 20.0
 MAX_PERIOD = 0.5
 """Largest sample period, s; at 2 Hz no contact can be followed."""
 
-MAX_GAP = 5.0
-"""Largest gap between two samples, s."""
+MAX_GAP, MAX_GAP_PERIODS = 1.0, 25.0
+"""Largest gap between two samples: the larger of a time, s, and a number of sample periods."""
 
 MAX_TIME = 86_400.0
 """Largest time since the start, s."""
+
+EPOCH = (1e9, 5e9)
+"""Times since 1970 from the years 2001 to 2128, s."""
+
+MIN_SHARE = 0.5
+"""Least depth, over that of the hole, at which a peg counts as inserted; no scenario allows less."""
 
 TURN_RATIO = 8.0
 """Largest ratio, either way, between the sum of ``dangle`` and the turns between the orientations."""
@@ -85,21 +91,24 @@ class Limits:
         high: largest value.
         unit: SI unit of both, a key of ``UNITS`` or "".
         why: what the range follows from.
+        usual: least size of values in the right unit: of a single value, or of the spread of many.
     """
 
     low: float
     high: float
     unit: str = ""
     why: str = ""
+    usual: float = 1e-3
 
 
-def check_demonstration(samples: pd.DataFrame, geometry: PegHoleGeometry | None, where: str) -> None:
+def check_demonstration(samples: pd.DataFrame, geometry: PegHoleGeometry | None, where: str, *, inserted: bool) -> None:
     """Checks the samples of a demonstration (see `skill.data.demonstration` for the columns).
 
     Args:
         samples: the samples, with finite numbers.
         geometry: sizes of peg and hole, or None.
         where: name of the source, for error messages.
+        inserted: whether the peg is said to have reached the bottom.
 
     Raises:
         ValueError: naming ``where``, the column, its range, the expected range and the likely unit.
@@ -109,6 +118,8 @@ def check_demonstration(samples: pd.DataFrame, geometry: PegHoleGeometry | None,
     _check_depth(-samples["z"].to_numpy(dtype=float), "z", geometry, where)
     _check_columns(samples, dict.fromkeys(("z", "x", "y"), _reach(geometry)), where)
     _check_lateral(samples, geometry, where)
+    if inserted and geometry is not None:
+        _check_inserted(samples, geometry, where)
     _check_wrench(samples, geometry, where, measured=False)
     hand = dict.fromkeys(("ux", "uy", "uz"), Limits(-MAX_HAND_SPEED, MAX_HAND_SPEED, "m/s", "speed of the hand"))
     turn = Limits(-MAX_TURN_SPEED, MAX_TURN_SPEED, "rad/s", "angular speed")
@@ -162,20 +173,25 @@ def _check_times(times: pd.Series, where: str) -> None:
     values = times.to_numpy(dtype=float)
     steps = np.diff(values)
     period = float(np.median(steps)) if len(steps) else 0.0
-    _check_range(np.array([period]), "the median step of column 'time'", Limits(0.0, MAX_PERIOD, "s"), where)
-    _check_range(values, "column 'time'", Limits(-MAX_TIME, MAX_TIME, "s", "time since the start"), where)
+    rounded = MAX_PERIOD * (1.0 + 1e-9)
+    _check_range(np.array([period]), "the median step of column 'time'", Limits(0.0, rounded, "s"), where)
+    since = "time since the start"
+    if EPOCH[0] <= values.min() and values.max() <= EPOCH[1]:
+        since += "; are these seconds since 1970?"
+    _check_range(values, "column 'time'", Limits(-MAX_TIME, MAX_TIME, "s", since, usual=0.1), where)
     row = int(steps.argmax()) if len(steps) else 0
-    if len(steps) and steps[row] > MAX_GAP:
+    longest = max(MAX_GAP, MAX_GAP_PERIODS * period)
+    if len(steps) and steps[row] > longest:
         raise ValueError(
             f"{where}: column 'time' has a gap of {steps[row]:.6g} s after row {row}, expected steps of about"
-            f" {period:.3g} s and at most {MAX_GAP:g} s; split the recording there"
+            f" {period:.3g} s and at most {longest:.3g} s; split the recording there"
         )
 
 
 def _reach(geometry: PegHoleGeometry | None) -> Limits:
     """How far from the mouth the tip can be, m."""
     size = max(MAX_HEIGHT, 3.0 * _size(geometry))
-    return Limits(-size, size, "m", "the reach of the device")
+    return Limits(-size, size, "m", "the reach of the device", usual=1e-6)
 
 
 def _size(geometry: PegHoleGeometry | None) -> float:
@@ -186,11 +202,11 @@ def _size(geometry: PegHoleGeometry | None) -> float:
 def _check_depth(depth: Array, name: str, geometry: PegHoleGeometry | None, where: str) -> None:
     """Checks that the tip, at a true depth (n,), m, does not pass the bottom of the hole."""
     if geometry is None:
-        limits = Limits(-math.inf, DEFAULT_SIZE, "m", "depth below the mouth")
+        limits = Limits(-math.inf, DEFAULT_SIZE, "m", "depth below the mouth", usual=2e-3)
     else:
         bottom = geometry.hole_depth + 0.1 * (geometry.hole_depth + geometry.peg_radius)
         why = f"a hole of {1e3 * geometry.hole_depth:g} mm depth"
-        limits = Limits(-math.inf, bottom, "m", why)
+        limits = Limits(-math.inf, bottom, "m", why, usual=0.1 * geometry.hole_depth)
     _check_range(depth, f"the depth in column '{name}'", limits, where)
 
 
@@ -201,21 +217,36 @@ def _check_lateral(samples: pd.DataFrame, geometry: PegHoleGeometry | None, wher
     inside = samples["z"].to_numpy(dtype=float) < -geometry.chamfer
     why = f"the tip is inside a bore of radius {1e3 * geometry.hole_radius:g} mm"
     for name in ("x", "y"):
-        limits = Limits(-geometry.hole_radius, geometry.hole_radius, "m", why)
+        limits = Limits(-geometry.hole_radius, geometry.hole_radius, "m", why, usual=1e-6)
         _check_range(samples[name].to_numpy(dtype=float)[inside], f"column '{name}'", limits, where)
+
+
+def _check_inserted(samples: pd.DataFrame, geometry: PegHoleGeometry, where: str) -> None:
+    """Checks that an inserted peg ends near the bottom; it may move for one more period after the last sample."""
+    z = samples["z"].to_numpy(dtype=float)
+    way = 2.0 * float(np.abs(np.diff(z)).max())
+    least = MIN_SHARE * geometry.hole_depth - way
+    if -z[-1] < least:
+        flipped = "; z points out of the hole; is the sign flipped?" if z[-1] >= MIN_SHARE * geometry.hole_depth else ""
+        raise ValueError(
+            f"{where}: the outcome is 'inserted', but column 'z' ends at {1e3 * z[-1]:.4g} mm, expected below"
+            f" {-1e3 * least:.4g} mm in a hole of {1e3 * geometry.hole_depth:g} mm depth{flipped}"
+        )
 
 
 def _check_wrench(samples: pd.DataFrame, geometry: PegHoleGeometry | None, where: str, *, measured: bool) -> None:
     """Checks the size of forces, and the lever at which they act.
 
     A sensor adds noise to forces and a bias to moments. The lever of a ``measured`` wrench therefore counts only where
-    the forces are below the noise of any sensor, or the moments beyond the bias of any.
+    the forces are below the noise of any sensor, or the moments beyond the bias of any. Forces that are all zero say
+    nothing about their unit.
     """
     forces = ("fx", "fy", "fz")
     _check_columns(samples, dict.fromkeys(forces, Limits(-MAX_FORCE, MAX_FORCE, "N")), where)
     force, moment = (_root_mean_square(samples, names) for names in (forces, ("mx", "my", "mz")))
     limit = MAX_LEVER * (0.1 if geometry is None else _size(geometry))
-    if moment <= max(limit * force, MIN_MOMENT) or (measured and force > MAX_QUIET_FORCE and moment < MAX_BIAS):
+    biased = measured and (force == 0.0 or force > MAX_QUIET_FORCE) and moment < MAX_BIAS
+    if moment <= max(limit * force, MIN_MOMENT) or biased:
         return
     # Usual forces are some newtons: smaller ones are rather in a greater unit than moments in a smaller one.
     likely = "columns fx, fy, fz look like kilonewtons" if force < 0.3 else "columns mx, my, mz look like N mm"
@@ -265,14 +296,16 @@ def _check_range(values: Array, what: str, limits: Limits, where: str) -> None:
     low, high, unit = float(values.min()), float(values.max()), f" {limits.unit}" if limits.unit else ""
     found = f"is {low:.6g}{unit}" if low == high else f"lies between {low:.6g} and {high:.6g}{unit}"
     expected = f"at most {limits.high:.4g}" if limits.low == -math.inf else f"{limits.low:.4g} to {limits.high:.4g}"
-    reasons = [f" ({limits.why})" if limits.why else "", *_likely_unit(low, high, limits)]
+    reasons = [f" ({limits.why})" if limits.why else "", *_likely_unit(values, limits)]
     raise ValueError(f"{where}: {what} {found}, expected {expected}{unit}{'; '.join(reasons)}")
 
 
-def _likely_unit(low: float, high: float, limits: Limits) -> Iterator[str]:
-    """Says in which unit values from ``low`` to ``high`` would be plausible, if there is one."""
+def _likely_unit(values: Array, limits: Limits) -> Iterator[str]:
+    """Says in which unit the values (n,) would be usual, if there is one; single outliers do not count as a spread."""
+    low, high = np.percentile(values, (10.0, 90.0)) if len(values) > 1 else (0.0, abs(values[0]))
     for name, size in UNITS.get(limits.unit, ()):
-        if limits.low <= size * low and size * high <= limits.high:
+        allowed = limits.low <= size * values.min() and size * values.max() <= limits.high
+        if allowed and size * (high - low) >= limits.usual:
             yield f"it looks like {name}"
             return
 

@@ -32,6 +32,10 @@ MIN_CHUNK, MAX_ROW_BYTES = 65_536, 20
 """Bytes that a column may have, and that it may have more for each row; numbers need 8."""
 
 
+class TooShortError(ValueError):
+    """A table has too few samples."""
+
+
 def check_columns(names: Sequence[str], columns: Sequence[str], where: str) -> None:
     """Checks that a table has exactly the expected columns, in any order.
 
@@ -59,11 +63,12 @@ def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, m
         min_rows: minimum number of rows.
 
     Raises:
-        ValueError: if a check fails. The message names ``where``, what was found and what was expected.
+        TooShortError: if there are fewer rows.
+        ValueError: if another check fails. The message names ``where``, what was found and what was expected.
     """
     check_columns(list(table.columns), columns, where)
     if len(table) < min_rows:
-        raise ValueError(f"{where}: found {len(table)} samples, expected at least {min_rows}")
+        raise TooShortError(f"{where}: found {len(table)} samples, expected at least {min_rows}")
     for column in columns:
         if not _holds_numbers(table[column]):
             raise ValueError(f"{where}: column '{column}' has type {table[column].dtype}, expected numbers")

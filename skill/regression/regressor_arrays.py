@@ -8,19 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skill.array_schema import ArrayRule, check_arrays
+from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.regression.membership_index import check_memberships
 
 RULES = {
-    "bandwidth": ArrayRule(positive=True),
+    "bandwidth": ArrayRule(low=MIN_POSITIVE),
     "bandwidth_type": ArrayRule(holds="texts", choices=("fixed", "adaptive")),
     "degree": ArrayRule(holds="integers", low=0, high=1),
     "ridge": ArrayRule(low=0.0),
     "n_neighbors": ArrayRule(holds="integers", low=-1),
     "algorithm": ArrayRule(holds="texts", choices=("auto", "kd_tree", "brute")),
-    "feature_scale": ArrayRule(("d",), positive=True),
-    "X": ArrayRule(("n", "d"), low=-1e100, high=1e100),
-    "y": ArrayRule(("n", "p"), low=-1e100, high=1e100),
+    "feature_scale": ArrayRule(("d",), low=MIN_POSITIVE),
+    "X": ArrayRule(("n", "d")),
+    "y": ArrayRule(("n", "p")),
     "sample_weight": ArrayRule(("n",), positive=True),
     "rows": ArrayRule(("n",), holds="integers", low=0),
     "single_output": ArrayRule(holds="truth values"),

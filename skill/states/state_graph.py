@@ -18,19 +18,16 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from skill.array_schema import ArrayRule, check_arrays
+from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array
-
-MAX_COUNT = 1e12
-"""Largest number of samples or visits in a stored graph."""
 
 DWELL = ArrayRule(("K",), low=0.0, unknown=True)
 
 FITTED = {
-    "counts_": ArrayRule(("K", "K"), low=0.0, high=MAX_COUNT),
-    "exits_": ArrayRule(("K", "A"), low=0.0, high=MAX_COUNT),
-    "sample_counts_": ArrayRule(("K", "K"), low=0.0, high=MAX_COUNT),
-    "visits_": ArrayRule(("K",), low=0.0, high=MAX_COUNT),
+    "counts_": ArrayRule(("K", "K"), low=0.0),
+    "exits_": ArrayRule(("K", "A"), low=0.0),
+    "sample_counts_": ArrayRule(("K", "K"), low=0.0),
+    "visits_": ArrayRule(("K",), low=0.0),
     "phase_": ArrayRule(("K",), low=0.0, high=1.0, unknown=True),
     "outcomes_": ArrayRule(("A",), holds="texts"),
     **dict.fromkeys(("dwell_mean_", "dwell_std_", "dwell_mean_s_", "dwell_std_s_"), DWELL),
@@ -38,7 +35,7 @@ FITTED = {
 """Fitted attributes that are stored, and what they are: K states and A outcomes. The others follow from them."""
 
 RULES = {name.rstrip("_"): rule for name, rule in FITTED.items()} | {
-    "sample_period": ArrayRule(positive=True),
+    "sample_period": ArrayRule(low=MIN_POSITIVE),
     "success": ArrayRule(holds="texts"),
 }
 """The arrays of `StateGraph.to_arrays`."""

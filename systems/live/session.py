@@ -13,6 +13,7 @@ from models.hardware import DEVICE_PRESETS
 from models.scenario import LIVE_STREAM, Scenario, resolve_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.outcome import Ending, Outcome
+from skill.data.tables import TooShortError
 from systems.live.buttons import BAD, DISCARD, GOOD, MOTION_HELP, QUIT, SESSION_HELP, START, Buttons
 from systems.live.clock import Clock, Deadlines
 from systems.live.display import LiveDisplay, Readings
@@ -211,8 +212,11 @@ class LiveSession:
         """Waits for the person's verdict on the demonstration; returns whether the person quits."""
         try:
             reason = run.demonstration(ending, habit="live", number=number).reason
-        except ValueError:
-            self._say("too short to keep; Space starts another")
+        except ValueError as error:
+            short = isinstance(error, TooShortError)
+            self._say(
+                "too short to keep; Space starts another" if short else f"discarded: {error}; Space starts another"
+            )
             self._buttons.forget_clicks()
             return False
         self._say(f"{reason}: G keep as good, B keep as bad, X discard")

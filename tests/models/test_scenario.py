@@ -229,12 +229,33 @@ BAD_RANGES = {
         "contact: {time_step: 1e-12}",
         "contact.time_step is 1e-12 s, expected between 1e-05 and 0.1 s",
     ),
+    "a controller period that no run may have": (
+        "controller: {period: 0.6}",
+        "controller.period is 0.6 s, expected between 1e-05 and 0.5 s",
+    ),
+    "a recorder period that no recording may have": (
+        "recorder: {period: 0.6}",
+        "recorder.period is 0.6 s, expected between 1e-05 and 0.5 s",
+    ),
+    "a torque bias that no run may have": (
+        "sensor: {torque_bias: 3.0, torque_range: [30, 30, 30]}",
+        "sensor.torque_bias is 3.0 N m, expected between 0 and 0.2 N m",
+    ),
+    "an offset beyond any recording": (
+        "start: {offset: [0.0, -5.0]}",
+        "start.offset is -5.0 m, expected between -0.9 and 0.9 m",
+    ),
+    "a height at which giving up is beyond any recording": ("start: {height: 0.6}", "start.height is 0.6 m, expected"),
+    "a margin of most of the hole": (
+        "trial: {full_depth_margin: 0.013}",
+        "trial.full_depth_margin is 0.013 m, expected at most half of geometry.hole_depth 0.025 m",
+    ),
     "a tiny sensor period": ("sensor: {period: 1e-9}", "sensor.period is 1e-09 s, expected between 1e-05 and 1 s"),
     "a tiny decision period": ("operator: {decision_period: 1e-9}", "operator.decision_period is 1e-09 s, expected be"),
     "a tilt range in degrees": ("start: {tilt_range: 3.4}", "start.tilt_range is 3.4 rad, expected between 0 and 1.57"),
     "an offset range in millimetres": (
         "start: {offset_range: 2}",
-        "start.offset_range is 2.0 m, expected between 0 and 1",
+        "start.offset_range is 2.0 m, expected between 0 and 0.9 m",
     ),
     "an endless trial": (
         "trial: {time_limit: 1e9}",

@@ -323,7 +323,7 @@ DAMAGES = {
     "membership above one": (put("regressor/memberships", (0, 0), 1.5), "array 'memberships' lies between"),
     "memberships of two": (set_array("regressor/memberships", np.ones_like), "memberships are not probabilities"),
     "bandwidth 0": (set_array("regressor/bandwidth", lambda _: np.array(0.0)), "'bandwidth' lies between 0 and 0"),
-    "bandwidth -1": (set_array("regressor/bandwidth", lambda _: np.array(-1.0)), "expected positive numbers"),
+    "bandwidth -1": (set_array("regressor/bandwidth", lambda _: np.array(-1.0)), "expected 1e-12 to 1e+12"),
     "bandwidth inf": (set_array("regressor/bandwidth", lambda _: np.array(INF)), "'bandwidth' is not finite"),
     "bandwidth text": (set_array("regressor/bandwidth", lambda _: np.array("1")), "has type <U1, expected numbers"),
     "bandwidths": (set_array("regressor/bandwidth", lambda _: np.ones(2)), "'bandwidth' has shape (2,), expected ()"),
@@ -388,6 +388,44 @@ DAMAGES = {
     "infinite source": (put("sources", (0, 1), INF), "array 'sources' is not finite"),
     "foreign array": (lambda a: a.update({"diary": np.ones(1)}), "arrays ['diary'] are unknown"),
     "foreign part": (lambda a: a.update({"soul/weight": np.ones(1)}), "arrays ['soul/weight'] are unknown"),
+    "no memberships": (
+        lambda a: a.pop("regressor/memberships"),
+        "regressor: array 'memberships' is missing, expected one column for each of",
+    ),
+    **{
+        f"{name} of 1e300": (
+            set_array(name, lambda v: np.full_like(v, 1e300, dtype=float)),
+            f"array '{name.rpartition('/')[2]}' lies between 1e+300 and 1e+300, expected ",
+        )
+        for name in (
+            *("sources", "states/means", "states/design_effect", "regressor/bandwidth", "regressor/ridge"),
+            *("regressor/feature_scale", "regressor/X", "regressor/sample_weight", "graph/sample_period"),
+        )
+    },
+    "dwell of 1e300": (put("graph/dwell_mean", 0, 1e300), "array 'dwell_mean' lies between"),
+    "dwell deviation of 1e300": (put("graph/dwell_std_s", 0, 1e300), "array 'dwell_std_s' lies between"),
+    "tiny bandwidth": (set_array("regressor/bandwidth", lambda _: np.array(1e-300)), "expected 1e-12 to 1e+12"),
+    **{
+        f"parameter {text}": (set_array("states/parameters", lambda _, text=text: np.array(text)), message)
+        for text, message in (
+            ('{"reg_covar": 1e308}', "parameter 'reg_covar' is up to 1e+308, expected at most 1e+12"),
+            ('{"m_init": 1' + 90 * "0" + "}", "parameter 'm_init' is up to 1e+90, expected at most 1e+12"),
+            ('{"tau": true}', "parameter 'tau' is True, expected no truth value"),
+            ('{"standardize": 1}', "parameter"),
+            ('{"sensor_variance": ["much"]}', "parameter 'sensor_variance' does not hold numbers"),
+            ('{"sensor_variance": {"array": [1e300], "dtype": "<f8"}}', "'sensor_variance' is up to 1e+300"),
+        )
+    },
+    "support of 1e300": (with_header(lambda h: h.update(least_log_support=1e300)), "'least_log_support' is 1e+300"),
+    "noise of 1e300": (with_header(lambda h: h["parameters"].update(force_noise=1e300)), "'force_noise' is 1e+300"),
+    "rough of 1e300": (with_header(lambda h: h["parameters"].update(rough=1e300)), "'rough' is 1e+300, expected a pos"),
+    "seed of 1e90": (with_header(lambda h: h["parameters"].update(random_state=10**90)), "an integer from 0 to 2^32"),
+    "true noise": (with_header(lambda h: h["parameters"].update(force_noise=True)), "'force_noise' is True, expected"),
+    "peg of 1e300": (part_parameters(peg_radius=1e300), "state_features: 'peg_radius' is 1e+300, expected a positive"),
+    "good of 1e90": (
+        with_header(lambda h: h["metadata"].update(good=10**90)),
+        "expected a positive integer of at most",
+    ),
     "no header": (lambda a: a.pop("header"), "no header"),
     "header of numbers": (set_array("header", lambda _: np.ones(3)), "no header"),
     "header null": (set_array("header", lambda _: np.frombuffer(b"null", np.uint8)), "found null, expected an object"),

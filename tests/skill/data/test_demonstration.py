@@ -261,6 +261,20 @@ def test_a_file_in_the_place_of_the_folder_is_an_error_and_is_kept(demonstration
     assert (tmp_path / "taken").read_text() == "mine"
 
 
+@pytest.mark.parametrize("good", ["false", 1, 0.0, None])
+def test_a_verdict_that_is_neither_true_nor_false_is_refused(good):
+    samples = make_demonstration().samples
+    with pytest.raises(ValueError, match=rf"^demonstration: 'good' is {good!r}, expected true or false$"):
+        Demonstration(samples, good, "inserted")
+
+
+def test_a_verdict_of_numpy_becomes_a_bool_and_is_read_back(tmp_path):
+    made = Demonstration(make_demonstration().samples, np.bool_(True), "inserted")
+    write_demonstration(made, tmp_path / "demonstration.parquet")
+    assert (made.good, read_demonstration(tmp_path / "demonstration.parquet").good) == (True, True)
+    assert type(made.good) is bool
+
+
 # ------------------------------------------------------------------ tables
 
 

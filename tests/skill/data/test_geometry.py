@@ -53,6 +53,8 @@ def test_missing_sizes_are_named():
         ({"block_radius": 0.0105}, "block radius 0.0105 m, expected more than 0.01055 m"),
         ({"floor": 0.0}, "floor 0 m, expected more than 0 m"),
         ({"chamfer": -0.001}, "chamfer -0.001 m, expected at least 0"),
+        ({"hole_depth": 1000.0}, "hole depth 1000 m, expected at most 10 m"),
+        ({"chamfer": 11.0, "hole_depth": 12.0, "block_radius": 20.0}, "chamfer 11 m, expected at most 10 m"),
         ({"facets": 2}, "2 facets, expected at least 3"),
     ],
 )

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from models.validation import LIMITS
 from skill.data.demonstration import ACTIONS, Demonstration, read_demonstration, write_demonstration
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import RigRun, read_rig_run, write_rig_run
@@ -43,7 +44,18 @@ FAULTS = {
     "hand in mm": (lambda s: scaled(s, ["ux", "uy", "uz"], 1e3), ["'uz'", "looks like millimetres per second"]),
     "ms": (lambda s: scaled(s, ["time"], 1e3), ["'time' is 20 s", "looks like milliseconds"]),
     "us": (lambda s: scaled(s, ["time"], 1e6), ["'time'", "looks like microseconds"]),
-    "epoch": (lambda s: s.assign(time=s["time"] + 1.7e9), ["'time'", "time since the start"]),
+    "a step of 0.6 s": (lambda s: scaled(s, ["time"], 30.0), ["is 0.6 s, expected 0 to 0.5 s"]),
+    "a long gap": (lambda s: s.assign(time=s["time"] + 1.1 * (s.index > 40)), ["gap of 1.12 s after", "at most 1 s"]),
+    "z down": (
+        lambda s: scaled(s, ["z"], -1.0),
+        ["'z' ends at 24.7 mm, expected below -1", "z points out of the hole; is the sign flipped?"],
+    ),
+    "outside at the end": (lambda s: s.iloc[:20].copy(), ["the outcome is 'inserted', but column 'z' ends at -"]),
+    "a metre too deep": (lambda s: s.assign(z=s["z"] - 1.0), ["the depth in column 'z' lies between 0.997 and"]),
+    "epoch": (
+        lambda s: s.assign(time=s["time"] + 1.7e9),
+        ["'time'", "; are these seconds since 1970?"],
+    ),
     "gap": (lambda s: s.assign(time=s["time"] + 1e3 * (s.index > 40)), ["gap of 1000.02 s after row 40"]),
     "a metre deep": (lambda s: at(s, 70, z=-1.0), ["'z' lies between", "1 m, expected at most 0.0285", "25 mm depth"]),
     "a metre beside": (lambda s: at(s, 0, x=1.5), ["'x' lies between", "1.5 m, expected -1 to 1 m"]),
@@ -78,6 +90,30 @@ def test_an_implausible_demonstration_is_refused_with_the_likely_unit(path, faul
     samples = change(make_demonstration().samples)
     with pytest.raises(ValueError, match=r"^demonstration: "):
         Demonstration(samples, True, "inserted", {"geometry": GEOMETRY})
+
+
+@pytest.mark.parametrize("fault", ["epoch", "a step of 0.6 s", "a metre deep", "a metre too deep"])
+def test_no_unit_is_suggested_in_which_the_numbers_would_not_be_usual(demonstrations, fault):
+    change, _ = FAULTS[fault]
+    for made in (make_demonstration(), demonstrations[0]):
+        for metadata in ({}, {"geometry": made.metadata["geometry"]}):
+            with pytest.raises(ValueError, match="expected") as caught:
+                Demonstration(change(made.samples), True, "inserted", metadata)
+            assert "looks like" not in str(caught.value)
+
+
+def test_a_gap_may_last_25_periods_of_a_slow_recording():
+    slow = scaled(make_demonstration().samples, ["time"], 10.0)  # 5 Hz
+    Demonstration(slow.assign(time=slow["time"] + 4.7 * (slow.index > 40)), True, "inserted")
+    with pytest.raises(ValueError, match=r"gap of 5\.1 s after row 40, expected .* at most 5 s"):
+        Demonstration(slow.assign(time=slow["time"] + 4.9 * (slow.index > 40)), True, "inserted")
+
+
+def test_a_peg_that_slams_may_be_inserted_after_the_last_sample():
+    upright = make_demonstration().samples.assign(angle=0.0, dangle=0.0)
+    samples = upright.iloc[::20].head(5).reset_index(drop=True)  # steps reach 3.5 mm
+    assert samples["z"].iloc[-1] == pytest.approx(-0.009)
+    Demonstration(samples, False, "inserted roughly", {"geometry": GEOMETRY})
 
 
 @pytest.mark.parametrize("fault", ["mm", "um", "N mm", "kN", "mN", "degrees", "ms", "gap", "a metre deep", "epoch"])
@@ -168,6 +204,32 @@ def test_a_biased_sensor_is_plausible(tmp_path):
     samples = run.samples.assign(mx=run.samples["mx"] + 1.0, **dict.fromkeys(FORCES, 0.05))
     write_rig_run(RigRun(samples, run.result, run.metadata), tmp_path / "run.parquet")
     read_rig_run(tmp_path / "run.parquet")
+
+
+def test_runs_at_the_limits_of_a_scenario_are_plausible(tmp_path):
+    """A scenario allows no period, bias, noise or drift with which its own run would be refused."""
+    bias, noise, drift, period = (
+        LIMITS[name][1]
+        for name in ("sensor.torque_bias", "sensor.torque_noise", "sensor.torque_drift", "controller.period")
+    )
+    assert period == LIMITS["recorder.period"][1]
+    longest = LIMITS["trial.time_limit"][1]
+    sigma = np.sqrt(bias**2 + noise**2 + drift**2 * longest)
+    rng = np.random.default_rng(0)
+    for forces in ({}, dict.fromkeys(FORCES, 0.0), dict.fromkeys(FORCES, 0.05)):
+        for offset in rng.normal(0.0, sigma, (20, 3)):
+            run = make_rig_run()
+            samples = run.samples.assign(**forces)
+            samples["time"] = period * np.arange(len(samples))
+            samples[MOMENTS] += offset
+            result = {**run.result, "time_s": samples["time"].iloc[-1] + period}
+            write_rig_run(RigRun(samples, result, run.metadata), tmp_path / "run.parquet")
+            read_rig_run(tmp_path / "run.parquet")
+    made = make_demonstration()
+    slow = made.samples.assign(time=period * np.arange(len(made.samples)))
+    Demonstration(slow, True, "inserted", made.metadata)
+    given_up = slow.assign(z=2.2 * LIMITS["start.height"][1], x=LIMITS["start.offset"][1], uz=0.0)
+    Demonstration(given_up, False, "given up", made.metadata)
 
 
 def test_a_run_that_broke_down_may_hold_anything(tmp_path):

@@ -17,8 +17,9 @@ from pydrake.math import RigidTransform
 import systems.live.clock
 import systems.live.session
 from models.scenario import load_scenario
-from skill.data.demonstration import read_demonstration
+from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.outcome import Ending, Outcome
+from skill.data.tables import TooShortError
 from systems.live.buttons import BAD, DISCARD, GOOD, QUIT, START, Buttons
 from systems.live.controls import LiveControls
 from systems.live.display import SATURATED
@@ -29,8 +30,10 @@ from systems.live.session import LiveSession, next_number
 from systems.math.rotation import from_rotation_vector
 from systems.operators.meshcat_operator import R_HV, hand_coordinates, hand_pose
 from systems.outputs.folder_lock import LOCK_NAME
+from systems.runs.demonstration_run import DemonstrationRun
 from tests.browser import blankness
 from tests.systems.live.live_session import QUICK, drag, live, press, row, text_of, wait_for_text
+from tests.trajectories import make_demonstration
 
 PICTURES = os.environ.get("LIVE_PICTURES")  # folder in which the screenshots are kept, if set
 JAMS = {**QUICK, "geometry": {**QUICK["geometry"], "hole_depth": 0.01}, "start": {"height": 5e-4, "tilt": [0.055, 0.0]}}
@@ -251,7 +254,7 @@ class Run:
     def demonstration(self, ending, **options):
         self.asked.append(options)
         if not self.times:
-            raise ValueError("too short")
+            raise TooShortError("demonstration: found 1 samples, expected at least 2")
         return SimpleNamespace(
             reason=ending.outcome.value, good=options.get("good"), metadata={"number": options["number"]}
         )
@@ -359,6 +362,27 @@ def test_the_person_judges_a_demonstration(quiet, wall, monkeypatch):
     assert quiet.messages[-1] == "too short to keep; Space starts another"
     assert quiet.clicks == []
     assert len(written) == 2
+
+
+def test_a_demonstration_that_is_refused_is_discarded_with_its_reason(quiet, wall):
+    class Refused(Run):
+        def demonstration(self, ending, **options):
+            return Demonstration(make_demonstration().samples * 1e3, True, "inserted")
+
+    quiet.clicks[:] = [GOOD]
+    assert quiet._judge(Refused(wall), Ending(Outcome.INSERTED), 3) is False
+    assert quiet.messages[-1].startswith("discarded: demonstration: column")
+    assert quiet.messages[-1].endswith("; Space starts another")
+    assert (quiet.clicks, quiet.kept) == ([], [])
+
+
+@pytest.mark.slow
+def test_a_simulation_of_one_sample_is_too_short_to_keep(quiet):
+    _, resolved = quiet._next()
+    run = DemonstrationRun(resolved)
+    assert run.advance(1e-3) is None
+    assert quiet._judge(run, Ending(Outcome.STOPPED), 3) is False
+    assert quiet.messages[-1] == "too short to keep; Space starts another"
 
 
 def test_a_demonstration_that_cannot_be_written_can_be_kept_again_or_discarded(quiet, wall, monkeypatch):
