@@ -52,7 +52,7 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
     runs = rig_index(plan.scenario, trials=trials, seed=first, skill=b"")
     check_folder(out, size=len(PICTURES) * PICTURE_SIZE + (good + bad + trials) * RECORDING_SIZE)
     for name in (SKILL, *PICTURES):
-        check_file(out / name)
+        check_file(out / name, Path(name).suffix)
     with ExitStack() as locks:
         for folder in (out, recorded, inserted):
             locks.enter_context(locked_folder(folder))

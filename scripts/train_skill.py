@@ -33,7 +33,7 @@ def train(*, demonstrations: Path, out: Path, seed: int) -> ManipulationSkill:
     from systems.reports.terminal import busy, console, say
     from systems.runs.exact_states import give_names
 
-    check_file(out)
+    check_file(out, ".npz")
     found = find_recordings(demonstrations)
     if found.note:
         say(found.note)

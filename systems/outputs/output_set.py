@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from skill.data.demonstration import read_demonstration
+from skill.data.tables import TEMPORARY_MARK
 from systems.outputs.folder_lock import locked_folder
 from systems.outputs.output_checks import named_errors
 from systems.outputs.set_index import DEMONSTRATIONS, INDEX_NAME, SetIndex, find_set, read_index
@@ -157,7 +158,7 @@ def remove_unfinished(folder: Path, names: Iterable[str]) -> list[Path]:
     known = {*names, INDEX_NAME}
     removed = []
     for path in sorted(folder.glob(".*")):
-        match = re.fullmatch(r"\.(.+)\.[a-z0-9_]{8}", path.name)
+        match = re.fullmatch(rf"\.(.+){re.escape(TEMPORARY_MARK)}[a-z0-9_]{{8}}", path.name)
         if match and match[1] in known and path.is_file():
             path.unlink()
             removed.append(path)

@@ -51,10 +51,11 @@ def run(
     first = ManipulationSkill.load(skill)
     chosen = load_scenario(scenario)
     outputs = {"the skill": out, "the trials": out.with_suffix(".json"), "the figure": out.with_suffix(".png")}
+    require_distinct({"--skill": skill, "--out": out})
     require_distinct(outputs)
     size = (practice.n_trials + 2 * held_out) * RECORDING_SIZE + REPORT_SIZE
-    for path in outputs.values():
-        check_file(path, size=size)
+    for path, suffix in zip(outputs.values(), (".npz", ".json", ".png"), strict=True):
+        check_file(path, suffix, size=size)
     about = {"versions": versions(), "scenario": dump_scenario(chosen), "practice": asdict(practice)}
     digest = hashlib.sha256(skill.read_bytes()).hexdigest()
     request = {**about, "skill": digest, "held_out": held_out, "held_out_seed": held_out_seed}
@@ -78,14 +79,14 @@ def run(
                     for when, candidate in (("before", first), ("after", rounds[-1].skill))
                 )
             kept = files.kept()
-            with named_errors(out, kept):
-                rounds[-1].skill.save(out)
             changes = _changes(before, after)
             with named_errors(outputs["the trials"], kept):
                 write_json(outputs["the trials"], about | practice_record(rounds, before, after, changes))
             tables = [pd.DataFrame([r.record() for r in results]) for results in (before, after)]
             with named_errors(outputs["the figure"], kept):
                 save_figure(plot_practice(check_costs(rounds), *tables), outputs["the figure"])
+            with named_errors(out, kept):
+                rounds[-1].skill.save(out)  # last, so that a failure leaves the old skill
             work.rename(_finished_folder(out))  # at once, so that no half of it can be taken for an unfinished practice
         shutil.rmtree(_finished_folder(out))
     console.print(round_table(rounds))

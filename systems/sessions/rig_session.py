@@ -64,9 +64,10 @@ def run(
     index = rig_index(chosen, trials=trials, seed=seed, skill=skill.read_bytes())
     check_folder(out, size=trials * RECORDING_SIZE + REPORT_SIZE)
     if json is not None:
-        check_file(json, option="--json")
         require_distinct({"--skill": skill, "--json": json})
         require_distinct({name: out / name for name in index.names - {RESULTS}} | {"--json": json})
+        if json.resolve() != (out / RESULTS).resolve():
+            check_file(json, ".json", option="--json")
     with open_set(out, index, overwrite=overwrite) as files:
         results = _run_missing(files, chosen, learnt, numbers, jobs)
         files.complete()

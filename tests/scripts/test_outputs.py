@@ -13,13 +13,16 @@ import yaml
 
 from models.scenario import dump_scenario
 from skill.data.demonstration import read_demonstration, write_demonstration
-from skill.data.rig_run import read_rig_run
+from skill.data.rig_run import read_rig_run, write_rig_run
 from skill.manipulation_skill import ManipulationSkill
 from systems.outputs.folder_lock import LOCK_NAME
+from systems.outputs.live_folder import open_live_folder
+from systems.outputs.output_set import open_set
+from systems.outputs.set_index import RUNS, SetIndex
 from tests.quick_scenario import make_quick_scenario
 from tests.scripts.commands import MODULES, ROOT, error_line, files, invoke
 from tests.systems.outputs.sets import NAMES, make_set
-from tests.trajectories import make_demonstration
+from tests.trajectories import make_demonstration, make_rig_run
 
 FEW = ("--good", 1, "--bad", 0, "--jobs", 1)
 
@@ -108,6 +111,40 @@ def test_an_impossible_value_of_an_option_is_wrong_usage(tmp_path, monkeypatch, 
 def test_a_file_name_is_not_markup(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     assert f"error: {name}: no such skill file" in error_line(invoke("rig", "--skill", name))
+
+
+def test_recordings_and_an_index_are_not_replaced_by_another_file(tmp_path, skill_file, demonstration_folder):
+    shown, live, runs = tmp_path / "set", tmp_path / "live", tmp_path / "runs"
+    make_set(shown, 1)
+    with open_live_folder(live):
+        write_demonstration(make_demonstration(habit="live"), live / "000.parquet")
+    with open_set(runs, SetIndex(RUNS, {}, ("run_0000.parquet", "results.json")), overwrite=False) as files_of_set:
+        files_of_set.write("run_0000.parquet", lambda path: write_rig_run(make_rig_run(), path))
+        files_of_set.write("results.json", lambda path: path.write_text("[]"))
+    train = ("train", "--demonstrations", demonstration_folder, "--out")
+    replay = ("replay", demonstration_folder / "000.parquet", "--no-open", "--out")
+    rig = ("rig", "--skill", skill_file, "--out", tmp_path / "rig", "--trials", 1, "--json")
+    practise = ("practise", "--skill", skill_file, "--out")
+    before = {name: (tmp_path / name).read_bytes() for name in files(tmp_path)}
+    for command in (
+        (*train, shown / NAMES[0]),
+        (*train, shown / "index.json"),
+        (*replay, live / "000.parquet"),
+        (*rig, live / "000.parquet"),
+        (*rig, runs / "results.json"),
+        (*practise, runs / "results.npz"),
+        (*practise, shown / "index.npz"),
+        (*practise, live / "000.parquet"),
+    ):
+        assert "; choose another --" in error_line(invoke(*command)), command
+        assert {name: (tmp_path / name).read_bytes() for name in files(tmp_path)} == before
+
+
+def test_a_drawing_replaces_no_other_file(tmp_path, skill_file):
+    (tmp_path / "rig.svg").write_text("mine")
+    line = error_line(invoke("diagram", "--skill", skill_file, "--out", tmp_path))
+    assert "rig.svg: is another file, and is not replaced by an SVG picture" in line
+    assert files(tmp_path) == ["rig.svg"]
 
 
 # ------------------------------------------------------- what is there already

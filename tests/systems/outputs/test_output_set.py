@@ -214,7 +214,7 @@ def test_a_folder_of_live_recordings_is_only_for_live_sessions(tmp_path):
 
 
 def test_a_killed_live_session_leaves_no_temporary_file(tmp_path, capsys):
-    (tmp_path / ".004_good_live.parquet.abcd1234").write_bytes(b"PAR1 half")
+    (tmp_path / ".004_good_live.parquet.tmp-abcd1234").write_bytes(b"PAR1 half")
     (tmp_path / ".profile.parquet.txt").write_text("mine")
     write_demonstration(make_demonstration(habit="live"), tmp_path / "000_good_live.parquet")
     with open_live_folder(tmp_path):
@@ -283,17 +283,18 @@ def test_a_folder_without_an_index_is_read_whole_and_an_empty_one_is_an_error(tm
 
 def test_only_temporary_files_of_known_names_are_removed(tmp_path):
     for name in (
-        ".a.npz.abcd123_",
-        ".index.json.abcd1234",
-        ".b.npz.abcd1234",
+        ".a.npz.tmp-abcd123_",
+        ".index.json.tmp-abcd1234",
+        ".b.npz.tmp-abcd1234",
+        ".a.npz.original",
         ".a.npz.lock",
         "a.npz",
-        ".a.npz.ABCD1234",
+        ".a.npz.tmp-ABCD1234",
     ):
         (tmp_path / name).touch()
     removed = remove_unfinished(tmp_path, ["a.npz"])
-    assert [path.name for path in removed] == [".a.npz.abcd123_", ".index.json.abcd1234"]
-    assert files(tmp_path) == [".a.npz.ABCD1234", ".a.npz.lock", ".b.npz.abcd1234", "a.npz"]
+    assert [path.name for path in removed] == [".a.npz.tmp-abcd123_", ".index.json.tmp-abcd1234"]
+    assert files(tmp_path) == [".a.npz.lock", ".a.npz.original", ".a.npz.tmp-ABCD1234", ".b.npz.tmp-abcd1234", "a.npz"]
 
 
 def test_a_write_that_fails_names_the_file_and_what_is_kept(tmp_path):
