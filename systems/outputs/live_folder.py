@@ -8,7 +8,8 @@ from pathlib import Path
 
 from systems.outputs.folder_lock import locked_folder
 from systems.outputs.output_checks import RECORDING_SIZE, check_folder
-from systems.outputs.output_set import finish_replacement, remove_unfinished
+from systems.outputs.output_set import finish_replacement
+from systems.outputs.own_folder import remove_unfinished
 from systems.outputs.set_index import LIVE, SetIndex, read_index
 from systems.reports.terminal import say
 

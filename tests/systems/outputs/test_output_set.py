@@ -14,10 +14,11 @@ from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import write_rig_run
 from systems.outputs import output_set
 from systems.outputs.live_folder import open_live_folder
-from systems.outputs.output_set import open_set, remove_unfinished
+from systems.outputs.output_set import open_set
+from systems.outputs.own_folder import remove_unfinished
 from systems.outputs.recordings import find_recordings
 from systems.outputs.set_index import RUNS, SetIndex, read_index
-from tests.scripts.commands import ROOT, files
+from tests.scripts.commands import ROOT, error_line, files, invoke
 from tests.systems.outputs.sets import NAMES, index_of, make_set, write_item
 from tests.trajectories import make_demonstration, make_rig_run
 
@@ -134,7 +135,7 @@ make_set(Path(sys.argv[1]), 2, NAMES[:2], overwrite=True)
 """
     folder, outcomes = tmp_path / "set", set()
     make_set(folder, 1)
-    for moment in range(4, 40):
+    for moment in range(1, 40):
         copy = tmp_path / f"set{moment}"
         shutil.copytree(folder, copy)
         done = subprocess.run([sys.executable, "-c", code, str(copy), str(moment)], cwd=ROOT, check=False)
@@ -276,6 +277,62 @@ def test_a_folder_without_an_index_is_read_whole_and_an_empty_one_is_an_error(tm
     for name in ("b.parquet", "a.parquet"):
         write_demonstration(make_demonstration(), tmp_path / name)
     assert [path.name for path in find_recordings(tmp_path).paths] == ["a.parquet", "b.parquet"]
+
+
+# ------------------------------------------------------- foreign folders
+
+
+@pytest.fixture(params=["file", "link", "foreign", "nested", "runs"])
+def foreign(request, tmp_path):
+    """Makes something in the place of a hidden folder that this program did not put there."""
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "letter.txt").write_text("mine")
+
+    def make(path):
+        if request.param == "file":
+            path.write_text("mine")
+        elif request.param == "link":
+            path.symlink_to(outside)
+        elif request.param == "foreign":
+            shutil.copytree(outside, path)
+        elif request.param == "nested":
+            make_set(path, 1, NAMES[:1])
+            shutil.copytree(outside, path / "letters")
+        else:
+            with open_set(path, SetIndex(RUNS, {}, ("run_0000.parquet",)), overwrite=False) as runs:
+                runs.write("run_0000.parquet", lambda p: write_rig_run(make_rig_run(), p))
+
+    return make
+
+
+@pytest.mark.parametrize("name", [output_set.NEW, output_set.READY])
+def test_a_foreign_hidden_folder_is_named_and_stays(tmp_path, foreign, name):
+    folder = tmp_path / "set"
+    make_set(folder, 1)
+    foreign(folder / name)
+    before = files(tmp_path)
+    with pytest.raises(ValueError, match=rf"{name}: .*move (it|the folder or the file) away"):
+        make_set(folder, 2, overwrite=True)
+    assert files(tmp_path) == before
+    if name == output_set.READY:
+        with pytest.raises(ValueError, match=r"\.ready: .*away"):
+            find_recordings(folder)
+        with pytest.raises(ValueError, match=r"\.ready: .*away"), open_live_folder(folder):
+            pass
+        assert files(tmp_path) == before
+
+
+def test_a_foreign_hidden_folder_beside_a_practised_skill_is_named_and_stays(tmp_path, foreign, skill_file):
+    for name in (".p.npz.finished", "p.npz.unfinished"):
+        path = tmp_path / name
+        foreign(path)
+        before = files(tmp_path)
+        line = error_line(invoke("practise", "--skill", skill_file, "--out", tmp_path / "p.npz", "--held-out", 2))
+        assert f"{path}: " in line
+        assert "away" in line
+        assert files(tmp_path) == before
+        path.rename(tmp_path / f"away_{name}")
 
 
 # ------------------------------------------------------- failures
