@@ -21,6 +21,7 @@ def main(
     file: Annotated[
         Path,
         typer.Argument(
+            parser=parse_path,
             metavar="FILE",
             help="A demonstration or a rig run (.parquet); the file itself says which.",
             show_default=False,

@@ -56,10 +56,12 @@ class OutputSet:
             OSError: if it cannot be written. The message names the file and what is kept.
         """
         path = self._place / name
-        with named_errors(path, f"{self.kept()}; make room and give the same command again"):
-            if not self._is_written:
+        kept = f"{self.kept()}; make room and give the same command again"
+        if not self._is_written:
+            with named_errors(self._place / INDEX_NAME, kept):
                 self._index.write(self._place)
-                self._is_written = True
+            self._is_written = True
+        with named_errors(path, kept):
             write(path)
 
     def path(self, name: str) -> Path:

@@ -75,8 +75,7 @@ def run(
         if json is not None and json.resolve() != (out / RESULTS).resolve():
             with named_errors(json, f"the results are in {out / RESULTS}"):
                 write_json(json, rows)
-        with named_errors(out / REPORT, files.kept()):
-            write_report(results, out, skill=str(skill), scenario=chosen)
+        write_report(results, out, skill=str(skill), scenario=chosen, kept=files.kept())
         console.print(result_table(results))
         say(f"report in {out / REPORT}")
     return results
@@ -142,11 +141,16 @@ def _run_missing(
     return [done[n] for n in numbers]
 
 
-def write_report(results: Sequence[TrialResult], out: Path, *, skill: str, scenario: Scenario) -> None:
-    """Writes the report beside the runs in ``out``, and the replay of the worst trial to which it links."""
+def write_report(results: Sequence[TrialResult], out: Path, *, skill: str, scenario: Scenario, kept: str) -> None:
+    """Writes the report beside the runs in ``out``, and the replay of the worst trial to which it links.
+
+    Raises:
+        OSError: if one cannot be written. The message names it, and says with ``kept`` what is on disk.
+    """
     worst = worst_trial(results)
     run_file, replay = out / run_name(worst.seed), replay_name(worst.seed)
-    write_replay(run_file, out / replay, title=f"trial {worst.seed}")
+    with named_errors(out / replay, kept):
+        write_replay(run_file, out / replay, title=f"trial {worst.seed}")
     page = batch_report(
         results,
         title=f"{len(results)} insertions on the rig",
@@ -155,4 +159,5 @@ def write_report(results: Sequence[TrialResult], out: Path, *, skill: str, scena
         made_by={"skill": skill, **versions()},
         scenario=dump_scenario(scenario),
     )
-    write_atomically(out / REPORT, page.encode())
+    with named_errors(out / REPORT, kept):
+        write_atomically(out / REPORT, page.encode())

@@ -107,6 +107,37 @@ def test_an_impossible_value_of_an_option_is_wrong_usage(tmp_path, monkeypatch, 
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("record", "--out", "zz\udcff"),
+        ("record", "--scenario", "zz\udcff"),
+        ("train", "--out", "zz\udcff.npz"),
+        ("train", "--demonstrations", "zz\udcff"),
+        ("rig", "--skill", "zz\udcff.npz"),
+        ("rig", "--out", "zz\udcff"),
+        ("rig", "--json", "zz\udcff.json"),
+        ("practise", "--out", "zz\udcff.npz"),
+        ("replay", "FILE", "zz\udcff.parquet"),
+        ("demo", "--out", "zz\udcff"),
+        ("diagram", "--out", "zz\udcff"),
+    ],
+)
+def test_a_name_that_is_not_utf8_is_wrong_usage(tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    result = invoke(*(a for a in arguments if a != "FILE"))
+    assert result.exit_code == 2, result.output
+    assert arguments[-2] in result.stderr
+    assert "\\udcff" in result.stderr
+    assert "is not valid UTF-8; choose another name" in " ".join(result.stderr.replace("│", "").split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_in_another_script_is_accepted(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert "error: größe/技能.npz: no such skill file" in error_line(invoke("rig", "--skill", "größe/技能.npz"))
+
+
 @pytest.mark.parametrize("name", ["a[/b].npz", "[old]/skill.npz", "[red]x.npz"])
 def test_a_file_name_is_not_markup(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
@@ -271,7 +302,7 @@ def test_a_full_disk_keeps_the_runs_and_names_the_file(tmp_path, skill_file, qui
     )
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1
-    assert "report.html: not written (File too large)" in done.stderr
+    assert "replay_0001.html: not written (File too large)" in done.stderr
     assert "2 of 2 runs in" in done.stderr
     assert agreeing_runs(tmp_path) == [0, 1]
 

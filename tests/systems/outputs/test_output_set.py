@@ -1,6 +1,7 @@
 """Folders of one request: continued, protected, and replaced as a whole."""
 
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -267,6 +268,39 @@ def test_a_foreign_index_is_one_error_and_nothing_is_touched(tmp_path, content):
         with pytest.raises(ValueError, match=r"index\.json: not an index of this program"):
             use(folder)
     assert files(tmp_path) == [f"set/{NAMES[0]}", "set/index.json", "x.parquet"]
+
+
+@pytest.mark.parametrize(
+    ("make", "what"),
+    [
+        (Path.mkdir, "a folder, expected a file"),
+        (os.mkfifo, "a device or pipe, expected a file"),
+        (lambda path: path.symlink_to("/dev/zero"), "a device or pipe, expected a file"),
+        (lambda path: path.symlink_to(path.name), "the index of the folder cannot be read"),
+    ],
+)
+def test_an_index_that_is_not_a_file_is_named(tmp_path, make, what):
+    write_demonstration(make_demonstration(), tmp_path / "a.parquet")
+    make(tmp_path / "index.json")
+    with pytest.raises((ValueError, OSError), match=rf"index\.json: .*{what}"):
+        find_recordings(tmp_path)
+
+
+def test_an_index_that_cannot_be_written_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(SetIndex, "write", lambda *_: write_to_full_device())
+    with (
+        open_set(tmp_path, index_of(1), overwrite=False) as items,
+        pytest.raises(OSError, match=r"index\.json: not written \(No space left on device\); 0 of 3 demonstrations"),
+    ):
+        write_item(items, NAMES[0], 1)
+    write_demonstration(make_demonstration(habit="live"), tmp_path / "live" / "000.parquet")
+    with (
+        pytest.raises(
+            OSError, match=r"index\.json: not written \(No space left on device\); the recordings are complete"
+        ),
+        open_live_folder(tmp_path / "live"),
+    ):
+        pass
 
 
 def test_a_folder_without_an_index_is_read_whole_and_an_empty_one_is_an_error(tmp_path):
