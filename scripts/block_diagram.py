@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 app = make_app()
 
+DRAWINGS = ("virtual_environment.svg", "rig.svg")
+
 
 def write_svg(diagram: Diagram, path: Path) -> None:
     """Lays out a diagram with Graphviz and writes it as an SVG file.
@@ -45,17 +47,20 @@ def main(skill: SkillFile = Path("out/skill.npz"), out: OutFolder = Path("out"))
     """
     from models.scenario import DEMONSTRATION_STREAM, TRIAL_STREAM, load_scenario, resolve_scenario
     from skill.manipulation_skill import ManipulationSkill
+    from systems.outputs.output_checks import check_file
     from systems.reports.terminal import say
     from systems.rig import MakeRig
     from systems.virtual_environment import MakeVirtualEnvironment
 
+    for name in DRAWINGS:
+        check_file(out / name, ".svg")
     scenario = load_scenario()
     learnt = ManipulationSkill.load(skill)
     environment = MakeVirtualEnvironment(resolve_scenario(scenario, seed=0, stream=DEMONSTRATION_STREAM))
-    write_svg(environment.diagram, out / "virtual_environment.svg")
+    write_svg(environment.diagram, out / DRAWINGS[0])
     rig = MakeRig(resolve_scenario(scenario, seed=0, stream=TRIAL_STREAM), learnt)
-    write_svg(rig.diagram, out / "rig.svg")
-    say(f"virtual_environment.svg and rig.svg in {out}")
+    write_svg(rig.diagram, out / DRAWINGS[1])
+    say(f"{' and '.join(DRAWINGS)} in {out}")
 
 
 if __name__ == "__main__":

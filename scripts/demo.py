@@ -41,7 +41,8 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
     from skill.data.tables import write_atomically
     from systems.outputs.folder_lock import locked_file, locked_folder
     from systems.outputs.output_checks import RECORDING_SIZE, check_file, check_folder, named_errors
-    from systems.outputs.output_set import check_set, is_begun, remove_unfinished
+    from systems.outputs.output_set import check_set, is_begun
+    from systems.outputs.own_folder import remove_unfinished
     from systems.reports.terminal import say
     from systems.sessions.record_session import plan_recording, record
     from systems.sessions.rig_session import rig_index, run
@@ -52,7 +53,7 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
     runs = rig_index(plan.scenario, trials=trials, seed=first, skill=b"")
     check_folder(out, size=len(PICTURES) * PICTURE_SIZE + (good + bad + trials) * RECORDING_SIZE)
     for name in (SKILL, *PICTURES):
-        check_file(out / name)
+        check_file(out / name, Path(name).suffix)
     with ExitStack() as locks:
         for folder in (out, recorded, inserted):
             locks.enter_context(locked_folder(folder))

@@ -11,15 +11,31 @@ MAX_SEED = 2**32 - 1  # the largest that NumPy and scikit-learn accept everywher
 MAX_TRIALS = 100_000
 
 
+def parse_text(text: str) -> str:
+    """Refuses the value of an option that is not valid UTF-8: it could not be stored with the results."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise typer.BadParameter(f"{text!a} is not valid UTF-8; choose another name") from None
+    return text
+
+
 def parse_path(text: str | Path) -> Path:
     """Converts the value of an option to a path; an empty one would mean the current folder, and is refused."""
     if not str(text):
         raise typer.BadParameter("an empty path; expected the name of a file or folder")
-    return Path(text)
+    return Path(parse_text(str(text)))
 
 
-SCENARIO = typer.Option("--scenario", help="Name of a scenario in models/scenarios, or path of a YAML file.")
-SKILL = typer.Option("--skill", metavar="FILE.npz", help="Skill to read, a file that `haptic-skill train` wrote.")
+SCENARIO = typer.Option(
+    "--scenario",
+    parser=parse_text,
+    metavar="TEXT",
+    help="Name of a scenario in models/scenarios, or path of a YAML file.",
+)
+SKILL = typer.Option(
+    "--skill", parser=parse_path, metavar="FILE.npz", help="Skill to read, a file that `haptic-skill train` wrote."
+)
 SEED_HELP = "Seeds the random draws; trial k of the rig uses seed + k."
 GOOD_HELP = "Number of good demonstrations: they insert gently."
 

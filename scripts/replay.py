@@ -21,6 +21,7 @@ def main(
     file: Annotated[
         Path,
         typer.Argument(
+            parser=parse_path,
             metavar="FILE",
             help="A demonstration or a rig run (.parquet); the file itself says which.",
             show_default=False,
@@ -67,7 +68,7 @@ def main(
     page = file.with_suffix(".html") if out is None else out
     if page.resolve() == file.resolve():
         raise ValueError(f"{file} is the recording; choose another file for the page with --out")
-    check_file(page)
+    check_file(page, ".html")
     with busy(f"drawing {file.name}"), named_errors(page, "the recording is unchanged"):
         motion = write_replay(file, page, skill=skill, speed=speed)
     say(f"{page}: {motion.kind}, {motion.time[-1]:.2f} s, {motion.outcome} ({page.stat().st_size / 1e6:.1f} MB)")

@@ -27,13 +27,13 @@ def train(*, demonstrations: Path, out: Path, seed: int) -> ManipulationSkill:
     from skill.manipulation_skill import ManipulationSkill
     from systems.outputs.folder_lock import locked_file
     from systems.outputs.output_checks import check_file, named_errors
-    from systems.outputs.output_set import remove_unfinished
+    from systems.outputs.own_folder import remove_unfinished
     from systems.outputs.recordings import find_recordings
     from systems.reports.result_tables import state_table
     from systems.reports.terminal import busy, console, say
     from systems.runs.exact_states import give_names
 
-    check_file(out)
+    check_file(out, ".npz")
     found = find_recordings(demonstrations)
     if found.note:
         say(found.note)

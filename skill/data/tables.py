@@ -32,6 +32,10 @@ MIN_CHUNK, MAX_ROW_BYTES = 65_536, 20
 """Bytes that a column may have, and that it may have more for each row; numbers need 8."""
 
 
+TEMPORARY_MARK = ".tmp-"
+"""What the name of a temporary file has between the name of its target and eight random characters."""
+
+
 class TooShortError(ValueError):
     """A table has too few samples."""
 
@@ -92,6 +96,8 @@ def _holds_numbers(column: pd.Series) -> bool:
 def write_atomically(path: Path, data: bytes) -> None:
     """Writes a file completely or not at all: to a temporary file in the same folder, which is then renamed.
 
+    The temporary file of ``name`` is ``.name.tmp-`` and eight random characters.
+
     Args:
         path: target; missing parent folders are created.
         data: content of the file.
@@ -101,7 +107,7 @@ def write_atomically(path: Path, data: bytes) -> None:
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}{TEMPORARY_MARK}")
     temporary = Path(name)
     try:
         with os.fdopen(handle, "wb") as stream:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import stat
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -40,7 +41,7 @@ def locked_file(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _held_lock(lock: Path, subject: Path) -> Iterator[None]:
-    lock = lock.resolve()
+    lock = lock.parent.resolve() / lock.name  # a link in its place is not followed
     if lock in _held:
         yield
         return
@@ -64,8 +65,9 @@ def _held_lock(lock: Path, subject: Path) -> Iterator[None]:
 def _acquire(lock: Path, subject: Path) -> int:
     """Returns the file descriptor that holds the lock."""
     while True:
-        handle = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
+        handle = -1
         try:
+            handle = _open(lock)
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if _is_at(handle, lock):
                 os.ftruncate(handle, 0)
@@ -75,16 +77,38 @@ def _acquire(lock: Path, subject: Path) -> int:
             holder = _holder(handle)
             os.close(handle)
             raise OSError(f"{subject}: {holder} writes here; wait for it, stop it, or choose another --out") from None
-        except BaseException:
-            os.close(handle)
-            raise
+        except OSError as error:
+            if handle >= 0:
+                os.close(handle)
+            raise OSError(f"{lock}: the lock cannot be taken ({error.strerror or error})") from error
         os.close(handle)  # its last holder has just removed it
+
+
+def _open(lock: Path) -> int:
+    """Opens or creates a lock file, and refuses what this program did not make."""
+    foreign = "not a lock of this program; move it away"
+    try:
+        handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o644)
+    except OSError as error:
+        raise OSError(foreign if lock.is_symlink() or lock.is_dir() else error.strerror) from error
+    if not stat.S_ISREG(os.fstat(handle).st_mode) or not _is_lock(os.pread(handle, 4096, 0)):
+        os.close(handle)
+        raise OSError(foreign)
+    return handle
+
+
+def _is_lock(content: bytes) -> bool:
+    """Whether the content of a file is that of a lock; it is empty for a moment."""
+    try:
+        return not content or {*json.loads(content)} == {*_this_process()}
+    except (ValueError, TypeError):
+        return False
 
 
 def _is_at(handle: int, path: Path) -> bool:
     """Whether an open file is still the one at a path."""
     try:
-        return os.path.samestat(os.fstat(handle), path.stat())
+        return os.path.samestat(os.fstat(handle), path.lstat())
     except FileNotFoundError:
         return False
 

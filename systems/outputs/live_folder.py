@@ -7,9 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from systems.outputs.folder_lock import locked_folder
-from systems.outputs.output_checks import RECORDING_SIZE, check_folder
-from systems.outputs.output_set import finish_replacement, remove_unfinished
-from systems.outputs.set_index import LIVE, SetIndex, read_index
+from systems.outputs.output_checks import RECORDING_SIZE, check_folder, named_errors
+from systems.outputs.output_set import finish_replacement
+from systems.outputs.own_folder import remove_unfinished
+from systems.outputs.set_index import INDEX_NAME, LIVE, SetIndex, read_index
 from systems.reports.terminal import say
 
 
@@ -43,4 +44,5 @@ def open_live_folder(folder: Path) -> Iterator[None]:
 def _mark(folder: Path) -> None:
     """Writes the index of a folder that holds recordings."""
     if read_index(folder) is None and any(folder.glob("*.parquet")):
-        SetIndex(LIVE, {}).write(folder)
+        with named_errors(folder / INDEX_NAME, "the recordings are complete"):
+            SetIndex(LIVE, {}).write(folder)

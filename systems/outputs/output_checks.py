@@ -3,15 +3,30 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from skill.data.tables import TEMPORARY_MARK
+from systems.outputs.folder_lock import LOCK_NAME
+from systems.outputs.set_index import INDEX_NAME, read_index
+
 RECORDING_SIZE = 60_000  # bytes of a recording or a run, about
 REPORT_SIZE = 3_000_000  # bytes of a report with its replay or figures, at most
-TEMPORARY = len("..abcdefgh")  # what `write_atomically` adds to the name of a file
+TEMPORARY = len(f".{TEMPORARY_MARK}abcdefgh")  # what `write_atomically` adds to the name of a file
+
+CONTENTS = {
+    ".npz": ("a skill file", rb"PK\x03\x04.{26}[\w/]+\.npy"),  # a zip archive of arrays
+    ".html": ("an HTML page", rb"<!(?i:doctype html)"),
+    ".json": ("a JSON file", rb"[\[{]"),
+    ".png": ("a PNG picture", rb"\x89PNG\r\n\x1a\n"),
+    ".svg": ("an SVG picture", rb"<\?xml|<svg"),
+    ".parquet": ("a recording or run (Parquet)", rb"PAR1"),
+}
+"""How the kinds of file begin, by the suffix that they usually have. No command replaces a single Parquet file."""
 
 
 def check_folder(folder: Path, *, option: str = "--out", size: int = 0) -> None:
@@ -34,11 +49,19 @@ def check_folder(folder: Path, *, option: str = "--out", size: int = 0) -> None:
         raise OSError(f"{option} {folder}: needs about {_megabytes(size)}, but only {_megabytes(free)} are free")
 
 
-def check_file(path: Path, *, option: str = "--out", size: int = 0) -> None:
+def check_file(path: Path, suffix: str, *, option: str = "--out", size: int = 0) -> None:
     """Checks that a file can be written or replaced, as `check_folder` checks a folder.
 
+    Args:
+        path: of the file.
+        suffix: kind of content that the command will write, a key of ``CONTENTS``. A file that is there must be of this
+            kind too, or empty. The path may have another suffix.
+        option: that gave the path, for messages.
+        size: of the file, bytes.
+
     Raises:
-        OSError: if not. The message names the option, the path and the reason.
+        ValueError: if the path belongs to a folder of recordings or runs, or a file of another kind is there.
+        OSError: if the file cannot be written. All messages name the option, the path and the reason.
     """
     if path.is_dir():
         raise IsADirectoryError(f"{option} {path}: is a folder; expected the name of a file")
@@ -46,6 +69,9 @@ def check_file(path: Path, *, option: str = "--out", size: int = 0) -> None:
         raise OSError(f"{option} {path}: is a device or a pipe; expected the name of a file")
     check_folder(path.parent, option=option, size=size)
     _check_name(path, path.parent, option)
+    _refuse_file_of_a_set(path, option)
+    if path.exists():
+        _refuse_other_content(path, suffix, option)
 
 
 def require_distinct(files: Mapping[str, Path]) -> None:
@@ -68,6 +94,33 @@ def named_errors(path: Path, kept: str) -> Iterator[None]:
         yield
     except OSError as error:
         raise OSError(f"{path}: not written ({error.strerror or error}); {kept}") from error
+
+
+def _refuse_file_of_a_set(path: Path, option: str) -> None:
+    """Refuses the index and the locks of a folder, and the files that its index lists."""
+    if path.name == INDEX_NAME:
+        raise ValueError(f"{option} {path}: the name of the index of a folder; choose another {option}")
+    if path.name == LOCK_NAME or re.fullmatch(r"\..+\.lock", path.name):
+        raise ValueError(f"{option} {path}: the name of a lock; choose another {option}")
+    index = read_index(path.parent)
+    if index is not None and path.name in index.names:
+        raise ValueError(
+            f"{option} {path}: belongs to the {index.kind.name} in {path.parent}, as its index says; choose another"
+            f" {option}"
+        )
+
+
+def _refuse_other_content(path: Path, suffix: str, option: str) -> None:
+    """Refuses to replace a file of another kind than the command writes."""
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(512)
+    except OSError as error:
+        raise OSError(f"{option} {path}: cannot be read, so it is not replaced ({error.strerror})") from error
+    name, pattern = CONTENTS[suffix]
+    if start and not re.match(pattern, start, re.DOTALL):
+        found = next((other for other, begin in CONTENTS.values() if re.match(begin, start, re.DOTALL)), "another file")
+        raise ValueError(f"{option} {path}: is {found}, and is not replaced by {name}; choose another {option}")
 
 
 def _check_name(path: Path, existing: Path, option: str) -> None:

@@ -8,9 +8,8 @@ one.
 
 from __future__ import annotations
 
-import re
-import shutil
-from collections.abc import Callable, Iterable, Iterator
+import os
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from typing import Any
 from skill.data.demonstration import read_demonstration
 from systems.outputs.folder_lock import locked_folder
 from systems.outputs.output_checks import named_errors
+from systems.outputs.own_folder import check_own_folder, remove_own_folder, remove_unfinished
 from systems.outputs.set_index import DEMONSTRATIONS, INDEX_NAME, SetIndex, find_set, read_index
 
 NEW, READY = ".new", ".ready"
@@ -56,10 +56,12 @@ class OutputSet:
             OSError: if it cannot be written. The message names the file and what is kept.
         """
         path = self._place / name
-        with named_errors(path, f"{self.kept()}; make room and give the same command again"):
-            if not self._is_written:
+        kept = f"{self.kept()}; make room and give the same command again"
+        if not self._is_written:
+            with named_errors(self._place / INDEX_NAME, kept):
                 self._index.write(self._place)
-                self._is_written = True
+            self._is_written = True
+        with named_errors(path, kept):
             write(path)
 
     def path(self, name: str) -> Path:
@@ -93,7 +95,8 @@ def open_set(folder: Path, index: SetIndex, *, overwrite: bool) -> Iterator[Outp
 
     Raises:
         ValueError: if the folder holds what may not be replaced: live recordings, another kind of set, files that this
-            program did not write under the same names, or without ``overwrite`` a set of another request.
+            program did not write under the same names or in the hidden folders, or without ``overwrite`` a set of
+            another request.
         OSError: if another process holds the folder, or it cannot be written.
     """
     with locked_folder(folder):
@@ -101,8 +104,8 @@ def open_set(folder: Path, index: SetIndex, *, overwrite: bool) -> Iterator[Outp
         old = check_set(folder, index, overwrite=overwrite)
         replaces = old is not None and _is_replaced(old, index, folder, overwrite=overwrite)
         place = folder / NEW if replaces else folder
-        if replaces and read_index(place) != index:
-            shutil.rmtree(place, ignore_errors=True)  # of an interrupted --overwrite with another request
+        if replaces and check_own_folder(place, index.kind) != index:
+            remove_own_folder(place, index.kind)  # of an interrupted --overwrite with another request
         for known in (old, index):
             remove_unfinished(folder, known.names if known is not None else ())
         remove_unfinished(place, index.names)
@@ -136,11 +139,17 @@ def is_begun(folder: Path, index: SetIndex) -> bool:
 
 
 def finish_replacement(folder: Path) -> None:
-    """Finishes the replacement of a set that was interrupted, if there is one. The caller holds the folder."""
+    """Finishes the replacement of a set that was interrupted, if there is one. The caller holds the folder.
+
+    Raises:
+        ValueError: if the hidden folder ``READY`` holds anything else than a set of the kind in the folder.
+    """
     ready = folder / READY
-    if not ready.is_dir():
+    if not os.path.lexists(ready):
         return
-    new = read_index(ready)
+    found = read_index(folder) or read_index(ready)
+    kind = DEMONSTRATIONS if found is None else found.kind
+    new = check_own_folder(ready, kind)
     if new is not None:  # it moves last
         old = find_set(folder, new.kind)
         for name in (old.names if old is not None else set()) - set(new.files):
@@ -149,19 +158,7 @@ def finish_replacement(folder: Path) -> None:
             if (ready / name).exists():
                 (ready / name).replace(folder / name)
         (ready / INDEX_NAME).replace(folder / INDEX_NAME)
-    shutil.rmtree(ready)
-
-
-def remove_unfinished(folder: Path, names: Iterable[str]) -> list[Path]:
-    """Removes the temporary files that a killed process left beside files with these names; returns their paths."""
-    known = {*names, INDEX_NAME}
-    removed = []
-    for path in sorted(folder.glob(".*")):
-        match = re.fullmatch(r"\.(.+)\.[a-z0-9_]{8}", path.name)
-        if match and match[1] in known and path.is_file():
-            path.unlink()
-            removed.append(path)
-    return removed
+    remove_own_folder(ready, kind)
 
 
 def _refuse_live(folder: Path) -> None:

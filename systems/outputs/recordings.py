@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,7 +31,7 @@ def find_recordings(folder: Path) -> Recordings:
         ValueError: if there is none, the index is not valid, or the folder holds something else.
         OSError: if an interrupted replacement of the set cannot be finished.
     """
-    if (folder / READY).is_dir():
+    if os.path.lexists(folder / READY):
         with locked_folder(folder):
             finish_replacement(folder)
     index = read_index(folder)

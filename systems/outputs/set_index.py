@@ -11,11 +11,13 @@ from typing import Any
 
 from skill.data.demonstration import read_demonstration
 from skill.data.rig_run import read_rig_run
-from skill.data.tables import write_atomically
+from skill.data.sealed_file import read_bounded
+from skill.data.tables import one_line, write_atomically
 from systems.runs.trial_result import TrialResult
 
 INDEX_NAME = "index.json"
 INDEX_VERSION = 1
+MAX_INDEX_SIZE = 50_000_000  # bytes; a hundred thousand trials need 6 MB
 
 
 def read_result(path: Path) -> TrialResult:
@@ -134,10 +136,11 @@ def read_index(folder: Path) -> SetIndex | None:
 
     Raises:
         ValueError: if it is not an index of this program. The message names the file.
+        OSError: if it cannot be read. The message names the file.
     """
     path = folder / INDEX_NAME
     try:
-        content = json.loads(path.read_bytes())
+        content = json.loads(read_bounded(path, MAX_INDEX_SIZE))
         kind = KINDS[content["kind"]]
         found = SetIndex(kind, content["request"], tuple(content["files"]), tuple(content["reports"]))
         wrong = [name for name in found.names if not kind.owns(name)]
@@ -146,9 +149,11 @@ def read_index(folder: Path) -> SetIndex | None:
         return found
     except (FileNotFoundError, NotADirectoryError):
         return None
+    except OSError as error:
+        raise OSError(f"{path}: the index of the folder cannot be read ({error.strerror or error})") from error
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise ValueError(
-            f"{path}: not an index of this program ({type(error).__name__}: {error}); move it away"
+            f"{path}: not an index of this program ({type(error).__name__}: {one_line(error)}); move it away"
         ) from error
 
 

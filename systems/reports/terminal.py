@@ -1,6 +1,7 @@
 """Terminal output of the command lines: plain text, progress bars, JSON files and one-line errors.
 
-Text from users (file names, names of states, messages) is printed as it stands: a ``[`` in it is not markup.
+Text from users (file names, names of states, messages) is printed as it stands: a ``[`` in it is not markup. Control
+characters, which could change the terminal, are printed as escape sequences.
 """
 
 from __future__ import annotations
@@ -115,14 +116,21 @@ def interrupt(reason: BaseException) -> NoReturn:
 
 def fail(message: str) -> NoReturn:
     """Prints ``error:`` and the message as one line on stderr, and exits with code 1."""
-    text = Text.assemble(("error:", "bold red"), " ", " ".join(line.strip() for line in message.splitlines()))
+    text = Text.assemble(
+        ("error:", "bold red"), " ", visible(" ".join(line.strip() for line in message.strip().split("\n")))
+    )
     errors.print(text, soft_wrap=True)
     raise SystemExit(FAILED) from None
 
 
 def say(text: str) -> None:
     """Prints plain text, without markup and without line breaks at the width of the terminal."""
-    console.print(Text(text), soft_wrap=True)
+    console.print(Text(visible(text)), soft_wrap=True)
+
+
+def visible(text: str) -> str:
+    """Returns text with an escape sequence for each character that cannot be printed, such as a line break or ESC."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def busy(text: str) -> Status:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
@@ -23,7 +22,8 @@ from skill.practice.paired_comparison import PairedChange, paired_change
 from systems.control.faults import Fault
 from systems.outputs.folder_lock import locked_file
 from systems.outputs.output_checks import RECORDING_SIZE, REPORT_SIZE, check_file, named_errors, require_distinct
-from systems.outputs.output_set import OutputSet, open_set, remove_unfinished
+from systems.outputs.output_set import OutputSet, open_set
+from systems.outputs.own_folder import check_own_folder, remove_own_folder, remove_unfinished
 from systems.outputs.set_index import PRACTICE, SetIndex, find_set
 from systems.reports.practice_report import MEASURES, change_table, check_costs, practice_record, round_table
 from systems.reports.terminal import console, progress, say, write_json
@@ -45,16 +45,17 @@ def run(
 
     Raises:
         ValueError: if the skill file or the scenario is not valid, two files would have the same name, or the folder
-            holds a practice with other arguments.
+            holds a practice with other arguments, or files that this program did not write.
         OSError: if another process practises into ``out``, or a file cannot be written.
     """
     first = ManipulationSkill.load(skill)
     chosen = load_scenario(scenario)
     outputs = {"the skill": out, "the trials": out.with_suffix(".json"), "the figure": out.with_suffix(".png")}
+    require_distinct({"--skill": skill, "--out": out})
     require_distinct(outputs)
     size = (practice.n_trials + 2 * held_out) * RECORDING_SIZE + REPORT_SIZE
-    for path in outputs.values():
-        check_file(path, size=size)
+    for path, suffix in zip(outputs.values(), (".npz", ".json", ".png"), strict=True):
+        check_file(path, suffix, size=size)
     about = {"versions": versions(), "scenario": dump_scenario(chosen), "practice": asdict(practice)}
     digest = hashlib.sha256(skill.read_bytes()).hexdigest()
     request = {**about, "skill": digest, "held_out": held_out, "held_out_seed": held_out_seed}
@@ -64,7 +65,8 @@ def run(
     work = unfinished_folder(out)
     with locked_file(out):
         remove_unfinished(out.parent, [path.name for path in outputs.values()])
-        shutil.rmtree(_finished_folder(out), ignore_errors=True)
+        remove_own_folder(_finished_folder(out), PRACTICE)
+        check_own_folder(work, PRACTICE)
         _refuse_other(work, index)
         with open_set(work, index, overwrite=False) as files:
             store = FolderStore(files)
@@ -78,16 +80,16 @@ def run(
                     for when, candidate in (("before", first), ("after", rounds[-1].skill))
                 )
             kept = files.kept()
-            with named_errors(out, kept):
-                rounds[-1].skill.save(out)
             changes = _changes(before, after)
             with named_errors(outputs["the trials"], kept):
                 write_json(outputs["the trials"], about | practice_record(rounds, before, after, changes))
             tables = [pd.DataFrame([r.record() for r in results]) for results in (before, after)]
             with named_errors(outputs["the figure"], kept):
                 save_figure(plot_practice(check_costs(rounds), *tables), outputs["the figure"])
+            with named_errors(out, kept):
+                rounds[-1].skill.save(out)  # last, so that a failure leaves the old skill
             work.rename(_finished_folder(out))  # at once, so that no half of it can be taken for an unfinished practice
-        shutil.rmtree(_finished_folder(out))
+        remove_own_folder(_finished_folder(out), PRACTICE)
     console.print(round_table(rounds))
     console.print(change_table(changes, before, after))
     say(f"skill in {out}; all trials in {outputs['the trials']}; figure in {outputs['the figure']}")

@@ -64,9 +64,10 @@ def run(
     index = rig_index(chosen, trials=trials, seed=seed, skill=skill.read_bytes())
     check_folder(out, size=trials * RECORDING_SIZE + REPORT_SIZE)
     if json is not None:
-        check_file(json, option="--json")
         require_distinct({"--skill": skill, "--json": json})
         require_distinct({name: out / name for name in index.names - {RESULTS}} | {"--json": json})
+        if json.resolve() != (out / RESULTS).resolve():
+            check_file(json, ".json", option="--json")
     with open_set(out, index, overwrite=overwrite) as files:
         results = _run_missing(files, chosen, learnt, numbers, jobs)
         files.complete()
@@ -74,8 +75,7 @@ def run(
         if json is not None and json.resolve() != (out / RESULTS).resolve():
             with named_errors(json, f"the results are in {out / RESULTS}"):
                 write_json(json, rows)
-        with named_errors(out / REPORT, files.kept()):
-            write_report(results, out, skill=str(skill), scenario=chosen)
+        write_report(results, out, skill=str(skill), scenario=chosen, kept=files.kept())
         console.print(result_table(results))
         say(f"report in {out / REPORT}")
     return results
@@ -141,11 +141,16 @@ def _run_missing(
     return [done[n] for n in numbers]
 
 
-def write_report(results: Sequence[TrialResult], out: Path, *, skill: str, scenario: Scenario) -> None:
-    """Writes the report beside the runs in ``out``, and the replay of the worst trial to which it links."""
+def write_report(results: Sequence[TrialResult], out: Path, *, skill: str, scenario: Scenario, kept: str) -> None:
+    """Writes the report beside the runs in ``out``, and the replay of the worst trial to which it links.
+
+    Raises:
+        OSError: if one cannot be written. The message names it, and says with ``kept`` what is on disk.
+    """
     worst = worst_trial(results)
     run_file, replay = out / run_name(worst.seed), replay_name(worst.seed)
-    write_replay(run_file, out / replay, title=f"trial {worst.seed}")
+    with named_errors(out / replay, kept):
+        write_replay(run_file, out / replay, title=f"trial {worst.seed}")
     page = batch_report(
         results,
         title=f"{len(results)} insertions on the rig",
@@ -154,4 +159,5 @@ def write_report(results: Sequence[TrialResult], out: Path, *, skill: str, scena
         made_by={"skill": skill, **versions()},
         scenario=dump_scenario(scenario),
     )
-    write_atomically(out / REPORT, page.encode())
+    with named_errors(out / REPORT, kept):
+        write_atomically(out / REPORT, page.encode())

@@ -13,13 +13,16 @@ import yaml
 
 from models.scenario import dump_scenario
 from skill.data.demonstration import read_demonstration, write_demonstration
-from skill.data.rig_run import read_rig_run
+from skill.data.rig_run import read_rig_run, write_rig_run
 from skill.manipulation_skill import ManipulationSkill
 from systems.outputs.folder_lock import LOCK_NAME
+from systems.outputs.live_folder import open_live_folder
+from systems.outputs.output_set import open_set
+from systems.outputs.set_index import RUNS, SetIndex
 from tests.quick_scenario import make_quick_scenario
 from tests.scripts.commands import MODULES, ROOT, error_line, files, invoke
 from tests.systems.outputs.sets import NAMES, make_set
-from tests.trajectories import make_demonstration
+from tests.trajectories import make_demonstration, make_rig_run
 
 FEW = ("--good", 1, "--bad", 0, "--jobs", 1)
 
@@ -104,10 +107,75 @@ def test_an_impossible_value_of_an_option_is_wrong_usage(tmp_path, monkeypatch, 
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("record", "--out", "zz\udcff"),
+        ("record", "--scenario", "zz\udcff"),
+        ("train", "--out", "zz\udcff.npz"),
+        ("train", "--demonstrations", "zz\udcff"),
+        ("rig", "--skill", "zz\udcff.npz"),
+        ("rig", "--out", "zz\udcff"),
+        ("rig", "--json", "zz\udcff.json"),
+        ("practise", "--out", "zz\udcff.npz"),
+        ("replay", "FILE", "zz\udcff.parquet"),
+        ("demo", "--out", "zz\udcff"),
+        ("diagram", "--out", "zz\udcff"),
+    ],
+)
+def test_a_name_that_is_not_utf8_is_wrong_usage(tmp_path, monkeypatch, arguments):
+    monkeypatch.chdir(tmp_path)
+    result = invoke(*(a for a in arguments if a != "FILE"))
+    assert result.exit_code == 2, result.output
+    assert arguments[-2] in result.stderr
+    assert "\\udcff" in result.stderr
+    assert "is not valid UTF-8; choose another name" in " ".join(result.stderr.replace("│", "").split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_in_another_script_is_accepted(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert "error: größe/技能.npz: no such skill file" in error_line(invoke("rig", "--skill", "größe/技能.npz"))
+
+
 @pytest.mark.parametrize("name", ["a[/b].npz", "[old]/skill.npz", "[red]x.npz"])
 def test_a_file_name_is_not_markup(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     assert f"error: {name}: no such skill file" in error_line(invoke("rig", "--skill", name))
+
+
+def test_recordings_and_an_index_are_not_replaced_by_another_file(tmp_path, skill_file, demonstration_folder):
+    shown, live, runs = tmp_path / "set", tmp_path / "live", tmp_path / "runs"
+    make_set(shown, 1)
+    with open_live_folder(live):
+        write_demonstration(make_demonstration(habit="live"), live / "000.parquet")
+    with open_set(runs, SetIndex(RUNS, {}, ("run_0000.parquet", "results.json")), overwrite=False) as files_of_set:
+        files_of_set.write("run_0000.parquet", lambda path: write_rig_run(make_rig_run(), path))
+        files_of_set.write("results.json", lambda path: path.write_text("[]"))
+    train = ("train", "--demonstrations", demonstration_folder, "--out")
+    replay = ("replay", demonstration_folder / "000.parquet", "--no-open", "--out")
+    rig = ("rig", "--skill", skill_file, "--out", tmp_path / "rig", "--trials", 1, "--json")
+    practise = ("practise", "--skill", skill_file, "--out")
+    before = {name: (tmp_path / name).read_bytes() for name in files(tmp_path)}
+    for command in (
+        (*train, shown / NAMES[0]),
+        (*train, shown / "index.json"),
+        (*replay, live / "000.parquet"),
+        (*rig, live / "000.parquet"),
+        (*rig, runs / "results.json"),
+        (*practise, runs / "results.npz"),
+        (*practise, shown / "index.npz"),
+        (*practise, live / "000.parquet"),
+    ):
+        assert "; choose another --" in error_line(invoke(*command)), command
+        assert {name: (tmp_path / name).read_bytes() for name in files(tmp_path)} == before
+
+
+def test_a_drawing_replaces_no_other_file(tmp_path, skill_file):
+    (tmp_path / "rig.svg").write_text("mine")
+    line = error_line(invoke("diagram", "--skill", skill_file, "--out", tmp_path))
+    assert "rig.svg: is another file, and is not replaced by an SVG picture" in line
+    assert files(tmp_path) == ["rig.svg"]
 
 
 # ------------------------------------------------------- what is there already
@@ -234,7 +302,7 @@ def test_a_full_disk_keeps_the_runs_and_names_the_file(tmp_path, skill_file, qui
     )
     assert done.returncode == 1
     assert len(done.stderr.splitlines()) == 1
-    assert "report.html: not written (File too large)" in done.stderr
+    assert "replay_0001.html: not written (File too large)" in done.stderr
     assert "2 of 2 runs in" in done.stderr
     assert agreeing_runs(tmp_path) == [0, 1]
 

@@ -89,12 +89,13 @@ def test_an_interrupted_practice_goes_on_and_ends_with_the_same_files(tmp_path, 
             if len(written) == after:
                 raise Stop
 
-    (tmp_path / "practised.npz").write_bytes(b"of an earlier practice")
+    before = skill_file.read_bytes()
+    (tmp_path / "practised.npz").write_bytes(before)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(practice_session, "FolderStore", StoppingStore)
         with pytest.raises(Stop):
             practise(tmp_path, skill_file)
-    assert (tmp_path / "practised.npz").read_bytes() == b"of an earlier practice"
+    assert (tmp_path / "practised.npz").read_bytes() == before
     unfinished = tmp_path / "practised.npz.unfinished"
     assert sorted(path.name for path in unfinished.glob("*.parquet")) == sorted(written)
     if after > 1:
@@ -107,6 +108,34 @@ def test_an_interrupted_practice_goes_on_and_ends_with_the_same_files(tmp_path, 
     folder, _ = practised
     for name in ("practised.npz", "practised.json", "practised.png"):
         assert (tmp_path / name).read_bytes() == (folder / name).read_bytes(), name
+
+
+def test_a_skill_is_not_practised_into_its_own_file(tmp_path, skill_file):
+    (tmp_path / "skill.npz").write_bytes(skill_file.read_bytes())
+    (tmp_path / "link.npz").symlink_to("skill.npz")
+    for out in ("skill.npz", "link.npz"):
+        line = error_line(practise(tmp_path, tmp_path / "skill.npz", "--out", tmp_path / out))
+        assert "--skill and --out are the same file" in line
+    assert (tmp_path / "skill.npz").read_bytes() == skill_file.read_bytes()
+    assert {p.name for p in tmp_path.iterdir()} == {"quick.yaml", "skill.npz", "link.npz"}
+
+
+@pytest.mark.slow
+def test_a_practice_whose_figure_fails_leaves_the_old_skill(tmp_path, practised, skill_file):
+    from systems.sessions import practice_session
+
+    (tmp_path / "practised.npz").write_bytes(skill_file.read_bytes())
+
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(practice_session, "save_figure", fail)
+        line = error_line(practise(tmp_path, skill_file))
+    assert "practised.png: not written (No space left on device); 8 of 8 practice trials" in line
+    assert (tmp_path / "practised.npz").read_bytes() == skill_file.read_bytes()
+    assert practise(tmp_path, skill_file).exit_code == 0
+    assert (tmp_path / "practised.npz").read_bytes() == (practised[0] / "practised.npz").read_bytes()
 
 
 @pytest.mark.parametrize("name", ["x.json", "x.png"])

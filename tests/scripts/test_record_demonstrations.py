@@ -77,7 +77,7 @@ def test_a_killed_recording_leaves_complete_files_and_goes_on_where_it_stopped(t
     assert 1 <= len(finished) < 40
     for path in finished:
         assert read_demonstration(path).good
-    (out / ".001_good_novice.parquet.abcdefgh").write_bytes(b"PAR1 half")
+    (out / ".001_good_novice.parquet.tmp-abcdefgh").write_bytes(b"PAR1 half")
     process = start_recording(out, quick)
     end = time.monotonic() + 90
     while len(list(out.glob("*.parquet"))) < len(finished) + 2:

@@ -86,6 +86,34 @@ def test_a_damaged_lock_file_of_a_living_holder_blocks_without_a_name(tmp_path, 
         pass
 
 
+@pytest.mark.parametrize("kind", ["link", "dangling", "folder", "pipe", "text", "list"])
+def test_what_is_not_a_lock_is_named_and_stays(tmp_path, kind):
+    outside, folder = tmp_path / "outside.txt", tmp_path / "out"
+    outside.write_text("mine")
+    folder.mkdir()
+    lock = folder / LOCK_NAME
+    make = {
+        "link": lambda: lock.symlink_to(outside),
+        "dangling": lambda: lock.symlink_to(tmp_path / "nowhere"),
+        "folder": lock.mkdir,
+        "pipe": lambda: os.mkfifo(lock),
+        "text": lambda: lock.write_text("mine"),
+        "list": lambda: lock.write_text("[[1]]"),
+    }
+    make[kind]()
+    before = lock.lstat()
+    with (
+        pytest.raises(
+            OSError, match=rf"{LOCK_NAME}: the lock cannot be taken \(not a lock of this program; move it away"
+        ),
+        locked_folder(folder),
+    ):
+        pytest.fail("the lock was taken")
+    assert (lock.lstat().st_ino, lock.lstat().st_size) == (before.st_ino, before.st_size)
+    assert outside.read_text() == "mine"
+    assert not (tmp_path / "nowhere").exists()
+
+
 @pytest.mark.slow
 def test_processes_that_take_turns_never_hold_the_folder_together(tmp_path):
     """A process may open the lock file just before its holder removes it, and must not take it for the lock."""

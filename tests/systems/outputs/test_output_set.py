@@ -1,6 +1,7 @@
 """Folders of one request: continued, protected, and replaced as a whole."""
 
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -14,10 +15,11 @@ from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import write_rig_run
 from systems.outputs import output_set
 from systems.outputs.live_folder import open_live_folder
-from systems.outputs.output_set import open_set, remove_unfinished
+from systems.outputs.output_set import open_set
+from systems.outputs.own_folder import remove_unfinished
 from systems.outputs.recordings import find_recordings
 from systems.outputs.set_index import RUNS, SetIndex, read_index
-from tests.scripts.commands import ROOT, files
+from tests.scripts.commands import ROOT, error_line, files, invoke
 from tests.systems.outputs.sets import NAMES, index_of, make_set, write_item
 from tests.trajectories import make_demonstration, make_rig_run
 
@@ -134,7 +136,7 @@ make_set(Path(sys.argv[1]), 2, NAMES[:2], overwrite=True)
 """
     folder, outcomes = tmp_path / "set", set()
     make_set(folder, 1)
-    for moment in range(4, 40):
+    for moment in range(1, 40):
         copy = tmp_path / f"set{moment}"
         shutil.copytree(folder, copy)
         done = subprocess.run([sys.executable, "-c", code, str(copy), str(moment)], cwd=ROOT, check=False)
@@ -214,7 +216,7 @@ def test_a_folder_of_live_recordings_is_only_for_live_sessions(tmp_path):
 
 
 def test_a_killed_live_session_leaves_no_temporary_file(tmp_path, capsys):
-    (tmp_path / ".004_good_live.parquet.abcd1234").write_bytes(b"PAR1 half")
+    (tmp_path / ".004_good_live.parquet.tmp-abcd1234").write_bytes(b"PAR1 half")
     (tmp_path / ".profile.parquet.txt").write_text("mine")
     write_demonstration(make_demonstration(habit="live"), tmp_path / "000_good_live.parquet")
     with open_live_folder(tmp_path):
@@ -268,6 +270,39 @@ def test_a_foreign_index_is_one_error_and_nothing_is_touched(tmp_path, content):
     assert files(tmp_path) == [f"set/{NAMES[0]}", "set/index.json", "x.parquet"]
 
 
+@pytest.mark.parametrize(
+    ("make", "what"),
+    [
+        (Path.mkdir, "a folder, expected a file"),
+        (os.mkfifo, "a device or pipe, expected a file"),
+        (lambda path: path.symlink_to("/dev/zero"), "a device or pipe, expected a file"),
+        (lambda path: path.symlink_to(path.name), "the index of the folder cannot be read"),
+    ],
+)
+def test_an_index_that_is_not_a_file_is_named(tmp_path, make, what):
+    write_demonstration(make_demonstration(), tmp_path / "a.parquet")
+    make(tmp_path / "index.json")
+    with pytest.raises((ValueError, OSError), match=rf"index\.json: .*{what}"):
+        find_recordings(tmp_path)
+
+
+def test_an_index_that_cannot_be_written_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(SetIndex, "write", lambda *_: write_to_full_device())
+    with (
+        open_set(tmp_path, index_of(1), overwrite=False) as items,
+        pytest.raises(OSError, match=r"index\.json: not written \(No space left on device\); 0 of 3 demonstrations"),
+    ):
+        write_item(items, NAMES[0], 1)
+    write_demonstration(make_demonstration(habit="live"), tmp_path / "live" / "000.parquet")
+    with (
+        pytest.raises(
+            OSError, match=r"index\.json: not written \(No space left on device\); the recordings are complete"
+        ),
+        open_live_folder(tmp_path / "live"),
+    ):
+        pass
+
+
 def test_a_folder_without_an_index_is_read_whole_and_an_empty_one_is_an_error(tmp_path):
     with pytest.raises(ValueError, match="no demonstrations"):
         find_recordings(tmp_path)
@@ -278,22 +313,79 @@ def test_a_folder_without_an_index_is_read_whole_and_an_empty_one_is_an_error(tm
     assert [path.name for path in find_recordings(tmp_path).paths] == ["a.parquet", "b.parquet"]
 
 
+# ------------------------------------------------------- foreign folders
+
+
+@pytest.fixture(params=["file", "link", "foreign", "nested", "runs"])
+def foreign(request, tmp_path):
+    """Makes something in the place of a hidden folder that this program did not put there."""
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "letter.txt").write_text("mine")
+
+    def make(path):
+        if request.param == "file":
+            path.write_text("mine")
+        elif request.param == "link":
+            path.symlink_to(outside)
+        elif request.param == "foreign":
+            shutil.copytree(outside, path)
+        elif request.param == "nested":
+            make_set(path, 1, NAMES[:1])
+            shutil.copytree(outside, path / "letters")
+        else:
+            with open_set(path, SetIndex(RUNS, {}, ("run_0000.parquet",)), overwrite=False) as runs:
+                runs.write("run_0000.parquet", lambda p: write_rig_run(make_rig_run(), p))
+
+    return make
+
+
+@pytest.mark.parametrize("name", [output_set.NEW, output_set.READY])
+def test_a_foreign_hidden_folder_is_named_and_stays(tmp_path, foreign, name):
+    folder = tmp_path / "set"
+    make_set(folder, 1)
+    foreign(folder / name)
+    before = files(tmp_path)
+    with pytest.raises(ValueError, match=rf"{name}: .*move (it|the folder or the file) away"):
+        make_set(folder, 2, overwrite=True)
+    assert files(tmp_path) == before
+    if name == output_set.READY:
+        with pytest.raises(ValueError, match=r"\.ready: .*away"):
+            find_recordings(folder)
+        with pytest.raises(ValueError, match=r"\.ready: .*away"), open_live_folder(folder):
+            pass
+        assert files(tmp_path) == before
+
+
+def test_a_foreign_hidden_folder_beside_a_practised_skill_is_named_and_stays(tmp_path, foreign, skill_file):
+    for name in (".p.npz.finished", "p.npz.unfinished"):
+        path = tmp_path / name
+        foreign(path)
+        before = files(tmp_path)
+        line = error_line(invoke("practise", "--skill", skill_file, "--out", tmp_path / "p.npz", "--held-out", 2))
+        assert f"{path}: " in line
+        assert "away" in line
+        assert files(tmp_path) == before
+        path.rename(tmp_path / f"away_{name}")
+
+
 # ------------------------------------------------------- failures
 
 
 def test_only_temporary_files_of_known_names_are_removed(tmp_path):
     for name in (
-        ".a.npz.abcd123_",
-        ".index.json.abcd1234",
-        ".b.npz.abcd1234",
+        ".a.npz.tmp-abcd123_",
+        ".index.json.tmp-abcd1234",
+        ".b.npz.tmp-abcd1234",
+        ".a.npz.original",
         ".a.npz.lock",
         "a.npz",
-        ".a.npz.ABCD1234",
+        ".a.npz.tmp-ABCD1234",
     ):
         (tmp_path / name).touch()
     removed = remove_unfinished(tmp_path, ["a.npz"])
-    assert [path.name for path in removed] == [".a.npz.abcd123_", ".index.json.abcd1234"]
-    assert files(tmp_path) == [".a.npz.ABCD1234", ".a.npz.lock", ".b.npz.abcd1234", "a.npz"]
+    assert [path.name for path in removed] == [".a.npz.tmp-abcd123_", ".index.json.tmp-abcd1234"]
+    assert files(tmp_path) == [".a.npz.lock", ".a.npz.original", ".a.npz.tmp-ABCD1234", ".b.npz.tmp-abcd1234", "a.npz"]
 
 
 def test_a_write_that_fails_names_the_file_and_what_is_kept(tmp_path):

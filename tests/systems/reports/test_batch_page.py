@@ -84,7 +84,7 @@ def batch(tmp_path):
     results = make_results()
     for r in results:
         write_rig_run(make_rig_run(), tmp_path / f"run_{r.seed:04d}.parquet")
-    write_report(results, tmp_path, skill="skill.npz", scenario=Scenario())
+    write_report(results, tmp_path, skill="skill.npz", scenario=Scenario(), kept="the runs are kept")
     return tmp_path, results
 
 

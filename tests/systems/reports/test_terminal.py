@@ -40,6 +40,14 @@ def test_an_error_is_one_line_on_stderr_exactly_as_it_is_written(capsys, error, 
     assert capsys.readouterr() == ("", f"error: {message}\n")
 
 
+def test_control_characters_are_printed_as_escape_sequences(capsys):
+    with pytest.raises(SystemExit):
+        raising(ValueError("a\x1b[2J\r\x9bb\u202e\udcff: no [file] \nin größe"))()
+    assert capsys.readouterr().err == "error: a\\x1b[2J\\r\\x9bb\\u202e\\udcff: no [file] in größe\n"
+    terminal.say("a\nb\x1b[1m: 3 runs, 5 °, [x]")
+    assert capsys.readouterr().out == "a\\nb\\x1b[1m: 3 runs, 5 °, [x]\n"
+
+
 def test_a_warning_is_one_line_on_stderr_without_the_code_that_issued_it(capsys):
     @terminal.report_errors
     def command():
