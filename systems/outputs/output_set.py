@@ -152,9 +152,11 @@ def finish_replacement(folder: Path) -> None:
     new = check_own_folder(ready, kind)
     if new is not None:  # it moves last
         old = find_set(folder, new.kind)
-        for name in (old.names if old is not None else set()) - set(new.files):
-            (folder / name).unlink(missing_ok=True)
-        for name in new.files:
+        if old is not None:
+            # What describes the items goes first and comes last, so that it never stands beside other items.
+            for name in sorted(old.names - set(old.items)) + sorted(set(old.items) - set(new.items)):
+                (folder / name).unlink(missing_ok=True)
+        for name in (*new.items, *(name for name in new.files if name not in new.items)):
             if (ready / name).exists():
                 (ready / name).replace(folder / name)
         (ready / INDEX_NAME).replace(folder / INDEX_NAME)

@@ -15,7 +15,7 @@ from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import write_rig_run
 from systems.outputs import output_set
 from systems.outputs.live_folder import open_live_folder
-from systems.outputs.output_set import open_set
+from systems.outputs.output_set import READY, finish_replacement, open_set
 from systems.outputs.own_folder import remove_unfinished
 from systems.outputs.recordings import find_recordings
 from systems.outputs.set_index import RUNS, SetIndex, read_index
@@ -152,6 +152,34 @@ make_set(Path(sys.argv[1]), 2, NAMES[:2], overwrite=True)
         if done.returncode == 0:
             break
     assert outcomes == {(-signal.SIGKILL, 3), (-signal.SIGKILL, 2), (0, 2)}
+
+
+def test_results_never_stand_beside_the_runs_of_another_set(tmp_path, monkeypatch):
+    """After each change of the folder during a replacement, for sets that share the name of a run."""
+    names = {"old": ["run_0000.parquet", "run_0001.parquet"], "new": ["run_0001.parquet", "run_0002.parquet"]}
+    for text, place in (("old", tmp_path), ("new", tmp_path / READY)):
+        SetIndex(RUNS, {"set": text}, (*names[text], "results.json")).write(place)
+        for name in (*names[text], "results.json"):
+            (place / name).write_text(text)
+    seen = []
+
+    def watch(method):
+        original = getattr(Path, method)
+
+        def changed(*arguments, **options):
+            original(*arguments, **options)
+            results = tmp_path / "results.json"
+            runs = {path.name: path.read_text() for path in tmp_path.glob("*.parquet")}
+            seen.append((results.read_text() if results.exists() else None, runs))
+
+        monkeypatch.setattr(Path, method, changed)
+
+    watch("unlink")
+    watch("replace")
+    finish_replacement(tmp_path)
+    assert seen[-1][0] == "new"
+    for results, runs in seen:
+        assert results is None or runs == dict.fromkeys(names[results], results)
 
 
 # ------------------------------------------------------- what was not written by this program
