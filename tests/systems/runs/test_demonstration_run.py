@@ -42,6 +42,17 @@ def started():
     return scenario, environment, run
 
 
+@pytest.fixture
+def ended(started, monkeypatch):
+    """The same, with an upright peg at full depth in all samples."""
+    samples = demonstration_run.DemonstrationRecorder.samples
+    upright = {"x": 0.0, "y": 0.0, "z": -started[0].full_depth, "angle": 0.0, "dangle": 0.0}
+    monkeypatch.setattr(
+        demonstration_run.DemonstrationRecorder, "samples", lambda *given: samples(*given).assign(**upright)
+    )
+    return started
+
+
 class Placed:
     """A contact plant whose peg has a fixed pose."""
 
@@ -82,8 +93,8 @@ def test_the_time_limit_ends_a_demonstration(quick_scenario):
     assert run.simulator.get_context().get_time() == pytest.approx(0.03)
 
 
-def test_the_record_has_a_sample_per_period_and_tells_its_origin(started):
-    scenario, environment, run = started
+def test_the_record_has_a_sample_per_period_and_tells_its_origin(ended):
+    scenario, environment, run = ended
     found = run.demonstration(Ending(Outcome.INSERTED), operator=3)
     assert found.good
     assert found.outcome is Outcome.INSERTED
@@ -94,23 +105,24 @@ def test_the_record_has_a_sample_per_period_and_tells_its_origin(started):
     assert m["lowest_probe_energy_J"] == environment.energy(run.simulator.get_context()).minimum < 0.0
 
 
-def test_the_overlap_is_recorded_in_tenths_of_a_micrometre(started, monkeypatch):
+def test_the_overlap_is_recorded_in_tenths_of_a_micrometre(ended, monkeypatch):
     monkeypatch.setattr(demonstration_run, "deepest_overlap", lambda *_: 12.3456e-6)
-    assert started[2].demonstration(Ending(Outcome.INSERTED)).metadata["penetration_um"] == 12.3
+    assert ended[2].demonstration(Ending(Outcome.INSERTED)).metadata["penetration_um"] == 12.3
 
 
 @pytest.mark.parametrize(("outcome", "good"), [(Outcome.INSERTED, False), (Outcome.STOPPED, True)])
-def test_the_operator_may_call_a_demonstration_good_or_bad(started, outcome, good):
-    assert started[2].demonstration(Ending(outcome), good=good).good == good
+def test_the_operator_may_call_a_demonstration_good_or_bad(ended, outcome, good):
+    assert ended[2].demonstration(Ending(outcome), good=good).good == good
 
 
 def record_with_force(started, monkeypatch, force, ending, **arguments):
-    """The demonstration of a peg at the mouth if all its samples had a contact force (2, 3, 6) / 7 of this size, N."""
-    _, _, run = started
+    """The demonstration of a resting peg if all its samples had a contact force (2, 3, 6) / 7 of this size, N."""
+    scenario, _, run = started
+    z = -scenario.full_depth if ending.outcome is Outcome.INSERTED else 0.0
     samples = demonstration_run.DemonstrationRecorder.samples
 
     def pressed(*given):
-        return samples(*given).assign(fx=2 / 7 * force, fy=3 / 7 * force, fz=6 / 7 * force, z=0.0)
+        return samples(*given).assign(fx=2 / 7 * force, fy=3 / 7 * force, fz=6 / 7 * force, z=z)
 
     monkeypatch.setattr(demonstration_run.DemonstrationRecorder, "samples", pressed)
     return run.demonstration(ending, **arguments)
