@@ -97,7 +97,9 @@ def one_line_warnings() -> Iterator[None]:
     """Prints the message of a warning on stderr, without the line of code that issued it."""
 
     def show(message: Warning | str, *_: object, **__: object) -> None:
-        errors.print(Text.assemble(("warning:", "bold yellow"), " ", " ".join(str(message).split())), soft_wrap=True)
+        errors.print(
+            Text.assemble(("warning:", "bold yellow"), " ", visible(" ".join(str(message).split()))), soft_wrap=True
+        )
 
     previous = warnings.showwarning
     warnings.showwarning = show

@@ -355,7 +355,8 @@ def foreign(request, tmp_path):
         if request.param == "file":
             path.write_text("mine")
         elif request.param == "link":
-            path.symlink_to(outside)
+            make_set(tmp_path / "elsewhere", 3)
+            path.symlink_to(tmp_path / "elsewhere")
         elif request.param == "foreign":
             shutil.copytree(outside, path)
         elif request.param == "nested":
