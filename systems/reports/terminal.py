@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import signal
+import sys
 import threading
 import warnings
 from collections.abc import Callable, Iterator
@@ -32,6 +34,9 @@ errors = Console(stderr=True)
 FAILED, INTERRUPTED, TERMINATED = 1, 130, 143
 """Exit codes of a command that failed, or that Ctrl-C or SIGTERM ended. Wrong usage is 2, success 0."""
 
+RESEND_TIME = 0.01
+"""Time after which a signal that was lost in a destructor is sent again, s."""
+
 SIMULATION_PACKAGES = ("pydrake", "joblib", "yaml", "tornado")
 """Packages that the extra ``sim`` installs."""
 
@@ -54,7 +59,7 @@ def report_errors(command: Callable[P, R]) -> Callable[P, R]:
     @wraps(command)
     def reporting(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
-            with sigterm_raises(), one_line_warnings():
+            with sigterm_raises(), interrupts_are_kept(), one_line_warnings():
                 return command(*args, **kwargs)
         except (ValueError, OSError) as error:
             fail(str(error) or type(error).__name__)
@@ -93,10 +98,31 @@ def sigterm_raises() -> Iterator[None]:
 
 
 @contextmanager
+def interrupts_are_kept() -> Iterator[None]:
+    """Sends the signal again if its exception was raised in a destructor, where Python drops exceptions."""
+
+    def hook(dropped: sys.UnraisableHookArgs) -> None:
+        if isinstance(dropped.exc_value, KeyboardInterrupt):
+            number = signal.SIGTERM if isinstance(dropped.exc_value, Terminated) else signal.SIGINT
+            threading.Timer(RESEND_TIME, os.kill, (os.getpid(), number)).start()  # when the destructor has ended
+        else:
+            previous(dropped)
+
+    previous = sys.unraisablehook
+    sys.unraisablehook = hook
+    try:
+        yield
+    finally:
+        sys.unraisablehook = previous
+
+
+@contextmanager
 def one_line_warnings() -> Iterator[None]:
     """Prints the message of a warning on stderr, without the line of code that issued it."""
 
-    def show(message: Warning | str, *_: object, **__: object) -> None:
+    def show(message: Warning | str, category: type[Warning], *_: object, **__: object) -> None:
+        if issubclass(category, DeprecationWarning):
+            return  # it concerns developers
         errors.print(
             Text.assemble(("warning:", "bold yellow"), " ", visible(" ".join(str(message).split()))), soft_wrap=True
         )

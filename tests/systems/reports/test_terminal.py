@@ -95,6 +95,22 @@ def test_a_command_runs_in_another_thread_too():
         assert pool.submit(terminal.report_errors(lambda: 3)).result() == 3
 
 
+@pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (terminal.Terminated, 143)])
+def test_an_interruption_in_a_destructor_is_not_lost(error, code):
+    class Fragile:
+        def __del__(self):
+            raise error
+
+    @terminal.report_errors
+    def command():
+        Fragile()
+        time.sleep(10)
+
+    with pytest.raises(SystemExit) as ended:
+        command()
+    assert ended.value.code == code
+
+
 def test_a_missing_package_of_the_simulation_names_the_extra(capsys):
     with pytest.raises(SystemExit) as ended:
         raising(ModuleNotFoundError("no pydrake", name="pydrake.geometry"))()
