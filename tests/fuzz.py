@@ -340,7 +340,8 @@ def main() -> None:
             trials.append(trial)
             advance(f"{sum(t.outcome not in GOOD for t in trials)} defects" if len(trials) % 100 == 0 else "")
     trials.sort(key=lambda trial: trial.number)
-    say(report(trials))
+    for line in report(trials).splitlines():
+        say(line)
     if arguments.json is not None:
         write_json(arguments.json, {"seed": arguments.seed, "mutations": [asdict(trial) for trial in trials]})
     sys.exit(any(trial.outcome not in GOOD for trial in trials))
