@@ -7,7 +7,6 @@ characters, which could change the terminal, are printed as escape sequences.
 from __future__ import annotations
 
 import json
-import logging
 import os
 import signal
 import sys
@@ -25,7 +24,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.status import Status
 from rich.text import Text
 
-logging.getLogger("drake").setLevel(logging.WARNING)  # hides the address that every Meshcat logs
 warnings.filterwarnings("ignore", message=r"\d+ tasks which were still being processed")  # joblib, after an error
 
 console = Console()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +15,8 @@ from pydrake.systems.framework import DiagramBuilder
 from skill.arrays import Array
 from skill.data.tables import write_atomically
 from systems.plant.contact_plant import ContactPlant
+
+logging.getLogger("drake").setLevel(logging.WARNING)  # hides the address that every Meshcat logs
 
 CAMERA = np.array([0.062, 0.055, 0.030])  # in units of m, in W; it looks at TARGET
 TARGET = np.array([0.0, 0.0, -0.004])  # in units of m, in W

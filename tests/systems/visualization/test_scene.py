@@ -9,6 +9,7 @@ from systems.runs.demonstration_run import run_demonstration
 from systems.runs.trial import run_trial, trial_scenario
 from systems.visualization.scene import AddVisualization, aim_camera, recorded
 from tests.browser import blankness, open_page
+from tests.scripts.commands import run_python
 
 
 class Recorder:
@@ -115,3 +116,14 @@ def test_failed_recording_writes_no_page(tmp_path):
     with pytest.raises(RuntimeError, match="failed"), recorded(page):
         raise RuntimeError("failed")
     assert not page.exists()
+
+
+@pytest.mark.slow
+def test_a_recording_prints_nothing(tmp_path):
+    """In a process of its own: importing Drake sets the level of its log."""
+    imports = (
+        "import sys, systems.reports.terminal as t\nfrom pathlib import Path\nimport systems.visualization.scene as s"
+    )
+    code = f"{imports}\nwith s.recorded(Path(sys.argv[1])): pass"
+    done = run_python("-c", code, tmp_path / "recording.html")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
