@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -33,7 +34,11 @@ def run_in_processes(tasks: Iterable[Callable[[], R]], *, jobs: int) -> Iterator
 
 
 def watch_parent(parent: int) -> None:
-    """Starts a thread that ends this process at most `WATCH_PERIOD` after the process ``parent`` has ended."""
+    """Starts a thread that ends this process at most `WATCH_PERIOD` after the process ``parent`` has ended.
+
+    Ctrl-C reaches all processes of a terminal; only the parent acts on it, and ends its workers.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
