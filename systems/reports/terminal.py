@@ -24,7 +24,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.status import Status
 from rich.text import Text
 
-warnings.filterwarnings("ignore", message=r"\d+ tasks which were still being processed")  # joblib, after an error
+# What joblib says after an error about tasks that it has cancelled or whose results nobody takes.
+warnings.filterwarnings("ignore", message=r"\d+ tasks (which were still being processed|have been successfully executed)")
 
 console = Console()
 errors = Console(stderr=True)

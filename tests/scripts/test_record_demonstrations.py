@@ -100,8 +100,7 @@ def test_ctrl_c_ends_a_recording_with_one_line_and_exit_code_130(tmp_path, quick
         os.killpg(process.pid, signal.SIGINT)
         _, stderr = process.communicate(timeout=60)
     assert process.returncode == 130
-    assert stderr.splitlines()[-1] == "interrupted"
-    assert jobs == 2 or stderr == "interrupted\n"  # a worker that is just starting may print what ended it
+    assert stderr == "interrupted\n"
     assert list(out.glob(".*")) == []
     for path in out.glob("*.parquet"):
         read_demonstration(path)
