@@ -54,8 +54,11 @@ DEVICE_PRESETS: dict[str, HapticDeviceParameters] = {
 class StepperMotorParameters:
     """A hybrid stepper motor with a reduction gear, described at the gear's output; it holds like a magnetic spring."""
 
-    step_angle: float = math.radians(0.18)  # in units of rad [paper]
-    holding_torque: float = 1.3  # in units of N m, at the output [choice]
+    step_angle: float = math.radians(0.18)  # in units of rad, of a full step [paper]
+    microsteps: int = 2  # positions of the driver in a full step; 2 are half-steps [choice]
+    # The current of the driver sets it. A step against a jammed peg changes the load by up to (pi/2) T_h / microsteps
+    # / peg radius, so that a motor stronger than its task makes a cap of the load impossible.
+    holding_torque: float = 0.5  # in units of N m, at the output [choice]
     damping: float = 1.2  # in units of N m s/rad [choice]
     reflected_inertia: float = 1.0e-3  # in units of kg m^2 [choice]
     max_step_rate: float = 250.0  # in units of steps/s; no step is lost up to 0.8 of the holding torque [choice]

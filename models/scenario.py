@@ -126,13 +126,20 @@ class PolicyControllerParameters:
 
 @dataclass
 class ForceGuardParameters:
-    """Thresholds of the force guard. The load is the norm of force and moment / peg radius, in N."""
+    """Limits of the force guard. The load is the norm of force and moment / peg radius, in N."""
 
     # 90 % of the samples of the default good demonstrations stay below 12 N of load, 99 % below 18 N. A skill that
     # pushes harder measures loads that no demonstration contains.
-    soft_force: float = 10.0  # in units of N of load, above which the feed is reduced
-    hold_force: float = 20.0  # in units of N of load, at which the feed is zero
-    force_limit: float = 50.0  # in units of N of load, above which the peg is backed off
+    soft_force: float = 10.0  # in units of N of load, above which feed and turns that raise the load are reduced
+    hold_force: float = 20.0  # in units of N of load, at which they are zero; above it the guard yields
+    force_limit: float = 40.0  # in units of N of load, which the guard keeps; twice what demonstrations reach
+
+
+@dataclass
+class BackOffParameters:
+    """When and how far the peg is drawn back to try again."""
+
+    force_limit: float = ForceGuardParameters.force_limit  # in units of N of load, above which the peg is backed off
     retract_speed: float = 0.015  # in units of m/s
     back_off_distance: float = 1.0e-3  # in units of m
     back_off_time: float = 0.4  # in units of s, maximum duration of a back-off
@@ -144,17 +151,17 @@ class ForceGuardParameters:
 
 @dataclass
 class WatchdogParameters:
-    """Detection of a stalled feed, and the retraction after a fault; most keys are shared with the force guard."""
+    """Detection of a stalled feed, and the retraction after a fault; most keys are shared with the back-off."""
 
     period: float = PolicyControllerParameters.period  # in units of s
-    retract_speed: float = ForceGuardParameters.retract_speed  # in units of m/s
-    back_off_time: float = ForceGuardParameters.back_off_time  # in units of s, duration of the retraction
-    stall_depth: float = ForceGuardParameters.stall_depth  # in units of m; a smaller change of depth is no motion
+    retract_speed: float = BackOffParameters.retract_speed  # in units of m/s
+    back_off_time: float = BackOffParameters.back_off_time  # in units of s, duration of the retraction
+    stall_depth: float = BackOffParameters.stall_depth  # in units of m; a smaller change of depth is no motion
     feed_stall_distance: float = 1.0e-3  # in units of m, commanded without motion before the feed counts as stalled
 
 
 @dataclass
-class ControllerParameters(WatchdogParameters, ForceGuardParameters, PolicyControllerParameters):
+class ControllerParameters(WatchdogParameters, BackOffParameters, ForceGuardParameters, PolicyControllerParameters):
     """All parameters of the control loop, as the flat keys of ``controller:`` in a scenario."""
 
 

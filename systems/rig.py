@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from skill.data.geometry import PegHoleGeometry
 from skill.policy import RigPolicy
 from systems.control.contact_state_estimator import ContactStateEstimator
 from systems.control.faults import Fault
+from systems.control.force_guard import ForceGuard, GuardTiming
 from systems.control.policy_controller import PolicyController
 from systems.control.sensor_monitor import SensorMonitor
 from systems.control.watchdog import COMMANDS, Watchdog
@@ -147,6 +149,7 @@ class _Parts:
     controller: PolicyController
     monitor: SensorMonitor
     watchdog: Watchdog
+    guard: ForceGuard
     motor: DcMotor
     steppers: dict[str, StepperMotor]  # pitch, then yaw
     gimbal_angles: Demultiplexer  # pitch, yaw and their rates
@@ -176,7 +179,7 @@ def _add_parts(
             PolicyController(
                 policy=policy,
                 parameters=scenario.controller,
-                guard=scenario.controller,
+                back_off=scenario.controller,
                 peg_radius=scenario.geometry.peg_radius,
             ),
         ),
@@ -187,6 +190,7 @@ def _add_parts(
             ),
         ),
         watchdog=builder.AddNamedSystem("watchdog", Watchdog(parameters=scenario.controller, motor=scenario.feed)),
+        guard=builder.AddNamedSystem("force_guard", _force_guard(scenario, contact)),
         motor=builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=step)),
         steppers={
             name: builder.AddNamedSystem(
@@ -198,12 +202,30 @@ def _add_parts(
     )
 
 
+def _force_guard(scenario: Scenario, contact: RigPlant) -> ForceGuard:
+    sensor, p = scenario.sensor, scenario.controller
+    lag = 1.0 / (2.0 * math.pi * sensor.bandwidth)
+    timing = GuardTiming(
+        period=sensor.period,
+        delay=sensor.delay + lag + sensor.period + scenario.contact.time_step,
+        deceleration=scenario.feed.force_constant * scenario.feed.current_limit / contact.moving_mass,
+    )
+    return ForceGuard(
+        parameters=p,
+        timing=timing,
+        peg_radius=scenario.geometry.peg_radius,
+        max_turn_rate=p.max_turn_rate,
+        max_turn=p.max_turn,
+        retract_speed=p.retract_speed,
+    )
+
+
 def _connect_sensors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) -> None:
     builder.Connect(contact.reaction_forces, parts.sensor.GetInputPort("reaction_forces"))
     builder.Connect(contact.carriage_state, parts.encoder.GetInputPort("carriage_state"))
     builder.Connect(parts.sensor.GetOutputPort("wrench"), parts.monitor.GetInputPort("raw_wrench"))
     builder.Connect(parts.encoder.GetOutputPort("depth"), parts.monitor.GetInputPort("raw_depth"))
-    for reader in (parts.estimator, parts.controller, parts.watchdog):
+    for reader in (parts.estimator, parts.controller, parts.watchdog, parts.guard):
         for name in ("wrench", "depth"):
             builder.Connect(parts.monitor.GetOutputPort(name), reader.GetInputPort(name))
 
@@ -213,6 +235,7 @@ def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
         builder.Connect(parts.estimator.GetOutputPort(name), parts.controller.GetInputPort(name))
     for name in COMMANDS:
         builder.Connect(parts.controller.GetOutputPort(name), parts.watchdog.GetInputPort(name))
+        builder.Connect(parts.watchdog.GetOutputPort(name), parts.guard.GetInputPort(name))
     builder.Connect(parts.controller.GetOutputPort("failed"), parts.watchdog.GetInputPort("controller_failed"))
     builder.Connect(parts.monitor.GetOutputPort("fault"), parts.watchdog.GetInputPort("measurement_fault"))
     builder.Connect(parts.motor.GetOutputPort("current"), parts.watchdog.GetInputPort("current"))
@@ -221,14 +244,14 @@ def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
 
 
 def _connect_motors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) -> None:
-    builder.Connect(parts.watchdog.GetOutputPort("feed_speed"), parts.motor.GetInputPort("speed_command"))
+    builder.Connect(parts.guard.GetOutputPort("feed_speed"), parts.motor.GetInputPort("speed_command"))
     builder.Connect(contact.carriage_state, parts.motor.GetInputPort("carriage_state"))
     builder.Connect(parts.motor.GetOutputPort("carriage_force"), contact.carriage_force)
     rates = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(2)))
     equilibrium = builder.AddNamedSystem("equilibrium", Multiplexer([1, 1, 2]))
     builder.Connect(contact.gimbal_state, parts.gimbal_angles.get_input_port())
     for k, (name, stepper) in enumerate(parts.steppers.items()):
-        builder.Connect(parts.watchdog.GetOutputPort(f"target_{name}"), stepper.GetInputPort("target_angle"))
+        builder.Connect(parts.guard.GetOutputPort(f"target_{name}"), stepper.GetInputPort("target_angle"))
         builder.Connect(parts.gimbal_angles.get_output_port(k), stepper.GetInputPort("measured_angle"))
         builder.Connect(stepper.GetOutputPort("equilibrium_angle"), equilibrium.get_input_port(k))
     builder.Connect(rates.get_output_port(), equilibrium.get_input_port(2))
@@ -265,7 +288,7 @@ def _add_recorder(builder: DiagramBuilder, scenario: Scenario, contact: RigPlant
             ("fx", "fy", "fz", "mx", "my", "mz"): parts.monitor.GetOutputPort("wrench"),
             ("depth",): parts.monitor.GetOutputPort("depth"),
             **{(name,): parts.estimator.GetOutputPort(name) for name in ("state", "known")},
-            **{(name,): parts.watchdog.GetOutputPort(name) for name in COMMANDS},
+            **{(name,): parts.guard.GetOutputPort(name) for name in ("target_pitch", "target_yaw", "feed_speed")},
             **{(name,): parts.controller.GetOutputPort(name) for name in ("guard", "support")},
             ("fault",): parts.watchdog.GetOutputPort("fault"),
             **{

@@ -1,120 +1,153 @@
-"""The force guard: it reduces a policy's feed under load, and backs the peg off when it is stuck."""
+"""The force guard: at the rate of the sensor it caps the contact load, whatever commands arrive."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from enum import IntEnum
-from typing import Self
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from models.scenario import ForceGuardParameters
 
+PITCH, YAW, FEED_SPEED, LOAD, SLOPE, LIGHT_PITCH, LIGHT_YAW = range(7)
+"""Indices of the state: permitted angles (rad) and feed speed (m/s), load (N) and its slope (N/s) at the last sample,
+and the permitted angles at which the load was last at most F_soft (rad)."""
 
-class GuardMode(IntEnum):
-    """What the force guard does at present."""
-
-    WORKING = 0
-    BACKING_OFF = 1
-
-
-@dataclass(frozen=True)
-class GuardState:
-    """State of the force guard between two periods.
-
-    Attributes:
-        mode: present mode.
-        elapsed: time since the back-off began, or since the last progress, s.
-        anchor: depth from which progress or the back-off is measured, m.
-        doubt: time for which the policy has not recognised its measurements, s.
-    """
-
-    mode: GuardMode = GuardMode.WORKING
-    elapsed: float = 0.0
-    anchor: float = -1.0
-    doubt: float = 0.0
-
-    def as_list(self) -> list[float]:
-        """Returns [mode, elapsed, anchor, doubt], for a discrete state."""
-        return [float(self.mode), self.elapsed, self.anchor, self.doubt]
-
-    @classmethod
-    def from_list(cls, values: Sequence[float]) -> Self:
-        """Inverts `as_list`."""
-        mode, elapsed, anchor, doubt = values
-        return cls(GuardMode(int(mode)), elapsed, anchor, doubt)
+SLOPE_TIME = 3e-3
+"""Time constant of the low-pass of the slope, s; noise and quanta of the sensor then cause some 20 N/s."""
 
 
 @dataclass(frozen=True)
-class GuardDecision:
-    """What the force guard permits for one period.
+class GuardTiming:
+    """How fast the rig measures and stops.
 
     Attributes:
-        state: state of the guard for the next period.
-        feed_speed: permitted feed speed, m/s, negative into the hole.
-        turning: whether the turn of the policy is applied.
-        unwinding: whether the hole turns back to its angles at the last light load.
+        period: time between two samples of the sensor, s.
+        delay: time from a contact force to the motors' response to it, s.
+        deceleration: deceleration of the feed at the current limit of its drive, m/s^2.
     """
 
-    state: GuardState
-    feed_speed: float
-    turning: bool
-    unwinding: bool = False
+    period: float
+    delay: float
+    deceleration: float
 
 
-def guard_step(
-    p: ForceGuardParameters,
-    state: GuardState,
-    *,
-    period: float,
-    feed_speed: float,
-    load: float,
-    depth: float,
-    known: bool,
-    support: float,
-) -> GuardDecision:
-    """Returns the decision of the force guard for one period.
-
-    While working, the guard reduces a feed v into the hole to
-
-        v s min(1, max(0, (F_hold - F) / (F_hold - F_soft))),
-
-    where s is the support of the action and F the load (`contact_load`). An unknown contact state reduces it further,
-    by the factor ``unknown_feed``. The guard backs the peg off
-
-    * when the load exceeds F_limit,
-    * when the policy has pushed for ``stall_time`` without a gain in depth of ``stall_depth``,
-    * when the policy has not recognised its measurements (state unknown or support below 1) for ``doubt_time``.
-
-    A back-off ends when the peg is ``back_off_distance`` higher, or after ``back_off_time``. Retraction cannot free a
-    peg that its own turns have wedged. If the peg has not risen by ``stall_depth`` after half of ``back_off_time``,
-    the guard therefore unwinds the turns.
-
-    Args:
-        p: thresholds.
-        state: state after the last period.
-        period: duration of a period, s.
-        feed_speed: feed speed of the policy, m/s, negative into the hole.
-        load: contact load, N.
-        depth: measured depth of the tip, m.
-        known: whether the estimator recognises the contact state.
-        support: support of the action, 0 to 1 (see `Action`).
+class ForceGuard(LeafSystem):
     """
-    if state.mode is GuardMode.BACKING_OFF:
-        risen = state.anchor - depth
-        if not (risen >= p.back_off_distance or state.elapsed >= p.back_off_time):
-            stuck = state.elapsed >= 0.5 * p.back_off_time and risen < p.stall_depth
-            state = replace(state, elapsed=state.elapsed + period)
-            return GuardDecision(state, p.retract_speed, turning=False, unwinding=stuck)
-        state = GuardState(anchor=depth)
-    doubt = 0.0 if known and support >= 1.0 else state.doubt + period
-    if depth - state.anchor >= p.stall_depth:
-        state = GuardState(anchor=depth, doubt=doubt)
-    else:
-        state = replace(state, elapsed=state.elapsed + period, doubt=doubt)
-    pushing = feed_speed < 0.0
-    if load > p.force_limit or (pushing and (state.elapsed > p.stall_time or state.doubt > p.doubt_time)):
-        return GuardDecision(GuardState(GuardMode.BACKING_OFF, anchor=depth), p.retract_speed, turning=False)
-    if pushing:
-        feed_speed *= support * min(1.0, max(0.0, (p.hold_force - load) / (p.hold_force - p.soft_force)))
-        feed_speed *= 1.0 if known else p.unknown_feed
-    return GuardDecision(state, feed_speed, turning=True)
+    .. pydrake_system::
+
+        name: ForceGuard
+        input_ports:
+        - wrench
+        - depth
+        - pitch_rate
+        - yaw_rate
+        - feed_speed
+        - unwinding
+        output_ports:
+        - target_pitch
+        - target_yaw
+        - feed_speed
+
+    The last system before the motors: every command passes through it, also that of a back-off and after a fault. Let F
+    be the load sqrt(|f|^2 + |m/r|^2) of the measured wrench and s its slope. The guard looks ahead by the time that a
+    stop needs,
+
+        F' = F + max(s, 0) (t + |v|/a),
+
+    with the delay t, the feed speed v and the deceleration a of `GuardTiming`.
+
+    * What raises the load is multiplied by min(1, max(0, (F_hold - F') / (F_hold - F_soft))): a feed into the hole, and
+      the part of a turn of the hole that runs against the contact moment about the pivot, which is taken to be at the
+      mouth. A retraction that pulls a peg out of a grip is multiplied by (F_limit - F') / (F_limit - F_hold) likewise.
+    * Above F_hold the guard yields: the hole turns with the contact moment, and the peg moves with the axial force, each
+      in proportion to its share of the load. The speeds grow linearly, to ``max_turn_rate`` and ``retract_speed`` at
+      F_limit.
+
+    The guard integrates the permitted turn rates to angles, within ``max_turn_rate`` and ``max_turn``. While
+    ``unwinding`` is 1, it turns the hole back to the angles at which the load was last at most F_soft, and the commanded
+    rates do not count.
+
+    Rates are in rad/s, speeds in m/s, angles in rad relative to the start. The wrench (N, N m) acts on the peg about its
+    tip, in P.
+    """
+
+    def __init__(
+        self,
+        *,
+        parameters: ForceGuardParameters,
+        timing: GuardTiming,
+        peg_radius: float,
+        max_turn_rate: float,
+        max_turn: float,
+        retract_speed: float,
+    ) -> None:
+        super().__init__()
+        self._parameters, self._timing, self._radius = parameters, timing, peg_radius
+        self._max_turn_rate, self._max_turn, self._retract_speed = max_turn_rate, max_turn, retract_speed
+        self._wrench = self.DeclareVectorInputPort("wrench", 6)
+        self._depth = self.DeclareVectorInputPort("depth", 1)
+        self._commands = [
+            self.DeclareVectorInputPort(name, 1) for name in ("pitch_rate", "yaw_rate", "feed_speed", "unwinding")
+        ]
+        self._state = self.DeclareDiscreteState(7)
+        self.DeclarePeriodicDiscreteUpdateEvent(timing.period, 0.0, self._update)
+        state = {self.discrete_state_ticket(self._state)}
+        for name, index in (("target_pitch", PITCH), ("target_yaw", YAW), ("feed_speed", FEED_SPEED)):
+            self.DeclareVectorOutputPort(name, 1, self._reader(index), state)
+
+    def _reader(self, index: int) -> Callable[[Context, BasicVector], None]:
+        def calc(context: Context, output: BasicVector) -> None:
+            output[0] = context.get_discrete_state(self._state).value()[index]
+
+        return calc
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        # Plain floats: this runs at 1 kHz, and NumPy is slower for so few numbers.
+        p, T = self._parameters, self._timing.period
+        fx, fy, fz, mx, my, mz = self._wrench.Eval(context).tolist()
+        depth = self._depth.Eval(context).tolist()[0]
+        pitch_rate, yaw_rate, speed, unwinding = (float(port.Eval(context)[0]) for port in self._commands)
+        pitch, yaw, old_speed, old_load, slope, light_pitch, light_yaw = (
+            context.get_discrete_state(self._state).value().tolist()
+        )
+        load = math.hypot(fx, fy, fz, mx / self._radius, my / self._radius, mz / self._radius)
+        slope += T / (SLOPE_TIME + T) * ((load - old_load) / T - slope)
+        ahead = load + max(slope, 0.0) * (self._timing.delay + abs(old_speed) / self._timing.deceleration)
+        share = _share(ahead, p.soft_force, p.hold_force)
+        give = 1.0 - _share(ahead, p.hold_force, p.force_limit)
+        if load <= p.soft_force:
+            light_pitch, light_yaw = pitch, yaw
+
+        if unwinding:
+            pitch_rate, yaw_rate = (light_pitch - pitch) / T, (light_yaw - yaw) / T
+        # The moment of the peg on the hole about the centre of the mouth, where the pivot is but for its tolerance.
+        moment_x, moment_y = -(mx + depth * fy), -(my - depth * fx)
+        moment = math.hypot(moment_x, moment_y)
+        if moment > 0.0:
+            x, y = moment_x / moment, moment_y / moment
+            along = pitch_rate * x + yaw_rate * y
+            change = -(1.0 - share) * min(along, 0.0)
+            change += give * self._max_turn_rate * min(1.0, moment / self._radius / load)
+            pitch_rate, yaw_rate = pitch_rate + change * x, yaw_rate + change * y
+        rate = math.hypot(pitch_rate, yaw_rate)
+        scale = T * min(1.0, self._max_turn_rate / rate) if rate > 0.0 else 0.0
+        if speed < 0.0:
+            speed *= share
+        elif fz < 0.0:
+            speed *= 1.0 - give
+        if load > 0.0:
+            speed += give * self._retract_speed * fz / load
+        discrete_state.get_mutable_vector(self._state).SetFromVector(
+            [
+                min(max(pitch + scale * pitch_rate, -self._max_turn), self._max_turn),
+                min(max(yaw + scale * yaw_rate, -self._max_turn), self._max_turn),
+                *(speed, load, slope, light_pitch, light_yaw),
+            ]
+        )
+
+
+def _share(load: float, start: float, end: float) -> float:
+    """Returns 1 below a load, 0 above another, and linear values between them."""
+    return min(1.0, max(0.0, (end - load) / (end - start)))

@@ -1,4 +1,4 @@
-"""The controller that runs a policy: it turns actions into motor commands within limits and force guard."""
+"""The controller that runs a policy: it turns actions into turn rates and a feed speed, and backs off."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from models.scenario import ForceGuardParameters, PolicyControllerParameters
+from models.scenario import BackOffParameters, PolicyControllerParameters
 from skill.arrays import Array
 from skill.features.measurement import contact_load, measurement
 from skill.manipulation_skill import Action
 from skill.policy import RigPolicy
 from systems.control.faults import one_line
-from systems.control.force_guard import GuardState, guard_step
+from systems.control.back_off import BackOffState, back_off_step
 
 
 @dataclass(frozen=True)
@@ -25,37 +25,36 @@ class ControllerState:
     """State of the controller between two periods.
 
     Attributes:
-        angles: (2,), commanded pitch and yaw relative to the angles at time 0, rad.
+        rates: (2,), commanded rates of pitch and yaw, rad/s.
         feed_speed: commanded feed speed, m/s, negative into the hole.
-        guard: state of the force guard.
+        unwinding: whether the hole turns back to its angles at the last light load.
+        back_off: state of the back-off.
         support: support of the last action, 0 to 1.
-        light_angles: (2,), angles that were commanded when the load was last at most F_soft, rad.
     """
 
-    angles: Array = field(default_factory=lambda: np.zeros(2))
+    rates: Array = field(default_factory=lambda: np.zeros(2))
     feed_speed: float = 0.0
-    guard: GuardState = field(default_factory=GuardState)
+    unwinding: bool = False
+    back_off: BackOffState = field(default_factory=BackOffState)
     support: float = 1.0
-    light_angles: Array = field(default_factory=lambda: np.zeros(2))
 
     def as_list(self) -> list[float]:
-        """Returns the ten numbers of the discrete state, in the order of the attributes."""
-        return [*self.angles, self.feed_speed, *self.guard.as_list(), self.support, *self.light_angles]
+        """Returns the numbers of the discrete state, in the order of the attributes."""
+        return [*self.rates, self.feed_speed, float(self.unwinding), *self.back_off.as_list(), self.support]
 
     @classmethod
     def from_vector(cls, values: Array) -> Self:
         """Inverts `as_list`."""
-        pitch, yaw, feed_speed, *guard, support, light_pitch, light_yaw = values
-        return cls(
-            np.array([pitch, yaw]), feed_speed, GuardState.from_list(guard), support, np.array([light_pitch, light_yaw])
-        )
+        pitch, yaw, feed_speed, unwinding, *back_off, support = values
+        return cls(np.array([pitch, yaw]), feed_speed, bool(unwinding), BackOffState.from_list(back_off), support)
 
 
 OUTPUTS: dict[str, Callable[[ControllerState], float]] = {
-    "target_pitch": lambda state: state.angles[0],
-    "target_yaw": lambda state: state.angles[1],
+    "pitch_rate": lambda state: state.rates[0],
+    "yaw_rate": lambda state: state.rates[1],
     "feed_speed": lambda state: state.feed_speed,
-    "guard": lambda state: state.guard.mode,
+    "unwinding": lambda state: state.unwinding,
+    "guard": lambda state: state.back_off.mode,
     "support": lambda state: state.support,
 }
 """The output ports that read the discrete state."""
@@ -72,9 +71,10 @@ class PolicyController(LeafSystem):
         - probabilities
         - known
         output_ports:
-        - target_pitch
-        - target_yaw
+        - pitch_rate
+        - yaw_rate
         - feed_speed
+        - unwinding
         - guard
         - support
         - failed
@@ -82,17 +82,17 @@ class PolicyController(LeafSystem):
     Every period T the policy returns an action: a turn omega (rad, in P) of the peg relative to the hole and a motion u
     (m) along its axis, both within one period T_s of the policy. The rig turns the hole instead of the peg:
 
-        pitch <- pitch - g omega_x T/T_s,   yaw <- yaw - g omega_y T/T_s,   feed speed = u/T_s,
+        pitch rate = -g omega_x/T_s,   yaw rate = -g omega_y/T_s,   feed speed = u/T_s,
 
-    each within its limit, and the feed within what the force guard permits (`guard_step`). ``guard`` is 1 while the
-    guard backs the peg off, and ``support`` is the support of the action. When the guard unwinds the turns, the angles
-    return to those at which the load was last at most F_soft.
+    each within its limit. `back_off_step` reduces the feed where the policy is unsure, and draws the peg back when it is
+    stuck: ``guard`` is 1 meanwhile, and ``unwinding`` is 1 while the hole is to turn back to its angles at the last
+    light load. ``support`` is the support of the action. The load is capped behind this system, by the `ForceGuard`.
 
-    A policy that raises an exception, or returns a NaN or infinite action, has failed and is not called again: the feed
-    stops, the angles stay, and ``failed`` is 1.
+    A policy that raises an exception, or returns a NaN or infinite action, has failed and is not called again: feed and
+    turns stop, and ``failed`` is 1.
 
     The controller receives the wrench on the peg about its tip, the depth, the probabilities of the states and whether
-    the state is known. It counts angles from the positions of the axes at time 0.
+    the state is known.
     """
 
     def __init__(
@@ -100,13 +100,13 @@ class PolicyController(LeafSystem):
         *,
         policy: RigPolicy,
         parameters: PolicyControllerParameters,
-        guard: ForceGuardParameters,
+        back_off: BackOffParameters,
         peg_radius: float,
     ) -> None:
         super().__init__()
         self._policy = policy
         self._parameters = parameters
-        self._guard = guard
+        self._back_off = back_off
         self._peg_radius = peg_radius
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
@@ -145,7 +145,7 @@ class PolicyController(LeafSystem):
         try:
             action = self._checked_action(measurement(wrench, depth), self._probabilities.Eval(context))
         except Exception as error:  # a foreign policy may raise anything, and the rig must stop
-            command = replace(command, feed_speed=0.0)
+            command = replace(command, rates=np.zeros(2), feed_speed=0.0, unwinding=False)
             state.get_mutable_abstract_state(int(self._failure)).set_value(one_line(error))
         else:
             command = self._next_state(command, action, wrench, depth, known=bool(self._known.Eval(context)[0]))
@@ -163,30 +163,18 @@ class PolicyController(LeafSystem):
         self, state: ControllerState, action: Action, wrench: Array, depth: float, *, known: bool
     ) -> ControllerState:
         p = self._parameters
-        load = contact_load(wrench, self._peg_radius)
-        light_angles = state.angles if load <= self._guard.soft_force else state.light_angles
-        decision = guard_step(
-            self._guard,
-            state.guard,
+        decision = back_off_step(
+            self._back_off,
+            state.back_off,
             period=p.period,
             feed_speed=float(np.clip(action.feed / self._policy.period_, -p.max_feed_speed, p.max_feed_speed)),
-            load=load,
+            load=contact_load(wrench, self._peg_radius),
             depth=depth,
             known=known,
             support=action.support,
         )
-        turn = np.zeros(2)
-        if decision.turning:
-            turn = -p.gain * action.turn * p.period / self._policy.period_
-        elif decision.unwinding:
-            turn = light_angles - state.angles
-        size = np.linalg.norm(turn)
-        if size > p.max_turn_rate * p.period:
-            turn *= p.max_turn_rate * p.period / size
-        return ControllerState(
-            angles=np.clip(state.angles + turn, -p.max_turn, p.max_turn),
-            feed_speed=decision.feed_speed,
-            guard=decision.state,
-            support=action.support,
-            light_angles=light_angles,
-        )
+        rates = -p.gain * action.turn / self._policy.period_ if decision.turning else np.zeros(2)
+        size = np.linalg.norm(rates)
+        if size > p.max_turn_rate:
+            rates *= p.max_turn_rate / size
+        return ControllerState(rates, decision.feed_speed, decision.unwinding, decision.state, action.support)

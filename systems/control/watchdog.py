@@ -14,7 +14,7 @@ from models.scenario import WatchdogParameters
 from skill.arrays import Array
 from systems.control.faults import Fault
 
-COMMANDS = ("target_pitch", "target_yaw", "feed_speed")
+COMMANDS = ("pitch_rate", "yaw_rate", "feed_speed", "unwinding")
 AT_LIMIT = 0.95  # share of the current limit from which the current counts as limited
 
 
@@ -25,22 +25,18 @@ class WatchdogState:
     Attributes:
         fault: first fault found.
         since: time since that fault, s.
-        pitch: last pitch command before the fault, rad.
-        yaw: last yaw command before the fault, rad.
         pushed: distance commanded into the hole since the depth last changed, m.
         anchor: depth from which a change is measured, m.
     """
 
     fault: Fault = Fault.NONE
     since: float = 0.0
-    pitch: float = 0.0
-    yaw: float = 0.0
     pushed: float = 0.0
     anchor: float = 0.0
 
     def as_list(self) -> list[float]:
-        """Returns the six numbers of the discrete state, in the order of the attributes."""
-        return [float(self.fault), self.since, self.pitch, self.yaw, self.pushed, self.anchor]
+        """Returns the four numbers of the discrete state, in the order of the attributes."""
+        return [float(self.fault), self.since, self.pushed, self.anchor]
 
     @classmethod
     def from_vector(cls, values: Array) -> Self:
@@ -55,9 +51,10 @@ class Watchdog(LeafSystem):
 
         name: Watchdog
         input_ports:
-        - target_pitch
-        - target_yaw
+        - pitch_rate
+        - yaw_rate
         - feed_speed
+        - unwinding
         - controller_failed
         - measurement_fault
         - wrench
@@ -66,9 +63,10 @@ class Watchdog(LeafSystem):
         - pitch_counts
         - yaw_counts
         output_ports:
-        - target_pitch
-        - target_yaw
+        - pitch_rate
+        - yaw_rate
         - feed_speed
+        - unwinding
         - fault
         - stopped
 
@@ -80,7 +78,7 @@ class Watchdog(LeafSystem):
       ``stall_depth``, and the contact carries less than half of the drive's force N eta k_t |i|, so that the contact is
       not the cause. If the current is at its limit the motor is stalled, else the depth encoder is stuck.
 
-    ``fault`` (`Fault`) is the first fault and stays. From then on the angles stay, and the peg is retracted with
+    ``fault`` (`Fault`) is the first fault and stays. From then on the turns stop, and the peg is retracted with
     ``retract_speed`` for ``back_off_time``. Then the feed stops, and ``stopped`` is 1.
 
     The watchdog has no output to the controller: the policy does not see what the drives report.
@@ -122,8 +120,6 @@ class Watchdog(LeafSystem):
             state = WatchdogState(
                 fault=self._find_fault(context, pushed=pushed),
                 since=state.since,
-                pitch=self._command("target_pitch", context),
-                yaw=self._command("target_yaw", context),
                 pushed=pushed,
                 anchor=state.anchor if still else depth,
             )
@@ -155,7 +151,7 @@ class Watchdog(LeafSystem):
             elif name == "feed_speed":
                 output[0] = 0.0 if self._is_stopped(state) else self._parameters.retract_speed
             else:
-                output[0] = state.pitch if name == "target_pitch" else state.yaw
+                output[0] = 0.0
 
         return calc
 

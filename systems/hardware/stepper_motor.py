@@ -1,17 +1,13 @@
-"""Models a stepper axis: whole steps on a trapezoidal speed ramp, a magnetic spring, and step loss under overload."""
+"""Models a stepper axis: half-steps on a trapezoidal speed ramp, a magnetic spring, and step loss under overload."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from pydrake.common.containers import namedview
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from models.hardware import StepperMotorParameters
-
-StepperState = namedview("StepperState", ["position", "speed", "shift", "taken", "lost"])
-"""Ramp position and speed (steps, steps/s), slip of the rotor (steps), and the counts of steps taken and lost."""
 
 PERIOD_STEPS = 4  # full steps in one electrical period, the distance between two stable equilibria of the rotor
 
@@ -28,17 +24,18 @@ class StepperMotor(LeafSystem):
         - equilibrium_angle
         - step_counts
 
-    Every period the driver moves its ramp position towards the step nearest to ``target_angle``, with a trapezoidal
-    speed within ``max_step_rate`` and ``max_step_acceleration`` (see `ramp_speed`). It takes every whole step that the
-    ramp passes, and counts the steps open loop. The rotor is held at the equilibrium
+    The driver holds the rotor at positions of 1/m of a full step, with m = ``microsteps``. Every period it moves its
+    ramp position towards the one nearest to ``target_angle``, with a trapezoidal speed within ``max_step_rate`` and
+    ``max_step_acceleration`` (see `ramp_speed`). It takes every microstep that the ramp passes, and counts them open
+    loop. The rotor is held at the equilibrium
 
-        theta_0 = theta_start + step (round(position) + shift)
+        theta_0 = theta_start + step (round(m position) / m + shift)
 
     by the plant's joint actuator, an implicit spring of stiffness K = (pi/2) T_h / step and maximum torque T_h. When
     the lag |theta - theta_0| exceeds two full steps, the rotor slips to the next equilibrium, one electrical period of
-    four steps away. ``shift`` is increased or decreased by four, and four steps count as lost.
+    four steps away. ``shift`` is increased or decreased by four, and 4 m microsteps count as lost.
 
-    ``step_counts`` is [steps taken, steps lost]. Angles are in rad. ``target_angle`` is relative to ``theta_start``,
+    ``step_counts`` is [microsteps taken, microsteps lost]. Angles are in rad. ``target_angle`` is relative to ``theta_start``,
     because the driver does not know the absolute angle.
 
     Args:
@@ -54,6 +51,7 @@ class StepperMotor(LeafSystem):
         self._start_angle = start_angle
         self._target = self.DeclareVectorInputPort("target_angle", 1)
         self._measured = self.DeclareVectorInputPort("measured_angle", 1)
+        # Ramp position and speed and slip of the rotor, in full steps, and the counts of microsteps taken and lost.
         self._state = self.DeclareDiscreteState(np.zeros(5))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         state_only = {self.discrete_state_ticket(self._state)}
@@ -61,33 +59,36 @@ class StepperMotor(LeafSystem):
         self.DeclareVectorOutputPort("step_counts", 2, self._calc_counts, state_only)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        p = self._parameters
-        state = StepperState(context.get_discrete_state(self._state).value().copy())
-        target = round(self._target.Eval(context)[0] / p.step_angle)
-        previous = round(state.position)
-        state.speed = ramp_speed(
-            target - state.position,
-            state.speed,
-            top=p.max_step_rate,
-            change=p.max_step_acceleration * self._period,
-            period=self._period,
-        )
-        state.position += state.speed * self._period
-        commanded = round(state.position)
-        state.taken += abs(commanded - previous)
-        lag = (self._measured.Eval(context)[0] - self._start_angle) / p.step_angle - (commanded + state.shift)
+        # Plain floats: this runs at every step of the plant, and NumPy is slower for so few numbers.
+        p, microsteps = self._parameters, self._parameters.microsteps
+        position, speed, shift, taken, lost = context.get_discrete_state(self._state).value().tolist()
+        target = round(float(self._target.Eval(context)[0]) / p.step_angle * microsteps) / microsteps
+        previous = round(position * microsteps)
+        if target != position or speed != 0.0:
+            speed = ramp_speed(
+                target - position,
+                speed,
+                top=p.max_step_rate,
+                change=p.max_step_acceleration * self._period,
+                period=self._period,
+            )
+            position += speed * self._period
+        commanded = round(position * microsteps)
+        taken += abs(commanded - previous)
+        angle = (float(self._measured.Eval(context)[0]) - self._start_angle) / p.step_angle
+        lag = angle - (commanded / microsteps + shift)
         if abs(lag) > PERIOD_STEPS / 2:
-            state.shift += math.copysign(PERIOD_STEPS, lag)
-            state.lost += PERIOD_STEPS
-        discrete_state.get_mutable_vector(self._state).SetFromVector(state[:])
+            shift += math.copysign(PERIOD_STEPS, lag)
+            lost += PERIOD_STEPS * microsteps
+        discrete_state.get_mutable_vector(self._state).SetFromVector([position, speed, shift, taken, lost])
 
     def _calc_equilibrium(self, context: Context, output: BasicVector) -> None:
-        state = StepperState(context.get_discrete_state(self._state).value())
-        output[0] = self._start_angle + self._parameters.step_angle * (round(state.position) + state.shift)
+        position, _, shift, _, _ = context.get_discrete_state(self._state).value().tolist()
+        p = self._parameters
+        output[0] = self._start_angle + p.step_angle * (round(position * p.microsteps) / p.microsteps + shift)
 
     def _calc_counts(self, context: Context, output: BasicVector) -> None:
-        state = StepperState(context.get_discrete_state(self._state).value())
-        output.SetFromVector([state.taken, state.lost])
+        output.SetFromVector(context.get_discrete_state(self._state).value()[3:])
 
 
 def ramp_speed(distance: float, speed: float, *, top: float, change: float, period: float) -> float:

@@ -99,6 +99,15 @@ class HydroelasticRig(ContactPlant):
         """See `RigPlant`."""
         return float(self.peg.default_mass() * np.linalg.norm(self.plant.gravity_field().gravity_vector()))
 
+    @property
+    def moving_mass(self) -> float:
+        """See `RigPlant`."""
+        bodies = [self.plant.GetModelInstanceByName(name) for name in ("feed", "mount")]
+        rotor = self.plant.GetJointActuatorByName("feed")
+        reflected = rotor.default_rotor_inertia() * rotor.default_gear_ratio() ** 2
+        mass = self.plant.CalcTotalMass(self.plant.CreateDefaultContext(), bodies)
+        return float(mass + reflected)
+
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """See `RigPlant`."""
         own = self.plant.GetMyMutableContextFromRoot(context)
