@@ -14,22 +14,14 @@ import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from models.bore import (
-    MAX_FACETS,
-    MAX_PLAY_ERROR,
-    facet_sagitta,
-    minimum_aligned_facets,
-    minimum_clearance,
-    minimum_facets,
-    play_error,
-)
+from models.bore import facet_violations, minimum_clearance
 from models.contact_stiffness import softness_violations
 from models.contact_theory import largest_entry_tilt
 from models.document import read_document, read_text
 from models.hardware import DEVICE_PRESETS, DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
 from models.hardware_checks import is_multiple, sensor_violations, stall_violations
 from models.operator import HABITS, OperatorParameters, draw_person
-from models.validation import Violation, check_document, number_violations, raise_first
+from models.validation import MAX_FACETS, Violation, check_document, number_violations, raise_first
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 APPROXIMATIONS = ("lagged", "similar", "sap")
@@ -264,7 +256,8 @@ def _violations(scenario: Scenario) -> Iterator[Violation]:
     yield from number_violations(scenario)
     yield from _geometry_violations(scenario.geometry)
     yield from _name_violations(scenario)
-    yield from _facet_violations(scenario)
+    g, spins = scenario.geometry, scenario.fixture == FREE_FIXTURE
+    yield from facet_violations(facets=g.facets, radius=g.hole_radius, clearance=g.clearance, spins=spins)
     yield from _limit_violations(scenario)
     yield from _tilt_violations(scenario.start, scenario.geometry)
     yield from _timing_violations(scenario)
@@ -284,21 +277,6 @@ def _geometry_violations(g: Geometry) -> Iterator[Violation]:
         yield Violation("geometry.peg_length", f"{g.peg_length} m", f"> hole_depth {g.hole_depth}")
     if g.block_radius <= g.hole_radius + g.chamfer:
         yield Violation("geometry.block_radius", f"{g.block_radius} m", "> hole_radius + chamfer")
-
-
-def _facet_violations(scenario: Scenario) -> Iterator[Violation]:
-    """Checks that peg and bore are meshed finely enough for the play, and for a peg that may rotate about its axis."""
-    g, free = scenario.geometry, scenario.fixture == FREE_FIXTURE
-    spinning, aligned = minimum_facets(g.hole_radius, g.clearance), minimum_aligned_facets()
-    minimum = spinning if free else min(spinning, aligned)
-    if g.facets < minimum:
-        coarse = max(g.facets, 3)
-        found, bound = f"play wrong by {100 * play_error(coarse):.2g} %", f"the play is wrong by < {MAX_PLAY_ERROR:.0%}"
-        if minimum == spinning:
-            found = f"sagitta {1e6 * facet_sagitta(g.hole_radius, coarse):.1f} um"
-            bound = f"the sagitta is below a quarter of the clearance ({1e6 * g.clearance / 4:.1f} um)"
-        reason = f"; with fixture {FREE_FIXTURE} the peg may rotate about its axis" if free else ""
-        yield Violation("geometry.facets", f"{g.facets} ({found})", f"at least {minimum}, so that {bound}{reason}")
 
 
 def _name_violations(scenario: Scenario) -> Iterator[Violation]:
