@@ -2,8 +2,8 @@
 
 The bore is a regular prism whose edges lie on the true cylinder, like the edges of the prism into which Drake converts
 the cylindrical peg. Two aligned prisms with the same number n of sides are similar: the clearance between them is R - r
-at the edges and (R - r) cos(pi/n) at the sides, which is within 0.2 % of the true clearance for n = 64. If the sides
-lay on the cylinder instead, the play would be larger by the sagitta, a quarter of the clearance.
+at the edges and (R - r) cos(pi/n) at the sides, which is within 1 % of the true clearance for n = 24. If the sides lay
+on the cylinder instead, the play would be larger by the sagitta.
 
 Frame H has its origin at the centre of the mouth and z out of the hole.
 """
@@ -12,17 +12,26 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from models.validation import MAX_FACETS, Violation
+
 CUTAWAY_TURNS = (3 / 8, 7 / 8)
 """Part of the ring that a cutaway picture shows, in turns about z; the camera looks in from the other half."""
 
 
-MAX_FACETS = 512
-"""Maximum number of facets. The time of a step grows with it; 256 are as good as round (docs/physics.md)."""
+MAX_PLAY_ERROR = 0.01
+"""Largest error of the play of two aligned polygons, as a part of the clearance."""
+
+EDGE_ANGLE = 1.5
+"""Angle of the broken edge to the wall, over the largest tilt at which the peg enters."""
+
+EDGE_HEIGHT = 0.4
+"""Height of the broken edge, over the clearance."""
 
 
 @dataclass(frozen=True)
@@ -55,13 +64,88 @@ def facet_sagitta(radius: float, facets: int) -> float:
 
 
 def minimum_facets(radius: float, clearance: float) -> int:
-    """Returns the minimum number of facets whose sagitta is at most a quarter of the clearance (both in m)."""
+    """Returns the minimum number of facets whose sagitta is at most a quarter of the clearance (both in m).
+
+    A peg that may rotate about its axis needs as many: a rotation by half a facet costs one sagitta of the play.
+    """
     return math.ceil(math.pi / math.acos(1.0 - clearance / (4.0 * radius)))
+
+
+def play_error(facets: int) -> float:
+    """Returns the error of the play of a peg whose corners are aligned with those of the bore: 1 - cos(pi/n).
+
+    It is a part of the clearance.
+    """
+    return 1.0 - math.cos(math.pi / facets)
+
+
+def minimum_aligned_facets() -> int:
+    """Returns the minimum number of facets whose `play_error` is at most `MAX_PLAY_ERROR`."""
+    return math.ceil(math.pi / math.acos(1.0 - MAX_PLAY_ERROR))
+
+
+def facet_violations(*, facets: int, radius: float, clearance: float, spins: bool) -> Iterator[Violation]:
+    """Checks that peg and bore have enough facets for their play.
+
+    Args:
+        facets: Number of facets n.
+        radius: Radius of the bore, m.
+        clearance: R - r, m.
+        spins: Whether the peg may rotate about its axis (see `minimum_facets`). If not, the corners stay aligned, and
+            fewer facets are enough if their `play_error` is small.
+    """
+    spinning = minimum_facets(radius, clearance)
+    minimum = spinning if spins else min(spinning, minimum_aligned_facets())
+    if facets >= minimum:
+        return
+    found, bound = f"play wrong by {100 * play_error(facets):.2g} %", f"the play is wrong by < {MAX_PLAY_ERROR:.0%}"
+    if minimum == spinning:
+        found = f"sagitta {1e6 * facet_sagitta(radius, facets):.1f} um"
+        bound = f"the sagitta is below a quarter of the clearance ({1e6 * clearance / 4:.1f} um)"
+    reason = "; with fixture free the peg may rotate about its axis" if spins else ""
+    yield Violation("geometry.facets", f"{facets} ({found})", f"at least {minimum}, so that {bound}{reason}")
 
 
 def minimum_clearance(radius: float) -> float:
     """Returns the smallest clearance (m) for which `MAX_FACETS` are enough; see `minimum_facets`."""
     return 4.0 * facet_sagitta(radius, MAX_FACETS)
+
+
+@dataclass(frozen=True)
+class BrokenEdge:
+    """A band between the wall of the bore and its chamfer, steeper than the chamfer.
+
+    Drake extrapolates the pressure of every face over a step with the speed at which the bodies approach along the
+    normal of that face. A peg that slides along the edge of the mouth approaches the chamfer, so that a chamfer of 45
+    degrees next to the edge pushes against the motion: the axial force of a sliding peg is too large by an amount
+    proportional to the tangent of the angle between the faces, the speed and the step (docs/physics.md).
+
+    Attributes:
+        width: Radial width of the band, m.
+        height: Height of the band above the mouth, m.
+    """
+
+    width: float
+    height: float
+
+    @classmethod
+    def of(cls, *, radius: float, clearance: float, chamfer: float) -> BrokenEdge | None:
+        """Returns the band for a bore, or None if there is no chamfer.
+
+        The band is as flat as it can be without touching the peg before the edge of the mouth does: its angle is 1.5
+        times the largest tilt at which the peg enters, arccos(r/R). Its height is 0.4 of the clearance: contacts are
+        smaller, and no point of the band is further than 0.3 of the clearance from the chamfer.
+
+        Args:
+            radius: Radius R of the bore, m.
+            clearance: R - r, m.
+            chamfer: Width of the chamfer, m.
+        """
+        if chamfer == 0.0:
+            return None
+        angle = min(EDGE_ANGLE * math.acos(1.0 - clearance / radius), math.radians(45.0))
+        height = min(EDGE_HEIGHT * clearance, 0.2 * chamfer)
+        return cls(width=height * math.tan(angle), height=height)
 
 
 def cutaway_sector(facets: int) -> tuple[int, int]:
@@ -78,6 +162,7 @@ def make_bore(
     facets: int,
     block_radius: float,
     floor: float,
+    edge: BrokenEdge | None = None,
     sector: tuple[int, int] | None = None,
 ) -> TriangleMesh:
     """Returns the mesh of a round block with a chamfered blind bore in its top face.
@@ -89,6 +174,7 @@ def make_bore(
         facets: Number of flat faces of the bore.
         block_radius: Radius of the block, m.
         floor: Thickness of the block below the bore, m.
+        edge: Band between wall and chamfer; None for a chamfer that begins at the mouth. It needs a chamfer.
         sector: First and last facet to keep, for a block that is cut open; None for the whole ring. A cut block is
             closed by planes through the axis.
 
@@ -104,6 +190,8 @@ def make_bore(
         )
     # The profile (radius, height) runs from the bottom of the bore over the rim to the bottom of the block.
     rim = [(radius, -chamfer), (radius + chamfer, 0.0)] if chamfer > 0 else [(radius, 0.0)]
+    if edge is not None:
+        rim.insert(1, (radius + edge.width, -chamfer + edge.height))
     profile = [
         *((0.0, -depth), (radius, -depth), *rim),
         *((block_radius, 0.0), (block_radius, -depth - floor), (0.0, -depth - floor)),

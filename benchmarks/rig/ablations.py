@@ -42,7 +42,7 @@ from benchmarks.rig.comparison import command_line, compare, prepared, recorded,
 from benchmarks.rig.figures import draw_groups, draw_learning_curve
 from benchmarks.rig.learners import Demonstrations, one_state, skill_from
 from benchmarks.rig.trials import Arm
-from models.scenario import Scenario, load_scenario
+from models.scenario import FREE_FACETS, FREE_FIXTURE, Scenario, load_scenario
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.features.wrench_features import NormalisedFeatures, RawFeatures
 
@@ -138,9 +138,10 @@ def draw(summaries: list[dict[str, Any]], folder: Path, whole: int) -> None:
 
 
 def in_free_space(scenario: Scenario) -> Scenario:
-    """The scenario with the free fixture."""
+    """The scenario with the free fixture, and with the facets for a peg that may rotate about its axis."""
     free = copy.deepcopy(scenario)
-    free.fixture = "free"
+    free.fixture = FREE_FIXTURE
+    free.geometry.facets = max(free.geometry.facets, FREE_FACETS)
     return free
 
 

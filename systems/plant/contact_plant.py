@@ -39,7 +39,7 @@ from pydrake.systems.framework import Context, DiagramBuilder, InputPort, Output
 from pydrake.systems.primitives import ConstantVectorSource
 
 import models
-from models.bore import cutaway_sector, make_bore
+from models.bore import BrokenEdge, cutaway_sector, make_bore
 from models.scenario import Geometry, Scenario
 
 DIVERGENCE_FORCE = 1e5  # in units of N; a larger contact force means that the simulation has diverged
@@ -271,7 +271,8 @@ def finish_contact_plant(
 
 
 def _bore_mesh(g: Geometry, sector: tuple[int, int] | None) -> Mesh:
-    """Returns the mesh of the block; ``sector`` as in `make_bore`."""
+    """Returns the mesh of the block; ``sector`` as in `make_bore`. Only a whole ring has a broken edge."""
+    edge = BrokenEdge.of(radius=g.hole_radius, clearance=g.clearance, chamfer=g.chamfer)
     mesh = make_bore(
         radius=g.hole_radius,
         depth=g.hole_depth,
@@ -279,6 +280,7 @@ def _bore_mesh(g: Geometry, sector: tuple[int, int] | None) -> Mesh:
         facets=g.facets,
         block_radius=g.block_radius,
         floor=g.floor,
+        edge=edge if sector is None else None,
         sector=sector,
     )
     return Mesh(InMemoryMesh(mesh_file=MemoryFile(mesh.to_obj(), ".obj", "bore.obj")))

@@ -6,7 +6,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.bore import cutaway_sector, facet_sagitta, make_bore, minimum_facets
+from models.bore import (
+    BrokenEdge,
+    cutaway_sector,
+    facet_sagitta,
+    make_bore,
+    minimum_aligned_facets,
+    minimum_facets,
+    play_error,
+)
 
 SIZES = {"radius": 0.01005, "depth": 0.025, "chamfer": 0.0005, "facets": 64, "block_radius": 0.03, "floor": 0.01}
 
@@ -152,3 +160,38 @@ def test_the_cutaway_is_half_of_the_ring_opposite_the_camera():
     mesh = make_bore(**SIZES, sector=cutaway_sector(64))
     towards_camera = np.array([math.cos(math.radians(45.0)), math.sin(math.radians(45.0)), 0.0])
     assert (mesh.vertices @ towards_camera).max() < 1e-9
+
+
+def test_23_facets_keep_the_error_of_the_play_below_one_percent():
+    # cos(pi/n) = 0.99, so pi/n = 0.14154 and n = 22.2
+    assert minimum_aligned_facets() == 23
+    assert play_error(23) <= 0.01 < play_error(22)
+    assert play_error(24) == pytest.approx(0.00856, rel=1e-3)
+
+
+def test_the_broken_edge_is_steeper_than_any_peg_that_enters():
+    edge = BrokenEdge.of(radius=0.01005, clearance=5e-5, chamfer=5e-4)
+    assert edge.height == pytest.approx(20e-6)
+    # the largest tilt is 5.718 degrees, and tan(8.577 degrees) = 0.1508
+    assert edge.width == pytest.approx(3.017e-6, rel=1e-3)
+    assert BrokenEdge.of(radius=0.01005, clearance=5e-5, chamfer=0.0) is None
+
+
+@given(radius=st.floats(1e-3, 0.1), share=st.floats(1e-4, 0.3), chamfer=st.floats(1e-7, 1e-2))
+def test_the_broken_edge_stays_between_the_wall_and_the_chamfer(radius, share, chamfer):
+    edge = BrokenEdge.of(radius=radius, clearance=share * radius, chamfer=chamfer)
+    assert 0.0 < edge.width <= edge.height <= 0.2 * chamfer * (1 + 1e-12)
+    distance = (edge.height - edge.width) / math.sqrt(2.0)  # from the chamfer
+    assert distance <= 0.3 * share * radius
+
+
+def test_a_broken_edge_adds_one_ring_above_the_mouth():
+    edge = BrokenEdge(width=3e-6, height=2e-5)
+    sharp, broken = make_bore(**SIZES), make_bore(**SIZES, edge=edge)
+    assert len(broken.vertices) == len(sharp.vertices) + SIZES["facets"]
+    ring = broken.vertices[np.isclose(broken.vertices[:, 2], -SIZES["chamfer"] + 2e-5, rtol=0, atol=1e-9)]
+    np.testing.assert_allclose(np.hypot(ring[:, 0], ring[:, 1]), SIZES["radius"] + 3e-6, rtol=1e-12)
+    # The band adds material: the triangle between the edge, its own upper corner and the upper edge of the chamfer.
+    area = 0.5 * (SIZES["chamfer"] * 2e-5 - SIZES["chamfer"] * 3e-6)
+    added = broken.volume() - sharp.volume()
+    assert added == pytest.approx(2.0 * math.pi * SIZES["radius"] * area, rel=0.03)

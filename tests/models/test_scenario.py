@@ -13,6 +13,7 @@ from models.hardware import DEVICE_PRESETS
 from models.scenario import (
     DEMONSTRATION_STREAM,
     FIXTURES,
+    FREE_FACETS,
     HABITS,
     SCENARIO_FOLDER,
     TRIAL_STREAM,
@@ -113,6 +114,7 @@ def test_the_stiffness_of_the_stepper_is_that_of_a_sine_with_a_period_of_four_st
 @settings(max_examples=30, deadline=None)
 def test_dump_and_parse_keep_every_number_exactly(values):
     scenario = Scenario(seed=values["seed"], fixture=values["fixture"], device=values["device"])
+    scenario.geometry.facets = FREE_FACETS
     scenario.contact.friction = values["friction"]
     scenario.start.tilt = values["tilt"]
     scenario.operator.habit = values["habit"]
@@ -134,7 +136,15 @@ BAD_TEXT = {
     "a hole narrower than the peg": ("geometry: {hole_radius: 0.0099}", "clearance .* is -0.1 mm"),
     "zero clearance": ("geometry: {hole_radius: 0.010}", "clearance .* is 0 mm"),
     "a negative radius": ("geometry: {peg_radius: -0.01}", "geometry.peg_radius is -0.01"),
-    "too few facets": ("geometry: {facets: 32}", "geometry.facets is 32 .* at least 63"),
+    "too few facets": ("geometry: {facets: 22}", r"geometry.facets is 22 \(play wrong by 1 %\), expected at least 23"),
+    "too few facets for a peg that may spin": (
+        "{fixture: free, geometry: {facets: 62}}",
+        "geometry.facets is 62 .sagitta 12.9 um.*at least 63, .*12.5 um.; with fixture free the peg may rotate",
+    ),
+    "too few facets for a wide clearance": (
+        "geometry: {hole_radius: 0.011, facets: 14}",
+        "geometry.facets is 14 .sagitta 275.8 um.*at least 15, so that the sagitta is below .*250.0 um.$",
+    ),
     "negative facets": ("geometry: {facets: -64}", "geometry.facets is -64"),
     "a chamfer deeper than the hole": ("geometry: {chamfer: 0.03}", "geometry.chamfer is 0.03"),
     "a peg shorter than the hole": ("geometry: {peg_length: 0.02}", "geometry.peg_length is 0.02"),
@@ -348,14 +358,24 @@ def test_parsed_text_is_validated():
         parse_scenario(text, "the record")
 
 
-def test_the_minimum_number_of_facets_is_that_of_the_formula():
-    scenario = Scenario()
-    minimum = minimum_facets(scenario.geometry.hole_radius, scenario.geometry.clearance)
+@pytest.mark.parametrize(("fixture", "minimum"), [("free", 63), ("rig", 23), ("axial", 23)])
+def test_the_minimum_number_of_facets_is_that_of_the_fixture(fixture, minimum):
+    scenario = Scenario(fixture=fixture)
     scenario.geometry.facets = minimum
     validate_scenario(scenario)
     scenario.geometry.facets = minimum - 1
     with pytest.raises(ValueError, match=r"geometry\.facets"):
         validate_scenario(scenario)
+
+
+def test_a_file_with_the_free_fixture_has_enough_facets_by_default():
+    assert parse_scenario("fixture: free", "a").geometry.facets == 64
+    assert parse_scenario("{fixture: free, geometry: {facets: 128}}", "a").geometry.facets == 128
+    assert parse_scenario("fixture: axial", "a").geometry.facets == Scenario().geometry.facets
+
+
+def test_a_wide_clearance_needs_as_few_facets_as_before():
+    assert parse_scenario("geometry: {hole_radius: 0.011, facets: 15}", "a").geometry.facets == 15
 
 
 @pytest.mark.parametrize("axis", [0, 1])
