@@ -46,6 +46,8 @@ class DcMotor(LeafSystem):
         super().__init__()
         self._parameters = parameters
         self._period = period
+        self._ratio = parameters.ratio
+        self._decay = math.exp(-parameters.resistance * period / parameters.inductance)
         self._speed_command = self.DeclareVectorInputPort("speed_command", 1)
         self._carriage_state = self.DeclareVectorInputPort("carriage_state", 2)
         self._state = self.DeclareDiscreteState(np.zeros(2))  # current (A) and integral of the speed error (rad)
@@ -55,34 +57,30 @@ class DcMotor(LeafSystem):
         self.DeclareVectorOutputPort("current", 1, self._calc_current, {state})
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        p, T = self._parameters, self._period
-        current, integral = context.get_discrete_state(self._state).value()
-        w = p.ratio * self._carriage_state.Eval(context)[1]
-        command = p.ratio * self._speed_command.Eval(context)[0]
+        p, decay = self._parameters, self._decay
+        current, integral = context.get_discrete_state(self._state).value().tolist()
+        w = self._ratio * float(self._carriage_state.Eval(context)[1])
+        command = self._ratio * float(self._speed_command.Eval(context)[0])
         error = command - w
         voltage = p.speed_kp * error + p.speed_ki * integral + p.torque_constant * command
-        decay = math.exp(-p.resistance * T / p.inductance)
         back_emf = p.torque_constant * w
-
-        def voltage_for(next_current: float) -> float:
-            return float(back_emf + p.resistance * (next_current - current * decay) / (1.0 - decay))
-
-        minimum = max(-p.supply_voltage, voltage_for(-p.current_limit))
-        maximum = min(p.supply_voltage, voltage_for(p.current_limit))
+        # The voltages after which the current is at its limits.
+        gain = p.resistance / (1.0 - decay)
+        minimum = max(-p.supply_voltage, back_emf + gain * (-p.current_limit - current * decay))
+        maximum = min(p.supply_voltage, back_emf + gain * (p.current_limit - current * decay))
         applied = min(max(voltage, minimum), maximum)
         saturated = applied != voltage and (voltage - applied) * error > 0
         if not saturated:
-            integral += error * T
-        current = current * decay + (applied - back_emf) / p.resistance * (1.0 - decay)
+            integral += error * self._period
+        current = current * decay + (applied - back_emf) / gain
         discrete_state.get_mutable_vector(self._state).SetFromVector([current, integral])
 
     def _calc_force(self, context: Context, output: BasicVector) -> None:
         p = self._parameters
-        current, _ = context.get_discrete_state(self._state).value()
-        w = p.ratio * self._carriage_state.Eval(context)[1]
+        current = context.get_discrete_state(self._state)[0]
+        w = self._ratio * float(self._carriage_state.Eval(context)[1])
         friction = p.viscous_friction * w + p.coulomb_friction * math.tanh(w / FRICTION_SPEED)
-        output[0] = p.ratio * (p.screw_efficiency * p.torque_constant * current - friction)
+        output[0] = self._ratio * (p.screw_efficiency * p.torque_constant * current - friction)
 
     def _calc_current(self, context: Context, output: BasicVector) -> None:
-        current, _ = context.get_discrete_state(self._state).value()
-        output[0] = current
+        output[0] = context.get_discrete_state(self._state)[0]

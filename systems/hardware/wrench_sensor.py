@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import AbstractValue, Value
 from pydrake.multibody.math import SpatialForce
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem, ValueProducer
 
 from models.hardware import WrenchSensorParameters
 from systems.math.noise import standard_normal
-from systems.math.rotation import cross
 
 
 def wrench_at_tip(wrench: NDArray[np.float64], height: float) -> NDArray[np.float64]:
@@ -22,8 +21,10 @@ def wrench_at_tip(wrench: NDArray[np.float64], height: float) -> NDArray[np.floa
         wrench: Force (N), then moment (N m), about the mount (6,).
         height: Height of the mount above the tip, m.
     """
-    force, moment = wrench[:3], wrench[3:]
-    return np.concatenate([force, moment + cross(np.array([0.0, 0.0, height]), force)])
+    moved = wrench.copy()
+    moved[3] -= height * wrench[1]
+    moved[4] += height * wrench[0]
+    return moved
 
 
 class WrenchSensor(LeafSystem):
@@ -66,33 +67,35 @@ class WrenchSensor(LeafSystem):
         self._quantum = np.repeat([p.force_quantum, p.torque_quantum], 3)
         self._drift_step = np.repeat([p.force_drift, p.torque_drift], 3) * math.sqrt(p.period)
         self._bias = np.repeat([p.force_bias, p.torque_bias], 3) * standard_normal(seed, "sensor bias", 0, 6)
+        self._blend = 1.0 - math.exp(-2.0 * math.pi * p.bandwidth * p.period)
         self._reaction = self.DeclareAbstractInputPort("reaction_forces", AbstractValue.Make([SpatialForce.Zero()]))
-        self._filtered = self.DeclareDiscreteState(6)
-        self._drift = self.DeclareDiscreteState(6)
-        # The newest reading is first; the last one is the output.
-        self._readings = self.DeclareDiscreteState(6 * (round(p.delay / p.period) + 1))
+        # The plant may step less often than the sensor samples; to read its list of forces takes long.
+        self._held = self.DeclareCacheEntry(
+            "held wrench", ValueProducer(Value[object], self._calc_held), {self._reaction.ticket()}
+        )
+        # Filtered wrench (6), drift (6) and the readings of the delay (6 each); the newest is first, the last is the
+        # output.
+        self._state = self.DeclareDiscreteState(12 + 6 * (round(p.delay / p.period) + 1))
         self.DeclarePeriodicDiscreteUpdateEvent(p.period, 0.0, self._update)
-        self.DeclareVectorOutputPort("wrench", 6, self._calc_wrench, {self.discrete_state_ticket(self._readings)})
+        self.DeclareVectorOutputPort("wrench", 6, self._calc_wrench, {self.discrete_state_ticket(self._state)})
+
+    def _calc_held(self, context: Context, held: AbstractValue) -> None:
+        """Evaluates F_S - F_tare (6,): force (N), then moment (N m)."""
+        reaction = self._reaction.Eval(context)[self._weld]
+        held.set_value(np.concatenate([reaction.translational(), reaction.rotational()]) - self._tare)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        p = self._parameters
-        reaction = self._reaction.Eval(context)[self._weld]
-        held = np.concatenate([reaction.translational(), reaction.rotational()])
-        filtered = context.get_discrete_state(self._filtered).value()
-        blend = 1.0 - math.exp(-2.0 * math.pi * p.bandwidth * p.period)
-        filtered = filtered + blend * (-(held - self._tare) - filtered)
-        tick = round(context.get_time() / p.period)
-        white, walk = standard_normal(self._seed, "sensor noise", tick, 12).reshape(2, 6)
-        drift = context.get_discrete_state(self._drift).value() + self._drift_step * walk
-        noisy = filtered + self._bias + drift + self._sigma * white
-        clipped = np.clip(noisy, -self._range, self._range)
-        reading = np.round(clipped / self._quantum) * self._quantum
-        readings = context.get_discrete_state(self._readings).value()
-        discrete_state.get_mutable_vector(self._filtered).SetFromVector(filtered)
-        discrete_state.get_mutable_vector(self._drift).SetFromVector(drift)
-        discrete_state.get_mutable_vector(self._readings).SetFromVector(np.concatenate([reading, readings[:-6]]))
+        tick = round(context.get_time() / self._parameters.period)
+        noise = standard_normal(self._seed, "sensor noise", tick, 12)
+        state = discrete_state.get_mutable_vector(self._state).get_mutable_value()
+        filtered, drift = state[:6], state[6:12]
+        filtered -= self._blend * (self._held.Eval(context) + filtered)
+        drift += self._drift_step * noise[6:]
+        noisy = filtered + self._bias + drift + self._sigma * noise[:6]
+        clipped = np.minimum(np.maximum(noisy, -self._range), self._range)
+        state[18:] = state[12:-6].copy()
+        state[12:18] = np.rint(clipped / self._quantum) * self._quantum
 
     def _calc_wrench(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(
-            wrench_at_tip(context.get_discrete_state(self._readings).value()[-6:], self._parameters.height)
-        )
+        state = context.get_discrete_state(self._state).value()
+        output.SetFromVector(wrench_at_tip(state[-6:], self._parameters.height))

@@ -202,3 +202,30 @@ def test_the_low_pass_attenuates_a_sine_by_its_transfer_function(share):
     assert amplitude == pytest.approx(b / abs(1 - (1 - b) * z), rel=2e-2)
     if share == 1.0:
         assert amplitude == pytest.approx(1 / math.sqrt(2), rel=0.03)
+
+
+def test_the_forces_of_the_plant_are_read_once_per_step_of_the_plant(monkeypatch):
+    """To convert the list of forces to Python takes as long as the rest of a sample."""
+    reads = []
+    calc = WrenchSensor._calc_held
+    monkeypatch.setattr(WrenchSensor, "_calc_held", lambda *arguments: (reads.append(1), calc(*arguments))[1])
+    dut, context, p = sensor([1.0] * 6, height=0.0, **IMMEDIATE)
+    for step in range(1, 6):
+        hold(dut, context, [float(step)] * 6)
+        wrench = read(dut, context, p, times=2)
+        np.testing.assert_allclose(wrench, [-step] * 6)
+        assert len(reads) == step
+
+
+def test_two_contexts_of_one_sensor_do_not_disturb_each_other():
+    noisy = {"force_noise": [0.02] * 3, "torque_noise": [5e-4] * 3, "force_drift": 0.1, "delay": 2e-3}
+    alone = sensor([1.0] * 6, **noisy)
+    expected = np.array([read(*alone).copy() for _ in range(300)])
+    dut, first, p = sensor([1.0] * 6, **noisy)
+    second = first.Clone()
+    found = {k: [] for k in (0, 1)}
+    for _ in range(300):
+        for k, context in enumerate((first, second)):
+            found[k].append(read(dut, context, p).copy())
+    np.testing.assert_array_equal(found[0], expected)
+    np.testing.assert_array_equal(found[1], expected)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from systems.math.noise import standard_normal
+from systems.math.noise import BLOCK, _draw_block, standard_normal
 
 N = 6000
 
@@ -39,3 +39,17 @@ def test_a_draw_depends_on_its_arguments_only():
     for other in (standard_normal(4, "a", 4, 6), standard_normal(3, "b", 4, 6), standard_normal(3, "a", 5, 6)):
         assert not np.isin(other, first).any()
     assert len(set(first)) == 6
+
+
+def test_the_order_of_the_ticks_does_not_matter():
+    ticks = np.arange(3 * BLOCK)
+    ordered = np.array([standard_normal(3, "a", tick, 2) for tick in ticks])
+    assert len(np.unique(ordered)) == ordered.size  # no block repeats another
+    _draw_block.cache_clear()
+    shuffled = np.random.default_rng(0).permutation(ticks)
+    np.testing.assert_array_equal([standard_normal(3, "a", tick, 2) for tick in shuffled], ordered[shuffled])
+
+
+def test_a_draw_cannot_be_changed():
+    with pytest.raises(ValueError, match="read-only"):
+        standard_normal(3, "a", 4, 6)[0] = 1.0
