@@ -80,6 +80,10 @@ class RigDiagram:
         """Returns why the policy failed, or "" if it has not; ``context`` is the diagram's."""
         return self.controller.failure(self.controller.GetMyContextFromRoot(context))
 
+    def attempts(self, context: Context) -> int:
+        """Returns how many attempts in a row have ended alike if the policy has given up, else 0."""
+        return self.controller.attempts(self.controller.GetMyContextFromRoot(context))
+
     def stopped(self, context: Context) -> bool:
         """Returns whether the watchdog has retracted the peg after a fault and stopped."""
         return bool(self.watchdog.GetOutputPort("stopped").Eval(self.watchdog.GetMyContextFromRoot(context))[0])

@@ -26,22 +26,28 @@ class BackOffState:
         elapsed: time since the back-off began, or since the last progress, s.
         anchor: depth from which progress or the back-off is measured, m.
         doubt: time for which the policy has not recognised its measurements, s.
+        best: largest depth at which an attempt ended, m.
+        contact: number of the contact state in which the last attempt ended; -1 before the first.
+        repeats: attempts in a row that ended like the one before.
     """
 
     mode: BackOffMode = BackOffMode.WORKING
     elapsed: float = 0.0
     anchor: float = -1.0
     doubt: float = 0.0
+    best: float = -1.0
+    contact: float = -1.0
+    repeats: float = 0.0
 
     def as_list(self) -> list[float]:
-        """Returns [mode, elapsed, anchor, doubt], for a discrete state."""
-        return [float(self.mode), self.elapsed, self.anchor, self.doubt]
+        """Returns the numbers of a discrete state, in the order of the attributes."""
+        return [float(self.mode), self.elapsed, self.anchor, self.doubt, self.best, self.contact, self.repeats]
 
     @classmethod
     def from_list(cls, values: Sequence[float]) -> Self:
         """Inverts `as_list`."""
-        mode, elapsed, anchor, doubt = values
-        return cls(BackOffMode(int(mode)), elapsed, anchor, doubt)
+        mode, *others = values
+        return cls(BackOffMode(int(mode)), *others)
 
 
 @dataclass(frozen=True)
@@ -53,12 +59,14 @@ class BackOffDecision:
         feed_speed: feed speed, m/s, negative into the hole.
         turning: whether the turn of the policy is applied.
         unwinding: whether the hole turns back to its angles at the last light load.
+        given_up: whether the policy has nothing new to try.
     """
 
     state: BackOffState
     feed_speed: float
     turning: bool
     unwinding: bool = False
+    given_up: bool = False
 
 
 def back_off_step(
@@ -71,6 +79,7 @@ def back_off_step(
     depth: float,
     known: bool,
     support: float,
+    contact: int,
 ) -> BackOffDecision:
     """Returns the decision for one period.
 
@@ -85,6 +94,10 @@ def back_off_step(
     peg that its own turns have wedged. If the peg has not risen by ``stall_depth`` after half of ``back_off_time``,
     the turns are therefore unwound (see `ForceGuard`).
 
+    An attempt ends with a back-off. It repeats the one before if it ended in the same contact state and no attempt has
+    been deeper by ``stall_depth``. A policy without memory then measures the same again and does the same again: after
+    ``max_repeats`` repetitions, and the back-off that follows, it has nothing new to try and gives up.
+
     Args:
         p: thresholds.
         state: state after the last period.
@@ -94,6 +107,7 @@ def back_off_step(
         depth: measured depth of the tip, m.
         known: whether the estimator recognises the contact state.
         support: support of the action, 0 to 1 (see `Action`).
+        contact: number of the most probable contact state.
     """
     if state.mode is BackOffMode.BACKING_OFF:
         risen = state.anchor - depth
@@ -101,15 +115,30 @@ def back_off_step(
             stuck = state.elapsed >= 0.5 * p.back_off_time and risen < p.stall_depth
             state = replace(state, elapsed=state.elapsed + period)
             return BackOffDecision(state, p.retract_speed, turning=False, unwinding=stuck)
-        state = BackOffState(anchor=depth)
+        if state.repeats >= p.max_repeats:
+            return BackOffDecision(state, 0.0, turning=False, given_up=True)
+        state = replace(state, mode=BackOffMode.WORKING, elapsed=0.0, anchor=depth, doubt=0.0)
     doubt = 0.0 if known and support >= 1.0 else state.doubt + period
     if depth - state.anchor >= p.stall_depth:
-        state = BackOffState(anchor=depth, doubt=doubt)
+        state = replace(state, elapsed=0.0, anchor=depth, doubt=doubt)
     else:
         state = replace(state, elapsed=state.elapsed + period, doubt=doubt)
     pushing = feed_speed < 0.0
     if load > p.force_limit or (pushing and (state.elapsed > p.stall_time or state.doubt > p.doubt_time)):
-        return BackOffDecision(BackOffState(BackOffMode.BACKING_OFF, anchor=depth), p.retract_speed, turning=False)
+        return BackOffDecision(_attempt_over(p, state, depth, contact), p.retract_speed, turning=False)
     if pushing:
         feed_speed *= support if known else support * p.unknown_feed
     return BackOffDecision(state, feed_speed, turning=True)
+
+
+def _attempt_over(p: BackOffParameters, state: BackOffState, depth: float, contact: int) -> BackOffState:
+    """Returns the state at the start of a back-off."""
+    deeper = depth >= state.best + p.stall_depth
+    repeated = not deeper and contact == state.contact
+    return BackOffState(
+        BackOffMode.BACKING_OFF,
+        anchor=depth,
+        best=depth if deeper else state.best,
+        contact=float(contact),
+        repeats=state.repeats + 1.0 if repeated else 0.0,
+    )

@@ -61,16 +61,16 @@ class ForceGuard(LeafSystem):
     * What raises the load is multiplied by min(1, max(0, (F_hold - F') / (F_hold - F_soft))): a feed into the hole, and
       the part of a turn of the hole that runs against the contact moment about the pivot, which is taken to be at the
       mouth. A retraction that pulls a peg out of a grip is multiplied by (F_limit - F') / (F_limit - F_hold) likewise.
-    * Above F_hold the guard yields: the hole turns with the contact moment, and the peg moves with the axial force, each
-      in proportion to its share of the load. The speeds grow linearly, to ``max_turn_rate`` and ``retract_speed`` at
-      F_limit.
+    * Above F_hold the guard yields: the hole turns with the contact moment, and the peg moves with the axial force,
+      each in proportion to its share of the load. The speeds grow linearly, to ``max_turn_rate`` and ``retract_speed``
+      at F_limit.
 
     The guard integrates the permitted turn rates to angles, within ``max_turn_rate`` and ``max_turn``. While
-    ``unwinding`` is 1, it turns the hole back to the angles at which the load was last at most F_soft, and the commanded
-    rates do not count.
+    ``unwinding`` is 1, it turns the hole back to the angles at which the load was last at most F_soft, and the
+    commanded rates do not count.
 
-    Rates are in rad/s, speeds in m/s, angles in rad relative to the start. The wrench (N, N m) acts on the peg about its
-    tip, in P.
+    Rates are in rad/s, speeds in m/s, angles in rad relative to the start. The wrench (N, N m) acts on the peg about
+    its tip, in P.
     """
 
     def __init__(

@@ -16,8 +16,8 @@ from skill.arrays import Array
 from skill.features.measurement import contact_load, measurement
 from skill.manipulation_skill import Action
 from skill.policy import RigPolicy
-from systems.control.faults import one_line
 from systems.control.back_off import BackOffState, back_off_step
+from systems.control.faults import one_line
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,7 @@ class ControllerState:
         unwinding: whether the hole turns back to its angles at the last light load.
         back_off: state of the back-off.
         support: support of the last action, 0 to 1.
+        given_up: whether the policy has nothing new to try.
     """
 
     rates: Array = field(default_factory=lambda: np.zeros(2))
@@ -37,16 +38,25 @@ class ControllerState:
     unwinding: bool = False
     back_off: BackOffState = field(default_factory=BackOffState)
     support: float = 1.0
+    given_up: bool = False
 
     def as_list(self) -> list[float]:
         """Returns the numbers of the discrete state, in the order of the attributes."""
-        return [*self.rates, self.feed_speed, float(self.unwinding), *self.back_off.as_list(), self.support]
+        return [
+            *self.rates,
+            self.feed_speed,
+            float(self.unwinding),
+            *self.back_off.as_list(),
+            self.support,
+            self.given_up,
+        ]
 
     @classmethod
     def from_vector(cls, values: Array) -> Self:
         """Inverts `as_list`."""
-        pitch, yaw, feed_speed, unwinding, *back_off, support = values
-        return cls(np.array([pitch, yaw]), feed_speed, bool(unwinding), BackOffState.from_list(back_off), support)
+        pitch, yaw, feed_speed, unwinding, *back_off, support, given_up = values
+        state = BackOffState.from_list(back_off)
+        return cls(np.array([pitch, yaw]), feed_speed, bool(unwinding), state, support, bool(given_up))
 
 
 OUTPUTS: dict[str, Callable[[ControllerState], float]] = {
@@ -56,6 +66,7 @@ OUTPUTS: dict[str, Callable[[ControllerState], float]] = {
     "unwinding": lambda state: state.unwinding,
     "guard": lambda state: state.back_off.mode,
     "support": lambda state: state.support,
+    "given_up": lambda state: state.given_up,
 }
 """The output ports that read the discrete state."""
 
@@ -77,6 +88,7 @@ class PolicyController(LeafSystem):
         - unwinding
         - guard
         - support
+        - given_up
         - failed
 
     Every period T the policy returns an action: a turn omega (rad, in P) of the peg relative to the hole and a motion u
@@ -86,7 +98,8 @@ class PolicyController(LeafSystem):
 
     each within its limit. `back_off_step` reduces the feed where the policy is unsure, and draws the peg back when it is
     stuck: ``guard`` is 1 meanwhile, and ``unwinding`` is 1 while the hole is to turn back to its angles at the last
-    light load. ``support`` is the support of the action. The load is capped behind this system, by the `ForceGuard`.
+    light load. ``support`` is the support of the action. When the policy has nothing new to try, ``given_up`` is 1 and
+    nothing moves any more. The load is capped behind this system, by the `ForceGuard`.
 
     A policy that raises an exception, or returns a NaN or infinite action, has failed and is not called again: feed and
     turns stop, and ``failed`` is 1.
@@ -125,6 +138,11 @@ class PolicyController(LeafSystem):
         """Returns why the policy failed, or "" if it has not; ``context`` is this system's."""
         return str(context.get_abstract_state(int(self._failure)).get_value())
 
+    def attempts(self, context: Context) -> int:
+        """Returns how many attempts in a row have ended alike if the policy has given up, else 0."""
+        state = self._controller_state(context)
+        return 1 + int(state.back_off.repeats) if state.given_up else 0
+
     def _controller_state(self, context: Context) -> ControllerState:
         return ControllerState.from_vector(context.get_discrete_state(self._state).value())
 
@@ -138,17 +156,19 @@ class PolicyController(LeafSystem):
         output[0] = float(self.failure(context) != "")
 
     def _update(self, context: Context, state: State) -> None:
-        if self.failure(context):
-            return
         command = self._controller_state(context)
+        if self.failure(context) or command.given_up:
+            return
         wrench, depth = self._wrench.Eval(context), self._depth.Eval(context)[0]
+        probabilities = self._probabilities.Eval(context)
         try:
-            action = self._checked_action(measurement(wrench, depth), self._probabilities.Eval(context))
+            action = self._checked_action(measurement(wrench, depth), probabilities)
         except Exception as error:  # a foreign policy may raise anything, and the rig must stop
             command = replace(command, rates=np.zeros(2), feed_speed=0.0, unwinding=False)
             state.get_mutable_abstract_state(int(self._failure)).set_value(one_line(error))
         else:
-            command = self._next_state(command, action, wrench, depth, known=bool(self._known.Eval(context)[0]))
+            known = bool(self._known.Eval(context)[0])
+            command = self._next_state(command, action, wrench, depth, probabilities, known=known)
         state.get_mutable_discrete_state(self._state).SetFromVector(command.as_list())
 
     def _checked_action(self, measured: Array, probabilities: Array) -> Action:
@@ -160,7 +180,14 @@ class PolicyController(LeafSystem):
         return action
 
     def _next_state(
-        self, state: ControllerState, action: Action, wrench: Array, depth: float, *, known: bool
+        self,
+        state: ControllerState,
+        action: Action,
+        wrench: Array,
+        depth: float,
+        probabilities: Array,
+        *,
+        known: bool,
     ) -> ControllerState:
         p = self._parameters
         decision = back_off_step(
@@ -172,9 +199,12 @@ class PolicyController(LeafSystem):
             depth=depth,
             known=known,
             support=action.support,
+            contact=int(np.argmax(probabilities)),
         )
         rates = -p.gain * action.turn / self._policy.period_ if decision.turning else np.zeros(2)
         size = np.linalg.norm(rates)
         if size > p.max_turn_rate:
             rates *= p.max_turn_rate / size
-        return ControllerState(rates, decision.feed_speed, decision.unwinding, decision.state, action.support)
+        return ControllerState(
+            rates, decision.feed_speed, decision.unwinding, decision.state, action.support, decision.given_up
+        )
