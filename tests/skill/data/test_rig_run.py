@@ -8,7 +8,7 @@ import pytest
 
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from skill.data.demonstration import read_demonstration, write_demonstration
-from skill.data.rig_run import RUN_COLUMNS, RUN_VERSION, RigRun, read_rig_run, write_rig_run
+from skill.data.rig_run import CONTACT_COLUMNS, RUN_COLUMNS, RUN_VERSION, RigRun, read_rig_run, write_rig_run
 from systems.runs.trial import run_trial
 from tests.crafted_files import rewrite, sealed_parquet, write_unsealed
 
@@ -43,7 +43,7 @@ def test_a_run_is_read_back_bit_identically(run, path):
     pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
     assert again.result == run.result
     assert again.metadata == run.metadata
-    assert tuple(again.samples.columns) == RUN_COLUMNS
+    assert tuple(again.samples.columns) == (*RUN_COLUMNS, *CONTACT_COLUMNS)
 
 
 def test_a_file_of_the_other_kind_is_refused(path, demonstrations, tmp_path):
@@ -70,7 +70,7 @@ def test_a_bad_table_is_refused(path, change, message):
 
 def test_a_run_of_another_version_is_refused(path):
     rewrite(path, "rig_run", format_version=RUN_VERSION + 1)
-    assert f"version {RUN_VERSION + 1}, expected 2 or {RUN_VERSION}" in error_message(path)
+    assert f"version {RUN_VERSION + 1}, expected 2 or 3 or {RUN_VERSION}" in error_message(path)
 
 
 def test_runs_of_version_2_stay_readable(run, path):
