@@ -143,7 +143,7 @@ def hydroelastic_forces(
         return NormalForces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
     faces = np.concatenate([_faces(info) for info in surfaces])
     points, normals, areas, pressures, gradients = faces[:, :3], faces[:, 3:6], faces[:, 6], faces[:, 7], faces[:, 8]
-    speeds = _separation_speeds(context, peg, block, points, normals)
+    speeds = _separation_speeds(context, peg, block, points, normals, step=plant.time_step())
     elastic = np.maximum(0.0, areas * (pressures - plant.time_step() * gradients * speeds))
     forces = np.where(gradients > MIN_GRADIENT, elastic * np.maximum(0.0, 1.0 - dissipation * speeds), 0.0)
     return NormalForces(points, normals, forces)
@@ -168,11 +168,17 @@ def _faces(info: HydroelasticContactInfo) -> Array:
     return found
 
 
-def _separation_speeds(context: Context, peg: RigidBody, block: RigidBody, points: Array, normals: Array) -> Array:
-    """Speeds (n,), m/s, at which the peg moves along the normals relative to the block, at points in W."""
+def _separation_speeds(
+    context: Context, peg: RigidBody, block: RigidBody, points: Array, normals: Array, *, step: float
+) -> Array:
+    """Speeds (n,), m/s, at which the peg moves along the normals relative to the block, at points in W.
+
+    The points are those at the start of the last step, the velocities those at its end. The bodies are moved back.
+    """
     turns, speeds = [], []
     for body in (peg, block):
-        motion, origin = body.EvalSpatialVelocityInWorld(context), body.EvalPoseInWorld(context).translation()
+        motion = body.EvalSpatialVelocityInWorld(context)
+        origin = body.EvalPoseInWorld(context).translation() - step * motion.translational()
         turns.append(motion.rotational())
         speeds.append(motion.translational() - cross(turns[-1], origin))  # of the point of the body at W's origin
     x, y, z = turns[0] - turns[1]
