@@ -74,7 +74,7 @@ for (const command of sceneCommands) {
     byId("force-scale").textContent = "force, 10 mm = " + data.force_scale;
     byId("moment-scale").textContent = "moment, 10 mm = " + data.moment_scale;
     byId("dial-ring").textContent = ringStep + "\u00b0";
-    byId("contact-scale").textContent = "normal force, 10 mm = " + data.force_scale;
+    byId("contact-scale").textContent = "each contact, 10 mm = " + data.force_scale;
     if (!data.guard) document.querySelectorAll(".rig").forEach(row => row.remove());
     if (!data.contacts) document.querySelectorAll(".contacts").forEach(element => element.remove());
   }

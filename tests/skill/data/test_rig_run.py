@@ -11,6 +11,7 @@ from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import CONTACT_COLUMNS, RUN_COLUMNS, RUN_VERSION, RigRun, read_rig_run, write_rig_run
 from systems.runs.trial import run_trial
 from tests.crafted_files import rewrite, sealed_parquet, write_unsealed
+from tests.trajectories import make_rig_run
 
 
 @pytest.fixture(scope="module")
@@ -113,3 +114,37 @@ def test_a_run_may_have_a_single_row(run, tmp_path):
     result = {"inserted": False, "reason": "time over", "time_s": 0.004, "depth_mm": -1.0}
     write_rig_run(RigRun(run.samples.head(1), result), tmp_path / "one.parquet")
     assert len(read_rig_run(tmp_path / "one.parquet").samples) == 1
+
+
+def test_a_run_of_an_earlier_version_has_no_contacts(tmp_path):
+    old = make_rig_run(contacts=False)
+    write_rig_run(old, tmp_path / "old.parquet")
+    rewrite(tmp_path / "old.parquet", "rig_run", format_version=3)
+    assert tuple(read_rig_run(tmp_path / "old.parquet").samples.columns) == RUN_COLUMNS
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        ("contact_tip_x", 0.5, "column 'contact_tip_x' lies between"),
+        ("contact_face_fz", 2e5, "column 'contact_face_fz' lies between"),
+    ],
+)
+def test_an_implausible_contact_is_refused(run, tmp_path, column, value, message):
+    samples = run.samples.copy()
+    samples.loc[3, column] = value
+    write_rig_run(RigRun(samples, run.result, run.metadata), tmp_path / "run.parquet")
+    assert message in error_message(tmp_path / "run.parquet")
+
+
+def test_a_run_with_some_of_the_contacts_is_refused(run):
+    with pytest.raises(ValueError, match="missing columns \\['contact_tip_x'\\]"):
+        RigRun(run.samples.drop(columns="contact_tip_x"), run.result, run.metadata)
+
+
+def test_a_peak_below_the_recorded_contacts_is_refused(tmp_path):
+    run = make_rig_run()
+    largest = run.samples["contact_tip_fx"].abs().max()
+    low = {**run.result, "peak_contact_n": round(float(largest) - 1.0, 1)}
+    write_rig_run(RigRun(run.samples, low, run.metadata), tmp_path / "run.parquet")
+    assert "'peak_contact_n' of the result is" in error_message(tmp_path / "run.parquet")
