@@ -13,9 +13,9 @@ Each trial is repeated in MuJoCo with other sensor noise ("again"). The engines 
 two such runs.
 
 Columns of the summary, one row per engine: number of insertions; medians of time, depth, largest load, largest normal
-force of a single contact, mean load in contact, and overlap of the round bodies; median CPU time of a trial and of the physics of a step; CPU time per
-simulated second. The physics of a step is, for MuJoCo, the time in its own step; for Drake it is the time of a whole
-trial minus the time of the same systems around the plant in the MuJoCo trial, per step.
+force of a single contact, mean load in contact, and overlap of the round bodies; median CPU time of a trial and of the
+physics of a step; CPU time per simulated second. The physics of a step is, for MuJoCo, the time in its own step; for
+Drake it is the time of a whole trial minus the time of the same systems around the plant in the MuJoCo trial, per step.
 """
 
 from __future__ import annotations
