@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -96,7 +97,7 @@ class HydroelasticRig(ContactPlant):
         """See `RigPlant`."""
         return self.plant.get_reaction_forces_output_port()
 
-    @property
+    @cached_property
     def sensor(self) -> int:
         """See `RigPlant`."""
         return int(self.plant.GetJointByName("sensor").index())
