@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
 
 from models.scenario import Scenario
@@ -42,6 +42,7 @@ class RigDiagram:
         controller: the system that runs the policy.
         watchdog: the system between controller and motors.
         start: position of the carriage, m, and angles of pitch and yaw, rad, at the start.
+        measured: output port with the measured wrench (6,) on the peg about its tip, in P, that the controllers get.
         tare: (6,), reaction in the sensor's weld in free air: force (N), then moment (N m), in P.
         sensor_height: height of that weld above the tip, m.
     """
@@ -52,6 +53,7 @@ class RigDiagram:
     controller: PolicyController
     watchdog: Watchdog
     start: tuple[float, float, float]
+    measured: OutputPort
     tare: Array
     sensor_height: float
 
@@ -70,6 +72,11 @@ class RigDiagram:
         reaction = port.Eval(port.get_system().GetMyContextFromRoot(context))[self.contact.sensor]
         held = np.concatenate([reaction.translational(), reaction.rotational()])
         return wrench_at_tip(self.tare - held, self.sensor_height)
+
+    def measured_wrench(self, context: Context) -> Array:
+        """Returns the measured wrench (6,) on the peg about its tip, in P; ``context`` is the diagram's."""
+        wrench: Array = self.measured.Eval(self.measured.get_system().GetMyContextFromRoot(context))
+        return wrench
 
     def fault(self, context: Context) -> Fault:
         """Returns the fault that the rig has detected; ``context`` is the diagram's."""
@@ -138,6 +145,7 @@ def WireRig(
         parts.controller,
         parts.watchdog,
         start=(scenario.sensor.height + scenario.start.height, pitch, yaw),
+        measured=parts.monitor.GetOutputPort("wrench"),
         tare=tare,
         sensor_height=scenario.sensor.height,
     )

@@ -1,6 +1,7 @@
 """The result of a plain insertion, from which tests derive others with `dataclasses.replace`."""
 
 import math
+from dataclasses import replace
 
 from skill.data.outcome import Outcome
 from systems.runs.trial_result import TrialResult
@@ -21,4 +22,23 @@ PLAIN = TrialResult(
     unknown_time=0.1,
     unsupported_time=0.0,
     states=(0, 1, 2, 3),
+    peak_contact_force=15.0,
+    peak_load=16.0,
+    mean_load=8.0,
+    time_above_20n=0.25,
+    first_touch=0.125,
+    peak_measured_load=15.5,
+    trusted=True,
 )
+
+LATER = (
+    "peak_contact_force",
+    "peak_load",
+    "mean_load",
+    "time_above_20n",
+    "first_touch",
+    "peak_measured_load",
+    "trusted",
+)
+EARLIER = replace(PLAIN, **dict.fromkeys(LATER))
+"""The same as a version recorded it that knew nothing of loads, single contacts and trust."""

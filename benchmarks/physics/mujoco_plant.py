@@ -20,6 +20,7 @@ from pydrake.systems.framework import (
 
 from benchmarks.physics.mujoco_model import MujocoContact, rig_document
 from models.scenario import Scenario
+from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 
 KEPT = mujoco.mjtState.mjSTATE_PHYSICS | mujoco.mjtState.mjSTATE_WARMSTART
 """The parts of MuJoCo's state that, with the inputs, determine the next step."""
@@ -39,10 +40,11 @@ class MujocoPlant(LeafSystem):
         - reaction_forces
 
     A `systems.plant.rig_plant.RigPlant`. In every period, the contact time step of the scenario, it takes as many of
-    MuJoCo's steps as fill the period. The discrete state has two groups: MuJoCo's positions, velocities and warm start;
-    and the force (N) and torque (N m) of the mount on the peg, at the mount, in P, as measured by MuJoCo's sensor in
-    the last step. The steppers are MuJoCo's position actuators, with the holding torque as their force limit. They have
-    no desired rates: those of ``gimbal_equilibrium`` must be zero.
+    MuJoCo's steps as fill the period. The discrete state has three groups: MuJoCo's positions, velocities and warm
+    start; the force (N) and torque (N m) of the mount on the peg, at the mount, in P, as measured by MuJoCo's sensor in
+    the last step; and the sum of the overlaps of all contacts in the last step, m. The single contacts are those of the
+    step that would follow with the present inputs. The steppers are MuJoCo's position actuators, with the holding
+    torque as their force limit. They have no desired rates: those of ``gimbal_equilibrium`` must be zero.
 
     Args:
         scenario: resolved.
@@ -78,6 +80,8 @@ class MujocoPlant(LeafSystem):
         mujoco.mj_getState(model, scratch, kept, KEPT)
         self._kept = self.DeclareDiscreteState(kept)
         self._held = self.DeclareDiscreteState(np.array([0.0, 0.0, self.weight, 0.0, 0.0, 0.0]))
+        self._overlap = self.DeclareDiscreteState(np.zeros(1))
+        self._chamfer = scenario.geometry.chamfer
         # Work space for each context; it keeps nothing from one step to the next.
         self._scratch = self.DeclareCacheEntry(
             "scratch",
@@ -143,26 +147,51 @@ class MujocoPlant(LeafSystem):
         data = self._scratch.Eval(own)
         mujoco.mj_setState(self._model, data, own.get_discrete_state(self._kept).value(), KEPT)
         mujoco.mj_kinematics(self._model, data)
-        X_WH, X_WP = (
-            RigidTransform(RotationMatrix(body.xmat.reshape(3, 3)), body.xpos)
-            for body in (data.body("block"), data.body("peg"))
-        )
+        X_WH, X_WP = _poses(data)
         return X_WH.inverse() @ X_WP
+
+    def contact_extent(self, context: Context) -> float:
+        """See `RigPlant`: the sum of the overlaps, m."""
+        return float(self.GetMyContextFromRoot(context).get_discrete_state(self._overlap).value()[0])
+
+    def contacts(self, context: Context) -> list[Contact]:
+        """See `RigPlant`."""
+        data = self._loaded(self.GetMyContextFromRoot(context))
+        mujoco.mj_forward(self._model, data)
+        found = data.contact
+        forces, force = np.zeros(data.ncon), np.zeros(6)
+        for k in range(data.ncon):
+            mujoco.mj_contactForce(self._model, data, k, force)
+            forces[k] = force[0]
+        # A contact's normal points from its first to its second geom; the one of a cylinder is the peg.
+        second = self._model.geom_type[found.geom[:, 1]] == mujoco.mjtGeom.mjGEOM_CYLINDER
+        normals = np.where(second[:, None], 1.0, -1.0) * found.frame[:, :3]
+        X_WH, X_WP = _poses(data)
+        parts = NormalForces(np.array(found.pos), normals, forces)
+        return single_contacts(parts, X_WH, X_WH.inverse() @ X_WP, chamfer=self._chamfer)
 
     def advance(self, data: mujoco.MjData) -> None:
         """Takes the steps of one period."""
         mujoco.mj_step(self._model, data, nstep=self._count)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        data = self._scratch.Eval(context)
-        mujoco.mj_setState(self._model, data, context.get_discrete_state(self._kept).value(), KEPT)
-        data.ctrl[0] = self._carriage_force.Eval(context)[0]
-        data.ctrl[1:3] = self._gimbal_equilibrium.Eval(context)[:2]
+        data = self._loaded(context)
         self.advance(data)
         kept = np.zeros(self._size)
         mujoco.mj_getState(self._model, data, kept, KEPT)
         discrete_state.get_mutable_vector(self._kept).SetFromVector(kept)
         discrete_state.get_mutable_vector(self._held).SetFromVector(data.sensordata)
+        discrete_state.get_mutable_vector(self._overlap).SetFromVector(
+            [float(np.maximum(0.0, -data.contact.dist).sum())]
+        )
+
+    def _loaded(self, context: Context) -> mujoco.MjData:
+        """MuJoCo's data with the state and the inputs of a context of this system."""
+        data = self._scratch.Eval(context)
+        mujoco.mj_setState(self._model, data, context.get_discrete_state(self._kept).value(), KEPT)
+        data.ctrl[0] = self._carriage_force.Eval(context)[0]
+        data.ctrl[1:3] = self._gimbal_equilibrium.Eval(context)[:2]
+        return data
 
     def _calc_carriage(self, context: Context, output: BasicVector) -> None:
         kept = context.get_discrete_state(self._kept).value()
@@ -175,3 +204,12 @@ class MujocoPlant(LeafSystem):
     def _calc_reaction(self, context: Context, output: AbstractValue) -> None:
         held = context.get_discrete_state(self._held).value()
         output.set_value([SpatialForce(tau=held[3:], f=held[:3])])
+
+
+def _poses(data: mujoco.MjData) -> tuple[RigidTransform, RigidTransform]:
+    """X_WH and X_WP."""
+    X_WH, X_WP = (
+        RigidTransform(RotationMatrix(body.xmat.reshape(3, 3)), body.xpos)
+        for body in (data.body("block"), data.body("peg"))
+    )
+    return X_WH, X_WP

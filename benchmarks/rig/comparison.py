@@ -25,6 +25,7 @@ from skill.data.demonstration import read_demonstrations, write_demonstration
 from systems.reports.terminal import progress, write_json
 from systems.runs.demonstration_set import requests
 from systems.runs.provenance import versions
+from systems.runs.trial_result import PHYSICS
 
 GOOD, BAD = 24, 6  # numbers of demonstrations to record if none are given
 
@@ -101,7 +102,7 @@ def summary(arm: Arm, record: Record, setting: Setting) -> dict[str, Any]:
     """One row of the table. The median time is that of the insertions; the forces are those of all trials."""
     rows = [record.trials[str(n)] for n in setting.numbers if str(n) in record.trials]
     inserted = [r for r in rows if r["inserted"]]
-    force = [r["peak_lateral_n"] for r in rows if r["peak_lateral_n"] is not None]
+    load, contact = ([r[key] for r in rows if r.get(key) is not None] for key in ("peak_load_n", "peak_contact_n"))
     ends = Counter(r["reason"].split(":")[0] for r in rows if not r["inserted"])
 
     def mean(name: str) -> float | None:
@@ -114,9 +115,11 @@ def summary(arm: Arm, record: Record, setting: Setting) -> dict[str, Any]:
         "inserted": len(inserted),
         "interval": list(wilson(len(inserted), len(rows))) if rows else None,
         "median_time_s": float(np.median([r["time_s"] for r in inserted])) if inserted else None,
-        "median_lateral_n": float(np.median(force)) if force else None,
-        "p95_lateral_n": float(np.percentile(force, 95)) if force else None,
-        "max_lateral_n": float(np.max(force)) if force else None,
+        "median_load_n": float(np.median(load)) if load else None,
+        "p95_load_n": float(np.percentile(load, 95)) if load else None,
+        "max_load_n": float(np.max(load)) if load else None,
+        "median_contact_n": float(np.median(contact)) if contact else None,
+        "not_trusted": sum(r.get("physics") == PHYSICS[False] for r in rows),
         "train_s": mean("train_s"),
         "query_ms": mean("query_ms"),
         "states": mean("states"),
@@ -148,7 +151,8 @@ def compare(title: str, arms: Sequence[Arm], setting: Setting, json_file: Path |
 def report(title: str, summaries: Sequence[dict[str, Any]]) -> str:
     """The table, one row per policy."""
     head = (
-        f"{title:30} inserted   95 %   time s   across N: median   95th    max   states  train s  query ms  otherwise"
+        f"{title:30} inserted   95 %   time s   load N: median   95th    max  contact N  untrusted   states  train s"
+        "  query ms  otherwise"
     )
     lines = [head]
     for r in summaries:
@@ -156,13 +160,15 @@ def report(title: str, summaries: Sequence[dict[str, Any]]) -> str:
         ends = ", ".join(f"{count} {reason}" for reason, count in r["ends"].items())
         lines.append(
             f"{r['name']:30} {r['inserted']:4}/{r['trials']:<3} {100 * low:3.0f}-{100 * high:<3.0f}"
-            f" {_text(r['median_time_s'], '.2f'):>7} {_text(r['median_lateral_n'], '.1f'):>18}"
-            f" {_text(r['p95_lateral_n'], '.1f'):>6} {_text(r['max_lateral_n'], '.1f'):>6}"
+            f" {_text(r['median_time_s'], '.2f'):>7} {_text(r['median_load_n'], '.1f'):>16}"
+            f" {_text(r['p95_load_n'], '.1f'):>6} {_text(r['max_load_n'], '.1f'):>6}"
+            f" {_text(r['median_contact_n'], '.1f'):>10} {r['not_trusted']:>10}"
             f" {_text(r['states'], '.3g'):>8} {_text(r['train_s'], '.1f'):>8} {_text(r['query_ms'], '.2f'):>9}"
             f"  {r['error'] or ends}"
         )
     lines.append(
-        "time: median of the insertions; across: maximum force across the peg in each trial, failures included;"
+        "time: median of the insertions; load: largest load in each trial, failures included; contact: median of the"
+        " largest normal force of a single contact; untrusted: trials whose physics is not trusted;"
     )
     lines.append("train: time on one core, including the trials for tuning")
     return "\n".join(lines)

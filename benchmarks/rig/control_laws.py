@@ -178,14 +178,14 @@ FAILURE_COST = 3.0
 
 
 def cost(row: dict[str, Any], setting: Setting) -> float:
-    """The cost of a trial: its time over the time limit plus its peak lateral force over the limit of the force guard.
+    """The cost of a trial: its time over the time limit plus its peak load over the limit of the force guard.
 
     A failure costs 3.
     """
     if not row["inserted"]:
         return FAILURE_COST
     controller = setting.scenario.controller
-    return float(row["time_s"] / setting.scenario.trial.time_limit + row["peak_lateral_n"] / controller.force_limit)
+    return float(row["time_s"] / setting.scenario.trial.time_limit + row["peak_load_n"] / controller.force_limit)
 
 
 def tuning_trials(candidates: int) -> int:

@@ -14,7 +14,7 @@ from skill.figures.paper_figures import save_figure
 from skill.states.state_style import PALETTE
 
 BLUE, ORANGE, GREY = PALETTE[0], PALETTE[1], "0.55"
-PANELS = ("inserted, 95 % interval", "time [s], median", "peak force across [N]")
+PANELS = ("inserted, 95 % interval", "time [s], median", "peak load [N]")
 
 Row = dict[str, Any]
 """A result of `benchmarks.rig.trials.summary`."""
@@ -60,10 +60,10 @@ def _draw_row(axes: Sequence[Axes], row: Row, place: float) -> None:
         axes[0].plot(share, place, "o", color=BLUE, ms=6)
     if row["median_time_s"] is not None:
         axes[1].plot(row["median_time_s"], place, "o", color=BLUE, ms=6)
-    if row["median_lateral_n"] is not None:
-        axes[2].plot([row["median_lateral_n"], row["p95_lateral_n"]], [place, place], color=GREY, lw=2)
-        axes[2].plot(row["median_lateral_n"], place, "o", color=BLUE, ms=6)
-        axes[2].plot(row["p95_lateral_n"], place, "|", color=ORANGE, ms=9, mew=2)
+    if row["median_load_n"] is not None:
+        axes[2].plot([row["median_load_n"], row["p95_load_n"]], [place, place], color=GREY, lw=2)
+        axes[2].plot(row["median_load_n"], place, "o", color=BLUE, ms=6)
+        axes[2].plot(row["p95_load_n"], place, "|", color=ORANGE, ms=9, mew=2)
 
 
 def draw_learning_curve(curve: Sequence[tuple[int, Row]], path: Path) -> None:
@@ -82,8 +82,8 @@ def draw_learning_curve(curve: Sequence[tuple[int, Row]], path: Path) -> None:
     axes[0].plot(numbers, [row["inserted"] / row["trials"] for _, row in points], "o-", color=BLUE)
     axes[0].set_ylim(-0.02, 1.02)
     _curve(axes[1], points, "median_time_s", BLUE, None)
-    _curve(axes[2], points, "median_lateral_n", BLUE, "median")
-    _curve(axes[2], points, "p95_lateral_n", ORANGE, "95th percentile")
+    _curve(axes[2], points, "median_load_n", BLUE, "median")
+    _curve(axes[2], points, "p95_load_n", ORANGE, "95th percentile")
     axes[2].legend(frameon=False)
     for axis, name in zip(axes, PANELS, strict=True):
         axis.set(xlabel="demonstrations", title=name, xscale="log")

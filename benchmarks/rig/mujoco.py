@@ -12,10 +12,10 @@ first, from thirty demonstrations in Drake.
 Each trial is repeated in MuJoCo with other sensor noise ("again"). The engines cannot be expected to agree better than
 two such runs.
 
-Columns of the summary, one row per engine: number of insertions; medians of time, depth, largest force along and
-across the peg, and overlap of the round bodies; median CPU time of a trial and of the physics of a step; CPU time per
-simulated second. The physics of a step is, for MuJoCo, the time in its own step; for Drake it is the time of a whole
-trial minus the time of the same systems around the plant in the MuJoCo trial, per step.
+Columns of the summary, one row per engine: number of insertions; medians of time, depth, largest load, largest normal
+force of a single contact, mean load in contact, and overlap of the round bodies; median CPU time of a trial and of the
+physics of a step; CPU time per simulated second. The physics of a step is, for MuJoCo, the time in its own step; for
+Drake it is the time of a whole trial minus the time of the same systems around the plant in the MuJoCo trial, per step.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def compare(scenario: Scenario, skill: ManipulationSkill, contact: MujocoContact
     return {"number": number, "friction": scenario.contact.friction, "drake": drake, "mujoco": other, "again": again}
 
 
-MEASURED = ("time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "penetration_um")
+MEASURED = ("time_s", "depth_mm", "peak_load_n", "peak_contact_n", "mean_load_n", "penetration_um")
 
 
 def agreement(trials: list[dict[str, Any]], one: str, other: str) -> dict[str, Any]:
@@ -156,7 +156,7 @@ def print_trial(name: str, number: int, trial: dict[str, Any]) -> None:
         r = trial[column]
         print(
             f"{name} {number:4d} {column:7} {r['reason']:10} {r['time_s']:6.2f} s {r['depth_mm']:6.2f} mm"
-            f" {r['peak_axial_n']:6.1f} N along {r['peak_lateral_n']:6.1f} N across, {r['steps']} steps,"
+            f" {r['peak_load_n']:6.1f} N load {r['peak_contact_n']:6.1f} N contact, {r['steps']} steps,"
             f" {r['cpu_s']:.2f} s of CPU",
             flush=True,
         )
@@ -164,7 +164,18 @@ def print_trial(name: str, number: int, trial: dict[str, Any]) -> None:
 
 def print_summary(name: str, found: dict[str, Any]) -> None:
     """Prints the result of `summary`."""
-    titles = ("inserted", "time s", "depth mm", "axial N", "across N", "overlap um", "CPU s", "physics ms", "CPU s/s")
+    titles = (
+        "inserted",
+        "time s",
+        "depth mm",
+        "load N",
+        "contact N",
+        "mean load N",
+        "overlap um",
+        "CPU s",
+        "physics ms",
+        "CPU s/s",
+    )
     print(f"\n{name:10}" + "".join(f"{title:>12}" for title in titles))
     for engine in ("drake", "mujoco"):
         e = found[engine]

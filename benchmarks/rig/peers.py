@@ -13,7 +13,9 @@ Columns, one row per policy:
 
 - inserted, 95 %: number of insertions, and Wilson's interval of their probability in percent;
 - time s: median time of the insertions;
-- across N: largest contact force across the peg in each trial, failures included: median, 95th percentile, maximum;
+- load N: largest load of the true contact in each trial, failures included: median, 95th percentile, maximum. The force
+  across the peg is no measure of it: the two opposite forces of a wedge cancel in it;
+- contact N: median of the largest normal force of a single contact; untrusted: trials whose physics is not trusted;
 - states: number of contact states or phases;
 - train s: training time on one core; query ms: median time of one decision;
 - otherwise: how the other trials ended.

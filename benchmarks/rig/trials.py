@@ -103,7 +103,7 @@ class Record:
 
     def add_tuning(self, key: str, row: Row) -> None:
         """Adds the result of a tuning trial and writes the file."""
-        self.tuning[key] = {k: row[k] for k in ("inserted", "reason", "time_s", "peak_lateral_n", "cpu_s")}
+        self.tuning[key] = {k: row[k] for k in ("inserted", "reason", "time_s", "peak_load_n", "cpu_s")}
         self.save()
 
     def save(self) -> None:
@@ -146,7 +146,7 @@ def attempt(scenario: Scenario, policy: RigPolicy, number: int) -> Row:
             row = run_trial(trial_scenario(scenario, number=number), policy, seed=number)[0].record()
     except Exception as error:  # the other policies of the comparison go on
         row = {"seed": number, "inserted": False, "reason": f"failed: {type(error).__name__}: {error}"[:200]}
-        row |= {"time_s": None, "peak_lateral_n": None}
+        row |= {"time_s": None, "peak_load_n": None}
     row.pop("states", None)  # a search visits hundreds of phases
     return row | {"cpu_s": round(time.process_time() - start, 2)}
 

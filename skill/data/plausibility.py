@@ -155,6 +155,9 @@ def check_run(samples: pd.DataFrame, geometry: PegHoleGeometry | None, states: i
         turned = samples[name].to_numpy(dtype=float) - float(samples[name].iloc[0])
         limit = Limits(-MAX_STEP_ANGLE * steps, MAX_STEP_ANGLE * steps, "rad", f"{steps - 2.0:.0f} steps were taken")
         _check_range(turned, f"the turn in column '{name}'", limit, where)
+    reach = Limits(-_size(geometry), _size(geometry), "m")
+    _check_columns(samples, dict.fromkeys(contact_columns(samples, forces=False), reach), where)
+    _check_columns(samples, dict.fromkeys(contact_columns(samples), Limits(-MAX_FORCE, MAX_FORCE, "N")), where)
     whole = {"state": Limits(0.0, 1e3 if states is None else states - 1.0, "", f"{states or 'no'} state names")}
     whole |= {"known": flag, "guard": flag, "fault": Limits(0.0, 1e3)}
     whole |= dict.fromkeys(("pitch_taken", "yaw_taken", "pitch_lost", "yaw_lost"), count)
@@ -282,6 +285,12 @@ def _check_turns(samples: pd.DataFrame, where: str) -> None:
             f"{where}: columns rx, ry turn the hand by {math.degrees(hand):.4g} deg in all, expected at most"
             f" {math.degrees(MAX_TILT):.0f} deg; they look like degrees, expected radians"
         )
+
+
+def contact_columns(samples: pd.DataFrame, *, forces: bool = True) -> list[str]:
+    """Returns the names of the columns that hold forces of single contacts, or their points; none in old files."""
+    names = [str(name) for name in samples.columns if str(name).startswith("contact_")]
+    return [name for name in names if name.endswith(("_fx", "_fy", "_fz")) is forces]
 
 
 def _check_columns(samples: pd.DataFrame, limits: Mapping[str, Limits], where: str) -> None:

@@ -20,12 +20,19 @@ pitch_taken yaw_taken                 1      steps that each stepper has taken
 pitch_lost yaw_lost                   1      steps that each stepper has lost
 tip_z                                 m      true height of the tip above the mouth (for replays only)
 pitch yaw                             rad    true angles of the hole (for replays only)
+contact_mouth_x .._y .._z              m      true contact at the mouth: centre of its normal forces in W
+contact_mouth_fx .._fy .._fz           N      sum of its normal forces on the peg in W, zero without contact
+contact_tip_x ... contact_face_fz             the same of the contacts at the tip and on a flat face
 ====================================  =====  ==================================================================
+
+The columns of the contacts are for replays and evaluation only; files of earlier versions do not have them. A place
+with two contacts, one on either side, holds the stronger one.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +42,7 @@ from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import UNPHYSICAL
 from skill.data.plausibility import check_run
 from skill.data.run_result import check_result, outcome_of, shortened
-from skill.data.tables import read_table, validate_table, write_table
+from skill.data.tables import read_table, validate_table, with_optional, write_table
 
 RUN_COLUMNS = (
     *("time", "fx", "fy", "fz", "mx", "my", "mz", "depth", "state", "known"),
@@ -44,8 +51,21 @@ RUN_COLUMNS = (
     *("tip_z", "pitch", "yaw"),
 )
 
-RUN_VERSION = 3
-"""Version of the files that are written; those of version 2 have no digest."""
+
+class ContactPlace(StrEnum):
+    """Where peg and block touch; `systems.plant.contact_forces.single_contacts` defines the places."""
+
+    MOUTH = "mouth"
+    TIP = "tip"
+    FACE = "face"
+
+
+CONTACT_COLUMNS = tuple(
+    f"contact_{place}_{name}" for place in ContactPlace for name in ("x", "y", "z", "fx", "fy", "fz")
+)
+
+RUN_VERSION = 4
+"""Version of the files that are written; those of version 2 have no digest, those before 4 no contacts."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +73,8 @@ class RigRun:
     """One rig run.
 
     Attributes:
-        samples: DataFrame with exactly the columns ``RUN_COLUMNS``, one row a controller period.
+        samples: DataFrame with exactly the columns ``RUN_COLUMNS``, or these and ``CONTACT_COLUMNS``, one row a
+            controller period.
         result: result of the trial (inserted, reason, time_s, depth_mm, peak forces, ...).
         metadata: geometry, resolved scenario, skill, versions.
 
@@ -66,13 +87,18 @@ class RigRun:
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        validate_table(self.samples, RUN_COLUMNS, "rig run", min_rows=1)
+        validate_table(self.samples, self.columns, "rig run", min_rows=1)
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns that the samples must have."""
+        return with_optional(RUN_COLUMNS, CONTACT_COLUMNS, self.samples.columns)
 
 
 def write_rig_run(run: RigRun, path: Path) -> None:
     """Writes a rig run as one Parquet file, atomically."""
     header = {"result": run.result, "metadata": run.metadata}
-    write_table(run.samples, RUN_COLUMNS, path, kind="rig_run", version=RUN_VERSION, header=header)
+    write_table(run.samples, run.columns, path, kind="rig_run", version=RUN_VERSION, header=header)
 
 
 def read_rig_run(path: Path) -> RigRun:
@@ -83,7 +109,13 @@ def read_rig_run(path: Path) -> RigRun:
             is not that of its samples. The message names the file.
     """
     samples, header = read_table(
-        path, RUN_COLUMNS, kind="rig_run", versions=(2, RUN_VERSION), keys=("result", "metadata"), min_rows=1
+        path,
+        RUN_COLUMNS,
+        kind="rig_run",
+        versions=(2, 3, RUN_VERSION),
+        keys=("result", "metadata"),
+        optional=CONTACT_COLUMNS,
+        min_rows=1,
     )
     result, metadata = header["result"], header["metadata"]
     for name, value in (("result", result), ("metadata", metadata)):

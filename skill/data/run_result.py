@@ -10,8 +10,9 @@ import numpy as np
 import pandas as pd
 
 from skill.data.outcome import UNPHYSICAL, Outcome, parse_outcome
+from skill.data.plausibility import contact_columns
 
-ROUNDING = {"time_s": 1e-3, "depth_mm": 1e-2, "unknown_s": 1e-2, "unsupported_s": 1e-2}
+ROUNDING = {"time_s": 1e-3, "depth_mm": 1e-2, "unknown_s": 1e-2, "unsupported_s": 1e-2, "peak_contact_n": 0.1}
 """Last digit of the rounded numbers of a result; the others are exact."""
 
 MIN_SPEED = 0.05
@@ -19,6 +20,7 @@ MIN_SPEED = 0.05
 
 NUMBERS = (
     *("seed", "time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "peak_moment_nm", "penetration_um"),
+    *("peak_contact_n", "peak_load_n", "mean_load_n", "seconds_above_20n", "first_touch_ns", "peak_measured_load_n"),
     *("steps", "lost_steps", "back_offs", "unknown_s", "unsupported_s"),
 )
 """Entries of a result that are numbers; NaN where a simulation broke down."""
@@ -97,7 +99,12 @@ def _shown(samples: pd.DataFrame, result: Mapping[str, Any]) -> dict[str, tuple[
     if len(steps):
         exact["unknown_s"] = period * (samples["known"] == 0).sum()
         exact["unsupported_s"] = period * (samples["support"] < 1.0).sum()
+    seen = {}
+    contacts = samples[contact_columns(samples)].to_numpy(dtype=float).reshape(len(samples), -1, 3)
+    if contacts.size:  # the contacts are also read between the samples
+        seen["peak_contact_n"] = (float(np.linalg.norm(contacts, axis=2).max()), math.inf)
     return {
+        **seen,
         "time_s": (float(times[-1]), float(times[-1] + period)),
         "depth_mm": (-1e3 * float(height[-1]) - way, -1e3 * float(height[-1]) + way),
         **{name: (float(value), float(value)) for name, value in exact.items()},

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ MAX_ROWS = 300_000
 """Largest number of samples of a file: five minutes at 1 kHz. Reading them takes below 500 MB and a second."""
 
 MAX_BYTES = 100_000_000
-"""Largest size of a file; ``MAX_ROWS`` samples of 21 columns have at most 60 MB."""
+"""Largest size of a file; ``MAX_ROWS`` samples of 41 columns have at most 99 MB."""
 
 COMPRESSIONS = ("SNAPPY", "UNCOMPRESSED")
 """Compressions that are read: these unpack to at most some twenty times the size."""
@@ -55,6 +55,11 @@ def check_columns(names: Sequence[str], columns: Sequence[str], where: str) -> N
     twice = sorted({c for c in names if list(names).count(c) > 1})
     if twice:
         raise ValueError(f"{where}: columns {twice} occur more than once; expected exactly {list(columns)}")
+
+
+def with_optional(columns: Sequence[str], optional: Sequence[str], names: Iterable[str]) -> tuple[str, ...]:
+    """Returns the columns that a table with these ``names`` must have: the optional ones if it has one of them."""
+    return (*columns, *optional) if set(optional) & set(names) else tuple(columns)
 
 
 def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, min_rows: int = 2) -> None:
@@ -164,6 +169,7 @@ def read_table(
     kind: str,
     versions: Sequence[int],
     keys: Sequence[str],
+    optional: Sequence[str] = (),
     min_rows: int = 2,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Reads and validates a file of `write_table`.
@@ -174,6 +180,7 @@ def read_table(
         kind: expected kind of file.
         versions: versions of the file format that are read. The first has no digest, all later ones must have one.
         keys: entries that the header must have.
+        optional: columns that are all there or all missing.
         min_rows: minimum number of rows.
 
     Returns:
@@ -188,6 +195,7 @@ def read_table(
         metadata = file.metadata.metadata or {}
         schema = file.schema_arrow
     header = _header(metadata, path, kind=kind, versions=versions, keys=keys, sealed=sealed)
+    columns = with_optional(columns, optional, schema.names)
     check_columns(schema.names, columns, str(path))
     for field in schema:
         if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):

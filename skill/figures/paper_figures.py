@@ -172,21 +172,24 @@ def _draw_corrections(axes: Axes, data: pd.DataFrame) -> None:
     axes.legend(handles, texts, ncols=3, fontsize=8, loc="best", frameon=False)
 
 
+LOADS = (("peak_load_n", "peak load (N)"), ("peak_contact_n", "peak force of a\nsingle contact (N)"))
+NET_FORCES = (("peak_axial_n", "peak force\nalong the peg (N)"), ("peak_lateral_n", "peak force\nacross it (N)"))
+"""Columns that `plot_outcomes` draws below the time, and their labels."""
+
+
 def plot_outcomes(results: pd.DataFrame) -> Figure:
     """Draws time and peak forces of rig trials, with the medians of the successful ones.
 
     Args:
-        results: one row for each trial, with the columns inserted, time_s, peak_axial_n and peak_lateral_n, and
-            optionally seed, the number of the trial; without it the trials are numbered from 1.
+        results: one row for each trial, with the columns inserted, time_s, peak_load_n and peak_contact_n, and
+            optionally seed, the number of the trial; without it the trials are numbered from 1. Results of earlier
+            versions have peak_axial_n and peak_lateral_n only, which are drawn if one trial lacks the others.
 
     Raises:
         ValueError: if there is no trial, or a column is missing.
     """
-    rows = (
-        ("time_s", "time (s)"),
-        ("peak_axial_n", "peak force\nalong the peg (N)"),
-        ("peak_lateral_n", "peak force\nacross it (N)"),
-    )
+    told = all(name in results.columns and results[name].notna().all() for name, _ in LOADS)
+    rows = (("time_s", "time (s)"), *(LOADS if told else NET_FORCES))
     missing = [c for c in ("inserted", *(name for name, _ in rows)) if c not in results.columns]
     if missing or results.empty:
         raise ValueError(f"results: {len(results)} trials, missing columns {missing}; expected one row for each trial")

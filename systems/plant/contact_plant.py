@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 import models
 from models.bore import BrokenEdge, cutaway_sector, make_bore
 from models.scenario import Geometry, Scenario
+from systems.plant.contact_forces import Contact, hydroelastic_forces, single_contacts
 
 DIVERGENCE_FORCE = 1e5  # in units of N; a larger contact force means that the simulation has diverged
 STEEL = 7850.0  # in units of kg/m^3
@@ -62,7 +64,13 @@ class ContactPlant:
 
 @dataclass(frozen=True)
 class HydroelasticRig(ContactPlant):
-    """A finalised plant of the rig; implements `systems.plant.rig_plant.RigPlant`."""
+    """A finalised plant of the rig; implements `systems.plant.rig_plant.RigPlant`.
+
+    Attributes:
+        scenario: resolved.
+    """
+
+    scenario: Scenario
 
     @property
     def carriage_force(self) -> InputPort:
@@ -89,7 +97,7 @@ class HydroelasticRig(ContactPlant):
         """See `RigPlant`."""
         return self.plant.get_reaction_forces_output_port()
 
-    @property
+    @cached_property
     def sensor(self) -> int:
         """See `RigPlant`."""
         return int(self.plant.GetJointByName("sensor").index())
@@ -124,6 +132,21 @@ class HydroelasticRig(ContactPlant):
         """See `RigPlant`."""
         own = self.plant.GetMyContextFromRoot(context)
         return self.block.EvalPoseInWorld(own).inverse() @ self.peg.EvalPoseInWorld(own)
+
+    def contact_extent(self, context: Context) -> float:
+        """See `RigPlant`: the area of the contact surfaces, m^2."""
+        results = self.plant.get_contact_results_output_port().Eval(self.plant.GetMyContextFromRoot(context))
+        surfaces = range(results.num_hydroelastic_contacts())
+        return float(sum(results.hydroelastic_contact_info(k).contact_surface().total_area() for k in surfaces))
+
+    def contacts(self, context: Context) -> list[Contact]:
+        """See `RigPlant`."""
+        own = self.plant.GetMyContextFromRoot(context)
+        parts = hydroelastic_forces(
+            self.plant, own, peg=self.peg, block=self.block, dissipation=self.scenario.contact.dissipation
+        )
+        X_WH, X_WP = self.block.EvalPoseInWorld(own), self.peg.EvalPoseInWorld(own)
+        return single_contacts(parts, X_WH, X_WH.inverse() @ X_WP, chamfer=self.scenario.geometry.chamfer)
 
 
 def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
@@ -180,7 +203,7 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
     centred = builder.AddNamedSystem("centred_mount", ConstantVectorSource(np.zeros(4)))
     mount = plant.get_desired_state_input_port(plant.GetModelInstanceByName("mount"))
     builder.Connect(centred.get_output_port(), mount)
-    return HydroelasticRig(plant, scene_graph, peg, block)
+    return HydroelasticRig(plant, scene_graph, peg, block, scenario)
 
 
 def _add_drives(plant: MultibodyPlant, scenario: Scenario) -> None:

@@ -7,6 +7,8 @@ from typing import Protocol
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, InputPort, OutputPort
 
+from systems.plant.contact_forces import Contact
+
 
 class RigPlant(Protocol):
     """Ports and queries of carriage, mount, peg, gimbal and block.
@@ -54,3 +56,12 @@ class RigPlant(Protocol):
 
     def peg_in_hole(self, context: Context) -> RigidTransform:
         """Returns X_HP, the pose of the peg in the block."""
+
+    def contact_extent(self, context: Context) -> float:
+        """Returns a number that is cheap and grows with the contact in the plant's last step; 0 without contact."""
+
+    def contacts(self, context: Context) -> list[Contact]:
+        """Returns the single contacts of the plant's last step, at most five, the strongest first.
+
+        Their normal forces, with friction, make up the contact wrench on the peg.
+        """

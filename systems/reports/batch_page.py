@@ -12,15 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import binomtest
 
+from skill.arrays import Array
 from skill.states.state_style import state_colours
 from systems.reports.histogram import histogram
 from systems.reports.page_template import fill_page
-from systems.runs.trial_result import TrialResult
+from systems.reports.result_tables import known, median
+from systems.runs.trial_result import PHYSICS, TrialResult
 
 HISTOGRAMS = (  # title, unit, field of TrialResult
     ("time", "s", "time"),
-    ("peak lateral force", "N", "peak_lateral_force"),
-    ("peak axial force", "N", "peak_axial_force"),
+    ("peak load", "N", "peak_load"),
+    ("peak force of a single contact", "N", "peak_contact_force"),
     ("steps of both motors", "", "steps"),
 )
 
@@ -35,14 +37,22 @@ class Column:
         key: value by which the table is sorted.
         form: format string for the key; not used in the columns that `_row` draws itself.
         is_text: whether the column holds text, which is aligned to the left.
+        tip: text that the page shows over the heading.
     """
 
     name: str
     unit: str
-    key: Callable[[TrialResult], float | str]
+    key: Callable[[TrialResult], float | str | None]
     form: str = "{}"
     is_text: bool = False
+    tip: str = ""
 
+
+LOAD = "largest sqrt(|f|^2 + |m/r|^2) of the net force f and moment m about the tip; r is the peg radius"
+CONTACT = "largest normal force of any single contact: mouth, tip or flat face"
+FIRST_TOUCH = "integral of the net force over the first 50 ms of contact"
+ACROSS = "largest net force across the peg; the two opposite forces of a wedge cancel in it"
+TRUST = "trusted: the simulated bodies overlap by at most a quarter of the clearance"
 
 COLUMNS = (
     Column("trial", "", lambda r: r.seed),
@@ -50,10 +60,16 @@ COLUMNS = (
     Column("outcome", "", lambda r: r.reason, is_text=True),
     Column("time", "s", lambda r: r.time, "{:.2f}"),
     Column("depth", "mm", lambda r: 1e3 * r.depth, "{:.1f}"),
-    Column("peak axial", "N", lambda r: r.peak_axial_force, "{:.1f}"),
-    Column("peak lateral", "N", lambda r: r.peak_lateral_force, "{:.1f}"),
-    Column("moment", "N m", lambda r: r.peak_moment, "{:.2f}"),
+    Column("peak load", "N", lambda r: r.peak_load, "{:.1f}", tip=LOAD),
+    Column("peak contact", "N", lambda r: r.peak_contact_force, "{:.1f}", tip=CONTACT),
+    Column("above 20 N", "s", lambda r: r.time_above_20n, "{:.2f}", tip="time with a load above 20 N"),
+    Column("mean load", "N", lambda r: r.mean_load, "{:.1f}", tip="mean over the time with a load of 1 N or more"),
+    Column("first touch", "N s", lambda r: r.first_touch, "{:.3f}", tip=FIRST_TOUCH),
+    Column("along", "N", lambda r: r.peak_axial_force, "{:.1f}", tip="largest net force along the peg"),
+    Column("across", "N", lambda r: r.peak_lateral_force, "{:.1f}", tip=ACROSS),
+    Column("moment", "N m", lambda r: r.peak_moment, "{:.2f}", tip="largest net moment about the tip"),
     Column("overlap", "um", lambda r: 1e6 * r.penetration, "{:.0f}"),
+    Column("physics", "", lambda r: None if r.trusted is None else PHYSICS[r.trusted], is_text=True, tip=TRUST),
     Column("steps", "", lambda r: r.steps),
     Column("lost", "", lambda r: r.lost_steps),
     Column("back-offs", "", lambda r: r.back_offs),
@@ -64,9 +80,9 @@ COLUMNS = (
 
 
 def worst_trial(results: Sequence[TrialResult]) -> TrialResult:
-    """Returns the shallowest trial that did not insert; if all inserted, the one with the largest lateral force."""
+    """Returns the shallowest trial that did not insert; if all inserted, the one with the largest load."""
     failed = [r for r in results if not r.inserted]
-    return min(failed, key=lambda r: r.depth) if failed else max(results, key=lambda r: r.peak_lateral_force)
+    return min(failed, key=lambda r: r.depth) if failed else max(results, key=lambda r: r.peak_load or 0.0)
 
 
 def batch_report(
@@ -121,7 +137,7 @@ def _tiles(results: Sequence[TrialResult]) -> list[tuple[str, str]]:
     n, inserted = len(results), sum(r.inserted for r in results)
     interval = binomtest(inserted, n).proportion_ci(method="wilson")
     times = np.array([r.time for r in results])
-    lateral = np.array([r.peak_lateral_force for r in results])
+    loads = np.array([r.peak_load for r in results if r.peak_load is not None])
     back_offs, lost_steps = sum(r.back_offs for r in results), sum(r.lost_steps for r in results)
     return [
         (
@@ -129,11 +145,7 @@ def _tiles(results: Sequence[TrialResult]) -> list[tuple[str, str]]:
             f"inserted; 95 % Wilson interval {100 * interval.low:.1f} to {100 * interval.high:.1f} %",
         ),
         (f"{np.median(times):.2f} s", f"median time; 90th percentile {np.quantile(times, 0.9):.2f} s"),
-        (
-            f"{np.median(lateral):.1f} N",
-            f"median peak lateral force; 95th percentile {np.quantile(lateral, 0.95):.1f} N,"
-            f" largest {lateral.max():.1f} N",
-        ),
+        *(_force_tiles(results, loads) if loads.size else []),
         (
             str(back_offs),
             f"back-offs, in {sum(r.back_offs > 0 for r in results)} of the trials; {lost_steps} steps lost",
@@ -141,28 +153,51 @@ def _tiles(results: Sequence[TrialResult]) -> list[tuple[str, str]]:
     ]
 
 
+def _force_tiles(results: Sequence[TrialResult], loads: Array) -> list[tuple[str, str]]:
+    """The tiles about forces; ``loads`` are the peak loads that are known."""
+    contact = median(r.peak_contact_force for r in results)
+    distrusted = sum(r.trusted is False for r in results)
+    return [
+        (
+            f"{np.median(loads):.1f} N",
+            f"median peak load; 95th percentile {np.quantile(loads, 0.95):.1f} N, largest {loads.max():.1f} N",
+        ),
+        (
+            f"{known(contact, '.1f')} N",
+            f"median peak force of a single contact; load above 20 N for"
+            f" {sum(r.time_above_20n or 0.0 for r in results) / len(results):.2f} s a trial",
+        ),
+        (str(distrusted), "trials whose physics is not trusted: an overlap above a quarter of the clearance"),
+    ]
+
+
 def _histogram_panel(results: Sequence[TrialResult], title: str, unit: str, field: str) -> str:
-    values = np.array([getattr(r, field) for r in results], dtype=float)
-    svg = histogram(values, np.array([r.inserted for r in results]), unit=unit)
+    known_results = [r for r in results if getattr(r, field) is not None]
+    if not known_results:
+        return ""
+    values = np.array([getattr(r, field) for r in known_results], dtype=float)
+    svg = histogram(values, np.array([r.inserted for r in known_results]), unit=unit)
     return f'<div class="panel"><h3>{title}{f" ({unit})" if unit else ""}</h3>{svg}</div>'
 
 
 def _worst(worst: TrialResult, replay: str) -> str:
     why = (
-        "all trials inserted; this one has the largest lateral force"
+        "all trials inserted; this one has the largest load"
         if worst.inserted
         else "the shallowest trial that did not insert"
     )
     return (
         f'<b>Worst trial: <a href="{html.escape(replay)}">replay of trial {worst.seed}</a></b> &ndash; {why}:'
         f" {html.escape(worst.reason)} after {worst.time:.2f} s at {1e3 * worst.depth:.1f} mm,"
-        f" {worst.peak_lateral_force:.1f} N lateral, {worst.peak_axial_force:.1f} N axial"
+        f" peak load {known(worst.peak_load, '.1f')} N,"
+        f" peak force of a contact {known(worst.peak_contact_force, '.1f')} N"
     )
 
 
 def _heading(column: Column) -> str:
     alignment = "text" if column.is_text else ""
-    return f'<th class="{alignment}">{column.name}<small>{column.unit or "&nbsp;"}</small></th>'
+    tip = f' title="{html.escape(column.tip)}"' if column.tip else ""
+    return f'<th class="{alignment}"{tip}>{column.name}<small>{column.unit or "&nbsp;"}</small></th>'
 
 
 def _row(r: TrialResult, colours: Sequence[str], replay: str | None) -> str:
@@ -182,7 +217,8 @@ def _row(r: TrialResult, colours: Sequence[str], replay: str | None) -> str:
     cells = []
     for column in COLUMNS:
         key = column.key(r)
-        text = drawn[column.name] if column.name in drawn else html.escape(column.form.format(key))
+        text = drawn[column.name] if column.name in drawn else "-" if key is None else column.form.format(key)
         style = f"text {column.name}" if column.is_text else ""
-        cells.append(f'<td class="{style}" data-key="{html.escape(str(key))}">{text}</td>')
+        shown = text if column.name in drawn else html.escape(text)
+        cells.append(f'<td class="{style}" data-key="{html.escape(str("" if key is None else key))}">{shown}</td>')
     return f'<tr class="{"" if r.inserted else "failed"}">{"".join(cells)}</tr>'

@@ -16,7 +16,7 @@ from models.bore import TriangleMesh, cutaway_sector, make_bore
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.geometry import PegHoleGeometry
-from skill.data.rig_run import RigRun, read_rig_run
+from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace, RigRun, read_rig_run
 from skill.data.tables import stored_kind
 from skill.features.measurement import contact_loads
 from skill.states.state_style import state_colours, state_labels
@@ -52,6 +52,8 @@ class Motion:
         force_limit: load above which the force guard retracts the peg, N; None for a demonstration.
         steps: (n, 2), corrective steps taken so far by the motors for pitch and yaw; None for a demonstration.
         geometry: sizes of peg and hole.
+        contact_points: (n, 3, 3), points of the contacts in W, m, in the order of `ContactPlace`; None if unknown.
+        contact_forces: (n, 3, 3), their normal forces on the peg in W, N, zero without contact; None if unknown.
     """
 
     kind: str
@@ -72,6 +74,8 @@ class Motion:
     force_limit: float | None
     steps: NDArray[np.int64] | None
     geometry: PegHoleGeometry
+    contact_points: Array | None = None
+    contact_forces: Array | None = None
 
     @property
     def lean(self) -> Array:
@@ -214,7 +218,23 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
         force_limit=run.metadata.get("force_limit"),
         steps=np.rint(_columns(samples, "pitch_taken", "yaw_taken")).astype(np.int64),
         geometry=geometry,
+        **_contacts(samples),
     )
+
+
+def _contacts(samples: pd.DataFrame) -> dict[str, Array]:
+    """The points and forces of the contacts, by field of `Motion`; nothing for a run of an earlier version."""
+    if CONTACT_COLUMNS[0] not in samples:
+        return {}
+    values = _columns(samples, *CONTACT_COLUMNS).reshape(len(samples), len(ContactPlace), 2, 3)
+    points, forces = values[:, :, 0], values[:, :, 1]
+    # Where nothing touches, an arrow waits, without length, where it is needed next: the viewer moves it in between.
+    for place in range(len(ContactPlace)):
+        touching = np.flatnonzero(forces[:, place].any(axis=1))
+        if touching.size:
+            following = touching[np.minimum(np.searchsorted(touching, np.arange(len(points))), touching.size - 1)]
+            points[:, place] = points[following, place]
+    return {"contact_points": points, "contact_forces": forces}
 
 
 def make_block(size: PegHoleGeometry) -> TriangleMesh:

@@ -67,13 +67,16 @@ for (const command of sceneCommands) {
     document.title = data.title;
     document.documentElement.style.setProperty("--force", data.force_colour);
     document.documentElement.style.setProperty("--moment", data.moment_colour);
+    document.documentElement.style.setProperty("--contact", data.contact_colour);
     byId("title").textContent = data.title;
     byId("about").textContent = data.about;
     byId("colouring").textContent = data.colouring;
     byId("force-scale").textContent = "force, 10 mm = " + data.force_scale;
     byId("moment-scale").textContent = "moment, 10 mm = " + data.moment_scale;
     byId("dial-ring").textContent = ringStep + "\u00b0";
+    byId("contact-scale").textContent = "each contact, 10 mm = " + data.force_scale;
     if (!data.guard) document.querySelectorAll(".rig").forEach(row => row.remove());
+    if (!data.contacts) document.querySelectorAll(".contacts").forEach(element => element.remove());
   }
 
   /** Adds one row for each phase that occurs, and lists the others; returns the rows of all phases. */
@@ -274,6 +277,9 @@ for (const command of sceneCommands) {
     byId("reading-axial").textContent = formatNumber(data.axial[sample], 1) + " N";
     byId("reading-lateral").textContent = formatNumber(Math.hypot(...data.lateral[sample]), 1) + " N";
     byId("reading-moment").textContent = formatNumber(1e3 * data.moment[sample], 1) + " N mm";
+    if (data.contacts) {
+      byId("reading-contacts").textContent = data.contacts[sample].map(force => formatNumber(force, 1)).join(", ") + " N";
+    }
     if (!data.guard) return;
     const load = data.load[sample], limit = data.limit ?? Math.max(...data.load);
     byId("reading-load").textContent = formatNumber(load, 1) + " of " + formatNumber(limit, 0) + " N";

@@ -16,7 +16,15 @@ from numpy.typing import ArrayLike
 from skill.data.tables import write_atomically
 from systems.reports.motion import Motion, read_motion
 from systems.reports.page_template import fill_page, script_value
-from systems.reports.scene import CAMERA, FORCE_COLOUR, MOMENT_COLOUR, arrow_scale, draw_scene, viewer_source
+from systems.reports.scene import (
+    CAMERA,
+    CONTACT_COLOUR,
+    FORCE_COLOUR,
+    MOMENT_COLOUR,
+    arrow_scale,
+    draw_scene,
+    viewer_source,
+)
 
 
 def replay_page(motion: Motion, *, title: str, speed: float = 1.0) -> str:
@@ -87,6 +95,10 @@ def _overlay_data(motion: Motion, title: str, speed: float) -> dict[str, Any]:
         "limit": motion.force_limit,
         "steps": None if motion.steps is None else motion.steps.T.tolist(),
         "force_colour": f"#{FORCE_COLOUR:06X}",
+        "contacts": None
+        if motion.contact_forces is None
+        else _rounded(np.linalg.norm(motion.contact_forces, axis=2), 3),
+        "contact_colour": f"#{CONTACT_COLOUR:06X}",
         "moment_colour": f"#{MOMENT_COLOUR:06X}",
         "force_scale": f"{0.01 * scale.force:g} N",
         "moment_scale": f"{10.0 * newton_metres:g} N mm" if newton_metres < 10 else f"{0.01 * newton_metres:g} N m",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,12 +21,15 @@ def plain_table(title: str) -> Table:
 
 
 def result_table(results: Sequence[TrialResult]) -> Table:
-    """One row per trial, with a summary in the caption."""
+    """One row per trial, with a summary in the caption.
+
+    Load, contact: the largest load of the net wrench, and the largest normal force of any single contact.
+    """
     table = plain_table("insertions on the rig")
     table.add_column("trial", justify="right")
     table.add_column("tilt\n(deg)", no_wrap=True, justify="right")
     table.add_column("outcome", min_width=len("inserted"))
-    for name in ("time\n(s)", "depth\n(mm)", "axial\n(N)", "lateral\n(N)", "steps"):
+    for name in ("time\n(s)", "depth\n(mm)", "load\n(N)", "contact\n(N)", "> 20 N\n(s)", "steps"):
         table.add_column(name, justify="right")
     table.add_column("states (visits)", min_width=14)
     for r in results:
@@ -34,17 +37,31 @@ def result_table(results: Sequence[TrialResult]) -> Table:
             str(r.seed),
             "{:+.1f} {:+.1f}".format(*np.degrees(r.tilt)),
             Text(r.reason, style="green" if r.inserted else "red"),
-            *(f"{r.time:.2f}", f"{1e3 * r.depth:.1f}", f"{r.peak_axial_force:.1f}", f"{r.peak_lateral_force:.1f}"),
+            *(f"{r.time:.2f}", f"{1e3 * r.depth:.1f}"),
+            *(known(r.peak_load, ".1f"), known(r.peak_contact_force, ".1f"), known(r.time_above_20n, ".2f")),
             str(r.steps),
             f"{' '.join(map(str, dict.fromkeys(r.states)))} ({len(r.states)})",
         )
     table.caption = (
         f"{sum(r.inserted for r in results)} of {len(results)} inserted;"
         f" medians: {np.median([r.time for r in results]):.2f} s,"
-        f" peak lateral force {np.median([r.peak_lateral_force for r in results]):.0f} N,"
-        f" overlap {1e6 * np.median([r.penetration for r in results]):.0f} um"
+        f" peak load {known(median(r.peak_load for r in results), '.0f')} N,"
+        f" peak force of a contact {known(median(r.peak_contact_force for r in results), '.0f')} N,"
+        f" overlap {1e6 * np.median([r.penetration for r in results]):.0f} um;"
+        f" physics not trusted: {sum(r.trusted is False for r in results)}"
     )
     return table
+
+
+def known(value: float | None, form: str) -> str:
+    """Returns a number as text, or "-" for a number that a result of an earlier version does not have."""
+    return "-" if value is None else format(value, form)
+
+
+def median(values: Iterable[float | None]) -> float | None:
+    """Returns the median of those values that are not None; None if there are none."""
+    found = [value for value in values if value is not None]
+    return float(np.median(found)) if found else None
 
 
 def state_table(skill: ManipulationSkill) -> Table:

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from models.bore import cutaway_sector
 from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
+from skill.data.rig_run import ContactPlace
 from systems.reports.motion import Motion, make_block
 from systems.reports.round_step import round_step
 
@@ -30,6 +31,7 @@ BLOCK_COLOUR = 0xA9B2BB
 EDGE_COLOUR = 0x3A4148
 FORCE_COLOUR = 0xC1121F
 MOMENT_COLOUR = 0x6A1B9A
+CONTACT_COLOUR = 0x0E2A47
 MAX_ARROW_LENGTH = 0.035  # in units of m
 ARROW_RADIUS = 0.0007  # in units of m
 HEAD_LENGTH = 0.004  # in units of m; arrows shorter than 1.5 heads are scaled down as a whole
@@ -82,7 +84,8 @@ def arrow_scale(motion: Motion) -> ArrowScale:
         largest = max(float(np.linalg.norm(vectors, axis=1).max()), minimum)
         return 100.0 * round_step(0.01 * largest / MAX_ARROW_LENGTH)
 
-    return ArrowScale(force=fit(motion.force, 1.0), moment=fit(motion.moment, 0.01))
+    contacts = np.zeros((1, 3)) if motion.contact_forces is None else motion.contact_forces.reshape(-1, 3)
+    return ArrowScale(force=fit(np.vstack([motion.force, contacts]), 1.0), moment=fit(motion.moment, 0.01))
 
 
 def draw_scene(motion: Motion) -> PageWindow:
@@ -102,6 +105,12 @@ def draw_scene(motion: Motion) -> PageWindow:
     scale = arrow_scale(motion)
     for name, vectors_P, per_metre in (("force", motion.force, scale.force), ("moment", motion.moment, scale.moment)):
         _animate_arrow(animation, scene[name], times, motion.p_WP, motion.R_WP.apply(vectors_P) / per_metre)
+    if motion.contact_points is not None and motion.contact_forces is not None:
+        for k, place in enumerate(ContactPlace):
+            node = scene[f"contact_{place}"]
+            _draw_arrow(node, CONTACT_COLOUR, heads=1)
+            arrows = motion.contact_forces[:, k] / scale.force
+            _animate_arrow(animation, node, times, motion.contact_points[:, k], arrows)
     window.send(SetAnimation(animation, play=True, repetitions=1))
     return window
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
@@ -15,15 +16,16 @@ from pydrake.systems.framework import Context, EventStatus
 from models.scenario import TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
 from skill.arrays import Array
 from skill.data.outcome import Outcome
-from skill.data.rig_run import RigRun
+from skill.data.rig_run import CONTACT_COLUMNS, RigRun
 from skill.policy import RigPolicy
 from systems.control.faults import Fault, one_line
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.rig import MakeRig, RigDiagram
+from systems.runs.force_metrics import ForceMetrics
 from systems.runs.jamming import is_jammed
 from systems.runs.penetration import deepest_overlap
 from systems.runs.provenance import versions
-from systems.runs.trial_result import TrialResult
+from systems.runs.trial_result import TRUSTED_OVERLAP, TrialResult
 from systems.runs.worker_pool import run_in_processes
 
 
@@ -31,11 +33,15 @@ class TrialMonitor:
     """A Simulator's monitor that ends a trial and records what the rig does not.
 
     The trial ends when the peg is inserted, when the watchdog has stopped the rig, or when the simulation diverges.
+    The Simulator calls the monitor at every event of a system. What the plant shows changes only with its own step and
+    is read once for each. The net wrench is read at every plant step and the measured wrench at every call, which
+    follows each sample of the sensor. The single contacts cost more: they are read at the first call at or after each
+    controller period, and between them where `ForceMetrics.is_news` says so.
 
     Attributes:
         outcome: how the trial ended; ``TIME_OVER`` until something else ends it.
         detail: text that adds to the outcome.
-        peaks: largest axial and lateral contact force (N) and moment about the tip (N m) so far.
+        forces: the forces so far.
         depth: depth of the tip, m.
     """
 
@@ -43,29 +49,45 @@ class TrialMonitor:
         self._rig = rig
         self._scenario = scenario
         self._next_pose = 0.0
+        self._step = -1  # number of the plant step that was read last
         self._poses: list[Array] = []
         self.outcome = Outcome.TIME_OVER
         self.detail = ""
-        self.peaks = np.zeros(3)
+        self.forces = ForceMetrics(scenario.geometry.peg_radius, scenario.contact.time_step)
         self.depth = float("nan")
 
     def __call__(self, context: Context) -> EventStatus:
         """Checks and records one step; ``context`` is the diagram's."""
+        time = context.get_time()
+        self.forces.add_measurement(self._rig.measured_wrench(context))
+        if time >= self._next_pose - 1e-9:
+            self._record(context)
+        step = math.ceil(time / self._scenario.contact.time_step - 1e-6)
+        if step == self._step:
+            return EventStatus.DidNothing()
+        self._step = step
+        return self._check(context)
+
+    def _record(self, context: Context) -> None:
+        """Records what is kept once a controller period."""
+        X_HP = self._rig.contact.peg_in_hole(context)
+        self._poses.append(np.concatenate([X_HP.translation(), X_HP.rotation().col(2)]))
+        self.forces.add_row(self._rig.contact.contacts(context))
+        self._next_pose += self._scenario.controller.period
+
+    def _check(self, context: Context) -> EventStatus:
+        """Checks and records a step of the plant."""
         wrench = self._rig.contact_wrench(context)
         self.depth = -self._rig.contact.tip_height(context)
         if not (np.isfinite(wrench).all() and np.isfinite(self.depth)):
             return self._end(Outcome.DIVERGED, "a force or a position is not finite")
-        force = float(np.linalg.norm(wrench[:3]))
+        force = math.hypot(*wrench[:3])
         if force > DIVERGENCE_FORCE:
             return self._end(Outcome.DIVERGED, f"a contact force of {force:.3g} N")
-        time = context.get_time()
-        if time > 0:
-            sizes = [abs(wrench[2]), np.hypot(wrench[0], wrench[1]), np.linalg.norm(wrench[3:])]
-            self.peaks = np.maximum(self.peaks, sizes)
-        if time >= self._next_pose - 1e-9:
-            X_HP = self._rig.contact.peg_in_hole(context)
-            self._poses.append(np.concatenate([X_HP.translation(), X_HP.rotation().col(2)]))
-            self._next_pose += self._scenario.controller.period
+        if context.get_time() > 0:
+            self.forces.add_step(wrench)
+            if self.forces.is_news(wrench, self._rig.contact.contact_extent(context)):
+                self.forces.add_contacts(self._rig.contact.contacts(context))
         if self.depth >= self._scenario.full_depth:
             return self._end(Outcome.INSERTED)
         if self._rig.stopped(context):
@@ -123,6 +145,7 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
     except (Exception, SystemExit) as error:  # a failed trial must not end the others; Drake's asserts raise SystemExit
         monitor.outcome, monitor.detail = Outcome.FAILED, one_line(error)
     samples = rig.recorder.samples(context)
+    samples[list(CONTACT_COLUMNS)] = monitor.forces.contact_rows(len(samples))
     result = _result(rig, scenario, monitor, context, samples, seed=seed)
     metadata = {
         "geometry": asdict(scenario.geometry),
@@ -140,7 +163,7 @@ def _result(
 ) -> TrialResult:
     outcome, detail, fault = _ending(rig, monitor, context, samples)
     last, period = samples.iloc[-1], scenario.controller.period
-    states = samples["state"].to_numpy(dtype=int)
+    states, penetration = samples["state"].to_numpy(dtype=int), monitor.penetration()
     pitch, yaw = scenario.start.tilt or [0.0, 0.0]
     return TrialResult(
         seed=seed,
@@ -150,10 +173,9 @@ def _result(
         fault=fault,
         time=context.get_time(),
         depth=monitor.depth,
-        peak_axial_force=float(monitor.peaks[0]),
-        peak_lateral_force=float(monitor.peaks[1]),
-        peak_moment=float(monitor.peaks[2]),
-        penetration=monitor.penetration(),
+        **asdict(monitor.forces.figures()),
+        penetration=penetration,
+        trusted=penetration <= TRUSTED_OVERLAP * scenario.geometry.clearance,
         steps=int(last["pitch_taken"] + last["yaw_taken"]),
         lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
         back_offs=int((samples["guard"].diff() > 0).sum()),

@@ -10,6 +10,20 @@ from typing import Any, Self
 from skill.data.outcome import Outcome, parse_outcome
 from systems.control.faults import Fault
 
+TRUSTED_OVERLAP = 0.25
+"""Largest overlap of the bodies in a trial whose physics is trusted, over the clearance."""
+
+LATER_NUMBERS = {  # key -> (field, digits); not in the records of earlier versions
+    "peak_contact_n": ("peak_contact_force", 1),
+    "peak_load_n": ("peak_load", 1),
+    "mean_load_n": ("mean_load", 2),
+    "seconds_above_20n": ("time_above_20n", 3),
+    "first_touch_ns": ("first_touch", 3),
+    "peak_measured_load_n": ("peak_measured_load", 1),
+}
+
+PHYSICS = {True: "trusted", False: "not trusted"}
+
 
 @dataclass(frozen=True)
 class TrialResult:
@@ -22,9 +36,9 @@ class TrialResult:
             ``DIVERGED``, ``FAILED``: the simulation could not continue.
         time: simulated time, s.
         depth: depth of the tip at the end, m.
-        peak_axial_force: largest contact force along the peg, N.
-        peak_lateral_force: largest contact force across the peg, N.
-        peak_moment: largest contact moment about the tip, N m.
+        peak_axial_force: see `systems.runs.force_metrics.ForceFigures`, as for the other forces.
+        peak_lateral_force: N.
+        peak_moment: N m.
         penetration: deepest overlap of the round bodies at the recorded samples, m.
         steps: number of steps that both steppers took.
         lost_steps: number of steps that both steppers lost.
@@ -34,6 +48,14 @@ class TrialResult:
         states: numbers of the contact states visited, in order.
         fault: the detected fault.
         detail: text that adds to the outcome, such as the message of an exception.
+        peak_contact_force: N; None, like all that follows, in results that were written before it was recorded.
+        peak_load: N.
+        mean_load: N.
+        time_above_20n: s.
+        first_touch: N s.
+        peak_measured_load: N.
+        trusted: whether `penetration` is at most `TRUSTED_OVERLAP` of the clearance. The figures of a trial with a
+            deeper overlap say little about bodies of metal.
     """
 
     seed: int
@@ -53,6 +75,13 @@ class TrialResult:
     states: tuple[int, ...]
     fault: Fault = Fault.NONE
     detail: str = ""
+    peak_contact_force: float | None = None
+    peak_load: float | None = None
+    mean_load: float | None = None
+    time_above_20n: float | None = None
+    first_touch: float | None = None
+    peak_measured_load: float | None = None
+    trusted: bool | None = None
 
     @property
     def inserted(self) -> bool:
@@ -101,6 +130,8 @@ class TrialResult:
             states=tuple(row["states"]),
             fault=fault,
             detail=other,
+            **{field: _number(row[key]) for key, (field, _) in LATER_NUMBERS.items() if key in row},
+            trusted=_parse_physics(row["physics"]) if "physics" in row else None,
         )
 
     def record(self) -> dict[str, Any]:
@@ -116,6 +147,8 @@ class TrialResult:
             "peak_lateral_n": round(self.peak_lateral_force, 1),
             "peak_moment_nm": round(self.peak_moment, 3),
             "penetration_um": round(1e6 * self.penetration, 1),
+            **{key: round(v, n) for key, (f, n) in LATER_NUMBERS.items() if (v := getattr(self, f)) is not None},
+            **({} if self.trusted is None else {"physics": PHYSICS[self.trusted]}),
             "steps": self.steps,
             "lost_steps": self.lost_steps,
             "back_offs": self.back_offs,
@@ -123,6 +156,19 @@ class TrialResult:
             "unsupported_s": round(self.unsupported_time, 2),
             "states": list(self.states),
         }
+
+
+def _number(value: object) -> float:
+    """Returns the value of a later key as it is."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is no number")
+    return value
+
+
+def _parse_physics(text: object) -> bool:
+    if text not in PHYSICS.values():
+        raise ValueError(f"'physics' is {text!r}, expected one of {list(PHYSICS.values())}")
+    return text == PHYSICS[True]
 
 
 def _parse_fault(reason: str) -> tuple[Fault, str]:

@@ -91,7 +91,7 @@ def test_the_trials_insert(chain, folder):
 
 def test_every_run_is_recorded_with_the_result_that_the_json_has(chain, folder):
     results = json.loads((folder / "mine.json").read_text())
-    worst = max(results, key=lambda r: r["peak_lateral_n"])["seed"]
+    worst = max(results, key=lambda r: r["peak_load_n"])["seed"]
     assert files(folder / "rig") == [
         *("index.json", f"replay_{worst:04d}.html", "report.html", "results.json"),
         *("run_0005.html", "run_0005.parquet", "run_0006.parquet"),

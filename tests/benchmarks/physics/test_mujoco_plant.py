@@ -12,6 +12,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from benchmarks.physics.mujoco_model import MujocoContact
 from benchmarks.physics.mujoco_plant import MujocoPlant
+from skill.data.rig_run import ContactPlace
 from systems.plant.contact_plant import ALUMINIUM, STEEL, AddRigPlant
 from systems.rig import WireRig
 from systems.runs.trial import run_rig, trial_scenario
@@ -101,3 +102,36 @@ def test_the_skill_inserts_in_mujoco(quick_scenario, skill):
     assert result.depth == pytest.approx(resolved.full_depth, abs=1e-4)
     assert result.steps > 0
     assert np.isfinite(run.samples.to_numpy()).all()
+
+
+def test_the_contacts_carry_the_force_that_presses_the_peg_on_the_floor(scenario):
+    push = 8.0
+    bench = Bench(scenario, force=hanging_weight(scenario) - push).start(tip_z=-scenario.geometry.hole_depth)
+    root = bench.advance(0.3).simulator.get_context()
+    pressed = [contact for contact in bench.plant.contacts(root) if contact.force > 0.01]
+    assert [contact.place for contact in pressed] == [ContactPlace.FACE]
+    assert pressed[0].force == pytest.approx(push, rel=0.01)
+    np.testing.assert_allclose(pressed[0].normal, [0.0, 0.0, 1.0], atol=1e-3)
+    assert pressed[0].point[2] == pytest.approx(-scenario.geometry.hole_depth, abs=1e-4)
+    assert bench.plant.contact_extent(root) > 0.0
+
+
+def test_nothing_touches_in_free_air(scenario):
+    bench = Bench(scenario, force=hanging_weight(scenario)).start(tip_z=0.01).advance(0.02)
+    root = bench.simulator.get_context()
+    assert bench.plant.contacts(root) == []
+    assert bench.plant.contact_extent(root) == 0.0
+
+
+def test_the_block_that_leans_on_the_peg_has_the_moment_of_its_contacts(scenario):
+    """The gimbal turns the block against the upright peg: mouth and wall push it from opposite sides."""
+    bench = Bench(scenario, force=hanging_weight(scenario), equilibrium=(0.02, 0.0)).start(tip_z=-0.010)
+    root = bench.advance(0.3).simulator.get_context()
+    contacts = {contact.place: contact for contact in bench.plant.contacts(root)}
+    held, tip = bench.held(), bench.plant.tip_height(root)
+    force = sum(contact.force * contact.normal for contact in contacts.values())
+    mouth, end = contacts[ContactPlace.MOUTH], contacts[ContactPlace.TIP]
+    assert mouth.normal[1] * end.normal[1] < -0.9
+    assert mouth.point[2] > end.point[2] > tip - 1e-3
+    # The mount balances the contact. What is missing of the lateral force is friction around the peg.
+    np.testing.assert_allclose(force[:2], -held[:2], atol=0.1 * mouth.force)

@@ -20,7 +20,7 @@ def performed(monkeypatch):
             "inserted": good,
             "reason": "inserted" if good else "time over",
             "time_s": 0.05 / policy.speed,
-            "peak_lateral_n": 10.0,
+            "peak_load_n": 10.0,
             "cpu_s": 0.5,
         }
 

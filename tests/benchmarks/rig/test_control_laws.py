@@ -75,5 +75,5 @@ def test_tuning_chooses_the_lowest_cost_on_its_own_trials_and_resumes(setting, p
 
 
 def test_a_failure_costs_more_than_any_insertion(setting):
-    slow = {"inserted": True, "time_s": setting.scenario.trial.time_limit, "peak_lateral_n": 90.0}
+    slow = {"inserted": True, "time_s": setting.scenario.trial.time_limit, "peak_load_n": 90.0}
     assert cost(slow, setting) < cost({"inserted": False}, setting)

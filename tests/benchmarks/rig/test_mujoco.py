@@ -10,8 +10,8 @@ from systems.runs.trial import trial_scenario
 
 
 def row(**changes):
-    values = {"inserted": True, "reason": "inserted", "time_s": 2.0, "depth_mm": 25.0, "peak_axial_n": 10.0}
-    return values | {"peak_lateral_n": 8.0, "penetration_um": 15.0} | changes
+    values = {"inserted": True, "reason": "inserted", "time_s": 2.0, "depth_mm": 25.0, "peak_load_n": 10.0}
+    return values | {"peak_contact_n": 8.0, "mean_load_n": 5.0, "penetration_um": 15.0} | changes
 
 
 def test_agreement_counts_outcomes_and_compares_insertions():
@@ -36,5 +36,6 @@ def test_a_trial_is_performed_in_both_engines(quick_scenario, skill, capsys):
     assert "same outcome in 1 of 1 trials" in text
     for column in ("drake", "mujoco", "again"):
         assert trial[column]["cpu_s"] > 0.0
+        assert trial[column]["peak_contact_n"] > 1.0
         assert 0.0 < trial[column]["time_s"] <= 0.4
     assert trial["mujoco"]["physics_ms"] > 0.0

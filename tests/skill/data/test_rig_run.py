@@ -8,9 +8,10 @@ import pytest
 
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from skill.data.demonstration import read_demonstration, write_demonstration
-from skill.data.rig_run import RUN_COLUMNS, RUN_VERSION, RigRun, read_rig_run, write_rig_run
+from skill.data.rig_run import CONTACT_COLUMNS, RUN_COLUMNS, RUN_VERSION, RigRun, read_rig_run, write_rig_run
 from systems.runs.trial import run_trial
 from tests.crafted_files import rewrite, sealed_parquet, write_unsealed
+from tests.trajectories import make_rig_run
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,7 @@ def test_a_run_is_read_back_bit_identically(run, path):
     pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
     assert again.result == run.result
     assert again.metadata == run.metadata
-    assert tuple(again.samples.columns) == RUN_COLUMNS
+    assert tuple(again.samples.columns) == (*RUN_COLUMNS, *CONTACT_COLUMNS)
 
 
 def test_a_file_of_the_other_kind_is_refused(path, demonstrations, tmp_path):
@@ -70,7 +71,7 @@ def test_a_bad_table_is_refused(path, change, message):
 
 def test_a_run_of_another_version_is_refused(path):
     rewrite(path, "rig_run", format_version=RUN_VERSION + 1)
-    assert f"version {RUN_VERSION + 1}, expected 2 or {RUN_VERSION}" in error_message(path)
+    assert f"version {RUN_VERSION + 1}, expected 2 or 3 or {RUN_VERSION}" in error_message(path)
 
 
 def test_runs_of_version_2_stay_readable(run, path):
@@ -113,3 +114,37 @@ def test_a_run_may_have_a_single_row(run, tmp_path):
     result = {"inserted": False, "reason": "time over", "time_s": 0.004, "depth_mm": -1.0}
     write_rig_run(RigRun(run.samples.head(1), result), tmp_path / "one.parquet")
     assert len(read_rig_run(tmp_path / "one.parquet").samples) == 1
+
+
+def test_a_run_of_an_earlier_version_has_no_contacts(tmp_path):
+    old = make_rig_run(contacts=False)
+    write_rig_run(old, tmp_path / "old.parquet")
+    rewrite(tmp_path / "old.parquet", "rig_run", format_version=3)
+    assert tuple(read_rig_run(tmp_path / "old.parquet").samples.columns) == RUN_COLUMNS
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "message"),
+    [
+        ("contact_tip_x", 0.5, "column 'contact_tip_x' lies between"),
+        ("contact_face_fz", 2e5, "column 'contact_face_fz' lies between"),
+    ],
+)
+def test_an_implausible_contact_is_refused(run, tmp_path, column, value, message):
+    samples = run.samples.copy()
+    samples.loc[3, column] = value
+    write_rig_run(RigRun(samples, run.result, run.metadata), tmp_path / "run.parquet")
+    assert message in error_message(tmp_path / "run.parquet")
+
+
+def test_a_run_with_some_of_the_contacts_is_refused(run):
+    with pytest.raises(ValueError, match="missing columns \\['contact_tip_x'\\]"):
+        RigRun(run.samples.drop(columns="contact_tip_x"), run.result, run.metadata)
+
+
+def test_a_peak_below_the_recorded_contacts_is_refused(tmp_path):
+    run = make_rig_run()
+    largest = run.samples["contact_tip_fx"].abs().max()
+    low = {**run.result, "peak_contact_n": round(float(largest) - 1.0, 1)}
+    write_rig_run(RigRun(run.samples, low, run.metadata), tmp_path / "run.parquet")
+    assert "'peak_contact_n' of the result is" in error_message(tmp_path / "run.parquet")

@@ -164,3 +164,17 @@ def test_each_state_has_its_own_colour():
         state_colours(3 * len(PALETTE) + 1)
     assert state_labels(2) == ["state 0", "state 1"]
     assert state_labels(1, ["free", "pressed"]) == ["free", "pressed"]
+
+
+def test_outcomes_show_loads_and_single_contacts_where_all_trials_have_them():
+    rows = [
+        {"inserted": True, "time_s": 2.0, "peak_axial_n": 5.0, "peak_lateral_n": 6.0, "peak_load_n": 30.0},
+        {"inserted": True, "time_s": 3.0, "peak_axial_n": 5.0, "peak_lateral_n": 6.0, "peak_load_n": 31.0},
+    ]
+    told = pd.DataFrame([row | {"peak_contact_n": 40.0} for row in rows])
+    mixed = pd.DataFrame([rows[0] | {"peak_contact_n": 40.0}, rows[1]])
+    labels = [[axes.get_ylabel().split("\n")[0] for axes in plot_outcomes(table).axes] for table in (told, mixed)]
+    assert labels[0] == ["time (s)", "peak load (N)", "peak force of a"]
+    assert labels[1] == ["time (s)", "peak force", "peak force"]
+    dots = plot_outcomes(told).axes[1].collections[1].get_offsets()
+    np.testing.assert_array_equal(dots[:, 1], [30.0, 31.0])

@@ -11,13 +11,13 @@ from systems.reports.batch_page import batch_report, worst_trial
 from systems.sessions.rig_session import write_report
 from tests.browser import blankness, open_page
 from tests.trajectories import STATE_NAMES, make_rig_run
-from tests.trial_results import PLAIN
+from tests.trial_results import EARLIER, PLAIN
 
 
 def make_results(n=12):
     rng = np.random.default_rng(1)
     results = [
-        replace(PLAIN, seed=k, time=round(float(t), 3), peak_lateral_force=round(float(f), 1))
+        replace(PLAIN, seed=k, time=round(float(t), 3), peak_load=round(float(f), 1))
         for k, (t, f) in enumerate(zip(rng.uniform(2, 5, n), rng.uniform(5, 40, n), strict=True))
     ]
     results[4] = replace(results[4], outcome=Outcome.TIME_OVER, time=10.0, depth=0.011, back_offs=5)
@@ -33,14 +33,14 @@ def page_of(results, **changes):
 
 
 def test_worst_trial_is_the_shallowest_failure():
-    deeper = replace(PLAIN, seed=1, outcome=Outcome.TIME_OVER, depth=0.020, peak_lateral_force=99.0)
-    shallower = replace(PLAIN, seed=2, outcome=Outcome.TIME_OVER, depth=0.003, peak_lateral_force=1.0)
+    deeper = replace(PLAIN, seed=1, outcome=Outcome.TIME_OVER, depth=0.020, peak_load=99.0)
+    shallower = replace(PLAIN, seed=2, outcome=Outcome.TIME_OVER, depth=0.003, peak_load=1.0)
     assert worst_trial([PLAIN, deeper, shallower]) is shallower
 
 
-def test_worst_trial_of_insertions_has_the_largest_lateral_force():
-    hard = replace(PLAIN, seed=1, peak_lateral_force=40.0)
-    slow = replace(PLAIN, seed=2, time=9.0, peak_axial_force=90.0)
+def test_worst_trial_of_insertions_has_the_largest_load():
+    hard = replace(PLAIN, seed=1, peak_load=40.0)
+    slow = replace(PLAIN, seed=2, time=9.0, peak_axial_force=90.0, peak_lateral_force=90.0)
     assert worst_trial([PLAIN, hard, slow]) is hard
 
 
@@ -74,9 +74,33 @@ def test_columns_show_the_units_of_their_headings():
     row = page_of([result]).split("<tbody>")[1].split("</tbody>")[0]
     cells = re.findall(r"<td [^>]*>(.*?)</td>", row)
     assert "".join(re.findall(r">(\d+)</a>", cells[0])) == "7"
-    assert cells[1:7] == ["+1.0 -2.0", "inserted", "2.50", "24.7", "6.0", "12.0"]
-    assert cells[7:14] == ["0.10", "31", "20", "0", "0", "0.50", "0.25"]
-    assert cells[14].count("<i ") == 4
+    assert cells[1:10] == ["+1.0 -2.0", "inserted", "2.50", "24.7", "16.0", "15.0", "0.25", "8.0", "0.125"]
+    assert cells[10:14] == ["6.0", "12.0", "0.10", "31"]
+    assert cells[14:20] == ["trusted", "20", "0", "0", "0.50", "0.25"]
+    assert cells[20].count("<i ") == 4
+
+
+def test_headings_say_what_the_forces_are():
+    headings = page_of([PLAIN]).split("<thead>")[1].split("</thead>")[0]
+    for name, tip in (("across", "cancel in it"), ("peak contact", "any single contact"), ("peak load", "peg radius")):
+        assert re.search(rf'<th class="" title="[^"]*{tip}[^"]*">{name}<', headings)
+
+
+def test_summary_gives_the_forces_and_counts_what_is_not_trusted():
+    harder = replace(PLAIN, peak_load=30.0, peak_contact_force=45.0, time_above_20n=0.75)
+    page = page_of([PLAIN, harder, replace(harder, trusted=False)])
+    assert "<b>30.0 N</b><span>median peak load" in page
+    assert "<b>45.0 N</b><span>median peak force of a single contact; load above 20 N for 0.58 s a trial" in page
+    assert "<b>1</b><span>trials whose physics is not trusted" in page
+    assert "not trusted</td>" in page
+
+
+def test_results_of_earlier_versions_have_a_page():
+    page = page_of([EARLIER, EARLIER])
+    row = page.split("<tbody>")[1].split("</tr>")[0]
+    assert re.findall(r"<td [^>]*>(-)</td>", row) == ["-"] * 6
+    assert "median peak load" not in page
+    assert "None" not in row
 
 
 @pytest.fixture

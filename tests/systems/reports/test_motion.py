@@ -193,3 +193,21 @@ def test_a_stored_demonstration_is_coloured_by_a_stored_skill(tmp_path, monkeypa
     write_demonstration(make_demonstration(), tmp_path / "a.parquet")
     motion = read_motion(tmp_path / "a.parquet", tmp_path / "skill.npz")
     assert motion.phases == ["near the mouth", "deep"]
+
+
+def test_the_contacts_of_a_run_are_ordered_by_place_and_an_idle_arrow_waits_where_it_is_needed():
+    run = make_rig_run()
+    motion, s = motion_of_run(run), run.samples
+    np.testing.assert_array_equal(motion.contact_forces[:, 0, 0], s["contact_mouth_fx"])
+    np.testing.assert_array_equal(motion.contact_forces[:, 1, 0], s["contact_tip_fx"])
+    assert not motion.contact_forces[:, 2].any()
+    first = int(np.argmax(s["contact_tip_fx"] != 0.0))
+    assert first > 1
+    np.testing.assert_array_equal(motion.contact_points[:first, 1], [motion.contact_points[first, 1]] * first)
+    touched = s["contact_tip_fx"].to_numpy() != 0.0
+    np.testing.assert_array_equal(motion.contact_points[touched, 1, 2], s["contact_tip_z"].to_numpy()[touched])
+
+
+def test_a_run_of_an_earlier_version_has_no_contacts():
+    motion = motion_of_run(make_rig_run(contacts=False))
+    assert (motion.contact_points, motion.contact_forces) == (None, None)

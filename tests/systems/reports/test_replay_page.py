@@ -167,6 +167,8 @@ def third_of_everything() -> Motion:
         force=np.array([0 * third, third]),
         moment=np.array([0 * third, third]),
         depth=np.array([0.0, 1 / 3]),
+        contact_points=None,
+        contact_forces=None,
         phase=np.array([0, 1]),
         guard=np.array([False, True]),
         steps=np.array([[0, 0], [3, 5]]),
@@ -213,6 +215,20 @@ def test_legend_gives_what_an_arrow_of_10_mm_stands_for(force, moment, scales):
     motion = replace(motion, force=np.array([[0, 0, 0], [0, 0, force]]), moment=np.array([[0, 0, 0], [0, moment, 0]]))
     data = data_of(replay_page(motion, title="t"))
     assert (data["force_scale"], data["moment_scale"]) == scales
+
+
+def test_the_contacts_share_the_scale_of_the_force_and_the_page_gives_their_sizes():
+    motion = third_of_everything()
+    forces = np.zeros((2, 3, 3))
+    forces[1, 0], forces[1, 1] = [30.0, 0.0, 40.0], [-3.0, 0.0, 0.0]
+    motion = replace(motion, contact_forces=forces, contact_points=np.zeros((2, 3, 3)))
+    data = data_of(replay_page(motion, title="t"))
+    assert data["contacts"] == [[0, 0, 0], [50, 3, 0]]
+    assert data["force_scale"] == "20 N"  # 50 N are 25 mm
+
+
+def test_page_of_a_run_of_an_earlier_version_holds_no_contacts():
+    assert data_of(replay_page(motion_of_run(make_rig_run(contacts=False)), title="t"))["contacts"] is None
 
 
 def test_page_of_a_demonstration_holds_no_guard_and_no_steps():

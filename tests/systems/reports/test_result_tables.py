@@ -1,23 +1,51 @@
+import io
 from dataclasses import replace
 from types import SimpleNamespace
 
 import pandas as pd
+from rich.console import Console
 
 from skill.data.outcome import Outcome
+from systems.control.faults import Fault
 from systems.reports.result_tables import result_table, state_table
 from tests.systems.reports.tables import text_of
-from tests.trial_results import PLAIN
+from tests.trial_results import EARLIER, PLAIN
 
 
 def test_the_result_table_has_one_row_per_trial_and_a_summary():
     first = replace(PLAIN, seed=3, states=(0, 1, 0))
     failed = replace(
-        PLAIN, seed=4, outcome=Outcome.FAILED, detail="[/x] broke", time=3.5, peak_lateral_force=20.0, penetration=40e-6
+        PLAIN,
+        seed=4,
+        outcome=Outcome.FAILED,
+        detail="[/x] broke",
+        time=3.5,
+        peak_load=20.0,
+        peak_contact_force=45.0,
+        penetration=40e-6,
     )
     text = text_of(result_table([first, failed]))
-    assert "3 +1.0 -2.0 inserted 2.50 24.7 6.0 12.0 20 0 1 (3)" in text
+    assert "3 +1.0 -2.0 inserted 2.50 24.7 16.0 15.0 0.25 20 0 1 (3)" in text
     assert "[/x] broke" in text
-    assert "1 of 2 inserted; medians: 3.00 s, peak lateral force 16 N, overlap 30 um" in text
+    assert "1 of 2 inserted; medians: 3.00 s, peak load 18 N, peak force of a contact 30 N, overlap 30 um" in text
+    assert "physics not trusted: 1" in text_of(result_table([first, replace(failed, trusted=False)]))
+
+
+def test_results_of_earlier_versions_have_a_table():
+    text = text_of(result_table([EARLIER]))
+    assert "inserted 2.50 24.7 - - - 20 0 1 2 3 (4)" in text
+    assert "peak load - N, peak force of a contact - N, overlap 20 um; physics not trusted: 0" in text
+
+
+def test_the_widest_table_fits_100_columns():
+    worst = replace(
+        PLAIN, seed=123456, outcome=Outcome.FAULT, fault=Fault.PITCH_STEPS_LOST, peak_load=1234.5, time=10.0
+    )
+    console = Console(file=io.StringIO(), width=100)
+    console.print(result_table([worst, PLAIN]))
+    lines = console.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= 100
+    assert any({"123456", "10.00", "24.7", "1234.5"} <= set(line.split()) for line in lines)
 
 
 def test_the_names_of_states_are_not_markup():

@@ -355,3 +355,30 @@ def test_colour_of_the_peg_changes_within_0_1_ms(phase, times, shown):
 def test_viewer_is_the_script_of_meshcat():
     assert "MeshCat" in viewer_source()
     assert len(viewer_source()) > 100_000
+
+
+def test_each_place_of_contact_has_an_arrow_along_its_force():
+    """At the mouth 2 N towards -x, then 4 N; at the tip 3 N along z; nothing on a face. The largest is the 6 N."""
+    points, forces = np.zeros((4, 3, 3)), np.zeros((4, 3, 3))
+    points[:, 0] = [10 * MM, 0, 0]
+    points[:, 1] = [0, 5 * MM, -8 * MM]
+    forces[1:3, 0] = [[-2, 0, 0], [-4, 0, 0]]
+    forces[2:, 1] = [0, 0, 3]
+    motion = make_motion(contact_points=points, contact_forces=forces)
+    scene, scale = decoded(motion), arrow_scale(motion).force
+    for k, place in enumerate(("mouth", "tip")):
+        np.testing.assert_allclose(scene.values(f"contact_{place}", "position"), points[:, k], atol=1e-12)
+        drawn, expected = drawn_arrows(scene, f"contact_{place}"), forces[:, k] / scale
+        np.testing.assert_allclose(drawn, expected, atol=1e-6)
+    np.testing.assert_allclose(drawn_arrows(scene, "contact_face"), 0.0, atol=1e-6)
+
+
+def test_the_scale_holds_the_largest_single_contact():
+    forces = np.zeros((4, 3, 3))
+    forces[2, 1] = [0, 60, 0]
+    assert arrow_scale(make_motion()).force == 200
+    assert arrow_scale(make_motion(contact_points=forces, contact_forces=forces)).force == 2000
+
+
+def test_a_motion_without_contacts_has_no_arrows_of_contacts():
+    assert not any(path.startswith("contact_") for path in decoded().objects)

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from models.scenario import parse_scenario, resolve_scenario
+from skill.features.measurement import contact_loads
 from skill.manipulation_skill import Action, ManipulationSkill
 from systems.runs.penetration import round_bodies
 from systems.runs.trial import TRIAL_STREAM, run_trial, run_trials, trial_scenario
@@ -63,6 +64,12 @@ def test_the_result_agrees_with_the_recorded_samples(inserted):
     moment = np.linalg.norm(s[["mx", "my", "mz"]], axis=1).max()
     lever = 5 * (scenario.sensor.torque_bias + scenario.sensor.height * scenario.sensor.force_bias) + 0.01
     assert moment - lever <= result.peak_moment < 3 * moment + 0.1
+    loads = contact_loads(s[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(), scenario.geometry.peg_radius)
+    assert loads.max() <= result.peak_measured_load < 2 * loads.max()  # the sensor is faster than the samples
+    assert result.peak_load == pytest.approx(result.peak_measured_load, rel=0.5, abs=5.0)
+    assert 1.0 < result.mean_load < result.peak_load
+    assert 0.0 < result.first_touch < 0.05 * result.peak_load
+    assert result.trusted is (result.penetration <= 0.25 * scenario.geometry.clearance)
     assert run.result == result.record()
 
 
@@ -80,6 +87,28 @@ def test_the_penetration_is_the_overlap_of_the_round_bodies_at_the_recorded_pose
     bend = result.peak_lateral_force / scenario.rig.mount_stiffness
     assert result.penetration == pytest.approx(unbent, abs=bend + 1e-7)
     assert result.penetration > 1e-6
+
+
+def test_the_contacts_of_the_samples_are_those_of_the_wrench(inserted):
+    """What the normal forces leave of the measured lateral force is friction, noise, filter and delay."""
+    scenario, result, run = inserted
+    s = run.samples
+    places = ("mouth", "tip", "face")
+    forces = np.stack([s[[f"contact_{p}_f{c}" for c in "xyz"]].to_numpy() for p in places], axis=1)
+    points = np.stack([s[[f"contact_{p}_{c}" for c in "xyz"]].to_numpy() for p in places], axis=1)
+    touching = forces.any(axis=2)
+    assert touching[:, 0].any()
+    assert touching[:, 1].any()
+    sizes = np.linalg.norm(forces, axis=2)
+    assert 0.95 * sizes.max() <= result.peak_contact_force
+    rest = np.abs(forces[:, :, :2].sum(axis=1) - s[["fx", "fy"]].to_numpy())
+    allowed = scenario.contact.friction * sizes.sum(axis=1) + 1.0
+    assert (rest.max(axis=1) < allowed).mean() > 0.9
+    # The points lie on the bore; the hole turns by a few degrees about a pivot near its mouth.
+    radius = np.linalg.norm(points[:, :2, :2], axis=2)[touching[:, :2]]
+    np.testing.assert_allclose(radius, scenario.geometry.hole_radius, atol=2e-3)
+    below = s["tip_z"].to_numpy() < -3e-3
+    assert (points[below & touching[:, 0], 0, 2] > s["tip_z"][below & touching[:, 0]] / 2 - 1e-3).all()
 
 
 @pytest.mark.slow

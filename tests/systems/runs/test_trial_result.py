@@ -10,7 +10,7 @@ from skill.data.outcome import Outcome
 from systems.control.faults import Fault
 from systems.runs.trial_result import TrialResult
 from systems.sessions.practice_session import exact_result
-from tests.trial_results import PLAIN
+from tests.trial_results import EARLIER, PLAIN
 
 RESULT = replace(
     PLAIN,
@@ -68,6 +68,9 @@ def test_an_exact_result_is_kept_in_full_precision():
         RESULT.record() | {"states": None},
         RESULT.record() | {"reason": None},
         RESULT.record() | {"depth_mm": "deep"},
+        RESULT.record() | {"physics": "yes"},
+        RESULT.record() | {"peak_load_n": "high"},
+        RESULT.record() | {"peak_contact_n": None},
     ],
 )
 def test_a_row_that_is_not_a_result_is_one_error(row):
@@ -86,6 +89,8 @@ def test_the_record_is_in_the_units_of_its_keys_and_rounded():
         peak_lateral_force=12.3456,
         peak_moment=0.123456,
         penetration=20.1234e-6,
+        peak_contact_force=15.1234,
+        mean_load=8.1234,
         unknown_time=0.126,
         unsupported_time=0.333,
         lost_steps=3,
@@ -102,6 +107,13 @@ def test_the_record_is_in_the_units_of_its_keys_and_rounded():
         "peak_lateral_n": 12.3,
         "peak_moment_nm": 0.123,
         "penetration_um": 20.1,
+        "peak_contact_n": 15.1,
+        "peak_load_n": 16.0,
+        "mean_load_n": 8.12,
+        "seconds_above_20n": 0.25,
+        "first_touch_ns": 0.125,
+        "peak_measured_load_n": 15.5,
+        "physics": "trusted",
         "steps": 20,
         "lost_steps": 3,
         "back_offs": 2,
@@ -128,3 +140,17 @@ def test_the_reason_names_outcome_fault_and_detail(change, inserted, reason):
     result = replace(PLAIN, **change)
     assert result.inserted is inserted
     assert result.reason == reason
+
+
+def test_a_row_of_an_earlier_version_is_read_and_written_as_it_is():
+    row = EARLIER.record()
+    assert not {"peak_load_n", "peak_contact_n", "physics"} & set(row)
+    assert TrialResult.from_record(row) == TrialResult.from_record(TrialResult.from_record(row).record())
+    assert TrialResult.from_record(row).record() == row
+    assert TrialResult.from_record(row).peak_load is None
+
+
+def test_a_row_tells_physics_that_is_not_trusted():
+    row = replace(RESULT, trusted=False).record()
+    assert row["physics"] == "not trusted"
+    assert TrialResult.from_record(row).trusted is False

@@ -1,0 +1,187 @@
+"""Normal forces of the single contacts between peg and block, from the contact results of a plant.
+
+The net wrench does not show them: in a wedge the forces of two contacts cancel, and a peg between two contacts whose
+friction cones contain the line between them stays squeezed without any net wrench. No function of the net wrench is
+therefore a bound of a contact's force.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import HydroelasticContactInfo, MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+from pydrake.systems.framework import Context
+
+from skill.arrays import Array
+from skill.data.rig_run import ContactPlace
+from systems.math.rotation import cross
+
+MIN_GRADIENT = 1e-14
+"""Pressure gradient (Pa/m) up to which Drake ignores a face of a contact surface."""
+
+FACE_NORMAL = math.cos(math.radians(30.0))
+"""Part of a normal along the axis of the hole above which its contact is on a flat face; on a chamfer it is 0.71."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One contact between peg and block.
+
+    Attributes:
+        place: where it is.
+        point: (3,), centre of the normal forces in W, m.
+        normal: (3,), unit vector in W along the sum of the normal forces on the peg.
+        force: size of this sum, N.
+    """
+
+    place: ContactPlace
+    point: Array
+    normal: Array
+    force: float
+
+
+@dataclass(frozen=True)
+class NormalForces:
+    """Normal forces of n small parts of the contact, such as the faces of a mesh.
+
+    Attributes:
+        points: (n, 3), in W, m.
+        normals: (n, 3), unit vectors in W, in which the block pushes the peg.
+        forces: (n,), N.
+    """
+
+    points: Array
+    normals: Array
+    forces: Array
+
+
+def single_contacts(
+    parts: NormalForces, X_WH: RigidTransform, X_HP: RigidTransform, *, chamfer: float
+) -> list[Contact]:
+    """Joins the parts of each contact.
+
+    A part belongs to the ``FACE`` if its normal is within 30 degrees of the hole's axis: the top face or the floor.
+    Else it belongs to the ``MOUTH`` if it lies on the chamfer, or is nearer to the chamfer's inner edge than to the
+    height of the tip, and to the ``TIP`` if not. A line contact along the wall is thus one contact, at the place that
+    is nearer to its middle. Parts at mouth or tip that push towards opposite sides are two contacts. Sides are those of
+    the strongest part.
+
+    Args:
+        parts: normal forces.
+        X_WH: pose of the block.
+        X_HP: pose of the peg in the block.
+        chamfer: height of the chamfer, m.
+
+    Returns:
+        The contacts with a force, at most five, the strongest first.
+    """
+    loaded = parts.forces > 0.0
+    if not loaded.any():
+        return []
+    points, normals, forces = parts.points[loaded], parts.normals[loaded], parts.forces[loaded]
+    R_WH = X_WH.rotation().matrix()
+    heights = (points - X_WH.translation()) @ R_WH[:, 2]
+    normals_H = normals @ R_WH
+    on_face = np.abs(normals_H[:, 2]) > FACE_NORMAL
+    at_mouth = heights > min(-chamfer, 0.5 * (X_HP.translation()[2] - chamfer))
+    contacts = _joined(ContactPlace.FACE, on_face, points, normals, forces)
+    for place, here in ((ContactPlace.MOUTH, ~on_face & at_mouth), (ContactPlace.TIP, ~on_face & ~at_mouth)):
+        if here.any():
+            strongest = int(np.argmax(np.where(here, forces, -1.0)))
+            same_side = normals_H[:, :2] @ normals_H[strongest, :2] >= 0.0
+            contacts += _joined(place, here & same_side, points, normals, forces)
+            contacts += _joined(place, here & ~same_side, points, normals, forces)
+    return sorted(contacts, key=lambda contact: -contact.force)
+
+
+def _joined(place: ContactPlace, chosen: Array, points: Array, normals: Array, forces: Array) -> list[Contact]:
+    """The contact of the chosen parts, or none."""
+    if not chosen.any():
+        return []
+    forces = forces[chosen]
+    total = forces @ normals[chosen]
+    size = float(np.linalg.norm(total))
+    if size == 0.0:
+        return []
+    return [Contact(place, forces @ points[chosen] / forces.sum(), total / size, size)]
+
+
+def hydroelastic_forces(
+    plant: MultibodyPlant,
+    context: Context,
+    *,
+    peg: RigidBody,
+    block: RigidBody,
+    dissipation: float,
+) -> NormalForces:
+    """Returns the normal force of each face of the contact surfaces in the plant's last step.
+
+    A face of area A whose centroid has the pressure p at the start of the step, with the pressure's gradient g along
+    the normal, carries
+
+        f_n = max(0, A p - dt A g v_n) max(0, 1 - d v_n)
+
+    where v_n is the separation speed at the end of the step. This is the law that the plant's solver satisfies in the
+    contact approximations "lagged" and "similar" (Castro et al., arXiv:2110.10107 and 2312.03908); "sap" and "tamsi"
+    differ from it in their dissipation. The product A p alone, the force of the surface at rest, is wrong by an order
+    of magnitude in a step in which stiff bodies separate. Parts of the surface without a gradient carry nothing.
+
+    Args:
+        plant: discrete, with sampled output ports, so that its contact results are those of the last step.
+        context: of the plant.
+        peg: the compliant body.
+        block: the rigid body.
+        dissipation: d, of the peg's material, s/m.
+    """
+    results = plant.get_contact_results_output_port().Eval(context)
+    surfaces = [results.hydroelastic_contact_info(k) for k in range(results.num_hydroelastic_contacts())]
+    if not surfaces:
+        return NormalForces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+    faces = np.concatenate([_faces(info) for info in surfaces])
+    points, normals, areas, pressures, gradients = faces[:, :3], faces[:, 3:6], faces[:, 6], faces[:, 7], faces[:, 8]
+    speeds = _separation_speeds(context, peg, block, points, normals, step=plant.time_step())
+    elastic = np.maximum(0.0, areas * (pressures - plant.time_step() * gradients * speeds))
+    forces = np.where(gradients > MIN_GRADIENT, elastic * np.maximum(0.0, 1.0 - dissipation * speeds), 0.0)
+    return NormalForces(points, normals, forces)
+
+
+def _faces(info: HydroelasticContactInfo) -> Array:
+    """(n, 9): centroid, normal into the peg, area, pressure, and gradient of the pressure along minus the normal."""
+    surface = info.contact_surface()
+    pressure = surface.poly_e_MN()
+    if surface.HasGradE_M():  # of the compliant peg; the normals point into M
+        sign, gradient = 1.0, surface.EvaluateGradE_M_W
+    else:
+        sign, gradient = -1.0, surface.EvaluateGradE_N_W
+    faces = range(surface.num_faces())
+    centroids = [surface.centroid(k) for k in faces]
+    found = np.empty((len(faces), 9))
+    found[:, :3] = centroids
+    found[:, 3:6] = normals = sign * np.array([surface.face_normal(k) for k in faces])
+    found[:, 6] = [surface.area(k) for k in faces]
+    found[:, 7] = [pressure.EvaluateCartesian(k, point) for k, point in enumerate(centroids)]
+    found[:, 8] = (np.array([gradient(k) for k in faces]) * normals).sum(axis=1)
+    return found
+
+
+def _separation_speeds(
+    context: Context, peg: RigidBody, block: RigidBody, points: Array, normals: Array, *, step: float
+) -> Array:
+    """Speeds (n,), m/s, at which the peg moves along the normals relative to the block, at points in W.
+
+    The points are those at the start of the last step, the velocities those at its end. The bodies are moved back.
+    """
+    turns, speeds = [], []
+    for body in (peg, block):
+        motion = body.EvalSpatialVelocityInWorld(context)
+        origin = body.EvalPoseInWorld(context).translation() - step * motion.translational()
+        turns.append(motion.rotational())
+        speeds.append(motion.translational() - cross(turns[-1], origin))  # of the point of the body at W's origin
+    x, y, z = turns[0] - turns[1]
+    crossed = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # points @ crossed is the cross product
+    found: Array = ((speeds[0] - speeds[1] + points @ crossed) * normals).sum(axis=1)
+    return found

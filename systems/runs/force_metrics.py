@@ -1,0 +1,143 @@
+"""Accumulates the forces of a trial and reduces them to the figures of its result."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from skill.arrays import Array
+from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace
+from skill.features.measurement import contact_loads
+from systems.plant.contact_forces import Contact
+
+TOUCH_LOAD = 1.0  # in units of N; a smaller load is no contact: the inertial force of the peg is a part of a newton
+HIGH_LOAD = 20.0  # in units of N
+FIRST_TOUCH_TIME = 0.050  # in units of s
+NEWS = 1.05  # ratio to the largest load or contact so far from which the single contacts are read between two periods
+
+
+@dataclass(frozen=True)
+class ForceFigures:
+    """The forces of a trial. All but the measured load are those of the true contact.
+
+    Attributes:
+        peak_axial_force: largest net contact force along the peg, N.
+        peak_lateral_force: largest net contact force across the peg, N. Opposite forces of a wedge cancel in it.
+        peak_moment: largest net contact moment about the tip, N m.
+        peak_load: largest load of the net contact wrench, N (`skill.features.measurement.contact_loads`).
+        mean_load: mean of the load over the time in which it is at least `TOUCH_LOAD`, N; 0 if it never is.
+        time_above_20n: time in which the load is above `HIGH_LOAD`, s.
+        first_touch: integral of the size of the net contact force over `FIRST_TOUCH_TIME` from the first load of
+            `TOUCH_LOAD` on, N s; over the rest of the trial if that is shorter.
+        peak_contact_force: largest normal force of any single contact, N.
+        peak_measured_load: largest load of the wrench that the sensor monitor passes on, N.
+    """
+
+    peak_axial_force: float
+    peak_lateral_force: float
+    peak_moment: float
+    peak_load: float
+    mean_load: float
+    time_above_20n: float
+    first_touch: float
+    peak_contact_force: float
+    peak_measured_load: float
+
+
+@dataclass
+class ForceMetrics:
+    """The forces of a trial so far.
+
+    Attributes:
+        peg_radius: r of the load, m.
+        step: time step of the plant, s.
+    """
+
+    peg_radius: float
+    step: float
+    _wrenches: list[Array] = field(default_factory=list)
+    _measured: list[Array] = field(default_factory=list)
+    _rows: list[Array] = field(default_factory=list)
+    _largest_load: float = 0.0
+    _largest_extent: float = 0.0
+    _peak_contact: float = 0.0
+
+    def add_step(self, wrench: Array) -> None:
+        """Adds the true contact wrench (6,) of a plant step: force (N), then moment about the tip (N m), in P."""
+        self._wrenches.append(wrench)
+
+    def add_measurement(self, wrench: Array) -> None:
+        """Adds a measured wrench (6,), in the same units and frame."""
+        self._measured.append(wrench)
+
+    def is_news(self, wrench: Array, extent: float) -> bool:
+        """Whether the single contacts of this plant step may hold a force larger than those that were read.
+
+        They may if the load or the extent of the contact exceeds the largest so far by a factor of `NEWS`. This is no
+        bound: in a wedge a contact's force can grow while neither does.
+
+        Args:
+            wrench: true contact wrench (6,), as for `add_step`.
+            extent: see `RigPlant.contact_extent`.
+        """
+        fx, fy, fz, mx, my, mz = wrench.tolist()
+        load = math.hypot(fx, fy, fz, mx / self.peg_radius, my / self.peg_radius, mz / self.peg_radius)
+        if extent <= 0.0 or (load <= NEWS * self._largest_load and extent <= NEWS * self._largest_extent):
+            return False
+        self._largest_load = max(load, self._largest_load)
+        self._largest_extent = max(extent, self._largest_extent)
+        return True
+
+    def add_contacts(self, contacts: Sequence[Contact]) -> None:
+        """Adds the single contacts of a plant step."""
+        self._peak_contact = max([self._peak_contact, *(contact.force for contact in contacts)])
+
+    def add_row(self, contacts: Sequence[Contact]) -> None:
+        """Adds the single contacts at the next sample of the run."""
+        self.add_contacts(contacts)
+        self._rows.append(contact_row(contacts))
+
+    def contact_rows(self, count: int) -> Array:
+        """Returns ``CONTACT_COLUMNS`` at the first ``count`` samples, (count, 18); zero where none was added."""
+        rows = np.zeros((count, len(CONTACT_COLUMNS)))
+        known = self._rows[:count]
+        rows[: len(known)] = np.reshape(known, (len(known), len(CONTACT_COLUMNS)))
+        return rows
+
+    def figures(self) -> ForceFigures:
+        """Returns the figures of all that was added."""
+        wrenches = np.reshape(self._wrenches, (-1, 6))
+        forces, loads = np.linalg.norm(wrenches[:, :3], axis=1), contact_loads(wrenches, self.peg_radius)
+        measured = contact_loads(np.reshape(self._measured, (-1, 6)), self.peg_radius)
+        touching = loads >= TOUCH_LOAD
+        first = int(touching.argmax()) if touching.any() else len(loads)
+        touch = forces[first : first + round(FIRST_TOUCH_TIME / self.step)]
+        return ForceFigures(
+            peak_axial_force=_largest(np.abs(wrenches[:, 2])),
+            peak_lateral_force=_largest(np.hypot(wrenches[:, 0], wrenches[:, 1])),
+            peak_moment=_largest(np.linalg.norm(wrenches[:, 3:], axis=1)),
+            peak_load=_largest(loads),
+            mean_load=float(loads[touching].mean()) if touching.any() else 0.0,
+            time_above_20n=self.step * float((loads > HIGH_LOAD).sum()),
+            first_touch=self.step * float(touch.sum()),
+            peak_contact_force=self._peak_contact,
+            peak_measured_load=_largest(measured),
+        )
+
+
+def contact_row(contacts: Sequence[Contact]) -> Array:
+    """Returns a row (18,) of ``CONTACT_COLUMNS``: the strongest contact at each place, zeros where there is none."""
+    row = np.zeros(len(CONTACT_COLUMNS))
+    for k, place in enumerate(ContactPlace):
+        there = [contact for contact in contacts if contact.place is place]
+        if there:
+            strongest = max(there, key=lambda contact: contact.force)
+            row[6 * k : 6 * k + 6] = [*strongest.point, *(strongest.force * strongest.normal)]
+    return row
+
+
+def _largest(values: Array) -> float:
+    return float(values.max(initial=0.0))
