@@ -87,9 +87,9 @@ class RigDiagram:
         """Returns why the policy failed, or "" if it has not; ``context`` is the diagram's."""
         return self.controller.failure(self.controller.GetMyContextFromRoot(context))
 
-    def attempts(self, context: Context) -> int:
-        """Returns how many attempts in a row have ended alike if the policy has given up, else 0."""
-        return self.controller.attempts(self.controller.GetMyContextFromRoot(context))
+    def tried(self, context: Context) -> str:
+        """Returns what the policy has tried if it has nothing new to try, else ""; ``context`` is the diagram's."""
+        return self.controller.tried(self.controller.GetMyContextFromRoot(context))
 
     def stopped(self, context: Context) -> bool:
         """Returns whether the watchdog has retracted the peg after a fault and stopped."""

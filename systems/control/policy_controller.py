@@ -41,20 +41,14 @@ class ControllerState:
     given_up: bool = False
 
     def as_list(self) -> list[float]:
-        """Returns the numbers of the discrete state, in the order of the attributes."""
-        return [
-            *self.rates,
-            self.feed_speed,
-            float(self.unwinding),
-            *self.back_off.as_list(),
-            self.support,
-            self.given_up,
-        ]
+        """Returns the numbers of the discrete state."""
+        flags = float(self.unwinding), float(self.given_up)
+        return [*self.rates, self.feed_speed, *flags, *self.back_off.as_list(), self.support]
 
     @classmethod
     def from_vector(cls, values: Array) -> Self:
         """Inverts `as_list`."""
-        pitch, yaw, feed_speed, unwinding, *back_off, support, given_up = values
+        pitch, yaw, feed_speed, unwinding, given_up, *back_off, support = values
         state = BackOffState.from_list(back_off)
         return cls(np.array([pitch, yaw]), feed_speed, bool(unwinding), state, support, bool(given_up))
 
@@ -96,8 +90,8 @@ class PolicyController(LeafSystem):
 
         pitch rate = -g omega_x/T_s,   yaw rate = -g omega_y/T_s,   feed speed = u/T_s,
 
-    each within its limit. `back_off_step` reduces the feed where the policy is unsure, and draws the peg back when it is
-    stuck: ``guard`` is 1 meanwhile, and ``unwinding`` is 1 while the hole is to turn back to its angles at the last
+    each within its limit. `back_off_step` reduces the feed where the policy is unsure, and draws the peg back when it
+    is stuck: ``guard`` is 1 meanwhile, and ``unwinding`` is 1 while the hole is to turn back to its angles at the last
     light load. ``support`` is the support of the action. When the policy has nothing new to try, ``given_up`` is 1 and
     nothing moves any more. The load is capped behind this system, by the `ForceGuard`.
 
@@ -138,10 +132,14 @@ class PolicyController(LeafSystem):
         """Returns why the policy failed, or "" if it has not; ``context`` is this system's."""
         return str(context.get_abstract_state(int(self._failure)).get_value())
 
-    def attempts(self, context: Context) -> int:
-        """Returns how many attempts in a row have ended alike if the policy has given up, else 0."""
+    def tried(self, context: Context) -> str:
+        """Returns what the policy has tried if it has nothing new to try, else ""; ``context`` is this system's."""
         state = self._controller_state(context)
-        return 1 + int(state.back_off.repeats) if state.given_up else 0
+        if not state.given_up:
+            return ""
+        attempts, best = 1 + int(state.back_off.repeats), 1e3 * state.back_off.best
+        contact = self._policy.state_names()[int(state.back_off.contact)]
+        return f"{attempts} attempts in a row ended in {contact!r}, none deeper than {best:.1f} mm"
 
     def _controller_state(self, context: Context) -> ControllerState:
         return ControllerState.from_vector(context.get_discrete_state(self._state).value())

@@ -35,8 +35,8 @@ class StepperMotor(LeafSystem):
     the lag |theta - theta_0| exceeds two full steps, the rotor slips to the next equilibrium, one electrical period of
     four steps away. ``shift`` is increased or decreased by four, and 4 m microsteps count as lost.
 
-    ``step_counts`` is [microsteps taken, microsteps lost]. Angles are in rad. ``target_angle`` is relative to ``theta_start``,
-    because the driver does not know the absolute angle.
+    ``step_counts`` is [microsteps taken, microsteps lost]. Angles are in rad. ``target_angle`` is relative to
+    ``theta_start``, because the driver does not know the absolute angle.
 
     Args:
         parameters: Parameters of the motor and its driver.

@@ -32,7 +32,8 @@ from systems.runs.worker_pool import run_in_processes
 class TrialMonitor:
     """A Simulator's monitor that ends a trial and records what the rig does not.
 
-    The trial ends when the peg is inserted, when the watchdog has stopped the rig, or when the simulation diverges.
+    The trial ends when the peg is inserted, when the policy has nothing new to try, when the watchdog has stopped the
+    rig, or when the simulation diverges.
     The Simulator calls the monitor at every event of a system. What the plant shows changes only with its own step and
     is read once for each. The net wrench is read at every plant step and the measured wrench at every call, which
     follows each sample of the sensor. The single contacts cost more: they are read at the first call at or after each
@@ -92,6 +93,9 @@ class TrialMonitor:
             return self._end(Outcome.INSERTED)
         if self._rig.stopped(context):
             return self._end(Outcome.FAULT)
+        tried = self._rig.tried(context)
+        if tried:
+            return self._end(Outcome.JAMMED, tried)
         return EventStatus.DidNothing()
 
     def penetration(self) -> float:

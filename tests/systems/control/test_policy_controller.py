@@ -6,12 +6,12 @@ import pytest
 
 from models.scenario import ControllerParameters
 from skill.manipulation_skill import MEASURED, Action
-from systems.control.force_guard import GuardMode, GuardState
+from systems.control.back_off import BackOffMode, BackOffState
 from systems.control.policy_controller import ControllerState, PolicyController
 from tests.stepping import fixed_context, update_unrestricted
 
 RADIUS = 0.01
-COMMANDS = ("target_pitch", "target_yaw", "feed_speed", "guard")
+COMMANDS = ("pitch_rate", "yaw_rate", "feed_speed", "unwinding", "guard")
 
 
 class FixedPolicy:
@@ -19,7 +19,7 @@ class FixedPolicy:
 
     def __init__(self, skill, action):
         self.period_, self.n_states, self.action = skill.period_, skill.n_states, action
-        self.state_probabilities = skill.state_probabilities
+        self.state_probabilities, self.state_names = skill.state_probabilities, skill.state_names
 
     def act(self, measured, probabilities=None):
         if isinstance(self.action, Exception):
@@ -38,7 +38,7 @@ def measurements(demonstrations):
 
 
 def controller(policy, row, parameters=GENTLE):
-    dut = PolicyController(policy=policy, parameters=parameters, guard=parameters, peg_radius=RADIUS)
+    dut = PolicyController(policy=policy, parameters=parameters, back_off=parameters, peg_radius=RADIUS)
     probabilities = policy.state_probabilities(row[None])[0]
     context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], probabilities=probabilities, known=[1.0])
     return dut, context, None if isinstance(policy, FixedPolicy) else policy.act(row, probabilities)
@@ -59,28 +59,23 @@ def test_before_the_first_update_all_commands_are_zero(skill, measurements):
 
 
 def test_the_hole_turns_opposite_to_the_action_and_the_feed_has_its_speed(skill, measurements):
-    share = GENTLE.period / skill.period_
     turned = 0
     for row in measurements:
         dut, context, action = controller(skill, row)
         found = step(dut, context)
-        assert found["target_pitch"] == pytest.approx(-GENTLE.gain * action.turn[0] * share, rel=1e-12, abs=1e-15)
-        assert found["target_yaw"] == pytest.approx(-GENTLE.gain * action.turn[1] * share, rel=1e-12, abs=1e-15)
+        assert found["pitch_rate"] == pytest.approx(-GENTLE.gain * action.turn[0] / skill.period_, rel=1e-12, abs=1e-15)
+        assert found["yaw_rate"] == pytest.approx(-GENTLE.gain * action.turn[1] / skill.period_, rel=1e-12, abs=1e-15)
         assert found["feed_speed"] == pytest.approx(action.feed / skill.period_, rel=1e-12, abs=1e-15)
         assert found["guard"] == 0.0
         turned += np.linalg.norm(action.turn) > 1e-5
     assert turned > 3  # the demonstration does correct its tilt
 
 
-def test_turns_accumulate_and_feed_speeds_do_not(skill, measurements):
-    row = measurements[len(measurements) // 3]
-    dut, context, _ = controller(skill, row)
+def test_equal_measurements_give_equal_rates(skill, measurements):
+    dut, context, _ = controller(skill, measurements[len(measurements) // 3])
     once = step(dut, context)
-    assert once["target_pitch"] != 0.0
-    thrice = step(dut, context, times=2)
-    assert thrice["target_pitch"] == pytest.approx(3 * once["target_pitch"])
-    assert thrice["target_yaw"] == pytest.approx(3 * once["target_yaw"])
-    assert thrice["feed_speed"] == pytest.approx(once["feed_speed"])
+    assert once["pitch_rate"] != 0.0
+    assert step(dut, context, times=2) == once
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.5, 2.0])
@@ -97,31 +92,20 @@ def test_the_gain_scales_the_turn_and_not_the_feed(skill, measurements, gain):
         force_limit=1e9,
     )
     found = step(*controller(skill, row, scaled)[:2], scaled)
-    assert found["target_pitch"] == pytest.approx(gain * one["target_pitch"])
+    assert found["pitch_rate"] == pytest.approx(gain * one["pitch_rate"])
     assert found["feed_speed"] == one["feed_speed"]
 
 
 def test_the_rate_limit_keeps_the_direction_of_the_turn(skill, measurements):
     row = measurements[len(measurements) // 3]
     free = step(*controller(skill, row)[:2])
-    free_turn = np.array([free["target_pitch"], free["target_yaw"]])
+    free_turn = np.array([free["pitch_rate"], free["yaw_rate"]])
     size = np.linalg.norm(free_turn)
     slow = ControllerParameters(
-        max_turn_rate=0.3 * size / GENTLE.period, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
+        max_turn_rate=0.3 * size, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
     )
     found = step(*controller(skill, row, slow)[:2], slow)
-    np.testing.assert_allclose([found["target_pitch"], found["target_yaw"]], 0.3 * free_turn, rtol=1e-9)
-
-
-def test_the_angles_stay_within_the_range_of_the_gimbal(skill, measurements):
-    row = measurements[len(measurements) // 3]
-    free = step(*controller(skill, row)[:2])
-    near = ControllerParameters(
-        max_turn=1.5 * abs(free["target_pitch"]), max_turn_rate=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
-    )
-    found = step(*controller(skill, row, near)[:2], near, times=40)
-    assert abs(found["target_pitch"]) == pytest.approx(near.max_turn)
-    assert abs(found["target_yaw"]) <= near.max_turn
+    np.testing.assert_allclose([found["pitch_rate"], found["yaw_rate"]], 0.3 * free_turn, rtol=1e-9)
 
 
 def test_the_feed_speed_is_limited(skill, measurements):
@@ -144,7 +128,8 @@ def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, meas
     assert found["guard"] == 0.0
     row[:3] = 20.01 * np.array(direction)
     found = step(*controller(skill, row, guarded)[:2], guarded)
-    assert found == {"target_pitch": 0.0, "target_yaw": 0.0, "feed_speed": guarded.retract_speed, "guard": 1.0}
+    drawn_back = {"feed_speed": guarded.retract_speed, "unwinding": 0.0, "guard": 1.0}
+    assert found == {"pitch_rate": 0.0, "yaw_rate": 0.0, **drawn_back}
 
 
 def test_a_moment_contributes_to_the_load(skill, measurements):
@@ -166,7 +151,7 @@ def test_an_unknown_state_halves_the_feed_and_not_the_turn(skill, measurements):
     dut.GetInputPort("known").FixValue(context, [0.0])
     unknown = step(dut, context)
     assert unknown["feed_speed"] == pytest.approx(0.5 * known["feed_speed"])
-    assert unknown["target_pitch"] == known["target_pitch"]
+    assert unknown["pitch_rate"] == known["pitch_rate"]
 
 
 def test_the_turns_reduce_the_tilt_of_a_wedged_peg(skill, demonstrations):
@@ -180,7 +165,7 @@ def test_the_turns_reduce_the_tilt_of_a_wedged_peg(skill, demonstrations):
             row = samples[list(MEASURED)].to_numpy()[k]
             found = step(*controller(skill, row)[:2])
             # Turning the hole by +theta aligns a peg that is tilted by theta relative to the hole.
-            agreement.append(np.dot([found["target_pitch"], found["target_yaw"]], tilt[k]) > 0)
+            agreement.append(np.dot([found["pitch_rate"], found["yaw_rate"]], tilt[k]) > 0)
     assert len(agreement) > 20
     assert np.mean(agreement) > 0.8
 
@@ -211,41 +196,47 @@ def test_a_policy_that_fails_is_not_called_again(skill, measurements, failing, m
     assert (dut.GetOutputPort("failed").Eval(context)[0], dut.failure(context)) == (0.0, "")
     policy.action = failing
     after = step(dut, context)
-    assert after == {**before, "feed_speed": 0.0}
+    assert after == {**before, "pitch_rate": 0.0, "yaw_rate": 0.0, "feed_speed": 0.0}
     assert dut.GetOutputPort("failed").Eval(context)[0] == 1.0
     assert dut.failure(context).startswith(message)
     policy.action = sound
     assert step(dut, context, times=3) == after
 
 
-def test_turns_are_unwound_to_the_last_light_load_if_the_peg_does_not_rise(skill, measurements):
+def test_turns_are_to_be_unwound_if_the_peg_does_not_rise(skill, measurements):
     action = Action(turn=np.array([1e-3, -2e-3]), feed=-1e-5, probabilities=np.ones(skill.n_states))
-    turning = FixedPolicy(skill, action)
-    guarded = ControllerParameters(gain=1.0, max_turn_rate=0.5, soft_force=5.0, hold_force=20.0, force_limit=30.0)
-    dut, context, _ = controller(turning, np.zeros(7), guarded)
-    light = step(dut, context, guarded, times=4)
-    step(dut, context, guarded)  # the load is still light at this update
+    dut, context, _ = controller(FixedPolicy(skill, action), np.zeros(7))
     wrench = dut.GetInputPort("wrench")
-    wrench.FixValue(context, [6.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    further = step(dut, context, guarded, times=8)
-    assert abs(further["target_yaw"]) > abs(light["target_yaw"])
-    wrench.FixValue(context, [0.0, 0.0, 31.0, 0.0, 0.0, 0.0])
-    periods = round(0.5 * guarded.back_off_time / guarded.period)
-    held = step(dut, context, guarded, times=periods)
-    assert (held["guard"], held["target_yaw"]) == (1.0, further["target_yaw"])
-    unwound = step(dut, context, guarded, times=periods - 2)
-    assert unwound["target_pitch"] == pytest.approx(light["target_pitch"])
-    assert unwound["target_yaw"] == pytest.approx(light["target_yaw"])
+    wrench.FixValue(context, [0.0, 0.0, 1.01 * GENTLE.force_limit, 0.0, 0.0, 0.0])
+    periods = round(0.5 * GENTLE.back_off_time / GENTLE.period)
+    held = step(dut, context, times=periods)
+    assert (held["guard"], held["yaw_rate"], held["unwinding"]) == (1.0, 0.0, 0.0)
+    assert step(dut, context, times=periods - 2)["unwinding"] == 1.0
+
+
+def test_a_policy_with_nothing_new_to_try_stops_and_says_what_it_tried(skill, measurements):
+    action = Action(turn=np.array([1e-3, -2e-3]), feed=-1e-4, probabilities=np.ones(skill.n_states))
+    dut, context, _ = controller(FixedPolicy(skill, action), np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, -0.0123]))
+    attempt = GENTLE.stall_time + GENTLE.back_off_time
+    step(dut, context, times=round(GENTLE.max_repeats * attempt / GENTLE.period))
+    assert dut.tried(context) == ""
+    found = step(dut, context, times=round(1.2 * attempt / GENTLE.period))
+    assert (found["pitch_rate"], found["yaw_rate"], found["feed_speed"]) == (0.0, 0.0, 0.0)
+    assert dut.GetOutputPort("given_up").Eval(context)[0] == 1.0
+    name = skill.state_names()[int(np.argmax(skill.state_probabilities(np.array([[0, 0, 5.0, 0, 0, 0, -0.0123]]))))]
+    expected = f"{1 + GENTLE.max_repeats} attempts in a row ended in {name!r}, none deeper than 12.3 mm"
+    assert dut.tried(context) == expected
 
 
 def test_the_state_survives_its_list_of_numbers():
     state = ControllerState(
-        angles=np.array([0.1, -0.2]),
+        rates=np.array([0.1, -0.2]),
         feed_speed=-0.01,
-        guard=GuardState(GuardMode.BACKING_OFF, elapsed=0.3, anchor=0.004, doubt=0.5),
+        unwinding=True,
+        back_off=BackOffState(BackOffMode.BACKING_OFF, elapsed=0.3, anchor=0.004, doubt=0.5, best=0.005, contact=2.0),
         support=0.7,
-        light_angles=np.array([0.05, -0.06]),
+        given_up=True,
     )
-    numbers = [0.1, -0.2, -0.01, 1.0, 0.3, 0.004, 0.5, 0.7, 0.05, -0.06]
+    numbers = [0.1, -0.2, -0.01, 1.0, 1.0, 1.0, 0.3, 0.004, 0.5, 0.005, 2.0, 0.0, 0.7]
     assert state.as_list() == numbers
     assert ControllerState.from_vector(np.array(numbers)).as_list() == numbers

@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.hardware import StepperMotorParameters
-from systems.hardware.stepper_motor import StepperMotor, StepperState, ramp_speed
+from systems.hardware.stepper_motor import StepperMotor, ramp_speed
 from tests.stepping import fixed_context, update
 
-P = StepperMotorParameters()
+P = StepperMotorParameters(microsteps=1)
 PERIOD = 1e-3
 
 
@@ -44,6 +44,25 @@ def test_the_axis_moves_to_the_nearest_whole_step_from_its_start(target, steps, 
     assert counts(dut, context) == [abs(steps), 0]
 
 
+@pytest.mark.parametrize(
+    ("microsteps", "target", "steps"), [(2, 0.24, 0), (2, 0.26, 0.5), (2, -3.6, -3.5), (8, 1.3, 1.25)]
+)
+def test_a_driver_with_microsteps_stops_between_the_full_steps(microsteps, target, steps):
+    dut, context = motor(target * P.step_angle, parameters=StepperMotorParameters(microsteps=microsteps))
+    follow(dut, context, times=200)
+    assert equilibrium(dut, context) == pytest.approx(steps * P.step_angle, abs=1e-15)
+    assert counts(dut, context) == [abs(steps) * microsteps, 0]
+
+
+@pytest.mark.parametrize("microsteps", [1, 2, 8])
+def test_a_slip_loses_four_full_steps_of_any_microsteps(microsteps):
+    parameters = StepperMotorParameters(microsteps=microsteps)
+    dut, context = motor(0.0, measured=2.001 * P.step_angle, parameters=parameters)
+    update(dut, context, period=PERIOD)
+    assert equilibrium(dut, context) == pytest.approx(4 * P.step_angle)
+    assert counts(dut, context) == [0, 4 * microsteps]
+
+
 def test_steps_in_both_directions_are_counted():
     dut, context = motor(2 * P.step_angle)
     follow(dut, context, times=50)
@@ -59,8 +78,7 @@ def ramp_profile(distance, parameters, times):
     states = []
     for _ in range(times):
         follow(dut, context, times=1)
-        state = StepperState(context.get_discrete_state(0).value())
-        states.append([state.position, state.speed])
+        states.append(context.get_discrete_state(0).value()[:2].copy())
     return np.array(states).T
 
 
