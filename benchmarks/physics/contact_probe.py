@@ -74,6 +74,7 @@ class ContactProbe:
         matched: whether the corners of the bore's polygon lie on the true circle, like those of the peg (as in
             `make_bore`), so that both shrink by the same factor cos(pi/n). Otherwise the polygon's sides touch the
             circle from outside.
+        sharp: whether the chamfer begins at the mouth, without a `models.bore.BrokenEdge`.
         mass: of the peg, kg.
         inertia: of the peg about its tip, kg m^2.
         damping: of x, z and tilt, N s/m, N s/m and N m s/rad.
@@ -85,6 +86,7 @@ class ContactProbe:
         scenario: Scenario,
         *,
         matched: bool = True,
+        sharp: bool = False,
         mass: float = 0.5,
         inertia: float = 1e-4,
         damping: ArrayLike = (0.0, 0.0, 0.0),
@@ -113,7 +115,7 @@ class ContactProbe:
             frames = stages[k].body_frame(), stages[k + 1].body_frame()
             joint = plant.AddJoint(kind(name, *frames, np.array(axis, dtype=float)))
             joint.set_default_damping(float(drag[k]))
-        contact = finish_contact_plant(plant, scene_graph, scenario, stages[3], block)
+        contact = finish_contact_plant(plant, scene_graph, scenario, stages[3], block, sharp=sharp)
         self.plant: MultibodyPlant = contact.plant
         self.plant.set_stiction_tolerance(stiction_tolerance)
         self.time_step = scenario.contact.time_step

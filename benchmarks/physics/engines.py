@@ -34,7 +34,7 @@ import numpy as np
 from benchmarks.command_line import argument_parser, run
 from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, converged, crawl
 from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
-from benchmarks.physics.convergence import FINEST, press
+from benchmarks.physics.convergence import FINEST, MOMENTS, PRESSED, press
 from benchmarks.physics.mujoco_model import MujocoContact, MujocoProbe
 from models.contact_theory import two_point_push_moment
 from models.scenario import Scenario
@@ -42,8 +42,7 @@ from systems.reports.terminal import progress, write_json
 from systems.runs.penetration import round_bodies
 
 TILT, PUSH = np.radians(1.0), 5.0  # rad, N
-CRAWL_DEPTH, CRAWL_MOMENTS = 0.020, {"light": 4e-3, "firm": 0.2}  # m, N m
-PRESSED: dict[str, Any] = {"mass": 0.5, "damping": (5.0, 40.0, 0.0)}
+CRAWL_DEPTH = 0.020  # m
 
 
 def measure(make: Callable[..., PlanarProbe], scenario: Scenario) -> dict[str, float]:
@@ -53,7 +52,7 @@ def measure(make: Callable[..., PlanarProbe], scenario: Scenario) -> dict[str, f
     row = press(make(**PRESSED), sizes, bodies, TILT, PUSH)
     slipping = two_point_push_moment(PUSH, TILT, peg_radius=sizes.r, hole_radius=sizes.R, friction=friction)
     row["moment_error"] = row.pop("moment") / slipping - 1.0
-    for name, moment in CRAWL_MOMENTS.items():
+    for name, moment in MOMENTS.items():
         probe = make(**CRAWLING)
         predicted, measured = crawl(probe, sizes, friction, lateral=0.0, moment=moment, depth=CRAWL_DEPTH)
         row[f"{name}_error"] = float(measured.mean()) / predicted - 1.0

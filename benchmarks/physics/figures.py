@@ -45,7 +45,7 @@ def draw_depth(result: dict[str, Any], path: Path) -> None:
     axis.plot(
         result["tilts_deg"], result["two_point_depth_mm"], "o", color=BLUE, label="meshes, corners on both circles"
     )
-    label = "meshes, bore outside its circle (default, n = 64)"
+    label = "meshes, bore outside its circle"
     axis.plot(result["tilts_deg"], result["two_point_depth_default_mm"], "x", color=ORANGE, label=label)
     axis.set(xlabel="tilt [deg]", ylabel="depth of two-point contact [mm]", xscale="log", yscale="log")
     axis.set_xticks([0.25, 0.5, 1, 2, 3], ["0.25", "0.5", "1", "2", "3"], minor=False)

@@ -30,7 +30,7 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 
 from benchmarks.command_line import argument_parser, run
-from models.bore import facet_sagitta
+from models.bore import play_error
 from models.hardware import DEVICE_PRESETS
 from models.scenario import DEMONSTRATION_STREAM, Scenario, load_scenario, resolve_scenario
 from skill.arrays import Array
@@ -106,8 +106,7 @@ def measure(name: str, seed: int) -> dict[str, float]:
         "steps": len(steps),
         "facets": resolved.geometry.facets,
         "contact_fraction": float((force > TOUCHING_FORCE).mean()),
-        "sagitta_over_clearance": facet_sagitta(resolved.geometry.hole_radius, resolved.geometry.facets)
-        / resolved.geometry.clearance,
+        "play_error": play_error(resolved.geometry.facets),
         "contact_step_ms": 1e3 * per_step * servo,
         "servo_ms": 1e3 * servo,
         "servo_ticks_late": late(ticks, servo),

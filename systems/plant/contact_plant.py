@@ -266,16 +266,32 @@ def _block_inertia(g: Geometry) -> SpatialInertia:
 
 
 def finish_contact_plant(
-    plant: MultibodyPlant, scene_graph: SceneGraph, scenario: Scenario, peg: RigidBody, block: RigidBody
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    scenario: Scenario,
+    peg: RigidBody,
+    block: RigidBody,
+    *,
+    sharp: bool = False,
 ) -> ContactPlant:
-    """Adds the collision and visual shapes of peg and block, and finalises the plant."""
+    """Adds the collision and visual shapes of peg and block, and finalises the plant.
+
+    Args:
+        plant: Plant without the shapes.
+        scene_graph: Scene graph of the plant.
+        scenario: Geometry and contact of the bodies.
+        peg: Body of the peg; its origin is the centre of the tip.
+        block: Body of the block; its frame is H.
+        sharp: Whether the chamfer begins at the mouth, without a `BrokenEdge`; for measurements of its effect.
+    """
     g, contact = scenario.geometry, scenario.contact
     friction = CoulombFriction(contact.friction, contact.friction)
 
+    edge = None if sharp else BrokenEdge.of(radius=g.hole_radius, clearance=g.clearance, chamfer=g.chamfer)
     rigid = ProximityProperties()
     AddRigidHydroelasticProperties(rigid)
     AddContactMaterial(friction=friction, properties=rigid)
-    plant.RegisterCollisionGeometry(block, RigidTransform(), _bore_mesh(g, None), "bore", rigid)
+    plant.RegisterCollisionGeometry(block, RigidTransform(), _bore_mesh(g, edge), "bore", rigid)
 
     compliant = ProximityProperties()
     # Drake divides a cylinder into ceil(2 pi r / hint) facets; the factor prevents rounding up to one facet more.
@@ -287,15 +303,14 @@ def finish_contact_plant(
     plant.RegisterCollisionGeometry(peg, X_PC, shape, "peg", compliant)
 
     plant.RegisterVisualGeometry(peg, X_PC, shape, "peg_picture", PEG_COLOUR)
-    cutaway = _bore_mesh(g, cutaway_sector(g.facets))
+    cutaway = _bore_mesh(g, None, cutaway_sector(g.facets))
     plant.RegisterVisualGeometry(block, RigidTransform(), cutaway, "block_picture", BLOCK_COLOUR)
     plant.Finalize()
     return ContactPlant(plant, scene_graph, peg, block)
 
 
-def _bore_mesh(g: Geometry, sector: tuple[int, int] | None) -> Mesh:
-    """Returns the mesh of the block; ``sector`` as in `make_bore`. Only a whole ring has a broken edge."""
-    edge = BrokenEdge.of(radius=g.hole_radius, clearance=g.clearance, chamfer=g.chamfer)
+def _bore_mesh(g: Geometry, edge: BrokenEdge | None, sector: tuple[int, int] | None = None) -> Mesh:
+    """Returns the mesh of the block; ``edge`` and ``sector`` as in `make_bore`."""
     mesh = make_bore(
         radius=g.hole_radius,
         depth=g.hole_depth,
@@ -303,7 +318,7 @@ def _bore_mesh(g: Geometry, sector: tuple[int, int] | None) -> Mesh:
         facets=g.facets,
         block_radius=g.block_radius,
         floor=g.floor,
-        edge=edge if sector is None else None,
+        edge=edge,
         sector=sector,
     )
     return Mesh(InMemoryMesh(mesh_file=MemoryFile(mesh.to_obj(), ".obj", "bore.obj")))

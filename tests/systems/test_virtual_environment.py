@@ -5,7 +5,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
 from scipy.spatial.transform import Rotation
 
-from models.scenario import DEMONSTRATION_STREAM, FIXTURES, load_scenario, parse_scenario, resolve_scenario
+from models.scenario import DEMONSTRATION_STREAM, FIXTURES, FREE_FACETS, load_scenario, parse_scenario, resolve_scenario
 from skill.data.demonstration import CHANNELS, COLUMNS
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.runs.demonstration_run import run_demonstration
@@ -202,6 +202,7 @@ def test_axis_of_the_peg_passes_the_pivot_of_the_rig(demonstrations):
 @pytest.mark.parametrize("fixture", FIXTURES)
 def test_every_fixture_gives_a_demonstration(quick_scenario, fixture):
     quick_scenario.fixture = fixture
+    quick_scenario.geometry.facets = FREE_FACETS
     quick_scenario.start.tilt = [0.0, 0.0]
     quick_scenario.start.height = 2e-4
     quick_scenario.recorder.time_limit = 0.1

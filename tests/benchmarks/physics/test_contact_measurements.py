@@ -25,7 +25,8 @@ def probe():
 @pytest.mark.parametrize("degrees", [0.3, 1.0, 2.6])
 def test_the_meshes_have_two_contacts_at_the_exact_depth(probe, degrees):
     measured = measured_two_point_depth(probe, PegTheory.of(Scenario()), np.radians(degrees))
-    assert measured == pytest.approx(float(two_point_depth(np.radians(degrees), **SIZES)), rel=2e-3)
+    # The corners beside the touching one are r (1 - cos(theta)) (1 - cos(2 pi/n)) too near: 0.35 um at 2.6 degrees.
+    assert measured == pytest.approx(float(two_point_depth(np.radians(degrees), **SIZES)), rel=5e-3)
 
 
 def test_the_largest_entry_tilt_is_exact(probe):

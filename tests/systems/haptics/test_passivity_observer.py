@@ -9,7 +9,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput
 
 from models.hardware import DEVICE_PRESETS
-from models.scenario import DEMONSTRATION_STREAM, resolve_scenario
+from models.scenario import DEMONSTRATION_STREAM, FREE_FACETS, resolve_scenario
 from systems.haptics.haptic_device import HapticDevice
 from systems.haptics.haptic_proxy import HapticProxy
 from systems.haptics.passivity_observer import ObserverState, PassivityObserver
@@ -143,6 +143,7 @@ def random_motion(scenario, *, seed, push, reach, angle, duration):
 @pytest.mark.parametrize("fixture", ["free", "rig"])
 def test_free_motion_generates_no_energy(quick_scenario, fixture, seed):
     quick_scenario.fixture = fixture
+    quick_scenario.geometry.facets = FREE_FACETS
     quick_scenario.start.height = 0.02
     scenario = resolve_scenario(quick_scenario, seed=seed, stream=DEMONSTRATION_STREAM)
     energy, total, touch = random_motion(scenario, seed=seed, push=0.0, reach=0.004, angle=0.02, duration=1.5)
@@ -156,6 +157,7 @@ def test_free_motion_generates_no_energy(quick_scenario, fixture, seed):
 @pytest.mark.parametrize("fixture", ["free", "rig"])
 def test_contact_generates_no_energy(quick_scenario, fixture, seed):
     quick_scenario.fixture = fixture
+    quick_scenario.geometry.facets = FREE_FACETS
     quick_scenario.start.height = 1e-4
     scenario = resolve_scenario(quick_scenario, seed=seed, stream=DEMONSTRATION_STREAM)
     energy, total, touch = random_motion(scenario, seed=seed, push=0.012, reach=0.002, angle=0.02, duration=1.0)
