@@ -43,7 +43,7 @@ class Geometry:
     hole_radius: float = 0.01005  # in units of m
     hole_depth: float = 0.025  # in units of m
     chamfer: float = 0.0005  # in units of m, at 45 degrees
-    facets: int = 24  # of the bore and of the peg; a file with the fixture `free` has FREE_FACETS by default
+    facets: int = 32  # of the bore and of the peg; a file with the fixture `free` has FREE_FACETS by default
     block_radius: float = 0.030  # in units of m
     floor: float = 0.010  # in units of m, below the bore
 
@@ -58,7 +58,7 @@ class ContactParameters:
     """The hydroelastic contact model."""
 
     time_step: float = 2e-3  # in units of s
-    modulus: float = 1e11  # in units of Pa, of the compliant peg
+    modulus: float = 5.5e11  # in units of Pa, of the compliant peg
     dissipation: float = 1.0  # in units of s/m, Hunt-Crossley
     friction: float = 0.2
     friction_spread: float = 0.5  # relative half width of the uniform distribution of the friction

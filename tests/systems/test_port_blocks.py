@@ -36,10 +36,18 @@ ARGUMENTS = {
     "PolicyController": lambda skill: {
         "policy": skill,
         "parameters": S.controller,
-        "guard": S.controller,
+        "back_off": S.controller,
         "peg_radius": 0.01,
     },
     "SensorMonitor": lambda skill: {"sensor": S.sensor, "top_speed": 0.4, "resolution": 5e-6, "depth_period": 1e-3},
+    "ForceGuard": lambda skill: {
+        "parameters": S.controller,
+        "timing": GuardTiming(period=1e-3, delay=7e-3, deceleration=9.0),
+        "peg_radius": 0.01,
+        "max_turn_rate": 0.2,
+        "max_turn": 0.1,
+        "retract_speed": 0.015,
+    },
     "MeshcatOperator": lambda skill: {"meshcat": Meshcat(), "period": 0.02, "X_HD_start": X},
     "PassivityObserver": lambda skill: {"period": 1e-3, "X_HD_start": X},
     "SimulatedOperator": lambda skill: {
@@ -117,13 +125,14 @@ def test_only_the_listed_outputs_have_direct_feedthrough(dut, kind):
     feedthrough = {
         "DcMotor": {("carriage_state", "carriage_force")},
         "DeviceOperator": set(),
+        "ForceGuard": set(),
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
         "PolicyController": set(),
         "SensorMonitor": {("raw_wrench", "wrench"), ("raw_depth", "depth")},
         "PassivityObserver": set(),
         "SimulatedOperator": set(),
         "StepperMotor": set(),
-        "Watchdog": {(name, name) for name in ("target_pitch", "target_yaw", "feed_speed")},
+        "Watchdog": {(name, name) for name in COMMANDS},
         "WrenchSensor": set(),
     }
     pairs = {

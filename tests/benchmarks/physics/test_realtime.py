@@ -37,6 +37,6 @@ def test_the_results_are_complete(tmp_path):
     main(["--json", str(path), "--scenario", str(tmp_path / "quick.yaml"), "--seed", "1"])
     results = json.loads(path.read_text())
     assert set(results) >= KEYS
-    assert results["facets"] == 24
+    assert results["facets"] == 32
     assert results["contact_fraction"] > 0.5
     assert results["play_error"] == pytest.approx(0.00856, rel=1e-3)

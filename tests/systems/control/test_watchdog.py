@@ -8,7 +8,8 @@ from systems.control.watchdog import COMMANDS, Watchdog, WatchdogState
 from tests.stepping import fixed_context, update
 
 P, MOTOR = WatchdogParameters(), DcMotorParameters()
-COMMANDED = {"target_pitch": [0.01], "target_yaw": [-0.02], "feed_speed": [-0.01]}
+COMMANDED = {"pitch_rate": [0.01], "yaw_rate": [-0.02], "feed_speed": [-0.01], "unwinding": [1.0]}
+RETRACTING = {"pitch_rate": [0.0], "yaw_rate": [0.0], "feed_speed": [P.retract_speed], "unwinding": [0.0]}
 
 
 def watchdog(parameters=P, **changes):
@@ -65,11 +66,11 @@ def test_after_a_fault_the_peg_is_retracted_and_then_stopped(change, fault):
     periods = 0
     while not stopped(dut, context):
         # The angles stay and the peg is retracted, for any command and even if the fault disappears.
-        assert commands(dut, context) == {**COMMANDED, "feed_speed": [P.retract_speed]}
+        assert commands(dut, context) == RETRACTING
         found = step(
             dut,
             context,
-            target_pitch=[0.3],
+            pitch_rate=[0.3],
             feed_speed=[-0.02],
             controller_failed=[0.0],
             measurement_fault=[0.0],
@@ -201,9 +202,8 @@ def test_a_fault_of_the_measurement_takes_precedence():
 def test_the_angles_of_both_axes_stay_after_a_fault():
     dut, context = watchdog()
     step(dut, context, controller_failed=[1.0])
-    step(dut, context, target_pitch=[0.3], target_yaw=[0.4])
-    assert commands(dut, context)["target_pitch"] == [0.01]
-    assert commands(dut, context)["target_yaw"] == [-0.02]
+    step(dut, context, pitch_rate=[0.3], yaw_rate=[0.4])
+    assert commands(dut, context)["pitch_rate"] == commands(dut, context)["yaw_rate"] == [0.0]
 
 
 def test_the_state_survives_its_storage():
