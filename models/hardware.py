@@ -59,10 +59,10 @@ class StepperMotorParameters:
     # The current of the driver sets it. A step against a jammed peg changes the load by up to (pi/2) T_h / microsteps
     # / peg radius, so that a motor stronger than its task makes a cap of the load impossible.
     holding_torque: float = 0.5  # in units of N m, at the output [choice]
-    damping: float = 1.2  # in units of N m s/rad [choice]
+    damping: float = 0.75  # in units of N m s/rad [choice]
     reflected_inertia: float = 1.0e-3  # in units of kg m^2 [choice]
     max_step_rate: float = 250.0  # in units of steps/s; no step is lost up to 0.8 of the holding torque [choice]
-    max_step_acceleration: float = 2.0e4  # in units of steps/s^2; needs a tenth of the holding torque [choice]
+    max_step_acceleration: float = 8.0e3  # in units of steps/s^2; needs a tenth of the holding torque [choice]
 
     @property
     def stiffness(self) -> float:

@@ -15,6 +15,8 @@ from pydrake.systems.framework import LeafSystem
 import systems
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
+from systems.control.force_guard import GuardTiming
+from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
 
 S = Scenario()

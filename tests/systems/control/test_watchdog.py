@@ -207,7 +207,7 @@ def test_the_angles_of_both_axes_stay_after_a_fault():
 
 
 def test_the_state_survives_its_storage():
-    state = WatchdogState(Fault.ENCODER_STUCK, 0.1, 0.2, 0.3, 0.4, 0.5)
+    state = WatchdogState(Fault.ENCODER_STUCK, 0.1, 0.2, 0.3)
     assert state.as_list() == [6.0, 0.1, 0.2, 0.3, 0.4, 0.5]
     assert WatchdogState.from_vector(np.array(state.as_list())) == state
     assert WatchdogState().as_list() == [0.0] * 6

@@ -103,12 +103,12 @@ def test_a_load_above_the_holding_torque_makes_the_axis_slip_by_one_electrical_p
         lambda _: EventStatus.ReachedTermination(axis.motor, "slipped") if axis.lost else EventStatus.DidNothing()
     )
     axis.simulator.AdvanceTo(0.5)
-    assert axis.lost == 4
+    assert axis.lost == 4 * p.microsteps
     axis.push(0.0)
     axis.simulator.clear_monitor()
     axis.simulator.AdvanceTo(axis.simulator.get_context().get_time() + 0.2)
     assert axis.angle == pytest.approx(4 * sign * p.step_angle, rel=2e-3)
-    assert axis.lost == 4
+    assert axis.lost == 4 * p.microsteps
 
 
 @pytest.mark.parametrize("time_step", [1e-3, 2e-3])

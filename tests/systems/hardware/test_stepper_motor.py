@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -125,7 +126,7 @@ def test_the_ramp_keeps_its_limits_and_arrives_for_any_targets(targets, rate, ac
 
 
 def test_a_target_within_the_braking_distance_is_overshot_by_that_distance():
-    parameters = StepperMotorParameters(max_step_rate=400.0, max_step_acceleration=4000.0)
+    parameters = replace(P, max_step_rate=400.0, max_step_acceleration=4000.0)
     dut, context = motor(100 * P.step_angle, parameters=parameters)
     follow(dut, context, times=150)  # at 400 steps/s; stopping takes 20 steps
     dut.GetInputPort("target_angle").FixValue(context, [0.0])

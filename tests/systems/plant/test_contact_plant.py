@@ -149,7 +149,7 @@ def test_the_sensor_measures_nothing_without_contact(scenario):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("axis", "name"), [(0, "pitch"), (1, "yaw")])
-@pytest.mark.parametrize("torque", [-0.8, 0.5])
+@pytest.mark.parametrize("torque", [-0.4, 0.25])
 def test_a_torque_deflects_a_stepper_by_torque_over_stiffness(scenario, axis, name, torque):
     torques = [0.0, 0.0]
     torques[axis] = torque
