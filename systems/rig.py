@@ -14,10 +14,12 @@ from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
 from skill.policy import RigPolicy
 from systems.control.contact_state_estimator import ContactStateEstimator
+from systems.control.drive_monitor import DriveMonitor, Travel
 from systems.control.faults import Fault
 from systems.control.policy_controller import PolicyController
+from systems.control.self_check import MovingParts, SelfCheck
 from systems.control.sensor_monitor import SensorMonitor
-from systems.control.watchdog import COMMANDS, Watchdog
+from systems.control.watchdog import COMMANDS, MONITORS, Watchdog
 from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.stepper_motor import StepperMotor
@@ -146,6 +148,8 @@ class _Parts:
     estimator: ContactStateEstimator
     controller: PolicyController
     monitor: SensorMonitor
+    drive_monitor: DriveMonitor
+    self_check: SelfCheck
     watchdog: Watchdog
     motor: DcMotor
     steppers: dict[str, StepperMotor]  # pitch, then yaw
@@ -183,10 +187,37 @@ def _add_parts(
         monitor=builder.AddNamedSystem(
             "sensor_monitor",
             SensorMonitor(
-                sensor=sensor, top_speed=scenario.feed.no_load_speed, resolution=resolution, depth_period=step
+                sensor=sensor,
+                top_speed=scenario.feed.no_load_speed,
+                resolution=resolution,
+                depth_period=step,
+                load_limit=scenario.controller.force_limit,
+                peg_radius=scenario.geometry.peg_radius,
             ),
         ),
-        watchdog=builder.AddNamedSystem("watchdog", Watchdog(parameters=scenario.controller, motor=scenario.feed)),
+        drive_monitor=builder.AddNamedSystem(
+            "drive_monitor",
+            DriveMonitor(
+                parameters=scenario.controller,
+                motor=scenario.feed,
+                travel=Travel.of(scenario),
+                resolution=resolution,
+                period=step,
+            ),
+        ),
+        self_check=builder.AddNamedSystem(
+            "self_check",
+            SelfCheck(
+                sensor=sensor,
+                motor=scenario.feed,
+                stepper=scenario.stepper,
+                parts=MovingParts.of(scenario, mass=contact.moving_mass, peg_weight=contact.weight),
+                period=2.0 * step,
+            ),
+        ),
+        watchdog=builder.AddNamedSystem(
+            "watchdog", Watchdog(parameters=scenario.controller, step_angle=scenario.stepper.step_angle)
+        ),
         motor=builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=step)),
         steppers={
             name: builder.AddNamedSystem(
@@ -203,7 +234,7 @@ def _connect_sensors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) 
     builder.Connect(contact.carriage_state, parts.encoder.GetInputPort("carriage_state"))
     builder.Connect(parts.sensor.GetOutputPort("wrench"), parts.monitor.GetInputPort("raw_wrench"))
     builder.Connect(parts.encoder.GetOutputPort("depth"), parts.monitor.GetInputPort("raw_depth"))
-    for reader in (parts.estimator, parts.controller, parts.watchdog):
+    for reader in (parts.estimator, parts.controller, parts.drive_monitor, parts.self_check):
         for name in ("wrench", "depth"):
             builder.Connect(parts.monitor.GetOutputPort(name), reader.GetInputPort(name))
 
@@ -214,14 +245,20 @@ def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
     for name in COMMANDS:
         builder.Connect(parts.controller.GetOutputPort(name), parts.watchdog.GetInputPort(name))
     builder.Connect(parts.controller.GetOutputPort("failed"), parts.watchdog.GetInputPort("controller_failed"))
-    builder.Connect(parts.monitor.GetOutputPort("fault"), parts.watchdog.GetInputPort("measurement_fault"))
-    builder.Connect(parts.motor.GetOutputPort("current"), parts.watchdog.GetInputPort("current"))
+    for monitor, port in zip((parts.monitor, parts.drive_monitor, parts.self_check), MONITORS, strict=True):
+        builder.Connect(monitor.GetOutputPort("fault"), parts.watchdog.GetInputPort(port))
+    for name in ("current", "travel"):
+        for checker in (parts.drive_monitor, parts.self_check):
+            builder.Connect(parts.motor.GetOutputPort(name), checker.GetInputPort(name))
     for name, stepper in parts.steppers.items():
-        builder.Connect(stepper.GetOutputPort("step_counts"), parts.watchdog.GetInputPort(f"{name}_counts"))
+        for checker in (parts.watchdog, parts.self_check):
+            builder.Connect(stepper.GetOutputPort("shaft"), checker.GetInputPort(f"{name}_shaft"))
 
 
 def _connect_motors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) -> None:
     builder.Connect(parts.watchdog.GetOutputPort("feed_speed"), parts.motor.GetInputPort("speed_command"))
+    builder.Connect(parts.watchdog.GetOutputPort("feed_speed"), parts.drive_monitor.GetInputPort("feed_speed"))
+    builder.Connect(parts.drive_monitor.GetOutputPort("feed_enabled"), parts.motor.GetInputPort("enabled"))
     builder.Connect(contact.carriage_state, parts.motor.GetInputPort("carriage_state"))
     builder.Connect(parts.motor.GetOutputPort("carriage_force"), contact.carriage_force)
     rates = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(2)))

@@ -27,6 +27,7 @@ class StepperMotor(LeafSystem):
         output_ports:
         - equilibrium_angle
         - step_counts
+        - shaft
 
     Every period the driver moves its ramp position towards the step nearest to ``target_angle``, with a trapezoidal
     speed within ``max_step_rate`` and ``max_step_acceleration`` (see `ramp_speed`). It takes every whole step that the
@@ -37,6 +38,9 @@ class StepperMotor(LeafSystem):
     by the plant's joint actuator, an implicit spring of stiffness K = (pi/2) T_h / step and maximum torque T_h. When
     the lag |theta - theta_0| exceeds two full steps, the rotor slips to the next equilibrium, one electrical period of
     four steps away. ``shift`` is increased or decreased by four, and four steps count as lost.
+
+    ``shaft`` is [commanded, measured] angle, relative to theta_start. The drive counts its steps for the first; an encoder
+    on the motor's shaft measures the second, in counts of ``encoder_resolution``.
 
     ``step_counts`` is [steps taken, steps lost]. Angles are in rad. ``target_angle`` is relative to ``theta_start``,
     because the driver does not know the absolute angle.
@@ -59,6 +63,7 @@ class StepperMotor(LeafSystem):
         state_only = {self.discrete_state_ticket(self._state)}
         self.DeclareVectorOutputPort("equilibrium_angle", 1, self._calc_equilibrium, state_only)
         self.DeclareVectorOutputPort("step_counts", 2, self._calc_counts, state_only)
+        self.DeclareVectorOutputPort("shaft", 2, self._calc_shaft, {*state_only, self._measured.ticket()})
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         p = self._parameters
@@ -88,6 +93,12 @@ class StepperMotor(LeafSystem):
     def _calc_counts(self, context: Context, output: BasicVector) -> None:
         state = StepperState(context.get_discrete_state(self._state).value())
         output.SetFromVector([state.taken, state.lost])
+
+    def _calc_shaft(self, context: Context, output: BasicVector) -> None:
+        position = context.get_discrete_state(self._state).value()[0]
+        resolution = self._parameters.encoder_resolution
+        measured = round((self._measured.Eval(context)[0] - self._start_angle) / resolution) * resolution
+        output.SetFromVector([self._parameters.step_angle * round(position), measured])
 
 
 def ramp_speed(distance: float, speed: float, *, top: float, change: float, period: float) -> float:

@@ -99,6 +99,13 @@ class HydroelasticRig(ContactPlant):
         """See `RigPlant`."""
         return float(self.peg.default_mass() * np.linalg.norm(self.plant.gravity_field().gravity_vector()))
 
+    @property
+    def moving_mass(self) -> float:
+        """See `RigPlant`."""
+        models = {self.plant.GetModelInstanceByName(name) for name in ("feed", "mount")}
+        bodies = (self.plant.get_body(index) for model in models for index in self.plant.GetBodyIndices(model))
+        return float(sum(body.default_mass() for body in bodies))
+
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """See `RigPlant`."""
         own = self.plant.GetMyMutableContextFromRoot(context)

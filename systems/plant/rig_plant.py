@@ -42,6 +42,10 @@ class RigPlant(Protocol):
     def weight(self) -> float:
         """Weight of the peg, N."""
 
+    @property
+    def moving_mass(self) -> float:
+        """Mass of carriage, mount and peg, which the feed moves, kg."""
+
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """Sets the positions of the carriage (m) and of the gimbal (rad)."""
 

@@ -25,7 +25,9 @@ from rich.status import Status
 from rich.text import Text
 
 # What joblib says after an error about tasks that it has cancelled or whose results nobody takes.
-warnings.filterwarnings("ignore", message=r"\d+ tasks (which were still being processed|have been successfully executed)")
+warnings.filterwarnings(
+    "ignore", message=r"\d+ tasks (which were still being processed|have been successfully executed)"
+)
 
 console = Console()
 errors = Console(stderr=True)

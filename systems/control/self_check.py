@@ -1,0 +1,260 @@
+"""The self-check of the sensor: its readings in free air, and in contact against what the drives carry."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Self
+
+import numpy as np
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from models.hardware import DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
+from models.scenario import Scenario
+from skill.arrays import Array
+from systems.control.faults import Fault, reading_deviation
+from systems.hardware.dc_motor import FRICTION_SPEED
+
+GRAVITY = 9.81  # in units of m/s^2
+SIGMAS = 6.0  # a bias or drift beyond so many standard deviations of the data sheet is a fault
+NOISE_FACTOR = 3.0  # noise beyond so many times that of the data sheet is a fault
+TARE_SAMPLES = 10  # of one tare
+SETTLING = 5.0  # time constants of the sensor's low-pass before its reading counts as settled
+AVERAGING = 0.050  # in units of s; time constant of the averages that are compared
+GAIN_ERROR = 0.3  # largest relative error between sensor and drives: efficiency of the screw, holding torque
+RESTING = 0.030  # in units of s; the ringing of a stepper (99 Hz, damping 0.58) is over after this time
+PATIENCE = 0.040  # in units of s, for which the steppers must contradict the sensor, beyond the sensor's delay
+
+AXES = ("pitch", "yaw")
+
+
+@dataclass(frozen=True)
+class MovingParts:
+    """What the drives move.
+
+    Attributes:
+        mass: of carriage, mount and peg, kg.
+        peg_mass: of the peg below the sensor, kg.
+        friction: viscous friction of the carriage, N s/m.
+        pivot_error: largest distance of the gimbal's axes from the plane of the mouth, m.
+        rim: largest height of the hole's rim above the mouth's centre when the hole is tilted, m.
+        top_speed: largest speed command, m/s.
+    """
+
+    mass: float
+    peg_mass: float
+    friction: float
+    pivot_error: float
+    rim: float
+    top_speed: float
+
+    @classmethod
+    def of(cls, scenario: Scenario, *, mass: float, peg_weight: float) -> Self:
+        """Returns the moving parts of a resolved scenario.
+
+        Args:
+            scenario: resolved.
+            mass: of carriage, mount and peg, kg.
+            peg_weight: N.
+        """
+        g, p = scenario.geometry, scenario.controller
+        return cls(
+            mass=mass,
+            peg_mass=peg_weight / GRAVITY,
+            friction=scenario.rig.carriage_friction,
+            pivot_error=max(scenario.rig.pivot_range, scenario.rig.demonstrated_pivot_range),
+            rim=(g.hole_radius + g.chamfer) * math.sin(p.max_turn),
+            top_speed=p.max_feed_speed,
+        )
+
+
+class Index(IntEnum):
+    """Places in the discrete state; six numbers each follow `READING`, `AVERAGE`, `SUM` and `SQUARES`."""
+
+    FAULT = 0  # first fault found
+    STARTED = 1  # whether there has been a sample
+    TRAVEL = 2  # last position of the carriage, m
+    SPEED = 3  # last speed of the carriage, m/s
+    LAGGED = 4  # axial contact force by the drive, delayed like the sensor, N
+    AXIAL = 5  # its average, N
+    FREE = 6  # time in free air, s
+    COUNT = 7  # samples of the present tare
+    COMMANDED = 8  # last commanded angles of pitch and yaw, rad
+    REST = 10  # times since they changed, s
+    CONTRADICTED = 12  # times for which the axes have contradicted the sensor, s
+    READING = 14  # last wrench
+    AVERAGE = 20  # average of the wrench
+    SUM = 26  # sum of the wrenches of the present tare
+    SQUARES = 32  # sum of their squared differences
+    SIZE = 38
+
+
+class SelfCheck(LeafSystem):
+    """
+    .. pydrake_system::
+
+        name: SelfCheck
+        input_ports:
+        - wrench
+        - depth
+        - current
+        - travel
+        - pitch_shaft
+        - yaw_shaft
+        output_ports:
+        - fault
+
+    *Tare.* While the tip is above the rim of the hole, the mean of `TARE_SAMPLES` readings must be within `SIGMAS` of
+    the bias and drift of the data sheet, else the sensor is biased; the differences of successive readings must have
+    at most `NOISE_FACTOR` times its noise, else it is too noisy.
+
+    *Feed drive.* The drive gives a second measurement of the axial contact force. From the momentum of the moving parts,
+
+        f = (m + J N^2) dv/dt + m g + c v - N (eta k_t i - b w - tau_c tanh(w/w_0)),
+
+    with the speed v of the shaft's encoder and w = N v. Both forces are averaged over `AVERAGING`, f with the sensor's
+    delay. They must agree within twice the dry friction N tau_c, the bias and `GAIN_ERROR`. Else the sign of the sensor
+    is wrong, it reads too little (or too late), or too much.
+
+    *Steppers.* A stepper that rests is a magnetic spring: its encoder shows the torque K (commanded - measured angle),
+    which holds the moment of the contact about the axis, m_x + d f_y about pitch and m_y - d f_x about yaw, at the
+    depth d. They must agree within the unknown height of the axes, the resolution and `GAIN_ERROR`. Else the sensor is
+    wrong; or, if the stepper shows almost its holding torque and the sensor half of that or less, the stepper sticks.
+
+    ``fault`` (`Fault`) is the first fault and stays. ``wrench`` (N, N m) is about the tip in P, ``travel`` and ``depth``
+    in m, a ``shaft`` is [commanded, measured] angle, rad.
+    """
+
+    def __init__(
+        self,
+        *,
+        sensor: WrenchSensorParameters,
+        motor: DcMotorParameters,
+        stepper: StepperMotorParameters,
+        parts: MovingParts,
+        period: float,
+    ) -> None:
+        super().__init__()
+        self._motor, self._stepper, self._parts, self._period = motor, stepper, parts, period
+        self._delay = sensor.delay
+        self._inertia = parts.mass + motor.rotor_inertia * motor.ratio**2
+        self._dry_friction = motor.ratio * motor.coulomb_friction
+        lag = sensor.delay + 1.0 / (2.0 * math.pi * sensor.bandwidth)
+        self._settling = sensor.delay + SETTLING / (2.0 * math.pi * sensor.bandwidth)
+        self._follow_lag = 1.0 - math.exp(-period / lag)
+        self._average = 1.0 - math.exp(-period / AVERAGING)
+        force, moment = reading_deviation(sensor)
+        lever = sensor.height
+        self._max_square = np.repeat([NOISE_FACTOR * force, NOISE_FACTOR * moment], 3) ** 2
+        self._bias = SIGMAS * np.repeat(
+            [sensor.force_bias, math.hypot(sensor.torque_bias, lever * sensor.force_bias)], 3
+        )
+        self._bias += np.repeat([force, moment], 3)
+        # A tare lasts for TARE_SAMPLES periods, in which the speed of the peg may change from full speed to its reverse.
+        self._bias[2] += 2.0 * parts.peg_mass * parts.top_speed / (TARE_SAMPLES * period)
+        self._drift = SIGMAS * np.repeat(
+            [sensor.force_drift, math.hypot(sensor.torque_drift, lever * sensor.force_drift)], 3
+        )
+        self._wrench = self.DeclareVectorInputPort("wrench", 6)
+        self._depth = self.DeclareVectorInputPort("depth", 1)
+        self._current = self.DeclareVectorInputPort("current", 1)
+        self._travel = self.DeclareVectorInputPort("travel", 1)
+        self._shafts = [self.DeclareVectorInputPort(f"{name}_shaft", 2) for name in AXES]
+        self._state = self.DeclareDiscreteState(np.zeros(Index.SIZE))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self.DeclareVectorOutputPort("fault", 1, self._calc_fault, {self.discrete_state_ticket(self._state)})
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state = context.get_discrete_state(self._state).value().copy()
+        if state[Index.FAULT] != Fault.NONE:
+            return
+        wrench, depth = self._wrench.Eval(context), float(self._depth.Eval(context)[0])
+        time = context.get_time()
+        fault = self._tare(state, wrench, depth, time)
+        if fault is Fault.NONE:
+            fault = self._against_feed(context, state, wrench, time)
+        for axis in (0, 1):
+            if fault is Fault.NONE:
+                fault = self._against_stepper(context, state, wrench, depth, axis)
+        state[Index.FAULT] = fault
+        discrete_state.set_value(self._state, state)
+
+    def _tare(self, state: Array, wrench: Array, depth: float, time: float) -> Fault:
+        """Judges the readings in free air."""
+        if depth > -self._parts.rim:
+            state[Index.FREE] = state[Index.COUNT] = 0.0
+            return Fault.NONE
+        state[Index.FREE] += self._period
+        if state[Index.FREE] <= self._settling:
+            return Fault.NONE
+        total, squares = state[Index.SUM : Index.SUM + 6], state[Index.SQUARES : Index.SQUARES + 6]
+        if state[Index.COUNT] == 0.0:
+            total[:], squares[:] = 0.0, 0.0
+        else:
+            squares += (wrench - state[Index.READING : Index.READING + 6]) ** 2
+        state[Index.READING : Index.READING + 6] = wrench
+        total += wrench
+        state[Index.COUNT] += 1.0
+        if state[Index.COUNT] < TARE_SAMPLES:
+            return Fault.NONE
+        state[Index.COUNT] = 0.0
+        if (squares > 2.0 * (TARE_SAMPLES - 1) * self._max_square).any():
+            return Fault.SENSOR_NOISY
+        if (np.abs(total) > TARE_SAMPLES * (self._bias + self._drift * math.sqrt(time))).any():
+            return Fault.SENSOR_BIASED
+        return Fault.NONE
+
+    def _against_feed(self, context: Context, state: Array, wrench: Array, time: float) -> Fault:
+        """Compares the axial force with that of the feed drive."""
+        travel, current = float(self._travel.Eval(context)[0]), float(self._current.Eval(context)[0])
+        if not state[Index.STARTED]:
+            state[Index.STARTED], state[Index.TRAVEL] = 1.0, travel
+            return Fault.NONE
+        speed = (travel - float(state[Index.TRAVEL])) / self._period
+        force = self.axial_force(current, speed, (speed - float(state[Index.SPEED])) / self._period)
+        state[Index.TRAVEL], state[Index.SPEED] = travel, speed
+        state[Index.LAGGED] += self._follow_lag * (force - state[Index.LAGGED])
+        state[Index.AXIAL] += self._average * (state[Index.LAGGED] - state[Index.AXIAL])
+        state[Index.AVERAGE + 2] += self._average * (wrench[2] - state[Index.AVERAGE + 2])
+        if time < self._settling + 2.0 * AVERAGING:  # the drive takes up the weight
+            return Fault.NONE
+        carried, read = float(state[Index.AXIAL]), float(state[Index.AVERAGE + 2])
+        bias = float(self._bias[2] + self._drift[2] * math.sqrt(time))
+        if abs(read - carried) <= 2.0 * self._dry_friction + bias + GAIN_ERROR * max(abs(read), abs(carried)):
+            return Fault.NONE
+        if read * carried < 0.0 and min(abs(read), abs(carried)) > self._dry_friction:
+            return Fault.SENSOR_REVERSED
+        return Fault.SENSOR_LOW if abs(read) < abs(carried) else Fault.SENSOR_HIGH
+
+    def axial_force(self, current: float, speed: float, acceleration: float) -> float:
+        """Returns the axial contact force (N) that the feed drive carries; speed in m/s, acceleration in m/s^2."""
+        p, w = self._motor, self._motor.ratio * speed
+        friction = p.viscous_friction * w + p.coulomb_friction * math.tanh(w / FRICTION_SPEED)
+        drive = p.ratio * (p.screw_efficiency * p.torque_constant * current - friction)
+        return self._inertia * acceleration + self._parts.mass * GRAVITY + self._parts.friction * speed - drive
+
+    def _against_stepper(self, context: Context, state: Array, wrench: Array, depth: float, axis: int) -> Fault:
+        """Compares the moment about an axis with the torque of its stepper."""
+        commanded, measured = self._shafts[axis].Eval(context)
+        changed = commanded != state[Index.COMMANDED + axis]
+        state[Index.COMMANDED + axis] = commanded
+        state[Index.REST + axis] = 0.0 if changed else state[Index.REST + axis] + self._period
+        if state[Index.REST + axis] < RESTING + self._delay:
+            state[Index.CONTRADICTED + axis] = 0.0
+            return Fault.NONE
+        torque = self._stepper.stiffness * float(commanded - measured)
+        moment = float(wrench[3] + depth * wrench[1] if axis == 0 else wrench[4] - depth * wrench[0])
+        lateral = math.hypot(wrench[0], wrench[1])
+        bound = self._stepper.stiffness * self._stepper.encoder_resolution + float(self._bias[3])
+        bound += self._parts.pivot_error * lateral + GAIN_ERROR * max(abs(torque), abs(moment))
+        contradicted = abs(torque - moment) > bound
+        state[Index.CONTRADICTED + axis] = state[Index.CONTRADICTED + axis] + self._period if contradicted else 0.0
+        if state[Index.CONTRADICTED + axis] <= PATIENCE + self._delay:
+            return Fault.NONE
+        if abs(torque) > 0.8 * self._stepper.holding_torque and abs(moment) < 0.5 * abs(torque):
+            return Fault.PITCH_STICKS if axis == 0 else Fault.YAW_STICKS
+        return Fault.SENSOR_MOMENT
+
+    def _calc_fault(self, context: Context, output: BasicVector) -> None:
+        output[0] = context.get_discrete_state(self._state).value()[Index.FAULT]
