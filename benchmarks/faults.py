@@ -11,7 +11,8 @@ fault       what was injected.
 found as    the names that the rig gave, most frequent first.
 named       trials in which the rig named the fault by one of the names that fit it, of those that the fault began in.
 ended well  trials that ended safely: the true load after the onset stayed within 1.2 times the force limit, and in the
-            end it is at most ``hold_force``, because the peg was drawn back, is inserted or lies free.
+            end it is at most ``hold_force`` (the peg was drawn back, is inserted or lies free), or the feed drive is
+            at fault and off, so that only the carriage's weight rests on the peg.
 notice      median time from the onset to the fault's report.
 measured    largest load sqrt(|f|^2 + |m/r|^2) that the rig measured after the onset.
 true        the same from the true wrench.
@@ -50,6 +51,7 @@ from models.scenario import Scenario, load_scenario
 from skill.features.measurement import contact_load, contact_loads
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
+from systems.control.faults import FEED_FAULTS
 from systems.reports.terminal import console, progress, write_json
 from systems.runs import trial as trial_module
 from systems.runs.trial import TrialMonitor, run_trial, trial_scenario
@@ -119,7 +121,8 @@ def inject(scenario: Scenario, policy: RigPolicy, name: str, seed: int, *, first
         fault=result.fault.name if result.fault else "",
         reason=result.reason,
         named=result.fault in kind.named if kind.named else not result.fault,
-        safe=max(loads) <= TOLERANCE * guard.force_limit and loads[-1] <= guard.hold_force,
+        safe=max(loads) <= TOLERANCE * guard.force_limit
+        and (loads[-1] <= guard.hold_force or result.fault in FEED_FAULTS),
         notice_s=float(reported.iloc[0] - onset) if len(reported) else None,
         measured_load_n=float(measured.max(initial=0.0)),
         true_load_n=max(loads),

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
 
 from models.scenario import Scenario
@@ -212,7 +212,7 @@ def _add_parts(
                 motor=scenario.feed,
                 stepper=scenario.stepper,
                 parts=MovingParts.of(scenario, mass=contact.moving_mass, peg_weight=contact.weight),
-                period=2.0 * step,
+                period=4.0 * step,
             ),
         ),
         watchdog=builder.AddNamedSystem(
@@ -245,14 +245,15 @@ def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
     for name in COMMANDS:
         builder.Connect(parts.controller.GetOutputPort(name), parts.watchdog.GetInputPort(name))
     builder.Connect(parts.controller.GetOutputPort("failed"), parts.watchdog.GetInputPort("controller_failed"))
-    for monitor, port in zip((parts.monitor, parts.drive_monitor, parts.self_check), MONITORS, strict=True):
-        builder.Connect(monitor.GetOutputPort("fault"), parts.watchdog.GetInputPort(port))
+    reporters: tuple[LeafSystem, ...] = (parts.monitor, parts.drive_monitor, parts.self_check)
+    for reporter, port in zip(reporters, MONITORS, strict=True):
+        builder.Connect(reporter.GetOutputPort("fault"), parts.watchdog.GetInputPort(port))
     for name in ("current", "travel"):
-        for checker in (parts.drive_monitor, parts.self_check):
-            builder.Connect(parts.motor.GetOutputPort(name), checker.GetInputPort(name))
+        for monitor in (parts.drive_monitor, parts.self_check):
+            builder.Connect(parts.motor.GetOutputPort(name), monitor.GetInputPort(name))
     for name, stepper in parts.steppers.items():
-        for checker in (parts.watchdog, parts.self_check):
-            builder.Connect(stepper.GetOutputPort("shaft"), checker.GetInputPort(f"{name}_shaft"))
+        builder.Connect(stepper.GetOutputPort("shaft"), parts.watchdog.GetInputPort(f"{name}_shaft"))
+        builder.Connect(stepper.GetOutputPort("shaft"), parts.self_check.GetInputPort(f"{name}_shaft"))
 
 
 def _connect_motors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) -> None:

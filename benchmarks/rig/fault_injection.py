@@ -172,22 +172,26 @@ def _frozen_with_noise(wrench: Array, since: float, memory: dict[str, Any]) -> A
 
 
 def _late(delay: float) -> Change:
+    """A reading of a time ``delay`` ago (s); before that, the sensor has measured free air."""
+
     def change(wrench: Array, since: float, memory: dict[str, Any]) -> Array:
-        line = memory.setdefault("line", [])
+        line: list[tuple[float, Array]] = memory.setdefault("line", [])
         line.append((since, wrench))
+        if since < delay:
+            return _noise(0.02, 5e-4)(line[0][1], since, memory)
         while len(line) > 1 and line[1][0] <= since - delay:
             line.pop(0)
-        return line[0][1]  # the first reading of the fault until the delay is over
+        return line[0][1]
 
     return change
 
 
 def _spikes(period: float, width: float) -> Change:
-    """A spike of 100 N and 1 N m in a reading, once within each period."""
+    """A spike of two channels at the mount by 80 N, of ``width`` (s), once within each period (s)."""
 
     def change(wrench: Array, since: float, memory: dict[str, Any]) -> Array:
         hit = since % period < width - 1e-9
-        return wrench + np.array([100.0, 0.0, -100.0, 0.0, 1.0, 0.0]) if hit else wrench
+        return wrench + np.array([80.0, 0.0, -80.0, 0.0, 6.4, 0.0]) if hit else wrench
 
     return change
 

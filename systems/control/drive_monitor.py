@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
@@ -36,23 +35,38 @@ class Travel:
         return cls(upper=-scenario.start.height - p.travel_above, lower=scenario.geometry.hole_depth + p.travel_below)
 
 
-class Index(IntEnum):
-    """Places in the discrete state of the monitor."""
+class DriveState(NamedTuple):
+    """State of the monitor between two periods.
 
-    FAULT = 0  # first fault found
-    STARTED = 1  # whether there has been a sample
-    TRAVEL = 2  # last count of the shaft's encoder, m
-    DEPTH = 3  # last depth, m
-    OFFSET = 4  # depth + travel at the start, m
-    PATH = 5  # path travelled, m
-    IDLE = 6  # path travelled since the depth last changed, m
-    FASTEST = 7  # largest recent speed command, m/s
-    SLOWEST = 8  # smallest recent speed command, m/s
-    EXCESS = 9  # motion beyond the recent commands, m
-    PUSHED = 10  # distance commanded since the feed last moved, m
-    ANCHOR = 11  # travel from which a motion is measured, m
-    SPEED = 12  # speed of the shaft, as travel, m/s
-    SIZE = 13
+    Attributes:
+        fault: first fault found.
+        started: whether there has been a sample.
+        travel: last count of the shaft's encoder, m.
+        depth: last depth, m.
+        offset: depth + travel at the start, m.
+        path: path travelled, m.
+        idle: path travelled since the depth last changed, m.
+        fastest: largest recent speed command, m/s.
+        slowest: smallest recent speed command, m/s.
+        excess: motion beyond the recent commands, m.
+        pushed: distance commanded into the hole since the feed last moved, m.
+        anchor: travel from which a motion is measured, m.
+        speed: speed of the shaft, as travel, m/s.
+    """
+
+    fault: float = 0.0
+    started: float = 0.0
+    travel: float = 0.0
+    depth: float = 0.0
+    offset: float = 0.0
+    path: float = 0.0
+    idle: float = 0.0
+    fastest: float = 0.0
+    slowest: float = 0.0
+    excess: float = 0.0
+    pushed: float = 0.0
+    anchor: float = 0.0
+    speed: float = 0.0
 
 
 class DriveMonitor(LeafSystem):
@@ -78,7 +92,8 @@ class DriveMonitor(LeafSystem):
     * reversed, if it moves against its command and no faster than twice its command,
     * else it runs away.
 
-    If ``feed_stall_distance`` was commanded into the hole and the shaft turned by less than ``stall_depth``, the feed is
+    If ``feed_stall_distance`` was commanded into the hole and the shaft moved by less than ``stall_depth``, the feed
+    is
 
     * dead, if the drive gives less than a quarter of the current of its integral gain,
     * stalled, if the current is at its limit and the contact carries less than half of the drive's force N eta k_t |i|.
@@ -124,73 +139,77 @@ class DriveMonitor(LeafSystem):
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._current = self.DeclareVectorInputPort("current", 1)
         self._travel = self.DeclareVectorInputPort("travel", 1)
-        self._state = self.DeclareDiscreteState(np.zeros(Index.SIZE))
+        self._state = self.DeclareDiscreteState(list(DriveState()))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         state = {self.discrete_state_ticket(self._state)}
         self.DeclareVectorOutputPort("fault", 1, self._calc_fault, state)
         self.DeclareVectorOutputPort("feed_enabled", 1, self._calc_enabled, state)
 
+    def _drive_state(self, context: Context) -> DriveState:
+        return DriveState._make(context.get_discrete_state(self._state).value().tolist())
+
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        state = context.get_discrete_state(self._state).value().tolist()
-        if state[Index.FAULT] != Fault.NONE:
+        state = self._drive_state(context)
+        if state.fault != Fault.NONE:
             return
-        travel, depth = float(self._travel.Eval(context)[0]), float(self._depth.Eval(context)[0])
-        if not state[Index.STARTED]:
-            state[Index.STARTED] = 1.0
-            state[Index.TRAVEL] = state[Index.ANCHOR] = travel
-            state[Index.DEPTH], state[Index.OFFSET] = depth, depth + travel
-        command = float(self._feed_speed.Eval(context)[0])
-        self._follow(state, travel=travel, depth=depth, command=command)
-        state[Index.FAULT] = float(self._find_fault(context, state, command))
-        discrete_state.set_value(self._state, state)
+        command = self._feed_speed.Eval(context).item()
+        state = self._next_state(state, command, self._travel.Eval(context).item(), self._depth.Eval(context).item())
+        fault = self._find_fault(context, state, command)
+        discrete_state.set_value(state if fault is Fault.NONE else state._replace(fault=float(fault)))
 
-    def _follow(self, state: list[float], *, travel: float, depth: float, command: float) -> None:
-        """Advances the state, except for the fault."""
-        moved = travel - state[Index.TRAVEL]
-        state[Index.SPEED] = moved / self._period
-        state[Index.FASTEST] = max(command, 0.0, state[Index.FASTEST] * self._command_fade)
-        state[Index.SLOWEST] = min(command, 0.0, state[Index.SLOWEST] * self._command_fade)
-        beyond = max(moved - state[Index.FASTEST] * self._period, 0.0)
-        beyond += min(moved - state[Index.SLOWEST] * self._period, 0.0)
-        state[Index.EXCESS] = state[Index.EXCESS] * self._motion_fade + beyond
-        state[Index.PATH] += abs(moved)
-        state[Index.IDLE] = state[Index.IDLE] + abs(moved) if depth == state[Index.DEPTH] else 0.0
-        still = command < 0.0 and abs(travel - state[Index.ANCHOR]) < self._parameters.stall_depth
-        state[Index.PUSHED] = state[Index.PUSHED] - command * self._period if still else 0.0
-        if not still:
-            state[Index.ANCHOR] = travel
-        state[Index.TRAVEL], state[Index.DEPTH] = travel, depth
+    def _next_state(self, last: DriveState, command: float, travel: float, depth: float) -> DriveState:
+        if not last.started:
+            return DriveState(started=1.0, travel=travel, depth=depth, offset=depth + travel, anchor=travel)
+        T, fade = self._period, self._command_fade
+        moved = travel - last.travel
+        distance = abs(moved)
+        fastest, slowest = max(command, 0.0, last.fastest * fade), min(command, 0.0, last.slowest * fade)
+        beyond = max(moved - fastest * T, 0.0) + min(moved - slowest * T, 0.0)
+        still = command < 0.0 and abs(travel - last.anchor) < self._parameters.stall_depth
+        return DriveState(
+            0.0,
+            1.0,
+            travel,
+            depth,
+            last.offset,
+            last.path + distance,
+            last.idle + distance if depth == last.depth else 0.0,
+            fastest,
+            slowest,
+            last.excess * self._motion_fade + beyond,
+            last.pushed - command * T if still else 0.0,
+            last.anchor if still else travel,
+            moved / T,
+        )
 
-    def _find_fault(self, context: Context, state: list[float], command: float) -> Fault:
-        p = self._parameters
-        if abs(state[Index.EXCESS]) > p.follow_error:
-            return self._name_motion(state, float(self._current.Eval(context)[0]))
-        if state[Index.IDLE] > self._slack:
+    def _find_fault(self, context: Context, state: DriveState, command: float) -> Fault:
+        p, limits = self._parameters, self._travel_limits
+        if abs(state.excess) > p.follow_error:
+            return self._name_motion(state, abs(self._current.Eval(context).item()))
+        if state.idle > self._slack:
             return Fault.ENCODER_STUCK
-        contradiction = abs(state[Index.DEPTH] + state[Index.TRAVEL] - state[Index.OFFSET])
-        if contradiction > self._slack + ENCODER_GAIN_ERROR * state[Index.PATH]:
+        if abs(state.depth + state.travel - state.offset) > self._slack + ENCODER_GAIN_ERROR * state.path:
             return Fault.ENCODER_CONTRADICTED
-        # A feed that leaves the limit again may pass it.
-        if state[Index.DEPTH] < self._travel_limits.upper and command > 0.0:
+        # A feed that leaves its limit again may be beyond it.
+        if state.depth < limits.upper and command > 0.0:
             return Fault.UPPER_TRAVEL_LIMIT
-        if state[Index.DEPTH] > self._travel_limits.lower and command < 0.0:
+        if state.depth > limits.lower and command < 0.0:
             return Fault.LOWER_TRAVEL_LIMIT
-        if state[Index.PUSHED] >= p.feed_stall_distance:
-            return self._name_stall(context)
+        if state.pushed >= p.feed_stall_distance:
+            return self._name_stall(context, abs(self._current.Eval(context).item()))
         return Fault.NONE
 
-    def _name_motion(self, state: list[float], current: float) -> Fault:
+    def _name_motion(self, state: DriveState, current: float) -> Fault:
         """Names a motion beyond the command."""
-        if abs(current) < NO_CURRENT * self._motor.current_limit:
+        if current < NO_CURRENT * self._motor.current_limit:
             return Fault.FEED_DEAD
-        fastest, slowest, speed = state[Index.FASTEST], state[Index.SLOWEST], state[Index.SPEED]
-        against = fastest + slowest < 0.0 if state[Index.EXCESS] > 0.0 else fastest + slowest > 0.0
-        slow = abs(speed) < 2.0 * max(fastest, -slowest)
-        return Fault.FEED_REVERSED if against and slow else Fault.FEED_RUNS_AWAY
+        commanded = state.slowest if state.excess > 0.0 else state.fastest  # the opposite direction
+        along = state.fastest if state.excess > 0.0 else -state.slowest
+        against = abs(commanded) > along and abs(state.speed) < 2.0 * abs(commanded)
+        return Fault.FEED_REVERSED if against else Fault.FEED_RUNS_AWAY
 
-    def _name_stall(self, context: Context) -> Fault:
+    def _name_stall(self, context: Context, current: float) -> Fault:
         """Names a feed that does not move."""
-        current = abs(float(self._current.Eval(context)[0]))
         if current < self._dead_current:
             return Fault.FEED_DEAD
         force = float(np.linalg.norm(self._wrench.Eval(context)[:3]))
@@ -200,7 +219,7 @@ class DriveMonitor(LeafSystem):
         return Fault.NONE
 
     def _calc_fault(self, context: Context, output: BasicVector) -> None:
-        output[0] = context.get_discrete_state(self._state).value()[Index.FAULT]
+        output[0] = self._drive_state(context).fault
 
     def _calc_enabled(self, context: Context, output: BasicVector) -> None:
-        output[0] = float(context.get_discrete_state(self._state).value()[Index.FAULT] not in FEED_FAULTS)
+        output[0] = float(self._drive_state(context).fault not in FEED_FAULTS)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from enum import IntEnum
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
@@ -18,15 +17,13 @@ SPIKE_TIME = 1.0  # in units of s
 DEVIATIONS = 12.0  # largest difference of two readings of a sound sensor at rest, in standard deviations
 
 
-class Index(IntEnum):
-    """Places in the discrete state; the first six are the last sound wrench (N, N m)."""
-
-    DEPTH = 6  # last sound depth, m
-    REPEATS = 7  # how many readings in a row equalled the one before
-    FAULT = 8  # first fault found
-    STARTED = 9  # whether there has been a sound sample
-    SPIKES = 10  # number of spikes, which fades with `SPIKE_TIME`
-    SIZE = 11
+# Places in the discrete state; the first six are the last sound wrench (N, N m).
+DEPTH = 6  # last sound depth, m
+REPEATS = 7  # how many readings in a row equalled the one before
+FAULT = 8  # first fault found
+STARTED = 9  # whether there has been a sound sample
+SPIKES = 10  # number of spikes, which fades with `SPIKE_TIME`
+SIZE = 11
 
 
 class SensorMonitor(LeafSystem):
@@ -93,78 +90,90 @@ class SensorMonitor(LeafSystem):
         self._fading = math.exp(-sensor.period / SPIKE_TIME)
         self._raw_wrench = self.DeclareVectorInputPort("raw_wrench", 6)
         self._raw_depth = self.DeclareVectorInputPort("raw_depth", 1)
-        self._state = self.DeclareDiscreteState(np.zeros(Index.SIZE))
+        self._state = self.DeclareDiscreteState(np.zeros(SIZE))
         self.DeclarePeriodicDiscreteUpdateEvent(sensor.period, 0.0, self._update)
         state = self.discrete_state_ticket(self._state)
         self.DeclareVectorOutputPort("wrench", 6, self._calc_wrench, {state, self._raw_wrench.ticket()})
         self.DeclareVectorOutputPort("depth", 1, self._calc_depth, {state, self._raw_depth.ticket()})
         self.DeclareVectorOutputPort("fault", 1, self._calc_fault, {state})
 
-    # Plain numbers instead of arrays: at the sensor's rate a call of numpy costs more than the arithmetic on six numbers.
+    # At the sensor's rate a call of numpy costs more than arithmetic on six numbers, so these are plain numbers.
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        state = context.get_discrete_state(self._state).value().tolist()
-        if state[Index.FAULT] != Fault.NONE:
+        state: list[float] = context.get_discrete_state(self._state).value().tolist()
+        if state[FAULT] != Fault.NONE:
             return
-        wrench, depth = self._raw_wrench.Eval(context).tolist(), float(self._raw_depth.Eval(context)[0])
-        same = state[Index.STARTED] and wrench == state[:6] and context.get_time() > self._first_comparison
-        state[Index.REPEATS] = state[Index.REPEATS] + 1.0 if same else 0.0
-        spike = bool(state[Index.STARTED]) and self._is_spike(wrench, state)
-        state[Index.SPIKES] = state[Index.SPIKES] * self._fading + spike
-        fault = self._find_fault(state, wrench, depth)
-        state[Index.FAULT] = float(fault)
-        if fault is Fault.NONE:
-            state[Index.DEPTH], state[Index.STARTED] = depth, 1.0
-            if not spike:
-                state[:6] = wrench
-        discrete_state.set_value(self._state, state)
+        wrench: list[float] = self._raw_wrench.Eval(context).tolist()
+        depth: float = self._raw_depth.Eval(context).item()
+        same = wrench == state[:6] and state[STARTED] and context.get_time() > self._first_comparison
+        repeats = state[REPEATS] + 1.0 if same else 0.0
+        spike = state[STARTED] > 0.0 and self._is_spike(wrench, state)
+        spikes = state[SPIKES] * self._fading + (1.0 if spike else 0.0)
+        fault = self._find_fault(state, wrench, depth, repeats=repeats, spikes=spikes)
+        if fault is not Fault.NONE:
+            state[FAULT] = float(fault)
+        elif spike:
+            state[DEPTH:] = [depth, repeats, 0.0, 1.0, spikes]
+        else:
+            state = [*wrench, depth, repeats, 0.0, 1.0, spikes]
+        discrete_state.set_value(state)
 
-    def _find_fault(self, state: list[float], wrench: list[float], depth: float) -> Fault:
+    def _find_fault(
+        self, state: list[float], wrench: list[float], depth: float, *, repeats: float, spikes: float
+    ) -> Fault:
         if not math.isfinite(sum(wrench)):
             return Fault.SENSOR_DISCONNECTED
         if not math.isfinite(depth):
             return Fault.ENCODER_DISCONNECTED
         if self._is_saturated(wrench):
             return Fault.SENSOR_SATURATED
-        if state[Index.REPEATS] > self._max_repeats:
+        if repeats > self._max_repeats:
             return Fault.SENSOR_STUCK
-        if state[Index.SPIKES] > MAX_SPIKES:
+        if spikes > MAX_SPIKES:
             return Fault.SENSOR_SPIKES
-        if state[Index.STARTED] and abs(depth - state[Index.DEPTH]) > self._max_change:
+        if abs(depth - state[DEPTH]) > self._max_change and state[STARTED]:
             return Fault.ENCODER_JUMPED
         return Fault.NONE
 
     def _is_spike(self, wrench: list[float], state: list[float]) -> bool:
         """Whether a channel differs from the last sound one by more than a load can change it; false for a NaN."""
         force, moment = self._max_force, self._max_moment
+        fx, fy, fz, mx, my, mz = wrench
         return (
-            abs(wrench[0] - state[0]) > force
-            or abs(wrench[1] - state[1]) > force
-            or abs(wrench[2] - state[2]) > force
-            or abs(wrench[3] - state[3]) > moment
-            or abs(wrench[4] - state[4]) > moment
-            or abs(wrench[5] - state[5]) > moment
+            abs(fx - state[0]) > force
+            or abs(fy - state[1]) > force
+            or abs(fz - state[2]) > force
+            or abs(mx - state[3]) > moment
+            or abs(my - state[4]) > moment
+            or abs(mz - state[5]) > moment
         )
 
     def _is_saturated(self, wrench: list[float]) -> bool:
         """Whether a channel is at the end of its range, which applies to the reading at the mount."""
         fx, fy, fz, mx, my, mz = wrench
-        mount = (fx, fy, fz, mx + self._height * fy, my - self._height * fx, mz)
-        return any(abs(value) >= end for value, end in zip(mount, self._ends, strict=True))
+        ends, h = self._ends, self._height
+        return (
+            abs(fx) >= ends[0]
+            or abs(fy) >= ends[1]
+            or abs(fz) >= ends[2]
+            or abs(mx + h * fy) >= ends[3]
+            or abs(my - h * fx) >= ends[4]
+            or abs(mz) >= ends[5]
+        )
 
     def _calc_wrench(self, context: Context, output: BasicVector) -> None:
         state = context.get_discrete_state(self._state).value().tolist()
         raw = self._raw_wrench.Eval(context)
         wrench = raw.tolist()
-        sound = state[Index.FAULT] == Fault.NONE and math.isfinite(sum(wrench))
-        if sound and not (state[Index.STARTED] and self._is_spike(wrench, state)):
+        sound = state[FAULT] == Fault.NONE and math.isfinite(sum(wrench))
+        if sound and not (state[STARTED] and self._is_spike(wrench, state)):
             output.SetFromVector(raw)
         else:
             output.SetFromVector(state[:6])
 
     def _calc_depth(self, context: Context, output: BasicVector) -> None:
         state, depth = context.get_discrete_state(self._state).value(), self._raw_depth.Eval(context)[0]
-        output[0] = depth if state[Index.FAULT] == Fault.NONE and math.isfinite(depth) else state[Index.DEPTH]
+        output[0] = depth if state[FAULT] == Fault.NONE and math.isfinite(depth) else state[DEPTH]
 
     def _calc_fault(self, context: Context, output: BasicVector) -> None:
-        output[0] = context.get_discrete_state(self._state).value()[Index.FAULT]
+        output[0] = context.get_discrete_state(self._state).value()[FAULT]

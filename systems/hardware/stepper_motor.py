@@ -39,8 +39,8 @@ class StepperMotor(LeafSystem):
     the lag |theta - theta_0| exceeds two full steps, the rotor slips to the next equilibrium, one electrical period of
     four steps away. ``shift`` is increased or decreased by four, and four steps count as lost.
 
-    ``shaft`` is [commanded, measured] angle, relative to theta_start. The drive counts its steps for the first; an encoder
-    on the motor's shaft measures the second, in counts of ``encoder_resolution``.
+    ``shaft`` is [commanded, measured] angle, relative to theta_start. The drive counts its steps for the first; an
+    encoder on the motor's shaft measures the second, in counts of ``encoder_resolution``.
 
     ``step_counts`` is [steps taken, steps lost]. Angles are in rad. ``target_angle`` is relative to ``theta_start``,
     because the driver does not know the absolute angle.
