@@ -78,7 +78,7 @@ class SensorMonitor(LeafSystem):
         super().__init__()
         self._height = sensor.height
         quantum = np.repeat([sensor.force_quantum, sensor.torque_quantum], 3)
-        self._ends = (np.array([*sensor.force_range, *sensor.torque_range]) - 0.5 * quantum).tolist()
+        self._ends: list[float] = (np.array([*sensor.force_range, *sensor.torque_range]) - 0.5 * quantum).tolist()
         self._max_repeats = repeats_of_a_stuck_sensor(sensor)
         # The first reading arrives one period after the delay; it is compared with the second one.
         self._first_comparison = sensor.delay + 1.5 * sensor.period
