@@ -26,7 +26,7 @@ class Fault(LabelledEnum):
     SENSOR_NOISY = 12, "sensor too noisy"
     SENSOR_SPIKES = 13, "sensor spikes"
     SENSOR_REVERSED = 14, "sensor sign wrong: it contradicts the current of the feed drive"
-    SENSOR_LOW = 15, "sensor reads too little or too late for the current of the feed drive"
+    SENSOR_LOW = 15, "sensor reads too little or too late for the current of the feed drive, or the feed is blocked"
     SENSOR_HIGH = 16, "sensor reads too much for the current of the feed drive"
     SENSOR_CROSSED = 17, "sensor axes wrong: force and moment contradict each other"
     SENSOR_MOMENT = 18, "sensor contradicts the torque of the steppers"

@@ -124,7 +124,8 @@ class SelfCheck(LeafSystem):
 
     with the speed v of the shaft's encoder and w = N v. Both forces are averaged over `AVERAGING`, f with the sensor's
     delay. They must agree within twice the dry friction N tau_c, the bias and `GAIN_ERROR`. Else the sign of the sensor
-    is wrong, it reads too little (or too late), or too much.
+    is wrong, it reads too little (or too late), or too much. A blocked feed also shows a force that the sensor does not
+    read; only in free air is it told from the sensor, as a stalled motor.
 
     *Steppers.* A stepper that rests is a magnetic spring: its encoder shows the torque K (commanded - measured angle),
     which holds the moment of the contact about the axis, m_x + d f_y about pitch and m_y - d f_x about yaw, at the
@@ -172,6 +173,8 @@ class SelfCheck(LeafSystem):
         self._axial_bias = 2.0 * self._dry_friction + float(self._bias[2])
         self._axial_drift = float(self._drift[2])
         self._torque_bias = stepper.stiffness * stepper.encoder_resolution + float(self._bias[3])
+        self._touch_moment = max(TOUCH_MOMENT, sensor.torque_quantum + lever * sensor.force_quantum)
+        self._untared_moment = self._touch_moment + float(self._bias[3])
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._current = self.DeclareVectorInputPort("current", 1)
@@ -231,7 +234,9 @@ class SelfCheck(LeafSystem):
             return Fault.NONE
         state[TOUCHED] += self._period
         outward = (mx - state[TARE]) * fy - (my - state[TARE + 1]) * fx
-        crossed = abs(fz) < FLAT * force and outward > force * (TOUCH_MOMENT if state[TARED] else self._bias[3])
+        crossed = abs(fz) < FLAT * force and outward > force * (
+            self._touch_moment if state[TARED] else self._untared_moment
+        )
         state[CROSSED] = state[CROSSED] + self._period if crossed else 0.0
         return Fault.SENSOR_CROSSED if state[CROSSED] > CROSSED_TIME else Fault.NONE
 
@@ -254,7 +259,9 @@ class SelfCheck(LeafSystem):
             return Fault.NONE
         if read * carried < 0.0 and min(abs(read), abs(carried)) > self._dry_friction:
             return Fault.SENSOR_REVERSED
-        return Fault.SENSOR_LOW if abs(read) < abs(carried) else Fault.SENSOR_HIGH
+        if abs(read) > abs(carried):
+            return Fault.SENSOR_HIGH
+        return Fault.MOTOR_STALLED if state[FREE] else Fault.SENSOR_LOW
 
     def axial_force(self, current: float, speed: float, acceleration: float) -> float:
         """Returns the axial contact force (N) that the feed drive carries; speed in m/s, acceleration in m/s^2."""
