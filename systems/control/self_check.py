@@ -42,6 +42,7 @@ class MovingParts:
         friction: viscous friction of the carriage, N s/m.
         pivot_error: largest distance of the gimbal's axes from the plane of the mouth, m.
         rim: largest height of the hole's rim above the mouth's centre when the hole is tilted, m.
+        touch_depth: largest depth at which the tip's edge is at the chamfer of a tilted hole, m.
         top_speed: largest speed command, m/s.
     """
 
@@ -50,6 +51,7 @@ class MovingParts:
     friction: float
     pivot_error: float
     rim: float
+    touch_depth: float
     top_speed: float
 
     @classmethod
@@ -62,12 +64,14 @@ class MovingParts:
             peg_weight: N.
         """
         g, p = scenario.geometry, scenario.controller
+        rim = (g.hole_radius + g.chamfer) * math.sin(p.max_turn)
         return cls(
             mass=mass,
             peg_mass=peg_weight / GRAVITY,
             friction=scenario.rig.carriage_friction,
             pivot_error=max(scenario.rig.pivot_range, scenario.rig.demonstrated_pivot_range),
-            rim=(g.hole_radius + g.chamfer) * math.sin(p.max_turn),
+            rim=rim,
+            touch_depth=rim + g.chamfer,
             top_speed=p.max_feed_speed,
         )
 
@@ -114,9 +118,10 @@ class SelfCheck(LeafSystem):
     the bias and drift of the data sheet, else the sensor is biased; the differences of successive readings must have
     at most `NOISE_FACTOR` times its noise, else it is too noisy.
 
-    *First touch.* One contact of wall, edge or chamfer at the place c carries the force f and the moment m = c x f. It
-    pushes the peg inward, so that the lateral parts satisfy m_y f_x - m_x f_y > 0. If the opposite holds for
-    `CROSSED_TIME` of the first `TOUCH_TIME` of contact, axes are swapped or have a wrong sign.
+    *First touch.* One contact with the chamfer at the place c carries the force f and the moment m = c x f. It pushes
+    the peg inward, so that the lateral parts satisfy m_y f_x - m_x f_y > 0. If the opposite holds for `CROSSED_TIME` of
+    the first `TOUCH_TIME` of contact, axes are swapped or have a wrong sign. A peg that first touches deeper in the
+    hole may have two contacts at once, and is not judged.
 
     *Feed drive.* The drive gives a second measurement of the axial contact force. From the moving parts' momentum,
 
@@ -192,7 +197,7 @@ class SelfCheck(LeafSystem):
         time = context.get_time()
         fault = (
             self._tare(state, wrench, depth, time)
-            or self._one_contact(state, wrench)
+            or self._one_contact(state, wrench, depth)
             or self._against_feed(context, state, wrench[2], time)
             or self._against_stepper(context, state, wrench, depth, 0)
             or self._against_stepper(context, state, wrench, depth, 1)
@@ -226,13 +231,15 @@ class SelfCheck(LeafSystem):
             return Fault.SENSOR_BIASED
         return Fault.NONE
 
-    def _one_contact(self, state: list[float], wrench: list[float]) -> Fault:
+    def _one_contact(self, state: list[float], wrench: list[float], depth: float) -> Fault:
         """Compares lateral force and moment at the first touch, where one contact carries both."""
         fx, fy, fz, mx, my, _ = wrench
         force = math.hypot(fx, fy)
         if force < TOUCH_FORCE or state[TOUCHED] > TOUCH_TIME:
             return Fault.NONE
         state[TOUCHED] += self._period
+        if depth > self._parts.touch_depth:
+            return Fault.NONE
         outward = (mx - state[TARE]) * fy - (my - state[TARE + 1]) * fx
         crossed = abs(fz) < FLAT * force and outward > force * (
             self._touch_moment if state[TARED] else self._untared_moment

@@ -14,7 +14,7 @@ from tests.stepping import fixed_context, update
 SENSOR, MOTOR, STEPPER = WrenchSensorParameters(), DcMotorParameters(), StepperMotorParameters()
 PERIOD = 8e-3
 PARTS = MovingParts.of(Scenario(), mass=1.05, peg_weight=1.45)
-IN_AIR, IN_HOLE = -0.003, 0.005
+IN_AIR, AT_CHAMFER, IN_HOLE = -0.003, 0.001, 0.005
 WEIGHT = 1.05 * GRAVITY
 
 
@@ -148,15 +148,19 @@ def test_the_first_touch_shows_wrong_signs_and_swapped_axes(signs, order):
     rig = Rig()
     assert rig.run(times=20) == Fault.NONE
     reading = np.array(TOUCH)[order or range(6)] * np.array(signs)
-    torque = (0.0, TOUCH[4] - IN_HOLE * TOUCH[0])
-    assert rig.run(reading, times=8, depth=IN_HOLE, torque=torque) == Fault.SENSOR_CROSSED
+    torque = (0.0, TOUCH[4] - AT_CHAMFER * TOUCH[0])
+    assert rig.run(reading, times=8, depth=AT_CHAMFER, torque=torque) == Fault.SENSOR_CROSSED
 
 
 def test_only_the_first_touch_is_one_contact():
     rig = Rig()
     assert rig.run(times=20) == Fault.NONE
-    assert rig.run(TOUCH, times=20, depth=IN_HOLE) == Fault.NONE
-    assert rig.run(np.array(TOUCH) * [1, 1, 1, -1, -1, 1], times=20, depth=IN_HOLE) == Fault.NONE
+    assert rig.run(TOUCH, times=20, depth=AT_CHAMFER) == Fault.NONE
+    crossed = np.array(TOUCH) * [1, 1, 1, -1, -1, 1]
+    assert rig.run(crossed, times=20, depth=AT_CHAMFER) == Fault.NONE
+    deeper = Rig()  # two contacts at once may give this wrench
+    assert deeper.run(times=20) == Fault.NONE
+    assert deeper.run(crossed, times=20, depth=IN_HOLE) == Fault.NONE
 
 
 @pytest.mark.parametrize("axis", [0, 1])
