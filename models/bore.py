@@ -2,8 +2,8 @@
 
 The bore is a regular prism whose edges lie on the true cylinder, like the edges of the prism into which Drake converts
 the cylindrical peg. Two aligned prisms with the same number n of sides are similar: the clearance between them is R - r
-at the edges and (R - r) cos(pi/n) at the sides, which is within 0.5 % of the true clearance for n = 32. If the sides lay
-on the cylinder instead, the play would be larger by the sagitta.
+at the edges and (R - r) cos(pi/n) at the sides, which is within 0.5 % of the true clearance for n = 32. If the sides
+lay on the cylinder instead, the play would be larger by the sagitta.
 
 Frame H has its origin at the centre of the mouth and z out of the hole.
 """

@@ -63,6 +63,8 @@ class StepperMotorParameters:
     reflected_inertia: float = 1.0e-3  # in units of kg m^2 [choice]
     max_step_rate: float = 250.0  # in units of steps/s; no step is lost up to 0.8 of the holding torque [choice]
     max_step_acceleration: float = 8.0e3  # in units of steps/s^2; needs a tenth of the holding torque [choice]
+    # A closed-loop drive: 10,000 counts per turn of the motor, at the output of the gear of ten.
+    encoder_resolution: float = 2.0 * math.pi / 1.0e5  # in units of rad, at the output [choice]
 
     @property
     def stiffness(self) -> float:
@@ -86,6 +88,7 @@ class DcMotorParameters:
     current_limit: float = 1.0  # in units of A [choice]
     speed_kp: float = 0.05  # in units of V s/rad [choice]
     speed_ki: float = 2.0  # in units of V/rad [choice]
+    encoder_counts: int = 2000  # counts per turn of the encoder on the shaft, which measures the speed [choice]
 
     @property
     def ratio(self) -> float:

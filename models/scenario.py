@@ -162,6 +162,10 @@ class WatchdogParameters:
     back_off_time: float = BackOffParameters.back_off_time  # in units of s, duration of the retraction
     stall_depth: float = BackOffParameters.stall_depth  # in units of m; a smaller change of depth is no motion
     feed_stall_distance: float = 1.0e-3  # in units of m, commanded without motion before the feed counts as stalled
+    # The speed loop stops from full feed within 0.3 mm.
+    follow_error: float = 0.4e-3  # in units of m, of motion against the command before the feed counts as faulty
+    travel_above: float = 0.010  # in units of m, from the start height to the upper limit of the travel
+    travel_below: float = 1.0e-3  # in units of m, from the bottom of the hole to the lower limit of the travel
 
 
 @dataclass

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, OutputPort
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
 
 from models.scenario import Scenario
@@ -15,11 +15,13 @@ from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
 from skill.policy import RigPolicy
 from systems.control.contact_state_estimator import ContactStateEstimator
+from systems.control.drive_monitor import DriveMonitor, Travel
 from systems.control.faults import Fault
 from systems.control.force_guard import ForceGuard, GuardTiming
 from systems.control.policy_controller import PolicyController
+from systems.control.self_check import MovingParts, SelfCheck
 from systems.control.sensor_monitor import SensorMonitor
-from systems.control.watchdog import COMMANDS, Watchdog
+from systems.control.watchdog import COMMANDS, MONITORS, Watchdog
 from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.stepper_motor import StepperMotor
@@ -160,6 +162,8 @@ class _Parts:
     estimator: ContactStateEstimator
     controller: PolicyController
     monitor: SensorMonitor
+    drive_monitor: DriveMonitor
+    self_check: SelfCheck
     watchdog: Watchdog
     guard: ForceGuard
     motor: DcMotor
@@ -198,10 +202,37 @@ def _add_parts(
         monitor=builder.AddNamedSystem(
             "sensor_monitor",
             SensorMonitor(
-                sensor=sensor, top_speed=scenario.feed.no_load_speed, resolution=resolution, depth_period=step
+                sensor=sensor,
+                top_speed=scenario.feed.no_load_speed,
+                resolution=resolution,
+                depth_period=step,
+                load_limit=scenario.controller.force_limit,
+                peg_radius=scenario.geometry.peg_radius,
             ),
         ),
-        watchdog=builder.AddNamedSystem("watchdog", Watchdog(parameters=scenario.controller, motor=scenario.feed)),
+        drive_monitor=builder.AddNamedSystem(
+            "drive_monitor",
+            DriveMonitor(
+                parameters=scenario.controller,
+                motor=scenario.feed,
+                travel=Travel.of(scenario),
+                resolution=resolution,
+                period=step,
+            ),
+        ),
+        self_check=builder.AddNamedSystem(
+            "self_check",
+            SelfCheck(
+                sensor=sensor,
+                motor=scenario.feed,
+                stepper=scenario.stepper,
+                parts=MovingParts.of(scenario, mass=contact.moving_mass, peg_weight=contact.weight),
+                period=4.0 * step,
+            ),
+        ),
+        watchdog=builder.AddNamedSystem(
+            "watchdog", Watchdog(parameters=scenario.controller, step_angle=scenario.stepper.step_angle)
+        ),
         guard=builder.AddNamedSystem("force_guard", _force_guard(scenario, contact)),
         motor=builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=step)),
         steppers={
@@ -217,10 +248,11 @@ def _add_parts(
 def _force_guard(scenario: Scenario, contact: RigPlant) -> ForceGuard:
     sensor, p = scenario.sensor, scenario.controller
     lag = 1.0 / (2.0 * math.pi * sensor.bandwidth)
+    mass = contact.moving_mass + scenario.feed.rotor_inertia * scenario.feed.ratio**2
     timing = GuardTiming(
         period=sensor.period,
         delay=sensor.delay + lag + sensor.period + scenario.contact.time_step,
-        deceleration=scenario.feed.force_constant * scenario.feed.current_limit / contact.moving_mass,
+        deceleration=scenario.feed.force_constant * scenario.feed.current_limit / mass,
     )
     return ForceGuard(
         parameters=p,
@@ -237,7 +269,7 @@ def _connect_sensors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) 
     builder.Connect(contact.carriage_state, parts.encoder.GetInputPort("carriage_state"))
     builder.Connect(parts.sensor.GetOutputPort("wrench"), parts.monitor.GetInputPort("raw_wrench"))
     builder.Connect(parts.encoder.GetOutputPort("depth"), parts.monitor.GetInputPort("raw_depth"))
-    for reader in (parts.estimator, parts.controller, parts.watchdog, parts.guard):
+    for reader in (parts.estimator, parts.controller, parts.drive_monitor, parts.self_check, parts.guard):
         for name in ("wrench", "depth"):
             builder.Connect(parts.monitor.GetOutputPort(name), reader.GetInputPort(name))
 
@@ -249,14 +281,21 @@ def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
         builder.Connect(parts.controller.GetOutputPort(name), parts.watchdog.GetInputPort(name))
         builder.Connect(parts.watchdog.GetOutputPort(name), parts.guard.GetInputPort(name))
     builder.Connect(parts.controller.GetOutputPort("failed"), parts.watchdog.GetInputPort("controller_failed"))
-    builder.Connect(parts.monitor.GetOutputPort("fault"), parts.watchdog.GetInputPort("measurement_fault"))
-    builder.Connect(parts.motor.GetOutputPort("current"), parts.watchdog.GetInputPort("current"))
+    reporters: tuple[LeafSystem, ...] = (parts.monitor, parts.drive_monitor, parts.self_check)
+    for reporter, port in zip(reporters, MONITORS, strict=True):
+        builder.Connect(reporter.GetOutputPort("fault"), parts.watchdog.GetInputPort(port))
+    for name in ("current", "travel"):
+        for monitor in (parts.drive_monitor, parts.self_check):
+            builder.Connect(parts.motor.GetOutputPort(name), monitor.GetInputPort(name))
     for name, stepper in parts.steppers.items():
-        builder.Connect(stepper.GetOutputPort("step_counts"), parts.watchdog.GetInputPort(f"{name}_counts"))
+        builder.Connect(stepper.GetOutputPort("shaft"), parts.watchdog.GetInputPort(f"{name}_shaft"))
+        builder.Connect(stepper.GetOutputPort("shaft"), parts.self_check.GetInputPort(f"{name}_shaft"))
 
 
 def _connect_motors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) -> None:
     builder.Connect(parts.guard.GetOutputPort("feed_speed"), parts.motor.GetInputPort("speed_command"))
+    builder.Connect(parts.guard.GetOutputPort("feed_speed"), parts.drive_monitor.GetInputPort("feed_speed"))
+    builder.Connect(parts.drive_monitor.GetOutputPort("feed_enabled"), parts.motor.GetInputPort("enabled"))
     builder.Connect(contact.carriage_state, parts.motor.GetInputPort("carriage_state"))
     builder.Connect(parts.motor.GetOutputPort("carriage_force"), contact.carriage_force)
     rates = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(2)))

@@ -71,8 +71,7 @@ class MujocoPlant(LeafSystem):
         self._feed, self._gimbal = at["feed"], [at["pitch"], at["yaw"]]
         self._tip = -scenario.sensor.height
         self.weight = float(model.body("peg").mass[0] * np.linalg.norm(model.opt.gravity))
-        moved = sum(float(model.body(name).mass[0]) for name in ("carriage", "mount_x", "mount_y", "peg"))
-        self.moving_mass = moved + float(model.dof_armature[model.joint("feed").dofadr[0]])
+        self.moving_mass = float(model.body("carriage").subtreemass[0])
         self._carriage_force = self.DeclareVectorInputPort("carriage_force", 1)
         self._gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 4)
         scratch = mujoco.MjData(model)

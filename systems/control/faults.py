@@ -22,6 +22,26 @@ class Fault(LabelledEnum):
     PITCH_STEPS_LOST = 8, "pitch stepper blocked or overloaded: steps lost"
     YAW_STEPS_LOST = 9, "yaw stepper blocked or overloaded: steps lost"
     CONTROLLER_FAILED = 10, "controller failed"
+    SENSOR_BIASED = 11, "sensor biased: it reads a load in free air"
+    SENSOR_NOISY = 12, "sensor too noisy"
+    SENSOR_SPIKES = 13, "sensor spikes"
+    SENSOR_REVERSED = 14, "sensor sign wrong: it contradicts the current of the feed drive"
+    SENSOR_LOW = 15, "sensor reads too little or too late for the current of the feed drive, or the feed is blocked"
+    SENSOR_HIGH = 16, "sensor reads too much for the current of the feed drive"
+    SENSOR_CROSSED = 17, "sensor axes wrong: force and moment contradict each other"
+    SENSOR_MOMENT = 18, "sensor contradicts the torque of the steppers"
+    FEED_RUNS_AWAY = 19, "feed drive runs away"
+    FEED_REVERSED = 20, "feed drive reversed"
+    FEED_DEAD = 21, "feed drive dead"
+    UPPER_TRAVEL_LIMIT = 22, "upper travel limit"
+    LOWER_TRAVEL_LIMIT = 23, "lower travel limit"
+    ENCODER_CONTRADICTED = 24, "depth encoder contradicts the feed drive's own encoder"
+    PITCH_STICKS = 25, "pitch stepper sticks"
+    YAW_STICKS = 26, "yaw stepper sticks"
+
+
+FEED_FAULTS = frozenset({Fault.FEED_RUNS_AWAY, Fault.FEED_REVERSED, Fault.FEED_DEAD})
+"""Faults after which the feed drive is switched off, because it does not obey."""
 
 
 FALSE_ALARM = 1e-9
@@ -41,6 +61,16 @@ def repeats_of_a_stuck_sensor(p: WrenchSensorParameters) -> float:
         for sigma, q in zip(sigmas, quanta, strict=True)
     )
     return math.ceil(math.log(FALSE_ALARM) / math.log(repeat)) if repeat < 1.0 else math.inf
+
+
+def reading_deviation(p: WrenchSensorParameters) -> tuple[float, float]:
+    """Returns an upper bound of the standard deviation of a force (N) and of a moment about the tip (N m) at rest.
+
+    Rounding to a quantum q adds at most q / 2; a force at the mount has the lever ``height`` about the tip.
+    """
+    force = math.hypot(max(p.force_noise), 0.5 * p.force_quantum)
+    torque = math.hypot(max(p.torque_noise), 0.5 * p.torque_quantum)
+    return force, math.hypot(torque, p.height * force)
 
 
 def one_line(error: BaseException) -> str:

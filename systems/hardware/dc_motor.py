@@ -20,9 +20,11 @@ class DcMotor(LeafSystem):
         input_ports:
         - speed_command
         - carriage_state
+        - enabled
         output_ports:
         - carriage_force
         - current
+        - travel
 
     Let w = N v be the motor's speed (N = 2 pi / lead, rad/m) and w* = N v* its command. Every period T,
 
@@ -37,6 +39,11 @@ class DcMotor(LeafSystem):
     The plant's joint actuator models the rotor's inertia. ``speed_command`` is in m/s, ``carriage_state`` is
     [position, velocity] in m, m/s, ``carriage_force`` is in N and ``current`` in A.
 
+    While ``enabled`` is 0 a relay disconnects the motor from its controller and joins its terminals: u = 0, the current
+    -k_e w/R brakes the rotor, and the integral is cleared. This works whatever the controller does.
+
+    ``travel`` is the position of the carriage (m, upwards) as the encoder on the motor's shaft counts it.
+
     Args:
         parameters: Parameters of the motor.
         period: Period T of the speed controller, s.
@@ -50,16 +57,23 @@ class DcMotor(LeafSystem):
         self._decay = math.exp(-parameters.resistance * period / parameters.inductance)
         self._speed_command = self.DeclareVectorInputPort("speed_command", 1)
         self._carriage_state = self.DeclareVectorInputPort("carriage_state", 2)
+        self._enabled = self.DeclareVectorInputPort("enabled", 1)
+        self._count = parameters.screw_lead / parameters.encoder_counts
         self._state = self.DeclareDiscreteState(np.zeros(2))  # current (A) and integral of the speed error (rad)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         state = self.discrete_state_ticket(self._state)
         self.DeclareVectorOutputPort("carriage_force", 1, self._calc_force, {state, self._carriage_state.ticket()})
         self.DeclareVectorOutputPort("current", 1, self._calc_current, {state})
+        self.DeclareVectorOutputPort("travel", 1, self._calc_travel, {self._carriage_state.ticket()})
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         p, decay = self._parameters, self._decay
         current, integral = context.get_discrete_state(self._state).value().tolist()
         w = self._ratio * float(self._carriage_state.Eval(context)[1])
+        if not self._enabled.Eval(context)[0]:
+            braking = current * decay - p.torque_constant * w / p.resistance * (1.0 - decay)
+            discrete_state.get_mutable_vector(self._state).SetFromVector([braking, 0.0])
+            return
         command = self._ratio * float(self._speed_command.Eval(context)[0])
         error = command - w
         voltage = p.speed_kp * error + p.speed_ki * integral + p.torque_constant * command
@@ -84,3 +98,6 @@ class DcMotor(LeafSystem):
 
     def _calc_current(self, context: Context, output: BasicVector) -> None:
         output[0] = context.get_discrete_state(self._state)[0]
+
+    def _calc_travel(self, context: Context, output: BasicVector) -> None:
+        output[0] = round(self._carriage_state.Eval(context)[0] / self._count) * self._count

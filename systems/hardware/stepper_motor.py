@@ -23,6 +23,7 @@ class StepperMotor(LeafSystem):
         output_ports:
         - equilibrium_angle
         - step_counts
+        - shaft
 
     The driver holds the rotor at positions of 1/m of a full step, with m = ``microsteps``. Every period it moves its
     ramp position towards the one nearest to ``target_angle``, with a trapezoidal speed within ``max_step_rate`` and
@@ -34,6 +35,9 @@ class StepperMotor(LeafSystem):
     by the plant's joint actuator, an implicit spring of stiffness K = (pi/2) T_h / step and maximum torque T_h. When
     the lag |theta - theta_0| exceeds two full steps, the rotor slips to the next equilibrium, one electrical period of
     four steps away. ``shift`` is increased or decreased by four, and 4 m microsteps count as lost.
+
+    ``shaft`` is [commanded, measured] angle, relative to theta_start. The drive counts its steps for the first; an
+    encoder on the motor's shaft measures the second, in counts of ``encoder_resolution``.
 
     ``step_counts`` is [microsteps taken, microsteps lost]. Angles are in rad. ``target_angle`` is relative to
     ``theta_start``, because the driver does not know the absolute angle.
@@ -57,6 +61,7 @@ class StepperMotor(LeafSystem):
         state_only = {self.discrete_state_ticket(self._state)}
         self.DeclareVectorOutputPort("equilibrium_angle", 1, self._calc_equilibrium, state_only)
         self.DeclareVectorOutputPort("step_counts", 2, self._calc_counts, state_only)
+        self.DeclareVectorOutputPort("shaft", 2, self._calc_shaft, {*state_only, self._measured.ticket()})
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         # Plain floats: this runs at every step of the plant, and NumPy is slower for so few numbers.
@@ -89,6 +94,12 @@ class StepperMotor(LeafSystem):
 
     def _calc_counts(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(context.get_discrete_state(self._state).value()[3:])
+
+    def _calc_shaft(self, context: Context, output: BasicVector) -> None:
+        position = context.get_discrete_state(self._state).value()[0]
+        resolution, microsteps = self._parameters.encoder_resolution, self._parameters.microsteps
+        measured = round((self._measured.Eval(context)[0] - self._start_angle) / resolution) * resolution
+        output.SetFromVector([self._parameters.step_angle * round(position * microsteps) / microsteps, measured])
 
 
 def ramp_speed(distance: float, speed: float, *, top: float, change: float, period: float) -> float:

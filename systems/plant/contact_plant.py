@@ -110,11 +110,9 @@ class HydroelasticRig(ContactPlant):
     @property
     def moving_mass(self) -> float:
         """See `RigPlant`."""
-        bodies = [self.plant.GetModelInstanceByName(name) for name in ("feed", "mount")]
-        rotor = self.plant.GetJointActuatorByName("feed")
-        reflected = rotor.default_rotor_inertia() * rotor.default_gear_ratio() ** 2
-        mass = self.plant.CalcTotalMass(self.plant.CreateDefaultContext(), bodies)
-        return float(mass + reflected)
+        models = {self.plant.GetModelInstanceByName(name) for name in ("feed", "mount")}
+        bodies = (self.plant.get_body(index) for model in models for index in self.plant.GetBodyIndices(model))
+        return float(sum(body.default_mass() for body in bodies))
 
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """See `RigPlant`."""

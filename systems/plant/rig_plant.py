@@ -46,7 +46,7 @@ class RigPlant(Protocol):
 
     @property
     def moving_mass(self) -> float:
-        """Mass that the feed moves, with the reflected inertia of its motor, kg."""
+        """Mass of carriage, mount and peg, which the feed moves, kg."""
 
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """Sets the positions of the carriage (m) and of the gimbal (rad)."""

@@ -15,7 +15,9 @@ from pydrake.systems.framework import LeafSystem
 import systems
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
+from systems.control.drive_monitor import Travel
 from systems.control.force_guard import GuardTiming
+from systems.control.self_check import MovingParts
 from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
 
@@ -41,7 +43,6 @@ ARGUMENTS = {
         "back_off": S.controller,
         "peg_radius": 0.01,
     },
-    "SensorMonitor": lambda skill: {"sensor": S.sensor, "top_speed": 0.4, "resolution": 5e-6, "depth_period": 1e-3},
     "ForceGuard": lambda skill: {
         "parameters": S.controller,
         "timing": GuardTiming(period=1e-3, delay=7e-3, deceleration=9.0),
@@ -49,6 +50,17 @@ ARGUMENTS = {
         "max_turn_rate": 0.2,
         "max_turn": 0.1,
         "retract_speed": 0.015,
+    },
+    "DriveMonitor": lambda skill: {
+        **{"parameters": S.controller, "motor": S.feed, "travel": Travel.of(S), "resolution": 5e-6, "period": 1e-3},
+    },
+    "SelfCheck": lambda skill: {
+        **{"sensor": S.sensor, "motor": S.feed, "stepper": S.stepper, "period": 8e-3},
+        "parts": MovingParts.of(S, mass=1.0, peg_weight=1.4),
+    },
+    "SensorMonitor": lambda skill: {
+        **{"sensor": S.sensor, "top_speed": 0.4, "resolution": 5e-6, "depth_period": 1e-3},
+        **{"load_limit": 50.0, "peg_radius": 0.01},
     },
     "MeshcatOperator": lambda skill: {"meshcat": Meshcat(), "period": 0.02, "X_HD_start": X},
     "PassivityObserver": lambda skill: {"period": 1e-3, "X_HD_start": X},
@@ -63,7 +75,7 @@ ARGUMENTS = {
         **{"meshcat": Meshcat(), "names": ["free"], "geometry": S.geometry, "home": 0.08, "period": 0.03, "X_WL": X},
     },
     "StepperMotor": lambda skill: {"parameters": S.stepper, "period": 1e-3, "start_angle": 0.0},
-    "Watchdog": lambda skill: {"parameters": S.controller, "motor": S.feed},
+    "Watchdog": lambda skill: {"parameters": S.controller, "step_angle": 3e-3},
     "WrenchSensor": lambda skill: {"parameters": S.sensor, "seed": 0, "weld": 0, "tare": np.zeros(6)},
 }
 
@@ -125,15 +137,17 @@ def test_text_follows_the_port_block(kind):
 def test_only_the_listed_outputs_have_direct_feedthrough(dut, kind):
     """An output without declared prerequisites has feedthrough from every input; unlisted systems intend this."""
     feedthrough = {
-        "DcMotor": {("carriage_state", "carriage_force")},
+        "DcMotor": {("carriage_state", "carriage_force"), ("carriage_state", "travel")},
         "DeviceOperator": set(),
         "ForceGuard": set(),
+        "DriveMonitor": set(),
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
         "PolicyController": set(),
+        "SelfCheck": set(),
         "SensorMonitor": {("raw_wrench", "wrench"), ("raw_depth", "depth")},
         "PassivityObserver": set(),
         "SimulatedOperator": set(),
-        "StepperMotor": set(),
+        "StepperMotor": {("measured_angle", "shaft")},
         "Watchdog": {(name, name) for name in COMMANDS},
         "WrenchSensor": set(),
     }

@@ -2,6 +2,8 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from models.hardware import WrenchSensorParameters
 from systems.control.faults import FALSE_ALARM, Fault, repeats_of_a_stuck_sensor
@@ -11,6 +13,7 @@ from tests.stepping import fixed_context, update
 
 SENSOR = WrenchSensorParameters()
 TOP_SPEED, RESOLUTION = 0.4, 5e-6
+LIMIT, RADIUS = 50.0, 0.010
 
 
 @pytest.fixture
@@ -19,7 +22,14 @@ def dut():
 
 
 def make_monitor(sensor=SENSOR, depth_period=SENSOR.period):
-    return SensorMonitor(sensor=sensor, top_speed=TOP_SPEED, resolution=RESOLUTION, depth_period=depth_period)
+    return SensorMonitor(
+        sensor=sensor,
+        top_speed=TOP_SPEED,
+        resolution=RESOLUTION,
+        depth_period=depth_period,
+        load_limit=LIMIT,
+        peg_radius=RADIUS,
+    )
 
 
 def sample(k):
@@ -170,3 +180,59 @@ def test_the_monitor_checks_from_time_zero(dut):
 
 def test_the_outputs_are_a_wrench_a_depth_and_a_fault(dut):
     assert [dut.GetOutputPort(name).size() for name in ("wrench", "depth", "fault")] == [6, 1, 1]
+
+
+def with_spike(channel, size, k=9):
+    spike = sample(k)
+    spike[channel] += size
+    return spike
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("channel", range(6))
+def test_one_spike_is_replaced_by_the_last_sound_reading(channel, sign):
+    """A low-pass of 100 Hz passes 1 - exp(-0.2 pi) = 0.467 of a step within 1 ms: 46.7 N or 0.467 N m of 100 N."""
+    size = sign * (60.0 if channel < 3 else 2.0)
+    dut = make_monitor()
+    context = started(dut)
+    passed, _, fault = sample_once(dut, context, with_spike(channel, size))
+    np.testing.assert_array_equal(passed, sample(4))
+    assert fault == Fault.NONE
+    passed, _, fault = sample_once(dut, context, sample(5))
+    np.testing.assert_array_equal(passed, sample(5))
+    assert fault == Fault.NONE
+
+
+@pytest.mark.parametrize(("channel", "size"), [(0, 45.0), (2, -45.0), (4, 0.45)])
+def test_a_change_that_the_low_pass_permits_is_no_spike(channel, size):
+    dut = make_monitor()
+    passed, _, _ = sample_once(dut, started(dut), with_spike(channel, size))
+    np.testing.assert_array_equal(passed, with_spike(channel, size))
+
+
+@pytest.mark.parametrize("gap", [0, 1, 200])
+def test_three_spikes_within_a_second_are_a_fault(gap):
+    dut = make_monitor()
+    context = started(dut)
+    for k in range(3):
+        assert sample_once(dut, context, with_spike(2, 70.0, k))[2] == (Fault.NONE if k < 2 else Fault.SENSOR_SPIKES)
+        for n in range(gap):
+            sample_once(dut, context, sample(n))
+
+
+def test_spikes_in_different_seconds_are_no_fault():
+    dut = make_monitor()
+    context = started(dut)
+    for k in range(6):
+        assert sample_once(dut, context, with_spike(2, 70.0, k))[2] == Fault.NONE
+        for n in range(1500):
+            sample_once(dut, context, sample(n))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 30), st.integers(0, 5), st.floats(-1e2, 1e2))
+def test_one_spike_of_any_size_and_place_is_never_a_fault(place, channel, size):
+    dut = make_monitor(WrenchSensorParameters(force_range=[1e4] * 3, torque_range=[1e4] * 3))
+    context = started(dut)
+    for k in range(40):
+        assert sample_once(dut, context, with_spike(channel, size if k == place else 0.0, k))[2] == Fault.NONE

@@ -18,7 +18,7 @@ MASS = 1.5  # in units of kg, carriage and rotor together
 
 def motor(speed_command, state=(0.0, 0.0), parameters=P):
     dut = DcMotor(parameters=parameters, period=PERIOD)
-    return dut, fixed_context(dut, speed_command=[speed_command], carriage_state=list(state))
+    return dut, fixed_context(dut, speed_command=[speed_command], carriage_state=list(state), enabled=[1.0])
 
 
 def current(dut, context):
@@ -130,6 +130,8 @@ def free_carriage(parameters, command, period):
             A=np.array([[0.0, 1.0], [0.0, 0.0]]), B=np.array([[0.0], [1 / MASS]]), C=np.eye(2), D=np.zeros((2, 1))
         )
     )
+    enabled = builder.AddSystem(ConstantVectorSource([1.0]))
+    builder.Connect(enabled.get_output_port(), dut.GetInputPort("enabled"))
     builder.Connect(source.get_output_port(), dut.GetInputPort("speed_command"))
     builder.Connect(dut.GetOutputPort("carriage_force"), carriage.get_input_port())
     builder.Connect(carriage.get_output_port(), dut.GetInputPort("carriage_state"))
@@ -209,3 +211,25 @@ def test_a_small_step_of_the_speed_loop_is_that_of_a_second_order_transfer_funct
 def test_every_output_is_one_number():
     dut = motor(0.0)[0]
     assert [dut.GetOutputPort(name).size() for name in ("carriage_force", "current")] == [1, 1]
+
+
+def test_a_disabled_motor_is_short_circuited():
+    """Its back-EMF k_e w drives the current -k_e w/R, whatever the command; the integral begins anew."""
+    v = -0.02
+    dut, context = motor(-0.03, (0.05, v))
+    update(dut, context, period=PERIOD, times=20)
+    assert integral_of(context) != 0.0
+    dut.GetInputPort("enabled").FixValue(context, [0.0])
+    update(dut, context, period=PERIOD, times=20)
+    assert current(dut, context) == pytest.approx(-P.torque_constant * P.ratio * v / P.resistance, rel=1e-6)
+    assert force(dut, context) > 0.0  # it brakes
+    assert integral_of(context) == 0.0
+
+
+@pytest.mark.parametrize("position", [0.0, 0.0801234, -0.01])
+def test_the_encoder_on_the_shaft_counts_the_travel(position):
+    dut, context = motor(0.0, (position, 0.01))
+    count = P.screw_lead / P.encoder_counts
+    travel = dut.GetOutputPort("travel").Eval(context)[0]
+    assert abs(travel - position) <= 0.5 * count + 1e-15
+    assert travel / count == pytest.approx(round(travel / count))

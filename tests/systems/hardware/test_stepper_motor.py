@@ -172,3 +172,16 @@ def test_the_driver_does_not_compensate_lost_steps():
 def test_the_outputs_are_an_angle_and_two_counts():
     dut = motor(0.0)[0]
     assert [dut.GetOutputPort(name).size() for name in ("equilibrium_angle", "step_counts")] == [1, 2]
+
+
+@pytest.mark.parametrize("start", [0.0, 0.0411])
+def test_the_shaft_shows_the_commanded_and_the_measured_angle(start):
+    """A rotor that lags by 1.3 steps, measured in whole counts."""
+    dut, context = motor(5 * P.step_angle, start=start)
+    for _ in range(100):
+        dut.GetInputPort("measured_angle").FixValue(context, [start + 3.7 * P.step_angle])
+        update(dut, context, period=PERIOD)
+    commanded, measured = dut.GetOutputPort("shaft").Eval(context)
+    assert commanded == pytest.approx(5 * P.step_angle)
+    assert abs(measured - 3.7 * P.step_angle) <= 0.5 * P.encoder_resolution + 1e-15
+    assert measured / P.encoder_resolution == pytest.approx(round(measured / P.encoder_resolution))

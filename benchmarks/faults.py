@@ -1,0 +1,203 @@
+"""Faults of the hardware, each injected into whole trials: found or not, named or not, how fast, at what load.
+
+    python -m benchmarks.faults [--skill out/skill.npz] [--scenario nominal] [--seeds 10] [--jobs 1] [--kinds TEXT ...]
+                                [--json FILE]
+
+Every kind of `benchmarks.rig.fault_injection` is injected into trial 21000 + seed. A fault of the installation (sign,
+gain, swapped axes) is there from the start; any other begins between 0.1 and 1 s. The thresholds of the monitors follow
+from data sheets and were checked on trials 20000 to 20059; the trials of this table judge.
+
+fault       what was injected.
+found as    the names that the rig gave, most frequent first.
+named       trials in which the rig named the fault by one of the names that fit it, of those that the fault began in.
+ended well  trials that ended safely: the true load after the onset stayed within 1.2 times the force limit, and in the
+            end it is at most ``hold_force`` (the peg was drawn back, is inserted or lies free), or the feed drive is
+            at fault and off, so that only the carriage's weight rests on the peg.
+notice      median time from the onset to the fault's report.
+measured    largest load sqrt(|f|^2 + |m/r|^2) that the rig measured after the onset.
+true        the same from the true wrench.
+
+Keys of the JSON file: ``kinds`` (one row each, with its ``trials``), ``named`` and ``safe`` (shares of all trials),
+``largest_load_n`` (true).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+if __name__ == "__main__" and __package__ in (None, ""):  # started as a file
+    sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml")
+
+import numpy as np
+from pydrake.systems.framework import Context, EventStatus
+from rich.table import Table
+from threadpoolctl import threadpool_limits
+
+from benchmarks.command_line import argument_parser, run
+from benchmarks.rig.fault_injection import KINDS, injected
+from models.scenario import Scenario, load_scenario
+from skill.features.measurement import contact_load, contact_loads
+from skill.manipulation_skill import ManipulationSkill
+from skill.policy import RigPolicy
+from systems.control.faults import FEED_FAULTS
+from systems.reports.terminal import console, progress, write_json
+from systems.runs import trial as trial_module
+from systems.runs.trial import TrialMonitor, run_trial, trial_scenario
+from systems.runs.worker_pool import run_in_processes
+
+FIRST_TRIAL = 21000
+TOLERANCE = 1.2  # factor on the force limit
+
+
+@dataclass(frozen=True)
+class Row:
+    """One trial with a fault.
+
+    Attributes:
+        kind: name of the kind.
+        seed: of the injection.
+        began: whether the trial lasted until the fault began.
+        fault: name that the rig gave; "" for none.
+        reason: how the trial ended.
+        named: whether this name fits; for a disturbance that the rig must cope with, whether it named none.
+        safe: whether the trial ended safely.
+        notice_s: time from the onset to the report, s; None without a report.
+        measured_load_n, true_load_n: largest loads after the onset, N.
+    """
+
+    kind: str
+    seed: int
+    began: bool
+    fault: str
+    reason: str
+    named: bool
+    safe: bool
+    notice_s: float | None
+    measured_load_n: float
+    true_load_n: float
+
+
+def inject(scenario: Scenario, policy: RigPolicy, name: str, seed: int, *, first: int = FIRST_TRIAL) -> Row:
+    """Performs trial ``first`` + seed with a fault of the kind ``name``."""
+    kind, number = KINDS[name], first + seed
+    onset, radius = kind.onset(seed), scenario.geometry.peg_radius
+    loads = [0.0]
+
+    class LoadMonitor(TrialMonitor):
+        """Also records the true load after the onset."""
+
+        def __call__(self, context: Context) -> EventStatus:
+            if context.get_time() >= onset:
+                loads.append(contact_load(self._rig.contact_wrench(context), radius))
+            return super().__call__(context)
+
+    with (
+        injected(kind, onset=onset, seed=seed),
+        patch.object(trial_module, "TrialMonitor", LoadMonitor),
+        threadpool_limits(1),
+    ):
+        result, recorded = run_trial(trial_scenario(scenario, number=number), policy, seed=number)
+    samples = recorded.samples
+    after = samples[samples["time"] >= onset]
+    measured = contact_loads(after[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(), radius)
+    reported = after["time"][after["fault"] != 0]
+    guard = scenario.controller
+    return Row(
+        kind=name,
+        seed=seed,
+        began=len(loads) > 1,
+        fault=result.fault.name if result.fault else "",
+        reason=result.reason,
+        named=result.fault in kind.named if kind.named else not result.fault,
+        safe=max(loads) <= TOLERANCE * guard.force_limit
+        and (loads[-1] <= guard.hold_force or result.fault in FEED_FAULTS),
+        notice_s=float(reported.iloc[0] - onset) if len(reported) else None,
+        measured_load_n=float(measured.max(initial=0.0)),
+        true_load_n=max(loads),
+    )
+
+
+def summary(rows: Iterable[Row]) -> dict[str, Any]:
+    """Returns the contents of the JSON file; a trial that ended before its fault began does not count."""
+    began = [row for row in rows if row.began]
+    kinds = [_kind_summary(name, [row for row in began if row.kind == name]) for name in KINDS]
+    return {
+        "kinds": [kind for kind in kinds if kind["n"]],
+        "named": float(np.mean([row.named for row in began])) if began else None,
+        "safe": float(np.mean([row.safe for row in began])) if began else None,
+        "largest_load_n": max((row.true_load_n for row in began), default=None),
+    }
+
+
+def _kind_summary(name: str, rows: list[Row]) -> dict[str, Any]:
+    notices = [row.notice_s for row in rows if row.notice_s is not None]
+    return {
+        "kind": name,
+        "n": len(rows),
+        "found_as": dict(Counter(row.fault or row.reason for row in rows).most_common()),
+        "named": sum(row.named for row in rows),
+        "safe": sum(row.safe for row in rows),
+        "notice_s": float(np.median(notices)) if notices else None,
+        "measured_load_n": max((row.measured_load_n for row in rows), default=0.0),
+        "true_load_n": max((row.true_load_n for row in rows), default=0.0),
+        "trials": [vars(row) for row in rows],
+    }
+
+
+def show(result: dict[str, Any]) -> None:
+    """Prints the table."""
+    table = Table(title="faults of the rig", show_lines=False)
+    for column in ("fault", "found as", "named", "ended well", "notice", "measured", "true"):
+        table.add_column(column, justify="left" if column in ("fault", "found as") else "right")
+    for kind in result["kinds"]:
+        notice = "" if kind["notice_s"] is None else f"{kind['notice_s']:.2f} s"
+        found = ", ".join(f"{name.lower().replace('_', ' ')} {n}" for name, n in kind["found_as"].items())
+        n = kind["n"]
+        loads = (f"{kind['measured_load_n']:.0f} N", f"{kind['true_load_n']:.0f} N")
+        table.add_row(kind["kind"], found, f"{kind['named']}/{n}", f"{kind['safe']}/{n}", notice, *loads)
+    console.print(table)
+    console.print(
+        f"named {result['named']:.1%}, ended well {result['safe']:.1%}, largest load {result['largest_load_n']:.0f} N"
+    )
+
+
+def main() -> None:
+    parser = argument_parser(__doc__)
+    parser.add_argument("--skill", type=Path, default=Path("out/skill.npz"), metavar="FILE", help="of the policy")
+    parser.add_argument("--scenario", default="nominal", help="name or YAML file")
+    parser.add_argument("--seeds", type=int, default=10, help="trials of each kind")
+    parser.add_argument("--jobs", type=int, default=1, help="number of processes")
+    parser.add_argument("--kinds", nargs="+", metavar="TEXT", help="only kinds whose names contain one of these texts")
+    arguments = parser.parse_args()
+    chosen = [name for name in KINDS if not arguments.kinds or any(text in name for text in arguments.kinds)]
+    if not chosen:
+        raise ValueError(f"--kinds {' '.join(arguments.kinds)}: no such kind, expected parts of {list(KINDS)}")
+    if not (arguments.seeds >= 1 and arguments.jobs >= 1):
+        raise ValueError(f"--seeds {arguments.seeds} --jobs {arguments.jobs}: expected at least 1")
+    policy, scenario = ManipulationSkill.load(arguments.skill), load_scenario(arguments.scenario)
+    tasks = [partial(inject, scenario, policy, name, seed) for name in chosen for seed in range(arguments.seeds)]
+    rows = []
+    with progress("faults of the rig", len(tasks)) as advance:
+        for row in run_in_processes(tasks, jobs=arguments.jobs):
+            rows.append(row)
+            advance(row.kind)
+    result = summary(rows)
+    show(result)
+    if arguments.json is not None:
+        write_json(arguments.json, result)
+
+
+if __name__ == "__main__":
+    run(main)
