@@ -5,7 +5,7 @@
 
 Every kind of `benchmarks.rig.fault_injection` is injected into trial 21000 + seed. A fault of the installation (sign,
 gain, swapped axes) is there from the start; any other begins between 0.1 and 1 s. The thresholds of the monitors follow
-from data sheets and were checked on trials 20000 to 20059; the trials of this table judge.
+from data sheets where these state them, else from trials 20000 to 20020; the trials of this table judge.
 
 fault       what was injected.
 found as    the names that the rig gave, most frequent first.
