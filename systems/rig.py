@@ -279,6 +279,7 @@ def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
         builder.Connect(parts.estimator.GetOutputPort(name), parts.controller.GetInputPort(name))
     for name in COMMANDS:
         builder.Connect(parts.controller.GetOutputPort(name), parts.watchdog.GetInputPort(name))
+    for name in (*COMMANDS, "blind"):
         builder.Connect(parts.watchdog.GetOutputPort(name), parts.guard.GetInputPort(name))
     builder.Connect(parts.controller.GetOutputPort("failed"), parts.watchdog.GetInputPort("controller_failed"))
     reporters: tuple[LeafSystem, ...] = (parts.monitor, parts.drive_monitor, parts.self_check)

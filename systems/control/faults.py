@@ -43,6 +43,9 @@ class Fault(LabelledEnum):
 FEED_FAULTS = frozenset({Fault.FEED_RUNS_AWAY, Fault.FEED_REVERSED, Fault.FEED_DEAD})
 """Faults after which the feed drive is switched off, because it does not obey."""
 
+SENSOR_FAULTS = frozenset(fault for fault in Fault if fault.name.startswith("SENSOR_"))
+"""Faults after which the wrench is not known."""
+
 
 FALSE_ALARM = 1e-9
 """Probability that a healthy sensor repeats its reading often enough to count as stuck."""

@@ -45,6 +45,7 @@ class ForceGuard(LeafSystem):
         - yaw_rate
         - feed_speed
         - unwinding
+        - blind
         output_ports:
         - target_pitch
         - target_yaw
@@ -69,6 +70,8 @@ class ForceGuard(LeafSystem):
     ``unwinding`` is 1, it turns the hole back to the angles at which the load was last at most F_soft, and the
     commanded rates do not count.
 
+    While ``blind`` is 1, the wrench is not known: the guard does not act on it, and permits a retraction only.
+
     Rates are in rad/s, speeds in m/s, angles in rad relative to the start. The wrench (N, N m) acts on the peg about
     its tip, in P.
     """
@@ -91,6 +94,7 @@ class ForceGuard(LeafSystem):
         self._commands = [
             self.DeclareVectorInputPort(name, 1) for name in ("pitch_rate", "yaw_rate", "feed_speed", "unwinding")
         ]
+        self._blind = self.DeclareVectorInputPort("blind", 1)
         self._state = self.DeclareDiscreteState(7)
         self.DeclarePeriodicDiscreteUpdateEvent(timing.period, 0.0, self._update)
         state = {self.discrete_state_ticket(self._state)}
@@ -108,10 +112,14 @@ class ForceGuard(LeafSystem):
         p, T = self._parameters, self._timing.period
         fx, fy, fz, mx, my, mz = self._wrench.Eval(context).tolist()
         depth = self._depth.Eval(context).tolist()[0]
+        blind = self._blind.Eval(context)[0] > 0.0
         pitch_rate, yaw_rate, speed, unwinding = (float(port.Eval(context)[0]) for port in self._commands)
         pitch, yaw, old_speed, old_load, slope, light_pitch, light_yaw = (
             context.get_discrete_state(self._state).value().tolist()
         )
+        if blind:
+            fx = fy = fz = mx = my = mz = pitch_rate = yaw_rate = unwinding = 0.0
+            speed = max(speed, 0.0)
         load = math.hypot(fx, fy, fz, mx / self._radius, my / self._radius, mz / self._radius)
         slope += T / (SLOPE_TIME + T) * ((load - old_load) / T - slope)
         ahead = load + max(slope, 0.0) * (self._timing.delay + abs(old_speed) / self._timing.deceleration)

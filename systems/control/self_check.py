@@ -26,7 +26,7 @@ TOUCH_MOMENT = 0.010  # in units of N m, wrong moment at the first touch; drift 
 TOUCH_TIME = 0.1  # in units of s, of contact, before a second contact joins the first
 CROSSED_TIME = 0.030  # in units of s, for which force and moment must contradict each other
 FLAT = 0.8  # axial over lateral force; beyond it the tip may stand on an edge and carry a moment of either sign
-RESTING = 0.030  # in units of s; the ringing of a stepper (99 Hz, damping 0.58) is over after this time
+RESTING = 0.030  # in units of s; the ringing of a stepper (61 Hz, damping 0.58) is over after this time
 PATIENCE = 0.040  # in units of s, for which the steppers must contradict the sensor, beyond the sensor's delay
 
 AXES = ("pitch", "yaw")

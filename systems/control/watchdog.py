@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from models.scenario import WatchdogParameters
-from systems.control.faults import FEED_FAULTS, Fault
+from systems.control.faults import FEED_FAULTS, SENSOR_FAULTS, Fault
 
 COMMANDS = ("pitch_rate", "yaw_rate", "feed_speed", "unwinding")
 MONITORS = ("measurement_fault", "drive_fault", "sensor_fault")
@@ -47,6 +47,7 @@ class Watchdog(LeafSystem):
         - feed_speed
         - unwinding
         - fault
+        - blind
         - stopped
 
     Every period the watchdog collects the faults of the `SensorMonitor` (``measurement_fault``), the `DriveMonitor` and
@@ -55,7 +56,7 @@ class Watchdog(LeafSystem):
 
     ``fault`` (`Fault`) is the first fault and stays. From then on the turns stop, and the peg is retracted with
     ``retract_speed`` for ``back_off_time``. Then the feed stops, and ``stopped`` is 1. The feed is not moved if its
-    drive is at fault (`FEED_FAULTS`) or at the upper end of its travel.
+    drive is at fault (`FEED_FAULTS`) or at the upper end of its travel. ``blind`` is 1 after a fault of the sensor.
 
     The watchdog has no output to the controller: the policy does not see what the drives report.
     """
@@ -80,6 +81,7 @@ class Watchdog(LeafSystem):
         for name in COMMANDS:
             self.DeclareVectorOutputPort(name, 1, self._gate(name), {*state, self._commands[name].ticket()})
         self.DeclareVectorOutputPort("fault", 1, self._calc_fault, state)
+        self.DeclareVectorOutputPort("blind", 1, self._calc_blind, state)
         self.DeclareVectorOutputPort("stopped", 1, self._calc_stopped, state)
 
     def _values(self, context: Context) -> list[float]:
@@ -131,6 +133,9 @@ class Watchdog(LeafSystem):
 
     def _calc_fault(self, context: Context, output: BasicVector) -> None:
         output[0] = self._values(context)[Index.FAULT]
+
+    def _calc_blind(self, context: Context, output: BasicVector) -> None:
+        output[0] = float(Fault(int(self._values(context)[Index.FAULT])) in SENSOR_FAULTS)
 
     def _calc_stopped(self, context: Context, output: BasicVector) -> None:
         output[0] = float(self._is_stopped(self._values(context)))

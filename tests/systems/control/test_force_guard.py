@@ -12,7 +12,7 @@ from tests.stepping import fixed_context, update
 P = ForceGuardParameters()
 RADIUS, TURN_RATE, MAX_TURN, RETRACT = 0.01, 0.2, 0.14, 0.015
 TIMING = GuardTiming(period=1e-3, delay=7e-3, deceleration=9.0)
-REST = {"pitch_rate": [0.0], "yaw_rate": [0.0], "feed_speed": [0.0], "unwinding": [0.0]}
+REST = {"pitch_rate": [0.0], "yaw_rate": [0.0], "feed_speed": [0.0], "unwinding": [0.0], "blind": [0.0]}
 MIDDLE = 0.5 * (P.soft_force + P.hold_force)
 
 
@@ -178,3 +178,14 @@ def test_nothing_raises_the_load_at_the_hold_force(wrench, command, depth, unwin
         on_hole = -(wrench[3:5] + depth * np.array([wrench[1], -wrench[0]]))
         assert turn @ on_hole >= -1e-9
         assert outputs(dut, context)[2] >= min(0.0, wrench[2] / load * RETRACT) - 1e-12
+
+
+def test_after_a_fault_of_the_sensor_only_a_retraction_passes():
+    for wrench in (push(2.0 * P.force_limit), push(-2.0 * P.force_limit), moment(2.0 * P.force_limit)):
+        commands = {"pitch_rate": [0.1], "feed_speed": [-0.01], "unwinding": [1.0], "blind": [1.0]}
+        dut, context = guard(wrench=wrench, **commands)
+        settled(dut, context)
+        assert outputs(dut, context) == [0.0, 0.0, 0.0]
+        dut.GetInputPort("feed_speed").FixValue(context, [0.012])
+        update(dut, context, period=TIMING.period)
+        assert outputs(dut, context) == [0.0, 0.0, 0.012]

@@ -125,4 +125,14 @@ def test_the_watchdog_checks_from_time_zero():
 
 def test_every_output_is_one_number():
     dut = watchdog()[0]
-    assert [dut.GetOutputPort(name).size() for name in (*COMMANDS, "fault", "stopped")] == [1] * 6
+    assert [dut.GetOutputPort(name).size() for name in (*COMMANDS, "fault", "blind", "stopped")] == [1] * 7
+
+
+@pytest.mark.parametrize(
+    ("fault", "blind"), [(Fault.SENSOR_STUCK, 1.0), (Fault.SENSOR_MOMENT, 1.0), (Fault.ENCODER_STUCK, 0.0)]
+)
+def test_the_wrench_is_unknown_after_a_fault_of_the_sensor(fault, blind):
+    dut, context = watchdog()
+    assert dut.GetOutputPort("blind").Eval(context)[0] == 0.0
+    step(dut, context, sensor_fault=[float(fault)])
+    assert dut.GetOutputPort("blind").Eval(context)[0] == blind
