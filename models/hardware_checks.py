@@ -30,6 +30,22 @@ def sensor_violations(sensor: WrenchSensorParameters) -> Iterator[Violation]:
         yield Violation("sensor.delay", f"{sensor.delay} s", bound)
 
 
+def guard_violations(sensor: WrenchSensorParameters, *, peg_radius: float, ramp: float) -> Iterator[Violation]:
+    """Checks that the sensor shows the load finely enough for the force guard.
+
+    A force at the sensor has the lever ``sensor.height`` about the tip, so that its quantum is a large one of the load.
+
+    Args:
+        sensor: Parameters of the force/torque sensor.
+        peg_radius: Radius of the peg, m.
+        ramp: Range of the load in which the guard reduces feed and turns, N.
+    """
+    quantum = (sensor.torque_quantum + sensor.height * sensor.force_quantum) / peg_radius
+    if quantum > ramp:
+        bound = f"at most {ramp:.4g} N of load, controller.hold_force less controller.soft_force"
+        yield Violation("sensor.force_quantum and sensor.torque_quantum", f"{quantum:.4g} N of load", bound)
+
+
 def stall_violations(*, resolution: float, stall_depth: float, feed_stall_distance: float) -> Iterator[Violation]:
     """Checks that a feed that moves is seen to move.
 

@@ -19,7 +19,7 @@ from models.contact_stiffness import softness_violations
 from models.contact_theory import largest_entry_tilt
 from models.document import read_document, read_text
 from models.hardware import DEVICE_PRESETS, DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
-from models.hardware_checks import is_multiple, sensor_violations, stall_violations
+from models.hardware_checks import guard_violations, is_multiple, sensor_violations, stall_violations
 from models.operator import HABITS, OperatorParameters, draw_person
 from models.validation import MAX_FACETS, Violation, check_document, number_violations, raise_first
 
@@ -322,6 +322,8 @@ def _limit_violations(scenario: Scenario) -> Iterator[Violation]:
             f"above controller.soft_force {guard.soft_force} N and at most controller.force_limit"
             f" {guard.force_limit} N",
         )
+    ramp = guard.hold_force - guard.soft_force
+    yield from guard_violations(scenario.sensor, peg_radius=g.peg_radius, ramp=ramp)
 
 
 def _tilt_violations(start: StartParameters, g: Geometry) -> Iterator[Violation]:

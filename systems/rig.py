@@ -227,7 +227,7 @@ def _add_parts(
                 motor=scenario.feed,
                 stepper=scenario.stepper,
                 parts=MovingParts.of(scenario, mass=contact.moving_mass, peg_weight=contact.weight),
-                period=4.0 * step,
+                drive_period=step,
             ),
         ),
         watchdog=builder.AddNamedSystem(

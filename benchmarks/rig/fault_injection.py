@@ -208,6 +208,9 @@ READS_WRONG = frozenset(
 )
 """Names of a sensor whose readings contradict the drives or each other."""
 
+RUNS_AWAY = frozenset({Fault.FEED_RUNS_AWAY, Fault.FEED_REVERSED})
+"""A feed that runs one way is reversed whenever it is commanded the other way, as a guard does that yields."""
+
 CONTRADICTED = frozenset({Fault.ENCODER_CONTRADICTED, Fault.ENCODER_STUCK})
 DRIFT = np.repeat([5.0, 0.1], 3)  # in units of N/s and N m/s
 BIAS = np.repeat([15.0, 1.0], 3)  # in units of N and N m
@@ -245,8 +248,8 @@ KINDS: dict[str, Kind] = {
     "encoder scale 0.8": Kind(encoder(lambda d, t, m: 0.8 * d), CONTRADICTED, built_in=True),
     "encoder scale 1.2": Kind(encoder(lambda d, t, m: 1.2 * d), CONTRADICTED, built_in=True),
     "encoder sign": Kind(encoder(lambda d, t, m: -d), CONTRADICTED, built_in=True),
-    "feed runs away into the hole": Kind(disobedient_feed(lambda c: -1.0), _only(Fault.FEED_RUNS_AWAY)),
-    "feed runs away upwards": Kind(disobedient_feed(lambda c: 1.0), _only(Fault.FEED_RUNS_AWAY)),
+    "feed runs away into the hole": Kind(disobedient_feed(lambda c: -1.0), RUNS_AWAY),
+    "feed runs away upwards": Kind(disobedient_feed(lambda c: 1.0), RUNS_AWAY),
     "feed reversed": Kind(disobedient_feed(lambda c: -c), _only(Fault.FEED_REVERSED), built_in=True),
     "feed dead": Kind(dead_feed, _only(Fault.FEED_DEAD)),
     "pitch blocked": Kind(sticking_stepper(0, lambda t: True), _only(Fault.PITCH_STEPS_LOST, Fault.PITCH_STICKS)),

@@ -78,25 +78,30 @@ class MovingParts:
 
 # Places in the discrete state; READING, SUM and SQUARES are the first of six.
 FAULT = 0  # first fault found
+FREE = 1  # time in free air, s
+COUNT = 2  # samples of the present tare
+TOUCHED = 3  # time in contact, s
+CROSSED = 4  # time for which force and moment have contradicted each other, s
+COMMANDED = 5  # last commanded angles of pitch and yaw, rad
+REST = 7  # times since they changed, s
+CONTRADICTED = 9  # times for which the axes have contradicted the sensor, s
+READING = 11  # last wrench of the tare
+SUM = 17  # sum of the wrenches of the present tare
+SQUARES = 23  # sum of their squared differences
+TARED = 29  # whether there has been a tare
+TARE = 30  # mean moments about x and y of the last tare, N m
+SIZE = 32
+
+# Places in the discrete state of the feed drive, after its FAULT.
 STARTED = 1  # whether there has been a sample
 TRAVEL = 2  # last position of the carriage, m
 SPEED = 3  # last speed of the carriage, m/s
 LAGGED = 4  # axial contact force by the drive, delayed like the sensor, N
 CARRIED = 5  # its average, N
 READ = 6  # average of the axial force by the sensor, N
-FREE = 7  # time in free air, s
-COUNT = 8  # samples of the present tare
-TOUCHED = 9  # time in contact, s
-CROSSED = 10  # time for which force and moment have contradicted each other, s
-COMMANDED = 11  # last commanded angles of pitch and yaw, rad
-REST = 13  # times since they changed, s
-CONTRADICTED = 15  # times for which the axes have contradicted the sensor, s
-READING = 17  # last wrench of the tare
-SUM = 23  # sum of the wrenches of the present tare
-SQUARES = 29  # sum of their squared differences
-TARED = 35  # whether there has been a tare
-TARE = 36  # mean moments about x and y of the last tare, N m
-SIZE = 38
+FEED_SIZE = 7
+
+PERIOD_STEPS = 4  # periods of the drive in a period of the checks that do not need its current
 
 
 class SelfCheck(LeafSystem):
@@ -128,9 +133,10 @@ class SelfCheck(LeafSystem):
         f = (m + J N^2) dv/dt + m g + c v - N (eta k_t i - b w - tau_c tanh(w/w_0)),
 
     with the speed v of the shaft's encoder and w = N v. Both forces are averaged over `AVERAGING`, f with the sensor's
-    delay. They must agree within twice the dry friction N tau_c, the bias and `GAIN_ERROR`. Else the sign of the sensor
-    is wrong, it reads too little (or too late), or too much. A blocked feed also shows a force that the sensor does not
-    read; only in free air is it told from the sensor, as a stalled motor.
+    delay. The current changes within a period of the drive, so that this check follows each. They must agree within
+    twice the dry friction N tau_c, the bias and `GAIN_ERROR`. Else the sign of the sensor is wrong, it reads too little
+    (or too late), or too much. A blocked feed also shows a force that the sensor does not read; only in free air is it
+    told from the sensor, as a stalled motor.
 
     *Steppers.* A stepper that rests is a magnetic spring: its encoder shows the torque K (commanded - measured angle),
     which holds the moment of the contact about the axis, m_x + d f_y about pitch and m_y - d f_x about yaw, at the
@@ -148,18 +154,20 @@ class SelfCheck(LeafSystem):
         motor: DcMotorParameters,
         stepper: StepperMotorParameters,
         parts: MovingParts,
-        period: float,
+        drive_period: float,
     ) -> None:
         super().__init__()
-        self._motor, self._parts, self._period = motor, parts, period
+        self._motor, self._parts = motor, parts
+        self._drive_period, self._period = drive_period, PERIOD_STEPS * drive_period
         self._delay = sensor.delay
         self._inertia = parts.mass + motor.rotor_inertia * motor.ratio**2
         self._dry_friction = motor.ratio * motor.coulomb_friction
         self._stiffness, self._sticking_torque = stepper.stiffness, 0.8 * stepper.holding_torque
-        lag = sensor.delay + 1.0 / (2.0 * math.pi * sensor.bandwidth)
+        # A reading is half a sample old on average.
+        lag = sensor.delay + 0.5 * sensor.period + 1.0 / (2.0 * math.pi * sensor.bandwidth)
         self._settling = sensor.delay + SETTLING / (2.0 * math.pi * sensor.bandwidth)
-        self._follow_lag = 1.0 - math.exp(-period / lag)
-        self._average = 1.0 - math.exp(-period / AVERAGING)
+        self._follow_lag = 1.0 - math.exp(-drive_period / lag)
+        self._average = 1.0 - math.exp(-drive_period / AVERAGING)
         force, moment = reading_deviation(sensor)
         lever = sensor.height
         self._max_square = 2.0 * np.repeat([NOISE_FACTOR * force, NOISE_FACTOR * moment], 3) ** 2
@@ -171,7 +179,7 @@ class SelfCheck(LeafSystem):
         )
         self._bias += np.repeat([force, moment], 3)
         # A tare lasts for TARE_SAMPLES periods, in which the speed of the peg may change from full to reverse.
-        self._bias[2] += 2.0 * parts.peg_mass * parts.top_speed / (TARE_SAMPLES * period)
+        self._bias[2] += 2.0 * parts.peg_mass * parts.top_speed / (TARE_SAMPLES * self._period)
         self._drift = SIGMAS * np.repeat(
             [sensor.force_drift, math.hypot(sensor.torque_drift, lever * sensor.force_drift)], 3
         )
@@ -186,24 +194,32 @@ class SelfCheck(LeafSystem):
         self._travel = self.DeclareVectorInputPort("travel", 1)
         self._shafts = [self.DeclareVectorInputPort(f"{name}_shaft", 2) for name in AXES]
         self._state = self.DeclareDiscreteState(np.zeros(SIZE))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        self.DeclareVectorOutputPort("fault", 1, self._calc_fault, {self.discrete_state_ticket(self._state)})
+        self._feed_state = self.DeclareDiscreteState(np.zeros(FEED_SIZE))
+        self.DeclarePeriodicDiscreteUpdateEvent(self._period, 0.0, self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(drive_period, 0.0, self._update_feed)
+        states = {self.discrete_state_ticket(state) for state in (self._state, self._feed_state)}
+        self.DeclareVectorOutputPort("fault", 1, self._calc_fault, states)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         state = context.get_discrete_state(self._state).value().tolist()
         if state[FAULT] != Fault.NONE:
             return
         wrench, depth = self._wrench.Eval(context).tolist(), self._depth.Eval(context).item()
-        time = context.get_time()
         fault = (
-            self._tare(state, wrench, depth, time)
+            self._tare(state, wrench, depth, context.get_time())
             or self._one_contact(state, wrench, depth)
-            or self._against_feed(context, state, wrench[2], time)
             or self._against_stepper(context, state, wrench, depth, 0)
             or self._against_stepper(context, state, wrench, depth, 1)
         )
         state[FAULT] = float(fault)
-        discrete_state.set_value(state)
+        discrete_state.set_value(self._state, state)
+
+    def _update_feed(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state = context.get_discrete_state(self._feed_state).value().tolist()
+        if state[FAULT] != Fault.NONE:
+            return
+        state[FAULT] = float(self._against_feed(context, state, float(self._wrench.Eval(context)[2])))
+        discrete_state.set_value(self._feed_state, state)
 
     def _tare(self, state: list[float], wrench: list[float], depth: float, time: float) -> Fault:
         """Judges the readings in free air."""
@@ -247,18 +263,19 @@ class SelfCheck(LeafSystem):
         state[CROSSED] = state[CROSSED] + self._period if crossed else 0.0
         return Fault.SENSOR_CROSSED if state[CROSSED] > CROSSED_TIME else Fault.NONE
 
-    def _against_feed(self, context: Context, state: list[float], reading: float, time: float) -> Fault:
+    def _against_feed(self, context: Context, state: list[float], reading: float) -> Fault:
         """Compares the axial force with that of the feed drive."""
         travel, current = self._travel.Eval(context).item(), self._current.Eval(context).item()
         if not state[STARTED]:
             state[STARTED], state[TRAVEL] = 1.0, travel
             return Fault.NONE
-        speed = (travel - state[TRAVEL]) / self._period
-        force = self.axial_force(current, speed, (speed - state[SPEED]) / self._period)
+        speed = (travel - state[TRAVEL]) / self._drive_period
+        force = self.axial_force(current, speed, (speed - state[SPEED]) / self._drive_period)
         state[TRAVEL], state[SPEED] = travel, speed
         state[LAGGED] += self._follow_lag * (force - state[LAGGED])
         state[CARRIED] = carried = state[CARRIED] + self._average * (state[LAGGED] - state[CARRIED])
         state[READ] = read = state[READ] + self._average * (reading - state[READ])
+        time = context.get_time()
         if time < self._settling + 2.0 * AVERAGING:  # the drive takes up the weight
             return Fault.NONE
         bound = self._axial_bias + self._axial_drift * math.sqrt(time) + GAIN_ERROR * max(abs(read), abs(carried))
@@ -268,7 +285,8 @@ class SelfCheck(LeafSystem):
             return Fault.SENSOR_REVERSED
         if abs(read) > abs(carried):
             return Fault.SENSOR_HIGH
-        return Fault.MOTOR_STALLED if state[FREE] else Fault.SENSOR_LOW
+        in_free_air = context.get_discrete_state(self._state).value()[FREE] > 0.0
+        return Fault.MOTOR_STALLED if in_free_air else Fault.SENSOR_LOW
 
     def axial_force(self, current: float, speed: float, acceleration: float) -> float:
         """Returns the axial contact force (N) that the feed drive carries; speed in m/s, acceleration in m/s^2."""
@@ -302,4 +320,5 @@ class SelfCheck(LeafSystem):
         return Fault.SENSOR_MOMENT
 
     def _calc_fault(self, context: Context, output: BasicVector) -> None:
-        output[0] = context.get_discrete_state(self._state).value()[FAULT]
+        own, feed = (context.get_discrete_state(state).value()[FAULT] for state in (self._state, self._feed_state))
+        output[0] = own or feed

@@ -94,7 +94,7 @@ class TrialMonitor:
         if self._rig.stopped(context):
             return self._end(Outcome.FAULT)
         tried = self._rig.tried(context)
-        if tried:
+        if tried and self._rig.fault(context) is Fault.NONE:  # after a fault the peg is still drawn back
             return self._end(Outcome.JAMMED, tried)
         return EventStatus.DidNothing()
 

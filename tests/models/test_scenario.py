@@ -208,6 +208,10 @@ BAD_RANGES = {
     "a zero time limit of a demonstration": ("recorder: {time_limit: 0.0}", "recorder.time_limit"),
     "a negative time limit of a trial": ("trial: {time_limit: -1.0}", "trial.time_limit"),
     "a margin deeper than the hole": ("trial: {full_depth_margin: 0.03}", "trial.full_depth_margin"),
+    "a sensor too coarse for the force guard": (
+        "sensor: {force_quantum: 2.0}",
+        "16.13 N of load, expected at most 10 N of load",
+    ),
     "a zero step angle": ("stepper: {step_angle: 0.0}", "stepper.step_angle"),
     "a zero resistance": ("feed: {resistance: 0.0}", "feed.resistance"),
     "a zero inductance": ("feed: {inductance: 0.0}", "feed.inductance"),

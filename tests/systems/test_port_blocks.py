@@ -55,7 +55,7 @@ ARGUMENTS = {
         **{"parameters": S.controller, "motor": S.feed, "travel": Travel.of(S), "resolution": 5e-6, "period": 1e-3},
     },
     "SelfCheck": lambda skill: {
-        **{"sensor": S.sensor, "motor": S.feed, "stepper": S.stepper, "period": 8e-3},
+        **{"sensor": S.sensor, "motor": S.feed, "stepper": S.stepper, "drive_period": 2e-3},
         "parts": MovingParts.of(S, mass=1.0, peg_weight=1.4),
     },
     "SensorMonitor": lambda skill: {

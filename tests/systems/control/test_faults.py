@@ -100,7 +100,8 @@ def check_safe_ending(result, run, fault, *, retracts=True):
     assert (s.loc[~detected, "fault"] == 0).all()
     after = s[detected]
     assert (after["feed_speed"] >= 0).all()  # never into the hole again
-    assert after["target_pitch"].nunique() == after["target_yaw"].nunique() == 1
+    # The hole turns no more, except where the force guard lets it yield.
+    assert np.ptp(after[["target_pitch", "target_yaw"]].to_numpy(), axis=0).max() < np.radians(0.1)
     assert after["tip_z"].iloc[-1] >= after["tip_z"].iloc[0] - 5e-4 or not retracts
     assert run.result["reason"] == result.reason
     return after
@@ -146,7 +147,7 @@ SOUND_SENSORS = {  # section, values
     "measures twenty times a step": ("sensor", {"period": 1e-4}),
     "measures once in ten steps": ("sensor", {"period": 0.02, "delay": 0.02}),
     "has no noise": ("sensor", {"force_noise": [0.0] * 3, "torque_noise": [0.0] * 3, "force_drift": 0.0}),
-    "has coarse steps": ("sensor", {"force_quantum": 5.0, "torque_quantum": 0.5}),
+    "has coarse steps": ("sensor", {"force_quantum": 0.25, "torque_quantum": 0.01}),
     "is slow": ("sensor", {"bandwidth": 0.5}),
     "is an encoder with coarse counts": ("rig", {"encoder_resolution": 0.5e-3}),
     "is an encoder with fine counts": ("rig", {"encoder_resolution": 1e-9}),
@@ -202,7 +203,7 @@ def test_a_trial_with_a_stalled_motor_ends_safely(scenario, skill, monkeypatch, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("joint", "fault"), [("pitch", Fault.PITCH_STICKS), ("yaw", Fault.YAW_STICKS)])
+@pytest.mark.parametrize(("joint", "fault"), [("pitch", Fault.PITCH_STEPS_LOST), ("yaw", Fault.YAW_STEPS_LOST)])
 def test_a_trial_with_a_blocked_stepper_ends_safely(scenario, skill, monkeypatch, joint, fault):
     monkeypatch.setattr(LockedMonitor, "joint", joint)
     monkeypatch.setattr(trial_module, "TrialMonitor", LockedMonitor)

@@ -4,15 +4,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydrake.systems.analysis import Simulator
 
 from models.hardware import DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
 from models.scenario import Scenario
 from systems.control.faults import Fault
-from systems.control.self_check import GRAVITY, MovingParts, SelfCheck
-from tests.stepping import fixed_context, update
+from systems.control.self_check import GRAVITY, PERIOD_STEPS, MovingParts, SelfCheck
+from tests.stepping import fixed_context
 
 SENSOR, MOTOR, STEPPER = WrenchSensorParameters(), DcMotorParameters(), StepperMotorParameters()
-PERIOD = 8e-3
+DRIVE_PERIOD = 2e-3
+PERIOD = PERIOD_STEPS * DRIVE_PERIOD
 PARTS = MovingParts.of(Scenario(), mass=1.05, peg_weight=1.45)
 IN_AIR, AT_CHAMFER, IN_HOLE = -0.003, 0.001, 0.005
 WEIGHT = 1.05 * GRAVITY
@@ -27,12 +29,13 @@ class Rig:
     """A rig at rest with its self-check, one period at a time."""
 
     def __init__(self, seed=0, sensor=SENSOR):
-        self.dut = SelfCheck(sensor=sensor, motor=MOTOR, stepper=STEPPER, parts=PARTS, period=PERIOD)
+        self.dut = SelfCheck(sensor=sensor, motor=MOTOR, stepper=STEPPER, parts=PARTS, drive_period=DRIVE_PERIOD)
         self.rng = np.random.default_rng(seed)
         self.context = fixed_context(
             self.dut, wrench=np.zeros(6), depth=[IN_AIR], current=[holding_current()], travel=[0.083],
             pitch_shaft=[0.0, 0.0], yaw_shaft=[0.0, 0.0],
         )  # fmt: skip
+        self.simulator = Simulator(self.dut, self.context)
 
     def run(self, wrench=(0.0,) * 6, *, times=20, depth=IN_AIR, force=None, torque=None, noise=1.0):
         """Reads a wrench with noise. The drives carry ``force`` (N) and ``torque`` (N m), by default those of it."""
@@ -48,7 +51,7 @@ class Rig:
         for _ in range(times):
             reading = wrench + noise * sigma * self.rng.standard_normal(6)
             self.dut.GetInputPort("wrench").FixValue(self.context, reading)
-            update(self.dut, self.context, period=PERIOD)
+            self.simulator.AdvanceTo(self.context.get_time() + PERIOD)
         return self.dut.GetOutputPort("fault").Eval(self.context)[0]
 
 
