@@ -322,8 +322,6 @@ def _limit_violations(scenario: Scenario) -> Iterator[Violation]:
             f"above controller.soft_force {guard.soft_force} N and at most controller.force_limit"
             f" {guard.force_limit} N",
         )
-    ramp = guard.hold_force - guard.soft_force
-    yield from guard_violations(scenario.sensor, peg_radius=g.peg_radius, ramp=ramp)
 
 
 def _tilt_violations(start: StartParameters, g: Geometry) -> Iterator[Violation]:
@@ -348,6 +346,9 @@ def _timing_violations(scenario: Scenario) -> Iterator[Violation]:
         if not is_multiple(period, step):
             yield Violation(name, f"{period} s", f"a multiple of contact.time_step {step} s")
     yield from sensor_violations(scenario.sensor)
+    guard = scenario.controller
+    ramp = guard.hold_force - guard.soft_force
+    yield from guard_violations(scenario.sensor, peg_radius=scenario.geometry.peg_radius, ramp=ramp)
     yield from stall_violations(
         resolution=scenario.rig.encoder_resolution,
         stall_depth=scenario.controller.stall_depth,

@@ -334,7 +334,7 @@ LARGEST = """
 seed: 9223372036854775807
 geometry: {facets: 512}
 contact: {time_step: 0.00001}
-sensor: {force_quantum: 14.5, delay: 1.0}
+sensor: {force_quantum: 1.2, delay: 1.0}
 rig: {encoder_resolution: 0.0005}
 trial: {time_limit: 3600}
 """

@@ -147,7 +147,7 @@ SOUND_SENSORS = {  # section, values
     "measures twenty times a step": ("sensor", {"period": 1e-4}),
     "measures once in ten steps": ("sensor", {"period": 0.02, "delay": 0.02}),
     "has no noise": ("sensor", {"force_noise": [0.0] * 3, "torque_noise": [0.0] * 3, "force_drift": 0.0}),
-    "has coarse steps": ("sensor", {"force_quantum": 0.25, "torque_quantum": 0.01}),
+    "has coarse steps": ("sensor", {"force_quantum": 0.125, "torque_quantum": 0.005}),
     "is slow": ("sensor", {"bandwidth": 0.5}),
     "is an encoder with coarse counts": ("rig", {"encoder_resolution": 0.5e-3}),
     "is an encoder with fine counts": ("rig", {"encoder_resolution": 1e-9}),
