@@ -1,0 +1,111 @@
+"""The distribution of the measured load over many trials, against the limit of the force guard.
+
+    python -m benchmarks.rig.load_limit [--skill FILE] [--trials 500] [--jobs 2] [--json FILE]
+
+Two arms perform the same number of trials each: the default scenario, and a harder one (`STRESS`). The trials are those
+from `FIRST_TRIAL` on, which were used for no choice. `benchmarks.faults` measures the arm with faults. Loads are the
+largest of each trial (`TrialResult.peak_measured_load`, `TrialResult.peak_load`); the guard keeps its limit if the
+measured load stays below 1.2 times the limit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml")
+
+import numpy as np
+from rich.table import Table
+
+from benchmarks.command_line import argument_parser, run
+from models.scenario import Scenario, load_scenario
+from skill.manipulation_skill import ManipulationSkill
+from systems.reports.terminal import console, progress, write_json
+from systems.runs.trial import run_trials
+from systems.runs.trial_result import TrialResult
+
+FIRST_TRIAL = 30000
+TOLERANCE = 1.2  # factor on the limit
+PERCENTILES = (50, 90, 99, 99.9)
+
+
+def stress(scenario: Scenario) -> Scenario:
+    """Makes a scenario harder, in place: steeper tilts, more friction, and axes further from the mouth."""
+    scenario.start.tilt_range = math.radians(4.0)
+    scenario.contact.friction, scenario.contact.friction_spread = 0.3, 0.0
+    scenario.rig.pivot_range = 0.005
+    return scenario
+
+
+def summary(arm: str, results: Sequence[TrialResult], limit: float) -> dict[str, Any]:
+    """Returns the figures of an arm; loads in N."""
+    measured = np.array([result.peak_measured_load for result in results], dtype=float)
+    true = np.array([result.peak_load for result in results], dtype=float)
+    worst = results[int(measured.argmax())]
+    return {
+        "arm": arm,
+        "trials": len(results),
+        "inserted": sum(result.inserted for result in results),
+        "trusted": sum(bool(result.trusted) for result in results),
+        "limit_n": limit,
+        "beyond_limit": int((measured > limit).sum()),
+        "beyond_tolerance": int((measured > TOLERANCE * limit).sum()),
+        "measured_n": {f"p{p:g}": float(np.percentile(measured, p)) for p in PERCENTILES} | {"max": measured.max()},
+        "true_n": {f"p{p:g}": float(np.percentile(true, p)) for p in PERCENTILES} | {"max": true.max()},
+        "worst_trial": worst.seed,
+        "reasons": _counts(result.outcome.value for result in results),
+        "measured_loads_n": measured.tolist(),
+    }
+
+
+def _counts(texts: Iterable[str]) -> dict[str, int]:
+    values, counts = np.unique(list(texts), return_counts=True)
+    return dict(zip(values.tolist(), counts.tolist(), strict=True))
+
+
+def show(rows: Sequence[dict[str, Any]]) -> None:
+    """Prints the table."""
+    table = Table(title="largest load of a trial, N")
+    percentiles = [f"p{p:g}" for p in PERCENTILES] + ["max"]
+    for column in ("arm", "trials", "inserted", "trusted", *percentiles, "true max", "> limit", "> 1.2 limit"):
+        table.add_column(column, justify="left" if column == "arm" else "right")
+    for row in rows:
+        loads = [f"{row['measured_n'][p]:.1f}" for p in percentiles]
+        numbers = [str(row[key]) for key in ("trials", "inserted", "trusted")]
+        beyond = [str(row["beyond_limit"]), str(row["beyond_tolerance"])]
+        table.add_row(row["arm"], *numbers, *loads, f"{row['true_n']['max']:.1f}", *beyond)
+    console.print(table)
+
+
+def main() -> None:
+    parser = argument_parser(__doc__)
+    parser.add_argument("--skill", type=Path, default=Path("out/skill.npz"), metavar="FILE", help="of the policy")
+    parser.add_argument("--trials", type=int, default=500, help="trials of each arm (default: 500)")
+    parser.add_argument("--jobs", type=int, default=1, help="number of processes")
+    arguments = parser.parse_args()
+    if not (arguments.trials >= 1 and arguments.jobs >= 1):
+        raise ValueError(f"--trials {arguments.trials} --jobs {arguments.jobs}: expected at least 1")
+    policy = ManipulationSkill.load(arguments.skill)
+    arms = {"default": load_scenario(), "stress": stress(load_scenario())}
+    numbers = list(range(FIRST_TRIAL, FIRST_TRIAL + arguments.trials))
+    rows = []
+    with progress("load limit", len(arms) * len(numbers)) as advance:
+        for arm, scenario in arms.items():
+            results = []
+            for result, _ in run_trials(scenario, policy, numbers, jobs=arguments.jobs):
+                results.append(result)
+                advance(f"{arm}: {result.reason}")
+            rows.append(summary(arm, results, scenario.controller.force_limit))
+    show(rows)
+    if arguments.json is not None:
+        write_json(arguments.json, {"arms": rows})
+
+
+if __name__ == "__main__":
+    run(main)
