@@ -14,15 +14,20 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from models.validation import MAX_FACETS, Violation
+if TYPE_CHECKING:
+    from models.validation import Violation
 
 CUTAWAY_TURNS = (3 / 8, 7 / 8)
 """Part of the ring that a cutaway picture shows, in turns about z; the camera looks in from the other half."""
 
+
+MAX_FACETS = 512
+"""Maximum number of facets. The time of a step grows with it; 256 are as good as round (docs/physics.md)."""
 
 MAX_PLAY_ERROR = 0.01
 """Largest error of the play of two aligned polygons, as a part of the clearance."""
@@ -94,6 +99,8 @@ def facet_violations(*, facets: int, radius: float, clearance: float, spins: boo
         spins: Whether the peg may rotate about its axis (see `minimum_facets`). If not, the corners stay aligned, and
             fewer facets are enough if their `play_error` is small.
     """
+    from models.validation import Violation  # it needs PyYAML, which a replay does not have
+
     spinning = minimum_facets(radius, clearance)
     minimum = spinning if spins else min(spinning, minimum_aligned_facets())
     if facets >= minimum:

@@ -14,14 +14,14 @@ import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from models.bore import facet_violations, minimum_clearance
+from models.bore import MAX_FACETS, facet_violations, minimum_clearance
 from models.contact_stiffness import softness_violations
 from models.contact_theory import largest_entry_tilt
 from models.document import read_document, read_text
 from models.hardware import DEVICE_PRESETS, DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
 from models.hardware_checks import guard_violations, is_multiple, sensor_violations, stall_violations
 from models.operator import HABITS, OperatorParameters, draw_person
-from models.validation import MAX_FACETS, Violation, check_document, number_violations, raise_first
+from models.validation import Violation, check_document, number_violations, raise_first
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 APPROXIMATIONS = ("lagged", "similar", "sap")
@@ -59,7 +59,7 @@ class ContactParameters:
 
     time_step: float = 2e-3  # in units of s
     modulus: float = 5.5e11  # in units of Pa, of the compliant peg
-    dissipation: float = 1.0  # in units of s/m, Hunt-Crossley
+    dissipation: float = 20.0  # in units of s/m, Hunt-Crossley; about 0.75 of the speed returns at 20 mm/s
     friction: float = 0.2
     friction_spread: float = 0.5  # relative half width of the uniform distribution of the friction
     approximation: str = "lagged"  # one of APPROXIMATIONS

@@ -9,6 +9,7 @@ from dataclasses import fields, is_dataclass
 from types import UnionType
 from typing import Any, NamedTuple, get_args
 
+from models.bore import MAX_FACETS
 from models.document import brief
 
 # By default a number must be positive. The numbers of these fields may be zero ...
@@ -27,9 +28,6 @@ SIGNED = {"tilt", "offset", "sight_bias", "offset_bias", "pivot_height"}
 
 # Magnitudes without limits of their own. Physics works far within them, and arithmetic stays finite.
 MIN_POSITIVE, MAX_MAGNITUDE = 1e-12, 1e12
-
-MAX_FACETS = 512
-"""Maximum number of facets. The time of a step grows with it; 256 are as good as round (docs/physics.md)."""
 
 LIMITS = {
     **dict.fromkeys(("geometry.peg_radius", "geometry.hole_radius"), (1e-4, 1.0, "m")),

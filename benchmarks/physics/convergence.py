@@ -48,12 +48,13 @@ MOMENTS, DEPTHS = {"light": 4e-3, "firm": 0.2}, (0.010, 0.020)  # N m, m; of the
 TIMED = 0.02  # s; simulated time at rest over which the cost of a step is averaged
 
 FINEST = {"facets": 256, "time_step": 1e-4}
-BEFORE = {"facets": 64, "modulus": 1e10, "mouth": "sharp"}
+BEFORE = {"facets": 64, "modulus": 1e10, "dissipation": 1.0, "mouth": "sharp"}
 SETTINGS: list[dict[str, Any]] = [
     BEFORE,
     BEFORE | {"modulus": 1e11},
     {"mouth": "sharp"},
     {},
+    {"dissipation": 1.0},
     *({"facets": n, "corners": "outside"} for n in (32, 64, 256)),
     *({"facets": n} for n in (32, 48, 64, 128, 256)),
     *({"modulus": E} for E in (1e8, 1e9, 1e10, 2e11, 3e11, 1e12)),
@@ -67,10 +68,10 @@ SLIDES = {f"{name}_{1e3 * depth:.0f}mm": (moment, depth) for name, moment in MOM
 
 
 def scenario_of(setting: dict[str, Any]) -> Scenario:
-    """The default scenario with some of ``facets``, ``modulus``, ``time_step`` and ``approximation`` replaced."""
+    """The default scenario with some of ``facets``, ``modulus``, ``time_step``, ``dissipation`` and ``approximation`` replaced."""
     scenario = copy.deepcopy(Scenario())
     scenario.geometry.facets = setting.get("facets", scenario.geometry.facets)
-    for name in ("modulus", "time_step", "approximation"):
+    for name in ("modulus", "time_step", "dissipation", "approximation"):
         setattr(scenario.contact, name, setting.get(name, getattr(scenario.contact, name)))
     return scenario
 

@@ -39,4 +39,4 @@ def test_the_results_are_complete(tmp_path):
     assert set(results) >= KEYS
     assert results["facets"] == 32
     assert results["contact_fraction"] > 0.5
-    assert results["play_error"] == pytest.approx(0.00856, rel=1e-3)
+    assert results["play_error"] == pytest.approx(0.004815, rel=1e-3)

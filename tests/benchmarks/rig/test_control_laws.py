@@ -75,5 +75,7 @@ def test_tuning_chooses_the_lowest_cost_on_its_own_trials_and_resumes(setting, p
 
 
 def test_a_failure_costs_more_than_any_insertion(setting):
-    slow = {"inserted": True, "time_s": setting.scenario.trial.time_limit, "peak_load_n": 90.0}
+    scenario = setting.scenario
+    high = 1.2 * scenario.controller.force_limit
+    slow = {"inserted": True, "time_s": scenario.trial.time_limit, "peak_load_n": high}
     assert cost(slow, setting) < cost({"inserted": False}, setting)
