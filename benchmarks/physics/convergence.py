@@ -68,7 +68,7 @@ SLIDES = {f"{name}_{1e3 * depth:.0f}mm": (moment, depth) for name, moment in MOM
 
 
 def scenario_of(setting: dict[str, Any]) -> Scenario:
-    """The default scenario with some of ``facets``, ``modulus``, ``time_step``, ``dissipation`` and ``approximation`` replaced."""
+    """The default scenario with ``facets`` and parameters of the contact replaced, where the setting names them."""
     scenario = copy.deepcopy(Scenario())
     scenario.geometry.facets = setting.get("facets", scenario.geometry.facets)
     for name in ("modulus", "time_step", "dissipation", "approximation"):
