@@ -141,7 +141,7 @@ class SelfCheck(LeafSystem):
     *Steppers.* A stepper that rests is a magnetic spring: its encoder shows the torque K (commanded - measured angle),
     which holds the moment of the contact about the axis, m_x + d f_y about pitch and m_y - d f_x about yaw, at the
     depth d. They must agree within the unknown height of the axes, the resolution and `GAIN_ERROR`. Else the sensor is
-    wrong; or, if the stepper shows almost its holding torque and the sensor half of that or less, the stepper sticks.
+    wrong; or, if the stepper lags by a microstep and the sensor shows half of that torque or less, the stepper sticks.
 
     ``fault`` (`Fault`) is the first fault and stays. ``wrench`` (N, N m) is about the tip in P, ``travel`` and
     ``depth`` in m, a ``shaft`` is [commanded, measured] angle, rad.
@@ -162,7 +162,9 @@ class SelfCheck(LeafSystem):
         self._delay = sensor.delay
         self._inertia = parts.mass + motor.rotor_inertia * motor.ratio**2
         self._dry_friction = motor.ratio * motor.coulomb_friction
-        self._stiffness, self._sticking_torque = stepper.stiffness, 0.8 * stepper.holding_torque
+        self._stiffness = stepper.stiffness
+        # A rotor that sticks lags by a microstep at least.
+        self._sticking_torque = 0.9 * stepper.stiffness * stepper.step_angle / stepper.microsteps
         # A reading is half a sample old on average.
         lag = sensor.delay + 0.5 * sensor.period + 1.0 / (2.0 * math.pi * sensor.bandwidth)
         self._settling = sensor.delay + SETTLING / (2.0 * math.pi * sensor.bandwidth)
