@@ -12,15 +12,10 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    from models.validation import Violation
 
 CUTAWAY_TURNS = (3 / 8, 7 / 8)
 """Part of the ring that a cutaway picture shows, in turns about z; the camera looks in from the other half."""
@@ -87,30 +82,6 @@ def play_error(facets: int) -> float:
 def minimum_aligned_facets() -> int:
     """Returns the minimum number of facets whose `play_error` is at most `MAX_PLAY_ERROR`."""
     return math.ceil(math.pi / math.acos(1.0 - MAX_PLAY_ERROR))
-
-
-def facet_violations(*, facets: int, radius: float, clearance: float, spins: bool) -> Iterator[Violation]:
-    """Checks that peg and bore have enough facets for their play.
-
-    Args:
-        facets: Number of facets n.
-        radius: Radius of the bore, m.
-        clearance: R - r, m.
-        spins: Whether the peg may rotate about its axis (see `minimum_facets`). If not, the corners stay aligned, and
-            fewer facets are enough if their `play_error` is small.
-    """
-    from models.validation import Violation  # it needs PyYAML, which a replay does not have
-
-    spinning = minimum_facets(radius, clearance)
-    minimum = spinning if spins else min(spinning, minimum_aligned_facets())
-    if facets >= minimum:
-        return
-    found, bound = f"play wrong by {100 * play_error(facets):.2g} %", f"the play is wrong by < {MAX_PLAY_ERROR:.0%}"
-    if minimum == spinning:
-        found = f"sagitta {1e6 * facet_sagitta(radius, facets):.1f} um"
-        bound = f"the sagitta is below a quarter of the clearance ({1e6 * clearance / 4:.1f} um)"
-    reason = "; with fixture free the peg may rotate about its axis" if spins else ""
-    yield Violation("geometry.facets", f"{facets} ({found})", f"at least {minimum}, so that {bound}{reason}")
 
 
 def minimum_clearance(radius: float) -> float:

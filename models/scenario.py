@@ -14,8 +14,8 @@ import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from models.bore import MAX_FACETS, facet_violations, minimum_clearance
-from models.contact_stiffness import softness_violations
+from models.bore import MAX_FACETS, minimum_clearance
+from models.contact_checks import facet_violations, softness_violations
 from models.contact_theory import largest_entry_tilt
 from models.document import read_document, read_text
 from models.hardware import DEVICE_PRESETS, DcMotorParameters, StepperMotorParameters, WrenchSensorParameters

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
 
 from models.scenario import Scenario
@@ -44,7 +44,7 @@ class RigDiagram:
         controller: the system that runs the policy.
         watchdog: the system between controller and motors.
         start: position of the carriage, m, and angles of pitch and yaw, rad, at the start.
-        measured: output port with the measured wrench (6,) on the peg about its tip, in P, that the controllers get.
+        guard: the system that caps the load, before the motors.
         tare: (6,), reaction in the sensor's weld in free air: force (N), then moment (N m), in P.
         sensor_height: height of that weld above the tip, m.
     """
@@ -55,7 +55,7 @@ class RigDiagram:
     controller: PolicyController
     watchdog: Watchdog
     start: tuple[float, float, float]
-    measured: OutputPort
+    guard: ForceGuard
     tare: Array
     sensor_height: float
 
@@ -75,10 +75,9 @@ class RigDiagram:
         held = np.concatenate([reaction.translational(), reaction.rotational()])
         return wrench_at_tip(self.tare - held, self.sensor_height)
 
-    def measured_wrench(self, context: Context) -> Array:
-        """Returns the measured wrench (6,) on the peg about its tip, in P; ``context`` is the diagram's."""
-        wrench: Array = self.measured.Eval(self.measured.get_system().GetMyContextFromRoot(context))
-        return wrench
+    def peak_measured_load(self, context: Context) -> float:
+        """Returns the largest load (N) that the sensor has measured; ``context`` is the diagram's."""
+        return self.guard.peak_load(self.guard.GetMyContextFromRoot(context))
 
     def fault(self, context: Context) -> Fault:
         """Returns the fault that the rig has detected; ``context`` is the diagram's."""
@@ -147,7 +146,7 @@ def WireRig(
         parts.controller,
         parts.watchdog,
         start=(scenario.sensor.height + scenario.start.height, pitch, yaw),
-        measured=parts.monitor.GetOutputPort("wrench"),
+        guard=parts.guard,
         tare=tare,
         sensor_height=scenario.sensor.height,
     )

@@ -10,9 +10,9 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from models.scenario import ForceGuardParameters
 
-PITCH, YAW, FEED_SPEED, LOAD, SLOPE, LIGHT_PITCH, LIGHT_YAW = range(7)
+PITCH, YAW, FEED_SPEED, LOAD, SLOPE, LIGHT_PITCH, LIGHT_YAW, PEAK = range(8)
 """Indices of the state: permitted angles (rad) and feed speed (m/s), load (N) and its slope (N/s) at the last sample,
-and the permitted angles at which the load was last at most F_soft (rad)."""
+the permitted angles at which the load was last at most F_soft (rad), and the largest load so far (N)."""
 
 SLOPE_TIME = 3e-3
 """Time constant of the low-pass of the slope, s; noise and quanta of the sensor then cause some 20 N/s."""
@@ -95,11 +95,15 @@ class ForceGuard(LeafSystem):
             self.DeclareVectorInputPort(name, 1) for name in ("pitch_rate", "yaw_rate", "feed_speed", "unwinding")
         ]
         self._blind = self.DeclareVectorInputPort("blind", 1)
-        self._state = self.DeclareDiscreteState(7)
+        self._state = self.DeclareDiscreteState(8)
         self.DeclarePeriodicDiscreteUpdateEvent(timing.period, 0.0, self._update)
         state = {self.discrete_state_ticket(self._state)}
         for name, index in (("target_pitch", PITCH), ("target_yaw", YAW), ("feed_speed", FEED_SPEED)):
             self.DeclareVectorOutputPort(name, 1, self._reader(index), state)
+
+    def peak_load(self, context: Context) -> float:
+        """Returns the largest measured load so far, N; ``context`` is this system's."""
+        return float(context.get_discrete_state(self._state)[PEAK])
 
     def _reader(self, index: int) -> Callable[[Context, BasicVector], None]:
         def calc(context: Context, output: BasicVector) -> None:
@@ -114,7 +118,7 @@ class ForceGuard(LeafSystem):
         depth = self._depth.Eval(context).tolist()[0]
         blind = self._blind.Eval(context)[0] > 0.0
         pitch_rate, yaw_rate, speed, unwinding = (float(port.Eval(context)[0]) for port in self._commands)
-        pitch, yaw, old_speed, old_load, slope, light_pitch, light_yaw = (
+        pitch, yaw, old_speed, old_load, slope, light_pitch, light_yaw, peak = (
             context.get_discrete_state(self._state).value().tolist()
         )
         if blind:
@@ -151,7 +155,7 @@ class ForceGuard(LeafSystem):
             [
                 min(max(pitch + scale * pitch_rate, -self._max_turn), self._max_turn),
                 min(max(yaw + scale * yaw_rate, -self._max_turn), self._max_turn),
-                *(speed, load, slope, light_pitch, light_yaw),
+                *(speed, load, slope, light_pitch, light_yaw, max(peak, load)),
             ]
         )
 

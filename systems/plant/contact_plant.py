@@ -92,7 +92,7 @@ class HydroelasticRig(ContactPlant):
         """See `RigPlant`."""
         return self.plant.get_state_output_port(self.plant.GetModelInstanceByName("gimbal"))
 
-    @property
+    @cached_property
     def reaction_forces(self) -> OutputPort:
         """See `RigPlant`."""
         return self.plant.get_reaction_forces_output_port()
@@ -101,6 +101,10 @@ class HydroelasticRig(ContactPlant):
     def sensor(self) -> int:
         """See `RigPlant`."""
         return int(self.plant.GetJointByName("sensor").index())
+
+    @cached_property
+    def _feed(self) -> PrismaticJoint:
+        return self.plant.GetJointByName("feed")
 
     @property
     def weight(self) -> float:
@@ -124,7 +128,7 @@ class HydroelasticRig(ContactPlant):
     def tip_height(self, context: Context) -> float:
         """See `RigPlant`."""
         own = self.plant.GetMyContextFromRoot(context)
-        return float(self.peg.EvalPoseInWorld(own).translation()[2])
+        return float(self._feed.get_translation(own)) - self.scenario.sensor.height
 
     def peg_in_hole(self, context: Context) -> RigidTransform:
         """See `RigPlant`."""

@@ -59,7 +59,6 @@ class ForceMetrics:
     peg_radius: float
     step: float
     _wrenches: list[Array] = field(default_factory=list)
-    _measured: list[Array] = field(default_factory=list)
     _rows: list[Array] = field(default_factory=list)
     _largest_load: float = 0.0
     _largest_extent: float = 0.0
@@ -68,10 +67,6 @@ class ForceMetrics:
     def add_step(self, wrench: Array) -> None:
         """Adds the true contact wrench (6,) of a plant step: force (N), then moment about the tip (N m), in P."""
         self._wrenches.append(wrench)
-
-    def add_measurement(self, wrench: Array) -> None:
-        """Adds a measured wrench (6,), in the same units and frame."""
-        self._measured.append(wrench)
 
     def is_news(self, wrench: Array, extent: float) -> bool:
         """Whether the single contacts of this plant step may hold a force larger than those that were read.
@@ -107,11 +102,10 @@ class ForceMetrics:
         rows[: len(known)] = np.reshape(known, (len(known), len(CONTACT_COLUMNS)))
         return rows
 
-    def figures(self) -> ForceFigures:
-        """Returns the figures of all that was added."""
+    def figures(self, peak_measured_load: float) -> ForceFigures:
+        """Returns the figures of all that was added, with the largest measured load (N)."""
         wrenches = np.reshape(self._wrenches, (-1, 6))
         forces, loads = np.linalg.norm(wrenches[:, :3], axis=1), contact_loads(wrenches, self.peg_radius)
-        measured = contact_loads(np.reshape(self._measured, (-1, 6)), self.peg_radius)
         touching = loads >= TOUCH_LOAD
         first = int(touching.argmax()) if touching.any() else len(loads)
         touch = forces[first : first + round(FIRST_TOUCH_TIME / self.step)]
@@ -124,7 +118,7 @@ class ForceMetrics:
             time_above_20n=self.step * float((loads > HIGH_LOAD).sum()),
             first_touch=self.step * float(touch.sum()),
             peak_contact_force=self._peak_contact,
-            peak_measured_load=_largest(measured),
+            peak_measured_load=peak_measured_load,
         )
 
 

@@ -35,9 +35,8 @@ class TrialMonitor:
     The trial ends when the peg is inserted, when the policy has nothing new to try, when the watchdog has stopped the
     rig, or when the simulation diverges.
     The Simulator calls the monitor at every event of a system. What the plant shows changes only with its own step and
-    is read once for each. The net wrench is read at every plant step and the measured wrench at every call, which
-    follows each sample of the sensor. The single contacts cost more: they are read at the first call at or after each
-    controller period, and between them where `ForceMetrics.is_news` says so.
+    is read once for each. The single contacts cost more than the net wrench: they are read once a controller period,
+    and between them where `ForceMetrics.is_news` says so.
 
     Attributes:
         outcome: how the trial ended; ``TIME_OVER`` until something else ends it.
@@ -60,12 +59,13 @@ class TrialMonitor:
     def __call__(self, context: Context) -> EventStatus:
         """Checks and records one step; ``context`` is the diagram's."""
         time = context.get_time()
-        self.forces.add_measurement(self._rig.measured_wrench(context))
+        status = EventStatus.DidNothing()
         if time >= self._next_pose - 1e-9:
             self._record(context)
+            status = self._check_control(context)
         step = math.ceil(time / self._scenario.contact.time_step - 1e-6)
-        if step == self._step:
-            return EventStatus.DidNothing()
+        if step == self._step or status.severity() is EventStatus.Severity.kReachedTermination:
+            return status
         self._step = step
         return self._check(context)
 
@@ -75,6 +75,15 @@ class TrialMonitor:
         self._poses.append(np.concatenate([X_HP.translation(), X_HP.rotation().col(2)]))
         self.forces.add_row(self._rig.contact.contacts(context))
         self._next_pose += self._scenario.controller.period
+
+    def _check_control(self, context: Context) -> EventStatus:
+        """Checks whether watchdog or controller have ended the trial."""
+        if self._rig.stopped(context):
+            return self._end(Outcome.FAULT)
+        tried = self._rig.tried(context)
+        if tried and self._rig.fault(context) is Fault.NONE:  # after a fault the peg is still drawn back
+            return self._end(Outcome.JAMMED, tried)
+        return EventStatus.DidNothing()
 
     def _check(self, context: Context) -> EventStatus:
         """Checks and records a step of the plant."""
@@ -91,11 +100,6 @@ class TrialMonitor:
                 self.forces.add_contacts(self._rig.contact.contacts(context))
         if self.depth >= self._scenario.full_depth:
             return self._end(Outcome.INSERTED)
-        if self._rig.stopped(context):
-            return self._end(Outcome.FAULT)
-        tried = self._rig.tried(context)
-        if tried and self._rig.fault(context) is Fault.NONE:  # after a fault the peg is still drawn back
-            return self._end(Outcome.JAMMED, tried)
         return EventStatus.DidNothing()
 
     def penetration(self) -> float:
@@ -177,7 +181,7 @@ def _result(
         fault=fault,
         time=context.get_time(),
         depth=monitor.depth,
-        **asdict(monitor.forces.figures()),
+        **asdict(monitor.forces.figures(rig.peak_measured_load(context))),
         penetration=penetration,
         trusted=penetration <= TRUSTED_OVERLAP * scenario.geometry.clearance,
         steps=int(last["pitch_taken"] + last["yaw_taken"]),

@@ -159,7 +159,8 @@ def test_the_log_agrees_with_the_state_of_the_plant(resolved, skill):
     assert np.linalg.norm(contact, axis=1).max() > 1.0
     allowed = 5 * (sensor.force_bias + max(sensor.force_noise)) + sensor.force_quantum
     assert np.median(np.linalg.norm(error, axis=1)) < allowed
-    assert np.corrcoef(logged["fz"][1:], contact[:, 2])[0, 1] > 0.9
+    # A stiff contact has impulses of single steps, which the low-pass spreads.
+    assert np.corrcoef(logged["fz"][1:], contact[:, 2])[0, 1] > 0.85
 
 
 def test_the_rig_runs_with_every_key_changed(quick_scenario, skill):

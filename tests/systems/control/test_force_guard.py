@@ -189,3 +189,13 @@ def test_after_a_fault_of_the_sensor_only_a_retraction_passes():
         dut.GetInputPort("feed_speed").FixValue(context, [0.012])
         update(dut, context, period=TIMING.period)
         assert outputs(dut, context) == [0.0, 0.0, 0.012]
+
+
+def test_the_largest_measured_load_is_kept():
+    """3 N across and 0.04 N m over 10 mm are 5 N."""
+    dut, context = guard(wrench=np.array([0.0, 3.0, 0.0, 0.0, 0.0, 0.04]))
+    assert dut.peak_load(context) == 0.0
+    update(dut, context, period=TIMING.period)
+    dut.GetInputPort("wrench").FixValue(context, push(1.0))
+    update(dut, context, period=TIMING.period)
+    assert dut.peak_load(context) == pytest.approx(5.0)

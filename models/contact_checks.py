@@ -1,4 +1,4 @@
-"""The overlap of peg and bore that the compliance of the simulated contact causes.
+"""Checks that the simulated contact keeps the play of peg and hole: its stiffness, and the facets of its meshes.
 
 The pressure of the hydroelastic contact is the modulus E times the depth over the radius r, so that bodies of one shape
 overlap by delta = k r (F / (E r^2))^n under a load F. Exponent and factor are those of a peg in two-point contact with
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from models.bore import MAX_PLAY_ERROR, facet_sagitta, minimum_aligned_facets, minimum_facets, play_error
 from models.validation import Violation
 
 OVERLAP_FACTOR = 0.121
@@ -51,3 +52,25 @@ def softness_violations(*, modulus: float, clearance: float, peg_radius: float) 
             f"at least {softest:.2g} Pa: the bodies pass through each other if they overlap by more than the clearance"
             f" of {1e6 * clearance:.3g} um",
         )
+
+
+def facet_violations(*, facets: int, radius: float, clearance: float, spins: bool) -> Iterator[Violation]:
+    """Checks that peg and bore have enough facets for their play.
+
+    Args:
+        facets: Number of facets n.
+        radius: Radius of the bore, m.
+        clearance: R - r, m.
+        spins: Whether the peg may rotate about its axis (see `minimum_facets`). If not, the corners stay aligned, and
+            fewer facets are enough if their `play_error` is small.
+    """
+    spinning = minimum_facets(radius, clearance)
+    minimum = spinning if spins else min(spinning, minimum_aligned_facets())
+    if facets >= minimum:
+        return
+    found, bound = f"play wrong by {100 * play_error(facets):.2g} %", f"the play is wrong by < {MAX_PLAY_ERROR:.0%}"
+    if minimum == spinning:
+        found = f"sagitta {1e6 * facet_sagitta(radius, facets):.1f} um"
+        bound = f"the sagitta is below a quarter of the clearance ({1e6 * clearance / 4:.1f} um)"
+    reason = "; with fixture free the peg may rotate about its axis" if spins else ""
+    yield Violation("geometry.facets", f"{facets} ({found})", f"at least {minimum}, so that {bound}{reason}")

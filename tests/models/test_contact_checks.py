@@ -1,6 +1,6 @@
 import pytest
 
-from models.contact_stiffness import STATED_LOAD, expected_overlap, softest_modulus
+from models.contact_checks import STATED_LOAD, expected_overlap, softest_modulus
 from models.scenario import Scenario, parse_scenario, validate_scenario
 
 
