@@ -35,11 +35,12 @@ def test_no_recognised_change_gives_no_delay(data):
     assert share == 0.0
 
 
-def test_gaussians_of_the_true_labels_score_best(data):
+def test_gaussians_of_the_true_labels_recover_most_of_them(data):
     best, states, _ = evaluate(data, "Gaussians of true labels", 0)
     skill, _, _ = evaluate(data, "CA-FMLE", 0)
     assert len(states) == len(data.labels)
-    assert best["ari"] > skill["ari"]
+    # One Gaussian a label is no upper bound: discovered states may fit the contacts better.
+    assert best["ari"] > 0.8
     assert 0.0 < skill["purity"] <= 1.0
     assert 0.0 <= skill["recognised"] <= 1.0
     assert np.sum(skill["confusion"]) == len(data.labels)
