@@ -2,9 +2,9 @@
 
 The pressure of the hydroelastic contact is the modulus E times the depth over the radius r, so that bodies of one shape
 overlap by delta = k r (F / (E r^2))^n under a load F. Exponent and factor are those of a peg in two-point contact with
-a tilt of 1 degree. Measured with r = 10 mm and 24 facets (docs/physics.md, "Convergence"), in um under 5, 20 and 50 N:
-57, 112, 164 at E = 1e8 Pa; 22.9, 42.5, 62 at 1e9 Pa; 9.3, 16.2, 21.9 at 1e10 Pa; 3.1, 5.8, 8.1 at 1e11 Pa. The law
-agrees with these to 20 %; it is best between 1e9 and 1e10 Pa, where contacts begin to be too soft.
+a tilt of 1 degree. Measured with r = 10 mm (docs/physics.md, "Convergence"), in um under 5 and 50 N: 56, 163 at
+E = 1e8 Pa; 22.4, 58 at 1e9 Pa; 9.2, 21.6 at 1e10 Pa; 1.6, 4.0 at 5.5e11 Pa. The law agrees with these to 20 %; it is
+best between 1e9 and 1e10 Pa, where contacts begin to be too soft.
 """
 
 from __future__ import annotations

@@ -101,6 +101,15 @@ class DcMotorParameters:
         return self.ratio * self.screw_efficiency * self.torque_constant
 
     @property
+    def reflected_mass(self) -> float:
+        """Mass J N^2 by which the rotor adds to that of the carriage, kg."""
+        return self.rotor_inertia * self.ratio**2
+
+    def acceleration(self, mass: float) -> float:
+        """Acceleration of a ``mass`` (kg) at the current limit, without friction and weight, m/s^2."""
+        return self.force_constant * self.current_limit / (mass + self.reflected_mass)
+
+    @property
     def no_load_speed(self) -> float:
         """Speed of the carriage at full voltage without friction, m/s; the motor cannot drive it faster."""
         return self.supply_voltage / (self.torque_constant * self.ratio)
@@ -125,3 +134,13 @@ class WrenchSensorParameters:
     period: float = 1e-3  # in units of s [choice]
     delay: float = 2e-3  # in units of s, whole periods; of conversion and network, without the low-pass [choice]
     height: float = 0.080  # in units of m, of the sensor above the peg's tip [choice]
+
+    @property
+    def time_constant(self) -> float:
+        """Time constant of the low-pass, s."""
+        return 1.0 / (2.0 * math.pi * self.bandwidth)
+
+    @property
+    def blend(self) -> float:
+        """Part of a step that the low-pass passes within a period."""
+        return 1.0 - math.exp(-2.0 * math.pi * self.bandwidth * self.period)

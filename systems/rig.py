@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -246,12 +245,10 @@ def _add_parts(
 
 def _force_guard(scenario: Scenario, contact: RigPlant) -> ForceGuard:
     sensor, p = scenario.sensor, scenario.controller
-    lag = 1.0 / (2.0 * math.pi * sensor.bandwidth)
-    mass = contact.moving_mass + scenario.feed.rotor_inertia * scenario.feed.ratio**2
     timing = GuardTiming(
         period=sensor.period,
-        delay=sensor.delay + lag + sensor.period + scenario.contact.time_step,
-        deceleration=scenario.feed.force_constant * scenario.feed.current_limit / mass,
+        delay=sensor.delay + sensor.time_constant + sensor.period + scenario.contact.time_step,
+        deceleration=scenario.feed.acceleration(contact.moving_mass),
     )
     return ForceGuard(
         parameters=p,

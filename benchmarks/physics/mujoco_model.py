@@ -124,7 +124,7 @@ def rig_document(scenario: Scenario, contact: MujocoContact) -> str:
     bodies = f"""
     <body name="carriage">
       <joint name="feed" type="slide" axis="0 0 1" damping="{rig.carriage_friction}"
-             armature="{feed.rotor_inertia * feed.ratio**2}"/>
+             armature="{feed.reflected_mass}"/>
       {_inertial(plant, "carriage")}
       <body name="mount_x"><joint name="mount_x" axis="1 0 0" {slide}/>{_inertial(plant, "mount_x")}
         <body name="mount_y"><joint name="mount_y" axis="0 1 0" {slide}/>{_inertial(plant, "mount_y")}

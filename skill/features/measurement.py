@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -38,3 +41,12 @@ def contact_loads(wrenches: Array, peg_radius: float) -> Array:
 def contact_load(wrench: Array, peg_radius: float) -> float:
     """Returns the load of one wrench (6 or more,), N; see `contact_loads`."""
     return float(contact_loads(wrench, peg_radius))
+
+
+def load_of_components(wrench: Sequence[float], peg_radius: float) -> float:
+    """Returns the load of fx fy fz (N) mx my mz (N m) as `contact_load` does, up to rounding, and faster.
+
+    It is for callers at the rate of the sensor: NumPy is slow for six numbers.
+    """
+    fx, fy, fz, mx, my, mz = wrench
+    return math.hypot(fx, fy, fz, mx / peg_radius, my / peg_radius, mz / peg_radius)

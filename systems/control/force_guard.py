@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from models.scenario import ForceGuardParameters
+from skill.features.measurement import load_of_components
 
 PITCH, YAW, FEED_SPEED, LOAD, SLOPE, LIGHT_PITCH, LIGHT_YAW, PEAK = range(8)
 """Indices of the state: permitted angles (rad) and feed speed (m/s), load (N) and its slope (N/s) at the last sample,
@@ -114,17 +115,18 @@ class ForceGuard(LeafSystem):
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         # Plain floats: this runs at 1 kHz, and NumPy is slower for so few numbers.
         p, T = self._parameters, self._timing.period
-        fx, fy, fz, mx, my, mz = self._wrench.Eval(context).tolist()
-        depth = self._depth.Eval(context).tolist()[0]
         blind = self._blind.Eval(context)[0] > 0.0
+        wrench = [0.0] * 6 if blind else self._wrench.Eval(context).tolist()
+        fx, fy, fz, mx, my, _ = wrench
+        depth = self._depth.Eval(context).tolist()[0]
         pitch_rate, yaw_rate, speed, unwinding = (float(port.Eval(context)[0]) for port in self._commands)
         pitch, yaw, old_speed, old_load, slope, light_pitch, light_yaw, peak = (
             context.get_discrete_state(self._state).value().tolist()
         )
         if blind:
-            fx = fy = fz = mx = my = mz = pitch_rate = yaw_rate = unwinding = 0.0
+            pitch_rate = yaw_rate = unwinding = 0.0
             speed = max(speed, 0.0)
-        load = math.hypot(fx, fy, fz, mx / self._radius, my / self._radius, mz / self._radius)
+        load = load_of_components(wrench, self._radius)
         slope += T / (SLOPE_TIME + T) * ((load - old_load) / T - slope)
         ahead = load + max(slope, 0.0) * (self._timing.delay + abs(old_speed) / self._timing.deceleration)
         share = _share(ahead, p.soft_force, p.hold_force)

@@ -160,22 +160,21 @@ class SelfCheck(LeafSystem):
         self._motor, self._parts = motor, parts
         self._drive_period, self._period = drive_period, PERIOD_STEPS * drive_period
         self._delay = sensor.delay
-        self._inertia = parts.mass + motor.rotor_inertia * motor.ratio**2
+        self._inertia = parts.mass + motor.reflected_mass
         self._dry_friction = motor.ratio * motor.coulomb_friction
         self._stiffness = stepper.stiffness
         # A rotor that sticks lags by a microstep at least.
         self._sticking_torque = 0.9 * stepper.stiffness * stepper.step_angle / stepper.microsteps
         # A reading is half a sample old on average.
-        lag = sensor.delay + 0.5 * sensor.period + 1.0 / (2.0 * math.pi * sensor.bandwidth)
-        self._settling = sensor.delay + SETTLING / (2.0 * math.pi * sensor.bandwidth)
+        lag = sensor.delay + 0.5 * sensor.period + sensor.time_constant
+        self._settling = sensor.delay + SETTLING * sensor.time_constant
         self._follow_lag = 1.0 - math.exp(-drive_period / lag)
         self._average = 1.0 - math.exp(-drive_period / AVERAGING)
         force, moment = reading_deviation(sensor)
         lever = sensor.height
         self._max_square = 2.0 * np.repeat([NOISE_FACTOR * force, NOISE_FACTOR * moment], 3) ** 2
         # The drive accelerates the peg below the sensor, at most from one direction to the other.
-        strongest = motor.force_constant * motor.current_limit / self._inertia
-        self._max_square[2] += (2.0 * parts.peg_mass * strongest) ** 2
+        self._max_square[2] += (2.0 * parts.peg_mass * motor.acceleration(parts.mass)) ** 2
         self._bias = SIGMAS * np.repeat(
             [sensor.force_bias, math.hypot(sensor.torque_bias, lever * sensor.force_bias)], 3
         )

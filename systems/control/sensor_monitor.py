@@ -83,7 +83,7 @@ class SensorMonitor(LeafSystem):
         # The first reading arrives one period after the delay; it is compared with the second one.
         self._first_comparison = sensor.delay + 1.5 * sensor.period
         self._max_change = top_speed * max(sensor.period, depth_period) + resolution
-        passed = 1.0 - math.exp(-2.0 * math.pi * sensor.bandwidth * sensor.period)
+        passed = sensor.blend
         force, torque = reading_deviation(sensor)
         self._max_force = passed * 2.0 * load_limit + DEVIATIONS * force
         self._max_moment = passed * 2.0 * load_limit * peg_radius + DEVIATIONS * torque

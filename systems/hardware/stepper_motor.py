@@ -1,4 +1,4 @@
-"""Models a stepper axis: half-steps on a trapezoidal speed ramp, a magnetic spring, and step loss under overload."""
+"""Models a stepper axis: microsteps on a trapezoidal speed ramp, a magnetic spring, and step loss under overload."""
 
 from __future__ import annotations
 

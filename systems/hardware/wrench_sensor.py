@@ -67,7 +67,7 @@ class WrenchSensor(LeafSystem):
         self._quantum = np.repeat([p.force_quantum, p.torque_quantum], 3)
         self._drift_step = np.repeat([p.force_drift, p.torque_drift], 3) * math.sqrt(p.period)
         self._bias = np.repeat([p.force_bias, p.torque_bias], 3) * standard_normal(seed, "sensor bias", 0, 6)
-        self._blend = 1.0 - math.exp(-2.0 * math.pi * p.bandwidth * p.period)
+        self._blend = p.blend
         self._reaction = self.DeclareAbstractInputPort("reaction_forces", AbstractValue.Make([SpatialForce.Zero()]))
         # The plant may step less often than the sensor samples; to read its list of forces takes long.
         self._held = self.DeclareCacheEntry(

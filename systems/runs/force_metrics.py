@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from skill.arrays import Array
 from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace
-from skill.features.measurement import contact_loads
+from skill.features.measurement import contact_loads, load_of_components
 from systems.plant.contact_forces import Contact
 
 TOUCH_LOAD = 1.0  # in units of N; a smaller load is no contact: the inertial force of the peg is a part of a newton
@@ -78,8 +77,7 @@ class ForceMetrics:
             wrench: true contact wrench (6,), as for `add_step`.
             extent: see `RigPlant.contact_extent`.
         """
-        fx, fy, fz, mx, my, mz = wrench.tolist()
-        load = math.hypot(fx, fy, fz, mx / self.peg_radius, my / self.peg_radius, mz / self.peg_radius)
+        load = load_of_components(wrench.tolist(), self.peg_radius)
         if extent <= 0.0 or (load <= NEWS * self._largest_load and extent <= NEWS * self._largest_extent):
             return False
         self._largest_load = max(load, self._largest_load)

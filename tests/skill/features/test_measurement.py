@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from skill.features.measurement import contact_load, contact_loads, measurement
+from skill.features.measurement import contact_load, contact_loads, load_of_components, measurement
 
 WRENCH = np.array([3.0, 4.0, 12.0, 0.03, 0.04, 0.0])
 
@@ -20,3 +20,9 @@ def test_the_load_is_the_norm_of_force_and_moment_over_the_peg_radius():
 def test_loads_of_a_series_are_bit_identical_to_single_loads():
     wrenches = np.random.default_rng(0).standard_normal((500, 6)) * [9, 9, 9, 0.1, 0.1, 0.1]
     assert contact_loads(wrenches, 0.01).tolist() == [contact_load(w, 0.01) for w in wrenches]
+
+
+def test_the_load_of_six_floats_is_that_of_the_array():
+    wrench = [3.0, -4.0, 12.0, 0.03, 0.04, -0.07]
+    assert load_of_components(wrench, 0.01) == pytest.approx(contact_load(np.array(wrench), 0.01), rel=1e-14)
+    assert load_of_components([0.0] * 6, 0.01) == 0.0

@@ -19,7 +19,7 @@ S = Scenario()
 G = S.geometry
 K = S.coupling.stiffness
 INSIDE = -0.012  # in units of m
-GAP = G.clearance  # between the two polygons at their edges; 0.9 % less at their faces
+GAP = G.clearance  # between the two polygons at their edges; 0.5 % less at their faces
 STICTION = 1e-4  # in units of m/s; Drake's static friction allows this speed
 
 
