@@ -55,7 +55,7 @@ class StepperMotorParameters:
     """A hybrid stepper motor with a reduction gear, described at the gear's output; it holds like a magnetic spring."""
 
     step_angle: float = math.radians(0.18)  # in units of rad, of a full step [paper]
-    microsteps: int = 2  # positions of the driver in a full step; 2 are half-steps [choice]
+    microsteps: int = 8  # positions of the driver in a full step [choice]
     # The current of the driver sets it. A step against a jammed peg changes the load by up to (pi/2) T_h / microsteps
     # / peg radius, so that a motor stronger than its task makes a cap of the load impossible.
     holding_torque: float = 0.5  # in units of N m, at the output [choice]

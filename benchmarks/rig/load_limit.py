@@ -30,7 +30,7 @@ from systems.reports.terminal import console, progress, write_json
 from systems.runs.trial import run_trials
 from systems.runs.trial_result import TrialResult
 
-FIRST_TRIAL = 30000
+FIRST_TRIAL = 40000
 TOLERANCE = 1.2  # factor on the limit
 PERCENTILES = (50, 90, 99, 99.9)
 

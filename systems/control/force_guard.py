@@ -60,9 +60,10 @@ class ForceGuard(LeafSystem):
 
     with the delay t, the feed speed v and the deceleration a of `GuardTiming`.
 
-    * What raises the load is multiplied by min(1, max(0, (F_hold - F') / (F_hold - F_soft))): a feed into the hole, and
-      the part of a turn of the hole that runs against the contact moment about the pivot, which is taken to be at the
-      mouth. A retraction that pulls a peg out of a grip is multiplied by (F_limit - F') / (F_limit - F_hold) likewise.
+    * What can raise the load is multiplied by min(1, max(0, (F_hold - F') / (F_hold - F_soft))): a feed into the hole,
+      and a turn of the hole, except for its part with the contact moment about the pivot, which lowers the load. The
+      pivot is taken to be at the mouth. A retraction that pulls a peg out of a grip is multiplied by
+      (F_limit - F') / (F_limit - F_hold) likewise.
     * Above F_hold the guard yields: the hole turns with the contact moment, and the peg moves with the axial force,
       each in proportion to its share of the load. The speeds grow linearly, to ``max_turn_rate`` and ``retract_speed``
       at F_limit.
@@ -136,17 +137,19 @@ class ForceGuard(LeafSystem):
 
         if unwinding:
             pitch_rate, yaw_rate = (light_pitch - pitch) / T, (light_yaw - yaw) / T
+        # Limited before it is scaled: the scale of a rate far above the limit would have no effect.
+        pitch_rate, yaw_rate = _limited(pitch_rate, yaw_rate, self._max_turn_rate)
         # The moment of the peg on the hole about the centre of the mouth, where the pivot is but for its tolerance.
         moment_x, moment_y = -(mx + depth * fy), -(my - depth * fx)
         moment = math.hypot(moment_x, moment_y)
+        relief = 0.0
         if moment > 0.0:
-            x, y = moment_x / moment, moment_y / moment
-            along = pitch_rate * x + yaw_rate * y
-            change = -(1.0 - share) * min(along, 0.0)
-            change += give * self._max_turn_rate * min(1.0, moment / self._radius / load)
-            pitch_rate, yaw_rate = pitch_rate + change * x, yaw_rate + change * y
-        rate = math.hypot(pitch_rate, yaw_rate)
-        scale = T * min(1.0, self._max_turn_rate / rate) if rate > 0.0 else 0.0
+            moment_x, moment_y = moment_x / moment, moment_y / moment
+            relief = (1.0 - share) * max(pitch_rate * moment_x + yaw_rate * moment_y, 0.0)
+            relief += give * self._max_turn_rate * min(1.0, moment / self._radius / load)
+        pitch_rate, yaw_rate = _limited(
+            share * pitch_rate + relief * moment_x, share * yaw_rate + relief * moment_y, self._max_turn_rate
+        )
         if speed < 0.0:
             speed *= share
         elif fz < 0.0:
@@ -155,8 +158,8 @@ class ForceGuard(LeafSystem):
             speed += give * self._retract_speed * fz / load
         discrete_state.get_mutable_vector(self._state).SetFromVector(
             [
-                min(max(pitch + scale * pitch_rate, -self._max_turn), self._max_turn),
-                min(max(yaw + scale * yaw_rate, -self._max_turn), self._max_turn),
+                min(max(pitch + T * pitch_rate, -self._max_turn), self._max_turn),
+                min(max(yaw + T * yaw_rate, -self._max_turn), self._max_turn),
                 *(speed, load, slope, light_pitch, light_yaw, max(peak, load)),
             ]
         )
@@ -165,3 +168,9 @@ class ForceGuard(LeafSystem):
 def _share(load: float, start: float, end: float) -> float:
     """Returns 1 below a load, 0 above another, and linear values between them."""
     return min(1.0, max(0.0, (end - load) / (end - start)))
+
+
+def _limited(x: float, y: float, largest: float) -> tuple[float, float]:
+    """Returns a pair with at most this norm, in the same direction."""
+    size = math.hypot(x, y)
+    return (x * largest / size, y * largest / size) if size > largest else (x, y)

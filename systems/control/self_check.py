@@ -141,7 +141,7 @@ class SelfCheck(LeafSystem):
     *Steppers.* A stepper that rests is a magnetic spring: its encoder shows the torque K (commanded - measured angle),
     which holds the moment of the contact about the axis, m_x + d f_y about pitch and m_y - d f_x about yaw, at the
     depth d. They must agree within the unknown height of the axes, the resolution and `GAIN_ERROR`. Else the sensor is
-    wrong; or, if the stepper lags by a microstep and the sensor shows half of that torque or less, the stepper sticks.
+    wrong; or, if the stepper lags by half a step and the sensor shows half of that torque or less, the stepper sticks.
 
     ``fault`` (`Fault`) is the first fault and stays. ``wrench`` (N, N m) is about the tip in P, ``travel`` and
     ``depth`` in m, a ``shaft`` is [commanded, measured] angle, rad.
@@ -163,8 +163,8 @@ class SelfCheck(LeafSystem):
         self._inertia = parts.mass + motor.reflected_mass
         self._dry_friction = motor.ratio * motor.coulomb_friction
         self._stiffness = stepper.stiffness
-        # A rotor that sticks lags by a microstep at least.
-        self._sticking_torque = 0.9 * stepper.stiffness * stepper.step_angle / stepper.microsteps
+        # A smaller lag than half a step may be that of a small load.
+        self._sticking_torque = 0.45 * stepper.stiffness * stepper.step_angle
         # A reading is half a sample old on average.
         lag = sensor.delay + 0.5 * sensor.period + sensor.time_constant
         self._settling = sensor.delay + SETTLING * sensor.time_constant

@@ -83,7 +83,7 @@ class RaisingSkill(ManipulationSkill):
         return super().act(measured, probabilities)
 
 
-def check_safe_ending(result, run, fault, *, retracts=True):
+def check_safe_ending(result, run, fault, *, retracts=True, within=2.0):
     """Checks that this fault ended the trial in time, without large forces, and with the peg retracted or at rest.
 
     A feed drive at fault is switched off: the carriage sinks onto the contact.
@@ -92,7 +92,7 @@ def check_safe_ending(result, run, fault, *, retracts=True):
     assert result.outcome is Outcome.FAULT
     assert result.fault is fault
     assert result.reason.startswith(fault.label)
-    assert result.time < 2.0
+    assert result.time < within
     limit = RUNAWAY_FORCE if fault in FEED_FAULTS else SAFE_FORCE
     assert max(result.peak_axial_force, result.peak_lateral_force) < limit
     s = run.samples
@@ -223,12 +223,14 @@ WHOLE_TRIALS = [
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WHOLE_TRIALS)
 def test_a_fault_of_each_kind_is_named_and_ends_a_trial_at_a_small_load(scenario, skill, name):
-    scenario.start.height = 0.003
+    scenario.start.height, scenario.trial.time_limit = 0.003, 4.0
     kind = KINDS[name]
     with injected(kind, onset=0.0 if kind.built_in else 0.3, seed=0):
         result, run = run_trial(scenario, skill, seed=7)
     assert result.fault in kind.named
-    check_safe_ending(result, run, result.fault, retracts=result.fault not in FEED_FAULTS)
+    # A dead drive lets the weight press the peg on, as the policy wants; only the first retraction shows it.
+    within = 3.5 if name == "feed dead" else 2.0
+    check_safe_ending(result, run, result.fault, retracts=result.fault not in FEED_FAULTS, within=within)
 
 
 @pytest.mark.slow

@@ -92,12 +92,12 @@ def test_a_falling_load_does_not_count_as_less():
 
 
 @pytest.mark.parametrize(("load", "share"), [(P.soft_force, 1.0), (MIDDLE, 0.5), (P.hold_force, 0.0)])
-def test_only_the_part_of_a_turn_that_raises_the_load_is_reduced(load, share):
+def test_all_of_a_turn_but_its_part_that_lowers_the_load_is_reduced(load, share):
     dut, context = guard(wrench=moment(load), pitch_rate=[0.05], yaw_rate=[0.03])
     settled(dut, context)
-    assert rates(dut, context) == pytest.approx([0.05 * share, 0.03], abs=1e-9)
+    assert rates(dut, context) == pytest.approx([0.05 * share, 0.03 * share], abs=1e-9)
     dut.GetInputPort("pitch_rate").FixValue(context, [-0.05])  # with the moment on the hole
-    assert rates(dut, context) == pytest.approx([-0.05, 0.03], abs=1e-9)
+    assert rates(dut, context) == pytest.approx([-0.05, 0.03 * share], abs=1e-9)
 
 
 def test_a_force_across_the_tip_counts_with_its_lever_about_the_mouth():
@@ -105,7 +105,7 @@ def test_a_force_across_the_tip_counts_with_its_lever_about_the_mouth():
     force = MIDDLE / math.hypot(1.0, 0.0)
     dut, context = guard(wrench=np.array([0.0, force, 0.0, 0.0, 0.0, 0.0]), pitch_rate=[0.05], yaw_rate=[0.03])
     settled(dut, context)
-    assert rates(dut, context) == pytest.approx([0.025, 0.03], abs=1e-9)
+    assert rates(dut, context) == pytest.approx([0.025, 0.015], abs=1e-9)
 
 
 def test_above_the_hold_force_the_hole_turns_with_the_moment():
@@ -155,6 +155,20 @@ def test_unwinding_does_not_go_round_the_cap():
     dut.GetInputPort("unwinding").FixValue(context, [1.0])
     assert rates(dut, context) == pytest.approx([0.0, 0.0], abs=1e-9)
     assert outputs(dut, context)[0] >= turned
+
+
+def test_unwinding_from_far_is_reduced_like_a_turn_at_the_largest_rate():
+    """At half the share, half of the largest rate is left, however far the angles of the light load are."""
+    dut, context = guard(pitch_rate=[0.2], wrench=moment(MIDDLE))
+    light = outputs(dut, context)[0]
+    settled(dut, context)
+    update(dut, context, period=TIMING.period, times=200)
+    far = outputs(dut, context)[0]
+    assert far > light + 0.01
+    dut.GetInputPort("wrench").FixValue(context, moment(-MIDDLE))
+    dut.GetInputPort("unwinding").FixValue(context, [1.0])
+    settled(dut, context)
+    assert rates(dut, context) == pytest.approx([-0.5 * TURN_RATE, 0.0], abs=1e-9)
 
 
 @given(
