@@ -38,7 +38,7 @@ if __name__ == "__main__":
 import numpy as np
 
 from benchmarks.command_line import run
-from benchmarks.rig.comparison import command_line, compare, prepared, recorded, recording_folder, selected
+from benchmarks.rig.comparison import PRODUCT, command_line, compare, prepared, recorded, recording_folder, selected
 from benchmarks.rig.figures import draw_groups, draw_learning_curve
 from benchmarks.rig.learners import Demonstrations, one_state, skill_from
 from benchmarks.rig.trials import Arm
@@ -48,7 +48,7 @@ from skill.features.wrench_features import NormalisedFeatures, RawFeatures
 
 SIZES = (1, 2, 3, 5, 8, 12, 20)  # numbers of demonstrations of the learning curve; its last point is the whole set
 DRAWS = 4  # skills per point of the learning curve
-SKILL, STATELESS, FREE = "CA states + LWR", "LWR without states", "free demonstrations"
+STATELESS, FREE = "LWR without states", "free demonstrations"
 
 
 def literal_competition() -> CompetitiveAgglomeration:
@@ -89,7 +89,7 @@ def drawn(size: int) -> Callable[[Demonstrations, int], Demonstrations]:
 def arms(free: Path) -> list[Arm]:
     """The product, its variants, and the points of the learning curve; ``free`` has the free demonstrations."""
     return [
-        Arm(SKILL, skill_from()),
+        Arm(PRODUCT, skill_from()),
         Arm("raw features", skill_from(features=RawFeatures)),
         Arm("normalised features", skill_from(features=NormalisedFeatures)),
         Arm("states by literal CA", skill_from(states=literal_competition)),
@@ -107,13 +107,13 @@ def curve_name(size: int) -> str:
 
 
 GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
-    ("features", (("raw", "raw features"), ("normalised", "normalised features"), ("canonical", SKILL))),
-    ("contact states", (("none", STATELESS), ("literal CA", "states by literal CA"), ("repaired CA", SKILL))),
+    ("features", (("raw", "raw features"), ("normalised", "normalised features"), ("canonical", PRODUCT))),
+    ("contact states", (("none", STATELESS), ("literal CA", "states by literal CA"), ("repaired CA", PRODUCT))),
     (
         "bad demonstrations",
-        (("left out", "bad left out"), ("imitated", "bad imitated"), ("for states and graph", SKILL)),
+        (("left out", "bad left out"), ("imitated", "bad imitated"), ("for states and graph", PRODUCT)),
     ),
-    ("demonstrated in", (("free space", FREE), ("the rig's fixture", SKILL))),
+    ("demonstrated in", (("free space", FREE), ("the rig's fixture", PRODUCT))),
 )
 """Groups of the figure: a title, and for each row its label and the name of its arm."""
 
@@ -131,7 +131,7 @@ def draw(summaries: list[dict[str, Any]], folder: Path, whole: int) -> None:
     present = [(title, rows) for title, rows in groups if rows]
     if present:
         draw_groups(present, folder / "ablations.svg")
-    points = [*((size, curve_name(size)) for size in SIZES), (whole, SKILL)]
+    points = [*((size, curve_name(size)) for size in SIZES), (whole, PRODUCT)]
     curve = [(size, by_name[name]) for size, name in points if name in by_name]
     if any(row["trials"] for _, row in curve):
         draw_learning_curve(curve, folder / "learning_curve.svg")

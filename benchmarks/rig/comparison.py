@@ -27,6 +27,9 @@ from systems.runs.demonstration_set import requests
 from systems.runs.provenance import versions
 from systems.runs.trial_result import PHYSICS
 
+PRODUCT = "CA states + LWR"
+"""The name of the arm with which the others are compared."""
+
 GOOD, BAD = 24, 6  # numbers of demonstrations to record if none are given
 
 
@@ -98,6 +101,17 @@ def wilson(successes: int, n: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
+def mcnemar(a: Sequence[dict[str, Any]], b: Sequence[dict[str, Any]]) -> float:
+    """p-value of the exact test that two policies insert equally often in the trials that both performed.
+
+    Only the trials in which one of them fails count (McNemar, Psychometrika 12, 1947).
+    """
+    other = {row["seed"]: row["inserted"] for row in b}
+    pairs = [(row["inserted"], other[row["seed"]]) for row in a if row["seed"] in other]
+    better, worse = sum(x and not y for x, y in pairs), sum(y and not x for x, y in pairs)
+    return float(binomtest(better, better + worse).pvalue) if better + worse else 1.0
+
+
 def summary(arm: Arm, record: Record, setting: Setting) -> dict[str, Any]:
     """One row of the table. The median time is that of the insertions; the forces are those of all trials."""
     rows = [record.trials[str(n)] for n in setting.numbers if str(n) in record.trials]
@@ -140,6 +154,9 @@ def compare(title: str, arms: Sequence[Arm], setting: Setting, json_file: Path |
             record = perform(arm, setting, advance)
             summaries.append(summary(arm, record, setting))
             trials[arm.name] = list(record.trials.values())
+    for row in summaries:
+        compared = PRODUCT in trials and row["name"] != PRODUCT and row["trials"]
+        row["p"] = mcnemar(trials[row["name"]], trials[PRODUCT]) if compared else None
     print(report(title, summaries))
     if json_file is not None:
         head = {"demonstrations": len(setting.demonstrations), "first_trial": FIRST_TRIAL, "versions": versions()}
@@ -151,8 +168,8 @@ def compare(title: str, arms: Sequence[Arm], setting: Setting, json_file: Path |
 def report(title: str, summaries: Sequence[dict[str, Any]]) -> str:
     """The table, one row per policy."""
     head = (
-        f"{title:30} inserted   95 %   time s   load N: median   95th    max  contact N  untrusted   states  train s"
-        "  query ms  otherwise"
+        f"{title:30} inserted   95 %       p  time s   load N: median   95th    max  contact N  untrusted   states"
+        "  train s  query ms  otherwise"
     )
     lines = [head]
     for r in summaries:
@@ -160,7 +177,7 @@ def report(title: str, summaries: Sequence[dict[str, Any]]) -> str:
         ends = ", ".join(f"{count} {reason}" for reason, count in r["ends"].items())
         lines.append(
             f"{r['name']:30} {r['inserted']:4}/{r['trials']:<3} {100 * low:3.0f}-{100 * high:<3.0f}"
-            f" {_text(r['median_time_s'], '.2f'):>7} {_text(r['median_load_n'], '.1f'):>16}"
+            f" {_text(r['p'], '.2g'):>7} {_text(r['median_time_s'], '.2f'):>7} {_text(r['median_load_n'], '.1f'):>16}"
             f" {_text(r['p95_load_n'], '.1f'):>6} {_text(r['max_load_n'], '.1f'):>6}"
             f" {_text(r['median_contact_n'], '.1f'):>10} {r['not_trusted']:>10}"
             f" {_text(r['states'], '.3g'):>8} {_text(r['train_s'], '.1f'):>8} {_text(r['query_ms'], '.2f'):>9}"

@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.compose import TransformedTargetRegressor
 from sklearn.exceptions import ConvergenceWarning
@@ -32,7 +34,7 @@ from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
 from skill.data.demonstration import Demonstration, read_demonstrations
-from skill.manipulation_skill import ManipulationSkill
+from skill.manipulation_skill import Action, ManipulationSkill
 from skill.policy import RigPolicy
 
 FOLDS = KFold(5)
@@ -49,18 +51,24 @@ def all_demonstrations(demonstrations: Demonstrations, draw: int) -> Demonstrati
     return demonstrations
 
 
-def skill_from(choose: Choose = all_demonstrations, folder: Path | None = None, **parts: Callable[[], Any]) -> Train:
+def skill_from(
+    choose: Choose = all_demonstrations,
+    folder: Path | None = None,
+    policy: type[ManipulationSkill] = ManipulationSkill,
+    **parts: Callable[[], Any],
+) -> Train:
     """The training of a skill.
 
     Args:
         choose: chooses the demonstrations of a draw.
         folder: of other demonstrations; None for those of the setting.
+        policy: class of the skill.
         **parts: constructors of the parts of `ManipulationSkill` that are not the default ones.
     """
 
     def train(setting: Setting, record: Record, advance: Advance, draw: int) -> RigPolicy:
         demonstrations = setting.demonstrations if folder is None else read_demonstrations(folder)
-        return ManipulationSkill(**{name: part() for name, part in parts.items()}).fit(choose(demonstrations, draw))
+        return policy(**{name: part() for name, part in parts.items()}).fit(choose(demonstrations, draw))
 
     return train
 
@@ -142,6 +150,33 @@ class MixtureStates(GaussianStates):
             )
         )
         return self
+
+
+class ShuffledNeighbour(RegressorMixin, BaseEstimator):
+    """The action of a random demonstrated sample: a control in which states and features predict nothing."""
+
+    def __init__(self, random_state: int = 0) -> None:
+        self.random_state = random_state
+
+    def fit(self, X: Array, y: Array) -> Self:
+        """Fits inputs X (n, d) and shuffled outputs y (n, p)."""
+        order = np.random.default_rng(self.random_state).permutation(len(y))
+        self.model_ = make_pipeline(StandardScaler(), KNeighborsRegressor(1)).fit(X, y[order])
+        return self
+
+    def predict(self, X: Array) -> Array:
+        """Outputs (n, p) for inputs (n, d)."""
+        return np.asarray(self.model_.predict(X))
+
+
+class RandomSign(ManipulationSkill):
+    """The skill with a random sign of each turn: a control of what the direction of the turns is worth."""
+
+    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+        """The action of the skill with a sign that the bits of the measurement decide."""
+        action = super().act(measured, probabilities)
+        bits = np.asarray(measured, dtype=float).view(np.uint64)
+        return replace(action, turn=np.random.default_rng(bits).choice([-1.0, 1.0]) * action.turn)
 
 
 def nearest_neighbours() -> GridSearchCV:

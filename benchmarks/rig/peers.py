@@ -7,11 +7,15 @@ All policies have the same limits, force guard, motors and sensor. All learners 
 same refinement and sensor noise, and the same canonical features. Without --demonstrations thirty are recorded. The
 first trial is number 7000. The parameters of compliance and search are tuned on other trials of the rig, from 9000 on
 (`benchmarks.rig.control_laws.tuned`; 24 candidates need 104 trials); their training time is the time of these trials
-on one core.
+on one core. Three rows are controls: in "mean action" every demonstrated action is replaced by their mean in the
+canonical frame, in "shuffled actions" by that of a random sample, and in "random sign" each turn of the product has a
+random sign.
 
 Columns, one row per policy:
 
 - inserted, 95 %: number of insertions, and Wilson's interval of their probability in percent;
+- p: of the exact McNemar test against the insertions of the product in the same trials, not corrected for the number of
+  rows;
 - time s: median time of the insertions;
 - load N: largest load of the true contact in each trial, failures included: median, 95th percentile, maximum. The force
   across the peg is no measure of it: the two opposite forces of a wedge cancel in it;
@@ -33,13 +37,17 @@ from benchmarks.extras import require_packages
 if __name__ == "__main__":
     require_packages("pydrake", "yaml")
 
+from sklearn.dummy import DummyRegressor
+
 from benchmarks.command_line import run
-from benchmarks.rig.comparison import command_line, compare, prepared, selected
+from benchmarks.rig.comparison import PRODUCT, command_line, compare, prepared, selected
 from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, StraightPush, TunedLaw, tuned, tuning_trials
 from benchmarks.rig.figures import draw_groups
 from benchmarks.rig.learners import (
     MixtureRegressor,
     MixtureStates,
+    RandomSign,
+    ShuffledNeighbour,
     SubsetGaussianProcess,
     nearest_neighbours,
     network,
@@ -68,13 +76,16 @@ def arms(candidates: int) -> list[Arm]:
         Arm("no correction", push),
         Arm("moment compliance, tuned", tuning_of(MomentCompliance), tuning=tuning),
         Arm("spiral search, tuned", tuning_of(SpiralSearch), tuning=tuning),
+        Arm("mean action", skill_from(states=one_state, regressor=DummyRegressor)),
+        Arm("shuffled actions", skill_from(states=one_state, regressor=ShuffledNeighbour)),
+        Arm("random sign of the turns", skill_from(policy=RandomSign)),
         Arm("k nearest neighbours", skill_from(states=one_state, regressor=nearest_neighbours)),
         Arm("LWR without states", skill_from(states=one_state)),
         Arm("Gaussian mixture regression", skill_from(states=one_state, regressor=MixtureRegressor)),
         Arm("neural network (MLP)", skill_from(states=one_state, regressor=network)),
         Arm("Gaussian process", skill_from(states=one_state, regressor=SubsetGaussianProcess)),
         Arm("GMM-BIC states + LWR", skill_from(states=MixtureStates)),
-        Arm("CA states + LWR", skill_from()),
+        Arm(PRODUCT, skill_from()),
     ]
 
 

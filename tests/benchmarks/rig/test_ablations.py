@@ -8,7 +8,7 @@ from benchmarks.rig.trials import Arm
 
 
 def test_the_figures_are_drawn_from_the_performed_arms(setting, performed, push, tmp_path):
-    names = ("1 demonstration", "3 demonstrations", "raw features", ablations.SKILL)
+    names = ("1 demonstration", "3 demonstrations", "raw features", ablations.PRODUCT)
     summaries = compare("some", [Arm(name, push) for name in names], setting, None)
     ablations.draw(summaries, tmp_path, whole=30)
     assert (tmp_path / "learning_curve.svg").stat().st_size > 10_000
@@ -23,7 +23,7 @@ def test_every_row_of_the_figure_is_an_arm_and_no_two_arms_share_a_file(tmp_path
     both = {arm.name: arm.file for arm in [*arms, *peers.arms(24)]}
     assert len(set(both.values())) == len(both)
     # The two comparisons share the results of their common arms.
-    assert {ablations.SKILL, ablations.STATELESS} <= {arm.name for arm in peers.arms(24)}
+    assert {ablations.PRODUCT, ablations.STATELESS} <= {arm.name for arm in peers.arms(24)}
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 5])

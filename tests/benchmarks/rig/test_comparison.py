@@ -1,15 +1,34 @@
 """The table of a comparison and the choice of its policies."""
 
+import numpy as np
 import pytest
+from statsmodels.stats.contingency_tables import mcnemar as reference
 from statsmodels.stats.proportion import proportion_confint
 
-from benchmarks.rig.comparison import compare, selected, wilson
+from benchmarks.rig.comparison import PRODUCT, compare, mcnemar, selected, wilson
 from benchmarks.rig.trials import Arm
 
 
 @pytest.mark.parametrize(("successes", "n"), [(0, 20), (1, 20), (13, 20), (20, 20), (99, 100)])
 def test_the_interval_is_wilsons(successes, n):
     assert wilson(successes, n) == pytest.approx(proportion_confint(successes, n, method="wilson"), abs=1e-6)
+
+
+def test_the_paired_test_is_the_exact_one_of_mcnemar():
+    rng = np.random.default_rng(3)
+    a, b = (rng.random(40) < share for share in (0.9, 0.6))
+    rows = [[{"seed": k, "inserted": bool(x)} for k, x in enumerate(values)] for values in (a, b)]
+    table = [[int((a & b).sum()), int((a & ~b).sum())], [int((~a & b).sum()), int((~a & ~b).sum())]]
+    assert mcnemar(*rows) == pytest.approx(reference(table, exact=True).pvalue)
+    assert mcnemar(rows[0], rows[1][:20]) == mcnemar(rows[0][:20], rows[1][:20])  # trials of one policy do not count
+    assert mcnemar(rows[0], rows[0]) == 1.0
+
+
+def test_every_policy_is_compared_with_the_product(setting, performed, push, tmp_path):
+    rows = compare("two", [Arm("push", push), Arm(PRODUCT, push)], setting, tmp_path / "two.json")
+    assert [row["p"] for row in rows] == [1.0, None]
+    rows = compare("one", [Arm("push", push)], setting, None)
+    assert rows[0]["p"] is None
 
 
 def test_a_policy_whose_training_fails_does_not_stop_the_others(setting, performed, push, tmp_path, capsys):
