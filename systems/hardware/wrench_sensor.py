@@ -79,6 +79,10 @@ class WrenchSensor(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(p.period, 0.0, self._update)
         self.DeclareVectorOutputPort("wrench", 6, self._calc_wrench, {self.discrete_state_ticket(self._state)})
 
+    def contact_wrench(self, context: Context) -> NDArray[np.float64]:
+        """Returns the true contact wrench (6,) about the tip; ``context`` is this system's."""
+        return wrench_at_tip(-self._held.Eval(context), self._parameters.height)
+
     def _calc_held(self, context: Context, held: AbstractValue) -> None:
         """Evaluates F_S - F_tare (6,): force (N), then moment (N m)."""
         reaction = self._reaction.Eval(context)[self._weld]

@@ -41,7 +41,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 import models
 from models.bore import BrokenEdge, cutaway_sector, make_bore
-from models.scenario import Geometry, Scenario
+from models.scenario import FREE_FIXTURE, Geometry, Scenario
 from systems.plant.contact_forces import Contact, hydroelastic_forces, single_contacts
 
 DIVERGENCE_FORCE = 1e5  # in units of N; a larger contact force means that the simulation has diverged
@@ -293,7 +293,9 @@ def finish_contact_plant(
     rigid = ProximityProperties()
     AddRigidHydroelasticProperties(rigid)
     AddContactMaterial(friction=friction, properties=rigid)
-    plant.RegisterCollisionGeometry(block, RigidTransform(), _bore_mesh(g, edge), "bore", rigid)
+    # In the other fixtures the peg cannot leave the hole's axis.
+    bore = _bore_mesh(g, edge, inside=scenario.fixture != FREE_FIXTURE)
+    plant.RegisterCollisionGeometry(block, RigidTransform(), bore, "bore", rigid)
 
     compliant = ProximityProperties()
     # Drake divides a cylinder into ceil(2 pi r / hint) facets; the factor prevents rounding up to one facet more.
@@ -305,14 +307,16 @@ def finish_contact_plant(
     plant.RegisterCollisionGeometry(peg, X_PC, shape, "peg", compliant)
 
     plant.RegisterVisualGeometry(peg, X_PC, shape, "peg_picture", PEG_COLOUR)
-    cutaway = _bore_mesh(g, None, cutaway_sector(g.facets))
+    cutaway = _bore_mesh(g, None, sector=cutaway_sector(g.facets))
     plant.RegisterVisualGeometry(block, RigidTransform(), cutaway, "block_picture", BLOCK_COLOUR)
     plant.Finalize()
     return ContactPlant(plant, scene_graph, peg, block)
 
 
-def _bore_mesh(g: Geometry, edge: BrokenEdge | None, sector: tuple[int, int] | None = None) -> Mesh:
-    """Returns the mesh of the block; ``edge`` and ``sector`` as in `make_bore`."""
+def _bore_mesh(
+    g: Geometry, edge: BrokenEdge | None, *, sector: tuple[int, int] | None = None, inside: bool = False
+) -> Mesh:
+    """Returns the mesh of the block; ``edge``, ``sector`` and ``inside`` as in `make_bore`."""
     mesh = make_bore(
         radius=g.hole_radius,
         depth=g.hole_depth,
@@ -322,5 +326,6 @@ def _bore_mesh(g: Geometry, edge: BrokenEdge | None, sector: tuple[int, int] | N
         floor=g.floor,
         edge=edge,
         sector=sector,
+        inside=inside,
     )
     return Mesh(InMemoryMesh(mesh_file=MemoryFile(mesh.to_obj(), ".obj", "bore.obj")))

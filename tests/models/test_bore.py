@@ -195,3 +195,16 @@ def test_a_broken_edge_adds_one_ring_above_the_mouth():
     area = 0.5 * (SIZES["chamfer"] * 2e-5 - SIZES["chamfer"] * 3e-6)
     added = broken.volume() - sharp.volume()
     assert added == pytest.approx(2.0 * math.pi * SIZES["radius"] * area, rel=0.03)
+
+
+def test_the_inside_is_the_closed_surface_without_outer_side_and_bottom():
+    closed, inside = make_bore(**SIZES), make_bore(**SIZES, inside=True)
+    faces = [{m.vertices[t].tobytes() for t in m.triangles} for m in (closed, inside)]
+    assert faces[1] < faces[0]
+    heights, radii = inside.vertices[:, 2], np.hypot(*inside.vertices[:, :2].T)
+    assert heights.min() == -SIZES["depth"]
+    assert radii.max() == pytest.approx(SIZES["block_radius"])
+    left_out = [np.frombuffer(face).reshape(3, 3) for face in faces[0] - faces[1]]
+    for corners in left_out:  # on the outer side or on the bottom
+        beside = np.allclose(np.hypot(*corners[:, :2].T), SIZES["block_radius"])
+        assert beside or np.allclose(corners[:, 2], -SIZES["depth"] - SIZES["floor"])
