@@ -1,4 +1,4 @@
-"""Generates watertight meshes of a chamfered blind bore in a round block.
+"""Generates meshes of a chamfered blind bore in a round block, closed or of the inside only.
 
 The bore is a regular prism whose edges lie on the true cylinder, like the edges of the prism into which Drake converts
 the cylindrical peg. Two aligned prisms with the same number n of sides are similar: the clearance between them is R - r
@@ -36,7 +36,7 @@ EDGE_HEIGHT = 0.4
 
 @dataclass(frozen=True)
 class TriangleMesh:
-    """A closed surface with outward normals.
+    """A surface with outward normals, closed or open.
 
     Attributes:
         vertices: Points (n, 3), m.
@@ -53,7 +53,7 @@ class TriangleMesh:
         return "\n".join(lines) + "\n"
 
     def volume(self) -> float:
-        """Returns the enclosed volume (m^3) by the divergence theorem; negative if the normals point inwards."""
+        """Returns the enclosed volume (m^3) of a closed surface; negative if its normals point inwards."""
         a, b, c = (self.vertices[self.triangles[:, k]] for k in range(3))
         return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
 

@@ -44,7 +44,7 @@ MIN_KEPT_SQUEEZE = 0.9
 
 
 def converged(scenario: Scenario, friction: float) -> Scenario:
-    """The scenario with contact so stiff and steps so short that the bodies are nearly rigid, as the theory assumes."""
+    """The scenario with shorter steps and a softer contact than the default, with which the laws are measured."""
     finer = copy.deepcopy(scenario)
     finer.contact.friction = friction
     finer.contact.modulus = 3e10

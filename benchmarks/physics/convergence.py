@@ -13,8 +13,8 @@ slowly in two-point contact. Columns, one row per setting:
   balance, with 4 mN m (light) and 0.2 N m (firm) on it;
 - ms a step: CPU time of a step in contact.
 
-"finest" has 256 facets and steps of 0.1 ms; "before" are the settings of earlier scenarios (64 facets, 1e10 Pa, a
-chamfer that begins at the mouth).
+"finest" has 256 facets and steps of 0.1 ms; "before" are the settings of earlier scenarios (64 facets, 1e10 Pa,
+1 s/m, a chamfer that begins at the mouth).
 
 "corners" says where the corners of the bore's polygon lie: on the true circle, like those of the peg (as in
 `make_bore`), or outside it.

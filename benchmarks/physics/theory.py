@@ -4,7 +4,7 @@
                                         [--seed 0] [--json FILE]
 
 Two-point depth and largest entry tilt are measured from the meshes. Jamming, wedging and the two-point force balance
-are measured by simulating a peg with planar freedoms under constant loads, with stiffer contact and shorter steps than
+are measured by simulating a peg with planar freedoms under constant loads, with softer contact and shorter steps than
 the default (`benchmarks.physics.contact_measurements.converged`). Depths are vertical, from the mouth (the inner edge
 of the chamfer) to the tip's centre. At the default --depth-mm 20 the tilt of two-point contact is small compared with
 the friction angle, as Whitney's laws assume.

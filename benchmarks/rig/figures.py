@@ -17,7 +17,7 @@ BLUE, ORANGE, GREY = PALETTE[0], PALETTE[1], "0.55"
 PANELS = ("inserted, 95 % interval", "time [s], median", "peak load [N]")
 
 Row = dict[str, Any]
-"""A result of `benchmarks.rig.trials.summary`."""
+"""A result of `benchmarks.rig.comparison.summary`."""
 
 
 def draw_groups(groups: Sequence[tuple[str, Sequence[tuple[str, Row]]]], path: Path) -> None:

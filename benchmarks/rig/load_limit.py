@@ -2,7 +2,7 @@
 
     python -m benchmarks.rig.load_limit [--skill FILE] [--trials 500] [--jobs 2] [--json FILE]
 
-Two arms perform the same number of trials each: the default scenario, and a harder one (`STRESS`). The trials are those
+Two arms perform the same number of trials each: the default scenario, and a harder one (`stress`). The trials are those
 from `FIRST_TRIAL` on, which were used for no choice. `benchmarks.faults` measures the arm with faults. Loads are the
 largest of each trial (`TrialResult.peak_measured_load`, `TrialResult.peak_load`); the guard keeps its limit if the
 measured load stays below 1.2 times the limit.

@@ -13,11 +13,11 @@ state                                 1      number of the estimated contact sta
 known                                 1      1 where the measurement lies within the gate of the state, else 0
 target_pitch target_yaw               rad    commanded angles of the hole, relative to its start
 feed_speed                            m/s    commanded speed of the peg, negative into the hole
-guard                                 1      1 while the force guard retracts the peg, else 0
+guard                                 1      1 while the controller backs the peg off, else 0
 support                               1      support of the action, in [0, 1]; 1 where it is sufficient
 fault                                 1      number of the detected fault, 0 if none
-pitch_taken yaw_taken                 1      steps that each stepper has taken
-pitch_lost yaw_lost                   1      steps that each stepper has lost
+pitch_taken yaw_taken                 1      microsteps that each stepper has taken
+pitch_lost yaw_lost                   1      microsteps that each stepper has lost
 tip_z                                 m      true height of the tip above the mouth (for replays only)
 pitch yaw                             rad    true angles of the hole (for replays only)
 contact_mouth_x .._y .._z              m      true contact at the mouth: centre of its normal forces in W

@@ -39,7 +39,7 @@ POSE = ("x", "y", "ax", "ay", "az", "angle", "dangle")
 """The channels from which the hidden features are computed."""
 
 STEPPER_STEP = float(np.deg2rad(0.18))
-"""One step of the motors of the rig, rad; the unit of the rotation from one sample to the next."""
+"""One full step of the motors of the rig, rad; the unit of the rotation from one sample to the next."""
 
 
 class WrenchFeatures(TransformerMixin, BaseEstimator, metaclass=ABCMeta):

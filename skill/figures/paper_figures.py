@@ -85,7 +85,7 @@ def plot_run(run: RigRun, state_names: Sequence[str] | None = None) -> Figure:
     """Draws one insertion of the rig over the contact states, as in Fig. 5 of the paper.
 
     The upper panel has six series, each divided by its largest magnitude; the lower one has the corrections of the
-    motors and the actions of the force guard.
+    motors and the back-offs.
 
     Args:
         run: the recorded run.
@@ -153,7 +153,7 @@ def _draw_series(axes: Axes, data: pd.DataFrame) -> None:
 
 
 def _draw_corrections(axes: Axes, data: pd.DataFrame) -> None:
-    """Draws the commanded angles of the hole, and a bar at the bottom while the force guard is active."""
+    """Draws the commanded angles of the hole, and a bar at the bottom during a back-off."""
     time = data["time"].to_numpy(dtype=float)
     for name, colour in (("pitch", FIRST), ("yaw", SECOND)):
         turned = DEGREES * data[f"target_{name}"].to_numpy(dtype=float)
@@ -168,7 +168,7 @@ def _draw_corrections(axes: Axes, data: pd.DataFrame) -> None:
                 axes.axvspan(start, end, ymin=0.0, ymax=0.09, color=INK, linewidth=0)
         handles, texts = [*handles, Patch(color=INK)], [*texts, "force guard"]
     low, high = axes.get_ylim()
-    axes.set_ylim(low - 0.18 * (high - low), high)  # space for the bar of the guard below the curves
+    axes.set_ylim(low - 0.18 * (high - low), high)  # space for the bar of the back-offs below the curves
     axes.legend(handles, texts, ncols=3, fontsize=8, loc="best", frameon=False)
 
 

@@ -185,7 +185,7 @@ def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill], cost: Co
     """Computes the rollout of a recorded run.
 
     The record holds the measurements; features, filtered states and factors follow from them as on the rig. Rows in
-    which the force guard backed off are left out, because the factors had no effect there. Their costs are added to
+    which the peg was backed off are left out, because the factors had no effect there. Their costs are added to
     the row before them.
 
     Args:

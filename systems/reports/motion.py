@@ -48,9 +48,9 @@ class Motion:
         phases: names of the phases.
         colours: colours of the phases, hexadecimal.
         colouring: meaning of the colours, "contact state" or "contact force".
-        guard: (n,), whether the rig's force guard was retracting the peg; None for a demonstration.
-        force_limit: load above which the force guard retracts the peg, N; None for a demonstration.
-        steps: (n, 2), corrective steps taken so far by the motors for pitch and yaw; None for a demonstration.
+        guard: (n,), whether the controller was backing the peg off; None for a demonstration.
+        force_limit: load that the force guard keeps, N; None for a demonstration.
+        steps: (n, 2), microsteps taken so far by the motors for pitch and yaw; None for a demonstration.
         geometry: sizes of peg and hole.
         contact_points: (n, 3, 3), points of the contacts in W, m, in the order of `ContactPlace`; None if unknown.
         contact_forces: (n, 3, 3), their normal forces on the peg in W, N, zero without contact; None if unknown.

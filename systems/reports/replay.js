@@ -135,7 +135,7 @@ for (const command of sceneCommands) {
     }
   }
 
-  /** Marks the samples in which the force guard retracts the peg. */
+  /** Marks the samples in which the peg is backed off. */
   function drawGuard({ context, bottom, xOf }) {
     context.fillStyle = INK;
     data.guard.forEach((active, k) => {

@@ -40,9 +40,9 @@ class TrialResult:
         peak_lateral_force: N.
         peak_moment: N m.
         penetration: deepest overlap of the round bodies at the recorded samples, m.
-        steps: number of steps that both steppers took.
-        lost_steps: number of steps that both steppers lost.
-        back_offs: how often the force guard backed the peg off.
+        steps: number of microsteps that both steppers took.
+        lost_steps: number of microsteps that both steppers lost.
+        back_offs: how often the controller backed the peg off.
         unknown_time: time in which the contact state was unknown, s.
         unsupported_time: time in which the support of the action was below 1, s.
         states: numbers of the contact states visited, in order.

@@ -66,7 +66,7 @@ def test_a_perturbed_policy_multiplies_turn_and_feed_by_the_factors_at_the_measu
 
 
 def test_a_perturbed_policy_keeps_the_support_of_the_action(skill):
-    """The force guard reduces the feed by the support, in practice as in checks and trials."""
+    """The controller reduces the feed by the support, in practice as in checks and trials."""
     at_mouth = np.zeros(7)
     assert PerturbedPolicy(FixedPolicy(), PERTURBATION).act(at_mouth).support == 0.3
     outside = np.array([200.0, 300.0, 200.0, 1.0, 2.0, 0.0, -0.005])  # far from all demonstrations
