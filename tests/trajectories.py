@@ -69,7 +69,7 @@ def make_demonstration(*, tilt: float = np.radians(2.5), direction: float = 0.9,
 
 
 def make_rig_run(*, tilt: float = np.radians(3.0), contacts: bool = True, **metadata: Any) -> RigRun:
-    """A rig run whose hole turns in steps, by yaw twice as far as by pitch; the force guard acts for 0.1 s.
+    """A rig run whose hole turns in steps, by yaw twice as far as by pitch; the controller backs off for 0.1 s.
 
     With ``contacts``, its peg is held between mouth and tip as well.
     """

@@ -166,7 +166,7 @@ def _draw_corrections(axes: Axes, data: pd.DataFrame) -> None:
         for start, end, on in _stretches(time, guard.astype(int)):
             if on:
                 axes.axvspan(start, end, ymin=0.0, ymax=0.09, color=INK, linewidth=0)
-        handles, texts = [*handles, Patch(color=INK)], [*texts, "force guard"]
+        handles, texts = [*handles, Patch(color=INK)], [*texts, "back-off"]
     low, high = axes.get_ylim()
     axes.set_ylim(low - 0.18 * (high - low), high)  # space for the bar of the back-offs below the curves
     axes.legend(handles, texts, ncols=3, fontsize=8, loc="best", frameon=False)

@@ -177,7 +177,7 @@ for (const command of sceneCommands) {
     const force = data.guard ? "load, up to " + formatNumber(Math.max(...push), 1) + " N" + limit
       : "force, up to " + formatNumber(maxPush, 1) + " N";
     const marks = [];
-    if (data.guard && data.guard.some(Boolean)) marks.push("\u25ac guard backs off");
+    if (data.guard && data.guard.some(Boolean)) marks.push("\u25ac backs off");
     if (data.steps) marks.push("\u2758 motor steps: pitch above, yaw below");
     context.textAlign = "left";
     drawText(context, depth, MARGIN, 10, INK);
