@@ -68,7 +68,7 @@ def settings() -> Iterator[tuple[str, Callable[..., PlanarProbe], Scenario]]:
     for name, scenario in (
         ("default", default),
         ("finest", finest),
-        ("nearest to rigid", converged(default, default.contact.friction)),
+        ("softer, shorter steps", converged(default, default.contact.friction)),
     ):
         c = scenario.contact
         text = f"Drake, {name}: n = {scenario.geometry.facets}, {c.modulus:.0e} Pa, {1e3 * c.time_step:g} ms"
