@@ -23,7 +23,7 @@ HISTOGRAMS = (  # title, unit, field of TrialResult
     ("time", "s", "time"),
     ("peak load", "N", "peak_load"),
     ("peak force of a single contact", "N", "peak_contact_force"),
-    ("steps of both motors", "", "steps"),
+    ("microsteps of both motors", "", "steps"),
 )
 
 

@@ -178,7 +178,7 @@ for (const command of sceneCommands) {
       : "force, up to " + formatNumber(maxPush, 1) + " N";
     const marks = [];
     if (data.guard && data.guard.some(Boolean)) marks.push("\u25ac backs off");
-    if (data.steps) marks.push("\u2758 motor steps: pitch above, yaw below");
+    if (data.steps) marks.push("\u2758 microsteps: pitch above, yaw below");
     context.textAlign = "left";
     drawText(context, depth, MARGIN, 10, INK);
     drawText(context, force, MARGIN + context.measureText(depth).width + 18, 10, data.force_colour);
