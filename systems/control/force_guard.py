@@ -1,4 +1,4 @@
-"""The force guard: at the rate of the sensor it caps the contact load, whatever commands arrive."""
+"""The force guard: at the rate of the sensor it limits the contact load, and every command passes through it."""
 
 from __future__ import annotations
 

@@ -177,6 +177,15 @@ def test_a_resting_stepper_measures_the_moment_about_its_axis(axis, gain, fault)
     assert rig.run(wrench, times=12, depth=IN_HOLE, torque=tuple(moments)) == fault
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_lag_below_half_a_step_does_not_name_the_stepper(axis):
+    """Half a step is a torque of K step/2 = 0.39 N m; at 0.3 N m the sensor or the stepper may be wrong."""
+    rig = Rig()
+    torque = [0.0, 0.0]
+    torque[axis] = 0.3
+    assert rig.run(times=20, depth=IN_HOLE, torque=tuple(torque)) == Fault.SENSOR_MOMENT
+
+
 @pytest.mark.parametrize(("axis", "fault"), [(0, Fault.PITCH_STICKS), (1, Fault.YAW_STICKS)])
 def test_a_stepper_that_does_not_reach_its_angle_without_a_load_sticks(axis, fault):
     torque = [0.0, 0.0]

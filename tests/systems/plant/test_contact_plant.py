@@ -3,6 +3,7 @@ import math
 import numpy as np
 import pytest
 from pydrake.common.value import Value
+from pydrake.geometry import HydroelasticContactRepresentation
 from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ContactModel, ExternallyAppliedSpatialForce
@@ -347,3 +348,21 @@ def test_peg_and_bore_have_the_facets_and_the_material_of_the_scenario(add, scen
     for body in (contact.peg, contact.block):
         properties = inspector.GetProximityProperties(contact.plant.GetCollisionGeometriesForBody(body)[0])
         assert properties.GetProperty("material", "coulomb_friction").dynamic_friction() == scenario.contact.friction
+
+
+@pytest.mark.parametrize(("fixture", "touches"), [("free", True), ("rig", False)])
+def test_only_a_peg_with_six_freedoms_can_touch_the_outer_side_of_the_block(quick_scenario, fixture, touches):
+    """The contact mesh of the block is closed where the peg may leave the axis of the hole."""
+    quick_scenario.fixture = fixture
+    g = quick_scenario.geometry
+    builder = DiagramBuilder()
+    contact = AddVirtualPlant(builder, quick_scenario)
+    diagram = builder.Build()
+    root = diagram.CreateDefaultContext()
+    below_the_top = -g.peg_length - 2e-3
+    beside = RigidTransform([g.block_radius + g.peg_radius - 5e-4, 0.0, below_the_top])
+    contact.plant.SetFreeBodyPose(contact.plant.GetMyMutableContextFromRoot(root), contact.peg, beside)
+    port = contact.scene_graph.get_query_output_port()
+    query = port.Eval(contact.scene_graph.GetMyContextFromRoot(root))
+    surfaces = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
+    assert bool(surfaces) == touches
