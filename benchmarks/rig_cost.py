@@ -175,7 +175,7 @@ def main() -> None:
 def checkout(text: str) -> Path:
     """Reads the folder of a checkout."""
     folder = Path(text).resolve()
-    if not (folder / "systems" / "runs" / "trial.py").is_file():
+    if not any((folder / "systems" / name).is_file() for name in ("runs/trial.py", "trial.py")):
         raise argparse.ArgumentTypeError(f"{text}: no systems/runs/trial.py there, expected a checkout of this project")
     return folder
 

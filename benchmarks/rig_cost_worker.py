@@ -1,6 +1,7 @@
 """Performs rig trials of the checkout on PYTHONPATH and prints their CPU times; `benchmarks.rig_cost` starts it.
 
-It uses only functions that older checkouts have too, and imports nothing from its own folder (run it with -P).
+It uses only functions that older checkouts have too, of commit fe53b7b and later, and imports nothing from its own
+folder (run it with -P).
 """
 
 from __future__ import annotations
@@ -8,12 +9,17 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import models
 from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
-from systems.runs.trial import run_trial, trial_scenario
+
+# Older checkouts have the module of the trials, and the time of a result, under another name.
+RUNS = Path(models.__file__).parent.parent / "systems" / "runs"
+TRIALS = import_module("systems.runs.trial" if RUNS.is_dir() else "systems.trial")
 
 WARM_UP = 0.1  # s; time limit of a trial that loads what is loaded on first use
 
@@ -30,7 +36,7 @@ def main() -> None:
     scenario = load_scenario(arguments.scenario)
 
     def run(number: int, time_limit: float) -> dict[str, Any]:
-        resolved = trial_scenario(scenario, number=number)
+        resolved = TRIALS.trial_scenario(scenario, number=number)
         resolved.trial.time_limit = time_limit
         begun = time.process_time()
         if arguments.mujoco:
@@ -40,8 +46,9 @@ def main() -> None:
             row, _ = run_mujoco(resolved, skill, MujocoContact(), number)
             simulated, inserted = row["time_s"], row["inserted"]
         else:
-            result, _ = run_trial(resolved, skill, seed=number)
-            simulated, inserted = result.time, result.inserted
+            result, _ = TRIALS.run_trial(resolved, skill, seed=number)
+            simulated = result.time if hasattr(result, "time") else result.time_s
+            inserted = result.inserted
         spent = time.process_time() - begun
         return {"trial": number, "cpu_s": spent, "simulated_s": float(simulated), "inserted": bool(inserted)}
 
