@@ -16,7 +16,7 @@ from skill.policy import RigPolicy
 from systems.control.contact_state_estimator import ContactStateEstimator
 from systems.control.drive_monitor import DriveMonitor, Travel
 from systems.control.faults import Fault
-from systems.control.force_guard import ForceGuard, GuardTiming
+from systems.control.force_guard import ForceGuard, StoppingModel
 from systems.control.policy_controller import PolicyController
 from systems.control.self_check import MovingParts, SelfCheck
 from systems.control.sensor_monitor import SensorMonitor
@@ -237,15 +237,10 @@ def _add_parts(
 
 
 def _force_guard(scenario: Scenario, contact: RigPlant) -> ForceGuard:
-    sensor, p = scenario.sensor, scenario.controller
-    timing = GuardTiming(
-        period=sensor.period,
-        delay=sensor.delay + sensor.time_constant + sensor.period + scenario.contact.time_step,
-        deceleration=scenario.feed.acceleration(contact.moving_mass),
-    )
+    p = scenario.controller
     return ForceGuard(
         parameters=p,
-        timing=timing,
+        stopping=StoppingModel.of(scenario, mass=contact.moving_mass, inertia=contact.turning_inertia),
         peg_radius=scenario.geometry.peg_radius,
         max_turn_rate=p.max_turn_rate,
         max_turn=p.max_turn,

@@ -72,6 +72,7 @@ class MujocoPlant(LeafSystem):
         self._tip = -scenario.sensor.height
         self.weight = float(model.body("peg").mass[0] * np.linalg.norm(model.opt.gravity))
         self.moving_mass = float(model.body("carriage").subtreemass[0])
+        self.turning_inertia = _inertia(model, "pitch")
         self._carriage_force = self.DeclareVectorInputPort("carriage_force", 1)
         self._gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 4)
         scratch = mujoco.MjData(model)
@@ -212,3 +213,13 @@ def _poses(data: mujoco.MjData) -> tuple[RigidTransform, RigidTransform]:
         for body in (data.body("block"), data.body("peg"))
     )
     return X_WH, X_WP
+
+
+def _inertia(model: mujoco.MjModel, joint: str) -> float:
+    """Returns the inertia about a joint with all joints at zero, with its rotor."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    axis = int(model.joint(joint).dofadr[0])
+    unit, product = np.eye(model.nv)[axis], np.zeros(model.nv)
+    mujoco.mj_mulM(model, data, product, unit)
+    return float(product[axis])

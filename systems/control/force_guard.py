@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Self
 
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.scenario import ForceGuardParameters
+from models.scenario import ForceGuardParameters, Scenario
 from skill.features.measurement import load_of_components
 
 PITCH, YAW, FEED_SPEED, LOAD, SLOPE, LIGHT_PITCH, LIGHT_YAW, PEAK = range(8)
@@ -20,18 +21,51 @@ SLOPE_TIME = 3e-3
 
 
 @dataclass(frozen=True)
-class GuardTiming:
-    """How fast the rig measures and stops.
+class StoppingModel:
+    """How fast the rig measures and stops, and the load of a contact that stops it.
 
     Attributes:
         period: time between two samples of the sensor, s.
         delay: time from a contact force to the motors' response to it, s.
         deceleration: deceleration of the feed at the current limit of its drive, m/s^2.
+        feed_impact: measured load of a contact that stops the feed, per speed, N s/m.
+        turn_impact: measured load of a contact that stops the hole, per turn rate, N s/rad.
     """
 
     period: float
     delay: float
     deceleration: float
+    feed_impact: float
+    turn_impact: float
+
+    @classmethod
+    def of(cls, scenario: Scenario, *, mass: float, inertia: float) -> Self:
+        """Returns the model of a resolved scenario.
+
+        An impulse p raises the reading of the sensor, a low-pass with the time constant tau, by p/tau. With the mass m,
+        the inertia J, the stepper's damping d and stiffness K and the delay t, the loads of a contact that stops the
+        feed at the speed v and the hole at the turn rate w are
+
+            F_v = m |v| / tau,     F_w = (J/tau + d + K t) |w| / r.
+
+        The stopped rotor no longer has the damping torque d w, by which the spring was ahead of it, and the driver goes
+        on stepping for the time t.
+
+        Args:
+            scenario: resolved.
+            mass: of the feed, without its rotor, kg.
+            inertia: of the hole about a stepper's axis, with its rotor, kg m^2.
+        """
+        sensor, feed, stepper = scenario.sensor, scenario.feed, scenario.stepper
+        delay = sensor.delay + sensor.time_constant + sensor.period + scenario.contact.time_step
+        torque = inertia / sensor.time_constant + stepper.damping + stepper.stiffness * delay
+        return cls(
+            period=sensor.period,
+            delay=delay,
+            deceleration=feed.acceleration(mass),
+            feed_impact=(mass + feed.reflected_mass) / sensor.time_constant,
+            turn_impact=torque / scenario.geometry.peg_radius,
+        )
 
 
 class ForceGuard(LeafSystem):
@@ -58,12 +92,15 @@ class ForceGuard(LeafSystem):
 
         F' = F + max(s, 0) (t + |v|/a),
 
-    with the delay t, the feed speed v and the deceleration a of `GuardTiming`.
+    with the delay t, the feed speed v and the deceleration a of `StoppingModel`.
 
     * What can raise the load is multiplied by min(1, max(0, (F_hold - F') / (F_hold - F_soft))): a feed into the hole,
       and a turn of the hole, except for its part with the contact moment about the pivot, which lowers the load. The
       pivot is taken to be at the mouth. A retraction that pulls a peg out of a grip is multiplied by
       (F_limit - F') / (F_limit - F_hold) likewise.
+    * A contact may stop feed and hole at any moment. The factor is therefore at most (F_limit - F') / (F_v + F_w), with
+      the impact loads of `StoppingModel` at the commanded speeds, and no commanded turn is faster than F_w = F_limit
+      allows.
     * Above F_hold the guard yields: the hole turns with the contact moment, and the peg moves with the axial force,
       each in proportion to its share of the load. The speeds grow linearly, to ``max_turn_rate`` and ``retract_speed``
       at F_limit.
@@ -82,15 +119,16 @@ class ForceGuard(LeafSystem):
         self,
         *,
         parameters: ForceGuardParameters,
-        timing: GuardTiming,
+        stopping: StoppingModel,
         peg_radius: float,
         max_turn_rate: float,
         max_turn: float,
         retract_speed: float,
     ) -> None:
         super().__init__()
-        self._parameters, self._timing, self._radius = parameters, timing, peg_radius
+        self._parameters, self._stopping, self._radius = parameters, stopping, peg_radius
         self._max_turn_rate, self._max_turn, self._retract_speed = max_turn_rate, max_turn, retract_speed
+        self._largest_rate = min(max_turn_rate, parameters.force_limit / stopping.turn_impact)
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._commands = [
@@ -98,7 +136,7 @@ class ForceGuard(LeafSystem):
         ]
         self._blind = self.DeclareVectorInputPort("blind", 1)
         self._state = self.DeclareDiscreteState(8)
-        self.DeclarePeriodicDiscreteUpdateEvent(timing.period, 0.0, self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(stopping.period, 0.0, self._update)
         state = {self.discrete_state_ticket(self._state)}
         for name, index in (("target_pitch", PITCH), ("target_yaw", YAW), ("feed_speed", FEED_SPEED)):
             self.DeclareVectorOutputPort(name, 1, self._reader(index), state)
@@ -115,7 +153,8 @@ class ForceGuard(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         # Plain floats: this runs at 1 kHz, and NumPy is slower for so few numbers.
-        p, T = self._parameters, self._timing.period
+        p, stopping = self._parameters, self._stopping
+        T = stopping.period
         blind = self._blind.Eval(context)[0] > 0.0
         wrench = [0.0] * 6 if blind else self._wrench.Eval(context).tolist()
         fx, fy, fz, mx, my, _ = wrench
@@ -129,7 +168,7 @@ class ForceGuard(LeafSystem):
             speed = max(speed, 0.0)
         load = load_of_components(wrench, self._radius)
         slope += T / (SLOPE_TIME + T) * ((load - old_load) / T - slope)
-        ahead = load + max(slope, 0.0) * (self._timing.delay + abs(old_speed) / self._timing.deceleration)
+        ahead = load + max(slope, 0.0) * (stopping.delay + abs(old_speed) / stopping.deceleration)
         share = _share(ahead, p.soft_force, p.hold_force)
         give = 1.0 - _share(ahead, p.hold_force, p.force_limit)
         if load <= p.soft_force:
@@ -138,7 +177,10 @@ class ForceGuard(LeafSystem):
         if unwinding:
             pitch_rate, yaw_rate = (light_pitch - pitch) / T, (light_yaw - yaw) / T
         # Limited before it is scaled: the scale of a rate far above the limit would have no effect.
-        pitch_rate, yaw_rate = _limited(pitch_rate, yaw_rate, self._max_turn_rate)
+        pitch_rate, yaw_rate = _limited(pitch_rate, yaw_rate, self._largest_rate)
+        impact = stopping.turn_impact * math.hypot(pitch_rate, yaw_rate) + stopping.feed_impact * max(-speed, 0.0)
+        if share * impact > 0.0:
+            share = min(share, max(0.0, p.force_limit - ahead) / impact)
         # The moment of the peg on the hole about the centre of the mouth, where the pivot is but for its tolerance.
         moment_x, moment_y = -(mx + depth * fy), -(my - depth * fx)
         moment = math.hypot(moment_x, moment_y)

@@ -118,6 +118,12 @@ class HydroelasticRig(ContactPlant):
         bodies = (self.plant.get_body(index) for model in models for index in self.plant.GetBodyIndices(model))
         return float(sum(body.default_mass() for body in bodies))
 
+    @property
+    def turning_inertia(self) -> float:
+        """See `RigPlant`."""
+        axis = self.plant.GetJointByName("pitch").velocity_start()
+        return float(self.plant.CalcMassMatrix(self.plant.CreateDefaultContext())[axis, axis])
+
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """See `RigPlant`."""
         own = self.plant.GetMyMutableContextFromRoot(context)

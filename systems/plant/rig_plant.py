@@ -48,6 +48,10 @@ class RigPlant(Protocol):
     def moving_mass(self) -> float:
         """Mass of carriage, mount and peg, which the feed moves, kg."""
 
+    @property
+    def turning_inertia(self) -> float:
+        """Inertia of gimbal, block and rotor about the axis of pitch, where it is largest, kg m^2."""
+
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """Sets the positions of the carriage (m) and of the gimbal (rad)."""
 

@@ -16,7 +16,7 @@ import systems
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
 from systems.control.drive_monitor import Travel
-from systems.control.force_guard import GuardTiming
+from systems.control.force_guard import StoppingModel
 from systems.control.self_check import MovingParts
 from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
@@ -45,7 +45,7 @@ ARGUMENTS = {
     },
     "ForceGuard": lambda skill: {
         "parameters": S.controller,
-        "timing": GuardTiming(period=1e-3, delay=7e-3, deceleration=9.0),
+        "stopping": StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1600.0, turn_impact=340.0),
         "peg_radius": 0.01,
         "max_turn_rate": 0.2,
         "max_turn": 0.1,

@@ -55,6 +55,13 @@ def test_the_hanging_block_turns_a_stepper_by_torque_over_stiffness(scenario):
     assert measured - angle == pytest.approx(expected, rel=0.01)
 
 
+def test_both_engines_tell_the_force_guard_the_same_masses(scenario):
+    scenario.rig.pivot_height = 0.002
+    ours, other = AddRigPlant(DiagramBuilder(), scenario), MujocoPlant(scenario, MujocoContact())
+    assert other.moving_mass == pytest.approx(ours.moving_mass, rel=1e-6)
+    assert other.turning_inertia == pytest.approx(ours.turning_inertia, rel=1e-6)
+
+
 def test_both_engines_start_with_the_peg_in_the_same_place(scenario):
     scenario.rig.pivot_height = 0.002
     poses = []

@@ -5,21 +5,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.scenario import ForceGuardParameters
-from systems.control.force_guard import SLOPE_TIME, ForceGuard, GuardTiming
+from models.scenario import ForceGuardParameters, Scenario
+from systems.control.force_guard import SLOPE_TIME, ForceGuard, StoppingModel
 from tests.stepping import fixed_context, update
 
 P = ForceGuardParameters()
 RADIUS, TURN_RATE, MAX_TURN, RETRACT = 0.01, 0.2, 0.14, 0.015
-TIMING = GuardTiming(period=1e-3, delay=7e-3, deceleration=9.0)
+STOPPING = StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1000.0, turn_impact=200.0)
 REST = {"pitch_rate": [0.0], "yaw_rate": [0.0], "feed_speed": [0.0], "unwinding": [0.0], "blind": [0.0]}
 MIDDLE = 0.5 * (P.soft_force + P.hold_force)
 
 
-def guard(**inputs):
+def guard(*, stopping=STOPPING, **inputs):
     dut = ForceGuard(
         parameters=P,
-        timing=TIMING,
+        stopping=stopping,
         peg_radius=RADIUS,
         max_turn_rate=TURN_RATE,
         max_turn=MAX_TURN,
@@ -30,7 +30,7 @@ def guard(**inputs):
 
 def settled(dut, context):
     """Updates until the slope of a constant load has decayed."""
-    update(dut, context, period=TIMING.period, times=round(50 * SLOPE_TIME / TIMING.period))
+    update(dut, context, period=STOPPING.period, times=round(50 * SLOPE_TIME / STOPPING.period))
 
 
 def outputs(dut, context):
@@ -40,8 +40,8 @@ def outputs(dut, context):
 def rates(dut, context):
     """The turn rates of the next update."""
     before = np.array(outputs(dut, context)[:2])
-    update(dut, context, period=TIMING.period)
-    return (np.array(outputs(dut, context)[:2]) - before) / TIMING.period
+    update(dut, context, period=STOPPING.period)
+    return (np.array(outputs(dut, context)[:2]) - before) / STOPPING.period
 
 
 def push(load):
@@ -54,9 +54,46 @@ def moment(size):
 
 
 def test_in_free_air_commands_pass():
-    dut, context = guard(pitch_rate=[0.05], yaw_rate=[-0.1], feed_speed=[-0.02])
-    update(dut, context, period=TIMING.period, times=10)
-    assert outputs(dut, context) == pytest.approx([0.05 * 0.01, -0.1 * 0.01, -0.02])
+    dut, context = guard(pitch_rate=[0.03], yaw_rate=[-0.04], feed_speed=[-0.02])
+    update(dut, context, period=STOPPING.period, times=10)
+    assert outputs(dut, context) == pytest.approx([0.03 * 0.01, -0.04 * 0.01, -0.02])
+
+
+@pytest.mark.parametrize("load", [0.0, 5.0])
+def test_feed_and_turns_are_no_faster_than_a_contact_may_stop_them_at_the_limit(load):
+    """A turn of 0.1 rad/s and a feed of 30 mm/s may have to stop with 20 N + 30 N, more than F_limit - F."""
+    dut, context = guard(wrench=push(load), yaw_rate=[-0.1], feed_speed=[-0.03])
+    settled(dut, context)
+    share = (P.force_limit - load) / 50.0
+    assert rates(dut, context) == pytest.approx([0.0, -0.1 * share])
+    assert outputs(dut, context)[2] == pytest.approx(-0.03 * share)
+
+
+def test_a_turn_that_lowers_the_load_ends_at_an_opposite_wall_within_the_limit():
+    """By hand: F_limit / turn_impact = 40 N / 800 N s/rad = 0.05 rad/s, however large the command is."""
+    slow = StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1000.0, turn_impact=800.0)
+    dut, context = guard(stopping=slow, wrench=moment(MIDDLE), pitch_rate=[-1.0])
+    settled(dut, context)
+    assert rates(dut, context) == pytest.approx([-P.force_limit / 800.0, 0.0])
+
+
+def test_a_retraction_has_no_impact():
+    dut, context = guard(yaw_rate=[0.1], feed_speed=[0.03])
+    settled(dut, context)
+    assert rates(dut, context) == pytest.approx([0.0, 0.1])
+    assert outputs(dut, context)[2] == pytest.approx(0.03)
+
+
+def test_the_stopping_model_by_hand():
+    """The default rig with 1.05 kg and 1.67 g m^2: a low-pass of 100 Hz has a time constant of 1.5915 ms."""
+    found = StoppingModel.of(Scenario(), mass=1.05, inertia=1.67e-3)
+    assert found.period == 1e-3
+    assert found.delay == pytest.approx(2e-3 + 1.5915e-3 + 1e-3 + 2e-3, rel=1e-4)
+    # The rotor of 1e-6 kg m^2 on a screw of 5 mm adds 1e-6 (2 pi / 0.005)^2 = 1.5791 kg.
+    assert found.feed_impact == pytest.approx((1.05 + 1.5791) / 1.5915e-3, rel=1e-4)
+    # A step of 0.18 degrees with 0.5 N m: K = (pi/2) 0.5 / 0.0031416 = 250 N m/rad.
+    torque = 1.67e-3 / 1.5915e-3 + 0.75 + 250.0 * 6.5915e-3
+    assert found.turn_impact == pytest.approx(torque / 0.010, rel=1e-4)
 
 
 @pytest.mark.parametrize(("load", "share"), [(P.soft_force, 1.0), (MIDDLE, 0.5), (P.hold_force, 0.0)])
@@ -70,15 +107,15 @@ def test_a_rising_load_slows_the_feed_before_it_is_high():
     """By hand: after one sample the slope is T/(tau + T) F/T, and the load ahead F + slope (t + |v|/a)."""
     load = 6.0
     dut, context = guard(wrench=push(load), feed_speed=[-0.02])
-    update(dut, context, period=TIMING.period)
-    slope = load / (SLOPE_TIME + TIMING.period)
-    ahead = load + slope * TIMING.delay
+    update(dut, context, period=STOPPING.period)
+    slope = load / (SLOPE_TIME + STOPPING.period)
+    ahead = load + slope * STOPPING.delay
     share = (P.hold_force - ahead) / (P.hold_force - P.soft_force)
     assert 0.0 < share < 1.0
     assert outputs(dut, context)[2] == pytest.approx(-0.02 * share)
-    update(dut, context, period=TIMING.period)  # now the feed moves: its stopping time counts too
+    update(dut, context, period=STOPPING.period)  # now the feed moves: its stopping time counts too
     slope += 0.25 * (0.0 - slope)
-    ahead = load + slope * (TIMING.delay + 0.02 * share / TIMING.deceleration)
+    ahead = load + slope * (STOPPING.delay + 0.02 * share / STOPPING.deceleration)
     share = (P.hold_force - ahead) / (P.hold_force - P.soft_force)
     assert outputs(dut, context)[2] == pytest.approx(-0.02 * share)
 
@@ -87,7 +124,7 @@ def test_a_falling_load_does_not_count_as_less():
     dut, context = guard(wrench=push(P.hold_force), feed_speed=[-0.02])
     settled(dut, context)
     dut.GetInputPort("wrench").FixValue(context, push(MIDDLE))
-    update(dut, context, period=TIMING.period)
+    update(dut, context, period=STOPPING.period)
     assert outputs(dut, context)[2] == pytest.approx(-0.01)
 
 
@@ -135,20 +172,20 @@ def test_a_gripped_peg_is_pulled_with_less_than_the_limit():
 
 def test_unwinding_returns_to_the_angles_at_the_last_light_load():
     dut, context = guard(pitch_rate=[0.05], yaw_rate=[0.1])
-    update(dut, context, period=TIMING.period, times=50)
+    update(dut, context, period=STOPPING.period, times=50)
     light = outputs(dut, context)[:2]
     dut.GetInputPort("wrench").FixValue(context, np.array([0.0, 0.0, 12.0, 0.0, 0.0, 0.0]))
-    update(dut, context, period=TIMING.period, times=50)
+    update(dut, context, period=STOPPING.period, times=50)
     assert outputs(dut, context)[0] > light[0] + 1e-3
     dut.GetInputPort("unwinding").FixValue(context, [1.0])
-    update(dut, context, period=TIMING.period, times=100)
+    update(dut, context, period=STOPPING.period, times=100)
     # The angles at the last sample with a light load, before the turn of that sample.
-    assert outputs(dut, context)[:2] == pytest.approx(light, abs=0.1 * TIMING.period * 1.01)
+    assert outputs(dut, context)[:2] == pytest.approx(light, abs=0.1 * STOPPING.period * 1.01)
 
 
 def test_unwinding_does_not_go_round_the_cap():
     dut, context = guard(pitch_rate=[0.1])
-    update(dut, context, period=TIMING.period, times=50)
+    update(dut, context, period=STOPPING.period, times=50)
     turned = outputs(dut, context)[0]
     dut.GetInputPort("wrench").FixValue(context, moment(-P.hold_force))  # presses the hole on in the same direction
     settled(dut, context)
@@ -162,7 +199,7 @@ def test_unwinding_from_far_is_reduced_like_a_turn_at_the_largest_rate():
     dut, context = guard(pitch_rate=[0.2], wrench=moment(MIDDLE))
     light = outputs(dut, context)[0]
     settled(dut, context)
-    update(dut, context, period=TIMING.period, times=200)
+    update(dut, context, period=STOPPING.period, times=200)
     far = outputs(dut, context)[0]
     assert far > light + 0.01
     dut.GetInputPort("wrench").FixValue(context, moment(-MIDDLE))
@@ -201,7 +238,7 @@ def test_after_a_fault_of_the_sensor_only_a_retraction_passes():
         settled(dut, context)
         assert outputs(dut, context) == [0.0, 0.0, 0.0]
         dut.GetInputPort("feed_speed").FixValue(context, [0.012])
-        update(dut, context, period=TIMING.period)
+        update(dut, context, period=STOPPING.period)
         assert outputs(dut, context) == [0.0, 0.0, 0.012]
 
 
@@ -209,7 +246,7 @@ def test_the_largest_measured_load_is_kept():
     """3 N across and 0.04 N m over 10 mm are 5 N."""
     dut, context = guard(wrench=np.array([0.0, 3.0, 0.0, 0.0, 0.0, 0.04]))
     assert dut.peak_load(context) == 0.0
-    update(dut, context, period=TIMING.period)
+    update(dut, context, period=STOPPING.period)
     dut.GetInputPort("wrench").FixValue(context, push(1.0))
-    update(dut, context, period=TIMING.period)
+    update(dut, context, period=STOPPING.period)
     assert dut.peak_load(context) == pytest.approx(5.0)

@@ -11,9 +11,19 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
+from models.scenario import Scenario
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.math.rotation import from_rotation_vector
-from systems.plant.contact_plant import BLOCK_COLOUR, MOUNT_MASS, PEG_COLOUR, STEEL, AddRigPlant, AddVirtualPlant
+from systems.plant.contact_plant import (
+    ALUMINIUM,
+    BLOCK_COLOUR,
+    MOUNT_MASS,
+    PEG_COLOUR,
+    STEEL,
+    AddRigPlant,
+    AddVirtualPlant,
+)
+from systems.runs.trial import trial_scenario
 
 G = 9.81
 
@@ -366,3 +376,17 @@ def test_only_a_peg_with_six_freedoms_can_touch_the_outer_side_of_the_block(quic
     query = port.Eval(contact.scene_graph.GetMyContextFromRoot(root))
     surfaces = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
     assert bool(surfaces) == touches
+
+
+def test_the_feed_moves_carriage_mount_and_peg_and_the_steppers_turn_rings_block_and_rotor():
+    """By hand: rig.sdf gives 0.8 kg, and 3e-4 and 2e-4 kg m^2 of the rings about x; the axes are 1 mm up."""
+    scenario = trial_scenario(Scenario(), number=0)
+    scenario.rig.pivot_height = 0.001
+    g = scenario.geometry
+    contact = AddRigPlant(DiagramBuilder(), scenario)
+    assert contact.moving_mass == pytest.approx(0.8 + 0.1 + STEEL * np.pi * g.peg_radius**2 * g.peg_length)
+    height = g.hole_depth + g.floor
+    block = ALUMINIUM * np.pi * g.block_radius**2 * height
+    about_pivot = block * (g.block_radius**2 / 4.0 + height**2 / 12.0 + (0.5 * height + 0.001) ** 2)
+    expected = 3e-4 + 2e-4 + about_pivot + scenario.stepper.reflected_inertia
+    assert contact.turning_inertia == pytest.approx(expected, rel=1e-6)
