@@ -1,4 +1,5 @@
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -6,7 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.scenario import ForceGuardParameters, Scenario
+from skill.manipulation_skill import Action
 from systems.control.force_guard import SLOPE_TIME, ForceGuard, StoppingModel
+from systems.control.policy import ControlLaw
+from systems.runs.trial import run_trial, trial_scenario
 from tests.stepping import fixed_context, update
 
 P = ForceGuardParameters()
@@ -250,3 +254,28 @@ def test_the_largest_measured_load_is_kept():
     dut.GetInputPort("wrench").FixValue(context, push(1.0))
     update(dut, context, period=STOPPING.period)
     assert dut.peak_load(context) == pytest.approx(5.0)
+
+
+@dataclass(frozen=True)
+class Brute(ControlLaw):
+    """Pushes with 20 mm/s and turns with 11 degrees/s, another way every 0.3 s, whatever it feels."""
+
+    phases = tuple(f"turn {k}" for k in range(60))
+
+    def follow(self, phase, measured):
+        return (phase + 1) % 60
+
+    def act(self, measured, probabilities=None):
+        direction = 0.5 * math.pi * (int(np.argmax(probabilities)) // 15)
+        turn = 0.004 * np.array([math.cos(direction), math.sin(direction)])
+        return Action(turn=turn, feed=-0.02 * self.period_, probabilities=probabilities)
+
+
+@pytest.mark.parametrize("number", [50400, 50403])
+def test_a_policy_that_ignores_the_force_keeps_the_limit(number):
+    """Without the impact loads, these trials reach 60 N and 50 N."""
+    scenario = trial_scenario(Scenario(), number=number)
+    scenario.trial.time_limit = 2.0
+    result, _ = run_trial(scenario, Brute(), seed=number)
+    assert 0.4 * P.force_limit < result.peak_measured_load < P.force_limit
+    assert result.peak_load < 1.2 * P.force_limit
