@@ -40,7 +40,12 @@ class DeviceState:
 
     def as_list(self) -> list[float]:
         """[*position, *turn, *velocity, *mean_squares]."""
-        return [*self.position, *self.turn, *self.velocity, *self.mean_squares]
+        return [
+            *self.position.tolist(),
+            *self.turn.tolist(),
+            *self.velocity.tolist(),
+            *self.mean_squares.tolist(),
+        ]
 
 
 class HapticDevice(LeafSystem):
@@ -78,6 +83,7 @@ class HapticDevice(LeafSystem):
         super().__init__()
         self._parameters = parameters
         self._origin = X_HD_start.translation().copy()
+        self._blend = 1.0 - np.exp(-2.0 * np.pi * VELOCITY_BANDWIDTH * parameters.servo_period)
         self._hand_pose = self.DeclareAbstractInputPort("hand_pose", Value[RigidTransform]())
         self._virtual_wrench = self.DeclareVectorInputPort("virtual_wrench", 6)
         start = DeviceState(
@@ -106,8 +112,8 @@ class HapticDevice(LeafSystem):
             offset = offset * (p.workspace_radius / reach)
         position = self._origin + offset
         return (
-            np.round(position / p.position_resolution) * p.position_resolution,
-            np.round(rotation_vector(X_HD.rotation()) / p.angle_resolution) * p.angle_resolution,
+            np.rint(position / p.position_resolution) * p.position_resolution,
+            np.rint(rotation_vector(X_HD.rotation()) / p.angle_resolution) * p.angle_resolution,
         )
 
     def load(self, context: Context) -> float:
@@ -129,7 +135,7 @@ class HapticDevice(LeafSystem):
 
     def _load(self, wrench: NDArray[np.float64], mean_squares: NDArray[np.float64]) -> float:
         p = self._parameters
-        torque, force = np.split(wrench, 2)
+        torque, force = wrench[:3], wrench[3:]
         load = 0.0
         for part, mean, peak, sustained in (
             (torque, mean_squares[0], p.peak_torque, p.sustained_torque),
@@ -146,14 +152,14 @@ class HapticDevice(LeafSystem):
         position, turn = self.read_pose(self._hand_pose.Eval(context))
         R_old, R_new = from_rotation_vector(old.turn), from_rotation_vector(turn)
         raw = np.concatenate([rotation_vector(R_new @ R_old.inverse()), position - old.position]) / p.servo_period
-        blend = 1.0 - np.exp(-2.0 * np.pi * VELOCITY_BANDWIDTH * p.servo_period)
-        torque, force = np.split(self._rendered_wrench.Eval(context), 2)
+        rendered = self._rendered_wrench.Eval(context)
+        torque, force = rendered[:3], rendered[3:]
         squares = np.array([torque @ torque, force @ force])
         forget = p.servo_period / p.thermal_time_constant
         new = DeviceState(
             position=position,
             turn=turn,
-            velocity=old.velocity + blend * (raw - old.velocity),
+            velocity=old.velocity + self._blend * (raw - old.velocity),
             mean_squares=old.mean_squares + forget * (squares - old.mean_squares),
         )
         discrete_state.get_mutable_vector(self._state).SetFromVector(new.as_list())

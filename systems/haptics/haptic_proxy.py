@@ -63,6 +63,7 @@ class HapticProxy(LeafSystem):
         self._coupling = coupling
         self._fixture = fixture
         self._peg = peg
+        self._scale = np.repeat([coupling.torque_scale, coupling.force_scale], 3)
         self._probe_pose = self.DeclareAbstractInputPort("probe_pose", Value[RigidTransform]())
         self._probe_velocity = self.DeclareVectorInputPort("probe_velocity", 6)
         self._peg_state = self.DeclareVectorInputPort("peg_state", 13)
@@ -128,8 +129,8 @@ class HapticProxy(LeafSystem):
         return np.concatenate([torque + cross(lever, force), force])
 
     def _calc_motion(self, context: Context, output: AbstractValue) -> None:
-        q, v = np.split(self._peg_state.Eval(context), [7])
-        output.set_value(PegMotion(free_body_pose(q), v.copy()))
+        state = self._peg_state.Eval(context)
+        output.set_value(PegMotion(free_body_pose(state[:7]), state[7:].copy()))
 
     def _peg_motion(self, context: Context) -> tuple[RigidTransform, NDArray[np.float64]]:
         motion = self._motion.Eval(context)
@@ -148,8 +149,7 @@ class HapticProxy(LeafSystem):
 
     def _calc_probe_wrench(self, context: Context, output: BasicVector) -> None:
         wrench = self._coupling_wrench.Eval(context)
-        scale = np.repeat([self._coupling.torque_scale, self._coupling.force_scale], 3)
-        output.SetFromVector(-scale * wrench)
+        output.SetFromVector(-self._scale * wrench)
 
     def _calc_peg_forces(self, context: Context, output: Value) -> None:
         X_HP, V_HP = self._peg_motion(context)

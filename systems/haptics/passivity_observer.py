@@ -38,7 +38,7 @@ class ObserverState:
 
     def as_list(self) -> list[float]:
         """[energy, lowest, *position, *turn, *wrench]."""
-        return [self.energy, self.lowest, *self.position, *self.turn, *self.wrench]
+        return [self.energy, self.lowest, *self.position.tolist(), *self.turn.tolist(), *self.wrench.tolist()]
 
 
 class PassivityObserver(LeafSystem):
@@ -90,12 +90,11 @@ class PassivityObserver(LeafSystem):
         X_HD = self._probe_pose.Eval(context)
         turn = rotation_vector(X_HD.rotation())
         moved = X_HD.translation() - old.position
-        if np.array_equal(turn, old.turn):
+        if turn.tolist() == old.turn.tolist():  # the probe is quantised and often at rest
             turned = np.zeros(3)
         else:
             turned = rotation_vector(X_HD.rotation() @ from_rotation_vector(old.turn).inverse())
-        torque, force = np.split(old.wrench, 2)
-        energy = old.energy - force @ moved - torque @ turned
+        energy = old.energy - old.wrench[3:] @ moved - old.wrench[:3] @ turned
         new = ObserverState(
             energy=energy,
             lowest=min(old.lowest, energy),

@@ -66,6 +66,6 @@ def free_body_pose(q: NDArray[np.float64]) -> RigidTransform:
         q: Positions (7,) of a quaternion floating joint: quaternion (w, x, y, z), not necessarily normalised, and
             position (m).
     """
-    quaternion, position = np.split(q, [4])
+    quaternion, position = q[:4], q[4:]
     norm = math.sqrt(quaternion @ quaternion)
     return RigidTransform(RotationMatrix(Quaternion(quaternion / norm)), position)
