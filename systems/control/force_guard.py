@@ -42,11 +42,12 @@ class StoppingModel:
     def of(cls, scenario: Scenario, *, mass: float, inertia: float) -> Self:
         """Returns the model of a resolved scenario.
 
-        An impulse p raises the reading of the sensor, a low-pass with the time constant tau, by p/tau. With the mass m,
-        the inertia J, the stepper's damping d and stiffness K and the delay t, the loads of a contact that stops the
-        feed at the speed v and the hole at the turn rate w are
+        An impulse p that lasts for a time h raises the reading of the sensor, a low-pass with the time constant tau, by
+        p/h (1 - e^{-h/tau}) <= p/T with T = max(h, tau). A contact of the simulation lasts for a step h at least. With
+        the mass m, the inertia J, the stepper's damping d and stiffness K and the delay t, the loads of a contact that
+        stops the feed at the speed v and the hole at the turn rate w are
 
-            F_v = m |v| / tau,     F_w = (J/tau + d + K t) |w| / r.
+            F_v = m |v| / T,     F_w = (J/T + d + K t) |w| / r.
 
         The stopped rotor no longer has the damping torque d w, by which the spring was ahead of it, and the driver goes
         on stepping for the time t.
@@ -58,12 +59,13 @@ class StoppingModel:
         """
         sensor, feed, stepper = scenario.sensor, scenario.feed, scenario.stepper
         delay = sensor.delay + sensor.time_constant + sensor.period + scenario.contact.time_step
-        torque = inertia / sensor.time_constant + stepper.damping + stepper.stiffness * delay
+        shortest = max(sensor.time_constant, scenario.contact.time_step)
+        torque = inertia / shortest + stepper.damping + stepper.stiffness * delay
         return cls(
             period=sensor.period,
             delay=delay,
             deceleration=feed.acceleration(mass),
-            feed_impact=(mass + feed.reflected_mass) / sensor.time_constant,
+            feed_impact=(mass + feed.reflected_mass) / shortest,
             turn_impact=torque / scenario.geometry.peg_radius,
         )
 

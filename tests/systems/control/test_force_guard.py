@@ -88,15 +88,19 @@ def test_a_retraction_has_no_impact():
     assert outputs(dut, context)[2] == pytest.approx(0.03)
 
 
-def test_the_stopping_model_by_hand():
-    """The default rig with 1.05 kg and 1.67 g m^2: a low-pass of 100 Hz has a time constant of 1.5915 ms."""
-    found = StoppingModel.of(Scenario(), mass=1.05, inertia=1.67e-3)
+@pytest.mark.parametrize(("bandwidth", "shortest"), [(100.0, 2e-3), (1000.0, 2e-3), (50.0, 3.1831e-3)])
+def test_the_stopping_model_by_hand(bandwidth, shortest):
+    """The default rig with 1.05 kg and 1.67 g m^2, and a contact that lasts for a step of 2 ms or the low-pass."""
+    scenario = Scenario()
+    scenario.sensor.bandwidth = bandwidth
+    found = StoppingModel.of(scenario, mass=1.05, inertia=1.67e-3)
+    delay = 2e-3 + 1.0 / (2.0 * math.pi * bandwidth) + 1e-3 + 2e-3
     assert found.period == 1e-3
-    assert found.delay == pytest.approx(2e-3 + 1.5915e-3 + 1e-3 + 2e-3, rel=1e-4)
+    assert found.delay == pytest.approx(delay)
     # The rotor of 1e-6 kg m^2 on a screw of 5 mm adds 1e-6 (2 pi / 0.005)^2 = 1.5791 kg.
-    assert found.feed_impact == pytest.approx((1.05 + 1.5791) / 1.5915e-3, rel=1e-4)
+    assert found.feed_impact == pytest.approx((1.05 + 1.5791) / shortest, rel=1e-4)
     # A step of 0.18 degrees with 0.5 N m: K = (pi/2) 0.5 / 0.0031416 = 250 N m/rad.
-    torque = 1.67e-3 / 1.5915e-3 + 0.75 + 250.0 * 6.5915e-3
+    torque = 1.67e-3 / shortest + 0.75 + 250.0 * delay
     assert found.turn_impact == pytest.approx(torque / 0.010, rel=1e-4)
 
 
