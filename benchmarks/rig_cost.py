@@ -176,7 +176,9 @@ def checkout(text: str) -> Path:
     """Reads the folder of a checkout."""
     folder = Path(text).resolve()
     if not any((folder / "systems" / name).is_file() for name in ("runs/trial.py", "trial.py")):
-        raise argparse.ArgumentTypeError(f"{text}: no systems/runs/trial.py there, expected a checkout of this project")
+        raise argparse.ArgumentTypeError(
+            f"{text}: no systems/runs/trial.py or systems/trial.py there, expected a checkout of this project"
+        )
     return folder
 
 

@@ -1,7 +1,7 @@
 """Performs rig trials of the checkout on PYTHONPATH and prints their CPU times; `benchmarks.rig_cost` starts it.
 
-It uses only functions that older checkouts have too, of commit fe53b7b and later, and imports nothing from its own
-folder (run it with -P).
+It uses only functions that checkouts since commit fe53b7b have, and imports nothing from its own folder (run it with
+-P).
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ class PolicyControllerParameters:
     period: float = 0.02  # in units of s
     # A regression on late and inexact human corrections averages them, so it predicts smaller turns.
     gain: float = 1.25  # factor on the turns of the policy
-    max_turn_rate: float = math.radians(12.0)  # in units of rad/s
+    max_turn_rate: float = math.radians(12.0)  # in units of rad/s; impact loads limit it further (`ForceGuard`)
     max_turn: float = math.radians(8.0)  # in units of rad, on each axis, to either side of the start
     max_feed_speed: float = 0.030  # in units of m/s
 
@@ -133,9 +133,9 @@ class ForceGuardParameters:
 
     # 90 % of the samples of the default good demonstrations stay below 13 N of load, 99 % below 28 N. A skill that
     # pushes harder measures loads that few demonstrations contain.
-    soft_force: float = 10.0  # in units of N of load, above which feed and turns that do not lower it are reduced
+    soft_force: float = 10.0  # in units of N of load, above which it reduces feed and turns that do not lower it
     hold_force: float = 20.0  # in units of N of load, at which they are zero; above it the guard yields
-    force_limit: float = 40.0  # in units of N of load, which the guard keeps
+    force_limit: float = 40.0  # in units of N of load, which the guard is to keep; impact loads count too
 
 
 @dataclass
@@ -315,12 +315,11 @@ def _limit_violations(scenario: Scenario) -> Iterator[Violation]:
     g = scenario.geometry
     yield from softness_violations(modulus=scenario.contact.modulus, clearance=g.clearance, peg_radius=g.peg_radius)
     guard = scenario.controller
-    if not guard.soft_force < guard.hold_force <= guard.force_limit:
+    if not guard.soft_force < guard.hold_force < guard.force_limit:
         yield Violation(
             "controller.hold_force",
             f"{guard.hold_force} N",
-            f"above controller.soft_force {guard.soft_force} N and at most controller.force_limit"
-            f" {guard.force_limit} N",
+            f"above controller.soft_force {guard.soft_force} N and below controller.force_limit {guard.force_limit} N",
         )
 
 

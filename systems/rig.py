@@ -43,7 +43,7 @@ class RigDiagram:
         controller: the system that runs the policy.
         watchdog: the system between controller and motors.
         start: position of the carriage, m, and angles of pitch and yaw, rad, at the start.
-        guard: the system that caps the load, before the motors.
+        guard: the system that limits the load, before the motors.
         sensor: the force/torque sensor.
     """
 

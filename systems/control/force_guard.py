@@ -42,15 +42,17 @@ class StoppingModel:
     def of(cls, scenario: Scenario, *, mass: float, inertia: float) -> Self:
         """Returns the model of a resolved scenario.
 
-        An impulse p that lasts for a time h raises the reading of the sensor, a low-pass with the time constant tau, by
-        p/h (1 - e^{-h/tau}) <= p/T with T = max(h, tau). A contact of the simulation lasts for a step h at least. With
-        the mass m, the inertia J, the stepper's damping d and stiffness K and the delay t, the loads of a contact that
-        stops the feed at the speed v and the hole at the turn rate w are
+        A constant force with the impulse p and the duration h raises the reading of the sensor, a low-pass with the
+        time constant tau, by p/h (1 - e^{-h/tau}) <= p/T with T = max(h, tau). No contact of the simulation is shorter
+        than its step, which is used for h. With the mass m of the feed and its rotor, the inertia J, the stepper's
+        damping d and stiffness K, the delay t and the peg radius r, the loads of a contact that stops the feed at the
+        speed v and the hole at the turn rate w are
 
             F_v = m |v| / T,     F_w = (J/T + d + K t) |w| / r.
 
-        The stopped rotor no longer has the damping torque d w, by which the spring was ahead of it, and the driver goes
-        on stepping for the time t.
+        The spring of a turning rotor leads by the damping torque d w; when the rotor is stopped, the contact carries
+        it, and the driver goes on stepping for the time t. Not counted are the push of the feed drive after the stop,
+        the rebound, the moment of a force at the rim of the tip, and the microstep.
 
         Args:
             scenario: resolved.
@@ -59,13 +61,13 @@ class StoppingModel:
         """
         sensor, feed, stepper = scenario.sensor, scenario.feed, scenario.stepper
         delay = sensor.delay + sensor.time_constant + sensor.period + scenario.contact.time_step
-        shortest = max(sensor.time_constant, scenario.contact.time_step)
-        torque = inertia / shortest + stepper.damping + stepper.stiffness * delay
+        duration = max(sensor.time_constant, scenario.contact.time_step)
+        torque = inertia / duration + stepper.damping + stepper.stiffness * delay
         return cls(
             period=sensor.period,
             delay=delay,
             deceleration=feed.acceleration(mass),
-            feed_impact=(mass + feed.reflected_mass) / shortest,
+            feed_impact=(mass + feed.reflected_mass) / duration,
             turn_impact=torque / scenario.geometry.peg_radius,
         )
 
@@ -101,11 +103,11 @@ class ForceGuard(LeafSystem):
       pivot is taken to be at the mouth. A retraction that pulls a peg out of a grip is multiplied by
       (F_limit - F') / (F_limit - F_hold) likewise.
     * A contact may stop feed and hole at any moment. The factor is therefore at most (F_limit - F') / (F_v + F_w), with
-      the impact loads of `StoppingModel` at the commanded speeds, and no commanded turn is faster than F_w = F_limit
-      allows.
+      the impact loads of `StoppingModel.of` at the commanded speeds; F_v is 0 for a retraction. No commanded turn is
+      faster than F_w = F_limit allows; this alone limits the part of a turn with the contact moment.
     * Above F_hold the guard yields: the hole turns with the contact moment, and the peg moves with the axial force,
       each in proportion to its share of the load. The speeds grow linearly, to ``max_turn_rate`` and ``retract_speed``
-      at F_limit.
+      at F_limit. Impact loads do not limit this motion.
 
     The guard integrates the permitted turn rates to angles, within ``max_turn_rate`` and ``max_turn``. While
     ``unwinding`` is 1, it turns the hole back to the angles at which the load was last at most F_soft, and the
@@ -115,6 +117,9 @@ class ForceGuard(LeafSystem):
 
     Rates are in rad/s, speeds in m/s, angles in rad relative to the start. The wrench (N, N m) acts on the peg about
     its tip, in P.
+
+    Attributes:
+        stopping: how the rig stops.
     """
 
     def __init__(
@@ -128,7 +133,7 @@ class ForceGuard(LeafSystem):
         retract_speed: float,
     ) -> None:
         super().__init__()
-        self._parameters, self._stopping, self._radius = parameters, stopping, peg_radius
+        self._parameters, self.stopping, self._radius = parameters, stopping, peg_radius
         self._max_turn_rate, self._max_turn, self._retract_speed = max_turn_rate, max_turn, retract_speed
         self._largest_rate = min(max_turn_rate, parameters.force_limit / stopping.turn_impact)
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
@@ -155,7 +160,7 @@ class ForceGuard(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         # Plain floats: this runs at 1 kHz, and NumPy is slower for so few numbers.
-        p, stopping = self._parameters, self._stopping
+        p, stopping = self._parameters, self.stopping
         T = stopping.period
         blind = self._blind.Eval(context)[0] > 0.0
         wrench = [0.0] * 6 if blind else self._wrench.Eval(context).tolist()
@@ -181,7 +186,7 @@ class ForceGuard(LeafSystem):
         # Limited before it is scaled: the scale of a rate far above the limit would have no effect.
         pitch_rate, yaw_rate = _limited(pitch_rate, yaw_rate, self._largest_rate)
         impact = stopping.turn_impact * math.hypot(pitch_rate, yaw_rate) + stopping.feed_impact * max(-speed, 0.0)
-        if share * impact > 0.0:
+        if impact > 0.0:
             share = min(share, max(0.0, p.force_limit - ahead) / impact)
         # The moment of the peg on the hole about the centre of the mouth, where the pivot is but for its tolerance.
         moment_x, moment_y = -(mx + depth * fy), -(my - depth * fx)

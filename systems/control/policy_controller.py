@@ -93,7 +93,7 @@ class PolicyController(LeafSystem):
     each within its limit. `back_off_step` reduces the feed where the policy is unsure, and draws the peg back when it
     is stuck: ``guard`` is 1 meanwhile, and ``unwinding`` is 1 while the hole is to turn back to its angles at the last
     light load. ``support`` is the support of the action. When the policy has nothing new to try, ``given_up`` is 1 and
-    nothing moves any more. The load is capped behind this system, by the `ForceGuard`.
+    nothing moves any more. The load is limited behind this system, by the `ForceGuard`.
 
     A policy that raises an exception, or returns a NaN or infinite action, has failed and is not called again: feed and
     turns stop, and ``failed`` is 1.

@@ -90,7 +90,7 @@ class PassivityObserver(LeafSystem):
         X_HD = self._probe_pose.Eval(context)
         turn = rotation_vector(X_HD.rotation())
         moved = X_HD.translation() - old.position
-        if turn.tolist() == old.turn.tolist():  # the probe is quantised and often at rest
+        if turn.tolist() == old.turn.tolist():  # at rest the turn repeats; lists compare faster
             turned = np.zeros(3)
         else:
             turned = rotation_vector(X_HD.rotation() @ from_rotation_vector(old.turn).inverse())

@@ -35,9 +35,12 @@ def test_the_time_of_a_trial_is_the_median_of_its_runs():
 
 
 def test_a_folder_that_is_no_checkout_is_refused(tmp_path):
-    with pytest.raises(Exception, match=r"no systems/runs/trial.py there, expected a checkout"):
+    with pytest.raises(Exception, match=r"no systems/runs/trial.py or systems/trial.py there"):
         checkout(str(tmp_path))
     assert checkout(str(ROOT)) == ROOT
+    (tmp_path / "systems").mkdir()
+    (tmp_path / "systems" / "trial.py").touch()  # the layout of older checkouts
+    assert checkout(str(tmp_path)) == tmp_path
     with pytest.raises(Exception, match="0: expected a whole number of at least 1"):
         positive("0")
 

@@ -235,7 +235,11 @@ BAD_RANGES = {
     ),
     "a hold force above the force limit": (
         "controller: {force_limit: 15.0}",
-        "controller.hold_force is 20.0 N.*at most controller.force_limit 15.0 N",
+        "controller.hold_force is 20.0 N.*below controller.force_limit 15.0 N",
+    ),
+    "a hold force at the force limit": (
+        "controller: {force_limit: 20.0}",
+        "controller.hold_force is 20.0 N.*below controller.force_limit 20.0 N",
     ),
     "too many facets": ("geometry: {facets: 10000}", "geometry.facets is 10000, expected between 3 and 512"),
     "a billion facets": ("geometry: {facets: 1000000000}", "geometry.facets is 1000000000, expected between 3 and 512"),

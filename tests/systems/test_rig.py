@@ -8,6 +8,7 @@ from pydrake.systems.framework import EventStatus
 
 from models.scenario import FREE_FACETS, TRIAL_STREAM, load_scenario, resolve_scenario
 from skill.data.rig_run import RUN_COLUMNS
+from systems.control.force_guard import StoppingModel
 from systems.rig import MakeRig
 from tests.diagrams import graph_names, state_of, unconnected_inputs
 
@@ -50,6 +51,12 @@ def test_the_diagrams_graph_names_every_system(resolved, skill):
     diagram = MakeRig(resolved, skill).diagram
     assert diagram.get_name() == "rig"
     assert graph_names(diagram) >= {s.get_name() for s in diagram.GetSystems()}
+
+
+def test_the_force_guard_knows_the_masses_of_the_rig(resolved, skill):
+    rig = MakeRig(resolved, skill)
+    mass, inertia = rig.contact.moving_mass, rig.contact.turning_inertia
+    assert rig.guard.stopping == StoppingModel.of(resolved, mass=mass, inertia=inertia)
 
 
 def test_an_unresolved_scenario_is_an_error(quick_scenario, skill):

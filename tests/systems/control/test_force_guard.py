@@ -66,11 +66,21 @@ def test_in_free_air_commands_pass():
 @pytest.mark.parametrize("load", [0.0, 5.0])
 def test_feed_and_turns_are_no_faster_than_a_contact_may_stop_them_at_the_limit(load):
     """A turn of 0.1 rad/s and a feed of 30 mm/s may have to stop with 20 N + 30 N, more than F_limit - F."""
-    dut, context = guard(wrench=push(load), yaw_rate=[-0.1], feed_speed=[-0.03])
+    dut, context = guard(wrench=push(load), pitch_rate=[0.08], yaw_rate=[-0.06], feed_speed=[-0.03])
     settled(dut, context)
     share = (P.force_limit - load) / 50.0
-    assert rates(dut, context) == pytest.approx([0.0, -0.1 * share])
+    assert rates(dut, context) == pytest.approx([0.08 * share, -0.06 * share])
     assert outputs(dut, context)[2] == pytest.approx(-0.03 * share)
+
+
+def test_the_impact_load_adds_to_the_load_ahead():
+    """By hand, after one sample: slope F/(tau + T), ahead F + slope t, and 50 N of impact."""
+    load = 3.0
+    dut, context = guard(wrench=push(load), yaw_rate=[-0.1], feed_speed=[-0.03])
+    update(dut, context, period=STOPPING.period)
+    ahead = load + load / (SLOPE_TIME + STOPPING.period) * STOPPING.delay
+    assert ahead < P.soft_force
+    assert outputs(dut, context)[2] == pytest.approx(-0.03 * (P.force_limit - ahead) / 50.0)
 
 
 def test_a_turn_that_lowers_the_load_ends_at_an_opposite_wall_within_the_limit():
@@ -262,7 +272,7 @@ def test_the_largest_measured_load_is_kept():
 
 @dataclass(frozen=True)
 class Brute(ControlLaw):
-    """Pushes with 20 mm/s and turns with 11 degrees/s, another way every 0.3 s, whatever it feels."""
+    """Pushes with 20 mm/s and turns at the largest rate, another way every 0.3 s, whatever it feels."""
 
     phases = tuple(f"turn {k}" for k in range(60))
 
