@@ -49,7 +49,7 @@ class Motion:
         colours: colours of the phases, hexadecimal.
         colouring: meaning of the colours, "contact state" or "contact force".
         guard: (n,), whether the controller was backing the peg off; None for a demonstration.
-        force_limit: load that the force guard keeps, N; None for a demonstration.
+        force_limit: load that the force guard is to keep, N; None for a demonstration.
         steps: (n, 2), microsteps taken so far by the motors for pitch and yaw; None for a demonstration.
         geometry: sizes of peg and hole.
         contact_points: (n, 3, 3), points of the contacts in W, m, in the order of `ContactPlace`; None if unknown.
