@@ -146,7 +146,7 @@ def _kind_summary(name: str, rows: list[Row]) -> dict[str, Any]:
     return {
         "kind": name,
         "n": len(rows),
-        "found_as": dict(Counter(row.fault or row.reason for row in rows).most_common()),
+        "found_as": dict(Counter(row.fault or row.reason.split(":")[0] for row in rows).most_common()),
         "named": sum(row.named for row in rows),
         "safe": sum(row.safe for row in rows),
         "notice_s": float(np.median(notices)) if notices else None,
