@@ -223,9 +223,10 @@ WHOLE_TRIALS = [
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WHOLE_TRIALS)
 def test_a_fault_of_each_kind_is_named_and_ends_a_trial_at_a_small_load(scenario, skill, name):
+    """Each begins before the peg is in the hole: a feed that runs away in there cannot be caught (docs/rig.md)."""
     scenario.start.height, scenario.trial.time_limit = 0.003, 4.0
     kind = KINDS[name]
-    with injected(kind, onset=0.0 if kind.built_in else 0.3, seed=0):
+    with injected(kind, onset=0.0 if kind.built_in else 0.1, seed=0):
         result, run = run_trial(scenario, skill, seed=7)
     assert result.fault in kind.named
     # A dead drive lets the weight press the peg on, as the policy wants; only the first retraction shows it.
