@@ -42,11 +42,11 @@ class StoppingModel:
     def of(cls, scenario: Scenario, *, mass: float, inertia: float) -> Self:
         """Returns the model of a resolved scenario.
 
-        A constant force with the impulse p and the duration h raises the reading of the sensor, a low-pass with the
-        time constant tau, by p/h (1 - e^{-h/tau}) <= p/T with T = max(h, tau). No contact of the simulation is shorter
-        than its step, which is used for h. With the mass m of the feed and its rotor, the inertia J, the stepper's
-        damping d and stiffness K, the delay t and the peg radius r, the loads of a contact that stops the feed at the
-        speed v and the hole at the turn rate w are
+        A constant force with the impulse p and the duration h, a whole number of samples, raises the reading of the
+        sensor, a low-pass with the time constant tau, by p/h (1 - e^{-h/tau}) <= p/T with T = max(h, tau). No contact
+        of the simulation is shorter than its step, which is used for h: another step changes the guard too. With the
+        mass m of the feed and its rotor, the inertia J, the stepper's damping d and stiffness K, the delay t and the
+        peg radius r, the loads of a contact that stops the feed at the speed v and the hole at the turn rate w are
 
             F_v = m |v| / T,     F_w = (J/T + d + K t) |w| / r.
 

@@ -20,7 +20,7 @@ def test_the_summary_counts_the_trials_in_which_the_fault_began():
         row(STUCK, 0, **found, notice_s=0.02, true_load_n=30.0),
         row(STUCK, 1, **found, notice_s=0.04),
         row(STUCK, 2, **found, notice_s=0.09, measured_load_n=25.0),
-        row(BLOCKED, 0),
+        row(BLOCKED, 0, reason="jammed: 5 attempts in a row ended in 'free', none deeper than 1.0 mm"),
         row(BLOCKED, 1, began=False, true_load_n=500.0),
     ]
     result = summary(rows)

@@ -1,5 +1,5 @@
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from tests.stepping import fixed_context, update
 P = ForceGuardParameters()
 RADIUS, TURN_RATE, MAX_TURN, RETRACT = 0.01, 0.2, 0.14, 0.015
 STOPPING = StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1000.0, turn_impact=200.0)
+SLOW = replace(STOPPING, turn_impact=800.0)
 REST = {"pitch_rate": [0.0], "yaw_rate": [0.0], "feed_speed": [0.0], "unwinding": [0.0], "blind": [0.0]}
 MIDDLE = 0.5 * (P.soft_force + P.hold_force)
 
@@ -85,8 +86,7 @@ def test_the_impact_load_adds_to_the_load_ahead():
 
 def test_a_turn_that_lowers_the_load_ends_at_an_opposite_wall_within_the_limit():
     """By hand: F_limit / turn_impact = 40 N / 800 N s/rad = 0.05 rad/s, however large the command is."""
-    slow = StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1000.0, turn_impact=800.0)
-    dut, context = guard(stopping=slow, wrench=moment(MIDDLE), pitch_rate=[-1.0])
+    dut, context = guard(stopping=SLOW, wrench=moment(MIDDLE), pitch_rate=[-1.0])
     settled(dut, context)
     assert rates(dut, context) == pytest.approx([-P.force_limit / 800.0, 0.0])
 
@@ -168,6 +168,12 @@ def test_above_the_hold_force_the_hole_turns_with_the_moment():
     dut, context = guard(wrench=moment(middle))
     settled(dut, context)
     assert rates(dut, context) == pytest.approx([-0.5 * TURN_RATE, 0.0])
+
+
+def test_impact_loads_do_not_limit_the_yield():
+    dut, context = guard(stopping=SLOW, wrench=moment(P.force_limit), pitch_rate=[0.2])
+    settled(dut, context)
+    assert rates(dut, context) == pytest.approx([-TURN_RATE, 0.0])
 
 
 def test_above_the_hold_force_the_peg_moves_with_the_axial_force():
