@@ -120,8 +120,7 @@ class PolicyControllerParameters:
     """Gain and limits of the policy controller."""
 
     period: float = 0.02  # in units of s
-    # A regression on late and inexact human corrections averages them, so it predicts smaller turns.
-    gain: float = 1.25  # factor on the turns of the policy
+    gain: float = 1.0  # factor on the turns of the policy
     max_turn_rate: float = math.radians(12.0)  # in units of rad/s; impact loads limit it further (`ForceGuard`)
     max_turn: float = math.radians(8.0)  # in units of rad, on each axis, to either side of the start
     max_feed_speed: float = 0.030  # in units of m/s

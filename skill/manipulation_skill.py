@@ -18,7 +18,7 @@ from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import ACTIONS, Demonstration
 from skill.data.geometry import PegHoleGeometry, common_geometry
 from skill.data.outcome import Outcome
-from skill.data.refinement import refine_demonstration
+from skill.data.refinement import INTENDED, intended_actions, refine_demonstration
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFeatures
 from skill.regression.bandwidth_selection import select_feature_scale
@@ -39,9 +39,6 @@ FOLDS = 5
 STATE_FLOOR = 0.05
 """Added to the covariances of the states, in units of the variance of each state feature. Contacts at different places
 differ by more than its square root, 0.2 standard deviations. Without it, each long rest in one pose becomes a state."""
-
-SKILL_ACTIONS = ("rx", "ry", "uz")
-"""The action columns that a skill learns: turn about x and y of P (rad), and feed along z (m)."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +76,8 @@ class ManipulationSkill:
             them are good; otherwise features are standardised. A `StateRegressor` is given the contact states.
         still: delta_s, m; see `refine_demonstration`.
         rough: delta_d, m; see `refine_demonstration`.
+        correction_time: tau_c, s, and
+        feed_time: tau_f, s; see `intended_actions`. The skill learns what the good demonstrations intend.
         force_noise: standard deviation of the forces of the sensor on the rig, N. The virtual environment measures the
             wrench exactly, so this noise is added to the demonstrations. Without it the free state, whose simulated
             forces are exactly zero, is never recognised on the rig.
@@ -88,7 +87,7 @@ class ManipulationSkill:
 
     Attributes:
         features_, state_features_, states_, regressor_: the fitted parts. The outputs of the regressor are (turn_x,
-            turn_y, feed) over one sample period, in the frame of the features.
+            turn_y, feed) over one sample period that the good demonstrations intend, in the frame of the features.
         graph_: `StateGraph` of the demonstrations.
         period_: sample period, s.
         sources_: (n, 2), demonstration number and time (s) of each sample of the regressor.
@@ -111,6 +110,8 @@ class ManipulationSkill:
         regressor: Regressor | None = None,
         still: float = 2e-5,
         rough: float = 4e-4,
+        correction_time: float = 0.4,
+        feed_time: float = 0.1,
         force_noise: float = 0.06,
         moment_noise: float = 5e-3,
         random_state: int = 0,
@@ -121,6 +122,8 @@ class ManipulationSkill:
         self.regressor = regressor
         self.still = still
         self.rough = rough
+        self.correction_time = correction_time
+        self.feed_time = feed_time
         self.force_noise = force_noise
         self.moment_noise = moment_noise
         self.random_state = random_state
@@ -184,7 +187,7 @@ class ManipulationSkill:
         samples = pd.concat([refined[n] for n in numbers], ignore_index=True)
         measured = samples[list(MEASURED)].to_numpy()
         X = self.features_.transform(measured)
-        Y = self.features_.actions_to_frame(measured, samples[list(SKILL_ACTIONS)].to_numpy())
+        Y = self.features_.actions_to_frame(measured, samples[list(INTENDED)].to_numpy())
         P = self.state_probabilities(measured)
         self.sources_ = np.column_stack([groups, samples["time"].to_numpy()])
         self.regressor_ = self._tuned(X, Y, groups, P) if self.regressor is None else clone(self.regressor)
@@ -205,10 +208,14 @@ class ManipulationSkill:
         return regressor
 
     def _refined(self, demonstration: Demonstration) -> pd.DataFrame:
-        """Refined samples of a demonstration; each row holds a measurement and the action that follows it."""
+        """Refined samples of a demonstration; each row holds a measurement, the action that follows it, and the
+        intended one.
+        """
         samples = demonstration.samples.copy()
         # A recorded row holds the motion since the previous sample.
         samples[list(ACTIONS)] = samples[list(ACTIONS)].shift(-1, fill_value=0.0)
+        times = {"correction_time": self.correction_time, "feed_time": self.feed_time}
+        samples[list(INTENDED)] = intended_actions(samples, **times)
         refined, _ = refine_demonstration(samples, still=self.still, rough=self.rough)
         return refined
 

@@ -37,12 +37,18 @@ def _at_least_zero(value: Any) -> bool:
     return is_number(value) and 0.0 <= value <= MAX_MAGNITUDE
 
 
+def _positive(value: Any) -> bool:
+    return is_number(value) and MIN_POSITIVE <= value <= MAX_MAGNITUDE
+
+
 PARAMETERS: dict[str, tuple[Check, str]] = {
     "still": (_at_least_zero, "a length in m of at least 0"),
     "rough": (
         lambda value: is_number(value) and (0.0 < value <= MAX_MAGNITUDE or value == math.inf),
         "a positive length in m",
     ),
+    "correction_time": (_positive, "a positive time in s"),
+    "feed_time": (_positive, "a positive time in s"),
     "force_noise": (_at_least_zero, "a force in N of at least 0"),
     "moment_noise": (_at_least_zero, "a moment in N m of at least 0"),
     "random_state": (

@@ -1,4 +1,4 @@
-"""Refinement of a demonstration: removes idle samples and smooths rough actions.
+"""Refinement of a demonstration: removes idle samples, smooths rough actions, and finds what the actions intend.
 
 The paper refines the action vectors u in two steps:
 
@@ -12,6 +12,10 @@ actions, which preserves the total motion. With ``average="later"`` it replaces 
 Both variants terminate. "both": with d = u_{t+1} - u_t, each averaging lowers the sum of ||u||^2 by ||d||^2 / 2 >
 delta_d^2 / 2, and the sum cannot be negative. "later": the first action never changes, and once the actions before t
 are constant, each averaging halves the distance of action t from its predecessor.
+
+A person acts late and in strokes, so that one action says little about the moment in which it happens.
+`intended_actions` therefore looks ahead: a good demonstration ends aligned, and the rotation that remains until then is
+what the person has to do, whenever the strokes come.
 """
 
 from __future__ import annotations
@@ -25,6 +29,9 @@ from scipy.spatial.transform import Rotation
 
 from skill.arrays import Array
 from skill.data.demonstration import ACTIONS
+
+INTENDED = ("intended_x", "intended_y", "intended_feed")
+"""The columns of `intended_actions`: turn about x and y of P (rad) and feed along z (m), over one sample period."""
 
 ROUNDING = 1e-12
 """Relative rounding error of the averages; smaller differences of actions count as zero."""
@@ -110,6 +117,42 @@ def refine_demonstration(
         motion_change=smoothed.sum(axis=0) - actions.sum(axis=0),
     )
     return refined, report
+
+
+def intended_actions(samples: pd.DataFrame, *, correction_time: float, feed_time: float) -> pd.DataFrame:
+    """Returns the actions that a successful demonstration intends at each sample.
+
+    Let R_t be the orientation of the peg at sample t, R_end that at the end, T the sample period, and tau_c and tau_f
+    the two times. The intended turn removes the remaining rotation with the time constant tau_c, and the intended feed
+    is the mean over the time tau_f that follows:
+
+        T / max(tau_c, T) log(R_t' R_end),        T / tau_f (sum of the feeds from t to t + tau_f).
+
+    Args:
+        samples: one row a sample, with ``time`` (s), the orientation (``ax ay az``, ``angle``) and ``uz``, the feed
+            that follows each sample (m).
+        correction_time: tau_c, s, positive.
+        feed_time: tau_f, s, positive; at least one sample is used, and none after the end.
+
+    Returns:
+        DataFrame (n, 3) with the columns ``INTENDED``.
+
+    Raises:
+        ValueError: if a time is not positive or there are fewer than two samples.
+    """
+    for name, value in (("correction_time", correction_time), ("feed_time", feed_time)):
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} = {value}; expected a positive time in s")
+    if len(samples) < 2:
+        raise ValueError(f"{len(samples)} samples; expected at least 2 to find what the actions intend")
+    period = float(np.median(np.diff(samples["time"])))
+    R = Rotation.from_rotvec(samples[["ax", "ay", "az"]].to_numpy(dtype=float) * samples[["angle"]].to_numpy())
+    turns = (R.inv() * R[-1]).as_rotvec() * min(1.0, period / correction_time)
+    first = np.arange(len(samples))
+    last = np.minimum(first + max(1, round(feed_time / period)), len(samples))
+    motion = np.concatenate([[0.0], np.cumsum(samples["uz"].to_numpy(dtype=float))])
+    feeds = (motion[last] - motion[first]) / (last - first)
+    return pd.DataFrame(np.column_stack([turns[:, :2], feeds]), columns=list(INTENDED), index=samples.index)
 
 
 def smooth_actions(actions: Array, rough: float, average: str = "both") -> tuple[Array, int]:

@@ -98,13 +98,15 @@ class ForceGuard(LeafSystem):
 
     with the delay t, the feed speed v and the deceleration a of `StoppingModel`.
 
-    * What can raise the load is multiplied by min(1, max(0, (F_hold - F') / (F_hold - F_soft))): a feed into the hole,
-      and a turn of the hole, except for its part with the contact moment about the pivot, which lowers the load. The
-      pivot is taken to be at the mouth. A retraction that pulls a peg out of a grip is multiplied by
-      (F_limit - F') / (F_limit - F_hold) likewise.
-    * A contact may stop feed and hole at any moment. The factor is therefore at most (F_limit - F') / (F_v + F_w), with
-      the impact loads of `StoppingModel.of` at the commanded speeds; F_v is 0 for a retraction. No commanded turn is
-      faster than F_w = F_limit allows; this alone limits the part of a turn with the contact moment.
+    * What can raise the load is reduced, the feed before the turns: a correction under load then goes on while the peg
+      waits, and the two cannot hold each other at F_hold. With F_mid = (F_soft + F_hold)/2, a feed into the hole is
+      multiplied by min(1, max(0, (F_mid - F') / (F_mid - F_soft))), and a turn of the hole by
+      min(1, max(0, (F_hold - F') / (F_hold - F_mid))), except for its part with the contact moment about the pivot,
+      which lowers the load. The pivot is taken to be at the mouth. A retraction that pulls a peg out of a grip is
+      multiplied by (F_limit - F') / (F_limit - F_hold) likewise.
+    * A contact may stop feed and hole at any moment. Both factors are therefore at most (F_limit - F') / (F_v + F_w),
+      with the impact loads of `StoppingModel.of` at the commanded speeds; F_v is 0 for a retraction. No commanded turn
+      is faster than F_w = F_limit allows; this alone limits the part of a turn with the contact moment.
     * Above F_hold the guard yields: the hole turns with the contact moment, and the peg moves with the axial force,
       each in proportion to its share of the load. The speeds grow linearly, to ``max_turn_rate`` and ``retract_speed``
       at F_limit. Impact loads do not limit this motion.
@@ -176,7 +178,9 @@ class ForceGuard(LeafSystem):
         load = load_of_components(wrench, self._radius)
         slope += T / (SLOPE_TIME + T) * ((load - old_load) / T - slope)
         ahead = load + max(slope, 0.0) * (stopping.delay + abs(old_speed) / stopping.deceleration)
-        share = _share(ahead, p.soft_force, p.hold_force)
+        middle = 0.5 * (p.soft_force + p.hold_force)
+        feed_share = _share(ahead, p.soft_force, middle)
+        turn_share = _share(ahead, middle, p.hold_force)
         give = 1.0 - _share(ahead, p.hold_force, p.force_limit)
         if load <= p.soft_force:
             light_pitch, light_yaw = pitch, yaw
@@ -187,20 +191,21 @@ class ForceGuard(LeafSystem):
         pitch_rate, yaw_rate = _limited(pitch_rate, yaw_rate, self._largest_rate)
         impact = stopping.turn_impact * math.hypot(pitch_rate, yaw_rate) + stopping.feed_impact * max(-speed, 0.0)
         if impact > 0.0:
-            share = min(share, max(0.0, p.force_limit - ahead) / impact)
+            stoppable = max(0.0, p.force_limit - ahead) / impact
+            feed_share, turn_share = min(feed_share, stoppable), min(turn_share, stoppable)
         # The moment of the peg on the hole about the centre of the mouth, where the pivot is but for its tolerance.
         moment_x, moment_y = -(mx + depth * fy), -(my - depth * fx)
         moment = math.hypot(moment_x, moment_y)
         relief = 0.0
         if moment > 0.0:
             moment_x, moment_y = moment_x / moment, moment_y / moment
-            relief = (1.0 - share) * max(pitch_rate * moment_x + yaw_rate * moment_y, 0.0)
+            relief = (1.0 - turn_share) * max(pitch_rate * moment_x + yaw_rate * moment_y, 0.0)
             relief += give * self._max_turn_rate * min(1.0, moment / self._radius / load)
         pitch_rate, yaw_rate = _limited(
-            share * pitch_rate + relief * moment_x, share * yaw_rate + relief * moment_y, self._max_turn_rate
+            turn_share * pitch_rate + relief * moment_x, turn_share * yaw_rate + relief * moment_y, self._max_turn_rate
         )
         if speed < 0.0:
-            speed *= share
+            speed *= feed_share
         elif fz < 0.0:
             speed *= 1.0 - give
         if load > 0.0:

@@ -8,7 +8,7 @@ from sklearn.linear_model import LinearRegression
 
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import ACTIONS, read_demonstrations, write_demonstration
-from skill.data.refinement import refine_demonstration
+from skill.data.refinement import INTENDED, intended_actions, refine_demonstration
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, RawFeatures
 from skill.manipulation_skill import ManipulationSkill
@@ -292,16 +292,20 @@ def test_the_states_are_fitted_to_all_samples_with_their_demonstration_and_phase
     np.testing.assert_allclose(phase, [k / len(r) for r in refined for k in range(len(r))], rtol=1e-12)
 
 
-def test_a_measurement_is_paired_with_the_action_of_the_next_row():
-    """A row of a demonstration holds the motion since the previous row."""
+def test_a_measurement_is_paired_with_the_intended_action_that_follows_it():
+    """A row of a demonstration holds the motion since the previous row. The tilt of the peg decreases about one axis,
+    so that the turn that remains is the tilt minus that at the end."""
     demonstration = made_up_demonstrations(1)[0]
     skill = ManipulationSkill(**single_state(), still=0.0, rough=math.inf, force_noise=0.0, moment_noise=0.0)
+    skill.correction_time, skill.feed_time = 0.25, 0.02
     skill.fit([demonstration])
     samples = demonstration.samples
-    actions = samples[["rx", "ry", "uz"]].to_numpy()[1:]
+    axis, angle = samples[["ax", "ay"]].to_numpy(), samples["angle"].to_numpy()
+    turns = (angle[-1] - angle)[:, None] * axis * 0.02 / 0.25
+    actions = np.column_stack([turns[:-1], samples["uz"].to_numpy()[1:]])
     moving = np.abs(samples[list(ACTIONS)].to_numpy()[1:]).max(axis=1) > 0.0  # rows without motion are removed
     assert moving.sum() > 50
-    np.testing.assert_array_equal(skill.regressor_.y_, actions[moving])
+    np.testing.assert_allclose(skill.regressor_.y_, actions[moving], rtol=1e-9, atol=1e-15)
     np.testing.assert_array_equal(skill.sources_[:, 1], samples["time"].to_numpy()[:-1][moving])
     np.testing.assert_array_equal(skill.regressor_.X_, RawFeatures().transform(samples)[:-1][moving])
 
@@ -312,10 +316,11 @@ def test_demonstrations_are_refined():
     skill = ManipulationSkill(**single_state(), still=1.4e-4, rough=3e-4, **noise).fit([demonstration])
     samples = demonstration.samples.copy()
     samples[list(ACTIONS)] = samples[list(ACTIONS)].shift(-1, fill_value=0.0)
+    samples[list(INTENDED)] = intended_actions(samples, correction_time=0.4, feed_time=0.1)
     refined, report = refine_demonstration(samples, still=1.4e-4, rough=3e-4)
     assert report.samples_after < report.samples_before - 5
     assert report.averagings > 0
-    np.testing.assert_array_equal(skill.regressor_.y_, refined[["rx", "ry", "uz"]])
+    np.testing.assert_array_equal(skill.regressor_.y_, refined[list(INTENDED)])
     np.testing.assert_array_equal(skill.regressor_.X_, RawFeatures().transform(refined))
     span = refined["time"].iloc[-1] - refined["time"].iloc[0]  # the time of removed samples counts
     assert skill.graph_.dwell_mean_s_[0] == pytest.approx(span, abs=0.05)
@@ -334,6 +339,7 @@ def test_the_noise_of_the_sensor_is_added_to_the_demonstrations():
     np.testing.assert_array_equal(change[:, 6], 0.0)
     defaults = ManipulationSkill()
     assert (defaults.force_noise, defaults.moment_noise, defaults.still, defaults.rough) == (0.06, 0.005, 2e-5, 4e-4)
+    assert (defaults.correction_time, defaults.feed_time) == (0.4, 0.1)
 
 
 def test_the_covariance_of_a_state_has_a_floor_of_five_percent_of_the_variance(made_up_skill):

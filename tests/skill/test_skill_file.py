@@ -175,7 +175,8 @@ def test_the_names_in_the_file_do_not_change(made_up_skill, tmp_path):
         *("period", "metadata", "names", "least_log_support"),
     ]
     assert header["parameters"] == {
-        **{"still": 1e-5, "rough": 4e-4, "force_noise": 0.06, "moment_noise": 5e-3},
+        **{"still": 1e-5, "rough": 4e-4, "correction_time": 0.4, "feed_time": 0.1},
+        **{"force_noise": 0.06, "moment_noise": 5e-3},
         "random_state": 3,
     }
     assert header["features"][0] == "CanonicalFeatures"

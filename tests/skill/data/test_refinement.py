@@ -7,7 +7,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from scipy.spatial.transform import Rotation
 
 from skill.data.demonstration import ACTIONS
-from skill.data.refinement import refine_demonstration, smooth_actions
+from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, smooth_actions
 
 step = st.floats(-1.0, 1.0).map(lambda v: round(v, 3))
 action_arrays = arrays(float, array_shapes(min_dims=2, max_dims=2, min_side=2, max_side=25), elements=step)
@@ -195,3 +195,65 @@ def test_a_difference_of_the_size_of_rounding_errors_is_not_averaged(size):
         actions = size * np.array([[1.0], [1.0 + difference]])
         assert smooth_actions(actions, 1e-300)[1] == count
     assert smooth_actions(np.zeros((0, 6)), 1.0)[1] == 0
+
+
+def turning(angles, *, feed=-1e-3, period=0.02):
+    """Samples of a peg that turns about x and feeds by ``feed`` m after each sample but the last."""
+    n = len(angles)
+    samples = pd.DataFrame({"time": period * np.arange(n), "ax": 1.0, "ay": 0.0, "az": 0.0, "angle": angles})
+    samples["uz"] = [feed] * (n - 1) + [0.0]
+    return samples
+
+
+def test_the_intended_turn_removes_the_remaining_rotation_with_the_time_constant():
+    found = intended_actions(turning([0.06, 0.06, 0.03, 0.01]), correction_time=0.5, feed_time=0.02)
+    assert list(found.columns) == list(INTENDED)
+    np.testing.assert_allclose(found["intended_x"], 0.02 / 0.5 * np.array([-0.05, -0.05, -0.02, 0.0]), atol=1e-15)
+    np.testing.assert_allclose(found["intended_y"], 0.0, atol=1e-15)
+
+
+def test_no_intended_turn_exceeds_the_remaining_rotation():
+    found = intended_actions(turning([0.06, 0.01]), correction_time=1e-6, feed_time=0.02)
+    assert found["intended_x"][0] == pytest.approx(-0.05)
+
+
+def test_the_intended_turn_is_expressed_in_the_peg_frame():
+    """From a quarter turn about z, a further turn by 0.1 about y of H is one about x of P."""
+    samples = turning([np.pi / 2] * 2).assign(ax=0.0, az=1.0)
+    end = Rotation.from_rotvec([0.0, 0.1, 0.0]) * Rotation.from_rotvec([0.0, 0.0, np.pi / 2])
+    vector = end.as_rotvec()
+    samples.loc[1, ["ax", "ay", "az"]], samples.loc[1, "angle"] = vector / np.linalg.norm(vector), end.magnitude()
+    found = intended_actions(samples, correction_time=0.02, feed_time=0.02)
+    np.testing.assert_allclose(found.iloc[0, :2].to_numpy(dtype=float), [0.1, 0.0], atol=1e-12)
+
+
+def test_the_intended_feed_is_the_mean_of_the_feeds_that_follow():
+    samples = turning([0.0] * 5).assign(uz=[-3e-4, -1e-4, 0.0, -2e-4, 0.0])
+    found = intended_actions(samples, correction_time=1.0, feed_time=0.04)
+    np.testing.assert_allclose(found["intended_feed"], [-2e-4, -5e-5, -1e-4, -1e-4, 0.0], atol=1e-15)
+    one = intended_actions(samples, correction_time=1.0, feed_time=1e-9)
+    np.testing.assert_allclose(one["intended_feed"], samples["uz"], atol=1e-15)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 2.0))
+def test_following_the_intended_turns_ends_in_the_final_orientation(seed, correction_time):
+    """Each step leaves the share 1 - T / tau of the rotation, whatever way the person took."""
+    rng = np.random.default_rng(seed)
+    samples = turning(rng.normal(0.0, 0.05, 30))
+    found = intended_actions(samples, correction_time=correction_time, feed_time=0.1)
+    left = samples["angle"] + found["intended_x"] - samples["angle"].iloc[-1]
+    expected = (1.0 - min(1.0, 0.02 / correction_time)) * (samples["angle"] - samples["angle"].iloc[-1])
+    np.testing.assert_allclose(left, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("times", [{"correction_time": 0.0}, {"feed_time": -1.0}, {"correction_time": np.nan}])
+def test_the_times_of_intended_actions_must_be_positive(times):
+    name = next(iter(times))
+    with pytest.raises(ValueError, match=f"{name} = .*expected a positive time in s"):
+        intended_actions(turning([0.1, 0.0]), **{"correction_time": 0.4, "feed_time": 0.1, **times})
+
+
+def test_intended_actions_need_two_samples():
+    with pytest.raises(ValueError, match="1 samples; expected at least 2"):
+        intended_actions(turning([0.1]), correction_time=0.4, feed_time=0.1)

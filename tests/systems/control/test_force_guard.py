@@ -19,6 +19,8 @@ STOPPING = StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=
 SLOW = replace(STOPPING, turn_impact=800.0)
 REST = {"pitch_rate": [0.0], "yaw_rate": [0.0], "feed_speed": [0.0], "unwinding": [0.0], "blind": [0.0]}
 MIDDLE = 0.5 * (P.soft_force + P.hold_force)
+HALF_FEED = 0.5 * (P.soft_force + MIDDLE)  # the load at which half of a feed is left
+HALF_TURN = 0.5 * (MIDDLE + P.hold_force)
 
 
 def guard(*, stopping=STOPPING, **inputs):
@@ -114,8 +116,8 @@ def test_the_stopping_model_by_hand(bandwidth, shortest):
     assert found.turn_impact == pytest.approx(torque / 0.010, rel=1e-4)
 
 
-@pytest.mark.parametrize(("load", "share"), [(P.soft_force, 1.0), (MIDDLE, 0.5), (P.hold_force, 0.0)])
-def test_the_feed_into_the_hole_falls_to_zero_between_soft_force_and_hold_force(load, share):
+@pytest.mark.parametrize(("load", "share"), [(P.soft_force, 1.0), (HALF_FEED, 0.5), (MIDDLE, 0.0)])
+def test_the_feed_into_the_hole_falls_to_zero_before_the_turns_are_reduced(load, share):
     dut, context = guard(wrench=push(load), feed_speed=[-0.02])
     settled(dut, context)
     assert outputs(dut, context)[2] == pytest.approx(-0.02 * share, abs=1e-9)
@@ -123,30 +125,30 @@ def test_the_feed_into_the_hole_falls_to_zero_between_soft_force_and_hold_force(
 
 def test_a_rising_load_slows_the_feed_before_it_is_high():
     """By hand: after one sample the slope is T/(tau + T) F/T, and the load ahead F + slope (t + |v|/a)."""
-    load = 6.0
+    load = 4.5
     dut, context = guard(wrench=push(load), feed_speed=[-0.02])
     update(dut, context, period=STOPPING.period)
     slope = load / (SLOPE_TIME + STOPPING.period)
     ahead = load + slope * STOPPING.delay
-    share = (P.hold_force - ahead) / (P.hold_force - P.soft_force)
+    share = (MIDDLE - ahead) / (MIDDLE - P.soft_force)
     assert 0.0 < share < 1.0
     assert outputs(dut, context)[2] == pytest.approx(-0.02 * share)
     update(dut, context, period=STOPPING.period)  # now the feed moves: its stopping time counts too
     slope += 0.25 * (0.0 - slope)
     ahead = load + slope * (STOPPING.delay + 0.02 * share / STOPPING.deceleration)
-    share = (P.hold_force - ahead) / (P.hold_force - P.soft_force)
+    share = (MIDDLE - ahead) / (MIDDLE - P.soft_force)
     assert outputs(dut, context)[2] == pytest.approx(-0.02 * share)
 
 
 def test_a_falling_load_does_not_count_as_less():
     dut, context = guard(wrench=push(P.hold_force), feed_speed=[-0.02])
     settled(dut, context)
-    dut.GetInputPort("wrench").FixValue(context, push(MIDDLE))
+    dut.GetInputPort("wrench").FixValue(context, push(HALF_FEED))
     update(dut, context, period=STOPPING.period)
     assert outputs(dut, context)[2] == pytest.approx(-0.01)
 
 
-@pytest.mark.parametrize(("load", "share"), [(P.soft_force, 1.0), (MIDDLE, 0.5), (P.hold_force, 0.0)])
+@pytest.mark.parametrize(("load", "share"), [(MIDDLE, 1.0), (HALF_TURN, 0.5), (P.hold_force, 0.0)])
 def test_all_of_a_turn_but_its_part_that_lowers_the_load_is_reduced(load, share):
     dut, context = guard(wrench=moment(load), pitch_rate=[0.05], yaw_rate=[0.03])
     settled(dut, context)
@@ -157,8 +159,7 @@ def test_all_of_a_turn_but_its_part_that_lowers_the_load_is_reduced(load, share)
 
 def test_a_force_across_the_tip_counts_with_its_lever_about_the_mouth():
     """At a depth of 10 mm, 1 N across the tip along y turns the hole about x by -10 mN m."""
-    force = MIDDLE / math.hypot(1.0, 0.0)
-    dut, context = guard(wrench=np.array([0.0, force, 0.0, 0.0, 0.0, 0.0]), pitch_rate=[0.05], yaw_rate=[0.03])
+    dut, context = guard(wrench=np.array([0.0, HALF_TURN, 0.0, 0.0, 0.0, 0.0]), pitch_rate=[0.05], yaw_rate=[0.03])
     settled(dut, context)
     assert rates(dut, context) == pytest.approx([0.025, 0.015], abs=1e-9)
 
@@ -220,13 +221,13 @@ def test_unwinding_does_not_go_round_the_cap():
 
 def test_unwinding_from_far_is_reduced_like_a_turn_at_the_largest_rate():
     """At half the share, half of the largest rate is left, however far the angles of the light load are."""
-    dut, context = guard(pitch_rate=[0.2], wrench=moment(MIDDLE))
+    dut, context = guard(pitch_rate=[0.2], wrench=moment(HALF_TURN))
     light = outputs(dut, context)[0]
     settled(dut, context)
     update(dut, context, period=STOPPING.period, times=200)
     far = outputs(dut, context)[0]
     assert far > light + 0.01
-    dut.GetInputPort("wrench").FixValue(context, moment(-MIDDLE))
+    dut.GetInputPort("wrench").FixValue(context, moment(-HALF_TURN))
     dut.GetInputPort("unwinding").FixValue(context, [1.0])
     settled(dut, context)
     assert rates(dut, context) == pytest.approx([-0.5 * TURN_RATE, 0.0], abs=1e-9)
