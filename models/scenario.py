@@ -70,11 +70,17 @@ class StartParameters:
     """Initial pose of the peg; tilt and offset are drawn from their ranges if they are None."""
 
     height: float = 0.003  # in units of m, of the tip above the mouth
+    depth: float = 0.0  # in units of m, of the tip below the mouth; if positive, a demonstration begins inside the hole
     tilt_range: float = math.radians(3.4)  # in units of rad, uniform on each axis
     demonstrated_tilt_range: float = math.radians(4.0)  # in units of rad; wider than in a rig trial
     offset_range: float = 0.0  # in units of m, uniform on each axis; has an effect in the `free` fixture only
     tilt: list[float] | None = None  # in units of rad, about x and y of the hole
     offset: list[float] | None = None  # in units of m, along x and y of the hole
+
+    @property
+    def tip_height(self) -> float:
+        """Initial height of the tip above the mouth, in m; negative inside the hole."""
+        return -self.depth if self.depth > 0.0 else self.height
 
 
 @dataclass
@@ -267,6 +273,9 @@ def _violations(scenario: Scenario) -> Iterator[Violation]:
     yield from number_violations(scenario)
     yield from _geometry_violations(scenario.geometry)
     yield from _name_violations(scenario)
+    if not scenario.start.depth < scenario.geometry.hole_depth:
+        bound = f"below geometry.hole_depth {scenario.geometry.hole_depth} m"
+        yield Violation("start.depth", f"{scenario.start.depth} m", bound)
     g, spins = scenario.geometry, scenario.fixture == FREE_FIXTURE
     yield from facet_violations(facets=g.facets, radius=g.hole_radius, clearance=g.clearance, spins=spins)
     yield from _limit_violations(scenario)
@@ -355,6 +364,7 @@ def _timing_violations(scenario: Scenario) -> Iterator[Violation]:
 
 
 DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM, PRACTICE_STREAM, CHECK_STREAM, LIVE_STREAM = 1, 2, 3, 4, 5, 6
+RECOVERY_STREAM, QUESTION_STREAM, STRESS_STREAM = 7, 8, 9
 """Random streams; equal seeds in different streams give independent draws."""
 
 
@@ -364,7 +374,7 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int 
     Args:
         scenario: Scenario with ranges; not modified.
         seed: Non-negative integer.
-        stream: `DEMONSTRATION_STREAM`, `LIVE_STREAM`, `TRIAL_STREAM`, `PRACTICE_STREAM` or `CHECK_STREAM`.
+        stream: one of the streams but those of persons and stress; demonstrations have wider ranges than trials.
         person: Number of the person; the same number gives the same operator for every seed and stream. None draws a
             new person with ``seed``.
 
@@ -375,7 +385,7 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int 
     resolved = copy.deepcopy(scenario)
     resolved.seed = int(np.random.SeedSequence([stream, seed]).generate_state(1)[0] >> 1)
     start = resolved.start
-    demonstrated = stream in (DEMONSTRATION_STREAM, LIVE_STREAM)
+    demonstrated = stream in (DEMONSTRATION_STREAM, LIVE_STREAM, RECOVERY_STREAM)
     tilt = rng.uniform(-1.0, 1.0, 2) * (start.demonstrated_tilt_range if demonstrated else start.tilt_range)
     offset = rng.uniform(-1.0, 1.0, 2) * start.offset_range
     # A gimbal is not mounted exactly. Demonstrations vary more than the rig does, so that they cover its range.

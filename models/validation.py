@@ -20,7 +20,7 @@ MAY_BE_ZERO = {
     *("guide_stiffness", "force_scale", "torque_scale", "viscous_friction", "coulomb_friction", "speed_ki"),
     *("sight_delay", "sight_noise", "sight_bias_sigma", "dead_zone", "align_gain", "align_rate", "touch_gain"),
     *("tremor", "tremor_angle", "personal_spread", "force_noise", "torque_noise", "force_bias", "torque_bias"),
-    *("gain", "full_depth_margin", "patience", "force_drift", "torque_drift", "delay"),
+    *("depth", "gain", "full_depth_margin", "patience", "force_drift", "torque_drift", "delay"),
     *("offset_noise", "offset_bias_sigma", "offset_dead_zone", "touch_slide", "tremor_spread"),
 }
 # ... and the numbers of these fields may have either sign.

@@ -1,4 +1,4 @@
-"""Runs the whole chain: demonstrate, learn, insert; with figures and replays."""
+"""Runs the whole chain: demonstrate, learn, recover, insert; with figures and replays."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from scripts.command_line import command, make_app, run_app
 from scripts.options import Bad, Jobs, OneOrMoreGood, OutFolder, ScenarioName, Seed, Trials
-from scripts.train_skill import train
 
 if TYPE_CHECKING:
     from models.scenario import Scenario
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
 
 app = make_app()
 
+PRACTICE_TRIALS, RECOVERIES = 16, 8
 SKILL, UNFINISHED = "skill.npz", ".unfinished-demo.json"
 PICTURES = (
     *("fig3_demonstration.png", "fig5_insertion.png", "rig_trials.png"),
@@ -44,11 +44,14 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
     from systems.outputs.output_set import check_set, is_begun
     from systems.outputs.own_folder import remove_unfinished
     from systems.reports.terminal import say
+    from systems.runs.trial import Arm
     from systems.sessions.record_session import plan_recording, record
+    from systems.sessions.recovery_session import RecoveryPlan, recover
     from systems.sessions.rig_session import rig_index, run
+    from systems.sessions.train_session import train
 
     start_time = time.monotonic()
-    recorded, inserted, first = out / "demonstrations", out / "rig", seed * trials
+    recorded, recovered, inserted, first = out / "demonstrations", out / "recoveries", out / "rig", seed * trials
     plan = plan_recording(out=recorded, good=good, bad=bad, seed=seed, scenario=scenario)
     runs = rig_index(plan.scenario, trials=trials, seed=first, skill=b"")
     check_folder(out, size=len(PICTURES) * PICTURE_SIZE + (good + bad + trials) * RECORDING_SIZE)
@@ -73,7 +76,17 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
             jobs=jobs,
             overwrite=not (goes_on and is_begun(recorded, plan.index)),
         )
-        skill = train(demonstrations=recorded, out=out / SKILL, seed=seed)
+        train(demonstrations=[recorded], out=out / SKILL, seed=seed)
+        skill = recover(
+            skill=out / SKILL,
+            demonstrations=recorded,
+            recoveries=recovered,
+            out=out / SKILL,
+            plan=RecoveryPlan(rounds=1, trials=PRACTICE_TRIALS, most=RECOVERIES, seed=seed),
+            scenario=scenario,
+            jobs=jobs,
+            overwrite=not goes_on,
+        )
         runs = rig_index(plan.scenario, trials=trials, seed=first, skill=(out / SKILL).read_bytes())
         results = run(
             skill=out / SKILL,
@@ -81,6 +94,7 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
             seed=first,
             tilt_deg=None,
             friction=None,
+            arm=Arm.DEFAULT,
             scenario=scenario,
             out=inserted,
             json=None,
@@ -158,9 +172,9 @@ def main(
 ) -> None:
     """Demonstrates, learns and inserts: the whole chain, in a few minutes.
 
-    Records demonstrations in the virtual environment, discovers the contact states, learns the action in each, and
-    inserts on the rig from tilts that the skill has not seen. The rig uses seed x trials as its seed, so that another
-    seed gives other trials.
+    Records demonstrations in the virtual environment, discovers the contact states, learns the action in each, has
+    shown what the skill could not do in practice, and inserts on the rig from tilts that it has not seen. The rig uses
+    seed x trials as its seed, so that another seed gives other trials.
 
     Reads a scenario. Writes into the folder of `--out` the recordings, the skill, the runs with their report, three
     figures, and replays of one demonstration and one insertion. Replaces what an earlier demo left there, once the new

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from scripts import block_diagram, demo, practise, record_demonstrations, replay, run_rig, train_skill
+from scripts import block_diagram, demo, practise, record_demonstrations, recover, replay, run_rig, train_skill
 from scripts.command_line import make_app, run_app
 
 EXIT_CODES = (
@@ -21,6 +21,7 @@ app = make_app(no_args_is_help=True, epilog=EXIT_CODES)
 app.command("demo")(demo.main)
 app.command("record")(record_demonstrations.main)
 app.command("train")(train_skill.main)
+app.command("recover")(recover.main)
 app.command("rig")(run_rig.main)
 app.command("practise")(practise.main)
 app.command("replay")(replay.main)
@@ -57,7 +58,7 @@ def haptic_skill(
 ) -> None:
     """Learns peg-in-hole insertion from haptic demonstrations, and inserts on a simulated rig.
 
-    The usual order is record, train, rig; `haptic-skill demo` runs all three. Every option has a default, and
+    The usual order is record, train, recover, rig; `haptic-skill demo` runs them all. Every option has a default, and
     `haptic-skill COMMAND -h` explains a command with an example. In a checkout, `python -m scripts.run_rig` and the
     other modules of `scripts` are the same commands.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -27,6 +27,10 @@ def main(
         float | None,
         typer.Option(min=0.0, help="Coulomb friction coefficient of peg and hole.", show_default="from the scenario"),
     ] = None,
+    arm: Annotated[
+        Literal["default", "stress"],
+        typer.Option(help="Which trials: all that the scenario contains, or only the hard ones."),
+    ] = "default",
     scenario: ScenarioName = "nominal",
     out: OutFolder = Path("out/rig"),
     json: Annotated[
@@ -44,7 +48,8 @@ def main(
     """Inserts the peg on the simulated rig with a trained skill.
 
     The trials start from tilts that the skill has not seen, and share no random draw with the demonstrations. The
-    controller measures the wrench and the depth, and nothing else.
+    controller measures the wrench and the depth, and nothing else. The stress arm has steep tilts, a pivot well off
+    the mouth, and much friction.
 
     Reads a skill and a scenario. Writes into the folder of `--out` one run_NNNN.parquet per trial (NNNN = seed + k)
     and results.json as the trials end, then report.html, which links to a replay of the worst trial. Given again after
@@ -54,6 +59,7 @@ def main(
 
         haptic-skill rig --trials 20 --seed 100 --tilt-deg 2 --friction 0.3 --out out/mine
     """
+    from systems.runs.trial import Arm
     from systems.sessions.rig_session import run
 
     run(
@@ -62,6 +68,7 @@ def main(
         seed=seed,
         tilt_deg=tilt_deg,
         friction=friction,
+        arm=Arm(arm),
         scenario=scenario,
         out=out,
         json=json,

@@ -120,6 +120,11 @@ def WireRig(
     """Adds sensors, motors, controller and a display of the state to a plant, and builds the diagram; see `MakeRig`."""
     if scenario.start.tilt is None:
         raise ValueError("scenario.start.tilt is missing: the scenario is not resolved; use resolve_scenario first")
+    if scenario.start.depth > 0.0:
+        raise ValueError(
+            f"scenario.start.depth is {scenario.start.depth:g} m; expected 0 on the rig, which checks its sensor in"
+            " free air before the first touch"
+        )
     _check_geometry(scenario, skill)
     # Tilting the peg by theta relative to the hole is the same as turning the hole by -theta.
     pitch, yaw = -scenario.start.tilt[0], -scenario.start.tilt[1]

@@ -127,7 +127,7 @@ def start_pose(scenario: Scenario) -> RigidTransform:
     pivot = 0.0
     if scenario.fixture == RIG_FIXTURE and scenario.rig.pivot_height is not None:
         pivot = scenario.rig.pivot_height
-    distance = scenario.start.height - pivot  # from the pivot along the axis to the tip, m
+    distance = scenario.start.tip_height - pivot  # from the pivot along the axis to the tip, m
     return RigidTransform(R_HP, np.array([*offset, pivot]) + distance * R_HP.col(2))
 
 
@@ -198,7 +198,7 @@ def _make_operator(scenario: Scenario) -> SimulatedOperator:
     return SimulatedOperator(
         operator=scenario.operator,
         seed=scenario.seed,
-        start_height=start.height,
+        start_height=start.tip_height,
         tilt=start.tilt or [0.0, 0.0],
         offset=start.offset or [0.0, 0.0],
     )

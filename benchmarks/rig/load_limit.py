@@ -2,15 +2,13 @@
 
     python -m benchmarks.rig.load_limit [--skill FILE] [--trials 500] [--jobs 2] [--json FILE]
 
-Two arms perform the same number of trials each: the default scenario, and a harder one (`stress`). The trials are those
-from `FIRST_TRIAL` on, which were used for no choice. `benchmarks.faults` measures the arm with faults. Loads are the
-largest of each trial (`TrialResult.peak_measured_load`, `TrialResult.peak_load`); the guard keeps its limit if the
-measured load stays below 1.2 times the limit.
+Both arms (`Arm`) perform the same number of trials, from `FIRST_TRIAL` on, which were used for no choice.
+`benchmarks.faults` measures the arm with faults. Loads are the largest of each trial (`TrialResult.peak_measured_load`,
+`TrialResult.peak_load`); the guard keeps its limit if the measured load stays below 1.2 times the limit.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,23 +22,15 @@ import numpy as np
 from rich.table import Table
 
 from benchmarks.command_line import argument_parser, run
-from models.scenario import Scenario, load_scenario
+from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from systems.reports.terminal import console, progress, write_json
-from systems.runs.trial import run_trials
+from systems.runs.trial import Arm, run_trials
 from systems.runs.trial_result import TrialResult
 
-FIRST_TRIAL = 40000
+FIRST_TRIAL = 70000
 TOLERANCE = 1.2  # factor on the limit
 PERCENTILES = (50, 90, 99, 99.9)
-
-
-def stress(scenario: Scenario) -> Scenario:
-    """Makes a scenario harder, in place: steeper tilts, more friction, and axes further from the mouth."""
-    scenario.start.tilt_range = math.radians(4.0)
-    scenario.contact.friction, scenario.contact.friction_spread = 0.3, 0.0
-    scenario.rig.pivot_range = 0.005
-    return scenario
 
 
 def summary(arm: str, results: Sequence[TrialResult], limit: float) -> dict[str, Any]:
@@ -92,16 +82,16 @@ def main() -> None:
     if not (arguments.trials >= 1 and arguments.jobs >= 1):
         raise ValueError(f"--trials {arguments.trials} --jobs {arguments.jobs}: expected at least 1")
     policy = ManipulationSkill.load(arguments.skill)
-    arms = {"default": load_scenario(), "stress": stress(load_scenario())}
+    scenario = load_scenario()
     numbers = list(range(FIRST_TRIAL, FIRST_TRIAL + arguments.trials))
     rows = []
-    with progress("load limit", len(arms) * len(numbers)) as advance:
-        for arm, scenario in arms.items():
+    with progress("load limit", len(Arm) * len(numbers)) as advance:
+        for arm in Arm:
             results = []
-            for result, _ in run_trials(scenario, policy, numbers, jobs=arguments.jobs):
+            for result, _ in run_trials(scenario, policy, numbers, jobs=arguments.jobs, arm=arm):
                 results.append(result)
                 advance(f"{arm}: {result.reason}")
-            rows.append(summary(arm, results, scenario.controller.force_limit))
+            rows.append(summary(arm.value, results, scenario.controller.force_limit))
     show(rows)
     if arguments.json is not None:
         write_json(arguments.json, {"arms": rows})

@@ -113,7 +113,7 @@ class SimulatedOperator(LeafSystem):
     Args:
         operator: Parameters of one person, as drawn by `draw_person`.
         seed: Seed of the noise, the tremor's phases and the time of the first correction.
-        start_height: Initial height of the tip above the mouth, along the axis, m.
+        start_height: Initial height of the tip above the mouth, along the axis, m; negative inside the hole.
         tilt: Initial tilt about x and y (2,), rad.
         offset: Initial offset along x and y (2,), m.
     """

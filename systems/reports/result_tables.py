@@ -12,6 +12,7 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from skill.manipulation_skill import ManipulationSkill
+    from systems.runs.recovery import Situation
     from systems.runs.trial_result import TrialResult
 
 
@@ -50,6 +51,18 @@ def result_table(results: Sequence[TrialResult]) -> Table:
         f" overlap {1e6 * np.median([r.penetration for r in results]):.0f} um;"
         f" physics not trusted: {sum(r.trusted is False for r in results)}"
     )
+    return table
+
+
+def situation_table(situations: Sequence[Situation]) -> Table:
+    """One row per situation in which a skill was stuck."""
+    table = plain_table("the skill asks to be shown")
+    for name in ("practice\ntrial", "time\n(s)", "depth\n(mm)", "tilt\n(deg)", "load\n(N)"):
+        table.add_column(name, justify="right")
+    table.add_column("state")
+    for s in situations:
+        numbers = (f"{s.time:.2f}", f"{1e3 * s.depth:.1f}", f"{np.degrees(np.hypot(*s.tilt)):.1f}", f"{s.load:.0f}")
+        table.add_row(str(s.trial), *numbers, Text(s.state))
     return table
 
 

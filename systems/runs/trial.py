@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterator
 from dataclasses import asdict
+from enum import StrEnum
 from functools import partial
 
 import numpy as np
@@ -13,7 +15,7 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
-from models.scenario import TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
+from models.scenario import STRESS_STREAM, TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
 from skill.arrays import Array
 from skill.data.outcome import Outcome
 from skill.data.rig_run import CONTACT_COLUMNS, RigRun
@@ -112,16 +114,55 @@ class TrialMonitor:
         return EventStatus.ReachedTermination(self._rig.diagram, outcome.text(detail))
 
 
-def trial_scenario(scenario: Scenario, *, number: int) -> Scenario:
-    """Returns the resolved scenario of a trial; it shares no random draw with any demonstration."""
-    return resolve_scenario(scenario, seed=number, stream=TRIAL_STREAM)
+class Arm(StrEnum):
+    """Which trials of a scenario are performed."""
+
+    DEFAULT = "default"
+    """All that its ranges contain."""
+    STRESS = "stress"
+    """The hard ones: a tilt above `STRESS_TILT`, a pivot further than `STRESS_PIVOT` from the mouth, on either side,
+    and a friction within `STRESS_FRICTION`."""
+
+
+STRESS_TILT = math.radians(3.2)
+STRESS_PIVOT = 1.2e-3  # in units of m
+STRESS_FRICTION = (0.15, 0.3)
+
+
+def trial_scenario(scenario: Scenario, *, number: int, arm: Arm = Arm.DEFAULT) -> Scenario:
+    """Returns the resolved scenario of a trial; it shares no random draw with any demonstration.
+
+    Raises:
+        ValueError: if the ranges of the scenario contain no trial of the arm.
+    """
+    chosen = scenario if arm is Arm.DEFAULT else _stress_scenario(scenario, number)
+    return resolve_scenario(chosen, seed=number, stream=TRIAL_STREAM)
+
+
+def _stress_scenario(scenario: Scenario, number: int) -> Scenario:
+    """Returns a copy with the tilt, the pivot and the friction of a trial of the arm `Arm.STRESS`."""
+    largest, furthest = scenario.start.tilt_range, scenario.rig.pivot_range
+    if not (math.sqrt(2.0) * largest > 1.05 * STRESS_TILT and furthest > STRESS_PIVOT):
+        raise ValueError(
+            f"start.tilt_range is {math.degrees(largest):.3g} deg and rig.pivot_range {1e3 * furthest:.3g} mm; expected"
+            f" at least 2.4 deg and more than {1e3 * STRESS_PIVOT:g} mm, or no trial is one of the stress arm"
+        )
+    rng = np.random.default_rng([STRESS_STREAM, number])
+    tilt = np.zeros(2)
+    while math.hypot(*tilt) <= STRESS_TILT:
+        tilt = rng.uniform(-largest, largest, 2)
+    hard = copy.deepcopy(scenario)
+    hard.start.tilt = [float(angle) for angle in tilt]
+    hard.rig.pivot_height = float(rng.choice([-1.0, 1.0]) * rng.uniform(STRESS_PIVOT, furthest))
+    hard.contact.friction, hard.contact.friction_spread = float(rng.uniform(*STRESS_FRICTION)), 0.0
+    return hard
 
 
 def run_trials(
-    scenario: Scenario, skill: RigPolicy, numbers: list[int], *, jobs: int
+    scenario: Scenario, skill: RigPolicy, numbers: list[int], *, jobs: int, arm: Arm = Arm.DEFAULT
 ) -> Iterator[tuple[TrialResult, RigRun]]:
     """Yields the trials in the order of their numbers, as they finish, from ``jobs`` processes."""
-    tasks = (partial(run_trial, trial_scenario(scenario, number=n), skill, seed=n) for n in numbers)
+    tasks = (partial(run_trial, trial_scenario(scenario, number=n, arm=arm), skill, seed=n) for n in numbers)
     yield from run_in_processes(tasks, jobs=jobs)
 
 

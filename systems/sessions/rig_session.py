@@ -27,7 +27,7 @@ from systems.reports.replay_page import write_replay
 from systems.reports.result_tables import result_table
 from systems.reports.terminal import console, progress, say, write_json
 from systems.runs.provenance import versions
-from systems.runs.trial import run_trials
+from systems.runs.trial import Arm, run_trials, trial_scenario
 from systems.runs.trial_result import TrialResult
 
 RESULTS, REPORT = "results.json", "report.html"
@@ -40,6 +40,7 @@ def run(
     seed: int,
     tilt_deg: float | None,
     friction: float | None,
+    arm: Arm,
     scenario: str,
     out: Path,
     json: Path | None,
@@ -61,7 +62,8 @@ def run(
     learnt = ManipulationSkill.load(skill)
     chosen = changed_scenario(scenario, tilt_deg=tilt_deg, friction=friction)
     numbers = range(seed, seed + trials)
-    index = rig_index(chosen, trials=trials, seed=seed, skill=skill.read_bytes())
+    trial_scenario(chosen, number=seed, arm=arm)
+    index = rig_index(chosen, trials=trials, seed=seed, skill=skill.read_bytes(), arm=arm)
     check_folder(out, size=trials * RECORDING_SIZE + REPORT_SIZE)
     if json is not None:
         require_distinct({"--skill": skill, "--json": json})
@@ -69,7 +71,7 @@ def run(
         if json.resolve() != (out / RESULTS).resolve():
             check_file(json, ".json", option="--json")
     with open_set(out, index, overwrite=overwrite) as files:
-        results = _run_missing(files, chosen, learnt, numbers, jobs)
+        results = _run_missing(files, chosen, learnt, numbers, arm, jobs)
         files.complete()
         rows = [result.record() for result in results]
         if json is not None and json.resolve() != (out / RESULTS).resolve():
@@ -96,13 +98,15 @@ def changed_scenario(scenario: str, *, tilt_deg: float | None, friction: float |
     return chosen
 
 
-def rig_index(scenario: Scenario, *, trials: int, seed: int, skill: bytes) -> SetIndex:
+def rig_index(scenario: Scenario, *, trials: int, seed: int, skill: bytes, arm: Arm = Arm.DEFAULT) -> SetIndex:
     """Returns the index of the trials of a skill, given as the content of its file."""
     numbers = range(seed, seed + trials)
     request = {
         **{"trials": trials, "seed": seed, "scenario": dump_scenario(scenario), "versions": versions()},
         "skill": hashlib.sha256(skill).hexdigest(),
     }
+    if arm is not Arm.DEFAULT:
+        request["arm"] = arm.value
     reports = (REPORT, *(replay_name(n) for n in numbers))
     return SetIndex(RUNS, request, (*(run_name(n) for n in numbers), RESULTS), reports)
 
@@ -118,7 +122,7 @@ def replay_name(number: int) -> str:
 
 
 def _run_missing(
-    files: OutputSet, scenario: Scenario, skill: ManipulationSkill, numbers: range, jobs: int
+    files: OutputSet, scenario: Scenario, skill: ManipulationSkill, numbers: range, arm: Arm, jobs: int
 ) -> list[TrialResult]:
     """Runs the trials that are not there yet; `RESULTS` agrees with the run files after each."""
     done: dict[int, TrialResult] = {n: files.finished[run_name(n)] for n in numbers if run_name(n) in files.finished}
@@ -133,7 +137,7 @@ def _run_missing(
         write_results()
     missing = [n for n in numbers if n not in done]
     with progress("rig trials", len(missing)) as advance:
-        for result, record in run_trials(scenario, skill, missing, jobs=jobs):
+        for result, record in run_trials(scenario, skill, missing, jobs=jobs, arm=arm):
             files.write(run_name(result.seed), partial(write_rig_run, record))
             done[result.seed] = result
             write_results()

@@ -13,6 +13,7 @@ MODULES = {  # subcommand of haptic-skill: module with the same command
     "demo": "scripts.demo",
     "record": "scripts.record_demonstrations",
     "train": "scripts.train_skill",
+    "recover": "scripts.recover",
     "rig": "scripts.run_rig",
     "practise": "scripts.practise",
     "replay": "scripts.replay",

@@ -128,6 +128,14 @@ def test_training_on_bad_recordings_is_one_error_and_writes_no_skill(tmp_path, d
     assert not (tmp_path / "skill.npz").exists()
 
 
+def test_a_folder_that_is_given_twice_is_one_error(tmp_path, demonstration_folder):
+    again = demonstration_folder / "."
+    folders = ("--demonstrations", demonstration_folder, "--demonstrations", again)
+    line = error_line(invoke("train", *folders, "--out", tmp_path / "skill.npz"))
+    assert "given twice" in line
+    assert not (tmp_path / "skill.npz").exists()
+
+
 def test_training_without_an_insertion_is_one_error(tmp_path, demonstration_folder):
     (tmp_path / "shown").mkdir()
     slams = demonstration_folder / f"{len(REQUESTS) - 1:03d}.parquet"

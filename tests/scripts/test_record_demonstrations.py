@@ -139,10 +139,12 @@ def test_the_margins_are_printed_and_an_unstable_scenario_is_refused(tmp_path, q
 
 
 def test_the_functions_behind_the_commands_raise_their_errors(tmp_path):
-    from scripts import demo, record_demonstrations, train_skill
+    from scripts import demo, record_demonstrations
     from systems.runs.practice_rounds import Practice
+    from systems.runs.trial import Arm
     from systems.sessions import practice_session
     from systems.sessions.rig_session import run
+    from systems.sessions.train_session import train
 
     nowhere = tmp_path / "nowhere"
     with pytest.raises(ValueError, match="nominel"):
@@ -150,9 +152,9 @@ def test_the_functions_behind_the_commands_raise_their_errors(tmp_path):
     with pytest.raises(ValueError, match="nominel"):
         record_demonstrations.record_live(out=nowhere, seed=0, scenario="nominel", driver=None, port=None)
     with pytest.raises(ValueError, match="no demonstrations"):
-        train_skill.train(demonstrations=nowhere, out=nowhere / "skill.npz", seed=0)
+        train(demonstrations=[nowhere], out=nowhere / "skill.npz", seed=0)
     rig = {"trials": 1, "seed": 0, "tilt_deg": None, "friction": None, "out": nowhere, "json": None, "jobs": 1}
-    rig["overwrite"] = False
+    rig |= {"overwrite": False, "arm": Arm.DEFAULT}
     with pytest.raises(ValueError, match="no such skill file"):
         run(skill=nowhere, scenario="nominal", **rig)
     with pytest.raises(ValueError, match="no such skill file"):

@@ -173,6 +173,7 @@ def test_the_log_agrees_with_the_state_of_the_plant(resolved, skill):
 def test_the_rig_runs_with_every_key_changed(quick_scenario, skill):
     scenario = load_scenario("one_of_everything")
     scenario.geometry = replace(quick_scenario.geometry, facets=FREE_FACETS)  # the geometry of the skill
+    scenario.start.depth = 0.0  # for demonstrations only
     resolved = resolve_scenario(scenario, seed=0, stream=TRIAL_STREAM)
     foreign = copy.copy(skill)
     foreign.metadata_ = {}  # foreign demonstrations need not state their geometry

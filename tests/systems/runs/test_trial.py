@@ -4,13 +4,24 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from models.scenario import parse_scenario, resolve_scenario
+from models.scenario import Scenario, parse_scenario, resolve_scenario
 from skill.features.measurement import contact_loads
 from skill.manipulation_skill import Action, ManipulationSkill
 from systems.runs.penetration import round_bodies
-from systems.runs.trial import TRIAL_STREAM, run_trial, run_trials, trial_scenario
+from systems.runs.trial import (
+    STRESS_FRICTION,
+    STRESS_PIVOT,
+    STRESS_TILT,
+    TRIAL_STREAM,
+    Arm,
+    run_trial,
+    run_trials,
+    trial_scenario,
+)
 
 
 @pytest.fixture(scope="module")
@@ -209,3 +220,28 @@ def test_the_number_of_jobs_does_not_change_the_results(quick_scenario, skill):
 def test_trials_start_from_different_tilts(quick_scenario):
     tilts = [tuple(trial_scenario(quick_scenario, number=n).start.tilt) for n in range(50)]
     assert len(set(tilts)) == 50
+
+
+@given(number=st.integers(0, 10**6))
+def test_a_trial_of_the_stress_arm_is_hard_and_one_of_the_scenario(number):
+    scenario = Scenario()
+    hard = trial_scenario(scenario, number=number, arm=Arm.STRESS)
+    assert math.hypot(*hard.start.tilt) > STRESS_TILT
+    assert max(map(abs, hard.start.tilt)) <= scenario.start.tilt_range
+    assert STRESS_PIVOT <= abs(hard.rig.pivot_height) <= scenario.rig.pivot_range
+    assert STRESS_FRICTION[0] <= hard.contact.friction <= STRESS_FRICTION[1]
+    assert trial_scenario(scenario, number=number, arm=Arm.STRESS) == hard
+
+
+def test_the_stress_arm_has_pivots_on_both_sides_and_all_directions_of_tilt():
+    hard = [trial_scenario(Scenario(), number=n, arm=Arm.STRESS) for n in range(40)]
+    assert {np.sign(s.rig.pivot_height) for s in hard} == {-1.0, 1.0}
+    assert {(s.start.tilt[0] > 0, s.start.tilt[1] > 0) for s in hard} == {(a, b) for a in (0, 1) for b in (0, 1)}
+
+
+@pytest.mark.parametrize(("part", "name", "value"), [("start", "tilt_range", 0.04), ("rig", "pivot_range", 0.001)])
+def test_a_scenario_without_hard_trials_has_no_stress_arm(part, name, value):
+    scenario = Scenario()
+    setattr(getattr(scenario, part), name, value)
+    with pytest.raises(ValueError, match="or no trial is one of the stress arm"):
+        trial_scenario(scenario, number=0, arm=Arm.STRESS)

@@ -1,0 +1,167 @@
+"""Recoveries: demonstrations that begin where a policy was stuck.
+
+A policy that imitates visits situations that nobody has shown, because its errors lead it there. The remedy is to let
+the policy act, and to demonstrate from the situations that it visits: Ross, Gordon, Bagnell, "A reduction of imitation
+learning and structured prediction to no-regret online learning", AISTATS 2011. Here the policy performs practice
+trials, a `Situation` is where it was stuck first, and an operator takes over from there in the virtual environment.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from models.scenario import QUESTION_STREAM, RECOVERY_STREAM, Scenario, resolve_scenario
+from skill.data.demonstration import Demonstration
+from skill.data.rig_run import RigRun
+from skill.features.measurement import contact_load
+from skill.policy import RigPolicy
+from systems.runs.demonstration_run import run_demonstration
+from systems.runs.demonstration_set import GOOD_HABITS, OPERATORS
+from systems.runs.trial import run_trial
+from systems.runs.trial_result import TrialResult
+from systems.runs.worker_pool import run_in_processes
+
+LIFT = 3e-4
+"""A recovery begins this much higher than the policy was stuck, m: the peg is held, but not pressed."""
+
+ATTEMPTS = 5
+"""Attempts of an operator at one recovery."""
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Where a policy was stuck.
+
+    Attributes:
+        trial: number of the practice trial.
+        time: s.
+        depth: of the tip below the mouth, m.
+        tilt: of the peg relative to the hole, about x and y, rad.
+        load: measured contact load, N.
+        state: name of the contact state.
+    """
+
+    trial: int
+    time: float
+    depth: float
+    tilt: tuple[float, float]
+    load: float
+    state: str
+
+    def record(self) -> dict[str, Any]:
+        """Returns the fields as JSON values."""
+        return asdict(self) | {"tilt": list(self.tilt)}
+
+
+def practice_trial(scenario: Scenario, number: int) -> Scenario:
+    """Returns the resolved scenario of a practice trial; it shares no random draw with any other trial."""
+    return resolve_scenario(scenario, seed=number, stream=QUESTION_STREAM)
+
+
+def find_situation(run: RigRun, *, number: int, inserted: bool, peg_radius: float) -> Situation | None:
+    """Returns where the policy of a run was stuck first, or None if it was not.
+
+    A policy is stuck when a back-off begins. Without a back-off, a run that did not insert was stuck at its end.
+
+    Args:
+        run: of the practice trial.
+        number: of the trial.
+        inserted: whether the trial inserted.
+        peg_radius: m.
+    """
+    samples = run.samples
+    began = np.flatnonzero(np.diff(samples["guard"].to_numpy(), prepend=0.0) > 0.0)
+    if not len(began) and inserted:
+        return None
+    row = samples.iloc[int(began[0]) if len(began) else -1]
+    wrench = row[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(dtype=float)
+    return Situation(
+        trial=number,
+        time=float(row["time"]),
+        depth=float(row["depth"]),
+        tilt=(-float(row["pitch"]), -float(row["yaw"])),  # turning the hole by theta tilts the peg by -theta
+        load=contact_load(wrench, peg_radius),
+        state=run.metadata["state_names"][int(row["state"])],
+    )
+
+
+def ask(
+    scenario: Scenario, policy: RigPolicy, numbers: Sequence[int], *, jobs: int
+) -> Iterator[tuple[TrialResult, Situation | None]]:
+    """Yields the results of practice trials and where the policy was stuck, in order, as they end."""
+    tasks = (partial(_ask, scenario, policy, number) for number in numbers)
+    yield from run_in_processes(tasks, jobs=jobs)
+
+
+def _ask(scenario: Scenario, policy: RigPolicy, number: int) -> tuple[TrialResult, Situation | None]:
+    resolved = practice_trial(scenario, number)
+    result, run = run_trial(resolved, policy, seed=number)
+    radius = scenario.geometry.peg_radius
+    return result, find_situation(run, number=number, inserted=result.inserted, peg_radius=radius)
+
+
+def recovery_scenario(scenario: Scenario, situation: Situation, *, seed: int, person: int, habit: str) -> Scenario:
+    """Returns the resolved scenario of a recovery: the pivot and the friction of the practice trial, and the pose in
+    which the policy was stuck, lifted by ``LIFT``.
+
+    Args:
+        scenario: with ranges, as for the practice trial.
+        situation: where the policy was stuck.
+        seed: of the operator's senses.
+        person: number of the operator.
+        habit: of the operator.
+    """
+    trial = practice_trial(scenario, situation.trial)
+    recovery = copy.deepcopy(scenario)
+    recovery.operator.habit = habit
+    recovery.rig.pivot_height = trial.rig.pivot_height
+    recovery.contact.friction, recovery.contact.friction_spread = trial.contact.friction, 0.0
+    recovery.start.tilt = list(situation.tilt)
+    recovery.start.depth = max(0.0, situation.depth - LIFT)  # above the mouth it begins at the usual height
+    return resolve_scenario(recovery, seed=seed, stream=RECOVERY_STREAM, person=person)
+
+
+def habit_of(number: int) -> str:
+    """Returns the habit of the operator of a recovery."""
+    return GOOD_HABITS[number % len(GOOD_HABITS)]
+
+
+def demonstrate_recovery(scenario: Scenario, situation: Situation, *, number: int, seed: int) -> Demonstration:
+    """Lets an operator take over in a situation, until the demonstration is good or after ``ATTEMPTS`` attempts.
+
+    Args:
+        scenario: with ranges.
+        situation: where the policy was stuck.
+        number: of the recovery; it chooses the operator and the habit, as for demonstrations.
+        seed: of the set of demonstrations, whose operators take over.
+
+    Returns:
+        The last attempt, which is good or bad.
+    """
+    person = seed * OPERATORS + number % OPERATORS
+    for attempt in range(ATTEMPTS):
+        senses = situation.trial * ATTEMPTS + attempt
+        resolved = recovery_scenario(scenario, situation, seed=senses, person=person, habit=habit_of(number))
+        demonstration = run_demonstration(resolved)
+        if demonstration.good:
+            break
+    about = {"number": number, "operator": person, "attempts": attempt + 1, "recovery": situation.record()}
+    demonstration.metadata.update(about)
+    return demonstration
+
+
+def demonstrate_recoveries(
+    scenario: Scenario, situations: Mapping[int, Situation], *, seed: int, jobs: int
+) -> Iterator[tuple[int, Demonstration]]:
+    """Yields numbers and recoveries in the order of ``situations``, as they end, from ``jobs`` processes."""
+    tasks = (
+        partial(demonstrate_recovery, scenario, situation, number=number, seed=seed)
+        for number, situation in situations.items()
+    )
+    yield from zip(situations, run_in_processes(tasks, jobs=jobs), strict=True)

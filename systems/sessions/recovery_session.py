@@ -1,0 +1,154 @@
+"""Lets a skill practise, says in which situations it was stuck, has them shown, and trains it again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from models.scenario import Scenario, dump_scenario, load_scenario
+from skill.data.demonstration import write_demonstration
+from skill.manipulation_skill import ManipulationSkill
+from systems.outputs.folder_lock import locked_file
+from systems.outputs.output_checks import (
+    RECORDING_SIZE,
+    REPORT_SIZE,
+    check_file,
+    check_folder,
+    named_errors,
+    require_distinct,
+)
+from systems.outputs.output_set import open_set
+from systems.outputs.recordings import find_recordings
+from systems.outputs.set_index import DEMONSTRATIONS, SetIndex
+from systems.reports.result_tables import situation_table
+from systems.reports.terminal import console, progress, say
+from systems.runs.provenance import versions
+from systems.runs.recovery import Situation, ask, demonstrate_recoveries, habit_of
+from systems.sessions.train_session import train
+
+MAX_ROUNDS, MAX_TRIALS = 100, 10_000  # so that the number of a practice trial is unique
+
+
+@dataclass(frozen=True)
+class RecoveryPlan:
+    """How much is practised and shown.
+
+    Attributes:
+        rounds: of practice, recoveries and training.
+        trials: practice trials in each round.
+        most: recoveries in each round, at most.
+        seed: of the demonstrations, whose operators take over, and of the practice trials.
+    """
+
+    rounds: int
+    trials: int
+    most: int
+    seed: int
+
+    def numbers(self, round_number: int) -> range:
+        """The numbers of the practice trials of a round; the first round is 1."""
+        first = (self.seed * MAX_ROUNDS + round_number - 1) * MAX_TRIALS
+        return range(first, first + self.trials)
+
+
+def ask_only(*, skill: Path, plan: RecoveryPlan, scenario: str, jobs: int) -> list[Situation]:
+    """Performs the practice trials of the first round and prints in which situations the skill was stuck.
+
+    Raises:
+        ValueError: if the skill file or the scenario is not valid.
+    """
+    return _ask(load_scenario(scenario), ManipulationSkill.load(skill), plan, 1, jobs)
+
+
+def recover(
+    *,
+    skill: Path,
+    demonstrations: Path,
+    recoveries: Path,
+    out: Path,
+    plan: RecoveryPlan,
+    scenario: str,
+    jobs: int,
+    overwrite: bool,
+) -> ManipulationSkill:
+    """Practises, has the situations shown in which the skill was stuck, and trains it again, once a round.
+
+    The recoveries of round k are in the folder ``recoveries``/round_k, which this function fills like any other set of
+    demonstrations; those that an interrupted call with the same arguments has finished are kept. The skill of each
+    round replaces the file ``out``. A round in which the skill is never stuck is the last.
+
+    Raises:
+        ValueError: if the skill file, the scenario or the folder of demonstrations is not valid, or a folder of
+            recoveries holds what may not be replaced (see `open_set`).
+        OSError: if another process writes into a folder, or a file cannot be written. What is finished stays.
+    """
+    chosen, learnt = load_scenario(scenario), ManipulationSkill.load(skill)
+    require_distinct({"--demonstrations": demonstrations, "--recoveries": recoveries})
+    check_file(out, ".npz", size=REPORT_SIZE)
+    check_folder(recoveries, size=plan.rounds * plan.most * RECORDING_SIZE)
+    find_recordings(demonstrations)
+    folders = [demonstrations]
+    for number in range(1, plan.rounds + 1):
+        situations = _ask(chosen, learnt, plan, number, jobs)
+        if not situations:
+            break
+        folder = recoveries / f"round_{number}"
+        _show(chosen, situations, folder, plan, jobs=jobs, overwrite=overwrite)
+        folders.append(folder)
+        learnt = train(demonstrations=folders, out=out, seed=plan.seed)
+    if len(folders) == 1:
+        with locked_file(out), named_errors(out, "the skill is unchanged"):
+            learnt.save(out)
+        say(f"nothing has to be shown; the same skill is in {out}")
+    return learnt
+
+
+def file_name(number: int) -> str:
+    """The name of the file of a recovery."""
+    return f"{number:03d}_recovery_{habit_of(number)}.parquet"
+
+
+def _ask(scenario: Scenario, skill: ManipulationSkill, plan: RecoveryPlan, number: int, jobs: int) -> list[Situation]:
+    """Performs the practice trials of a round; returns the first situations in which the skill was stuck."""
+    results, found = [], []
+    with progress(f"round {number}: practice", plan.trials) as advance:
+        for result, situation in ask(scenario, skill, plan.numbers(number), jobs=jobs):
+            results.append(result)
+            found += [situation] if situation is not None else []
+            advance(result.reason)
+    inserted, time = sum(r.inserted for r in results), np.median([r.time for r in results])
+    say(
+        f"round {number}: {inserted} of {len(results)} practice trials inserted, median {time:.2f} s;"
+        f" stuck in {len(found)}"
+    )
+    asked = found[: plan.most]
+    if asked:
+        console.print(situation_table(asked))
+    return asked
+
+
+def _show(
+    scenario: Scenario, situations: Sequence[Situation], folder: Path, plan: RecoveryPlan, *, jobs: int, overwrite: bool
+) -> None:
+    """Has situations shown, and stores the recoveries in a folder."""
+    names = {file_name(number): number for number in range(len(situations))}
+    request = {
+        "seed": plan.seed,
+        "scenario": dump_scenario(scenario),
+        "versions": versions(),
+        "situations": [situation.record() for situation in situations],
+    }
+    with open_set(folder, SetIndex(DEMONSTRATIONS, request, tuple(names)), overwrite=overwrite) as files:
+        if files.finished:
+            say(f"{len(files.finished)} of {len(names)} recoveries are there already")
+        missing = {number: situations[number] for name, number in names.items() if name not in files.finished}
+        with progress("recoveries", len(missing)) as advance:
+            for number, shown in demonstrate_recoveries(scenario, missing, seed=plan.seed, jobs=jobs):
+                files.write(file_name(number), partial(write_demonstration, shown))
+                advance(f"{shown.reason}, {shown.duration:.1f} s")
+        files.complete()
+    say(f"{len(names)} recoveries in {folder}")

@@ -1,0 +1,46 @@
+"""Trains a skill from folders of recordings, and writes it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from skill.data.demonstration import read_demonstration
+from skill.manipulation_skill import ManipulationSkill
+from systems.outputs.folder_lock import locked_file
+from systems.outputs.output_checks import check_file, named_errors
+from systems.outputs.own_folder import remove_unfinished
+from systems.outputs.recordings import find_recordings
+from systems.reports.result_tables import state_table
+from systems.reports.terminal import busy, console, say
+from systems.runs.exact_states import give_names
+
+
+def train(*, demonstrations: Sequence[Path], out: Path, seed: int) -> ManipulationSkill:
+    """Fits a skill to the recordings in some folders, writes it to the file ``out``, and returns it.
+
+    Raises:
+        ValueError: if a folder holds no valid demonstrations, none of all inserts, or a folder is given twice.
+        OSError: if the file cannot be written.
+    """
+    check_file(out, ".npz")
+    folders = [folder.resolve() for folder in demonstrations]
+    for folder in demonstrations:
+        if folders.count(folder.resolve()) > 1:
+            raise ValueError(f"{folder}: given twice; expected each folder of demonstrations once")
+    recordings = []
+    for folder in demonstrations:
+        found = find_recordings(folder)
+        if found.note:
+            say(found.note)
+        recordings += [read_demonstration(path) for path in found.paths]
+    with locked_file(out):
+        remove_unfinished(out.parent, [out.name])
+        with busy(f"learning from {len(recordings)} demonstrations"):
+            skill = ManipulationSkill(random_state=seed).fit(recordings)
+            give_names(skill, recordings)
+        with named_errors(out, "the recordings are unchanged"):
+            skill.save(out)
+    console.print(state_table(skill))
+    say(f"{skill.n_states} contact states, {len(skill.sources_)} remembered samples, in {out}")
+    return skill

@@ -1,0 +1,113 @@
+"""The command recover: what it asks for, its files, and how it goes on."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from models.scenario import dump_scenario
+from skill.data.demonstration import read_demonstrations
+from skill.manipulation_skill import ManipulationSkill
+from tests.quick_scenario import make_quick_scenario
+from tests.scripts.commands import error_line, files, invoke
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory, demonstration_folder):
+    """A folder with a scenario, and a skill that gets stuck: it has learnt feeds, but no turns."""
+    folder = tmp_path_factory.mktemp("recover")
+    scenario = make_quick_scenario()
+    scenario.start.tilt_range = math.radians(3.0)
+    scenario.trial.time_limit = 1.2
+    scenario.controller.stall_time = 0.2
+    (folder / "quick.yaml").write_text(dump_scenario(scenario))
+    skill = ManipulationSkill().fit(read_demonstrations(demonstration_folder))
+    skill.regressor_.y_[:, :2] = 0.0
+    skill.save(folder / "straight.npz")
+    return folder
+
+
+def recover(place, demonstration_folder, *more, skill="straight.npz", out="recovered.npz"):
+    return invoke(
+        "recover",
+        *("--skill", place / skill, "--demonstrations", demonstration_folder, "--out", place / out),
+        *("--recoveries", place / "recoveries", "--scenario", place / "quick.yaml"),
+        *("--rounds", 1, "--practice", 3, "--most", 2, "--jobs", 1, *more),
+    )
+
+
+@pytest.fixture(scope="module")
+def recovered(place, demonstration_folder):
+    done = recover(place, demonstration_folder)
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def test_ask_says_what_it_wants_shown_and_writes_nothing(place, demonstration_folder):
+    before = sorted(place.rglob("*"))
+    done = recover(place, demonstration_folder, "--ask")
+    assert done.exit_code == 0, done.output
+    assert "the skill asks to be shown" in done.output
+    assert sorted(place.rglob("*")) == before
+
+
+def test_the_recoveries_are_a_set_of_demonstrations(recovered, place):
+    folder = place / "recoveries" / "round_1"
+    assert files(folder) == ["000_recovery_expert.parquet", "001_recovery_novice.parquet", "index.json"]
+    shown = read_demonstrations(folder)
+    asked = json.loads((folder / "index.json").read_text())["request"]["situations"]
+    assert [d.metadata["recovery"] for d in shown] == asked
+    for d in shown:
+        assert d.samples["z"].iloc[0] == pytest.approx(3e-4 - d.metadata["recovery"]["depth"], abs=1e-4)
+    assert "2 recoveries in" in recovered
+
+
+def test_the_skill_has_learnt_from_them(recovered, place, demonstration_folder):
+    skill = ManipulationSkill.load(place / "recovered.npz")
+    demonstrations = read_demonstrations(demonstration_folder)
+    assert skill.metadata_["demonstrations"] == len(demonstrations) + 2
+    shown = read_demonstrations(place / "recoveries" / "round_1")
+    assert set(skill.sources_[:, 0]) == {n for n, d in enumerate([*demonstrations, *shown]) if d.good}
+
+
+def test_a_second_call_keeps_the_recoveries_and_gives_the_same_skill(recovered, place, demonstration_folder):
+    recording = place / "recoveries" / "round_1" / "000_recovery_expert.parquet"
+    written, skill = recording.stat().st_mtime_ns, (place / "recovered.npz").read_bytes()
+    done = recover(place, demonstration_folder)
+    assert done.exit_code == 0, done.output
+    assert "2 of 2 recoveries are there already" in done.output
+    assert recording.stat().st_mtime_ns == written
+    assert (place / "recovered.npz").read_bytes() == skill
+
+
+def test_other_recoveries_are_replaced_only_when_asked(recovered, place, demonstration_folder):
+    done = recover(place, demonstration_folder, "--seed", 9, out="other.npz")
+    assert done.exit_code == 1
+    assert "add --overwrite to replace them" in error_line(done)
+    assert not (place / "other.npz").exists()
+
+
+def test_a_skill_that_is_never_stuck_is_written_unchanged(place, demonstration_folder, skill_file, tmp_path):
+    scenario = make_quick_scenario()
+    scenario.start.tilt = [0.0, 0.0]
+    (tmp_path / "easy.yaml").write_text(dump_scenario(scenario))
+    done = invoke(
+        "recover",
+        *("--skill", skill_file, "--demonstrations", demonstration_folder, "--out", tmp_path / "same.npz"),
+        *("--recoveries", tmp_path / "recoveries", "--scenario", tmp_path / "easy.yaml"),
+        *("--rounds", 2, "--practice", 1, "--jobs", 1),
+    )
+    assert done.exit_code == 0, done.output
+    assert "nothing has to be shown" in done.output
+    first, same = ManipulationSkill.load(skill_file), ManipulationSkill.load(tmp_path / "same.npz")
+    np.testing.assert_array_equal(same.regressor_.y_, first.regressor_.y_)
+    assert not (tmp_path / "recoveries").exists()
+
+
+def test_a_missing_folder_of_demonstrations_is_named_before_anything_is_simulated(place, tmp_path):
+    done = recover(place, tmp_path / "nowhere")
+    assert done.exit_code == 1
+    assert "nowhere: no demonstrations (*.parquet) found" in error_line(done)

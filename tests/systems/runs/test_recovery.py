@@ -1,0 +1,134 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from models.scenario import parse_scenario
+from skill.features.measurement import contact_load
+from skill.manipulation_skill import Action
+from systems.control.policy import ControlLaw
+from systems.rig import MakeRig
+from systems.runs.demonstration_set import OPERATORS, Request, demonstrate
+from systems.runs.recovery import (
+    LIFT,
+    Situation,
+    ask,
+    demonstrate_recovery,
+    find_situation,
+    practice_trial,
+    recovery_scenario,
+)
+from systems.runs.trial import trial_scenario
+from systems.virtual_environment import start_pose
+from tests.trajectories import STATE_NAMES, make_rig_run
+
+SITUATION = Situation(trial=3, time=0.5, depth=0.004, tilt=(0.02, -0.015), load=9.0, state="against the wall")
+
+
+class Push(ControlLaw):
+    """Feeds without a turn, so that it gets stuck."""
+
+    def act(self, measured, probabilities=None):
+        return Action(turn=np.zeros(2), feed=-2e-4, probabilities=np.ones(1))
+
+
+def test_a_policy_is_stuck_where_the_first_back_off_begins():
+    run = make_rig_run()
+    row = run.samples[run.samples["guard"] > 0].iloc[0]
+    found = find_situation(run, number=12, inserted=True, peg_radius=0.01)
+    assert found.trial == 12
+    assert (found.time, found.depth) == (row["time"], row["depth"])
+    assert found.tilt == (-row["pitch"], -row["yaw"])
+    assert found.load == contact_load(row[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(dtype=float), 0.01)
+    assert found.state == STATE_NAMES[int(row["state"])]
+
+
+def test_a_run_without_a_back_off_was_stuck_at_its_end_unless_it_inserted():
+    run = make_rig_run()
+    run = replace(run, samples=run.samples.assign(guard=0.0))
+    assert find_situation(run, number=1, inserted=True, peg_radius=0.01) is None
+    found = find_situation(run, number=1, inserted=False, peg_radius=0.01)
+    assert found.depth == run.samples["depth"].iloc[-1]
+
+
+def test_a_back_off_in_the_first_sample_counts():
+    run = make_rig_run()
+    run = replace(run, samples=run.samples.assign(guard=1.0))
+    assert find_situation(run, number=1, inserted=True, peg_radius=0.01).time == 0.0
+
+
+def test_a_recovery_has_the_pivot_and_the_friction_of_the_practice_trial(quick_scenario):
+    trial = practice_trial(quick_scenario, SITUATION.trial)
+    found = recovery_scenario(quick_scenario, SITUATION, seed=5, person=21, habit="novice")
+    assert found.rig.pivot_height == trial.rig.pivot_height
+    assert found.contact.friction == trial.contact.friction
+    assert found.start.tilt == list(SITUATION.tilt)
+    assert found.start.tip_height == pytest.approx(LIFT - SITUATION.depth)
+    again = recovery_scenario(quick_scenario, SITUATION, seed=6, person=21, habit="novice")
+    assert again.operator == found.operator  # the same person ...
+    assert again.seed != found.seed  # ... with other noise
+
+
+def test_practice_trials_differ_from_all_other_trials(quick_scenario):
+    assert practice_trial(quick_scenario, 4).start.tilt != trial_scenario(quick_scenario, number=4).start.tilt
+
+
+def test_above_the_mouth_a_recovery_begins_at_the_usual_height(quick_scenario):
+    high = replace(SITUATION, depth=0.5 * LIFT)
+    found = recovery_scenario(quick_scenario, high, seed=5, person=21, habit="expert")
+    assert found.start.tip_height == quick_scenario.start.height
+
+
+def test_the_operator_of_a_recovery_is_one_of_the_set(quick_scenario):
+    shown = demonstrate(quick_scenario, Request(4, "expert", True), seed=2)
+    found = recovery_scenario(quick_scenario, SITUATION, seed=5, person=2 * OPERATORS + 4, habit="expert")
+    assert shown.metadata["operator"] == 2 * OPERATORS + 4
+    assert parse_scenario(shown.metadata["scenario"], "test").operator == found.operator
+
+
+def test_a_recovery_begins_in_the_pose_in_which_the_rig_was_stuck(quick_scenario):
+    """The pose of the peg in the hole on the rig, which turns the hole, and in the virtual environment, which turns the
+    peg: equal but for the lift along the axis and the compliance of the mount."""
+    quick_scenario.start.tilt = [0.012, -0.02]
+    rig_scenario = practice_trial(quick_scenario, 3)
+    rig = MakeRig(rig_scenario, Push())
+    simulator = Simulator(rig.diagram)
+    context = simulator.get_mutable_context()
+    rig.set_start(context)
+    simulator.AdvanceTo(0.14)
+    X_HP = rig.contact.peg_in_hole(context)
+    samples = rig.recorder.samples(context)
+    depth = -X_HP.translation()[2]
+    assert depth > LIFT
+    tilt = (-float(samples["pitch"].iloc[-1]), -float(samples["yaw"].iloc[-1]))
+    stuck = Situation(trial=3, time=0.14, depth=depth, tilt=tilt, load=0.0, state="")
+    X_start = start_pose(recovery_scenario(quick_scenario, stuck, seed=0, person=0, habit="expert"))
+    np.testing.assert_allclose(X_start.rotation().col(2), X_HP.rotation().col(2), atol=5e-5)
+    lifted = X_HP.translation() + LIFT * X_HP.rotation().col(2)
+    np.testing.assert_allclose(X_start.translation(), lifted, atol=2e-5)
+
+
+def test_the_scenario_of_a_rig_does_not_begin_inside_the_hole(quick_scenario):
+    quick_scenario.start.depth = 0.002
+    with pytest.raises(ValueError, match=r"start\.depth is 0\.002 m; expected 0 on the rig"):
+        MakeRig(practice_trial(quick_scenario, 0), Push())
+
+
+@pytest.mark.slow
+def test_a_policy_asks_where_it_was_stuck_and_an_operator_recovers(quick_scenario):
+    quick_scenario.start.tilt = [0.04, -0.03]
+    quick_scenario.trial.time_limit = 1.5
+    (result, situation), *_ = ask(quick_scenario, Push(), [7], jobs=1)
+    assert not result.inserted
+    assert situation.trial == 7
+    assert situation.depth > 5e-4
+    assert math.hypot(*situation.tilt) == pytest.approx(0.05, abs=5e-3)
+    shown = demonstrate_recovery(quick_scenario, situation, number=2, seed=1)
+    assert shown.good
+    assert shown.samples["z"].iloc[0] == pytest.approx(LIFT - situation.depth, abs=1e-4)
+    assert shown.metadata["recovery"] == situation.record()
+    assert shown.metadata["operator"] == OPERATORS + 2
+    again = demonstrate_recovery(quick_scenario, situation, number=2, seed=1)
+    np.testing.assert_array_equal(again.samples, shown.samples)
