@@ -41,7 +41,7 @@ from benchmarks.command_line import run
 from benchmarks.rig.comparison import PRODUCT, command_line, compare, prepared, recorded, recording_folder, selected
 from benchmarks.rig.figures import draw_groups, draw_learning_curve
 from benchmarks.rig.learners import Demonstrations, one_state, skill_from
-from benchmarks.rig.trials import Arm
+from benchmarks.rig.trials import Entry
 from models.scenario import FREE_FACETS, FREE_FIXTURE, Scenario, load_scenario
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.features.wrench_features import NormalisedFeatures, RawFeatures
@@ -86,23 +86,23 @@ def drawn(size: int) -> Callable[[Demonstrations, int], Demonstrations]:
     return choose
 
 
-def arms(free: Path) -> list[Arm]:
+def entries(free: Path) -> list[Entry]:
     """The product, its variants, and the points of the learning curve; ``free`` has the free demonstrations."""
     return [
-        Arm(PRODUCT, skill_from()),
-        Arm("raw features", skill_from(features=RawFeatures)),
-        Arm("normalised features", skill_from(features=NormalisedFeatures)),
-        Arm("states by literal CA", skill_from(states=literal_competition)),
-        Arm(STATELESS, skill_from(states=one_state)),
-        Arm("bad left out", skill_from(bad_left_out)),
-        Arm("bad imitated", skill_from(bad_imitated)),
-        Arm(FREE, skill_from(folder=free)),
-        *(Arm(curve_name(size), skill_from(drawn(size)), draws=DRAWS) for size in SIZES),
+        Entry(PRODUCT, skill_from()),
+        Entry("raw features", skill_from(features=RawFeatures)),
+        Entry("normalised features", skill_from(features=NormalisedFeatures)),
+        Entry("states by literal CA", skill_from(states=literal_competition)),
+        Entry(STATELESS, skill_from(states=one_state)),
+        Entry("bad left out", skill_from(bad_left_out)),
+        Entry("bad imitated", skill_from(bad_imitated)),
+        Entry(FREE, skill_from(folder=free)),
+        *(Entry(curve_name(size), skill_from(drawn(size)), draws=DRAWS) for size in SIZES),
     ]
 
 
 def curve_name(size: int) -> str:
-    """The name of the arm that learns from this number of demonstrations."""
+    """The name of the entry that learns from this number of demonstrations."""
     return f"{size} demonstration{'s' if size > 1 else ''}"
 
 
@@ -115,11 +115,11 @@ GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ),
     ("demonstrated in", (("free space", FREE), ("the rig's fixture", PRODUCT))),
 )
-"""Groups of the figure: a title, and for each row its label and the name of its arm."""
+"""Groups of the figure: a title, and for each row its label and the name of its entry."""
 
 
 def draw(summaries: list[dict[str, Any]], folder: Path, whole: int) -> None:
-    """Draws ``ablations.svg`` and ``learning_curve.svg`` from the arms that were performed.
+    """Draws ``ablations.svg`` and ``learning_curve.svg`` from the entries that were performed.
 
     Args:
         summaries: results of `compare`.
@@ -153,10 +153,11 @@ def main() -> None:
         warnings.filterwarnings("ignore", message=known)
     scenario = load_scenario(arguments.scenario)
     free = in_free_space(scenario)
-    chosen = selected(arms(recording_folder(free, arguments.out)), arguments.only)
-    if any(arm.name == FREE for arm in chosen):
+    chosen = selected(entries(recording_folder(free, arguments.out)), arguments.only)
+    if any(entry.name == FREE for entry in chosen):
         recorded(free, arguments.out, jobs=arguments.jobs)
-    setting = prepared(scenario, arguments.demonstrations, arguments.out, trials=arguments.trials, jobs=arguments.jobs)
+    numbers = {"trials": arguments.trials, "jobs": arguments.jobs}
+    setting = prepared(scenario, arguments.demonstrations, arguments.out, arm=arguments.arm, **numbers)
     summaries = compare("ablations on the rig", chosen, setting, arguments.json)
     if arguments.figures is not None:
         draw(summaries, arguments.figures, len(setting.demonstrations))

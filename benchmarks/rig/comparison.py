@@ -19,16 +19,17 @@ from scipy.stats import binomtest
 
 from benchmarks.command_line import argument_parser
 from benchmarks.recording import record_demonstrations
-from benchmarks.rig.trials import FIRST_TRIAL, Arm, Record, Setting, perform
+from benchmarks.rig.trials import FIRST_TRIAL, Entry, Record, Setting, perform
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import read_demonstrations, write_demonstration
 from systems.reports.terminal import progress, write_json
 from systems.runs.demonstration_set import requests
 from systems.runs.provenance import versions
+from systems.runs.trial import Arm
 from systems.runs.trial_result import PHYSICS
 
 PRODUCT = "CA states + LWR"
-"""The name of the arm with which the others are compared."""
+"""The name of the entry with which the others are compared."""
 
 GOOD, BAD = 24, 6  # numbers of demonstrations to record if none are given
 
@@ -43,30 +44,34 @@ def command_line(description: str | None) -> argparse.ArgumentParser:
     parser.add_argument(
         "--only", action="append", metavar="NAME", help="only policies with this part of a name; repeat"
     )
+    parser.add_argument(
+        "--arm", type=Arm, choices=list(Arm), default=Arm.DEFAULT, help="which trials (default: default)"
+    )
     parser.add_argument("--scenario", default="nominal", help="name or YAML file of a scenario (default: nominal)")
     parser.add_argument("--out", type=Path, default=out, metavar="FOLDER", help=f"stored results (default: {out})")
     return parser
 
 
-def selected(arms: Sequence[Arm], only: Sequence[str] | None) -> list[Arm]:
-    """The arms whose name contains one of the given parts; all if ``only`` is None.
+def selected(entries: Sequence[Entry], only: Sequence[str] | None) -> list[Entry]:
+    """The entries whose name contains one of the given parts; all if ``only`` is None.
 
     Raises:
-        ValueError: if there is no such arm.
+        ValueError: if there is no such entry.
     """
-    chosen = [arm for arm in arms if only is None or any(part.lower() in arm.name.lower() for part in only)]
+    chosen = [entry for entry in entries if only is None or any(part.lower() in entry.name.lower() for part in only)]
     if not chosen:
-        raise ValueError(f"--only {only} matches none of the policies {[arm.name for arm in arms]}")
+        raise ValueError(f"--only {only} matches none of the policies {[entry.name for entry in entries]}")
     return chosen
 
 
-def prepared(scenario: Scenario, given: Path | None, out: Path, **numbers: int) -> Setting:
+def prepared(scenario: Scenario, given: Path | None, out: Path, *, arm: Arm = Arm.DEFAULT, **numbers: int) -> Setting:
     """The setting of a comparison.
 
     Args:
         scenario: unresolved.
         given: folder of demonstrations; None to record them.
         out: folder below which results and recorded demonstrations are stored.
+        arm: which trials are performed.
         **numbers: ``trials``, ``jobs`` and ``candidates`` of the setting.
     """
     folder = given if given is not None else recorded(scenario, out, jobs=numbers["jobs"])
@@ -74,9 +79,9 @@ def prepared(scenario: Scenario, given: Path | None, out: Path, **numbers: int) 
     digest = hashlib.sha256((dump_scenario(scenario) + json.dumps(versions())).encode())
     for path in sorted(folder.glob("*.parquet")):
         digest.update(path.read_bytes())
-    results = out / digest.hexdigest()[:12]
+    results = out / f"{digest.hexdigest()[:12]}{'' if arm is Arm.DEFAULT else f'_{arm}'}"
     print(f"{len(demonstrations)} demonstrations from {folder}; results in {results}")
-    return Setting(scenario, demonstrations, results, **numbers)
+    return Setting(scenario, demonstrations, results, **numbers, arm=arm)
 
 
 def recording_folder(scenario: Scenario, out: Path) -> Path:
@@ -112,7 +117,7 @@ def mcnemar(a: Sequence[dict[str, Any]], b: Sequence[dict[str, Any]]) -> float:
     return float(binomtest(better, better + worse).pvalue) if better + worse else 1.0
 
 
-def summary(arm: Arm, record: Record, setting: Setting) -> dict[str, Any]:
+def summary(entry: Entry, record: Record, setting: Setting) -> dict[str, Any]:
     """One row of the table. The median time is that of the insertions; the forces are those of all trials."""
     rows = [record.trials[str(n)] for n in setting.numbers if str(n) in record.trials]
     inserted = [r for r in rows if r["inserted"]]
@@ -124,7 +129,7 @@ def summary(arm: Arm, record: Record, setting: Setting) -> dict[str, Any]:
         return float(np.mean(values)) if values else None
 
     return {
-        "name": arm.name,
+        "name": entry.name,
         "trials": len(rows),
         "inserted": len(inserted),
         "interval": list(wilson(len(inserted), len(rows))) if rows else None,
@@ -145,21 +150,22 @@ def summary(arm: Arm, record: Record, setting: Setting) -> dict[str, Any]:
     }
 
 
-def compare(title: str, arms: Sequence[Arm], setting: Setting, json_file: Path | None) -> list[dict[str, Any]]:
-    """Performs all arms, prints the table, and writes the table and all trials to ``json_file``."""
-    total = sum(setting.trials + arm.tuning for arm in arms)
+def compare(title: str, entries: Sequence[Entry], setting: Setting, json_file: Path | None) -> list[dict[str, Any]]:
+    """Performs all entries, prints the table, and writes the table and all trials to ``json_file``."""
+    total = sum(setting.trials + entry.tuning for entry in entries)
     summaries, trials = [], {}
     with progress(title, total) as advance:
-        for arm in arms:
-            record = perform(arm, setting, advance)
-            summaries.append(summary(arm, record, setting))
-            trials[arm.name] = list(record.trials.values())
+        for entry in entries:
+            record = perform(entry, setting, advance)
+            summaries.append(summary(entry, record, setting))
+            trials[entry.name] = list(record.trials.values())
     for row in summaries:
         compared = PRODUCT in trials and row["name"] != PRODUCT and row["trials"]
         row["p"] = mcnemar(trials[row["name"]], trials[PRODUCT]) if compared else None
     print(report(title, summaries))
     if json_file is not None:
         head = {"demonstrations": len(setting.demonstrations), "first_trial": FIRST_TRIAL, "versions": versions()}
+        head["arm"] = setting.arm.value
         scenario = dump_scenario(setting.scenario)
         write_json(json_file, {**head, "scenario": scenario, "summary": summaries, "trials": trials})
     return summaries

@@ -54,7 +54,7 @@ from benchmarks.rig.learners import (
     one_state,
     skill_from,
 )
-from benchmarks.rig.trials import Advance, Arm, Record, Setting, Train
+from benchmarks.rig.trials import Advance, Entry, Record, Setting, Train
 from models.scenario import load_scenario
 from skill.policy import RigPolicy
 
@@ -69,23 +69,23 @@ def tuning_of(law: type[TunedLaw]) -> Train:
     return lambda setting, record, advance, draw: tuned(law, setting, record, advance)
 
 
-def arms(candidates: int) -> list[Arm]:
+def entries(candidates: int) -> list[Entry]:
     """The policies; compliance and search are tuned with this number of candidates."""
     tuning = tuning_trials(candidates)
     return [
-        Arm("no correction", push),
-        Arm("moment compliance, tuned", tuning_of(MomentCompliance), tuning=tuning),
-        Arm("spiral search, tuned", tuning_of(SpiralSearch), tuning=tuning),
-        Arm("mean action", skill_from(states=one_state, regressor=DummyRegressor)),
-        Arm("shuffled actions", skill_from(states=one_state, regressor=ShuffledNeighbour)),
-        Arm("random sign of the turns", skill_from(policy=RandomSign)),
-        Arm("k nearest neighbours", skill_from(states=one_state, regressor=nearest_neighbours)),
-        Arm("LWR without states", skill_from(states=one_state)),
-        Arm("Gaussian mixture regression", skill_from(states=one_state, regressor=MixtureRegressor)),
-        Arm("neural network (MLP)", skill_from(states=one_state, regressor=network)),
-        Arm("Gaussian process", skill_from(states=one_state, regressor=SubsetGaussianProcess)),
-        Arm("GMM-BIC states + LWR", skill_from(states=MixtureStates)),
-        Arm(PRODUCT, skill_from()),
+        Entry("no correction", push),
+        Entry("moment compliance, tuned", tuning_of(MomentCompliance), tuning=tuning),
+        Entry("spiral search, tuned", tuning_of(SpiralSearch), tuning=tuning),
+        Entry("mean action", skill_from(states=one_state, regressor=DummyRegressor)),
+        Entry("shuffled actions", skill_from(states=one_state, regressor=ShuffledNeighbour)),
+        Entry("random sign of the turns", skill_from(policy=RandomSign)),
+        Entry("k nearest neighbours", skill_from(states=one_state, regressor=nearest_neighbours)),
+        Entry("LWR without states", skill_from(states=one_state)),
+        Entry("Gaussian mixture regression", skill_from(states=one_state, regressor=MixtureRegressor)),
+        Entry("neural network (MLP)", skill_from(states=one_state, regressor=network)),
+        Entry("Gaussian process", skill_from(states=one_state, regressor=SubsetGaussianProcess)),
+        Entry("GMM-BIC states + LWR", skill_from(states=MixtureStates)),
+        Entry(PRODUCT, skill_from()),
     ]
 
 
@@ -94,11 +94,12 @@ def main() -> None:
     parser.add_argument("--candidates", type=int, default=24, help="parameter sets in each tuning (default: 24)")
     parser.add_argument("--figure", type=Path, metavar="FILE", help="draw the table to this file (.png or .svg)")
     arguments = parser.parse_args()
-    chosen = selected(arms(arguments.candidates), arguments.only)
+    chosen = selected(entries(arguments.candidates), arguments.only)
     setting = prepared(
         load_scenario(arguments.scenario),
         arguments.demonstrations,
         arguments.out,
+        arm=arguments.arm,
         trials=arguments.trials,
         jobs=arguments.jobs,
         candidates=arguments.candidates,

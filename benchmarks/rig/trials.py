@@ -24,7 +24,7 @@ from skill.data.demonstration import Demonstration
 from skill.features.wrench_features import MEASURED
 from skill.policy import RigPolicy
 from systems.reports.terminal import write_json
-from systems.runs.trial import run_trial, trial_scenario
+from systems.runs.trial import Arm, run_trial, trial_scenario
 from systems.runs.worker_pool import run_in_processes
 
 FIRST_TRIAL, FIRST_TUNING = 7000, 9000
@@ -48,6 +48,7 @@ class Setting:
         trials: number of trials of each policy.
         jobs: number of processes.
         candidates: number of parameter sets in each tuning.
+        arm: which trials of the scenario are performed, for tuning too.
     """
 
     scenario: Scenario
@@ -56,6 +57,7 @@ class Setting:
     trials: int
     jobs: int
     candidates: int = 24
+    arm: Arm = Arm.DEFAULT
 
     @property
     def numbers(self) -> list[int]:
@@ -116,7 +118,7 @@ Train = Callable[[Setting, Record, Advance, int], RigPolicy]
 
 
 @dataclass(frozen=True)
-class Arm:
+class Entry:
     """One policy of a comparison.
 
     Attributes:
@@ -138,12 +140,12 @@ class Arm:
         return f"{name}_{self.tuning}.json" if self.tuning else f"{name}.json"
 
 
-def attempt(scenario: Scenario, policy: RigPolicy, number: int) -> Row:
+def attempt(scenario: Scenario, arm: Arm, policy: RigPolicy, number: int) -> Row:
     """Performs a trial and returns its result; an exception is a failed trial."""
     start = time.process_time()
     try:
         with threadpool_limits(1):
-            row = run_trial(trial_scenario(scenario, number=number), policy, seed=number)[0].record()
+            row = run_trial(trial_scenario(scenario, number=number, arm=arm), policy, seed=number)[0].record()
     except Exception as error:  # the other policies of the comparison go on
         row = {"seed": number, "inserted": False, "reason": f"failed: {type(error).__name__}: {error}"[:200]}
         row |= {"time_s": None, "peak_load_n": None}
@@ -153,7 +155,7 @@ def attempt(scenario: Scenario, policy: RigPolicy, number: int) -> Row:
 
 def attempts(setting: Setting, policy: RigPolicy, numbers: list[int]) -> Iterator[Row]:
     """Performs the trials and yields their results in order, as they end."""
-    tasks = (partial(attempt, setting.scenario, policy, number) for number in numbers)
+    tasks = (partial(attempt, setting.scenario, setting.arm, policy, number) for number in numbers)
     yield from run_in_processes(tasks, jobs=setting.jobs)
 
 
@@ -173,33 +175,33 @@ def query_time(policy: RigPolicy, demonstrations: Sequence[Demonstration]) -> fl
     return 1e3 * float(np.median(times))
 
 
-def perform(arm: Arm, setting: Setting, advance: Advance) -> Record:
-    """Trains the policies of an arm and performs the trials that are not stored yet."""
-    record = Record(setting.folder / arm.file, arm.name)
+def perform(entry: Entry, setting: Setting, advance: Advance) -> Record:
+    """Trains the policies of an entry and performs the trials that are not stored yet."""
+    record = Record(setting.folder / entry.file, entry.name)
     missing = [n for n in setting.numbers if str(n) not in record.trials]
-    for _ in range(setting.trials - len(missing) + (0 if missing else arm.tuning)):
-        advance(f"{arm.name}: stored already")
+    for _ in range(setting.trials - len(missing) + (0 if missing else entry.tuning)):
+        advance(f"{entry.name}: stored already")
     record.content["error"] = None
-    for draw in range(arm.draws):
-        numbers = [n for n in missing if n % arm.draws == draw]
+    for draw in range(entry.draws):
+        numbers = [n for n in missing if n % entry.draws == draw]
         if not numbers:
             continue
         try:
             start = time.process_time()
             with threadpool_limits(1):
-                policy = arm.train(setting, record, advance, draw)
+                policy = entry.train(setting, record, advance, draw)
                 trained = time.process_time() - start
                 record.content["query_ms"][str(draw)] = query_time(policy, setting.demonstrations)
         except Exception as error:  # the other policies of the comparison go on
             record.content["error"] = f"draw {draw} not trained: {type(error).__name__}: {error}"[:300]
             record.save()
             for _ in numbers:
-                advance(f"{arm.name}: {record.content['error']}")
+                advance(f"{entry.name}: {record.content['error']}")
             continue
         # The time of tuning trials, perhaps of an earlier run, is stored with them.
         record.content["train_s"][str(draw)] = sum(r["cpu_s"] for r in record.tuning.values()) or trained
         record.content["states"][str(draw)] = policy.n_states
         for row in attempts(setting, policy, numbers):
             record.add_trial(row)
-            advance(f"{arm.name}, trial {row['seed']}: {row['reason']}")
+            advance(f"{entry.name}, trial {row['seed']}: {row['reason']}")
     return record

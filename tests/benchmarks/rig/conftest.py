@@ -12,7 +12,7 @@ def performed(monkeypatch):
     """The numbers of the performed trials; none is simulated. A slower law inserts later, and trial 7001 fails."""
     numbers = []
 
-    def attempt(scenario, policy, number):
+    def attempt(scenario, arm, policy, number):
         numbers.append(number)
         good = number != FIRST_TRIAL + 1
         return {

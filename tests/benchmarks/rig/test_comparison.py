@@ -6,7 +6,7 @@ from statsmodels.stats.contingency_tables import mcnemar as reference
 from statsmodels.stats.proportion import proportion_confint
 
 from benchmarks.rig.comparison import PRODUCT, compare, mcnemar, selected, wilson
-from benchmarks.rig.trials import Arm
+from benchmarks.rig.trials import Entry
 
 
 @pytest.mark.parametrize(("successes", "n"), [(0, 20), (1, 20), (13, 20), (20, 20), (99, 100)])
@@ -25,9 +25,9 @@ def test_the_paired_test_is_the_exact_one_of_mcnemar():
 
 
 def test_every_policy_is_compared_with_the_product(setting, performed, push, tmp_path):
-    rows = compare("two", [Arm("push", push), Arm(PRODUCT, push)], setting, tmp_path / "two.json")
+    rows = compare("two", [Entry("push", push), Entry(PRODUCT, push)], setting, tmp_path / "two.json")
     assert [row["p"] for row in rows] == [1.0, None]
-    rows = compare("one", [Arm("push", push)], setting, None)
+    rows = compare("one", [Entry("push", push)], setting, None)
     assert rows[0]["p"] is None
 
 
@@ -35,7 +35,7 @@ def test_a_policy_whose_training_fails_does_not_stop_the_others(setting, perform
     def broken(setting, record, advance, draw):
         raise FloatingPointError("no such number")
 
-    rows = compare("both", [Arm("broken", broken), Arm("push", push)], setting, tmp_path / "both.json")
+    rows = compare("both", [Entry("broken", broken), Entry("push", push)], setting, tmp_path / "both.json")
     assert rows[0]["error"] == "draw 0 not trained: FloatingPointError: no such number"
     assert rows[1]["inserted"] == 3
     assert "no such number" in capsys.readouterr().out
@@ -43,8 +43,8 @@ def test_a_policy_whose_training_fails_does_not_stop_the_others(setting, perform
 
 
 def test_policies_are_selected_by_a_part_of_their_name(push):
-    arms = [Arm("LWR without states", push), Arm("CA states + LWR", push), Arm("no correction", push)]
-    assert selected(arms, None) == arms
-    assert selected(arms, ["lwr"]) == arms[:2]
+    entries = [Entry("LWR without states", push), Entry("CA states + LWR", push), Entry("no correction", push)]
+    assert selected(entries, None) == entries
+    assert selected(entries, ["lwr"]) == entries[:2]
     with pytest.raises(ValueError, match=r"--only \['transformer'\] matches none of the policies"):
-        selected(arms, ["transformer"])
+        selected(entries, ["transformer"])

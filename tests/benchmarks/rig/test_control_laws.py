@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, cost, tuned, tuning_trials
-from benchmarks.rig.trials import FIRST_TUNING, Arm, Setting, perform
+from benchmarks.rig.trials import FIRST_TUNING, Entry, Setting, perform
 
 PERIOD = 0.02
 
@@ -58,8 +58,8 @@ def test_the_search_pauses_without_resistance():
 
 
 def test_tuning_chooses_the_lowest_cost_on_its_own_trials_and_resumes(setting, performed, no_progress):
-    arm = Arm("tuned", lambda s, record, advance, draw: tuned(MomentCompliance, s, record, advance))
-    record = perform(arm, setting, no_progress)
+    entry = Entry("tuned", lambda s, record, advance, draw: tuned(MomentCompliance, s, record, advance))
+    record = perform(entry, setting, no_progress)
     own = [n for n in performed if n >= FIRST_TUNING]
     assert len(own) == len(record.tuning) == tuning_trials(8)
     assert set(performed) - set(own) == set(setting.numbers)
@@ -69,7 +69,7 @@ def test_tuning_chooses_the_lowest_cost_on_its_own_trials_and_resumes(setting, p
     assert record.content["tuned"]["speed"] == pytest.approx(0.05 / min(times.values()))
     assert record.content["train_s"]["0"] == 0.5 * tuning_trials(8)
     more = Setting(**(vars(setting) | {"trials": 5}))
-    perform(arm, more, no_progress)
+    perform(entry, more, no_progress)
     assert performed[-1] == 7004
     assert [n for n in performed if n >= FIRST_TUNING] == own
 
