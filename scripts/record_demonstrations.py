@@ -6,36 +6,58 @@ import os
 import sys
 import webbrowser
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from scripts.command_line import command, make_app, run_app
-from scripts.options import Bad, Good, Jobs, OptionalOutFolder, OptionalScenarioName, Overwrite, Seed
+from scripts.options import Bad, Good, Jobs, OptionalOutFolder, OptionalScenarioName, Overwrite, Seed, parse_path
+
+if TYPE_CHECKING:
+    from models.scenario import Scenario
 
 app = make_app()
 
 
 def record_live(
-    *, out: Path, seed: int, scenario: str, driver: str | None, port: int | None, host: str | None = None
+    *,
+    out: Path,
+    seed: int,
+    scenario: str,
+    driver: str | None,
+    port: int | None,
+    host: str | None = None,
+    asked: Path | None = None,
 ) -> list[Path]:
     """Runs a session in the browser with a person at the controls, and returns the recordings that they kept.
 
+    With ``asked``, a file of situations, each demonstration begins in one of them.
+
     Raises:
-        ValueError: if the scenario is not valid or not stable, or no device driver has the name ``driver``.
+        ValueError: if the scenario is not valid or not stable, no device driver has the name ``driver``, or the file
+            of situations is not valid.
         OSError: if the folder ``out`` cannot be written, or the page cannot listen at ``host`` and ``port``.
     """
     from models.scenario import load_scenario
     from systems.haptics.coupling_margins import require_margins
     from systems.live.access import LOCAL_HOST
     from systems.live.page import open_live_page
-    from systems.live.session import LiveSession
+    from systems.live.session import LiveSession, asked_scenario, live_scenario
     from systems.operators.device_operator import find_device
     from systems.reports.terminal import say
+    from systems.runs.recovery import read_situations
     from systems.sessions.margin_table import print_margins
 
     chosen = load_scenario(scenario)
     margins = require_margins(chosen)
+    situations = read_situations(asked) if asked is not None else []
+
+    def start_of(number: int) -> Scenario:
+        if situations:
+            return asked_scenario(chosen, situations, seed=seed, number=number)
+        return live_scenario(chosen, seed=seed, number=number)
+
+    start_of(0)
     device = find_device(driver) if driver is not None else None
     page = open_live_page(host=host or LOCAL_HOST, port=port)
     try:
@@ -44,7 +66,7 @@ def record_live(
             say(line)
         if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             webbrowser.open(page.address)  # without a desktop this could start a text browser in the terminal
-        kept = LiveSession(scenario=chosen, out=out, seed=seed, page=page, tell=say, open_device=device).run()
+        kept = LiveSession(start_of=start_of, out=out, page=page, tell=say, open_device=device).run()
     finally:
         page.close()
     say(f"{len(kept)} demonstrations kept in {out}")
@@ -64,6 +86,14 @@ def main(
     live: Annotated[bool, typer.Option("--live", help="Demonstrate yourself, in the browser.")] = False,
     driver: Annotated[
         str | None, typer.Option(help="With --live: name of your device driver, or 'spacemouse' (see docs/haptics.md).")
+    ] = None,
+    asked: Annotated[
+        Path | None,
+        typer.Option(
+            parser=parse_path,
+            metavar="FILE",
+            help="With --live: begin in the situations of this file, by `haptic-skill recover --ask --json FILE`.",
+        ),
     ] = None,
     host: Annotated[
         str | None,
@@ -95,9 +125,11 @@ def main(
 
         folder = out or Path("out/live")
         with open_live_folder(folder):
-            record_live(out=folder, seed=seed, scenario=scenario or "live", driver=driver, host=host, port=port)
-    elif (driver, host, port) != (None, None, None):
-        raise typer.BadParameter("--driver, --host and --port need --live")
+            record_live(
+                out=folder, seed=seed, scenario=scenario or "live", driver=driver, host=host, port=port, asked=asked
+            )
+    elif (driver, host, port, asked) != (None, None, None, None):
+        raise typer.BadParameter("--driver, --host, --port and --asked need --live")
     else:
         from systems.sessions.record_session import record
 

@@ -30,6 +30,14 @@ def main(
     ask: Annotated[
         bool, typer.Option("--ask", help="Only say which situations the skill wants shown; write nothing.")
     ] = False,
+    json: Annotated[
+        Path | None,
+        typer.Option(
+            parser=parse_path,
+            metavar="FILE",
+            help="With --ask: write what it asks for, for `record --live --asked FILE`.",
+        ),
+    ] = None,
     seed: Seed = 0,
     scenario: ScenarioName = "nominal",
     jobs: Jobs = 2,
@@ -54,8 +62,10 @@ def main(
 
     plan = RecoveryPlan(rounds=rounds, trials=practice, most=most, seed=seed)
     if ask:
-        ask_only(skill=skill, plan=plan, scenario=scenario, jobs=jobs)
+        ask_only(skill=skill, plan=plan, scenario=scenario, json=json, jobs=jobs)
         return
+    if json is not None:
+        raise typer.BadParameter("--json needs --ask")
     recover(
         skill=skill,
         demonstrations=demonstrations,

@@ -18,7 +18,7 @@ from models.scenario import load_scenario
 from systems.live.access import LOCAL_HOST
 from systems.live.buttons import GOOD, QUIT, START
 from systems.live.page import LivePage
-from systems.live.session import LiveSession
+from systems.live.session import LiveSession, live_scenario
 from systems.outputs.live_folder import open_live_folder
 from systems.reports.terminal import report_errors, say
 
@@ -86,7 +86,11 @@ def main() -> None:
         page = WatchedPage(host=LOCAL_HOST, port=0)
         try:
             session = LiveSession(
-                scenario=scenario, out=arguments.out, seed=0, page=page, tell=say, open_device=PushingDevice
+                start_of=lambda number: live_scenario(scenario, seed=0, number=number),
+                out=arguments.out,
+                page=page,
+                tell=say,
+                open_device=PushingDevice,
             )
             session._buttons = ScriptedButtons(arguments.number)
             say(f"{len(session.run())} demonstrations kept")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from systems.operators.device_operator import DeviceOperator, LiveDevice
 from systems.operators.meshcat_operator import MeshcatOperator, add_sliders, hand_coordinates
 from systems.runs.demonstration_run import DemonstrationRun
 from systems.runs.demonstration_set import attempt_seed
+from systems.runs.recovery import Situation, recovery_scenario
 from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment, start_pose
 from systems.visualization.scene import FRAME
 
@@ -35,9 +36,8 @@ class LiveSession:
     """Records demonstrations by a person, one after another, into a folder.
 
     Args:
-        scenario: scenario with ranges, from which every demonstration draws its own start.
+        start_of: returns the resolved scenario of the demonstration with a number (see `live_scenario`).
         out: folder for the recordings; existing recordings stay, and the numbering continues after them.
-        seed: seed of the starts.
         page: page that the person opens.
         tell: receives the messages that the page shows too, for example a console.
         open_device: opens the person's haptic device; None uses sliders, keys and gamepad of the page.
@@ -47,15 +47,14 @@ class LiveSession:
     def __init__(
         self,
         *,
-        scenario: Scenario,
+        start_of: Callable[[int], Scenario],
         out: Path,
-        seed: int,
         page: LivePage,
         tell: Callable[[str], None] = print,
         open_device: Callable[[], LiveDevice] | None = None,
         absence_limit: float = 120.0,
     ) -> None:
-        self._scenario, self._out, self._seed, self._page = scenario, out, seed, page
+        self._start_of, self._out, self._page = start_of, out, page
         self._tell, self._open_device, self._absence_limit = tell, open_device, absence_limit
         self._buttons = Buttons(page.controls)
         if open_device is None:
@@ -115,7 +114,7 @@ class LiveSession:
     def _next(self) -> tuple[int, Scenario]:
         """Number and resolved scenario of the next demonstration."""
         number = next_number(self._out)
-        return number, live_scenario(self._scenario, seed=self._seed, number=number)
+        return number, self._start_of(number)
 
     def _prepare_next(self) -> None:
         """Draws the start of the next demonstration."""
@@ -316,6 +315,12 @@ def live_scenario(scenario: Scenario, *, seed: int, number: int) -> Scenario:
     Uses the seeds of simulated demonstrations in a random stream of its own, so that the starts differ from theirs.
     """
     return resolve_scenario(scenario, seed=attempt_seed(seed, number, 0), stream=LIVE_STREAM)
+
+
+def asked_scenario(scenario: Scenario, situations: Sequence[Situation], *, seed: int, number: int) -> Scenario:
+    """Resolves a scenario for the live demonstration ``number``, which begins in one of the situations in turn."""
+    situation = situations[number % len(situations)]
+    return recovery_scenario(scenario, situation, seed=attempt_seed(seed, number, 0), stream=LIVE_STREAM)
 
 
 def next_number(folder: Path) -> int:

@@ -9,23 +9,31 @@ trials, a `Situation` is where it was stuck first, and an operator takes over fr
 from __future__ import annotations
 
 import copy
+import json
+import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 
 from models.scenario import QUESTION_STREAM, RECOVERY_STREAM, Scenario, resolve_scenario
 from skill.data.demonstration import Demonstration
 from skill.data.rig_run import RigRun
+from skill.data.sealed_file import read_bounded
+from skill.data.tables import one_line
 from skill.features.measurement import contact_load
 from skill.policy import RigPolicy
+from skill.skill_schema import is_number
 from systems.runs.demonstration_run import run_demonstration
 from systems.runs.demonstration_set import GOOD_HABITS, OPERATORS
 from systems.runs.trial import run_trial
 from systems.runs.trial_result import TrialResult
 from systems.runs.worker_pool import run_in_processes
+
+MAX_SIZE = 10_000_000  # bytes of a file of situations
 
 LIFT = 3e-4
 """A recovery begins this much higher than the policy was stuck, m: the peg is held, but not pressed."""
@@ -38,6 +46,8 @@ ATTEMPTS = 5
 class Situation:
     """Where a policy was stuck.
 
+    The rig does not know pivot and friction; the simulation does, and a recovery needs them to meet the same contact.
+
     Attributes:
         trial: number of the practice trial.
         time: s.
@@ -45,6 +55,8 @@ class Situation:
         tilt: of the peg relative to the hole, about x and y, rad.
         load: measured contact load, N.
         state: name of the contact state.
+        pivot_height: of the gimbal's axes above the mouth, m.
+        friction: coefficient of peg and hole.
     """
 
     trial: int
@@ -53,10 +65,50 @@ class Situation:
     tilt: tuple[float, float]
     load: float
     state: str
+    pivot_height: float
+    friction: float
 
     def record(self) -> dict[str, Any]:
         """Returns the fields as JSON values."""
         return asdict(self) | {"tilt": list(self.tilt)}
+
+    @classmethod
+    def from_record(cls, record: Any) -> Self:
+        """Inverts `record`.
+
+        Raises:
+            ValueError: if a field is missing or unknown, of the wrong type, or not finite.
+        """
+        names = [field.name for field in fields(cls)]
+        if not isinstance(record, dict) or sorted(record) != sorted(names):
+            found = sorted(record) if isinstance(record, dict) else type(record).__name__
+            raise ValueError(f"a situation is {found}, expected an object with {names}")
+        tilt = record["tilt"]
+        if not (isinstance(tilt, list) and len(tilt) == 2):
+            raise ValueError(f"tilt is {tilt!r}, expected two numbers in rad")
+        for name, value in (*record.items(), ("tilt", tilt[0]), ("tilt", tilt[1])):
+            if name == "state" and not isinstance(value, str):
+                raise ValueError(f"state is {value!r}, expected a text")
+            if name != "state" and value is not tilt and not (is_number(value) and math.isfinite(value)):
+                raise ValueError(f"{name} is {value!r}, expected a finite number in SI units")
+        return cls(**record | {"tilt": (float(tilt[0]), float(tilt[1]))})
+
+
+def read_situations(path: Path) -> list[Situation]:
+    """Reads a file of `write_json` with the records of situations.
+
+    Raises:
+        ValueError: if the file is missing, too large, or holds no or other situations. The message names it.
+    """
+    try:
+        content = json.loads(read_bounded(path, MAX_SIZE))
+        if not (isinstance(content, list) and content):
+            raise ValueError("expected a list with at least one situation")
+        return [Situation.from_record(record) for record in content]
+    except FileNotFoundError:
+        raise ValueError(f"{path}: no such file; `haptic-skill recover --ask --json {path}` writes one") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: no situations of this program ({one_line(error)})") from error
 
 
 def practice_trial(scenario: Scenario, number: int) -> Scenario:
@@ -64,16 +116,16 @@ def practice_trial(scenario: Scenario, number: int) -> Scenario:
     return resolve_scenario(scenario, seed=number, stream=QUESTION_STREAM)
 
 
-def find_situation(run: RigRun, *, number: int, inserted: bool, peg_radius: float) -> Situation | None:
+def find_situation(run: RigRun, scenario: Scenario, *, number: int, inserted: bool) -> Situation | None:
     """Returns where the policy of a run was stuck first, or None if it was not.
 
     A policy is stuck when a back-off begins. Without a back-off, a run that did not insert was stuck at its end.
 
     Args:
         run: of the practice trial.
+        scenario: of the practice trial, resolved.
         number: of the trial.
         inserted: whether the trial inserted.
-        peg_radius: m.
     """
     samples = run.samples
     began = np.flatnonzero(np.diff(samples["guard"].to_numpy(), prepend=0.0) > 0.0)
@@ -86,8 +138,10 @@ def find_situation(run: RigRun, *, number: int, inserted: bool, peg_radius: floa
         time=float(row["time"]),
         depth=float(row["depth"]),
         tilt=(-float(row["pitch"]), -float(row["yaw"])),  # turning the hole by theta tilts the peg by -theta
-        load=contact_load(wrench, peg_radius),
+        load=contact_load(wrench, scenario.geometry.peg_radius),
         state=run.metadata["state_names"][int(row["state"])],
+        pivot_height=float(scenario.rig.pivot_height or 0.0),
+        friction=scenario.contact.friction,
     )
 
 
@@ -102,29 +156,30 @@ def ask(
 def _ask(scenario: Scenario, policy: RigPolicy, number: int) -> tuple[TrialResult, Situation | None]:
     resolved = practice_trial(scenario, number)
     result, run = run_trial(resolved, policy, seed=number)
-    radius = scenario.geometry.peg_radius
-    return result, find_situation(run, number=number, inserted=result.inserted, peg_radius=radius)
+    return result, find_situation(run, resolved, number=number, inserted=result.inserted)
 
 
-def recovery_scenario(scenario: Scenario, situation: Situation, *, seed: int, person: int, habit: str) -> Scenario:
-    """Returns the resolved scenario of a recovery: the pivot and the friction of the practice trial, and the pose in
-    which the policy was stuck, lifted by ``LIFT``.
+def recovery_scenario(
+    scenario: Scenario, situation: Situation, *, seed: int, stream: int = RECOVERY_STREAM, person: int | None = None
+) -> Scenario:
+    """Returns the resolved scenario of a recovery: the pose in which the policy was stuck, lifted by ``LIFT``.
 
     Args:
-        scenario: with ranges, as for the practice trial.
-        situation: where the policy was stuck.
+        scenario: with ranges.
+        situation: where the policy was stuck; its pivot and friction replace those of the scenario.
         seed: of the operator's senses.
-        person: number of the operator.
-        habit: of the operator.
+        stream: random stream of the seed.
+        person: number of the operator; None draws a new one.
+
+    Raises:
+        ValueError: if a demonstration cannot begin in the situation.
     """
-    trial = practice_trial(scenario, situation.trial)
     recovery = copy.deepcopy(scenario)
-    recovery.operator.habit = habit
-    recovery.rig.pivot_height = trial.rig.pivot_height
-    recovery.contact.friction, recovery.contact.friction_spread = trial.contact.friction, 0.0
+    recovery.rig.pivot_height = situation.pivot_height
+    recovery.contact.friction, recovery.contact.friction_spread = situation.friction, 0.0
     recovery.start.tilt = list(situation.tilt)
     recovery.start.depth = max(0.0, situation.depth - LIFT)  # above the mouth it begins at the usual height
-    return resolve_scenario(recovery, seed=seed, stream=RECOVERY_STREAM, person=person)
+    return resolve_scenario(recovery, seed=seed, stream=stream, person=person)
 
 
 def habit_of(number: int) -> str:
@@ -145,9 +200,11 @@ def demonstrate_recovery(scenario: Scenario, situation: Situation, *, number: in
         The last attempt, which is good or bad.
     """
     person = seed * OPERATORS + number % OPERATORS
+    with_habit = copy.deepcopy(scenario)
+    with_habit.operator.habit = habit_of(number)
     for attempt in range(ATTEMPTS):
         senses = situation.trial * ATTEMPTS + attempt
-        resolved = recovery_scenario(scenario, situation, seed=senses, person=person, habit=habit_of(number))
+        resolved = recovery_scenario(with_habit, situation, seed=senses, person=person)
         demonstration = run_demonstration(resolved)
         if demonstration.good:
             break

@@ -25,7 +25,7 @@ from systems.outputs.output_set import open_set
 from systems.outputs.recordings import find_recordings
 from systems.outputs.set_index import DEMONSTRATIONS, SetIndex
 from systems.reports.result_tables import situation_table
-from systems.reports.terminal import console, progress, say
+from systems.reports.terminal import console, progress, say, write_json
 from systems.runs.provenance import versions
 from systems.runs.recovery import Situation, ask, demonstrate_recoveries, habit_of
 from systems.sessions.train_session import train
@@ -55,13 +55,29 @@ class RecoveryPlan:
         return range(first, first + self.trials)
 
 
-def ask_only(*, skill: Path, plan: RecoveryPlan, scenario: str, jobs: int) -> list[Situation]:
+def ask_only(*, skill: Path, plan: RecoveryPlan, scenario: str, json: Path | None, jobs: int) -> list[Situation]:
     """Performs the practice trials of the first round and prints in which situations the skill was stuck.
 
+    Args:
+        skill: file of the skill.
+        plan: of the practice; only one round is performed.
+        scenario: name or file.
+        json: file to write the situations into, for `read_situations`; None writes nothing.
+        jobs: number of processes.
+
     Raises:
-        ValueError: if the skill file or the scenario is not valid.
+        ValueError: if the skill file or the scenario is not valid, or ``json`` is a file of another kind.
+        OSError: if the file cannot be written.
     """
-    return _ask(load_scenario(scenario), ManipulationSkill.load(skill), plan, 1, jobs)
+    if json is not None:
+        require_distinct({"--skill": skill, "--json": json})
+        check_file(json, ".json", option="--json")
+    situations = _ask(load_scenario(scenario), ManipulationSkill.load(skill), plan, 1, jobs)
+    if json is not None:
+        with named_errors(json, "the skill is unchanged"):
+            write_json(json, [situation.record() for situation in situations])
+        say(f"{len(situations)} situations in {json}")
+    return situations
 
 
 def recover(

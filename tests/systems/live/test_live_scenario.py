@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
-from systems.live.session import live_scenario
+from systems.live.session import asked_scenario, live_scenario
 from systems.runs.demonstration_set import attempt_seed
+from systems.runs.recovery import LIFT, Situation
 
 
 def live_starts(seeds, numbers):
@@ -46,3 +47,20 @@ def test_simulated_demonstrations_keep_their_starts():
     assert resolved.seed == 917752063
     assert resolved.start.tilt == pytest.approx([0.0016506101916365396, 0.06289659729273164], rel=1e-12)
     assert resolved.rig.pivot_height == pytest.approx(-0.0018816854798951455, rel=1e-12)
+
+
+def test_asked_situations_are_the_starts_in_turn():
+    asked = [
+        Situation(
+            **{"trial": k, "time": 1.0, "depth": 0.002 * (k + 1), "tilt": (0.01 * k, 0.02), "load": 9.0, "state": ""},
+            **{"pivot_height": 1e-3 * k, "friction": 0.1 + 0.01 * k},
+        )
+        for k in range(3)
+    ]
+    starts = [asked_scenario(Scenario(), asked, seed=1, number=number) for number in range(5)]
+    for number, resolved in enumerate(starts):
+        wanted = asked[number % 3]
+        assert resolved.start.tip_height == pytest.approx(LIFT - wanted.depth)
+        assert resolved.start.tilt == list(wanted.tilt)
+        assert (resolved.rig.pivot_height, resolved.contact.friction) == (wanted.pivot_height, wanted.friction)
+    assert starts[0].seed != starts[3].seed  # the same situation, other noise

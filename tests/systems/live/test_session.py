@@ -26,10 +26,11 @@ from systems.live.display import SATURATED
 from systems.live.messages import Outbox
 from systems.live.page import LivePage, open_live_page
 from systems.live.scene import LiveScene
-from systems.live.session import LiveSession, next_number
+from systems.live.session import LiveSession, live_scenario, next_number
 from systems.math.rotation import from_rotation_vector
 from systems.operators.meshcat_operator import R_HV, hand_coordinates, hand_pose
 from systems.outputs.folder_lock import LOCK_NAME
+from systems.reports.terminal import write_json
 from systems.runs.demonstration_run import DemonstrationRun
 from tests.browser import blankness
 from tests.systems.live.live_session import QUICK, drag, live, press, row, text_of, wait_for_text
@@ -71,9 +72,8 @@ def session(tmp_path):
     def make(**options):
         messages = []
         session = LiveSession(
-            scenario=load_scenario(str(path)),
+            start_of=lambda number: live_scenario(load_scenario(str(path)), seed=0, number=number),
             out=tmp_path,
-            seed=0,
             page=page,
             tell=messages.append,
             **options,
@@ -173,9 +173,8 @@ def quiet(tmp_path, monkeypatch):
     (tmp_path / "quick.yaml").write_text(yaml.safe_dump(QUICK))
     messages, page, clicks = [], Page(), []
     dut = LiveSession(
-        scenario=load_scenario(str(tmp_path / "quick.yaml")),
+        start_of=lambda number: live_scenario(load_scenario(str(tmp_path / "quick.yaml")), seed=0, number=number),
         out=tmp_path,
-        seed=0,
         page=page,
         tell=messages.append,
     )
@@ -524,6 +523,26 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
     assert example.metadata["habit"] == "live"
     assert example.metadata["lowest_probe_energy_J"] <= 0
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["000_good_live.parquet", "index.json"]
+
+
+@pytest.mark.slow
+def test_a_person_begins_in_the_pose_that_a_skill_asked_to_be_shown(tmp_path):
+    asked = {"trial": 5, "time": 1.0, "depth": 0.0018, "tilt": [0.02, 0.0], "load": 12.0, "state": "two-point contact"}
+    write_json(tmp_path / "asked.json", [asked | {"pivot_height": -0.001, "friction": 0.2}])
+    with live(tmp_path, options=("--asked", str(tmp_path / "asked.json"))) as session, session.page() as page:
+        wait_for_text(page, "status", "ready: press Space")
+        assert text_of(page, "depth") == "1.50 of 3.7 mm"  # 0.3 mm above
+        press(page, " ")
+        session.wait_for("recording:")
+        time.sleep(0.5)
+        press(page, "b")
+        session.wait_for("keep as good")
+        press(page, "b")
+        session.wait_for("kept 000_bad_live.parquet")
+        press(page, "q")
+    first = read_demonstration(tmp_path / "out" / "000_bad_live.parquet").samples.iloc[0]
+    assert first["z"] == pytest.approx(-0.0015, abs=1e-4)
+    assert first["angle"] == pytest.approx(0.02, abs=2e-3)
 
 
 @pytest.mark.slow

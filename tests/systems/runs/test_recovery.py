@@ -9,6 +9,7 @@ from models.scenario import parse_scenario
 from skill.features.measurement import contact_load
 from skill.manipulation_skill import Action
 from systems.control.policy import ControlLaw
+from systems.reports.terminal import write_json
 from systems.rig import MakeRig
 from systems.runs.demonstration_set import OPERATORS, Request, demonstrate
 from systems.runs.recovery import (
@@ -18,13 +19,23 @@ from systems.runs.recovery import (
     demonstrate_recovery,
     find_situation,
     practice_trial,
+    read_situations,
     recovery_scenario,
 )
 from systems.runs.trial import trial_scenario
 from systems.virtual_environment import start_pose
 from tests.trajectories import STATE_NAMES, make_rig_run
 
-SITUATION = Situation(trial=3, time=0.5, depth=0.004, tilt=(0.02, -0.015), load=9.0, state="against the wall")
+SITUATION = Situation(
+    trial=3,
+    time=0.5,
+    depth=0.004,
+    tilt=(0.02, -0.015),
+    load=9.0,
+    state="against the wall",
+    pivot_height=-0.0007,
+    friction=0.17,
+)
 
 
 class Push(ControlLaw):
@@ -34,39 +45,39 @@ class Push(ControlLaw):
         return Action(turn=np.zeros(2), feed=-2e-4, probabilities=np.ones(1))
 
 
-def test_a_policy_is_stuck_where_the_first_back_off_begins():
-    run = make_rig_run()
+def test_a_policy_is_stuck_where_the_first_back_off_begins(quick_scenario):
+    run, resolved = make_rig_run(), practice_trial(quick_scenario, 12)
     row = run.samples[run.samples["guard"] > 0].iloc[0]
-    found = find_situation(run, number=12, inserted=True, peg_radius=0.01)
+    found = find_situation(run, resolved, number=12, inserted=True)
     assert found.trial == 12
     assert (found.time, found.depth) == (row["time"], row["depth"])
     assert found.tilt == (-row["pitch"], -row["yaw"])
     assert found.load == contact_load(row[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(dtype=float), 0.01)
     assert found.state == STATE_NAMES[int(row["state"])]
+    assert (found.pivot_height, found.friction) == (resolved.rig.pivot_height, resolved.contact.friction)
 
 
-def test_a_run_without_a_back_off_was_stuck_at_its_end_unless_it_inserted():
+def test_a_run_without_a_back_off_was_stuck_at_its_end_unless_it_inserted(quick_scenario):
     run = make_rig_run()
     run = replace(run, samples=run.samples.assign(guard=0.0))
-    assert find_situation(run, number=1, inserted=True, peg_radius=0.01) is None
-    found = find_situation(run, number=1, inserted=False, peg_radius=0.01)
+    assert find_situation(run, quick_scenario, number=1, inserted=True) is None
+    found = find_situation(run, quick_scenario, number=1, inserted=False)
     assert found.depth == run.samples["depth"].iloc[-1]
 
 
-def test_a_back_off_in_the_first_sample_counts():
+def test_a_back_off_in_the_first_sample_counts(quick_scenario):
     run = make_rig_run()
     run = replace(run, samples=run.samples.assign(guard=1.0))
-    assert find_situation(run, number=1, inserted=True, peg_radius=0.01).time == 0.0
+    assert find_situation(run, quick_scenario, number=1, inserted=True).time == 0.0
 
 
 def test_a_recovery_has_the_pivot_and_the_friction_of_the_practice_trial(quick_scenario):
-    trial = practice_trial(quick_scenario, SITUATION.trial)
-    found = recovery_scenario(quick_scenario, SITUATION, seed=5, person=21, habit="novice")
-    assert found.rig.pivot_height == trial.rig.pivot_height
-    assert found.contact.friction == trial.contact.friction
+    found = recovery_scenario(quick_scenario, SITUATION, seed=5, person=21)
+    assert found.rig.pivot_height == SITUATION.pivot_height
+    assert found.contact.friction == SITUATION.friction
     assert found.start.tilt == list(SITUATION.tilt)
     assert found.start.tip_height == pytest.approx(LIFT - SITUATION.depth)
-    again = recovery_scenario(quick_scenario, SITUATION, seed=6, person=21, habit="novice")
+    again = recovery_scenario(quick_scenario, SITUATION, seed=6, person=21)
     assert again.operator == found.operator  # the same person ...
     assert again.seed != found.seed  # ... with other noise
 
@@ -77,13 +88,13 @@ def test_practice_trials_differ_from_all_other_trials(quick_scenario):
 
 def test_above_the_mouth_a_recovery_begins_at_the_usual_height(quick_scenario):
     high = replace(SITUATION, depth=0.5 * LIFT)
-    found = recovery_scenario(quick_scenario, high, seed=5, person=21, habit="expert")
+    found = recovery_scenario(quick_scenario, high, seed=5, person=21)
     assert found.start.tip_height == quick_scenario.start.height
 
 
 def test_the_operator_of_a_recovery_is_one_of_the_set(quick_scenario):
     shown = demonstrate(quick_scenario, Request(4, "expert", True), seed=2)
-    found = recovery_scenario(quick_scenario, SITUATION, seed=5, person=2 * OPERATORS + 4, habit="expert")
+    found = recovery_scenario(quick_scenario, SITUATION, seed=5, person=2 * OPERATORS + 4)
     assert shown.metadata["operator"] == 2 * OPERATORS + 4
     assert parse_scenario(shown.metadata["scenario"], "test").operator == found.operator
 
@@ -103,8 +114,8 @@ def test_a_recovery_begins_in_the_pose_in_which_the_rig_was_stuck(quick_scenario
     depth = -X_HP.translation()[2]
     assert depth > LIFT
     tilt = (-float(samples["pitch"].iloc[-1]), -float(samples["yaw"].iloc[-1]))
-    stuck = Situation(trial=3, time=0.14, depth=depth, tilt=tilt, load=0.0, state="")
-    X_start = start_pose(recovery_scenario(quick_scenario, stuck, seed=0, person=0, habit="expert"))
+    stuck = replace(SITUATION, depth=depth, tilt=tilt, pivot_height=rig_scenario.rig.pivot_height)
+    X_start = start_pose(recovery_scenario(quick_scenario, stuck, seed=0))
     np.testing.assert_allclose(X_start.rotation().col(2), X_HP.rotation().col(2), atol=5e-5)
     lifted = X_HP.translation() + LIFT * X_HP.rotation().col(2)
     np.testing.assert_allclose(X_start.translation(), lifted, atol=2e-5)
@@ -132,3 +143,49 @@ def test_a_policy_asks_where_it_was_stuck_and_an_operator_recovers(quick_scenari
     assert shown.metadata["operator"] == OPERATORS + 2
     again = demonstrate_recovery(quick_scenario, situation, number=2, seed=1)
     np.testing.assert_array_equal(again.samples, shown.samples)
+
+
+def test_situations_are_read_as_they_were_written(tmp_path):
+    path = tmp_path / "asked.json"
+    write_json(path, [SITUATION.record(), replace(SITUATION, trial=4).record()])
+    assert read_situations(path) == [SITUATION, replace(SITUATION, trial=4)]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("[]", "expected a list with at least one situation"),
+        ("{}", "expected a list with at least one situation"),
+        ("[3]", "a situation is int, expected an object with"),
+        ('[{"trial": 1}]', r"a situation is \['trial'\], expected an object with"),
+        ("[", "Expecting value"),
+        ("[" * 100_000, "no situations of this program"),
+    ],
+)
+def test_a_file_without_situations_is_one_error(tmp_path, content, message):
+    path = tmp_path / "asked.json"
+    path.write_text(content)
+    with pytest.raises(ValueError, match=message) as error:
+        read_situations(path)
+    assert str(error.value).startswith(str(path))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("depth", "deep", "depth is 'deep', expected a finite number"),
+        ("depth", math.nan, "depth is nan, expected a finite number"),
+        ("friction", True, "friction is True"),
+        ("tilt", [0.1], "expected two numbers in rad"),
+        ("tilt", [0.1, None], "tilt is None, expected a finite number"),
+        ("state", 3, "state is 3, expected a text"),
+    ],
+)
+def test_a_situation_with_a_wrong_field_is_named(field, value, message):
+    with pytest.raises(ValueError, match=message):
+        Situation.from_record(SITUATION.record() | {field: value})
+
+
+def test_a_missing_file_of_situations_says_how_to_make_one(tmp_path):
+    with pytest.raises(ValueError, match=r"no such file; `haptic-skill recover --ask --json"):
+        read_situations(tmp_path / "asked.json")
