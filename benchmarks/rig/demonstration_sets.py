@@ -130,7 +130,7 @@ def show(rows: Sequence[dict[str, Any]]) -> None:
     table = Table(title="inserted, by set of demonstrations")
     columns = [(name, arm) for name in (BEFORE, AFTER) for arm in Arm]
     for title in ("set", "recoveries", *(f"{name}\n{arm}" for name, arm in columns), "median\n(s)", "largest\n(N)"):
-        table.add_column(title, justify="right")
+        table.add_column(title, justify="right", no_wrap=True)
     for seed in sorted({row["set"] for row in rows}):
         of = {(row["skill"], row["arm"]): row for row in rows if row["set"] == seed}
         last = of[AFTER, Arm.DEFAULT.value]
