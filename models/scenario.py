@@ -70,7 +70,7 @@ class StartParameters:
     """Initial pose of the peg; tilt and offset are drawn from their ranges if they are None."""
 
     height: float = 0.003  # in units of m, of the tip above the mouth
-    depth: float = 0.0  # in units of m, of the tip below the mouth; if positive, a demonstration begins inside the hole
+    depth: float = 0.0  # in units of m, of the tip below the mouth; if positive, it replaces the height
     tilt_range: float = math.radians(3.4)  # in units of rad, uniform on each axis
     demonstrated_tilt_range: float = math.radians(4.0)  # in units of rad; wider than in a rig trial
     offset_range: float = 0.0  # in units of m, uniform on each axis; has an effect in the `free` fixture only
@@ -273,10 +273,9 @@ def _violations(scenario: Scenario) -> Iterator[Violation]:
     yield from number_violations(scenario)
     yield from _geometry_violations(scenario.geometry)
     yield from _name_violations(scenario)
-    if not scenario.start.depth < scenario.geometry.hole_depth:
-        bound = f"below geometry.hole_depth {scenario.geometry.hole_depth} m"
-        yield Violation("start.depth", f"{scenario.start.depth} m", bound)
     g, spins = scenario.geometry, scenario.fixture == FREE_FIXTURE
+    if not scenario.start.depth < g.hole_depth:
+        yield Violation("start.depth", f"{scenario.start.depth} m", f"below geometry.hole_depth {g.hole_depth} m")
     yield from facet_violations(facets=g.facets, radius=g.hole_radius, clearance=g.clearance, spins=spins)
     yield from _limit_violations(scenario)
     yield from _tilt_violations(scenario.start, scenario.geometry)
@@ -375,8 +374,7 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int 
         scenario: Scenario with ranges; not modified.
         seed: Non-negative integer.
         stream: one of the streams but those of persons and stress; demonstrations have wider ranges than trials.
-        person: Number of the person; the same number gives the same operator for every seed and stream. None draws a
-            new person with ``seed``.
+        person: Number of the person, which is one operator for every seed and stream; None draws one with ``seed``.
 
     Raises:
         ValueError: If the resolved scenario is invalid; the message names ``seed``.

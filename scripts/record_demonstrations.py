@@ -39,13 +39,13 @@ def record_live(
         OSError: if the folder ``out`` cannot be written, or the page cannot listen at ``host`` and ``port``.
     """
     from models.scenario import load_scenario
+    from skill.practice.situation import read_situations
     from systems.haptics.coupling_margins import require_margins
     from systems.live.access import LOCAL_HOST
     from systems.live.page import open_live_page
     from systems.live.session import LiveSession, asked_scenario, live_scenario
     from systems.operators.device_operator import find_device
     from systems.reports.terminal import say
-    from systems.runs.recovery import read_situations
     from systems.sessions.margin_table import print_margins
 
     chosen = load_scenario(scenario)

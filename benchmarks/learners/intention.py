@@ -77,7 +77,12 @@ def figures(Y: Array, found: Array) -> dict[str, float]:
 def main() -> None:
     parser = argument_parser(__doc__)
     parser.add_argument(
-        "--demonstrations", type=Path, nargs="+", default=[Path("out/demonstrations")], metavar="FOLDER", help="sets"
+        "--demonstrations",
+        type=Path,
+        nargs="+",
+        default=[Path("out/demonstrations")],
+        metavar="FOLDER",
+        help="recorded sets",
     )
     arguments = parser.parse_args()
     table = Table(title="left-out demonstrations, under load")

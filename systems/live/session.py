@@ -14,6 +14,7 @@ from models.scenario import LIVE_STREAM, Scenario, resolve_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.outcome import Ending, Outcome
 from skill.data.tables import TooShortError
+from skill.practice.situation import Situation
 from systems.live.buttons import BAD, DISCARD, GOOD, MOTION_HELP, QUIT, SESSION_HELP, START, Buttons
 from systems.live.clock import Clock, Deadlines
 from systems.live.display import LiveDisplay, Readings
@@ -22,7 +23,7 @@ from systems.operators.device_operator import DeviceOperator, LiveDevice
 from systems.operators.meshcat_operator import MeshcatOperator, add_sliders, hand_coordinates
 from systems.runs.demonstration_run import DemonstrationRun
 from systems.runs.demonstration_set import attempt_seed
-from systems.runs.recovery import Situation, recovery_scenario
+from systems.runs.recovery import recovery_scenario
 from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment, start_pose
 from systems.visualization.scene import FRAME
 

@@ -12,7 +12,7 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from skill.manipulation_skill import ManipulationSkill
-    from systems.runs.recovery import Situation
+    from skill.practice.situation import Situation
     from systems.runs.trial_result import TrialResult
 
 

@@ -9,106 +9,28 @@ trials, a `Situation` is where it was stuck first, and an operator takes over fr
 from __future__ import annotations
 
 import copy
-import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
 from functools import partial
-from pathlib import Path
-from typing import Any, Self
 
 import numpy as np
 
 from models.scenario import QUESTION_STREAM, RECOVERY_STREAM, Scenario, resolve_scenario
 from skill.data.demonstration import Demonstration
 from skill.data.rig_run import RigRun
-from skill.data.sealed_file import read_bounded
-from skill.data.tables import one_line
 from skill.features.measurement import contact_load
 from skill.policy import RigPolicy
-from skill.skill_schema import is_number
+from skill.practice.situation import Situation
 from systems.runs.demonstration_run import run_demonstration
 from systems.runs.demonstration_set import GOOD_HABITS, OPERATORS
 from systems.runs.trial import run_trial
 from systems.runs.trial_result import TrialResult
 from systems.runs.worker_pool import run_in_processes
 
-MAX_SIZE = 10_000_000  # bytes of a file of situations
-
 LIFT = 3e-4
 """A recovery begins this much higher than the policy was stuck, m: the peg is held, but not pressed."""
 
 ATTEMPTS = 5
 """Attempts of an operator at one recovery."""
-
-
-@dataclass(frozen=True)
-class Situation:
-    """Where a policy was stuck.
-
-    The rig does not know pivot and friction; the simulation does, and a recovery needs them to meet the same contact.
-
-    Attributes:
-        trial: number of the practice trial.
-        time: s.
-        depth: of the tip below the mouth, m.
-        tilt: of the peg relative to the hole, about x and y, rad.
-        load: measured contact load, N.
-        state: name of the contact state.
-        pivot_height: of the gimbal's axes above the mouth, m.
-        friction: coefficient of peg and hole.
-    """
-
-    trial: int
-    time: float
-    depth: float
-    tilt: tuple[float, float]
-    load: float
-    state: str
-    pivot_height: float
-    friction: float
-
-    def record(self) -> dict[str, Any]:
-        """Returns the fields as JSON values."""
-        return asdict(self) | {"tilt": list(self.tilt)}
-
-    @classmethod
-    def from_record(cls, record: Any) -> Self:
-        """Inverts `record`.
-
-        Raises:
-            ValueError: if a field is missing or unknown, of the wrong type, or not finite.
-        """
-        names = [field.name for field in fields(cls)]
-        if not isinstance(record, dict) or sorted(record) != sorted(names):
-            found = sorted(record) if isinstance(record, dict) else type(record).__name__
-            raise ValueError(f"a situation is {found}, expected an object with {names}")
-        tilt = record["tilt"]
-        if not (isinstance(tilt, list) and len(tilt) == 2):
-            raise ValueError(f"tilt is {tilt!r}, expected two numbers in rad")
-        for name, value in (*record.items(), ("tilt", tilt[0]), ("tilt", tilt[1])):
-            if name == "state" and not isinstance(value, str):
-                raise ValueError(f"state is {value!r}, expected a text")
-            if name != "state" and value is not tilt and not (is_number(value) and math.isfinite(value)):
-                raise ValueError(f"{name} is {value!r}, expected a finite number in SI units")
-        return cls(**record | {"tilt": (float(tilt[0]), float(tilt[1]))})
-
-
-def read_situations(path: Path) -> list[Situation]:
-    """Reads a file of `write_json` with the records of situations.
-
-    Raises:
-        ValueError: if the file is missing, too large, or holds no or other situations. The message names it.
-    """
-    try:
-        content = json.loads(read_bounded(path, MAX_SIZE))
-        if not (isinstance(content, list) and content):
-            raise ValueError("expected a list with at least one situation")
-        return [Situation.from_record(record) for record in content]
-    except FileNotFoundError:
-        raise ValueError(f"{path}: no such file; `haptic-skill recover --ask --json {path}` writes one") from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: no situations of this program ({one_line(error)})") from error
 
 
 def practice_trial(scenario: Scenario, number: int) -> Scenario:

@@ -12,6 +12,7 @@ import numpy as np
 from models.scenario import Scenario, dump_scenario, load_scenario
 from skill.data.demonstration import write_demonstration
 from skill.manipulation_skill import ManipulationSkill
+from skill.practice.situation import Situation
 from systems.outputs.folder_lock import locked_file
 from systems.outputs.output_checks import (
     RECORDING_SIZE,
@@ -27,7 +28,7 @@ from systems.outputs.set_index import DEMONSTRATIONS, SetIndex
 from systems.reports.result_tables import situation_table
 from systems.reports.terminal import console, progress, say, write_json
 from systems.runs.provenance import versions
-from systems.runs.recovery import Situation, ask, demonstrate_recoveries, habit_of
+from systems.runs.recovery import ask, demonstrate_recoveries, habit_of
 from systems.sessions.train_session import train
 
 MAX_ROUNDS, MAX_TRIALS = 100, 10_000  # so that the number of a practice trial is unique

@@ -15,7 +15,13 @@ COMMANDS = sorted(
     for path in (ROOT / "benchmarks").rglob("*.py")
     if "    run(main)\n" in path.read_text()
 )
-WITHOUT_EXTRAS = {"clustering", "clustering_speed", "regression", "regression_intervals"}  # in benchmarks.learners
+WITHOUT_EXTRAS = {
+    "clustering",
+    "clustering_speed",
+    "intention",
+    "regression",
+    "regression_intervals",
+}  # in benchmarks.learners
 WITH_PEERS = {"benchmarks.learners.contact_states", "benchmarks.physics.engines", "benchmarks.rig.mujoco"}
 
 RUN_WITHOUT = """

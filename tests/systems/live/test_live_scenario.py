@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
+from skill.practice.situation import Situation
 from systems.live.session import asked_scenario, live_scenario
 from systems.runs.demonstration_set import attempt_seed
-from systems.runs.recovery import LIFT, Situation
+from systems.runs.recovery import LIFT
 
 
 def live_starts(seeds, numbers):
