@@ -138,8 +138,8 @@ class ForceGuardParameters:
 
     # 90 % of the samples of the default good demonstrations stay below 13 N of load, 99 % below 28 N. A skill that
     # pushes harder measures loads that few demonstrations contain.
-    soft_force: float = 10.0  # in units of N of load, above which it reduces feed and turns that do not lower it
-    hold_force: float = 20.0  # in units of N of load, at which they are zero; above it the guard yields
+    soft_force: float = 10.0  # in units of N of load, above which it reduces the feed, to zero halfway to hold_force
+    hold_force: float = 20.0  # in units of N of load, at which turns that do not lower it are zero; above, it yields
     force_limit: float = 40.0  # in units of N of load, which the guard is to keep; impact loads count too
 
 

@@ -57,7 +57,8 @@ def record_live(
             return asked_scenario(chosen, situations, seed=seed, number=number)
         return live_scenario(chosen, seed=seed, number=number)
 
-    start_of(0)
+    for number in range(max(1, len(situations))):  # all are checked before the page opens
+        start_of(number)
     device = find_device(driver) if driver is not None else None
     page = open_live_page(host=host or LOCAL_HOST, port=port)
     try:

@@ -15,10 +15,10 @@ from sklearn.base import clone
 
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.data.demonstration import ACTIONS, Demonstration
+from skill.data.demonstration import Demonstration
 from skill.data.geometry import PegHoleGeometry, common_geometry
 from skill.data.outcome import Outcome
-from skill.data.refinement import INTENDED, intended_actions, refine_demonstration
+from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFeatures
 from skill.regression.bandwidth_selection import select_feature_scale
@@ -211,9 +211,7 @@ class ManipulationSkill:
         """Refined samples of a demonstration; each row holds a measurement, the action that follows it, and the
         intended one.
         """
-        samples = demonstration.samples.copy()
-        # A recorded row holds the motion since the previous sample.
-        samples[list(ACTIONS)] = samples[list(ACTIONS)].shift(-1, fill_value=0.0)
+        samples = with_following_actions(demonstration.samples)
         times = {"correction_time": self.correction_time, "feed_time": self.feed_time}
         samples[list(INTENDED)] = intended_actions(samples, **times)
         refined, _ = refine_demonstration(samples, still=self.still, rough=self.rough)

@@ -22,15 +22,15 @@ from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from benchmarks.command_line import argument_parser, run
 from skill.arrays import Array
-from skill.data.demonstration import ACTIONS, Demonstration, read_demonstrations
-from skill.data.refinement import INTENDED, intended_actions, refine_demonstration
+from skill.data.demonstration import Demonstration, read_demonstrations
+from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
 from skill.features.measurement import contact_loads
 from skill.features.wrench_features import MEASURED, CanonicalFeatures
+from skill.manipulation_skill import ManipulationSkill
 from skill.regression.locally_weighted_regression import LWRegressor
 from systems.reports.terminal import console, write_json
 
-STILL, ROUGH = 2e-5, 4e-4  # m; settings of `refine_demonstration`
-CORRECTION_TIME, FEED_TIME = 0.4, 0.1  # s; the defaults of a skill
+DEFAULT = ManipulationSkill()  # for its settings of refinement and intention
 LOADED = 1.0  # N
 SHOWN = ("rx", "ry", "uz")
 WINDOWS = {"next action": 1, "mean of 0.1 s": 5, "mean of 0.3 s": 15}
@@ -38,15 +38,14 @@ WINDOWS = {"next action": 1, "mean of 0.1 s": 5, "mean of 0.3 s": 15}
 
 def targets_of(demonstration: Demonstration) -> pd.DataFrame:
     """The refined samples of a demonstration, with the columns of every target: "name/column"."""
-    samples = demonstration.samples.copy()
-    samples[list(ACTIONS)] = samples[list(ACTIONS)].shift(-1, fill_value=0.0)
+    samples = with_following_actions(demonstration.samples)
     backwards = samples[list(SHOWN)][::-1]
     for name, length in WINDOWS.items():
         mean = backwards.rolling(length, min_periods=1).mean()[::-1]
         samples[[f"{name}/{column}" for column in SHOWN]] = mean
-    intended = intended_actions(samples, correction_time=CORRECTION_TIME, feed_time=FEED_TIME)
+    intended = intended_actions(samples, correction_time=DEFAULT.correction_time, feed_time=DEFAULT.feed_time)
     samples[[f"intended/{column}" for column in SHOWN]] = intended[list(INTENDED)].to_numpy()
-    return refine_demonstration(samples, still=STILL, rough=ROUGH)[0]
+    return refine_demonstration(samples, still=DEFAULT.still, rough=DEFAULT.rough)[0]
 
 
 def predicted(demonstrations: Sequence[Demonstration]) -> list[dict[str, Any]]:

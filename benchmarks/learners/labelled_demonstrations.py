@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from models.contact_geometry import axes_of_rotation_vectors
 from skill.arrays import Array
-from skill.data.demonstration import ACTIONS, Demonstration
-from skill.data.refinement import refine_demonstration
+from skill.data.demonstration import Demonstration
+from skill.data.refinement import refine_demonstration, with_following_actions
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures
 from systems.runs.exact_states import exact_bodies
@@ -70,9 +70,7 @@ def label_demonstrations(demonstrations: list[Demonstration], seed: int) -> Labe
     regressor_features: list[Array] = []
     labels, lengths, phase, times, agrees, gaps = [], [], [], [], [], []
     for demonstration in demonstrations:
-        samples = demonstration.samples.copy()
-        samples[list(ACTIONS)] = samples[list(ACTIONS)].shift(-1, fill_value=0.0)
-        refined, _ = refine_demonstration(samples, still=STILL, rough=ROUGH)
+        refined, _ = refine_demonstration(with_following_actions(demonstration.samples), still=STILL, rough=ROUGH)
         bodies = exact_bodies(demonstration)
         axis = axes_of_rotation_vectors(refined[["ax", "ay", "az"]].to_numpy() * refined[["angle"]].to_numpy())
         p_HP = refined[["x", "y", "z"]].to_numpy()

@@ -119,6 +119,16 @@ def refine_demonstration(
     return refined, report
 
 
+def with_following_actions(samples: pd.DataFrame) -> pd.DataFrame:
+    """Returns a copy of recorded samples in which each row holds the action that follows it.
+
+    A recorded row holds the motion since the previous sample. Nothing follows the last row: its action is zero.
+    """
+    shifted = samples.copy()
+    shifted[list(ACTIONS)] = shifted[list(ACTIONS)].shift(-1, fill_value=0.0)
+    return shifted
+
+
 def intended_actions(samples: pd.DataFrame, *, correction_time: float, feed_time: float) -> pd.DataFrame:
     """Returns the actions that a successful demonstration intends at each sample.
 

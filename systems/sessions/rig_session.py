@@ -105,7 +105,7 @@ def rig_index(scenario: Scenario, *, trials: int, seed: int, skill: bytes, arm: 
         **{"trials": trials, "seed": seed, "scenario": dump_scenario(scenario), "versions": versions()},
         "skill": hashlib.sha256(skill).hexdigest(),
     }
-    if arm is not Arm.DEFAULT:
+    if arm is not Arm.DEFAULT:  # an index of an earlier version has no arm, and its set can be continued
         request["arm"] = arm.value
     reports = (REPORT, *(replay_name(n) for n in numbers))
     return SetIndex(RUNS, request, (*(run_name(n) for n in numbers), RESULTS), reports)

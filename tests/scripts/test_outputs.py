@@ -12,7 +12,7 @@ import time
 import pytest
 import yaml
 
-from models.scenario import dump_scenario
+from models.scenario import dump_scenario, parse_scenario
 from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import read_rig_run, write_rig_run
 from skill.manipulation_skill import ManipulationSkill
@@ -20,6 +20,7 @@ from systems.outputs.folder_lock import LOCK_NAME
 from systems.outputs.live_folder import open_live_folder
 from systems.outputs.output_set import open_set
 from systems.outputs.set_index import RUNS, SetIndex
+from systems.runs.trial import Arm, trial_scenario
 from tests.quick_scenario import make_quick_scenario
 from tests.scripts.commands import MODULES, ROOT, error_line, files, invoke
 from tests.systems.outputs.sets import NAMES, make_set
@@ -256,6 +257,26 @@ def agreeing_runs(folder):
     runs = [read_rig_run(path).result for path in sorted(folder.glob("run_*.parquet"))]
     assert results == runs
     return [r["seed"] for r in results]
+
+
+@pytest.mark.slow
+def test_the_stress_arm_has_hard_trials_and_is_a_request_of_its_own(tmp_path, skill_file, quick):
+    scenario = parse_scenario(quick.read_text(), "quick")
+    scenario.rig.pivot_range = 0.003
+    quick.write_text(dump_scenario(scenario))
+    done = rig(skill_file, quick, tmp_path, "--arm", "stress", trials=1, seed=4)
+    assert done.exit_code == 0, done.output
+    run = parse_scenario(read_rig_run(tmp_path / "run_0004.parquet").metadata["scenario"], "run")
+    hard = trial_scenario(scenario, number=4, arm=Arm.STRESS)
+    assert (run.start.tilt, run.rig.pivot_height) == (hard.start.tilt, hard.rig.pivot_height)
+    assert "another" in error_line(rig(skill_file, quick, tmp_path, trials=1, seed=4))
+
+
+@pytest.mark.slow
+def test_a_scenario_without_hard_trials_is_refused_before_anything_is_written(tmp_path, skill_file, quick):
+    line = error_line(rig(skill_file, quick, tmp_path / "out", "--arm", "stress", trials=1))
+    assert "or no trial is one of the stress arm" in line
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.slow

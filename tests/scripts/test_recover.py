@@ -9,6 +9,7 @@ import pytest
 from models.scenario import dump_scenario
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
+from skill.practice.situation import read_situations
 from tests.quick_scenario import make_quick_scenario
 from tests.scripts.commands import error_line, files, invoke
 
@@ -111,3 +112,18 @@ def test_a_missing_folder_of_demonstrations_is_named_before_anything_is_simulate
     done = recover(place, tmp_path / "nowhere")
     assert done.exit_code == 1
     assert "nowhere: no demonstrations (*.parquet) found" in error_line(done)
+
+
+def test_what_it_asks_for_can_be_shown_by_a_person(place, demonstration_folder):
+    done = recover(place, demonstration_folder, "--ask", "--json", place / "asked.json")
+    assert done.exit_code == 0, done.output
+    situations = read_situations(place / "asked.json")
+    assert f"{len(situations)} situations in" in done.output
+    assert 1 <= len(situations) <= 2
+    (place / "asked.json").unlink()
+
+
+def test_a_file_of_situations_needs_the_question(place, demonstration_folder):
+    done = recover(place, demonstration_folder, "--json", place / "asked.json")
+    assert done.exit_code == 2
+    assert "--json needs --ask" in done.stderr

@@ -7,7 +7,13 @@ from hypothesis.extra.numpy import array_shapes, arrays
 from scipy.spatial.transform import Rotation
 
 from skill.data.demonstration import ACTIONS
-from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, smooth_actions
+from skill.data.refinement import (
+    INTENDED,
+    intended_actions,
+    refine_demonstration,
+    smooth_actions,
+    with_following_actions,
+)
 
 step = st.floats(-1.0, 1.0).map(lambda v: round(v, 3))
 action_arrays = arrays(float, array_shapes(min_dims=2, max_dims=2, min_side=2, max_side=25), elements=step)
@@ -257,3 +263,11 @@ def test_the_times_of_intended_actions_must_be_positive(times):
 def test_intended_actions_need_two_samples():
     with pytest.raises(ValueError, match="1 samples; expected at least 2"):
         intended_actions(turning([0.1]), correction_time=0.4, feed_time=0.1)
+
+
+def test_a_row_holds_the_action_that_follows_it_and_the_last_row_none():
+    recorded = along_x(1.0, 2.0, 3.0)
+    found = with_following_actions(recorded)
+    np.testing.assert_array_equal(found["ux"], [2.0, 3.0, 0.0])
+    np.testing.assert_array_equal(found["time"], recorded["time"])
+    np.testing.assert_array_equal(recorded["ux"], [1.0, 2.0, 3.0])  # a copy

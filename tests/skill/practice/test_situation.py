@@ -5,17 +5,7 @@ from dataclasses import replace
 import pytest
 
 from skill.practice.situation import Situation, read_situations
-
-SITUATION = Situation(
-    trial=3,
-    time=0.5,
-    depth=0.004,
-    tilt=(0.02, -0.015),
-    load=9.0,
-    state="against the wall",
-    pivot_height=-0.0007,
-    friction=0.17,
-)
+from tests.situations import SITUATION
 
 
 def test_situations_are_read_as_they_were_written(tmp_path):

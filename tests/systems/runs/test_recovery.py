@@ -8,7 +8,6 @@ from pydrake.systems.analysis import Simulator
 from models.scenario import parse_scenario
 from skill.features.measurement import contact_load
 from skill.manipulation_skill import Action
-from skill.practice.situation import Situation
 from systems.control.policy import ControlLaw
 from systems.rig import MakeRig
 from systems.runs.demonstration_set import OPERATORS, Request, demonstrate
@@ -22,18 +21,8 @@ from systems.runs.recovery import (
 )
 from systems.runs.trial import trial_scenario
 from systems.virtual_environment import start_pose
+from tests.situations import SITUATION
 from tests.trajectories import STATE_NAMES, make_rig_run
-
-SITUATION = Situation(
-    trial=3,
-    time=0.5,
-    depth=0.004,
-    tilt=(0.02, -0.015),
-    load=9.0,
-    state="against the wall",
-    pivot_height=-0.0007,
-    friction=0.17,
-)
 
 
 class Push(ControlLaw):
