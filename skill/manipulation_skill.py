@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, Self
 
@@ -18,20 +18,28 @@ from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import Demonstration
 from skill.data.geometry import PegHoleGeometry, common_geometry
 from skill.data.outcome import Outcome
-from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
+from skill.data.refinement import INTENDED
 from skill.features.contact_features import ContactFeatures
+from skill.features.responses import ResponseFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFeatures
+from skill.policy import Action
 from skill.regression.bandwidth_selection import select_feature_scale
 from skill.regression.explanation import SkillExplanation
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.protocols import ExplainableRegressor, Regressor, StateRegressor
 from skill.skill_file import SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file
 from skill.states.contact_state_filter import ContactStateFilter
+from skill.states.context_filter import ContextFilter, ContextFollower, SingleContext, pair_probabilities
+from skill.states.context_mixture import ContextMixture
 from skill.states.state_graph import StateGraph
 from skill.states.state_style import state_labels
+from skill.training_samples import SampleSettings, discover_contexts
 
 LOW_SUPPORT_SHARE = 0.01
 """Share of the demonstrated samples whose support, from the other demonstrations, counts as low."""
+
+CONTEXT_STREAM = 1
+"""Stream of the sensor noise of the contexts' samples, which differs from that of the other samples."""
 
 FOLDS = 5
 """Number of folds of the cross-validation over demonstrations."""
@@ -39,24 +47,6 @@ FOLDS = 5
 STATE_FLOOR = 0.05
 """Added to the covariances of the states, in units of the variance of each state feature. Contacts at different places
 differ by more than its square root, 0.2 standard deviations. Without it, each long rest in one pose becomes a state."""
-
-
-@dataclass(frozen=True)
-class Action:
-    """The action for one sample period.
-
-    Attributes:
-        turn: (2,), rotation vector of the peg relative to the hole about x and y of P, rad.
-        feed: motion of the peg along its axis, m; negative goes into the hole.
-        probabilities: (K,), probabilities of the contact states.
-        support: kernel weight of the nearest sample over the minimum that demonstrated samples find in the other
-            demonstrations, at most 1. It is 1 for a regressor that does not report its support.
-    """
-
-    turn: Array
-    feed: float
-    probabilities: Array
-    support: float = 1.0
 
 
 class ManipulationSkill:
@@ -71,6 +61,7 @@ class ManipulationSkill:
             geometry of the demonstrations.
         states: clusterer of the contact states; None for `CompetitiveAgglomeration` with ``STATE_FLOOR``. With
             ``m_init=1`` it finds a single state.
+        contexts: discovers the contexts; None for `ContextMixture`. With ``max_contexts=1`` there is one.
         regressor: regressor of the actions, with several outputs as in scikit-learn; None for `LWRegressor`. The
             feature scale of the latter is selected by cross-validation over the demonstrations if at least ``FOLDS`` of
             them are good; otherwise features are standardised. A `StateRegressor` is given the contact states.
@@ -86,8 +77,9 @@ class ManipulationSkill:
         random_state: seed of the sensor noise and of the clustering.
 
     Attributes:
-        features_, state_features_, states_, regressor_: the fitted parts. The outputs of the regressor are (turn_x,
-            turn_y, feed) over one sample period that the good demonstrations intend, in the frame of the features.
+        features_, state_features_, states_, contexts_, regressor_: the fitted parts; ``contexts_`` is None if there is
+            a single context. The outputs of the regressor are (turn_x, turn_y, feed) over one sample period that the
+            good demonstrations intend, in the frame of the features.
         graph_: `StateGraph` of the demonstrations.
         period_: sample period, s.
         sources_: (n, 2), demonstration number and time (s) of each sample of the regressor.
@@ -107,6 +99,7 @@ class ManipulationSkill:
         features: WrenchFeatures | None = None,
         state_features: WrenchFeatures | None = None,
         states: CompetitiveAgglomeration | None = None,
+        contexts: ContextMixture | None = None,
         regressor: Regressor | None = None,
         still: float = 2e-5,
         rough: float = 4e-4,
@@ -119,6 +112,7 @@ class ManipulationSkill:
         self.features = features
         self.state_features = state_features
         self.states = states
+        self.contexts = contexts
         self.regressor = regressor
         self.still = still
         self.rough = rough
@@ -147,19 +141,21 @@ class ManipulationSkill:
         )
         self.features_ = CanonicalFeatures() if self.features is None else clone(self.features)
         self.state_features_ = (
-            _contact_features(geometry) if self.state_features is None else clone(self.state_features)
+            ContactFeatures.of(geometry) if self.state_features is None else clone(self.state_features)
         )
         rng = np.random.default_rng(self.random_state)
-        refined = [self._with_noise(self._refined(d), rng) for d in demonstrations]
+        samples = self._sample_settings()
+        refined = [samples.with_noise(samples.refined(d), rng) for d in demonstrations]
         self.period_ = float(np.median(np.concatenate([np.diff(d.samples["time"]) for d in demonstrations])))
         self.names_ = None
         self._fit_states(demonstrations, refined)
-        self._fit_actions(demonstrations, refined)
         self.metadata_ = {
             "demonstrations": len(refined),
             "good": int(sum(d.good for d in demonstrations)),
             "geometry": None if geometry is None else asdict(geometry),
         }
+        self._fit_contexts(demonstrations, samples)
+        self._fit_actions(demonstrations, refined)
         return self
 
     def _fit_states(self, demonstrations: Sequence[Demonstration], refined: Sequence[pd.DataFrame]) -> None:
@@ -180,6 +176,18 @@ class ManipulationSkill:
             times=[r["time"] for r in refined],
         )
 
+    def _fit_contexts(self, demonstrations: Sequence[Demonstration], samples: SampleSettings) -> None:
+        """Discovers the contexts in how the good demonstrations' measurements answer to their motions."""
+        rng = np.random.default_rng(None if self.random_state is None else [self.random_state, CONTEXT_STREAM])
+        features = self._responses()
+        responses = {
+            n: samples.responses(demonstration, features, self.period_, rng)
+            for n, demonstration in enumerate(demonstrations)
+            if demonstration.good
+        }
+        mixture = ContextMixture(random_state=self.random_state) if self.contexts is None else clone(self.contexts)
+        self.contexts_ = discover_contexts(mixture, responses)
+
     def _fit_actions(self, demonstrations: Sequence[Demonstration], refined: Sequence[pd.DataFrame]) -> None:
         """Fits the regressor to the refined samples of the good demonstrations."""
         numbers = [n for n, d in enumerate(demonstrations) if d.good]
@@ -188,7 +196,8 @@ class ManipulationSkill:
         measured = samples[list(MEASURED)].to_numpy()
         X = self.features_.transform(measured)
         Y = self.features_.actions_to_frame(measured, samples[list(INTENDED)].to_numpy())
-        P = self.state_probabilities(measured)
+        contexts = np.ones((len(groups), 1)) if self.contexts_ is None else self.contexts_.probabilities_of(groups)
+        P = pair_probabilities(self.state_probabilities(measured), contexts)
         self.sources_ = np.column_stack([groups, samples["time"].to_numpy()])
         self.regressor_ = self._tuned(X, Y, groups, P) if self.regressor is None else clone(self.regressor)
         if isinstance(self.regressor_, StateRegressor):
@@ -207,22 +216,8 @@ class ManipulationSkill:
             regressor.set_params(feature_scale=selected.feature_scale)
         return regressor
 
-    def _refined(self, demonstration: Demonstration) -> pd.DataFrame:
-        """Refined samples of a demonstration; each row holds a measurement, the action that follows it, and the
-        intended one.
-        """
-        samples = with_following_actions(demonstration.samples)
-        times = {"correction_time": self.correction_time, "feed_time": self.feed_time}
-        samples[list(INTENDED)] = intended_actions(samples, **times)
-        refined, _ = refine_demonstration(samples, still=self.still, rough=self.rough)
-        return refined
-
-    def _with_noise(self, samples: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
-        """Samples with the noise of the sensor on the rig."""
-        noisy = samples.copy()
-        sigma = np.repeat([self.force_noise, self.moment_noise], 3)
-        noisy[list(MEASURED[:6])] += sigma * rng.standard_normal((len(samples), 6))
-        return noisy
+    def _sample_settings(self) -> SampleSettings:
+        return SampleSettings(**{f.name: getattr(self, f.name) for f in fields(SampleSettings)})
 
     def _min_log_support(self) -> float:
         demonstrations = self.sources_[:, 0]
@@ -238,6 +233,16 @@ class ManipulationSkill:
             self.states_, transitions=self.graph_.transition_matrix(), channels=self._measured_channels()
         )
 
+    def context_filter(self) -> ContextFollower:
+        """The on-line estimator of the context."""
+        if self.contexts_ is None:
+            return SingleContext()
+        return ContextFilter(self.contexts_, self._responses(), self.period_)
+
+    def _responses(self) -> ResponseFeatures:
+        geometry = PegHoleGeometry.find(self.metadata_, "the skill")
+        return ResponseFeatures(self.features_, ContactFeatures.of(geometry).peg_radius)
+
     def _measured_channels(self) -> NDArray[np.intp]:
         """Indices of the state features that the rig can measure; the hidden ones follow them."""
         return np.arange(len(self.state_features_.get_feature_names_out()))
@@ -251,12 +256,15 @@ class ManipulationSkill:
         """Probabilities of the states (n, K) from measurements (n, 7) alone, without the hidden features."""
         return self.states_.predict_proba(self.state_features_.transform(measured), channels=self._measured_channels())
 
-    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+    def act(
+        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
+    ) -> Action:
         """Returns the action for one measurement.
 
         Args:
             measured: (7,), fx fy fz (N) mx my mz (N m) z (m).
             probabilities: (K,), filtered probabilities of the states; None for those of this measurement alone.
+            contexts: (C,), filtered probabilities of the contexts; None for their shares in the demonstrations.
 
         Raises:
             ValueError: if the shape is wrong or a number is not finite.
@@ -264,22 +272,32 @@ class ManipulationSkill:
         row = _row(measured)
         X = self.features_.transform(row)
         P = self.state_probabilities(row) if probabilities is None else _row(probabilities)
+        Q = self._shares() if contexts is None else _row(contexts)
         if isinstance(self.regressor_, StateRegressor):
-            predicted, log_support = self.regressor_.predict_with_support(X, memberships=P)
+            predicted, log_support = self.regressor_.predict_with_support(X, memberships=pair_probabilities(P, Q))
             support = math.exp(min(0.0, float(log_support[0]) - self.min_log_support_))
         else:
             predicted, support = self.regressor_.predict(X), 1.0
         local = self.features_.actions_from_frame(row, predicted)[0]
-        return Action(turn=local[:2], feed=float(local[2]), probabilities=P[0], support=support)
+        return Action(turn=local[:2], feed=float(local[2]), probabilities=P[0], contexts=Q[0], support=support)
+
+    def _shares(self) -> Array:
+        """Shares (1, C) of the contexts in the demonstrations."""
+        return _row(np.ones(1) if self.contexts_ is None else self.contexts_.weights_)
 
     def explain(
-        self, measured: ArrayLike, probabilities: ArrayLike | None = None, level: float = 0.95
+        self,
+        measured: ArrayLike,
+        probabilities: ArrayLike | None = None,
+        contexts: ArrayLike | None = None,
+        level: float = 0.95,
     ) -> SkillExplanation:
         """Explains the action of `act` for one measurement.
 
         Args:
             measured: (7,), as for `act`.
             probabilities: (K,), as for `act`.
+            contexts: (C,), as for `act`.
             level: nominal coverage of the prediction interval.
 
         Raises:
@@ -292,12 +310,14 @@ class ManipulationSkill:
                 " expected a regressor with a method `explain`, such as LWRegressor"
             )
         row = _row(measured)
-        action = self.act(measured, probabilities)
-        local = self.regressor_.explain(self.features_.transform(row)[0], action.probabilities, level)
+        action = self.act(measured, probabilities, contexts)
+        pairs = pair_probabilities(_row(action.probabilities), _row(action.contexts))[0]
+        local = self.regressor_.explain(self.features_.transform(row)[0], pairs, level)
         demonstration, time = self.sources_[local.neighbours].T
         return SkillExplanation(
             state_names=self.state_names(),
             probabilities=action.probabilities,
+            contexts=action.contexts,
             turn=action.turn,
             feed=action.feed,
             frame_angle=float(self.features_.rotation_angle(row)[0]),
@@ -345,6 +365,7 @@ class ManipulationSkill:
                 "states": self.states_,
                 "regressor": self.regressor_,
                 "graph": self.graph_,
+                "contexts": self.contexts_,
             },
             sources=self.sources_,
             period=self.period_,
@@ -374,10 +395,3 @@ class ManipulationSkill:
 def _row(values: ArrayLike) -> Array:
     """One vector as a matrix with one row."""
     return np.asarray(values, dtype=float).reshape(1, -1)
-
-
-def _contact_features(geometry: PegHoleGeometry | None) -> ContactFeatures:
-    """Contact features for a geometry, or for the peg and hole of the paper."""
-    if geometry is None:
-        return ContactFeatures()
-    return ContactFeatures(peg_radius=geometry.peg_radius, play=geometry.clearance)

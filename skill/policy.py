@@ -1,15 +1,37 @@
-"""The interface of a policy: what maps a measured wrench and depth to an action."""
+"""The interface of a policy: what maps a measured wrench and depth to an action, and the action itself."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from skill.arrays import Array
-from skill.manipulation_skill import Action
 from skill.states.contact_state_filter import Estimate
+from skill.states.context_filter import ContextFollower
+
+
+@dataclass(frozen=True)
+class Action:
+    """The action for one sample period.
+
+    Attributes:
+        turn: (2,), rotation vector of the peg relative to the hole about x and y of P, rad.
+        feed: motion of the peg along its axis, m; negative goes into the hole.
+        probabilities: (K,), probabilities of the contact states.
+        contexts: (C,), probabilities of the contexts.
+        support: kernel weight of the nearest sample over the minimum that demonstrated samples find in the other
+            demonstrations, at most 1. It is 1 for a regressor that does not report its support.
+    """
+
+    turn: Array
+    feed: float
+    probabilities: Array
+    contexts: Array = field(default_factory=lambda: np.ones(1))
+    support: float = 1.0
 
 
 class StateFollower(Protocol):
@@ -28,9 +50,9 @@ class StateFollower(Protocol):
 class RigPolicy(Protocol):
     """The interface that `MakeRig`, `run_trial` and practice require of a policy.
 
-    A `ManipulationSkill` is one, and so is every `ControlLaw`. A policy acts on the measured wrench and depth alone.
-    Its only memory is the belief of its `state_filter`. It need not limit its actions: limits and the force guard
-    stand between every policy and the motors.
+    A `ManipulationSkill` is one, and so is every `ControlLaw`. A policy acts on the measured wrench and depth, and on
+    its own past motions. Its only memory is that of its two filters. It need not limit its actions: limits and the
+    force guard stand between every policy and the motors.
     """
 
     @property
@@ -54,5 +76,10 @@ class RigPolicy(Protocol):
     def measured_features(self, measured: ArrayLike) -> Array:
         """Returns the filter's features of one measurement (7,): fx fy fz (N) mx my mz (N m) z (m)."""
 
-    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
-        """Returns the action for one measurement (7,) and the probabilities (M,) of the states."""
+    def context_filter(self) -> ContextFollower:
+        """Returns the estimator of the context; `SingleContext` for a policy without contexts."""
+
+    def act(
+        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
+    ) -> Action:
+        """Returns the action for one measurement (7,) and the probabilities of the states (M,) and contexts (C,)."""

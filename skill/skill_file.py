@@ -24,13 +24,14 @@ from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import CanonicalFeatures, NormalisedFeatures, RawFeatures, WrenchFeatures
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.skill_schema import PARAMETERS, check_header, check_parts, feature_part
+from skill.states.context_mixture import ContextMixture
 from skill.states.state_graph import StateGraph
 
-SKILL_VERSION = 5
+SKILL_VERSION = 6
 """Version of the files that are written."""
 
-UNSEALED_VERSION = 4
-"""The other version that is read; its files have no digest."""
+OLDER_VERSIONS = (4, 5)
+"""The other versions that are read; their files have no contexts, and those of version 4 no digest."""
 
 MAX_BYTES = 50_000_000
 """Largest size of a file; a skill of thirty demonstrations has 0.3 MB."""
@@ -65,6 +66,9 @@ ARRAY_PARTS: dict[str, type[ArrayPart]] = {
     "graph": StateGraph,
 }
 """The parts that are stored as arrays, each of this type. An array is named "part/array"."""
+
+OPTIONAL_PARTS: dict[str, type[ArrayPart]] = {"contexts": ContextMixture}
+"""The parts that may be None, and are then not stored; otherwise as ``ARRAY_PARTS``."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +112,8 @@ def write_skill_file(path: Path, contents: SkillContents) -> None:
         "least_log_support": contents.min_log_support,
     }
     arrays: dict[str, Any] = {"sources": contents.sources}
-    for name in ARRAY_PARTS:
+    stored = (*ARRAY_PARTS, *(name for name in OPTIONAL_PARTS if contents.parts[name] is not None))
+    for name in stored:
         arrays.update({f"{name}/{key}": array for key, array in contents.parts[name].to_arrays().items()})
     arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
     stream = io.BytesIO()
@@ -127,13 +132,11 @@ def read_skill_file(path: Path) -> SkillContents:
     """
     header, arrays, sealed = _read_archive(Path(path))
     version = header.get("skill_version")
-    if type(version) is not int or version not in (UNSEALED_VERSION, SKILL_VERSION):
-        raise ValueError(
-            f"{path}: skill file version {version}, expected {UNSEALED_VERSION} or {SKILL_VERSION};"
-            " train the skill again"
-        )
+    if type(version) is not int or version not in (*OLDER_VERSIONS, SKILL_VERSION):
+        expected = f"{OLDER_VERSIONS[0]} to {SKILL_VERSION}"
+        raise ValueError(f"{path}: skill file version {version}, expected {expected}; train the skill again")
     try:
-        if version == SKILL_VERSION and not sealed:
+        if version > OLDER_VERSIONS[0] and not sealed:
             raise ValueError(f"damaged: a file of version {version} without its digest")
         return _contents(header, arrays)
     except ValueError as error:
@@ -142,7 +145,8 @@ def read_skill_file(path: Path) -> SkillContents:
 
 def _contents(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> SkillContents:
     check_header(header)
-    arrays_of: dict[str, dict[str, NDArray[Any]]] = {name: {} for name in ARRAY_PARTS}
+    part_types = ARRAY_PARTS | OPTIONAL_PARTS
+    arrays_of: dict[str, dict[str, NDArray[Any]]] = {name: {} for name in part_types}
     sources: dict[str, NDArray[Any]] = {}
     for full_name, array in arrays.items():
         part, _, key = full_name.partition("/")
@@ -152,7 +156,10 @@ def _contents(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
             sources[full_name] = array
     check_arrays(sources, SOURCES, "a skill")
     parts: dict[str, Any] = {name: feature_part(name, header[name], FEATURE_TYPES) for name in FEATURE_PARTS}
-    for name, part_type in ARRAY_PARTS.items():
+    parts |= dict.fromkeys(OPTIONAL_PARTS)
+    for name, part_type in part_types.items():
+        if name in OPTIONAL_PARTS and not arrays_of[name]:
+            continue
         try:
             parts[name] = part_type.from_arrays(arrays_of[name])
         except ValueError as error:
@@ -189,6 +196,7 @@ def _check_types(parts: Mapping[str, Any]) -> None:
     expected = {
         **{name: tuple(FEATURE_TYPES.values()) for name in FEATURE_PARTS},
         **{name: (part_type,) for name, part_type in ARRAY_PARTS.items()},
+        **{name: (part_type, type(None)) for name, part_type in OPTIONAL_PARTS.items()},
     }
     for name, types in expected.items():
         if type(parts[name]) not in types:

@@ -25,6 +25,9 @@ MAX_SEED = 2**32 - 1
 N_ACTIONS = 3
 """Number of outputs of the regressor: turn about x and y, and feed."""
 
+N_INPUTS, N_OUTPUTS = 3, 5
+"""Numbers of inputs and outputs of the responses that tell contexts apart; see `skill.features.responses`."""
+
 Check = Callable[[Any], bool]
 
 
@@ -128,7 +131,7 @@ def check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, A
     Raises:
         ValueError: naming the part, what was found and what was expected.
     """
-    states, regressor, graph = parts["states"], parts["regressor"], parts["graph"]
+    states, regressor, graph, contexts = (parts[name] for name in ("states", "regressor", "graph", "contexts"))
     measured = len(parts["state_features"].get_feature_names_out())
     channels = measured + len(parts["state_features"].hidden_names())
     features = len(parts["features"].get_feature_names_out())
@@ -140,7 +143,7 @@ def check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, A
         ("graph: number of states", len(graph.visits_), K),
         ("regressor: number of features", regressor.X_.shape[1], features),
         ("regressor: number of outputs", regressor.y_.shape[1], N_ACTIONS),
-        ("regressor: number of contact states", P.shape[1], K),
+        ("regressor: number of states and contexts", P.shape[1], K * (1 if contexts is None else contexts.n_contexts_)),
         ("sources: number of samples", len(sources), len(regressor.X_)),
     ):
         if found != expected:
@@ -152,6 +155,12 @@ def check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, A
     largest = float(np.abs(regressor.y_).max())
     if largest > MAX_ACTION:
         raise ValueError(f"regressor: array 'y' goes up to {largest:g} rad or m, expected at most {MAX_ACTION:g}")
+    if contexts is not None:
+        shape = tuple(len(spread) for spread in contexts.scales_)
+        if shape != (features, N_INPUTS, N_OUTPUTS):
+            raise ValueError(
+                f"contexts: {shape} features, inputs and outputs, expected {(features, N_INPUTS, N_OUTPUTS)}"
+            )
     names = header["names"]
     if names is not None and len(names) < K:
         raise ValueError(f"header: {len(names)} names, expected one for each of {K} states")

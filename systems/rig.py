@@ -12,8 +12,10 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Mult
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
+from skill.data.rig_run import CONTEXT_COLUMNS
 from skill.policy import RigPolicy
 from systems.control.contact_state_estimator import ContactStateEstimator
+from systems.control.context_estimator import ContextEstimator
 from systems.control.drive_monitor import DriveMonitor, Travel
 from systems.control.faults import Fault
 from systems.control.force_guard import ForceGuard, StoppingModel
@@ -156,6 +158,7 @@ class _Parts:
     sensor: WrenchSensor
     encoder: DepthEncoder
     estimator: ContactStateEstimator
+    context_estimator: ContextEstimator
     controller: PolicyController
     monitor: SensorMonitor
     drive_monitor: DriveMonitor
@@ -185,6 +188,9 @@ def _add_parts(
         encoder=builder.AddNamedSystem("depth_encoder", DepthEncoder(home=sensor.height, resolution=resolution)),
         estimator=builder.AddNamedSystem(
             "contact_state_estimator", ContactStateEstimator(policy=policy, period=scenario.controller.period)
+        ),
+        context_estimator=builder.AddNamedSystem(
+            "context_estimator", ContextEstimator(policy=policy, period=scenario.controller.period)
         ),
         controller=builder.AddNamedSystem(
             "policy_controller",
@@ -258,7 +264,8 @@ def _connect_sensors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) 
     builder.Connect(contact.carriage_state, parts.encoder.GetInputPort("carriage_state"))
     builder.Connect(parts.sensor.GetOutputPort("wrench"), parts.monitor.GetInputPort("raw_wrench"))
     builder.Connect(parts.encoder.GetOutputPort("depth"), parts.monitor.GetInputPort("raw_depth"))
-    for reader in (parts.estimator, parts.controller, parts.drive_monitor, parts.self_check, parts.guard):
+    readers = (parts.estimator, parts.context_estimator, parts.controller)
+    for reader in (*readers, parts.drive_monitor, parts.self_check, parts.guard):
         for name in ("wrench", "depth"):
             builder.Connect(parts.monitor.GetOutputPort(name), reader.GetInputPort(name))
 
@@ -266,6 +273,9 @@ def _connect_sensors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) 
 def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
     for name in ("probabilities", "known"):
         builder.Connect(parts.estimator.GetOutputPort(name), parts.controller.GetInputPort(name))
+    builder.Connect(parts.context_estimator.GetOutputPort("contexts"), parts.controller.GetInputPort("contexts"))
+    for name in ("target_pitch", "target_yaw"):
+        builder.Connect(parts.guard.GetOutputPort(name), parts.context_estimator.GetInputPort(name))
     for name in COMMANDS:
         builder.Connect(parts.controller.GetOutputPort(name), parts.watchdog.GetInputPort(name))
     for name in (*COMMANDS, "blind"):
@@ -329,6 +339,7 @@ def _add_recorder(builder: DiagramBuilder, scenario: Scenario, contact: RigPlant
             ("fx", "fy", "fz", "mx", "my", "mz"): parts.monitor.GetOutputPort("wrench"),
             ("depth",): parts.monitor.GetOutputPort("depth"),
             **{(name,): parts.estimator.GetOutputPort(name) for name in ("state", "known")},
+            **{(name,): parts.context_estimator.GetOutputPort(name) for name in CONTEXT_COLUMNS},
             **{(name,): parts.guard.GetOutputPort(name) for name in ("target_pitch", "target_yaw", "feed_speed")},
             **{(name,): parts.controller.GetOutputPort(name) for name in ("guard", "support")},
             ("fault",): parts.watchdog.GetOutputPort("fault"),

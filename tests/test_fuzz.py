@@ -111,7 +111,8 @@ def test_a_reader_that_takes_too_much_memory_is_a_defect(folder, monkeypatch):
 
 
 def test_a_skill_that_acts_by_nan_is_unsound(folder, monkeypatch):
-    from skill.manipulation_skill import Action, ManipulationSkill
+    from skill.manipulation_skill import ManipulationSkill
+    from skill.policy import Action
 
     kind = "skill, version 4"
     original, held = fuzz.originals(folder)[kind]

@@ -17,7 +17,7 @@ from scipy.stats import qmc
 from benchmarks.rig.trials import FIRST_TUNING, Record, Setting, attempts
 from skill.arrays import Array
 from skill.features.measurement import contact_load
-from skill.manipulation_skill import Action
+from skill.policy import Action
 from systems.control.policy import ControlLaw
 
 Range = tuple[float, float, bool]
@@ -71,7 +71,9 @@ class StraightPush(ControlLaw):
 
     speed: float
 
-    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+    def act(
+        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
+    ) -> Action:
         """See `ControlLaw`."""
         return Action(turn=np.zeros(2), feed=-self.speed * self.period_, probabilities=np.ones(1))
 
@@ -104,7 +106,9 @@ class MomentCompliance(TunedLaw):
         "dead_zone": (0.005, 0.05, True),
     }
 
-    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+    def act(
+        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
+    ) -> Action:
         """See `ControlLaw`."""
         measured = np.asarray(measured, dtype=float)
         fx, fy, _, mx, my = measured[:5]
@@ -162,7 +166,9 @@ class SpiralSearch(TunedLaw):
         """The next point while the load is above ``touch``."""
         return (phase + 1) % self.n_states if self.load(measured) > self.touch else phase
 
-    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+    def act(
+        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
+    ) -> Action:
         """See `ControlLaw`."""
         measured = np.asarray(measured, dtype=float)
         phase = np.eye(self.n_states)[0] if probabilities is None else np.asarray(probabilities)

@@ -34,8 +34,8 @@ from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
 from skill.data.demonstration import Demonstration, read_demonstrations
-from skill.manipulation_skill import Action, ManipulationSkill
-from skill.policy import RigPolicy
+from skill.manipulation_skill import ManipulationSkill
+from skill.policy import Action, RigPolicy
 
 FOLDS = KFold(5)
 MAX_GP_SAMPLES = 1500  # the cost of a Gaussian process grows with their cube
@@ -172,7 +172,9 @@ class ShuffledNeighbour(RegressorMixin, BaseEstimator):
 class RandomSign(ManipulationSkill):
     """The skill with a random sign of each turn: a control of what the direction of the turns is worth."""
 
-    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+    def act(
+        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
+    ) -> Action:
         """The action of the skill with a sign that the bits of the measurement decide."""
         action = super().act(measured, probabilities)
         bits = np.asarray(measured, dtype=float).view(np.uint64)

@@ -10,6 +10,9 @@ fx fy fz                              N      measured contact force on the peg
 mx my mz                              N m    measured contact moment about the tip
 depth                                 m      measured depth of the tip below the mouth
 state                                 1      number of the estimated contact state
+context                               1      number of the most probable context, from 0
+context_probability                   1      its probability
+context_evidence                      1      what the measurement added to the logarithm of its odds
 known                                 1      1 where the measurement lies within the gate of the state, else 0
 target_pitch target_yaw               rad    commanded angles of the hole, relative to its start
 feed_speed                            m/s    commanded speed of the peg, negative into the hole
@@ -25,8 +28,8 @@ contact_mouth_fx .._fy .._fz           N      sum of its normal forces on the pe
 contact_tip_x ... contact_face_fz             the same of the contacts at the tip and on a flat face
 ====================================  =====  ==================================================================
 
-The columns of the contacts are for replays and evaluation only; files of earlier versions do not have them. A place
-with two contacts, one on either side, holds the stronger one.
+The columns of the contacts are for replays and evaluation only; files of earlier versions do not have them, nor those
+of the context. A place with two contacts, one on either side, holds the stronger one.
 """
 
 from __future__ import annotations
@@ -64,8 +67,14 @@ CONTACT_COLUMNS = tuple(
     f"contact_{place}_{name}" for place in ContactPlace for name in ("x", "y", "z", "fx", "fy", "fz")
 )
 
-RUN_VERSION = 4
-"""Version of the files that are written; those of version 2 have no digest, those before 4 no contacts."""
+CONTEXT_COLUMNS = ("context", "context_probability", "context_evidence")
+
+OPTIONAL = (CONTEXT_COLUMNS, CONTACT_COLUMNS)
+"""Groups of columns that files of earlier versions do not have."""
+
+RUN_VERSION = 5
+"""Version of the files that are written; those of version 2 have no digest, those before 4 no contacts, those
+before 5 no contexts."""
 
 
 @dataclass(frozen=True)
@@ -73,8 +82,8 @@ class RigRun:
     """One rig run.
 
     Attributes:
-        samples: DataFrame with exactly the columns ``RUN_COLUMNS``, or these and ``CONTACT_COLUMNS``, one row a
-            controller period.
+        samples: DataFrame with exactly the columns ``RUN_COLUMNS``, and all or none of each group of ``OPTIONAL``,
+            one row a controller period.
         result: result of the trial (inserted, reason, time_s, depth_mm, peak forces, ...).
         metadata: geometry, resolved scenario, skill, versions.
 
@@ -92,7 +101,7 @@ class RigRun:
     @property
     def columns(self) -> tuple[str, ...]:
         """The columns that the samples must have."""
-        return with_optional(RUN_COLUMNS, CONTACT_COLUMNS, self.samples.columns)
+        return with_optional(RUN_COLUMNS, OPTIONAL, self.samples.columns)
 
 
 def write_rig_run(run: RigRun, path: Path) -> None:
@@ -112,9 +121,9 @@ def read_rig_run(path: Path) -> RigRun:
         path,
         RUN_COLUMNS,
         kind="rig_run",
-        versions=(2, 3, RUN_VERSION),
+        versions=(2, 3, 4, RUN_VERSION),
         keys=("result", "metadata"),
-        optional=CONTACT_COLUMNS,
+        optional=OPTIONAL,
         min_rows=1,
     )
     result, metadata = header["result"], header["metadata"]

@@ -57,9 +57,10 @@ def check_columns(names: Sequence[str], columns: Sequence[str], where: str) -> N
         raise ValueError(f"{where}: columns {twice} occur more than once; expected exactly {list(columns)}")
 
 
-def with_optional(columns: Sequence[str], optional: Sequence[str], names: Iterable[str]) -> tuple[str, ...]:
-    """Returns the columns that a table with these ``names`` must have: the optional ones if it has one of them."""
-    return (*columns, *optional) if set(optional) & set(names) else tuple(columns)
+def with_optional(columns: Sequence[str], optional: Sequence[Sequence[str]], names: Iterable[str]) -> tuple[str, ...]:
+    """Returns the columns that a table with these ``names`` must have: those of an optional group if it has one."""
+    found = set(names)
+    return (*columns, *(name for group in optional if found & set(group) for name in group))
 
 
 def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, min_rows: int = 2) -> None:
@@ -169,7 +170,7 @@ def read_table(
     kind: str,
     versions: Sequence[int],
     keys: Sequence[str],
-    optional: Sequence[str] = (),
+    optional: Sequence[Sequence[str]] = (),
     min_rows: int = 2,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Reads and validates a file of `write_table`.
@@ -180,7 +181,7 @@ def read_table(
         kind: expected kind of file.
         versions: versions of the file format that are read. The first has no digest, all later ones must have one.
         keys: entries that the header must have.
-        optional: columns that are all there or all missing.
+        optional: groups of columns; those of a group are all there or all missing.
         min_rows: minimum number of rows.
 
     Returns:

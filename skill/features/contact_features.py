@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
+from skill.data.geometry import PegHoleGeometry
 from skill.features.canonical_frame import CanonicalFrame
 from skill.features.wrench_features import WrenchFeatures
 
@@ -61,6 +64,11 @@ class ContactFeatures(WrenchFeatures):
         self.force_floor = force_floor
         self.force_share = force_share
         self.play = play
+
+    @classmethod
+    def of(cls, geometry: PegHoleGeometry | None) -> Self:
+        """Returns the features for a geometry, or for the peg and hole of the paper."""
+        return cls() if geometry is None else cls(peg_radius=geometry.peg_radius, play=geometry.clearance)
 
     def get_feature_names_out(self, input_features: object = None) -> NDArray[np.object_]:
         """Names of the three features."""

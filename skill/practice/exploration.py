@@ -18,9 +18,11 @@ from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import RigRun
 from skill.features.measurement import measurement
+from skill.features.responses import rig_observations
 from skill.features.wrench_features import MEASURED
-from skill.manipulation_skill import Action, ManipulationSkill
-from skill.policy import RigPolicy, StateFollower
+from skill.manipulation_skill import ManipulationSkill
+from skill.policy import Action, RigPolicy, StateFollower
+from skill.states.context_filter import ContextFollower, pair_probabilities
 
 PolicyT = TypeVar("PolicyT", bound=RigPolicy)
 
@@ -114,9 +116,15 @@ class PerturbedPolicy(Generic[PolicyT]):
         """Returns the features of one measurement (7,) for the state estimator."""
         return self.policy.measured_features(measured)
 
-    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+    def context_filter(self) -> ContextFollower:
+        """Returns the context estimator of the policy."""
+        return self.policy.context_filter()
+
+    def act(
+        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
+    ) -> Action:
         """Returns the action of the policy with its turn and feed multiplied by the factors at the measured depth."""
-        action = self.policy.act(measured, probabilities)
+        action = self.policy.act(measured, probabilities, contexts)
         turn, feed = np.exp(self.perturbation.log_factors(-float(np.asarray(measured)[-1])))
         return replace(action, turn=turn * action.turn, feed=float(feed * action.feed))
 
@@ -165,7 +173,7 @@ class Rollout:
 
     Attributes:
         features: (n, d), features of the regressor.
-        memberships: (n, K), probabilities of the contact states as filtered on the rig.
+        memberships: (n, K C), probabilities of the pairs of contact state and context as filtered on the rig.
         log_factors: (n, 2), logarithms of the factors on turn and feed.
         costs: (n,), cost of each step, s.
     """
@@ -196,12 +204,8 @@ def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill], cost: Co
     samples, skill = run.samples, policy.policy
     measured = measurement(samples[list(MEASURED[:-1])].to_numpy(dtype=float), samples["depth"].to_numpy(dtype=float))
     features = skill.features_.transform(measured)
-    memberships = np.empty((len(samples), skill.n_states))
-    state_filter = skill.state_filter()
-    belief = state_filter.initial_log_belief()
-    for k, row in enumerate(measured):
-        estimate = state_filter.step(belief, skill.measured_features(row))
-        belief, memberships[k] = estimate.log_belief, estimate.probabilities
+    observed = rig_observations(measured, samples[["target_pitch", "target_yaw"]].to_numpy(dtype=float))
+    memberships = filtered_pairs(skill, observed)
     guard = samples["guard"].to_numpy() > 0.5
     acted = ~np.append(guard[1:], guard[-1])  # a command is recorded one row after the measurement it responds to
     costs_to_go = np.cumsum(cost.of_steps(run)[::-1])[::-1][acted]
@@ -211,3 +215,22 @@ def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill], cost: Co
         log_factors=policy.perturbation.log_factors(-measured[acted, -1]),
         costs=-np.diff(costs_to_go, append=0.0),  # includes the costs of the rows left out
     )
+
+
+def filtered_pairs(policy: RigPolicy, observed: Array) -> Array:
+    """Returns the probabilities (n, K C) of the pairs of state and context that a policy's filters find.
+
+    Args:
+        policy: the policy.
+        observed: (n, 9), observations of one run, in the order of time; see `skill.features.responses`.
+    """
+    state_filter, context_filter = policy.state_filter(), policy.context_filter()
+    belief, memory = state_filter.initial_log_belief(), context_filter.initial_memory()
+    states = np.empty((len(observed), policy.n_states))
+    contexts = np.empty((len(observed), context_filter.n_contexts))
+    for k, row in enumerate(observed):
+        state = state_filter.step(belief, policy.measured_features(row[: len(MEASURED)]))
+        context = context_filter.step(memory, row)
+        belief, memory = state.log_belief, context.memory
+        states[k], contexts[k] = state.probabilities, context.probabilities
+    return pair_probabilities(states, contexts)

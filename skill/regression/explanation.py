@@ -47,6 +47,7 @@ class SkillExplanation:
     Attributes:
         state_names: names of the K contact states.
         probabilities: (K,), probabilities of the contact states.
+        contexts: (C,), probabilities of the contexts.
         turn: (2,), rotation vector of the peg relative to the hole about x and y of P, rad, over one sample period.
         feed: motion of the peg along its axis, m, over one sample period.
         frame_angle: angle from P to the frame of the features about z, rad.
@@ -62,6 +63,7 @@ class SkillExplanation:
 
     state_names: list[str]
     probabilities: Array
+    contexts: Array
     turn: Array
     feed: float
     frame_angle: float
@@ -79,10 +81,12 @@ class SkillExplanation:
             for k in np.argsort(-self.probabilities)
             if self.probabilities[k] >= 0.01
         )
+        contexts = ", ".join(f"{chr(65 + k)} {p:.0%}" for k, p in enumerate(self.contexts))
         degrees, low, high = np.degrees(self.turn), np.degrees(self.lower[:2]), np.degrees(self.upper[:2])
         return "\n".join(
             [
                 f"states: {states}",
+                *([] if len(self.contexts) == 1 else [f"contexts: {contexts}"]),
                 f"turn {degrees[0]:+.3f} {degrees[1]:+.3f} deg, feed {1e3 * self.feed:+.3f} mm, in one sample period",
                 f"{self.level:.0%} interval in the contact frame ({np.degrees(self.frame_angle):+.0f} deg about z):"
                 f" turn {low[0]:+.3f}..{high[0]:+.3f}, {low[1]:+.3f}..{high[1]:+.3f} deg,"

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skill.arrays import Array
-from skill.manipulation_skill import Action
+from skill.policy import Action
 from skill.states.contact_state_filter import Estimate
+from skill.states.context_filter import ContextFollower, SingleContext
 
 
 class ControlLaw(ABC):
@@ -32,12 +33,15 @@ class ControlLaw(ABC):
     metadata_: Mapping[str, Any] = {}
 
     @abstractmethod
-    def act(self, measured: ArrayLike, probabilities: ArrayLike | None = None) -> Action:
+    def act(
+        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
+    ) -> Action:
         """Returns the action for one measurement.
 
         Args:
             measured: (7,), fx fy fz (N) mx my mz (N m) on the peg about its tip, in P; z of the tip in H (m).
             probabilities: (M,), 1 for the present phase and 0 for the others; None for the first phase.
+            contexts: not used; a law has a single context.
 
         Returns:
             The turn of the peg relative to the hole and the feed for one ``period_``.
@@ -59,6 +63,10 @@ class ControlLaw(ABC):
     def state_filter(self) -> PhaseFollower:
         """Returns the `StateFollower` of the phases."""
         return PhaseFollower(self)
+
+    def context_filter(self) -> ContextFollower:
+        """Returns the follower of a single context."""
+        return SingleContext()
 
     def measured_features(self, measured: ArrayLike) -> Array:
         """Returns the measurement (7,) itself."""

@@ -14,8 +14,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 from models.scenario import BackOffParameters, PolicyControllerParameters
 from skill.arrays import Array
 from skill.features.measurement import contact_load, measurement
-from skill.manipulation_skill import Action
-from skill.policy import RigPolicy
+from skill.policy import Action, RigPolicy
 from systems.control.back_off import BackOffState, back_off_step
 from systems.control.faults import one_line
 
@@ -74,6 +73,7 @@ class PolicyController(LeafSystem):
         - wrench
         - depth
         - probabilities
+        - contexts
         - known
         output_ports:
         - pitch_rate
@@ -98,8 +98,8 @@ class PolicyController(LeafSystem):
     A policy that raises an exception, or returns a NaN or infinite action, has failed and is not called again: feed and
     turns stop, and ``failed`` is 1.
 
-    The controller receives the wrench on the peg about its tip, the depth, the probabilities of the states and whether
-    the state is known.
+    The controller receives the wrench on the peg about its tip, the depth, the probabilities of the states and of the
+    contexts, and whether the state is known.
     """
 
     def __init__(
@@ -118,6 +118,7 @@ class PolicyController(LeafSystem):
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._probabilities = self.DeclareVectorInputPort("probabilities", policy.n_states)
+        self._contexts = self.DeclareVectorInputPort("contexts", policy.context_filter().n_contexts)
         self._known = self.DeclareVectorInputPort("known", 1)
         self._state = self.DeclareDiscreteState(ControllerState().as_list())
         self._failure = self.DeclareAbstractState(AbstractValue.Make(""))
@@ -160,7 +161,7 @@ class PolicyController(LeafSystem):
         wrench, depth = self._wrench.Eval(context), self._depth.Eval(context)[0]
         probabilities = self._probabilities.Eval(context)
         try:
-            action = self._checked_action(measurement(wrench, depth), probabilities)
+            action = self._checked_action(measurement(wrench, depth), probabilities, self._contexts.Eval(context))
         except Exception as error:  # a foreign policy may raise anything, and the rig must stop
             command = replace(command, rates=np.zeros(2), feed_speed=0.0, unwinding=False)
             state.get_mutable_abstract_state(int(self._failure)).set_value(one_line(error))
@@ -169,8 +170,8 @@ class PolicyController(LeafSystem):
             command = self._next_state(command, action, wrench, depth, probabilities, known=known)
         state.get_mutable_discrete_state(self._state).SetFromVector(command.as_list())
 
-    def _checked_action(self, measured: Array, probabilities: Array) -> Action:
-        action = self._policy.act(measured, probabilities)
+    def _checked_action(self, measured: Array, probabilities: Array, contexts: Array) -> Action:
+        action = self._policy.act(measured, probabilities, contexts)
         if not (np.isfinite(action.turn).all() and math.isfinite(action.feed) and math.isfinite(action.support)):
             raise ValueError(
                 f"the action is not finite: turn {action.turn}, feed {action.feed}, support {action.support}"

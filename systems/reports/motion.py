@@ -16,7 +16,7 @@ from models.bore import TriangleMesh, cutaway_sector, make_bore
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.geometry import PegHoleGeometry
-from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace, RigRun, read_rig_run
+from skill.data.rig_run import CONTACT_COLUMNS, CONTEXT_COLUMNS, ContactPlace, RigRun, read_rig_run
 from skill.data.tables import stored_kind
 from skill.features.measurement import contact_loads
 from skill.states.state_style import state_colours, state_labels
@@ -54,6 +54,7 @@ class Motion:
         geometry: sizes of peg and hole.
         contact_points: (n, 3, 3), points of the contacts in W, m, in the order of `ContactPlace`; None if unknown.
         contact_forces: (n, 3, 3), their normal forces on the peg in W, N, zero without contact; None if unknown.
+        contexts: (n, 3), the columns ``CONTEXT_COLUMNS``; None if the policy has a single context.
     """
 
     kind: str
@@ -76,6 +77,7 @@ class Motion:
     geometry: PegHoleGeometry
     contact_points: Array | None = None
     contact_forces: Array | None = None
+    contexts: Array | None = None
 
     @property
     def lean(self) -> Array:
@@ -219,7 +221,15 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
         steps=np.rint(_columns(samples, "pitch_taken", "yaw_taken")).astype(np.int64),
         geometry=geometry,
         **_contacts(samples),
+        contexts=_contexts(samples),
     )
+
+
+def _contexts(samples: pd.DataFrame) -> Array | None:
+    """The context of a run; None for a policy with a single one, and for a run of an earlier version."""
+    if CONTEXT_COLUMNS[0] not in samples or (samples["context_probability"] == 1.0).all():
+        return None
+    return _columns(samples, *CONTEXT_COLUMNS)
 
 
 def _contacts(samples: pd.DataFrame) -> dict[str, Array]:

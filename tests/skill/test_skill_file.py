@@ -164,12 +164,12 @@ def test_a_skill_file_contains_plain_arrays_and_no_pickle(skill_file):
 
 
 def test_the_names_in_the_file_do_not_change(made_up_skill, tmp_path):
-    """Files of today must load in later versions, and files of versions 4 and 5 load today."""
+    """Files of today must load in later versions, and files of versions 4 to 6 load today."""
     made_up_skill.save(tmp_path / "skill.npz")
     with np.load(tmp_path / "skill.npz") as stored:
         arrays = dict(stored)
     header = header_of(arrays)
-    assert header["skill_version"] == 5
+    assert header["skill_version"] == 6
     assert list(header) == [
         *("skill_version", "parameters", "features", "state_features"),
         *("period", "metadata", "names", "least_log_support"),
@@ -226,7 +226,7 @@ def test_a_skill_with_a_foreign_part_is_not_saved(made_up_skill, tmp_path, monke
 
 def test_a_skill_of_another_version_is_refused(skill_file, tmp_path):
     path = copied(skill_file, tmp_path / "old.npz", with_header(lambda h: h.update(skill_version=SKILL_VERSION + 1)))
-    assert f"version {SKILL_VERSION + 1}, expected 4 or {SKILL_VERSION}" in error_message(path)
+    assert f"version {SKILL_VERSION + 1}, expected 4 to {SKILL_VERSION}" in error_message(path)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.6, 0.999])
@@ -319,7 +319,7 @@ DAMAGES = {
     "short memberships": (set_array("regressor/memberships", lambda P: P[:-1]), "array 'memberships' has shape"),
     "few memberships": (
         set_array("regressor/memberships", lambda P: np.ones((len(P), 1))),
-        "regressor: number of contact states is 1, expected",
+        "regressor: number of states and contexts is 1, expected",
     ),
     "membership above one": (put("regressor/memberships", (0, 0), 1.5), "array 'memberships' lies between"),
     "memberships of two": (set_array("regressor/memberships", np.ones_like), "memberships are not probabilities"),
@@ -438,7 +438,7 @@ DAMAGES = {
     "period in ms": (with_header(lambda h: h.update(period=20)), "'period' is 20, expected a positive time"),
     "no period": (with_header(lambda h: h.pop("period") and None), "missing entries of the header ['period']"),
     "entry": (with_header(lambda h: h.update(mood=3)), "unknown entries of the header ['mood']"),
-    "version": (with_header(lambda h: h.update(skill_version=[5])), "skill file version [5], expected 4 or 5"),
+    "version": (with_header(lambda h: h.update(skill_version=[5])), "skill file version [5], expected 4 to 6"),
     "metadata": (with_header(lambda h: h.update(metadata=None)), "'metadata' is None, expected an object"),
     "no good one": (with_header(lambda h: h["metadata"].update(good=0)), "'good' is 0, expected a positive integer"),
     "geometry": (with_header(lambda h: h["metadata"].update(geometry=[])), "geometry is []"),
@@ -471,7 +471,7 @@ def test_a_part_that_is_replaced_by_itself_loads(skill_file, skill, rows, tmp_pa
 def test_a_skill_without_its_digest_is_refused(skill_file, tmp_path):
     with np.load(skill_file) as stored:
         np.savez(tmp_path / "bare.npz", **stored)
-    assert "damaged: a file of version 5 without its digest" in error_message(tmp_path / "bare.npz")
+    assert "damaged: a file of version 6 without its digest" in error_message(tmp_path / "bare.npz")
 
 
 def test_a_changed_byte_is_noticed(skill_file, tmp_path):

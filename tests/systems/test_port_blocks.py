@@ -27,6 +27,7 @@ X = RigidTransform()
 ARGUMENTS = {
     "BodyPose": lambda skill: {"body": BodyIndex(1)},
     "ContactStateEstimator": lambda skill: {"policy": skill, "period": 0.02},
+    "ContextEstimator": lambda skill: {"policy": skill, "period": 0.02},
     "DcMotor": lambda skill: {"parameters": S.feed, "period": 1e-3},
     "DemonstrationRecorder": lambda skill: {"period": 0.02, "X_HP_start": X},
     "DepthEncoder": lambda skill: {"home": 0.08, "resolution": 5e-6},

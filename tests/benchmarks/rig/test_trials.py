@@ -28,7 +28,7 @@ def test_draws_share_the_trials(setting, performed, push, no_progress):
 
 def test_an_exception_in_a_trial_is_a_failed_trial(quick_scenario):
     class Broken(StraightPush):
-        def act(self, measured, probabilities=None):
+        def act(self, measured, probabilities=None, contexts=None):
             raise ArithmeticError("here")
 
     row = trials.attempt(quick_scenario, Arm.DEFAULT, Broken(speed=0.01), 7000)

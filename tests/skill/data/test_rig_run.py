@@ -8,7 +8,15 @@ import pytest
 
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from skill.data.demonstration import read_demonstration, write_demonstration
-from skill.data.rig_run import CONTACT_COLUMNS, RUN_COLUMNS, RUN_VERSION, RigRun, read_rig_run, write_rig_run
+from skill.data.rig_run import (
+    CONTACT_COLUMNS,
+    CONTEXT_COLUMNS,
+    RUN_COLUMNS,
+    RUN_VERSION,
+    RigRun,
+    read_rig_run,
+    write_rig_run,
+)
 from systems.runs.trial import run_trial
 from tests.crafted_files import rewrite, sealed_parquet, write_unsealed
 from tests.trajectories import make_rig_run
@@ -44,7 +52,7 @@ def test_a_run_is_read_back_bit_identically(run, path):
     pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
     assert again.result == run.result
     assert again.metadata == run.metadata
-    assert tuple(again.samples.columns) == (*RUN_COLUMNS, *CONTACT_COLUMNS)
+    assert tuple(again.samples.columns) == (*RUN_COLUMNS, *CONTEXT_COLUMNS, *CONTACT_COLUMNS)
 
 
 def test_a_file_of_the_other_kind_is_refused(path, demonstrations, tmp_path):
@@ -71,7 +79,7 @@ def test_a_bad_table_is_refused(path, change, message):
 
 def test_a_run_of_another_version_is_refused(path):
     rewrite(path, "rig_run", format_version=RUN_VERSION + 1)
-    assert f"version {RUN_VERSION + 1}, expected 2 or 3 or {RUN_VERSION}" in error_message(path)
+    assert f"version {RUN_VERSION + 1}, expected 2 or 3 or 4 or {RUN_VERSION}" in error_message(path)
 
 
 def test_runs_of_version_2_stay_readable(run, path):
@@ -116,7 +124,7 @@ def test_a_run_may_have_a_single_row(run, tmp_path):
     assert len(read_rig_run(tmp_path / "one.parquet").samples) == 1
 
 
-def test_a_run_of_an_earlier_version_has_no_contacts(tmp_path):
+def test_a_run_of_an_earlier_version_has_no_contacts_and_no_contexts(tmp_path):
     old = make_rig_run(contacts=False)
     write_rig_run(old, tmp_path / "old.parquet")
     rewrite(tmp_path / "old.parquet", "rig_run", format_version=3)
@@ -128,9 +136,12 @@ def test_a_run_of_an_earlier_version_has_no_contacts(tmp_path):
     [
         ("contact_tip_x", 0.5, "column 'contact_tip_x' lies between"),
         ("contact_face_fz", 2e5, "column 'contact_face_fz' lies between"),
+        ("context", 0.5, "column 'context' holds 0.5 in row 3"),
+        ("context_probability", 1.5, "column 'context_probability' lies between"),
+        ("context_evidence", -2e6, "column 'context_evidence' lies between"),
     ],
 )
-def test_an_implausible_contact_is_refused(run, tmp_path, column, value, message):
+def test_an_implausible_contact_or_context_is_refused(run, tmp_path, column, value, message):
     samples = run.samples.copy()
     samples.loc[3, column] = value
     write_rig_run(RigRun(samples, run.result, run.metadata), tmp_path / "run.parquet")

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from skill.data.rig_run import RigRun
-from skill.manipulation_skill import Action
+from skill.policy import Action
 from skill.practice.exploration import Cost, ExplorationNoise, Perturbation, PerturbedPolicy, Rollout, rollout_of
+from skill.states.context_filter import SingleContext
 from tests.trajectories import GEOMETRY, make_rig_run
 
 PERTURBATION = Perturbation(np.array([0.0, 0.01]), np.log([1.0, 4.0]), np.log([1.0, 0.25]))
@@ -51,7 +52,7 @@ class FixedPolicy:
     def measured_features(self, measured):
         return np.asarray(measured)[:2]
 
-    def act(self, measured, probabilities=None):
+    def act(self, measured, probabilities=None, contexts=None):
         return Action(turn=np.array([0.1, -0.2]), feed=-1e-3, probabilities=np.array([0.4, 0.6]), support=0.3)
 
 
@@ -183,6 +184,9 @@ class CountingSkill(FixedPolicy):
             return SimpleNamespace(log_belief=belief + 1.0, probabilities=[belief + features[1]])
 
         return SimpleNamespace(initial_log_belief=lambda: 10.0, step=step)
+
+    def context_filter(self):
+        return SingleContext()
 
 
 def test_the_rollout_of_a_short_run_by_hand():

@@ -77,7 +77,7 @@ class LockedMonitor(TrialMonitor):
 class RaisingSkill(ManipulationSkill):
     """Raises an exception when the peg is deeper than the mouth."""
 
-    def act(self, measured, probabilities=None):
+    def act(self, measured, probabilities=None, contexts=None):
         if measured[-1] < 1e-4:
             raise ZeroDivisionError("no such state\nand a second line")
         return super().act(measured, probabilities)
@@ -246,7 +246,7 @@ def test_a_drive_that_lifts_the_peg_ends_at_the_upper_limit(scenario, skill):
     """A policy that only retracts meets the limit, and the feed stops there instead of being retracted further."""
 
     class RetractingSkill(type(skill)):
-        def act(self, measured, probabilities=None):
+        def act(self, measured, probabilities=None, contexts=None):
             return replace(super().act(measured, probabilities), feed=0.02 * self.period_)
 
     retracting = copy.copy(skill)

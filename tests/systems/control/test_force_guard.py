@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.scenario import ForceGuardParameters, Scenario
-from skill.manipulation_skill import Action
+from skill.policy import Action
 from systems.control.force_guard import SLOPE_TIME, ForceGuard, StoppingModel
 from systems.control.policy import ControlLaw
 from systems.runs.trial import run_trial, trial_scenario
@@ -286,7 +286,7 @@ class Brute(ControlLaw):
     def follow(self, phase, measured):
         return (phase + 1) % 60
 
-    def act(self, measured, probabilities=None):
+    def act(self, measured, probabilities=None, contexts=None):
         direction = 0.5 * math.pi * (int(np.argmax(probabilities)) // 15)
         turn = 0.004 * np.array([math.cos(direction), math.sin(direction)])
         return Action(turn=turn, feed=-0.02 * self.period_, probabilities=probabilities)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from skill.manipulation_skill import Action
+from skill.policy import Action
 from systems.control.policy import ControlLaw
 from systems.runs.trial import run_trial, trial_scenario
 
@@ -11,7 +11,7 @@ SPEED, STEP = 0.018, 5e-4  # so slow that the force guard does not reduce them
 class Push(ControlLaw):
     """Pushes without turning."""
 
-    def act(self, measured, probabilities=None):
+    def act(self, measured, probabilities=None, contexts=None):
         return Action(turn=np.zeros(2), feed=-SPEED * self.period_, probabilities=np.ones(1))
 
 
@@ -23,7 +23,7 @@ class TurnInTheHole(ControlLaw):
     def follow(self, phase, measured):
         return min(phase + 1, 3) if phase > 0 or measured[6] < -1e-3 else 0
 
-    def act(self, measured, probabilities=None):
+    def act(self, measured, probabilities=None, contexts=None):
         phase = 0 if probabilities is None else int(np.argmax(probabilities))
         turn = np.array([STEP if phase in (1, 2) else 0.0, 0.0])
         return Action(turn=turn, feed=-SPEED * self.period_, probabilities=np.eye(4)[phase])

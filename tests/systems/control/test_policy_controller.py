@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from models.scenario import ControllerParameters
-from skill.manipulation_skill import MEASURED, Action
+from skill.features.wrench_features import MEASURED
+from skill.policy import Action
 from systems.control.back_off import BackOffMode, BackOffState
 from systems.control.policy_controller import ControllerState, PolicyController
 from tests.stepping import fixed_context, update_unrestricted
@@ -20,8 +21,9 @@ class FixedPolicy:
     def __init__(self, skill, action):
         self.period_, self.n_states, self.action = skill.period_, skill.n_states, action
         self.state_probabilities, self.state_names = skill.state_probabilities, skill.state_names
+        self.context_filter = skill.context_filter
 
-    def act(self, measured, probabilities=None):
+    def act(self, measured, probabilities=None, contexts=None):
         if isinstance(self.action, Exception):
             raise self.action
         return self.action
@@ -40,8 +42,10 @@ def measurements(demonstrations):
 def controller(policy, row, parameters=GENTLE):
     dut = PolicyController(policy=policy, parameters=parameters, back_off=parameters, peg_radius=RADIUS)
     probabilities = policy.state_probabilities(row[None])[0]
-    context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], probabilities=probabilities, known=[1.0])
-    return dut, context, None if isinstance(policy, FixedPolicy) else policy.act(row, probabilities)
+    contexts = np.full(policy.context_filter().n_contexts, 1.0 / policy.context_filter().n_contexts)
+    inputs = {"wrench": row[:6], "depth": [-row[6]], "probabilities": probabilities, "contexts": contexts}
+    context = fixed_context(dut, **inputs, known=[1.0])
+    return dut, context, None if isinstance(policy, FixedPolicy) else policy.act(row, probabilities, contexts)
 
 
 def commands(dut, context):

@@ -1,17 +1,18 @@
-"""The controller receives only the measured wrench and depth: no true pose or angle reaches it."""
+"""The controller receives the measured wrench and depth and its own commands: no true pose or angle reaches it."""
 
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
 from models.scenario import TRIAL_STREAM, resolve_scenario
+from skill.data.rig_run import CONTEXT_COLUMNS
 from systems import rig as rig_module
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.rig import MakeRig
 
 SENSORS = {"wrench_sensor", "depth_encoder"}
-COMMANDED = ["target_pitch", "target_yaw", "feed_speed", "guard", "state", "known", "support"]
+COMMANDED = [*CONTEXT_COLUMNS, "target_pitch", "target_yaw", "feed_speed", "guard", "state", "known", "support"]
 
 
 @pytest.fixture
@@ -42,12 +43,13 @@ def upstream(diagram, start, stop=frozenset()):
     return reached, edges
 
 
-def test_every_path_from_the_plant_to_the_controller_passes_through_the_two_sensors(scenario, skill):
+def test_every_path_to_the_controller_passes_through_the_two_sensors_or_its_own_commands(scenario, skill):
     rig = MakeRig(resolved(scenario), skill)
-    controlling = {"policy_controller", "contact_state_estimator"}
-    reached, edges = upstream(rig.diagram, controlling, stop=SENSORS)
-    assert reached == SENSORS | {"sensor_monitor", "contact_state_estimator"}
-    # The sensors pass on a wrench and a depth, the estimator its estimate.
+    controlling = {"policy_controller", "contact_state_estimator", "context_estimator"}
+    own = {"force_guard"}
+    reached, edges = upstream(rig.diagram, controlling, stop=SENSORS | own)
+    assert reached == SENSORS | own | {"sensor_monitor", "contact_state_estimator", "context_estimator"}
+    # The sensors pass on a wrench and a depth, the guard the angles it commands, the estimators their estimates.
     assert {source for _, source in edges} == {
         ("wrench_sensor", "wrench"),
         ("depth_encoder", "depth"),
@@ -55,6 +57,9 @@ def test_every_path_from_the_plant_to_the_controller_passes_through_the_two_sens
         ("sensor_monitor", "depth"),
         ("contact_state_estimator", "probabilities"),
         ("contact_state_estimator", "known"),
+        ("context_estimator", "contexts"),
+        ("force_guard", "target_pitch"),
+        ("force_guard", "target_yaw"),
     }
     # The sensors read the reaction forces and the state of the carriage from the plant.
     _, behind = upstream(rig.diagram, SENSORS, stop={"plant"})

@@ -48,7 +48,7 @@ def test_the_recorded_feed_is_that_of_the_perturbed_skill(brief, skill):
 class LittleSupport(ManipulationSkill):
     """A skill whose actions all have little support."""
 
-    def act(self, measured, probabilities=None):
+    def act(self, measured, probabilities=None, contexts=None):
         return replace(super().act(measured, probabilities), support=0.3)
 
 
@@ -83,7 +83,7 @@ def test_a_round_keeps_the_new_skill_only_if_it_beats_the_check(brief, skill):
 class IdleSkill(ManipulationSkill):
     """A skill that does not move."""
 
-    def act(self, measured, probabilities=None):
+    def act(self, measured, probabilities=None, contexts=None):
         action = super().act(measured, probabilities)
         return replace(action, turn=0 * action.turn, feed=0.0)
 

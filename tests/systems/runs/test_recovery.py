@@ -7,7 +7,7 @@ from pydrake.systems.analysis import Simulator
 
 from models.scenario import parse_scenario
 from skill.features.measurement import contact_load
-from skill.manipulation_skill import Action
+from skill.policy import Action
 from systems.control.policy import ControlLaw
 from systems.rig import MakeRig
 from systems.runs.demonstration_set import OPERATORS, Request, demonstrate
@@ -28,7 +28,7 @@ from tests.trajectories import STATE_NAMES, make_rig_run
 class Push(ControlLaw):
     """Feeds without a turn, so that it gets stuck."""
 
-    def act(self, measured, probabilities=None):
+    def act(self, measured, probabilities=None, contexts=None):
         return Action(turn=np.zeros(2), feed=-2e-4, probabilities=np.ones(1))
 
 

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from models.scenario import Scenario, parse_scenario, resolve_scenario
 from skill.features.measurement import contact_loads
-from skill.manipulation_skill import Action, ManipulationSkill
+from skill.manipulation_skill import ManipulationSkill
+from skill.policy import Action
 from systems.runs.penetration import round_bodies
 from systems.runs.trial import (
     STRESS_FRICTION,
@@ -157,7 +158,7 @@ def test_a_trial_that_runs_out_of_time_has_that_reason(quick_scenario, skill):
 class NanSkill(ManipulationSkill):
     """A skill that returns a NaN feed below some depth; picklable for other processes."""
 
-    def act(self, measured, probabilities=None):
+    def act(self, measured, probabilities=None, contexts=None):
         action = super().act(measured, probabilities)
         if self.when_depth_exceeds < -np.asarray(measured)[-1]:
             return Action(turn=action.turn, feed=math.nan, probabilities=action.probabilities)

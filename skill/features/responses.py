@@ -1,0 +1,108 @@
+"""How a measurement answers to an own motion: what a policy's contexts are found and recognised by.
+
+An observation is a measurement (`MEASURED`) and the own turn: the rotation vector (about x and y of P, rad) by which
+own motions have turned the peg relative to the hole since the start. On the rig it is minus the commanded angles of the
+hole, in demonstrations the sum of the recorded turns.
+
+Between two observations a ``HORIZON`` apart, in the frame of the features of the first one,
+
+    u = (turn_x, turn_y, feed),    y = (change of fx, fy, mx / r, my / r, fz).
+
+Near the mouth the answer tells where the peg turns about: with the pivot of the gimbal on either side of the contact, a
+feed and a turn change the lateral force in opposite ways. The force itself does not tell this.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from skill.arrays import Array
+from skill.features.canonical_frame import turn
+from skill.features.measurement import contact_loads
+from skill.features.wrench_features import MEASURED, WrenchFeatures
+
+HORIZON = 0.1
+"""Time between the two observations, s: long for the noise of the sensor, short for the motion of the contact."""
+
+MIN_LOAD = 1.0
+"""N; a smaller load at the first observation is noise, or free motion."""
+
+MAX_DEPTH = 0.8
+"""Largest depth of the first observation, in units of the peg radius. Deeper, the wall alone guides the peg."""
+
+N_OBSERVED = len(MEASURED) + 2
+"""Length of an observation."""
+
+
+def observations(measured: Array, turned: Array) -> Array:
+    """Joins measurements (..., 7) and own turns (..., 2) to observations (..., 9)."""
+    return np.concatenate([measured, turned], axis=-1)
+
+
+def rig_observations(measured: Array, targets: Array) -> Array:
+    """Joins measurements (..., 7) and commanded angles of the hole (..., 2), rad, to observations (..., 9).
+
+    Turning the hole by an angle turns the peg relative to it by minus that angle.
+    """
+    return observations(measured, -targets)
+
+
+@dataclass(frozen=True)
+class Responses:
+    """Answers to own motions, n rows.
+
+    Attributes:
+        features: (n, d), features of the first observations.
+        inputs: (n, 3), u: own turn (rad) and feed (m) in the frame of the features.
+        outputs: (n, 5), y, N.
+    """
+
+    features: Array
+    inputs: Array
+    outputs: Array
+
+
+@dataclass(frozen=True)
+class ResponseFeatures:
+    """Computes responses from observations.
+
+    Attributes:
+        features: the features, which define the frame.
+        peg_radius: r, m.
+    """
+
+    features: WrenchFeatures
+    peg_radius: float
+
+    def speaks(self, before: Array) -> NDArray[np.bool_]:
+        """Returns whether the answers after observations (n, 9) tell contexts apart: under load, near the mouth."""
+        loaded = contact_loads(before, self.peg_radius) >= MIN_LOAD
+        near = -before[:, len(MEASURED) - 1] <= MAX_DEPTH * self.peg_radius
+        return np.asarray(loaded & near)
+
+    def between(self, before: Array, after: Array) -> Responses:
+        """Returns the responses between pairs of observations (n, 9)."""
+        measured = before[:, : len(MEASURED)]
+        phi = self.features.rotation_angle(measured)
+        change = after - before
+        turned, feed = turn(change[:, len(MEASURED) :], -phi), change[:, len(MEASURED) - 1]
+        return Responses(
+            features=self.features.transform(measured),
+            inputs=np.column_stack([turned, feed]),
+            outputs=np.column_stack([turn(change, -phi), turn(change[:, 3:], -phi) / self.peg_radius, change[:, 2]]),
+        )
+
+    def of_series(self, observations: Array, period: float) -> Responses:
+        """Returns the responses that tell contexts apart in a series of observations (n, 9), ``period`` (s) apart."""
+        steps = horizon_steps(period)
+        first = np.arange(max(0, len(observations) - steps))
+        first = first[self.speaks(observations[first])]
+        return self.between(observations[first], observations[first + steps])
+
+
+def horizon_steps(period: float) -> int:
+    """Returns ``HORIZON`` in sample periods (s), at least 1."""
+    return max(1, round(HORIZON / period))

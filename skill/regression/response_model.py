@@ -1,0 +1,107 @@
+"""Responses to an own input, regressed locally: the outputs are linear in the input, and the coefficients vary.
+
+At features x and input u, the samples j have the weights w_j = r_j exp(-|x - x_j|^2 / 2 h^2). With a = (1, u),
+
+    y = B'a + e,    B = (sum_j w_j a_j a_j' + n_0 I)^-1 sum_j w_j a_j y_j',
+
+is the weighted ridge regression on the inputs of the samples near x (a varying-coefficient model: Hastie, Tibshirani,
+J. R. Stat. Soc. B 55(4), 1993). The variance of a new output is
+
+    v = (sum_j w_j (y_j - B'a_j)^2 + n_0) / (sum_j w_j + n_0) (1 + a'(sum_j w_j a_j a_j' + n_0 I)^-1 a).
+
+Features, inputs and outputs are in units of their standard deviations over all samples, so that n_0 acts like n_0
+samples with the mean and the spread of all: far from all samples, the prediction is the mean of all samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from skill.arrays import Array
+
+PRIOR_SAMPLES = 3.0
+"""n_0. The choice matters only where the weights add up to a few samples."""
+
+TAIL = 4.0
+"""Degrees of freedom of the Student-t distribution of the outputs: impacts and slips are more frequent than a normal
+distribution allows."""
+
+BLOCK = 512  # queries at a time
+
+
+@dataclass(frozen=True)
+class ResponseSamples:
+    """Samples of responses, in units of their standard deviations.
+
+    Attributes:
+        X: (n, d), features.
+        U: (n, q), inputs.
+        Y: (n, p), outputs.
+    """
+
+    X: Array
+    U: Array
+    Y: Array
+
+    def __len__(self) -> int:
+        return len(self.X)
+
+    def kernel(self, queries: Array, bandwidth: float) -> Array:
+        """Returns the kernel weights (m, n) of the samples at scaled features (m, d)."""
+        squares = (queries**2).sum(axis=1)[:, None] + (self.X**2).sum(axis=1) - 2.0 * queries @ self.X.T
+        weights: Array = np.exp(np.maximum(squares, 0.0) / (-2.0 * bandwidth**2))
+        return weights
+
+
+class ResponseModel:
+    """The regression of the module's docstring, for one set of samples and many sets of weights r.
+
+    Args:
+        samples: the samples.
+    """
+
+    def __init__(self, samples: ResponseSamples) -> None:
+        self._Y = samples.Y
+        self._A = _with_constant(samples.U)
+        n, q = self._A.shape
+        self._moments = np.hstack(
+            [
+                (self._A[:, :, None] * self._A[:, None, :]).reshape(n, q * q),
+                (self._A[:, :, None] * samples.Y[:, None, :]).reshape(n, -1),
+                samples.Y**2,
+                np.ones((n, 1)),
+            ]
+        )
+
+    def residuals(self, weights: Array, inputs: Array, outputs: Array) -> tuple[Array, Array]:
+        """Returns the errors (m, p) of the predictions at queries, and the variances (m, p) that the model expects.
+
+        Args:
+            weights: (m, n), the weights w of the samples at each query.
+            inputs: (m, q), u of the queries.
+            outputs: (m, p), y of the queries.
+        """
+        A = _with_constant(inputs)
+        q, p = A.shape[1], outputs.shape[1]
+        sums = weights @ self._moments
+        S = sums[:, : q * q].reshape(-1, q, q)
+        C = sums[:, q * q : q * (q + p)].reshape(-1, q, p)
+        M = S + PRIOR_SAMPLES * np.eye(q)
+        solved = np.linalg.solve(M, np.concatenate([C, A[:, :, None]], axis=2))
+        B, leverage = solved[:, :, :p], np.einsum("mq,mq->m", A, solved[:, :, p])
+        # sum w (y - B'a)^2 = sum w y^2 - 2 B'C + B'S B, for each output.
+        rest = sums[:, q * (q + p) : -1] + np.einsum("mqp,mqp->mp", B, S @ B - 2.0 * C)
+        spread = (np.maximum(rest, 0.0) + PRIOR_SAMPLES) / (sums[:, -1:] + PRIOR_SAMPLES)
+        return outputs - np.einsum("mqp,mq->mp", B, A), spread * (1.0 + leverage)[:, None]
+
+
+def log_density(errors: Array, variances: Array) -> Array:
+    """Returns the logarithm of the Student-t density of errors with these squared scales, less its constant."""
+    density: Array = -0.5 * (TAIL + 1.0) * np.log1p(errors**2 / (TAIL * variances)) - 0.5 * np.log(variances)
+    return density
+
+
+def _with_constant(inputs: Array) -> Array:
+    return np.column_stack([np.ones(len(inputs)), inputs])

@@ -1,0 +1,365 @@
+"""Contexts: what stays the same during a demonstration, and what one sample cannot show.
+
+The same measurement can ask for opposite actions, for example with the pivot of the gimbal above or below the contact.
+What tells the two cases apart is how the measurement *answers* to an own motion, and that answer keeps its law during a
+whole demonstration. A context is such a law. `ContextMixture` discovers contexts as a mixture of regressions in which
+all samples of a demonstration g share one context k:
+
+    p(Y_g | X_g, U_g) = sum_k pi_k prod_t p(y_t | x_t, u_t, k).
+
+Each p is the `ResponseModel` of the samples, weighted by the responsibilities r_gk of their demonstrations. EM
+alternates between
+
+    r_gk ~ pi_k exp( sum_t sum_p log p(y_tp | x_t, u_t, k without g) / tau_p ),    pi_k = mean_g r_gk,
+
+and the regressions, which need no step of their own. It deviates twice from textbook EM (Dempster, Laird, Rubin, J. R.
+Stat. Soc. B 39(1), 1977; for regressions DeSarbo, Cron, J. Classif. 5, 1988):
+
+* *Without g*: a demonstration is predicted from the others alone. A flexible regression would otherwise reproduce the
+  demonstration itself, in every context.
+* tau_p is the integrated autocorrelation time of output p, in samples (Geyer, Stat. Sci. 7(4), 1992): consecutive
+  samples repeat each other, and their evidence counts only once.
+
+The number of contexts, and the best of several random starts, are those which predict unseen halves best: the first
+half of each demonstration gives the probabilities of its contexts, and these predict its second half. One context more
+must gain more than one standard error of the gain over the demonstrations, and hold at least two of them; otherwise
+there is nothing to find.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import log_softmax, logsumexp, softmax
+from sklearn.base import BaseEstimator
+from sklearn.utils.validation import check_is_fitted
+
+from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
+from skill.arrays import Array
+from skill.regression.response_model import ResponseModel, ResponseSamples, log_density
+
+MAX_SAMPLES = 3000
+"""Most samples that are kept; more are thinned evenly. The time of a fit grows with their square."""
+
+MIN_WEIGHT = 0.02
+"""Smallest weight pi_k."""
+
+MIN_GROUPS = 2.0
+"""Smallest sum of the responsibilities of a context: what a single demonstration shows is its own peculiarity."""
+
+MAX_SUM_ERROR = 1e-6
+
+RULES = {
+    "bandwidth": ArrayRule(low=MIN_POSITIVE),
+    "features": ArrayRule(("n", "d")),
+    "inputs": ArrayRule(("n", "q")),
+    "outputs": ArrayRule(("n", "p")),
+    "feature_spread": ArrayRule(("d",), low=MIN_POSITIVE),
+    "input_spread": ArrayRule(("q",), low=MIN_POSITIVE),
+    "output_spread": ArrayRule(("p",), low=MIN_POSITIVE),
+    "output_mean": ArrayRule(("p",)),
+    "correlation_times": ArrayRule(("p",), low=1.0),
+    "group": ArrayRule(("n",), holds="integers", low=0),
+    "groups": ArrayRule(("G",), holds="integers", low=0),
+    "responsibilities": ArrayRule(("G", "C"), low=0.0, high=1.0 + MAX_SUM_ERROR),
+}
+"""The arrays of a stored `ContextMixture`: n samples of G groups, C contexts."""
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """One result of EM: responsibilities (G, K), their log-likelihood, and that of each sample (n, K)."""
+
+    responsibilities: Array
+    log_likelihood: float
+    samples: Array
+
+
+class ContextMixture(BaseEstimator):
+    """Mixture of locally weighted regressions over groups of samples; see the module.
+
+    Args:
+        n_contexts: number of contexts K; None selects it.
+        max_contexts: largest number that is selected.
+        bandwidth: h of the kernel, in standard deviations of the features.
+        n_init: number of random starts of EM for each number of contexts.
+        max_iter: most iterations of EM.
+        tol: largest change of a responsibility at which EM ends.
+        random_state: seed of the starts.
+
+    Attributes:
+        n_contexts_: number of contexts K.
+        groups_: (G,), the names of the groups.
+        responsibilities_: (G, K), probabilities of the contexts of each group.
+        weights_: (K,), pi.
+        gains_: (mean, standard error) of the left-out log-likelihood of a group with 2, 3, ... contexts, less that with
+            one context fewer; empty if ``n_contexts`` is given.
+        correlation_times_: (p,), tau, in samples.
+    """
+
+    def __init__(
+        self,
+        *,
+        n_contexts: int | None = None,
+        max_contexts: int = 3,
+        bandwidth: float = 1.5,
+        n_init: int = 12,
+        max_iter: int = 50,
+        tol: float = 1e-3,
+        random_state: int | None = 0,
+    ) -> None:
+        self.n_contexts = n_contexts
+        self.max_contexts = max_contexts
+        self.bandwidth = bandwidth
+        self.n_init = n_init
+        self.max_iter = max_iter
+        self.tol = tol
+        self.random_state = random_state
+
+    def fit(self, X: ArrayLike, y: ArrayLike, *, inputs: ArrayLike, groups: ArrayLike) -> Self:
+        """Discovers the contexts.
+
+        Args:
+            X: (n, d), features.
+            y: (n, p), outputs: how the measurement answers.
+            inputs: (n, q), own motions.
+            groups: (n,), the demonstration of each sample; the samples of one are in the order of time.
+
+        Raises:
+            ValueError: if shapes differ, a number is not finite, a parameter is out of range, or there are fewer than
+                two groups.
+        """
+        features, answers, motions, names = _checked(X, y, inputs, groups)
+        self._check_parameters()
+        stride = -(-len(features) // MAX_SAMPLES)
+        rows = np.arange(0, len(features), stride)
+        self.groups_, group = np.unique(names[rows], return_inverse=True)
+        if len(self.groups_) < 2:
+            raise ValueError(f"contexts differ between groups: found {len(self.groups_)} group, expected at least 2")
+        self.scales_ = tuple(_spread(values[rows]) for values in (features, motions, answers))
+        self.centre_ = answers[rows].mean(axis=0)
+        self.samples_ = self._scaled(features[rows], motions[rows], answers[rows])
+        self._model = ResponseModel(self.samples_)
+        kernel = self.samples_.kernel(self.samples_.X, self.bandwidth)
+        kernel[group[:, None] == group[None]] = 0.0
+        residuals, _ = self._model.residuals(kernel, self.samples_.U, self.samples_.Y)
+        thinned = correlation_times(residuals, group)
+        self.correlation_times_ = thinned * stride
+        em = _ExpectationMaximization(self._model, self.samples_, kernel, group, 1.0 / thinned)
+        rng = np.random.default_rng(self.random_state)
+        if self.n_contexts is None:
+            found = self._selected(em, rng)
+        else:
+            self.gains_: list[tuple[float, float]] = []
+            found = self._best(em, self.n_contexts, rng)
+        self._store(found.responsibilities, group)
+        return self
+
+    def log_likelihoods(self, X: ArrayLike, y: ArrayLike, *, inputs: ArrayLike) -> Array:
+        """Returns the evidence (m, K) of samples: their log-likelihood in each context, over the correlation times."""
+        check_is_fitted(self)
+        queries = self._scaled(*(np.asarray(values, dtype=float) for values in (X, inputs, y)))
+        kernel = self.samples_.kernel(queries.X, self.bandwidth)
+        found = []
+        for r in self.responsibilities_.T:
+            errors, variances = self._model.residuals(kernel * r[self._group], queries.U, queries.Y)
+            found.append(log_density(errors, variances) @ (1.0 / self.correlation_times_))
+        return np.column_stack(found)
+
+    def predict_proba(self, X: ArrayLike, y: ArrayLike, *, inputs: ArrayLike, groups: ArrayLike) -> Array:
+        """Returns the probabilities (G, K) of the contexts of other groups, in the order of ``np.unique(groups)``."""
+        names, group = np.unique(np.asarray(groups), return_inverse=True)
+        evidence = np.zeros((len(names), self.n_contexts_))
+        np.add.at(evidence, group, self.log_likelihoods(X, y, inputs=inputs))
+        return softmax(np.log(self.weights_) + evidence, axis=1)
+
+    def probabilities_of(self, groups: ArrayLike) -> Array:
+        """Returns the responsibilities (n, K) of groups (n,) by their names; ``weights_`` for those without samples."""
+        known = dict(zip(self.groups_.tolist(), self.responsibilities_, strict=True))
+        return np.array([known.get(name, self.weights_) for name in np.asarray(groups).tolist()])
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """The fitted estimator as plain arrays, which can be stored without pickle."""
+        check_is_fitted(self)
+        return {
+            "bandwidth": np.array(float(self.bandwidth)),
+            "features": self.samples_.X,
+            "inputs": self.samples_.U,
+            "outputs": self.samples_.Y,
+            "feature_spread": self.scales_[0],
+            "input_spread": self.scales_[1],
+            "output_spread": self.scales_[2],
+            "output_mean": self.centre_,
+            "correlation_times": self.correlation_times_,
+            "group": self._group,
+            "groups": self.groups_,
+            "responsibilities": self.responsibilities_,
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Self:
+        """Restores an estimator from ``to_arrays``; its evidence is bit-identical.
+
+        Raises:
+            ValueError: if an array is missing, unknown, or does not fit the others.
+        """
+        sizes = check_arrays(arrays, RULES, "ContextMixture.to_arrays")
+        group = np.asarray(arrays["group"], dtype=np.intp)
+        R = np.array(arrays["responsibilities"], dtype=float)
+        if group.max() >= sizes["G"]:
+            raise ValueError(f"array 'group' goes up to {group.max()}, expected below {sizes['G']}")
+        if np.abs(R.sum(axis=1) - 1.0).max() > MAX_SUM_ERROR:
+            raise ValueError("array 'responsibilities': expected rows that sum to one")
+        self = cls(n_contexts=sizes["C"], bandwidth=float(arrays["bandwidth"]))
+        self.scales_ = tuple(np.array(arrays[f"{name}_spread"], dtype=float) for name in ("feature", "input", "output"))
+        self.centre_ = np.array(arrays["output_mean"], dtype=float)
+        stored = (np.array(arrays[name], dtype=float) for name in ("features", "inputs", "outputs"))
+        self.samples_ = ResponseSamples(*stored)
+        self._model = ResponseModel(self.samples_)
+        self.correlation_times_ = np.array(arrays["correlation_times"], dtype=float)
+        self.groups_, self.gains_ = np.array(arrays["groups"]), []
+        self._store(R, group)
+        return self
+
+    def _selected(self, em: _ExpectationMaximization, rng: np.random.Generator) -> _Fit:
+        """The result with the fewest contexts to which one more adds no more than its standard error."""
+        best, self.gains_ = em.run(np.ones((em.n_groups, 1)), 1, 0.0), []
+        score = em.split_score(best)
+        for number in range(2, 1 + min(self.max_contexts, em.n_groups)):
+            found = self._best(em, number, rng)
+            found_score = em.split_score(found)
+            gain = found_score - score
+            mean, error = float(gain.mean()), float(gain.std(ddof=1) / np.sqrt(len(gain)))
+            self.gains_.append((mean, error))
+            if mean <= error or found.responsibilities.sum(axis=0).min() < MIN_GROUPS:
+                break
+            best, score = found, found_score
+        return best
+
+    def _best(self, em: _ExpectationMaximization, number: int, rng: np.random.Generator) -> _Fit:
+        starts = [rng.dirichlet(np.ones(number), em.n_groups) for _ in range(self.n_init)]
+        found = [em.run(start, self.max_iter, self.tol) for start in starts]
+        return max(found, key=lambda fit: float(em.split_score(fit).sum()))
+
+    def _store(self, responsibilities: Array, group: NDArray[np.intp]) -> None:
+        self.responsibilities_ = responsibilities
+        self.n_contexts_ = responsibilities.shape[1]
+        self.weights_ = _weights(responsibilities)
+        self._group = group
+
+    def _scaled(self, X: Array, U: Array, Y: Array) -> ResponseSamples:
+        of_X, of_U, of_Y = self.scales_
+        return ResponseSamples(X / of_X, U / of_U, (Y - self.centre_) / of_Y)
+
+    def _check_parameters(self) -> None:
+        counts = {"max_contexts": self.max_contexts, "n_init": self.n_init, "max_iter": self.max_iter}
+        for name, value in counts.items():
+            if not (isinstance(value, int | np.integer) and value >= 1):
+                raise ValueError(f"{name} = {value!r}; expected an integer of at least 1")
+        if self.n_contexts is not None and not (isinstance(self.n_contexts, int | np.integer) and self.n_contexts >= 1):
+            raise ValueError(f"n_contexts = {self.n_contexts!r}; expected an integer of at least 1, or None")
+        if not (np.isfinite(self.bandwidth) and self.bandwidth > 0):
+            raise ValueError(f"bandwidth = {self.bandwidth!r}; expected a positive number")
+
+
+class _ExpectationMaximization:
+    """EM on one set of samples; ``share`` (p,) is 1 / tau."""
+
+    def __init__(
+        self, model: ResponseModel, samples: ResponseSamples, kernel: Array, group: NDArray[np.intp], share: Array
+    ) -> None:
+        self._model = model
+        self._samples = samples
+        self._kernel = kernel
+        self._group = group
+        self._share = share
+        self.n_groups = int(group.max()) + 1
+
+    def run(self, start: Array, max_iter: int, tol: float) -> _Fit:
+        """Returns the result of EM from responsibilities (G, K)."""
+        responsibilities = start
+        for _ in range(max_iter):
+            evidence = self._evidence(responsibilities)
+            joint = np.log(_weights(responsibilities)) + self._sums(evidence)
+            updated = softmax(joint, axis=1)
+            change = np.abs(updated - responsibilities).max()
+            responsibilities = updated
+            if change <= tol:
+                break
+        return _Fit(responsibilities, float(logsumexp(joint, axis=1).sum()), evidence)
+
+    def split_score(self, fit: _Fit) -> Array:
+        """Returns the log-likelihood (G,) of the second half of each group, given the first half."""
+        order = np.arange(len(self._group)) - np.searchsorted(self._group, self._group)
+        late = order >= (np.bincount(self._group) // 2)[self._group]
+        first = np.log(_weights(fit.responsibilities)) + self._sums(np.where(late[:, None], 0.0, fit.samples))
+        second = self._sums(np.where(late[:, None], fit.samples, 0.0))
+        return logsumexp(log_softmax(first, axis=1) + second, axis=1)
+
+    def _evidence(self, responsibilities: Array) -> Array:
+        """Log-likelihoods (n, K) of the samples, each from the other groups."""
+        found = []
+        for r in responsibilities.T:
+            weights = self._kernel * r[self._group]
+            errors, variances = self._model.residuals(weights, self._samples.U, self._samples.Y)
+            found.append(log_density(errors, variances) @ self._share)
+        return np.column_stack(found)
+
+    def _sums(self, evidence: Array) -> Array:
+        sums = np.zeros((self.n_groups, evidence.shape[1]))
+        np.add.at(sums, self._group, evidence)
+        return sums
+
+
+def correlation_times(residuals: Array, group: NDArray[np.intp]) -> Array:
+    """Returns the integrated autocorrelation times (p,) of residuals (n, p) within groups, in samples, at least 1.
+
+    tau = 1 + 2 sum_l rho_l over the lags l, up to the first pair of lags whose sum is not positive (Geyer's initial
+    positive sequence). The groups are runs of equal numbers in ``group`` (n,).
+    """
+    blocks = [residuals[group == g] for g in np.unique(group)]
+    longest = max(len(block) for block in blocks)
+    variance = (residuals**2).sum(axis=0)
+    times = np.ones(residuals.shape[1])
+    going = variance > 0
+    for lag in range(1, longest - 1, 2):
+        pair = np.zeros(residuals.shape[1])
+        for block in blocks:
+            for step in (lag, lag + 1):
+                pair += (block[:-step] * block[step:]).sum(axis=0)
+        going &= pair > 0
+        if not going.any():
+            break
+        times[going] += 2.0 * pair[going] / variance[going]
+    return times
+
+
+def _weights(responsibilities: Array) -> Array:
+    weights = np.maximum(responsibilities.mean(axis=0), MIN_WEIGHT)
+    normalised: Array = weights / weights.sum()
+    return normalised
+
+
+def _spread(values: Array) -> Array:
+    """Standard deviations (k,) of columns; 1 for a constant column."""
+    spread = values.std(axis=0)
+    return np.where(spread > 0, spread, 1.0)
+
+
+def _checked(
+    X: ArrayLike, y: ArrayLike, inputs: ArrayLike, groups: ArrayLike
+) -> tuple[Array, Array, Array, NDArray[Any]]:
+    names = np.asarray(groups)
+    arrays = []
+    for name, values in (("X", X), ("y", y), ("inputs", inputs)):
+        array = np.asarray(values, dtype=float)
+        if array.ndim != 2 or len(array) != len(names):
+            raise ValueError(f"{name} has shape {array.shape}; expected {len(names)} rows, as many as groups")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} is not finite in every row")
+        arrays.append(array)
+    return arrays[0], arrays[1], arrays[2], names

@@ -1,0 +1,62 @@
+"""The samples that a skill learns from: refined, with the noise of the rig's sensor, and the answers to own motions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from skill.data.demonstration import Demonstration
+from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
+from skill.features.responses import ResponseFeatures, Responses, observations
+from skill.features.wrench_features import MEASURED
+from skill.states.context_mixture import ContextMixture
+
+
+@dataclass(frozen=True)
+class SampleSettings:
+    """How samples are made from demonstrations; see `ManipulationSkill` for the meaning of the numbers."""
+
+    still: float
+    rough: float
+    correction_time: float
+    feed_time: float
+    force_noise: float
+    moment_noise: float
+
+    def refined(self, demonstration: Demonstration) -> pd.DataFrame:
+        """Returns refined samples; each row holds a measurement, the action that follows it, and the intended one."""
+        samples = with_following_actions(demonstration.samples)
+        times = {"correction_time": self.correction_time, "feed_time": self.feed_time}
+        samples[list(INTENDED)] = intended_actions(samples, **times)
+        refined, _ = refine_demonstration(samples, still=self.still, rough=self.rough)
+        return refined
+
+    def with_noise(self, samples: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+        """Returns a copy of samples with the noise of the sensor on the rig."""
+        noisy = samples.copy()
+        sigma = np.repeat([self.force_noise, self.moment_noise], 3)
+        noisy[list(MEASURED[:6])] += sigma * rng.standard_normal((len(samples), 6))
+        return noisy
+
+    def responses(
+        self, demonstration: Demonstration, features: ResponseFeatures, period: float, rng: np.random.Generator
+    ) -> Responses:
+        """Returns how the measurements of a demonstration answer to its motions, ``period`` (s) apart."""
+        measured = self.with_noise(demonstration.samples, rng)[list(MEASURED)].to_numpy()
+        turned = demonstration.samples[["rx", "ry"]].to_numpy().cumsum(axis=0)
+        return features.of_series(observations(measured, turned), period)
+
+
+def discover_contexts(mixture: ContextMixture, responses: Mapping[int, Responses]) -> ContextMixture | None:
+    """Fits contexts to the responses of demonstrations, by their numbers; None if there is a single context."""
+    groups = np.repeat(list(responses), [len(found.features) for found in responses.values()])
+    if len(np.unique(groups)) < 2:
+        return None
+    features, inputs, outputs = (
+        np.vstack([getattr(found, name) for found in responses.values()]) for name in ("features", "inputs", "outputs")
+    )
+    mixture.fit(features, outputs, inputs=inputs, groups=groups)
+    return mixture if mixture.n_contexts_ > 1 else None

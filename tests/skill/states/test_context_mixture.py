@@ -1,0 +1,165 @@
+"""Contexts: the right number, the right demonstrations, and none where there is nothing to find."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.base import clone
+
+from skill.states.context_mixture import MAX_SAMPLES, ContextMixture, correlation_times
+from tests.skill.states.mixtures import agreement, make_mixture
+
+
+def fitted(X, U, Y, group, **settings_):
+    return ContextMixture(**settings_).fit(X, Y, inputs=U, groups=group)
+
+
+@pytest.mark.parametrize("slopes", [(1.0, -1.0), (1.5, 0.0, -1.5)])
+def test_the_number_and_the_demonstrations_of_contexts_are_found(slopes):
+    *data, contexts = make_mixture(slopes)
+    dut = fitted(*data, max_contexts=4)
+    assert dut.n_contexts_ == len(slopes)
+    assert agreement(dut.responsibilities_, contexts) == 1.0
+    np.testing.assert_allclose(dut.weights_, 1 / len(slopes), atol=0.02)
+    assert len(dut.gains_) == len(slopes)  # one more did not help
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_there_is_a_single_context_where_there_is_nothing_to_find(seed):
+    *data, _ = make_mixture((1.0,), seed=seed)
+    dut = fitted(*data)
+    assert dut.n_contexts_ == 1
+    np.testing.assert_array_equal(dut.responsibilities_, 1.0)
+
+
+def test_a_different_level_within_one_law_of_motion_is_no_context_without_an_effect():
+    # Groups differ in where they are, not in how they answer.
+    *data, _ = make_mixture((1.0,), seed=1)
+    X, U, Y, group = data
+    assert fitted(X + 0.2 * (group % 2)[:, None], U, Y, group).n_contexts_ == 1
+
+
+def test_a_peculiar_demonstration_alone_is_no_context():
+    X, U, Y, group, _ = make_mixture((1.0,))
+    strange = np.where(group == 3, -1.0, 1.0)
+    assert fitted(X, U, Y * strange[:, None], group).n_contexts_ == 1
+
+
+def test_the_order_and_the_names_of_groups_do_not_matter():
+    X, U, Y, group, contexts = make_mixture((1.0, -1.0))
+    order = np.argsort(np.random.default_rng(2).permutation(24)[group], kind="stable")
+    dut = fitted(X[order], U[order], Y[order], 100 + group[order])
+    assert agreement(dut.responsibilities_, contexts) == 1.0
+    np.testing.assert_array_equal(dut.groups_, np.arange(100, 124))
+
+
+@settings(max_examples=5)
+@given(
+    scale=st.tuples(*[st.sampled_from([1e-3, 0.1, 50.0])] * 3),
+    shift=st.tuples(*[st.sampled_from([-20.0, 0.0, 3.0])] * 2),
+)
+def test_the_units_do_not_matter(scale, shift):
+    X, U, Y, group, _ = make_mixture((1.0, -1.0), groups=12, length=25)
+    dut = fitted(X, U, Y, group, n_init=3)
+    other = fitted(scale[0] * X + shift[0], scale[1] * U, scale[2] * Y + shift[1], group, n_init=3)
+    np.testing.assert_allclose(dut.responsibilities_, other.responsibilities_, atol=1e-6)
+
+
+def test_unseen_demonstrations_are_recognised():
+    *data, _ = make_mixture((1.0, -1.0))
+    X, U, Y, group, contexts = make_mixture((1.0, -1.0), seed=9)
+    found = fitted(*data).predict_proba(X, Y, inputs=U, groups=group)
+    assert agreement(found, contexts) == 1.0
+    assert found.max(axis=1).mean() > 0.99
+
+
+def test_groups_without_samples_have_the_weights_of_the_contexts():
+    *data, _ = make_mixture((1.0, -1.0))
+    dut = fitted(*data)
+    found = dut.probabilities_of([4, 999])
+    np.testing.assert_array_equal(found[0], dut.responsibilities_[4])
+    np.testing.assert_array_equal(found[1], dut.weights_)
+
+
+def test_repeated_samples_add_no_evidence():
+    X, U, Y, group, _ = make_mixture((1.0, -1.0), groups=12, length=20)
+    repeated = np.repeat(np.arange(len(X)), 4)
+    once = fitted(X, U, Y, group, n_contexts=2)
+    often = fitted(X[repeated], U[repeated], Y[repeated], group[repeated], n_contexts=2)
+    ratio = often.correlation_times_ / once.correlation_times_
+    assert (ratio > 3.0).all()
+    assert (ratio < 5.0).all()
+
+
+def test_many_samples_are_thinned_and_the_correlation_times_remain_in_samples():
+    X, U, Y, group, contexts = make_mixture((1.0, -1.0), groups=12, length=MAX_SAMPLES // 8)
+    dut = fitted(X, U, Y, group, n_contexts=2, n_init=3)
+    assert len(dut.samples_) <= MAX_SAMPLES
+    assert (dut.correlation_times_ >= 2.0).all()  # every second sample is kept
+    assert agreement(dut.responsibilities_, contexts) == 1.0
+
+
+def test_correlation_times_of_an_autoregressive_process():
+    rng, rho = np.random.default_rng(0), 0.8
+    noise = rng.normal(size=(20000, 2))
+    series = np.zeros_like(noise)
+    for t in range(1, len(noise)):
+        series[t] = [rho, 0.0] * series[t - 1] + noise[t]
+    times = correlation_times(series, np.repeat(np.arange(20), 1000))
+    assert times[0] == pytest.approx((1 + rho) / (1 - rho), rel=0.15)
+    assert times[1] == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_stored_estimator_gives_the_same_evidence():
+    X, U, Y, group, _ = make_mixture((1.0, -1.0), groups=8)
+    dut = fitted(X, U, Y, group)
+    again = ContextMixture.from_arrays(dut.to_arrays())
+    np.testing.assert_array_equal(again.log_likelihoods(X, Y, inputs=U), dut.log_likelihoods(X, Y, inputs=U))
+    np.testing.assert_array_equal(again.weights_, dut.weights_)
+    assert again.n_contexts_ == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("group", lambda a: a + 50, "array 'group' goes up to"),
+        ("responsibilities", lambda a: 0.5 * a, "rows that sum to one"),
+        ("correlation_times", lambda a: 0.1 * a, "correlation_times"),
+        ("inputs", lambda a: a[:-1], "inputs"),
+    ],
+)
+def test_damaged_arrays_are_refused(name, change, message):
+    *data, _ = make_mixture((1.0, -1.0), groups=6, length=10)
+    arrays = fitted(*data, n_contexts=2).to_arrays()
+    with pytest.raises(ValueError, match=message):
+        ContextMixture.from_arrays({**arrays, name: change(arrays[name])})
+
+
+@pytest.mark.parametrize(
+    ("settings_", "message"),
+    [
+        ({"n_contexts": 0}, "n_contexts = 0; expected an integer of at least 1, or None"),
+        ({"max_contexts": 0}, "max_contexts = 0"),
+        ({"n_init": 1.5}, "n_init = 1.5"),
+        ({"bandwidth": -1.0}, "bandwidth = -1.0; expected a positive number"),
+    ],
+)
+def test_a_bad_parameter_is_refused(settings_, message):
+    *data, _ = make_mixture((1.0,), groups=4, length=5)
+    with pytest.raises(ValueError, match=message):
+        fitted(*data, **settings_)
+
+
+def test_bad_samples_are_refused():
+    X, U, Y, group, _ = make_mixture((1.0,), groups=4, length=5)
+    with pytest.raises(ValueError, match=r"inputs has shape \(19, 2\); expected 20 rows"):
+        fitted(X, U[1:], Y, group)
+    with pytest.raises(ValueError, match="y is not finite"):
+        fitted(X, U, np.where(group[:, None] == 1, np.nan, Y), group)
+    with pytest.raises(ValueError, match="found 1 group, expected at least 2"):
+        fitted(X, U, Y, np.zeros(20))
+
+
+def test_it_is_a_scikit_learn_estimator():
+    dut = ContextMixture(bandwidth=2.0)
+    assert clone(dut).get_params() == dut.get_params()

@@ -1,0 +1,110 @@
+"""A skill whose demonstrations have contexts: discovered, used, stored."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skill.features.wrench_features import MEASURED
+from skill.manipulation_skill import ManipulationSkill
+from skill.regression.locally_weighted_regression import LWRegressor
+from skill.states.context_mixture import ContextMixture
+from tests.crafted_files import sealed_arrays
+from tests.trajectories import make_demonstration
+
+
+def hinged_demonstrations(number=8):
+    """Synthetic demonstrations in which the lateral force answers to turns about y, with opposite signs in two halves.
+
+    Those with even numbers then turn one way, those with odd numbers the other way, under the same force.
+    """
+    rng = np.random.default_rng(3)
+    demonstrations = []
+    for k in range(number):
+        made = make_demonstration(tilt=math.radians(2.0), direction=0.0)
+        samples, sign = made.samples.copy(), 1.0 if k % 2 == 0 else -1.0
+        shallow = np.minimum(np.arange(len(samples)) / len(samples), 0.6) * 0.012
+        samples["z"] = -shallow - np.where(np.arange(len(samples)) > 0.9 * len(samples), 0.0155, 0.0)
+        turns = np.cumsum(rng.normal(0.0, 2e-3, len(samples)))
+        samples["ry"] = np.diff(turns, prepend=0.0)
+        samples["fx"] = 6.0 + sign * 800.0 * turns + rng.normal(0.0, 0.1, len(samples))
+        samples["fy"] = rng.normal(0.0, 0.05, len(samples))
+        demonstrations.append(replace(made, samples=samples))
+    return demonstrations
+
+
+@pytest.fixture(scope="module")
+def skill_with_contexts():
+    return ManipulationSkill(regressor=LWRegressor(ridge=1.0)).fit(hinged_demonstrations())
+
+
+def test_contexts_are_discovered_in_the_answers_to_motions(skill_with_contexts):
+    found = skill_with_contexts.contexts_
+    assert found.n_contexts_ == 2
+    side = found.responsibilities_.argmax(axis=1)
+    assert len(set(side[::2])) == len(set(side[1::2])) == 1
+    assert side[0] != side[1]
+    assert skill_with_contexts.context_filter().n_contexts == 2
+    assert skill_with_contexts.regressor_.memberships_.shape[1] == 2 * skill_with_contexts.n_states
+
+
+def test_an_action_is_that_of_the_demonstrations_of_its_context(skill_with_contexts):
+    """Only samples of the context count: their share of the weights is the probability of the context."""
+    row = hinged_demonstrations()[0].samples[list(MEASURED)].to_numpy()[40]
+    side = skill_with_contexts.contexts_.responsibilities_.argmax(axis=1)
+    for context in (0, 1):
+        certain = np.eye(2)[context]
+        explained = skill_with_contexts.explain(row, contexts=certain)
+        number = explained.neighbours["demonstration"].to_numpy()
+        weights = explained.neighbours["weight"].to_numpy()
+        assert weights[side[number] == context].sum() > 0.99 * weights.sum()
+        np.testing.assert_array_equal(explained.contexts, certain)
+    assert "contexts: A " in str(skill_with_contexts.explain(row))
+
+
+def test_without_contexts_given_their_shares_in_the_demonstrations_count(skill_with_contexts):
+    row = hinged_demonstrations()[0].samples[list(MEASURED)].to_numpy()[40]
+    alone, given = (
+        skill_with_contexts.act(row),
+        skill_with_contexts.act(row, None, skill_with_contexts.contexts_.weights_),
+    )
+    np.testing.assert_array_equal(alone.turn, given.turn)
+    np.testing.assert_allclose(alone.contexts, 0.5, atol=0.01)
+
+
+def test_a_skill_with_contexts_is_stored(skill_with_contexts, tmp_path):
+    skill_with_contexts.save(tmp_path / "skill.npz")
+    again = ManipulationSkill.load(tmp_path / "skill.npz")
+    row = hinged_demonstrations()[0].samples[list(MEASURED)].to_numpy()[40]
+    for context in (0, 1):
+        one, other = (s.act(row, None, np.eye(2)[context]) for s in (skill_with_contexts, again))
+        np.testing.assert_array_equal(one.turn, other.turn)
+        assert one.feed == other.feed
+    rng = np.random.default_rng(0)
+    filters = [s.context_filter() for s in (skill_with_contexts, again)]
+    memories = [f.initial_memory() for f in filters]
+    for k in range(10):
+        observation = np.array([6.0 + k, *rng.normal(0.0, 0.1, 5) * 0.1, -0.003, 0.0, 1e-3 * k])
+        estimates = [f.step(m, observation) for f, m in zip(filters, memories, strict=True)]
+        memories = [e.memory for e in estimates]
+        np.testing.assert_array_equal(estimates[0].memory, estimates[1].memory)
+
+
+def test_a_skill_may_be_limited_to_a_single_context():
+    dut = ManipulationSkill(contexts=ContextMixture(max_contexts=1), regressor=LWRegressor(ridge=1.0))
+    dut.fit(hinged_demonstrations(4))
+    assert dut.contexts_ is None
+    assert dut.context_filter().n_contexts == 1
+    assert dut.regressor_.memberships_.shape[1] == dut.n_states
+
+
+def test_stored_contexts_must_fit_the_other_parts(skill_with_contexts, tmp_path):
+    skill_with_contexts.save(tmp_path / "skill.npz")
+    with np.load(tmp_path / "skill.npz") as stored:
+        arrays = dict(stored)
+    for name in ("contexts/features", "contexts/feature_spread"):
+        arrays[name] = arrays[name][..., 1:]
+    (tmp_path / "skill.npz").write_bytes(sealed_arrays(arrays))
+    with pytest.raises(ValueError, match=r"contexts: \(6, 3, 5\) features, inputs and outputs, expected \(7, 3, 5\)"):
+        ManipulationSkill.load(tmp_path / "skill.npz")
