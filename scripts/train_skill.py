@@ -26,13 +26,17 @@ def main(
     ] = [Path("out/demonstrations")],  # noqa: B006
     out: OutFile = Path("out/skill.npz"),
     seed: Seed = 0,
+    contexts: Annotated[
+        int, typer.Option(min=1, max=10, help="Largest number of contexts to discover; 1 learns without contexts.")
+    ] = 3,
 ) -> None:
     """Learns a manipulation skill from recorded demonstrations.
 
     Reads the recordings that the index of each folder lists, or all of a folder without an index. Discovers the contact
-    states in all of them, and fits the local regressions to the actions of the good ones. Writes the skill to the file
-    of `--out`. Prints one row per state: how often and how long it was visited, and the probability that it leads to
-    insertion. The seed is that of the clustering.
+    states in all of them, and the contexts in the good ones: what stays the same during a demonstration and shows only
+    in how the forces answer to the motion. Fits the local regressions to the actions of the good ones. Writes the skill
+    to the file of `--out`. Prints one row per state: how often and how long it was visited, and the probability that it
+    leads to insertion. The seed is that of the random draws of the learner.
 
     For example:
 
@@ -40,7 +44,7 @@ def main(
     """
     from systems.sessions.train_session import train
 
-    train(demonstrations=demonstrations, out=out, seed=seed)
+    train(demonstrations=demonstrations, out=out, seed=seed, max_contexts=contexts)
 
 
 if __name__ == "__main__":

@@ -1,15 +1,19 @@
 """How good the skill is with anybody's demonstrations: fresh sets, each recorded, trained, recovered and tried.
 
-    python -m benchmarks.rig.demonstration_sets [--first 710] [--sets 10] [--trials 100] [--jobs 2] [--json FILE]
+    python -m benchmarks.rig.demonstration_sets [--sets 10] [--trials 100] [--jobs 2] [--json FILE]
 
-For each seed the benchmark records the default demonstrations (`haptic-skill record`), trains a skill, and lets it
-recover (`haptic-skill recover`), each with its defaults. The skills before and after the recoveries perform the same
-trials, those from ``FIRST_TRIAL`` on, in both arms (`Arm`). Neither the sets nor the trials were used for any choice.
-Everything is kept in the folder of --out, and an interrupted run goes on there.
+For each seed, from --first on, the benchmark records the default demonstrations (`haptic-skill record`), trains a skill
+without contexts and one with them, and lets the latter recover (`haptic-skill recover`), each with its defaults. The
+three skills perform the same trials, from --first-trial on, in both arms (`Arm`). Everything is kept in the folder of
+--out, and an interrupted run goes on there.
+
+All sets perform the same trials, and all trials are performed by the same sets. The p-values of the difference between
+two skills therefore come from two tests (`sign_flip_test`): one takes the trials as the units, the other the sets.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,6 +24,7 @@ if __name__ == "__main__":
     require_packages("pydrake", "yaml")
 
 import numpy as np
+from numpy.typing import ArrayLike
 from rich.table import Table
 
 from benchmarks.command_line import argument_parser, run
@@ -31,16 +36,22 @@ from systems.sessions.recovery_session import RecoveryPlan, recover
 from systems.sessions.rig_session import run as run_on_rig
 from systems.sessions.train_session import train
 
-FIRST_SET, FIRST_TRIAL = 710, 71000
-RESAMPLES = 10_000
-BEFORE, AFTER = "imitation", "with recoveries"
+FIRST_SET, FIRST_TRIAL = 715, 74000
+"""Sets and trials that were used for no choice."""
+
+RESAMPLES, EXACT = 10_000, 14
+ALONE, BEFORE, AFTER = "without contexts", "with contexts", "with contexts and recoveries"
+SKILLS = (ALONE, BEFORE, AFTER)
+PAIRS = ((ALONE, BEFORE), (BEFORE, AFTER))
 
 
 def skills_of(seed: int, folder: Path, *, jobs: int) -> dict[str, Path]:
     """Records, trains and recovers the skills of a set; returns their files."""
     shown = folder / "demonstrations"
-    files = {BEFORE: folder / "skill.npz", AFTER: folder / "recovered.npz"}
+    files = {ALONE: folder / "alone.npz", BEFORE: folder / "skill.npz", AFTER: folder / "recovered.npz"}
     record(out=shown, good=24, bad=6, seed=seed, scenario="nominal", jobs=jobs, overwrite=False)
+    if not files[ALONE].exists():
+        train(demonstrations=[shown], out=files[ALONE], seed=seed, max_contexts=1)
     if not files[BEFORE].exists():
         train(demonstrations=[shown], out=files[BEFORE], seed=seed)
     if not files[AFTER].exists():
@@ -64,12 +75,12 @@ def recoveries(folder: Path) -> int:
     return len(list((folder / "recoveries").glob("*/*.parquet")))
 
 
-def tried(folder: Path, skill: Path, arm: Arm, trials: int, *, jobs: int) -> list[TrialResult]:
+def tried(folder: Path, skill: Path, arm: Arm, first: int, trials: int, *, jobs: int) -> list[TrialResult]:
     """Performs the trials of a skill in an arm."""
     return run_on_rig(
         skill=skill,
         trials=trials,
-        seed=FIRST_TRIAL,
+        seed=first,
         tilt_deg=None,
         friction=None,
         arm=arm,
@@ -89,6 +100,7 @@ def row_of(seed: int, name: str, arm: Arm, recovered: int, results: Sequence[Tri
         **{"set": seed, "skill": name, "arm": arm.value, "recoveries": recovered, "trials": len(results)},
         "inserted": sum(result.inserted for result in results),
         "failed": [result.seed for result in results if not result.inserted],
+        "first_trial": min(result.seed for result in results),
         "trusted": sum(bool(result.trusted) for result in results),
         "median_time_s": float(np.median([result.time for result in results])),
         "median_peak_load_n": float(np.median(true)),
@@ -107,7 +119,7 @@ def over_sets(shares: Sequence[float], *, seed: int = 0) -> tuple[float, float, 
 def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """One row for each skill and arm, over the sets."""
     found = []
-    for name in (BEFORE, AFTER):
+    for name in SKILLS:
         for arm in Arm:
             chosen = [row for row in rows if row["skill"] == name and row["arm"] == arm.value]
             shares = [row["inserted"] / row["trials"] for row in chosen]
@@ -125,16 +137,61 @@ def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return found
 
 
+def sign_flip_test(differences: ArrayLike, *, seed: int = 0) -> float:
+    """Two-sided p-value of the hypothesis that the signs of independent differences are random.
+
+    It is exact for up to ``EXACT`` differences that are not zero, and from ``RESAMPLES`` draws for more.
+    """
+    found = np.asarray(differences, dtype=float)
+    found = found[found != 0]
+    if len(found) == 0:
+        return 1.0
+    if len(found) <= EXACT:
+        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=len(found))))
+        return float((np.abs(signs @ found) >= abs(found.sum()) - 1e-9).mean())
+    signs = np.random.default_rng(seed).choice((-1.0, 1.0), (RESAMPLES, len(found)))
+    return float((1 + (np.abs(signs @ found) >= abs(found.sum()) - 1e-9).sum()) / (1 + RESAMPLES))
+
+
+def comparison(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The differences of two skills in each arm, over the same demonstrations and trials."""
+    found = []
+    for (one, other), arm in itertools.product(PAIRS, Arm):
+        of = {(row["set"], row["skill"]): row for row in rows if row["arm"] == arm.value}
+        sets = sorted({number for number, _ in of})
+        trials = range(of[sets[0], one]["trials"])
+        first = of[sets[0], one]["first_trial"]
+        gain = np.array(
+            [
+                [
+                    int(first + n in of[number, one]["failed"]) - int(first + n in of[number, other]["failed"])
+                    for n in trials
+                ]
+                for number in sets
+            ]
+        )
+        found.append(
+            {
+                **{"skill": other, "against": one, "arm": arm.value},
+                **{"better": int((gain > 0).sum()), "worse": int((gain < 0).sum())},
+                **{"p_trials": sign_flip_test(gain.sum(axis=0)), "p_sets": sign_flip_test(gain.sum(axis=1))},
+            }
+        )
+    return found
+
+
 def show(rows: Sequence[dict[str, Any]]) -> None:
     """Prints one line for each set, and the summary over the sets."""
-    table = Table(title="inserted, by set of demonstrations")
-    columns = [(name, arm) for name in (BEFORE, AFTER) for arm in Arm]
-    for title in ("set", "recoveries", *(f"{name}\n{arm}" for name, arm in columns), "median\n(s)", "largest\n(N)"):
-        table.add_column(title, justify="right", no_wrap=True)
+    trials = max(row["trials"] for row in rows)
+    table = Table(title=f"trials of {trials} in which the peg was inserted, by set of demonstrations")
+    columns = [(name, arm) for name in SKILLS for arm in Arm]
+    stacked = ("\n".join([*name.removeprefix("with ").split(), arm.value]) for name, arm in columns)
+    for title in ("set", "re-\ncov-\neries", *stacked, "me-\ndian\n(s)", "larg-\nest\n(N)"):
+        table.add_column(title, justify="right", vertical="bottom")
     for seed in sorted({row["set"] for row in rows}):
         of = {(row["skill"], row["arm"]): row for row in rows if row["set"] == seed}
         last = of[AFTER, Arm.DEFAULT.value]
-        counts = [f"{of[name, arm.value]['inserted']} of {of[name, arm.value]['trials']}" for name, arm in columns]
+        counts = [str(of[name, arm.value]["inserted"]) for name, arm in columns]
         largest = max(row["measured_max_n"] for row in of.values())
         table.add_row(str(seed), str(last["recoveries"]), *counts, f"{last['median_time_s']:.2f}", f"{largest:.1f}")
     console.print(table)
@@ -145,27 +202,36 @@ def show(rows: Sequence[dict[str, Any]]) -> None:
             f" {100 * row['worst']:.1f} %; median {row['median_time_s']:.2f} s; largest measured load"
             f" {row['measured_max_n']:.1f} N; physics trusted in {row['trusted']}"
         )
+    for pair in comparison(rows):
+        console.print(
+            f"{pair['skill']} against {pair['against']}, {pair['arm']}: {pair['better']} trials better,"
+            f" {pair['worse']} worse; p = {pair['p_trials']:.2g} over trials, {pair['p_sets']:.2g} over sets"
+        )
 
 
 def main() -> None:
     parser = argument_parser(__doc__)
     parser.add_argument("--first", type=int, default=FIRST_SET, help=f"seed of the first set (default: {FIRST_SET})")
     parser.add_argument("--sets", type=int, default=10, help="number of sets (default: 10)")
+    parser.add_argument(
+        "--first-trial", type=int, default=FIRST_TRIAL, help=f"number of the first trial (default: {FIRST_TRIAL})"
+    )
     parser.add_argument("--trials", type=int, default=100, help="trials of each skill and arm (default: 100)")
     parser.add_argument("--jobs", type=int, default=1, help="number of processes")
     parser.add_argument("--out", type=Path, default=Path("out/benchmarks/sets"), metavar="FOLDER", help="kept results")
     arguments = parser.parse_args()
-    if not (arguments.first >= 0 and arguments.sets >= 1 and arguments.trials >= 1 and arguments.jobs >= 1):
-        raise ValueError("expected --first of at least 0, and --sets, --trials and --jobs of at least 1")
+    counts = arguments.sets, arguments.trials, arguments.jobs
+    if min(arguments.first, arguments.first_trial) < 0 or min(counts) < 1:
+        raise ValueError("expected --first and --first-trial of at least 0; --sets, --trials and --jobs of at least 1")
     rows = []
     for seed in range(arguments.first, arguments.first + arguments.sets):
         folder = arguments.out / str(seed)
         for name, skill in skills_of(seed, folder, jobs=arguments.jobs).items():
             for arm in Arm:
-                results = tried(folder, skill, arm, arguments.trials, jobs=arguments.jobs)
+                results = tried(folder, skill, arm, arguments.first_trial, arguments.trials, jobs=arguments.jobs)
                 rows.append(row_of(seed, name, arm, recoveries(folder), results))
         if arguments.json is not None:
-            write_json(arguments.json, {"sets": rows, "summary": summary(rows)})
+            write_json(arguments.json, {"sets": rows, "summary": summary(rows), "pairs": comparison(rows)})
     show(rows)
 
 

@@ -176,7 +176,7 @@ class RandomSign(ManipulationSkill):
         self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
     ) -> Action:
         """The action of the skill with a sign that the bits of the measurement decide."""
-        action = super().act(measured, probabilities)
+        action = super().act(measured, probabilities, contexts)
         bits = np.asarray(measured, dtype=float).view(np.uint64)
         return replace(action, turn=np.random.default_rng(bits).choice([-1.0, 1.0]) * action.turn)
 

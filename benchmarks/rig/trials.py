@@ -21,6 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration
+from skill.features.responses import observations
 from skill.features.wrench_features import MEASURED
 from skill.policy import RigPolicy
 from systems.reports.terminal import write_json
@@ -160,18 +161,19 @@ def attempts(setting: Setting, policy: RigPolicy, numbers: list[int]) -> Iterato
 
 
 def query_time(policy: RigPolicy, demonstrations: Sequence[Demonstration]) -> float:
-    """Median time of one decision (features, state and action) over measurements of the demonstrations, ms."""
+    """Median time of one decision (features, state, context and action) over measurements of the demonstrations, ms."""
     rows = np.vstack([d.samples[list(MEASURED)].to_numpy() for d in demonstrations])
     rows = rows[np.linspace(0, len(rows) - 1, QUERIES).astype(int)]
-    state_filter = policy.state_filter()
-    belief = state_filter.initial_log_belief()
+    state_filter, context_filter = policy.state_filter(), policy.context_filter()
+    belief, memory = state_filter.initial_log_belief(), context_filter.initial_memory()
     times = []
     for row in rows:
         start = time.perf_counter()
         estimate = state_filter.step(belief, policy.measured_features(row))
-        policy.act(row, estimate.probabilities)
+        context = context_filter.step(memory, observations(row, np.zeros(2)))
+        policy.act(row, estimate.probabilities, context.probabilities)
         times.append(time.perf_counter() - start)
-        belief = estimate.log_belief
+        belief, memory = estimate.log_belief, context.memory
     return 1e3 * float(np.median(times))
 
 

@@ -45,6 +45,9 @@ from skill.regression.response_model import ResponseModel, ResponseSamples, log_
 MAX_SAMPLES = 3000
 """Most samples that are kept; more are thinned evenly. The time of a fit grows with their square."""
 
+MAX_CONTEXTS = 3
+"""Largest number of contexts that is selected by default."""
+
 MIN_WEIGHT = 0.02
 """Smallest weight pi_k."""
 
@@ -105,7 +108,7 @@ class ContextMixture(BaseEstimator):
         self,
         *,
         n_contexts: int | None = None,
-        max_contexts: int = 3,
+        max_contexts: int = MAX_CONTEXTS,
         bandwidth: float = 1.5,
         n_init: int = 12,
         max_iter: int = 50,

@@ -94,3 +94,12 @@ def state_table(skill: ManipulationSkill) -> Table:
         " next: most frequent next state on the way to insertion"
     )
     return table
+
+
+def context_line(skill: ManipulationSkill) -> str:
+    """How many contexts a skill has, and how many demonstrations each of them."""
+    if skill.contexts_ is None:
+        return "a single context: the answers to own motions do not differ between demonstrations"
+    sizes = np.bincount(skill.contexts_.responsibilities_.argmax(axis=1), minlength=skill.contexts_.n_contexts_)
+    listed = ", ".join(f"{chr(65 + k)} in {size}" for k, size in enumerate(sizes))
+    return f"{len(sizes)} contexts, by how the forces answer to own motions: {listed} good demonstrations"

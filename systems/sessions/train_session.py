@@ -7,17 +7,26 @@ from pathlib import Path
 
 from skill.data.demonstration import read_demonstration
 from skill.manipulation_skill import ManipulationSkill
+from skill.states.context_mixture import MAX_CONTEXTS, ContextMixture
 from systems.outputs.folder_lock import locked_file
 from systems.outputs.output_checks import check_file, named_errors
 from systems.outputs.own_folder import remove_unfinished
 from systems.outputs.recordings import find_recordings
-from systems.reports.result_tables import state_table
+from systems.reports.result_tables import context_line, state_table
 from systems.reports.terminal import busy, console, say
 from systems.runs.exact_states import give_names
 
 
-def train(*, demonstrations: Sequence[Path], out: Path, seed: int) -> ManipulationSkill:
+def train(
+    *, demonstrations: Sequence[Path], out: Path, seed: int, max_contexts: int = MAX_CONTEXTS
+) -> ManipulationSkill:
     """Fits a skill to the recordings in some folders, writes it to the file ``out``, and returns it.
+
+    Args:
+        demonstrations: the folders.
+        out: file of the skill.
+        seed: of the random draws of the learner.
+        max_contexts: largest number of contexts that is discovered.
 
     Raises:
         ValueError: if a folder holds no valid demonstrations, none of all inserts, or a folder is given twice.
@@ -37,10 +46,12 @@ def train(*, demonstrations: Sequence[Path], out: Path, seed: int) -> Manipulati
     with locked_file(out):
         remove_unfinished(out.parent, [out.name])
         with busy(f"learning from {len(recordings)} demonstrations"):
-            skill = ManipulationSkill(random_state=seed).fit(recordings)
+            contexts = ContextMixture(max_contexts=max_contexts, random_state=seed)
+            skill = ManipulationSkill(contexts=contexts, random_state=seed).fit(recordings)
             give_names(skill, recordings)
         with named_errors(out, "the recordings are unchanged"):
             skill.save(out)
     console.print(state_table(skill))
+    say(context_line(skill))
     say(f"{skill.n_states} contact states, {len(skill.sources_)} remembered samples, in {out}")
     return skill

@@ -4,7 +4,18 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.rig.demonstration_sets import AFTER, BEFORE, over_sets, recoveries, row_of, show, summary
+from benchmarks.rig.demonstration_sets import (
+    AFTER,
+    ALONE,
+    BEFORE,
+    comparison,
+    over_sets,
+    recoveries,
+    row_of,
+    show,
+    sign_flip_test,
+    summary,
+)
 from skill.data.outcome import Outcome
 from systems.runs.trial import Arm
 from tests.trial_results import PLAIN
@@ -16,9 +27,10 @@ def results(inserted, trials):
 
 
 def rows():
-    """Two sets: 10 and 6 of 10 by default, 5 and 4 under stress; with recoveries all but one."""
+    """Two sets: 10 and 6 of 10 by default, 5 and 4 under stress; without contexts 2; with recoveries all but one."""
     found = []
     for seed, default, stress in ((1, 10, 5), (2, 6, 4)):
+        found += [row_of(seed, ALONE, arm, 3, results(2, 10)) for arm in Arm]
         found.append(row_of(seed, BEFORE, Arm.DEFAULT, 3, results(default, 10)))
         found.append(row_of(seed, BEFORE, Arm.STRESS, 3, results(stress, 10)))
         found.append(row_of(seed, AFTER, Arm.DEFAULT, 3, results(10, 10)))
@@ -27,8 +39,8 @@ def rows():
 
 
 def test_a_row_counts_insertions_and_names_failures():
-    row = rows()[2 * 2 + 1]
-    assert (row["set"], row["arm"], row["inserted"], row["trials"]) == (2, "stress", 4, 10)
+    (row,) = (r for r in rows() if (r["set"], r["skill"], r["arm"]) == (2, BEFORE, "stress"))
+    assert (row["inserted"], row["trials"], row["first_trial"]) == (4, 10, 0)
     assert row["failed"] == [0, 1, 2, 3, 4, 5]
     assert row["measured_max_n"] == PLAIN.peak_measured_load
 
@@ -42,15 +54,35 @@ def test_the_summary_is_over_sets_and_not_over_trials():
     assert found[AFTER, "stress"]["mean"] == pytest.approx(0.9)
 
 
+def test_skills_are_compared_over_the_same_demonstrations_and_trials():
+    found = {(row["skill"], row["arm"]): row for row in comparison(rows())}
+    contexts = found[BEFORE, "stress"]  # trials 5 to 7 of the first set, and 6 to 7 of the second
+    assert (contexts["better"], contexts["worse"], contexts["against"]) == (5, 0, ALONE)
+    assert contexts["p_trials"] == pytest.approx(2 / 2**3)  # three trials are better, none is worse
+    assert contexts["p_sets"] == pytest.approx(2 / 2**2)
+    same = comparison([row | {"failed": []} for row in rows()])
+    assert {row["p_trials"] for row in same} == {1.0}
+
+
+def test_signs_are_flipped_exactly_for_few_differences_and_by_draws_for_many():
+    assert sign_flip_test([1, 2, -3, 0]) == pytest.approx(1.0)
+    assert sign_flip_test([1] * 5 + [0] * 9) == pytest.approx(2 / 2**5)
+    assert sign_flip_test([1] * 6 + [-1]) == pytest.approx(2 * 8 / 2**7)  # the binomial test
+    assert sign_flip_test([1] * 30) == pytest.approx(1e-4, rel=0.01)
+    assert sign_flip_test([1, -1] * 15) > 0.8
+
+
 def test_equal_sets_have_no_spread():
     assert over_sets([0.9] * 5) == (pytest.approx(0.9), pytest.approx(0.9), pytest.approx(0.9))
 
 
 def test_the_table_has_a_line_for_each_set(capsys):
     show(rows())
-    printed = capsys.readouterr().out
-    assert "6 of 10" in printed
-    assert "mean over 2 sets 80.0 % (60.0 to 100.0 %), worst set 60.0 %" in " ".join(printed.split())
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "trials of 10 in which" in printed
+    assert "│ 2 │ 3 │ 2 │ 2 │ 6 │ 4 │ 10 │ 9 │" in printed
+    assert "with contexts against without contexts, stress: 5 trials better, 0 worse; p = 0.25 over trials" in printed
+    assert "mean over 2 sets 80.0 % (60.0 to 100.0 %), worst set 60.0 %" in printed
 
 
 def test_the_recoveries_of_all_rounds_are_counted(tmp_path):
