@@ -25,9 +25,9 @@ if __name__ == "__main__":
 
 import numpy as np
 from numpy.typing import ArrayLike
-from rich.table import Table
 
 from benchmarks.command_line import argument_parser, run
+from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, write_json
 from systems.runs.trial import Arm
 from systems.runs.trial_result import TrialResult
@@ -42,6 +42,7 @@ FIRST_SET, FIRST_TRIAL = 715, 74000
 RESAMPLES, EXACT = 10_000, 14
 ALONE, BEFORE, AFTER = "without contexts", "with contexts", "with contexts and recoveries"
 SKILLS = (ALONE, BEFORE, AFTER)
+TITLES = {ALONE: "without", BEFORE: "contexts", AFTER: "recovered"}
 PAIRS = ((ALONE, BEFORE), (BEFORE, AFTER))
 
 
@@ -183,10 +184,10 @@ def comparison(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 def show(rows: Sequence[dict[str, Any]]) -> None:
     """Prints one line for each set, and the summary over the sets."""
     trials = max(row["trials"] for row in rows)
-    table = Table(title=f"trials of {trials} in which the peg was inserted, by set of demonstrations")
+    table = plain_table(f"inserted of {trials} trials, by set of demonstrations")
     columns = [(name, arm) for name in SKILLS for arm in Arm]
-    stacked = ("\n".join([*name.removeprefix("with ").split(), arm.value]) for name, arm in columns)
-    for title in ("set", "re-\ncov-\neries", *stacked, "me-\ndian\n(s)", "larg-\nest\n(N)"):
+    stacked = (f"{TITLES[name]}\n{arm.value}" for name, arm in columns)
+    for title in ("set", "recoveries\nshown", *stacked, "median\n(s)", "largest\n(N)"):
         table.add_column(title, justify="right", vertical="bottom")
     for seed in sorted({row["set"] for row in rows}):
         of = {(row["skill"], row["arm"]): row for row in rows if row["set"] == seed}

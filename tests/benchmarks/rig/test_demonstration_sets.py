@@ -79,8 +79,8 @@ def test_equal_sets_have_no_spread():
 def test_the_table_has_a_line_for_each_set(capsys):
     show(rows())
     printed = " ".join(capsys.readouterr().out.split())
-    assert "trials of 10 in which" in printed
-    assert "│ 2 │ 3 │ 2 │ 2 │ 6 │ 4 │ 10 │ 9 │" in printed
+    assert "inserted of 10 trials" in printed
+    assert " 2 3 2 2 6 4 10 9 " in printed
     assert "with contexts against without contexts, stress: 5 trials better, 0 worse; p = 0.25 over trials" in printed
     assert "mean over 2 sets 80.0 % (60.0 to 100.0 %), worst set 60.0 %" in printed
 
