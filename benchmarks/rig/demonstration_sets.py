@@ -42,7 +42,7 @@ FIRST_SET, FIRST_TRIAL = 715, 74000
 RESAMPLES, EXACT = 10_000, 14
 ALONE, BEFORE, AFTER = "without contexts", "with contexts", "with contexts and recoveries"
 SKILLS = (ALONE, BEFORE, AFTER)
-TITLES = {ALONE: "without", BEFORE: "contexts", AFTER: "recovered"}
+TITLES = {ALONE: "alone", BEFORE: "context", AFTER: "recov."}
 PAIRS = ((ALONE, BEFORE), (BEFORE, AFTER))
 
 
@@ -187,8 +187,8 @@ def show(rows: Sequence[dict[str, Any]]) -> None:
     table = plain_table(f"inserted of {trials} trials, by set of demonstrations")
     columns = [(name, arm) for name in SKILLS for arm in Arm]
     stacked = (f"{TITLES[name]}\n{arm.value}" for name, arm in columns)
-    for title in ("set", "recoveries\nshown", *stacked, "median\n(s)", "largest\n(N)"):
-        table.add_column(title, justify="right", vertical="bottom")
+    for title in ("set", "recov-\neries", *stacked, "median\n(s)", "largest\n(N)"):
+        table.add_column(title, justify="right", vertical="bottom", no_wrap=True)
     for seed in sorted({row["set"] for row in rows}):
         of = {(row["skill"], row["arm"]): row for row in rows if row["set"] == seed}
         last = of[AFTER, Arm.DEFAULT.value]
