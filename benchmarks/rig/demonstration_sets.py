@@ -187,7 +187,7 @@ def show(rows: Sequence[dict[str, Any]]) -> None:
     table = plain_table(f"inserted of {trials} trials, by set of demonstrations")
     columns = [(name, arm) for name in SKILLS for arm in Arm]
     stacked = (f"{TITLES[name]}\n{arm.value}" for name, arm in columns)
-    for title in ("set", "recov-\neries", *stacked, "median\n(s)", "largest\n(N)"):
+    for title in ("set", "recov-\neries", *stacked, "time\n(s)", "load\n(N)"):
         table.add_column(title, justify="right", vertical="bottom", no_wrap=True)
     for seed in sorted({row["set"] for row in rows}):
         of = {(row["skill"], row["arm"]): row for row in rows if row["set"] == seed}
