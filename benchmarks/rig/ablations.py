@@ -38,9 +38,20 @@ if __name__ == "__main__":
 import numpy as np
 
 from benchmarks.command_line import run
-from benchmarks.rig.comparison import PRODUCT, command_line, compare, prepared, recorded, recording_folder, selected
+from benchmarks.rig.comparison import (
+    CONTEXTLESS,
+    CONTEXTS_ALONE,
+    PRODUCT,
+    STATELESS,
+    command_line,
+    compare,
+    prepared,
+    recorded,
+    recording_folder,
+    selected,
+)
 from benchmarks.rig.figures import draw_groups, draw_learning_curve
-from benchmarks.rig.learners import Demonstrations, one_state, skill_from
+from benchmarks.rig.learners import Demonstrations, one_context, one_state, skill_from
 from benchmarks.rig.trials import Entry
 from models.scenario import FREE_FACETS, FREE_FIXTURE, Scenario, load_scenario
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
@@ -48,7 +59,7 @@ from skill.features.wrench_features import NormalisedFeatures, RawFeatures
 
 SIZES = (1, 2, 3, 5, 8, 12, 20)  # numbers of demonstrations of the learning curve; its last point is the whole set
 DRAWS = 4  # skills per point of the learning curve
-STATELESS, FREE = "LWR without states", "free demonstrations"
+FREE = "free demonstrations"
 
 
 def literal_competition() -> CompetitiveAgglomeration:
@@ -93,7 +104,9 @@ def entries(free: Path) -> list[Entry]:
         Entry("raw features", skill_from(features=RawFeatures)),
         Entry("normalised features", skill_from(features=NormalisedFeatures)),
         Entry("states by literal CA", skill_from(states=literal_competition)),
-        Entry(STATELESS, skill_from(states=one_state)),
+        Entry(STATELESS, skill_from(states=one_state, contexts=one_context)),
+        Entry(CONTEXTS_ALONE, skill_from(states=one_state)),
+        Entry(CONTEXTLESS, skill_from(contexts=one_context)),
         Entry("bad left out", skill_from(bad_left_out)),
         Entry("bad imitated", skill_from(bad_imitated)),
         Entry(FREE, skill_from(folder=free)),
@@ -108,7 +121,8 @@ def curve_name(size: int) -> str:
 
 GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("features", (("raw", "raw features"), ("normalised", "normalised features"), ("canonical", PRODUCT))),
-    ("contact states", (("none", STATELESS), ("literal CA", "states by literal CA"), ("repaired CA", PRODUCT))),
+    ("contact states", (("none", CONTEXTS_ALONE), ("literal CA", "states by literal CA"), ("repaired CA", PRODUCT))),
+    ("contexts", (("none", CONTEXTLESS), ("found", PRODUCT), ("neither contexts nor contacts", STATELESS))),
     (
         "bad demonstrations",
         (("left out", "bad left out"), ("imitated", "bad imitated"), ("for states and graph", PRODUCT)),

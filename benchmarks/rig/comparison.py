@@ -28,8 +28,11 @@ from systems.runs.provenance import versions
 from systems.runs.trial import Arm
 from systems.runs.trial_result import PHYSICS
 
-PRODUCT = "CA states + LWR"
+PRODUCT = "CA states, contexts + LWR"
 """The name of the entry with which the others are compared."""
+
+STATELESS, CONTEXTLESS, CONTEXTS_ALONE = "LWR without states", "CA states + LWR", "contexts + LWR"
+"""The entries without contacts and contexts, without contexts, and without contacts."""
 
 GOOD, BAD = 24, 6  # numbers of demonstrations to record if none are given
 

@@ -36,6 +36,7 @@ from skill.clustering.gaussian_states import GaussianStates
 from skill.data.demonstration import Demonstration, read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import Action, RigPolicy
+from skill.states.context_mixture import ContextMixture
 
 FOLDS = KFold(5)
 MAX_GP_SAMPLES = 1500  # the cost of a Gaussian process grows with their cube
@@ -76,6 +77,11 @@ def skill_from(
 def one_state() -> CompetitiveAgglomeration:
     """A single contact state; its gate still detects measurements unlike those of the demonstrations."""
     return CompetitiveAgglomeration(m_init=1)
+
+
+def one_context() -> ContextMixture:
+    """A single context: the skill does not follow how the forces answer to its motions."""
+    return ContextMixture(max_contexts=1)
 
 
 def _mixture(Z: Array, random_state: int) -> GaussianMixture:

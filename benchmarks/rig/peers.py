@@ -9,7 +9,7 @@ first trial is number 7000. The parameters of compliance and search are tuned on
 (`benchmarks.rig.control_laws.tuned`; 24 candidates need 104 trials); their training time is the time of these trials
 on one core. Three rows are controls: in "mean action" every demonstrated action is replaced by their mean in the
 canonical frame, in "shuffled actions" by that of a random sample, and in "random sign" each turn of the product has a
-random sign.
+random sign. A state of the product is a pair of contact and context; three rows leave one of the two out, or both.
 
 Columns, one row per policy:
 
@@ -30,7 +30,9 @@ training or in a trial, has a row in the table as well.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from benchmarks.extras import require_packages
 
@@ -40,7 +42,16 @@ if __name__ == "__main__":
 from sklearn.dummy import DummyRegressor
 
 from benchmarks.command_line import run
-from benchmarks.rig.comparison import PRODUCT, command_line, compare, prepared, selected
+from benchmarks.rig.comparison import (
+    CONTEXTLESS,
+    CONTEXTS_ALONE,
+    PRODUCT,
+    STATELESS,
+    command_line,
+    compare,
+    prepared,
+    selected,
+)
 from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, StraightPush, TunedLaw, tuned, tuning_trials
 from benchmarks.rig.figures import draw_groups
 from benchmarks.rig.learners import (
@@ -51,6 +62,7 @@ from benchmarks.rig.learners import (
     SubsetGaussianProcess,
     nearest_neighbours,
     network,
+    one_context,
     one_state,
     skill_from,
 )
@@ -69,6 +81,11 @@ def tuning_of(law: type[TunedLaw]) -> Train:
     return lambda setting, record, advance, draw: tuned(law, setting, record, advance)
 
 
+def stateless(regressor: Callable[[], Any]) -> Train:
+    """The training of a regressor without contact states and contexts."""
+    return skill_from(states=one_state, contexts=one_context, regressor=regressor)
+
+
 def entries(candidates: int) -> list[Entry]:
     """The policies; compliance and search are tuned with this number of candidates."""
     tuning = tuning_trials(candidates)
@@ -76,15 +93,17 @@ def entries(candidates: int) -> list[Entry]:
         Entry("no correction", push),
         Entry("moment compliance, tuned", tuning_of(MomentCompliance), tuning=tuning),
         Entry("spiral search, tuned", tuning_of(SpiralSearch), tuning=tuning),
-        Entry("mean action", skill_from(states=one_state, regressor=DummyRegressor)),
-        Entry("shuffled actions", skill_from(states=one_state, regressor=ShuffledNeighbour)),
+        Entry("mean action", stateless(DummyRegressor)),
+        Entry("shuffled actions", stateless(ShuffledNeighbour)),
         Entry("random sign of the turns", skill_from(policy=RandomSign)),
-        Entry("k nearest neighbours", skill_from(states=one_state, regressor=nearest_neighbours)),
-        Entry("LWR without states", skill_from(states=one_state)),
-        Entry("Gaussian mixture regression", skill_from(states=one_state, regressor=MixtureRegressor)),
-        Entry("neural network (MLP)", skill_from(states=one_state, regressor=network)),
-        Entry("Gaussian process", skill_from(states=one_state, regressor=SubsetGaussianProcess)),
-        Entry("GMM-BIC states + LWR", skill_from(states=MixtureStates)),
+        Entry("k nearest neighbours", stateless(nearest_neighbours)),
+        Entry(STATELESS, skill_from(states=one_state, contexts=one_context)),
+        Entry("Gaussian mixture regression", stateless(MixtureRegressor)),
+        Entry("neural network (MLP)", stateless(network)),
+        Entry("Gaussian process", stateless(SubsetGaussianProcess)),
+        Entry("GMM-BIC states + LWR", skill_from(states=MixtureStates, contexts=one_context)),
+        Entry(CONTEXTLESS, skill_from(contexts=one_context)),
+        Entry(CONTEXTS_ALONE, skill_from(states=one_state)),
         Entry(PRODUCT, skill_from()),
     ]
 

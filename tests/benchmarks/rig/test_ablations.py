@@ -23,7 +23,8 @@ def test_every_row_of_the_figure_is_an_arm_and_no_two_arms_share_a_file(tmp_path
     both = {entry.name: entry.file for entry in [*entries, *peers.entries(24)]}
     assert len(set(both.values())) == len(both)
     # The two comparisons share the results of their common entries.
-    assert {ablations.PRODUCT, ablations.STATELESS} <= {entry.name for entry in peers.entries(24)}
+    shared = {ablations.PRODUCT, ablations.STATELESS, ablations.CONTEXTLESS, ablations.CONTEXTS_ALONE}
+    assert shared <= {entry.name for entry in peers.entries(24)}
 
 
 @pytest.mark.parametrize("size", [1, 2, 3, 5])
