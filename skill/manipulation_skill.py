@@ -144,7 +144,7 @@ class ManipulationSkill:
             ContactFeatures.of(geometry) if self.state_features is None else clone(self.state_features)
         )
         rng = np.random.default_rng(self.random_state)
-        samples = self._sample_settings()
+        samples = self.sample_settings()
         refined = [samples.with_noise(samples.refined(d), rng) for d in demonstrations]
         self.period_ = float(np.median(np.concatenate([np.diff(d.samples["time"]) for d in demonstrations])))
         self.names_ = None
@@ -216,7 +216,8 @@ class ManipulationSkill:
             regressor.set_params(feature_scale=selected.feature_scale)
         return regressor
 
-    def _sample_settings(self) -> SampleSettings:
+    def sample_settings(self) -> SampleSettings:
+        """How this skill makes its samples from demonstrations."""
         return SampleSettings(**{f.name: getattr(self, f.name) for f in fields(SampleSettings)})
 
     def _min_log_support(self) -> float:

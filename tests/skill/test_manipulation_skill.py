@@ -285,7 +285,7 @@ def test_the_states_are_fitted_to_all_samples_with_their_demonstration_and_phase
     parts = {**single_state(), "states": RecordedArguments(m_init=1)}
     skill = ManipulationSkill(**parts).fit(demonstrations)
     rng = np.random.default_rng(0)
-    samples = skill._sample_settings()
+    samples = skill.sample_settings()
     refined = [samples.with_noise(samples.refined(d), rng) for d in demonstrations]
     Z, groups, phase = skill.states_.given_
     np.testing.assert_array_equal(Z, np.vstack([skill.state_features_.transform_demonstration(r) for r in refined]))
@@ -346,7 +346,7 @@ def test_the_noise_of_the_sensor_is_added_to_the_demonstrations():
 def test_the_covariance_of_a_state_has_a_floor_of_five_percent_of_the_variance(made_up_skill):
     """F_k = sum_i p_ik (z_i - v_k)(z_i - v_k)' / sum_i p_ik + 0.05 var, where the prior does not matter."""
     rng = np.random.default_rng(0)
-    samples = made_up_skill._sample_settings()
+    samples = made_up_skill.sample_settings()
     refined = [samples.with_noise(samples.refined(d), rng) for d in made_up_demonstrations()]
     Z = np.vstack([made_up_skill.state_features_.transform_demonstration(r) for r in refined])
     P, variance = made_up_skill.states_.predict_proba(Z), Z.var(axis=0)
