@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from skill.manipulation_skill import ManipulationSkill
     from skill.regression.locally_weighted_regression import LWRegressor
     from skill.states.contact_state_filter import ContactStateFilter, StateEstimator
+    from skill.states.context_mixture import ContextMixture
     from skill.states.state_graph import StateGraph
 
 _HOMES = {
@@ -22,6 +23,7 @@ _HOMES = {
     "CompetitiveAgglomeration": "clustering.competitive_agglomeration",
     "ContactFeatures": "features.contact_features",
     "ContactStateFilter": "states.contact_state_filter",
+    "ContextMixture": "states.context_mixture",
     "Demonstration": "data.demonstration",
     "LWRegressor": "regression.locally_weighted_regression",
     "ManipulationSkill": "manipulation_skill",
@@ -40,6 +42,7 @@ __all__ = [
     "CompetitiveAgglomeration",
     "ContactFeatures",
     "ContactStateFilter",
+    "ContextMixture",
     "Demonstration",
     "LWRegressor",
     "ManipulationSkill",

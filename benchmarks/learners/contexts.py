@@ -109,8 +109,8 @@ def main() -> None:
         help="recorded sets",
     )
     arguments = parser.parse_args()
-    table = plain_table("contexts of demonstrations")
-    titles = ("contexts", "gain", "side", "chance", *(f"told after\n{time:g} s" for time in TIMES))
+    table = plain_table("contexts of demonstrations; last columns: sides told right after that time")
+    titles = ("contexts", "gain", "side", "chance", *(f"{time:g} s" for time in TIMES))
     for title in ("set", *titles):
         table.add_column(title, justify="left" if title == "set" else "right", vertical="bottom", no_wrap=True)
     content = {}
@@ -119,7 +119,7 @@ def main() -> None:
             row = content[str(folder)] = found_in(read_demonstrations(folder))
         gain = "" if row["gain"] is None else "{:.1f} ± {:.1f}".format(*row["gain"])
         shares = (f"{share:.2f}" for share in (row["side"], row["chance"], *row["told"]))
-        table.add_row(str(folder), str(row["contexts"]), gain, *shares)
+        table.add_row(folder.name, str(row["contexts"]), gain, *shares)
     console.print(table)
     if arguments.json is not None:
         write_json(arguments.json, content)
