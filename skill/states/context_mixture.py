@@ -75,10 +75,9 @@ RULES = {
 
 @dataclass(frozen=True)
 class _Fit:
-    """One result of EM: responsibilities (G, K), their log-likelihood, and that of each sample (n, K)."""
+    """One result of EM: responsibilities (G, K), and the log-likelihood of each sample (n, K)."""
 
     responsibilities: Array
-    log_likelihood: float
     samples: Array
 
 
@@ -139,7 +138,7 @@ class ContextMixture(BaseEstimator):
         features, answers, motions, names = _checked(X, y, inputs, groups)
         self._check_parameters()
         stride = -(-len(features) // MAX_SAMPLES)
-        rows = np.arange(0, len(features), stride)
+        rows = np.argsort(names, kind="stable")[::stride]  # one group after the other, each in the order of time
         self.groups_, group = np.unique(names[rows], return_inverse=True)
         if len(self.groups_) < 2:
             raise ValueError(f"contexts differ between groups: found {len(self.groups_)} group, expected at least 2")
@@ -270,7 +269,7 @@ class ContextMixture(BaseEstimator):
 
 
 class _ExpectationMaximization:
-    """EM on one set of samples; ``share`` (p,) is 1 / tau."""
+    """EM on one set of samples, whose ``group`` (n,) does not decrease; ``share`` (p,) is 1 / tau."""
 
     def __init__(
         self, model: ResponseModel, samples: ResponseSamples, kernel: Array, group: NDArray[np.intp], share: Array
@@ -287,13 +286,12 @@ class _ExpectationMaximization:
         responsibilities = start
         for _ in range(max_iter):
             evidence = self._evidence(responsibilities)
-            joint = np.log(_weights(responsibilities)) + self._sums(evidence)
-            updated = softmax(joint, axis=1)
+            updated = softmax(np.log(_weights(responsibilities)) + self._sums(evidence), axis=1)
             change = np.abs(updated - responsibilities).max()
             responsibilities = updated
             if change <= tol:
                 break
-        return _Fit(responsibilities, float(logsumexp(joint, axis=1).sum()), evidence)
+        return _Fit(responsibilities, evidence)
 
     def split_score(self, fit: _Fit) -> Array:
         """Returns the log-likelihood (G,) of the second half of each group, given the first half."""
