@@ -1,5 +1,6 @@
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -73,6 +74,25 @@ def test_the_hole_turns_opposite_to_the_action_and_the_feed_has_its_speed(skill,
         assert found["guard"] == 0.0
         turned += np.linalg.norm(action.turn) > 1e-5
     assert turned > 3  # the demonstration does correct its tilt
+
+
+class TwoContexts(FixedPolicy):
+    """A policy that turns about x by the difference of the probabilities of its two contexts."""
+
+    def __init__(self, skill):
+        super().__init__(skill, None)
+        self.context_filter = lambda: SimpleNamespace(n_contexts=2)
+
+    def act(self, measured, probabilities=None, contexts=None):
+        return Action(turn=np.array([1e-3 * (contexts[0] - contexts[1]), 0.0]), feed=0.0, probabilities=probabilities)
+
+
+@pytest.mark.parametrize("contexts", [[0.9, 0.1], [0.2, 0.8]])
+def test_the_policy_is_given_the_contexts(skill, measurements, contexts):
+    dut, context, _ = controller(TwoContexts(skill), measurements[0])
+    dut.GetInputPort("contexts").FixValue(context, contexts)
+    found = step(dut, context)["pitch_rate"]
+    assert found == pytest.approx(-1e-3 * (contexts[0] - contexts[1]) / skill.period_)
 
 
 def test_equal_measurements_give_equal_rates(skill, measurements):
