@@ -6,7 +6,15 @@ import pytest
 
 from skill.data.rig_run import RigRun
 from skill.policy import Action
-from skill.practice.exploration import Cost, ExplorationNoise, Perturbation, PerturbedPolicy, Rollout, rollout_of
+from skill.practice.exploration import (
+    Cost,
+    ExplorationNoise,
+    Perturbation,
+    PerturbedPolicy,
+    Rollout,
+    filtered_pairs,
+    rollout_of,
+)
 from skill.states.context_filter import SingleContext
 from tests.trajectories import GEOMETRY, make_rig_run
 
@@ -115,6 +123,32 @@ def test_a_rollout_holds_the_features_and_factors_of_each_row(skill):
     np.testing.assert_allclose(rollout.memberships.sum(axis=1), 1.0)
     np.testing.assert_allclose(rollout.costs, Cost().of_steps(run), atol=1e-12)
     assert rollout.costs_to_go[0] == pytest.approx(Cost().of_run(run))
+
+
+class TwoFilters(FixedPolicy):
+    """Two states by the sign of fx, and two contexts by the sign of the own turn about y."""
+
+    n_states = 2
+
+    def state_filter(self):
+        def step(belief, features):
+            return SimpleNamespace(log_belief=belief, probabilities=[0.9, 0.1] if features[0] > 0 else [0.1, 0.9])
+
+        return SimpleNamespace(initial_log_belief=lambda: 0.0, step=step)
+
+    def context_filter(self):
+        def step(memory, observation):
+            found = [0.8, 0.2] if observation[-1] > 0 else [0.2, 0.8]
+            return SimpleNamespace(memory=memory, probabilities=found)
+
+        return SimpleNamespace(n_contexts=2, initial_memory=lambda: 0.0, step=step)
+
+
+def test_the_filtered_pairs_are_those_of_both_filters():
+    observed = np.zeros((2, 9))
+    observed[0, 0], observed[1, -1] = 1.0, 0.1
+    expected = [[0.18, 0.72, 0.02, 0.08], [0.08, 0.02, 0.72, 0.18]]
+    np.testing.assert_allclose(filtered_pairs(TwoFilters(), observed), expected)
 
 
 def test_rows_of_a_back_off_are_left_out_and_their_costs_added_to_the_row_before(skill):

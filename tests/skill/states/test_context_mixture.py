@@ -1,5 +1,7 @@
 """Contexts: the right number, the right demonstrations, and none where there is nothing to find."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -86,6 +88,46 @@ def test_groups_without_samples_have_the_weights_of_the_contexts():
     found = dut.probabilities_of([4, 999])
     np.testing.assert_array_equal(found[0], dut.responsibilities_[4])
     np.testing.assert_array_equal(found[1], dut.weights_)
+
+
+def test_a_demonstration_is_judged_by_the_others_alone():
+    """With itself among the samples, noise of this set makes two contexts."""
+    *data, _ = make_mixture((1.0,), groups=14, length=15, noise=0.6, seed=1)
+    assert fitted(*data, n_init=4).n_contexts_ == 1
+
+
+class Scored:
+    """Stands in for EM: every result with K contexts has the scores of K."""
+
+    n_groups = 4
+
+    def __init__(self, scores):
+        self.scores = scores
+
+    def run(self, start, max_iter, tol):
+        return SimpleNamespace(responsibilities=np.full_like(start, 1 / start.shape[1]))
+
+    def split_score(self, fit):
+        return np.array(self.scores[fit.responsibilities.shape[1]])
+
+
+@pytest.mark.parametrize(
+    ("second", "number"),
+    [([1.0, 1.0, 1.0, 0.9], 2), ([3.0, -1.0, 1.0, -1.0], 1), ([2.0, 0.5, 1.0, -0.5], 2)],
+)
+def test_one_context_more_must_gain_more_than_its_standard_error(second, number):
+    """Gains of 1, 0.5 and 0.75 on average, with standard errors of 0.03, 0.96 and 0.52."""
+    dut = ContextMixture(max_contexts=2, n_init=30)
+    found = dut._selected(Scored({1: [0.0] * 4, 2: second}), np.random.default_rng(0))
+    assert found.responsibilities.shape[1] == number
+    assert dut.gains_ == [(pytest.approx(np.mean(second)), pytest.approx(np.std(second, ddof=1) / 2))]
+
+
+def test_repeated_samples_leave_the_same_doubt():
+    X, U, Y, group, _ = make_mixture((0.35, -0.35), groups=12, length=10, noise=0.8)
+    repeated = np.repeat(np.arange(len(X)), 4)
+    dut = fitted(X[repeated], U[repeated], Y[repeated], group[repeated], n_contexts=2)
+    assert dut.responsibilities_.max(axis=1).min() < 0.9
 
 
 def test_repeated_samples_add_no_evidence():
