@@ -1,6 +1,6 @@
 """Which contexts are found in recorded demonstrations, and how soon an answer to an own motion tells the side.
 
-    python -m benchmarks.learners.contexts [--demonstrations FOLDER ...] [--json FILE]
+    python -m benchmarks.contexts [--demonstrations FOLDER ...] [--json FILE]
 
 One row for each set of demonstrations. *contexts*: how many `ContextMixture` finds in the good ones, and the gain of
 the last one that was accepted, in nats per demonstration, with its standard error. *side*: share of the demonstrations

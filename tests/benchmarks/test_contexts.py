@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.learners.contexts import OFF, agreement, found_in, told
+from benchmarks.contexts import OFF, agreement, found_in, told
 from skill.states.context_mixture import ContextMixture
 from tests.skill.states.mixtures import make_mixture
 from tests.skill.test_skill_contexts import hinged_demonstrations
