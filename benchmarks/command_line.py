@@ -19,6 +19,18 @@ def argument_parser(description: str | None) -> argparse.ArgumentParser:
     return parser
 
 
+def add_demonstrations(parser: argparse.ArgumentParser) -> None:
+    """Adds the option ``--demonstrations``: folders of recorded sets, by default the one that the demo leaves."""
+    parser.add_argument(
+        "--demonstrations",
+        type=Path,
+        nargs="+",
+        default=[Path("out/demonstrations")],
+        metavar="FOLDER",
+        help="recorded sets",
+    )
+
+
 def run(main: Callable[[], None]) -> None:
     """Runs a benchmark; a ValueError or an OSError ends the process with one message and exit code 1."""
     try:

@@ -15,7 +15,6 @@ discovered.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from benchmarks.extras import require_packages
@@ -27,13 +26,13 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from benchmarks.command_line import argument_parser, run
+from benchmarks.command_line import add_demonstrations, argument_parser, run
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstrations
-from skill.features.responses import ResponseFeatures
+from skill.features.responses import ResponseFeatures, joined
 from skill.features.wrench_features import CanonicalFeatures
 from skill.manipulation_skill import ManipulationSkill
-from skill.regression.response_model import ResponseModel, log_density
+from skill.regression.response_model import ResponseModel
 from skill.states.context_mixture import ContextMixture
 from systems.reports.result_tables import plain_table
 from systems.reports.terminal import busy, console, write_json
@@ -53,10 +52,8 @@ def found_in(demonstrations: Sequence[Demonstration]) -> dict[str, Any]:
     good = [d for d in demonstrations if d.good]
     features, rng = ResponseFeatures(CanonicalFeatures(), CanonicalFeatures().peg_radius), np.random.default_rng(0)
     samples = ManipulationSkill().sample_settings()
-    answers = [samples.responses(d, features, PERIOD, rng) for d in good]
-    X, U, Y = (np.vstack([getattr(a, name) for a in answers]) for name in ("features", "inputs", "outputs"))
-    group = np.repeat(np.arange(len(good)), [len(a.features) for a in answers])
-    mixture = ContextMixture(random_state=0).fit(X, Y, inputs=U, groups=group)
+    answers, group = joined({k: samples.responses(d, features, PERIOD, rng) for k, d in enumerate(good)})
+    mixture = ContextMixture(random_state=0).fit(answers.features, answers.outputs, inputs=answers.inputs, groups=group)
     pivots = np.array([pivot_of(d) for d in good])[mixture.groups_]
     context = mixture.responsibilities_.argmax(axis=1)
     accepted = mixture.gains_[: mixture.n_contexts_ - 1]
@@ -84,15 +81,15 @@ def told(mixture: ContextMixture, group: NDArray[np.intp], pivots: Array) -> lis
     """Shares of the demonstrations whose side is told right after each of ``TIMES`` under load."""
     model, samples = ResponseModel(mixture.samples_), mixture.samples_
     member = np.searchsorted(mixture.groups_, group)
+    sides = np.column_stack([pivots <= 0.0, pivots > 0.0]).astype(float)
     right = []
     for g in np.flatnonzero(np.abs(pivots) > OFF):
         own = member == g
         kernel = samples.kernel(samples.X[own], mixture.bandwidth) * (~own)
-        evidence = []
-        for side in (pivots <= 0.0, pivots > 0.0):
-            errors, variances = model.residuals(kernel * side[member], samples.U[own], samples.Y[own])
-            evidence.append(log_density(errors, variances) @ (1.0 / mixture.correlation_times_))
-        total = np.cumsum(evidence[1] - evidence[0])
+        evidence = model.log_likelihoods(
+            kernel, sides[member], samples.U[own], samples.Y[own], mixture.correlation_times_
+        )
+        total = np.cumsum(evidence[:, 1] - evidence[:, 0])
         last = [min(round(time / PERIOD), len(total)) - 1 for time in TIMES]
         right.append((total[last] > 0.0) == (pivots[g] > 0.0))
     return [float(share) for share in np.mean(right, axis=0)]
@@ -100,14 +97,7 @@ def told(mixture: ContextMixture, group: NDArray[np.intp], pivots: Array) -> lis
 
 def main() -> None:
     parser = argument_parser(__doc__)
-    parser.add_argument(
-        "--demonstrations",
-        type=Path,
-        nargs="+",
-        default=[Path("out/demonstrations")],
-        metavar="FOLDER",
-        help="recorded sets",
-    )
+    add_demonstrations(parser)
     arguments = parser.parse_args()
     table = plain_table("contexts of demonstrations; last columns: sides told right after that time")
     titles = ("contexts", "gain", "side", "chance", *(f"{time:g} s" for time in TIMES))

@@ -179,7 +179,7 @@ class ManipulationSkill:
     def _fit_contexts(self, demonstrations: Sequence[Demonstration], samples: SampleSettings) -> None:
         """Discovers the contexts in how the good demonstrations' measurements answer to their motions."""
         rng = np.random.default_rng(None if self.random_state is None else [self.random_state, CONTEXT_STREAM])
-        features = self._responses()
+        features = self._response_features()
         responses = {
             n: samples.responses(demonstration, features, self.period_, rng)
             for n, demonstration in enumerate(demonstrations)
@@ -238,9 +238,9 @@ class ManipulationSkill:
         """The on-line estimator of the context."""
         if self.contexts_ is None:
             return SingleContext()
-        return ContextFilter(self.contexts_, self._responses(), self.period_)
+        return ContextFilter(self.contexts_, self._response_features(), self.period_)
 
-    def _responses(self) -> ResponseFeatures:
+    def _response_features(self) -> ResponseFeatures:
         geometry = PegHoleGeometry.find(self.metadata_, "the skill")
         return ResponseFeatures(self.features_, ContactFeatures.of(geometry).peg_radius)
 

@@ -11,6 +11,7 @@ import numpy as np
 from skill.array_schema import MAX_MAGNITUDE, MIN_POSITIVE
 from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
+from skill.features.responses import N_INPUTS, N_OUTPUTS
 from skill.features.wrench_features import WrenchFeatures
 
 MAX_PERIOD = 1.0
@@ -24,9 +25,6 @@ MAX_SEED = 2**32 - 1
 
 N_ACTIONS = 3
 """Number of outputs of the regressor: turn about x and y, and feed."""
-
-N_INPUTS, N_OUTPUTS = 3, 5
-"""Numbers of inputs and outputs of the responses that tell contexts apart; see `skill.features.responses`."""
 
 Check = Callable[[Any], bool]
 

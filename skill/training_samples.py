@@ -10,7 +10,7 @@ import pandas as pd
 
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
-from skill.features.responses import ResponseFeatures, Responses, observations
+from skill.features.responses import ResponseFeatures, Responses, joined, observations
 from skill.features.wrench_features import MEASURED
 from skill.states.context_mixture import ContextMixture
 
@@ -52,11 +52,8 @@ class SampleSettings:
 
 def discover_contexts(mixture: ContextMixture, responses: Mapping[int, Responses]) -> ContextMixture | None:
     """Fits contexts to the responses of demonstrations, by their numbers; None if there is a single context."""
-    groups = np.repeat(list(responses), [len(found.features) for found in responses.values()])
-    if len(np.unique(groups)) < 2:
+    found, numbers = joined(responses)
+    if len(np.unique(numbers)) < 2:
         return None
-    features, inputs, outputs = (
-        np.vstack([getattr(found, name) for found in responses.values()]) for name in ("features", "inputs", "outputs")
-    )
-    mixture.fit(features, outputs, inputs=inputs, groups=groups)
+    mixture.fit(found.features, found.outputs, inputs=found.inputs, groups=numbers)
     return mixture if mixture.n_contexts_ > 1 else None

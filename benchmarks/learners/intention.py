@@ -12,7 +12,6 @@ the same coefficient of the feed. The targets are the next action of the operato
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ import pandas as pd
 from rich.table import Table
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
-from benchmarks.command_line import argument_parser, run
+from benchmarks.command_line import add_demonstrations, argument_parser, run
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstrations
 from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
@@ -75,14 +74,7 @@ def figures(Y: Array, found: Array) -> dict[str, float]:
 
 def main() -> None:
     parser = argument_parser(__doc__)
-    parser.add_argument(
-        "--demonstrations",
-        type=Path,
-        nargs="+",
-        default=[Path("out/demonstrations")],
-        metavar="FOLDER",
-        help="recorded sets",
-    )
+    add_demonstrations(parser)
     arguments = parser.parse_args()
     table = Table(title="left-out demonstrations, under load")
     for column in ("set", "target", "turn", "right sign", "feed"):

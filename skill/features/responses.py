@@ -14,6 +14,7 @@ feed and a turn change the lateral force in opposite ways. The force itself does
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,10 +32,10 @@ MIN_LOAD = 1.0
 """N; a smaller load at the first observation is noise, or free motion."""
 
 MAX_DEPTH = 0.8
-"""Largest depth of the first observation, in units of the peg radius. Deeper, the wall alone guides the peg."""
+"""Largest depth of the first observation, in units of the peg radius. Deeper answers hide where the peg turns about."""
 
-N_OBSERVED = len(MEASURED) + 2
-"""Length of an observation."""
+N_OBSERVED, N_INPUTS, N_OUTPUTS = len(MEASURED) + 2, 3, 5
+"""Lengths of an observation, of u and of y."""
 
 
 def observations(measured: Array, turned: Array) -> Array:
@@ -65,6 +66,14 @@ class Responses:
     outputs: Array
 
 
+def joined(responses: Mapping[int, Responses]) -> tuple[Responses, NDArray[np.intp]]:
+    """Joins the responses of demonstrations, by their numbers; returns them, and the number of each row, (n,)."""
+    parts = list(responses.values())
+    numbers = np.repeat(list(responses), [len(part.features) for part in parts])
+    rows = {name: np.vstack([getattr(part, name) for part in parts]) for name in ("features", "inputs", "outputs")}
+    return Responses(**rows), numbers
+
+
 @dataclass(frozen=True)
 class ResponseFeatures:
     """Computes responses from observations.
@@ -77,7 +86,7 @@ class ResponseFeatures:
     features: WrenchFeatures
     peg_radius: float
 
-    def speaks(self, before: Array) -> NDArray[np.bool_]:
+    def informative(self, before: Array) -> NDArray[np.bool_]:
         """Returns whether the answers after observations (n, 9) tell contexts apart: under load, near the mouth."""
         loaded = contact_loads(before, self.peg_radius) >= MIN_LOAD
         near = -before[:, len(MEASURED) - 1] <= MAX_DEPTH * self.peg_radius
@@ -99,7 +108,7 @@ class ResponseFeatures:
         """Returns the responses that tell contexts apart in a series of observations (n, 9), ``period`` (s) apart."""
         steps = horizon_steps(period)
         first = np.arange(max(0, len(observations) - steps))
-        first = first[self.speaks(observations[first])]
+        first = first[self.informative(observations[first])]
         return self.between(observations[first], observations[first + steps])
 
 

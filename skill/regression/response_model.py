@@ -96,6 +96,24 @@ class ResponseModel:
         spread = (np.maximum(rest, 0.0) + PRIOR_SAMPLES) / (sums[:, -1:] + PRIOR_SAMPLES)
         return outputs - np.einsum("mqp,mq->mp", B, A), spread * (1.0 + leverage)[:, None]
 
+    def log_likelihoods(
+        self, kernel: Array, memberships: Array, inputs: Array, outputs: Array, correlation_times: Array
+    ) -> Array:
+        """Returns the log-likelihood (m, K) of each query in each of K sets of samples.
+
+        Args:
+            kernel: (m, n), kernel weights of the samples at each query.
+            memberships: (n, K), the weights r of the samples in each set.
+            inputs: (m, q), u of the queries.
+            outputs: (m, p), y of the queries.
+            correlation_times: (p,), by which the log-densities of the outputs are divided.
+        """
+        found = []
+        for r in memberships.T:
+            errors, variances = self.residuals(kernel * r, inputs, outputs)
+            found.append(log_density(errors, variances) @ (1.0 / correlation_times))
+        return np.column_stack(found)
+
 
 def log_density(errors: Array, variances: Array) -> Array:
     """Returns the logarithm of the Student-t density of errors with these squared scales, less its constant."""

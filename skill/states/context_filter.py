@@ -89,7 +89,7 @@ class ContextFilter:
         rows = np.vstack([stored[C + 1 :].reshape(self._rows, N_OBSERVED)[1:], row])
         evidence = np.zeros(C)
         before = rows[:1]
-        if count == self._rows and self._responses.speaks(before)[0]:
+        if count == self._rows and self._responses.informative(before)[0]:
             answer = self._responses.between(before, rows[-1:])
             evidence = self._mixture.log_likelihoods(answer.features, answer.outputs, inputs=answer.inputs)[0]
             evidence = evidence - evidence.mean()

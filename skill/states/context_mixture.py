@@ -40,7 +40,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array
-from skill.regression.response_model import ResponseModel, ResponseSamples, log_density
+from skill.regression.response_model import ResponseModel, ResponseSamples
 
 MAX_SAMPLES = 3000
 """Most samples that are kept; more are thinned evenly. The time of a fit grows with their square."""
@@ -151,7 +151,7 @@ class ContextMixture(BaseEstimator):
         residuals, _ = self._model.residuals(kernel, self.samples_.U, self.samples_.Y)
         thinned = correlation_times(residuals, group)
         self.correlation_times_ = thinned * stride
-        em = _ExpectationMaximization(self._model, self.samples_, kernel, group, 1.0 / thinned)
+        em = _ExpectationMaximization(self._model, self.samples_, kernel, group, thinned)
         rng = np.random.default_rng(self.random_state)
         if self.n_contexts is None:
             found = self._selected(em, rng)
@@ -166,17 +166,13 @@ class ContextMixture(BaseEstimator):
         check_is_fitted(self)
         queries = self._scaled(*(np.asarray(values, dtype=float) for values in (X, inputs, y)))
         kernel = self.samples_.kernel(queries.X, self.bandwidth)
-        found = []
-        for r in self.responsibilities_.T:
-            errors, variances = self._model.residuals(kernel * r[self._group], queries.U, queries.Y)
-            found.append(log_density(errors, variances) @ (1.0 / self.correlation_times_))
-        return np.column_stack(found)
+        memberships = self.responsibilities_[self._group]
+        return self._model.log_likelihoods(kernel, memberships, queries.U, queries.Y, self.correlation_times_)
 
     def predict_proba(self, X: ArrayLike, y: ArrayLike, *, inputs: ArrayLike, groups: ArrayLike) -> Array:
         """Returns the probabilities (G, K) of the contexts of other groups, in the order of ``np.unique(groups)``."""
         names, group = np.unique(np.asarray(groups), return_inverse=True)
-        evidence = np.zeros((len(names), self.n_contexts_))
-        np.add.at(evidence, group, self.log_likelihoods(X, y, inputs=inputs))
+        evidence = _group_sums(self.log_likelihoods(X, y, inputs=inputs), group, len(names))
         return softmax(np.log(self.weights_) + evidence, axis=1)
 
     def probabilities_of(self, groups: ArrayLike) -> Array:
@@ -269,16 +265,16 @@ class ContextMixture(BaseEstimator):
 
 
 class _ExpectationMaximization:
-    """EM on one set of samples, whose ``group`` (n,) does not decrease; ``share`` (p,) is 1 / tau."""
+    """EM on one set of samples, whose ``group`` (n,) does not decrease; ``times`` (p,) are tau."""
 
     def __init__(
-        self, model: ResponseModel, samples: ResponseSamples, kernel: Array, group: NDArray[np.intp], share: Array
+        self, model: ResponseModel, samples: ResponseSamples, kernel: Array, group: NDArray[np.intp], times: Array
     ) -> None:
         self._model = model
         self._samples = samples
         self._kernel = kernel
         self._group = group
-        self._share = share
+        self._times = times
         self.n_groups = int(group.max()) + 1
 
     def run(self, start: Array, max_iter: int, tol: float) -> _Fit:
@@ -303,17 +299,11 @@ class _ExpectationMaximization:
 
     def _evidence(self, responsibilities: Array) -> Array:
         """Log-likelihoods (n, K) of the samples, each from the other groups."""
-        found = []
-        for r in responsibilities.T:
-            weights = self._kernel * r[self._group]
-            errors, variances = self._model.residuals(weights, self._samples.U, self._samples.Y)
-            found.append(log_density(errors, variances) @ self._share)
-        return np.column_stack(found)
+        memberships, samples = responsibilities[self._group], self._samples
+        return self._model.log_likelihoods(self._kernel, memberships, samples.U, samples.Y, self._times)
 
     def _sums(self, evidence: Array) -> Array:
-        sums = np.zeros((self.n_groups, evidence.shape[1]))
-        np.add.at(sums, self._group, evidence)
-        return sums
+        return _group_sums(evidence, self._group, self.n_groups)
 
 
 def correlation_times(residuals: Array, group: NDArray[np.intp]) -> Array:
@@ -337,6 +327,13 @@ def correlation_times(residuals: Array, group: NDArray[np.intp]) -> Array:
             break
         times[going] += 2.0 * pair[going] / variance[going]
     return times
+
+
+def _group_sums(evidence: Array, group: NDArray[np.intp], number: int) -> Array:
+    """Sums (G, K) of the evidence (n, K) of the samples of each group."""
+    sums = np.zeros((number, evidence.shape[1]))
+    np.add.at(sums, group, evidence)
+    return sums
 
 
 def _weights(responsibilities: Array) -> Array:

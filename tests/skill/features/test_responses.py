@@ -71,8 +71,8 @@ def test_turning_the_scene_about_the_axis_changes_nothing(angle, seed):
         ({"depth": 0.99 * MAX_DEPTH * RADIUS}, True),
     ],
 )
-def test_only_loaded_samples_near_the_mouth_speak(change, expected):
-    assert dut.speaks(observed(**change))[0] == expected
+def test_only_loaded_samples_near_the_mouth_are_informative(change, expected):
+    assert dut.informative(observed(**change))[0] == expected
 
 
 def test_a_series_gives_the_answers_a_horizon_apart():

@@ -2,12 +2,13 @@ import io
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pandas as pd
 from rich.console import Console
 
 from skill.data.outcome import Outcome
 from systems.control.faults import Fault
-from systems.reports.result_tables import result_table, state_table
+from systems.reports.result_tables import context_line, result_table, state_table
 from tests.systems.reports.tables import text_of
 from tests.trial_results import EARLIER, PLAIN
 
@@ -53,3 +54,11 @@ def test_the_names_of_states_are_not_markup():
     frame = pd.DataFrame([(2, 0.5, 0.1, 0.0, 0.9, "inserted")], columns=columns)
     skill = SimpleNamespace(graph_=SimpleNamespace(to_frame=lambda: frame), state_names=lambda: ["[/x] free"])
     assert "0 [/x] free 2 0.50 0.00 0.90 inserted" in text_of(state_table(skill))
+
+
+def test_the_line_about_contexts_counts_the_demonstrations_of_each():
+    assert context_line(SimpleNamespace(contexts_=None)).startswith("a single context")
+    found = SimpleNamespace(n_contexts_=2, responsibilities_=np.array([[0.9, 0.1], [0.2, 0.8], [0.0, 1.0]]))
+    line = context_line(SimpleNamespace(contexts_=found))
+    assert line.startswith("2 contexts")
+    assert "A in 1, B in 2 good demonstrations" in line
