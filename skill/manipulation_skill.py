@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -22,10 +21,10 @@ from skill.data.refinement import INTENDED
 from skill.features.contact_features import ContactFeatures
 from skill.features.responses import ResponseFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFeatures
+from skill.imitation import Imitation, lowest_log_support
 from skill.policy import Action
-from skill.regression.bandwidth_selection import select_feature_scale
+from skill.regression.bandwidth_selection import tuned_regressor
 from skill.regression.explanation import SkillExplanation
-from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.protocols import ExplainableRegressor, Regressor, StateRegressor
 from skill.skill_file import SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file
 from skill.states.contact_state_filter import ContactStateFilter
@@ -35,14 +34,8 @@ from skill.states.state_graph import StateGraph
 from skill.states.state_style import state_labels
 from skill.training_samples import SampleSettings, discover_contexts
 
-LOW_SUPPORT_SHARE = 0.01
-"""Share of the demonstrated samples whose support, from the other demonstrations, counts as low."""
-
 CONTEXT_STREAM = 1
 """Stream of the sensor noise of the contexts' samples, which differs from that of the other samples."""
-
-FOLDS = 5
-"""Number of folds of the cross-validation over demonstrations."""
 
 STATE_FLOOR = 0.05
 """Added to the covariances of the states, in units of the variance of each state feature. Contacts at different places
@@ -63,8 +56,7 @@ class ManipulationSkill:
             ``m_init=1`` it finds a single state.
         contexts: discovers the contexts; None for `ContextMixture`. With ``max_contexts=1`` there is one.
         regressor: regressor of the actions, with several outputs as in scikit-learn; None for `LWRegressor`. The
-            feature scale of the latter is selected by cross-validation over the demonstrations if at least ``FOLDS`` of
-            them are good; otherwise features are standardised. A `StateRegressor` is given the contact states.
+            latter is tuned by `tuned_regressor`. A `StateRegressor` is given the contact states.
         still: delta_s, m; see `refine_demonstration`.
         rough: delta_d, m; see `refine_demonstration`.
         correction_time: tau_c, s, and
@@ -83,9 +75,7 @@ class ManipulationSkill:
         graph_: `StateGraph` of the demonstrations.
         period_: sample period, s.
         sources_: (n, 2), demonstration number and time (s) of each sample of the regressor.
-        min_log_support_: logarithm of the kernel weight below which support is low. A share ``LOW_SUPPORT_SHARE`` of
-            the samples find less in the other demonstrations. It is -inf for a regressor that does not report its
-            support, and for a single good demonstration.
+        min_log_support_: logarithm of the kernel weight below which support is low; see `lowest_log_support`.
         names_: names of the states, or None.
         metadata_: numbers of demonstrations, and their geometry.
     """
@@ -199,32 +189,19 @@ class ManipulationSkill:
         contexts = np.ones((len(groups), 1)) if self.contexts_ is None else self.contexts_.probabilities_of(groups)
         P = pair_probabilities(self.state_probabilities(measured), contexts)
         self.sources_ = np.column_stack([groups, samples["time"].to_numpy()])
-        self.regressor_ = self._tuned(X, Y, groups, P) if self.regressor is None else clone(self.regressor)
+        if self.regressor is None:
+            self.regressor_ = tuned_regressor(X, Y, groups, memberships=P, random_state=self.random_state)
+        else:
+            self.regressor_ = clone(self.regressor)
         if isinstance(self.regressor_, StateRegressor):
             self.regressor_.fit(X, Y, memberships=P)
         else:
             self.regressor_.fit(X, Y)
-        self.min_log_support_ = self._min_log_support()
-
-    def _tuned(self, X: Array, Y: Array, groups: NDArray[np.intp], P: Array) -> LWRegressor:
-        """The default regressor, with the feature scale that predicts left-out demonstrations best."""
-        regressor = LWRegressor(bandwidth=1.0, feature_scale="standard", ridge=1.0)
-        if len(np.unique(groups)) >= FOLDS:
-            selected = select_feature_scale(
-                regressor, X, Y, groups, memberships=P, n_splits=FOLDS, random_state=self.random_state
-            )
-            regressor.set_params(feature_scale=selected.feature_scale)
-        return regressor
+        self.min_log_support_ = lowest_log_support(self.regressor_, self.sources_[:, 0])
 
     def sample_settings(self) -> SampleSettings:
         """How this skill makes its samples from demonstrations."""
         return SampleSettings(**{f.name: getattr(self, f.name) for f in fields(SampleSettings)})
-
-    def _min_log_support(self) -> float:
-        demonstrations = self.sources_[:, 0]
-        if not isinstance(self.regressor_, StateRegressor) or len(np.unique(demonstrations)) < 2:
-            return -math.inf
-        return float(np.quantile(self.regressor_.support_between(demonstrations), LOW_SUPPORT_SHARE))
 
     # ------------------------------------------------------------------- acting
 
@@ -273,18 +250,14 @@ class ManipulationSkill:
         row = _row(measured)
         X = self.features_.transform(row)
         P = self.state_probabilities(row) if probabilities is None else _row(probabilities)
-        Q = self._shares() if contexts is None else _row(contexts)
-        if isinstance(self.regressor_, StateRegressor):
-            predicted, log_support = self.regressor_.predict_with_support(X, memberships=pair_probabilities(P, Q))
-            support = math.exp(min(0.0, float(log_support[0]) - self.min_log_support_))
-        else:
-            predicted, support = self.regressor_.predict(X), 1.0
-        local = self.features_.actions_from_frame(row, predicted)[0]
-        return Action(turn=local[:2], feed=float(local[2]), probabilities=P[0], contexts=Q[0], support=support)
+        shares = np.ones(1) if self.contexts_ is None else self.contexts_.weights_
+        Q = _row(shares if contexts is None else contexts)
+        prediction = self._imitation().predict(X, P, Q)
+        local = self.features_.actions_from_frame(row, prediction.action[None])[0]
+        return Action(local[:2], float(local[2]), probabilities=P[0], contexts=Q[0], support=prediction.support)
 
-    def _shares(self) -> Array:
-        """Shares (1, C) of the contexts in the demonstrations."""
-        return _row(np.ones(1) if self.contexts_ is None else self.contexts_.weights_)
+    def _imitation(self) -> Imitation:
+        return Imitation(self.regressor_, self.sources_, self.contexts_, self.min_log_support_)
 
     def explain(
         self,
@@ -312,13 +285,16 @@ class ManipulationSkill:
             )
         row = _row(measured)
         action = self.act(measured, probabilities, contexts)
-        pairs = pair_probabilities(_row(action.probabilities), _row(action.contexts))[0]
-        local = self.regressor_.explain(self.features_.transform(row)[0], pairs, level)
+        X, P = self.features_.transform(row), _row(action.probabilities)
+        prediction = self._imitation().predict(X, P, _row(action.contexts))
+        local = self.regressor_.explain(X[0], pair_probabilities(P, prediction.contexts)[0], level)
         demonstration, time = self.sources_[local.neighbours].T
         return SkillExplanation(
             state_names=self.state_names(),
             probabilities=action.probabilities,
             contexts=action.contexts,
+            relevance=prediction.relevance,
+            limited=prediction.limited,
             turn=action.turn,
             feed=action.feed,
             frame_angle=float(self.features_.rotation_angle(row)[0]),

@@ -12,7 +12,7 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Mult
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
-from skill.data.rig_run import CONTEXT_COLUMNS
+from skill.data.rig_run import CONTEXT_COLUMNS, CONTROL_COLUMNS
 from skill.policy import RigPolicy
 from systems.control.contact_state_estimator import ContactStateEstimator
 from systems.control.context_estimator import ContextEstimator
@@ -341,7 +341,7 @@ def _add_recorder(builder: DiagramBuilder, scenario: Scenario, contact: RigPlant
             **{(name,): parts.estimator.GetOutputPort(name) for name in ("state", "known")},
             **{(name,): parts.context_estimator.GetOutputPort(name) for name in CONTEXT_COLUMNS},
             **{(name,): parts.guard.GetOutputPort(name) for name in ("target_pitch", "target_yaw", "feed_speed")},
-            **{(name,): parts.controller.GetOutputPort(name) for name in ("guard", "support")},
+            **{(name,): parts.controller.GetOutputPort(name) for name in ("guard", "support", *CONTROL_COLUMNS)},
             ("fault",): parts.watchdog.GetOutputPort("fault"),
             **{
                 (f"{name}_taken", f"{name}_lost"): stepper.GetOutputPort("step_counts")

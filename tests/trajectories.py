@@ -13,7 +13,7 @@ import pandas as pd
 
 from skill.data.demonstration import COLUMNS, Demonstration
 from skill.data.outcome import Outcome
-from skill.data.rig_run import CONTACT_COLUMNS, CONTEXT_COLUMNS, RUN_COLUMNS, RigRun
+from skill.data.rig_run import CONTACT_COLUMNS, CONTEXT_COLUMNS, CONTROL_COLUMNS, RUN_COLUMNS, RigRun
 
 GEOMETRY = {
     "peg_radius": 0.010,
@@ -95,6 +95,8 @@ def make_rig_run(*, tilt: float = np.radians(3.0), contacts: bool = True, **meta
     samples["mx"], samples["my"] = -lever * samples["fy"], lever * samples["fx"]
     if contacts:
         samples[list(CONTEXT_COLUMNS)] = np.column_stack([time > 0.5, np.where(time > 0.5, 0.97, 0.6), time > 0.5])
+        turning = np.select([samples["guard"] > 0, time > 0.95], [0.0, -1.0], default=1.0)
+        samples[list(CONTROL_COLUMNS)] = turning[:, None]
         samples = samples.join(pd.DataFrame(0.0, index=samples.index, columns=list(CONTACT_COLUMNS)))
         below = np.minimum(z, 0.0)
         for place, side, height in (("mouth", -1.0, 0.0), ("tip", 1.0, below)):  # a wedge of twice the push

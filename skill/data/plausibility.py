@@ -165,6 +165,8 @@ def check_run(samples: pd.DataFrame, geometry: PegHoleGeometry | None, states: i
         _check_columns(samples, {"context_probability": flag}, where)
         _check_columns(samples, {"context_evidence": Limits(-1e6, 1e6)}, where)
     whole |= dict.fromkeys(("pitch_taken", "yaw_taken", "pitch_lost", "yaw_lost"), count)
+    if "turning" in samples:
+        whole["turning"] = Limits(-1.0, 1.0)
     _check_columns(samples, whole, where)
     for name in whole:
         values = samples[name].to_numpy(dtype=float)

@@ -17,6 +17,7 @@ known                                 1      1 where the measurement lies within
 target_pitch target_yaw               rad    commanded angles of the hole, relative to its start
 feed_speed                            m/s    commanded speed of the peg, negative into the hole
 guard                                 1      1 while the controller backs the peg off, else 0
+turning                               1      1 where the policy's turns are applied, -1 reversed, 0 not applied
 support                               1      support of the action, in [0, 1]; 1 where it is sufficient
 fault                                 1      number of the detected fault, 0 if none
 pitch_taken yaw_taken                 1      microsteps that each stepper has taken
@@ -29,7 +30,7 @@ contact_tip_x ... contact_face_fz             the same of the contacts at the ti
 ====================================  =====  ==================================================================
 
 The columns of the contacts are for replays and evaluation only; files of earlier versions do not have them, nor those
-of the context. A place with two contacts, one on either side, holds the stronger one.
+of the context, nor ``turning``. A place with two contacts, one on either side, holds the stronger one.
 """
 
 from __future__ import annotations
@@ -69,12 +70,14 @@ CONTACT_COLUMNS = tuple(
 
 CONTEXT_COLUMNS = ("context", "context_probability", "context_evidence")
 
-OPTIONAL = (CONTEXT_COLUMNS, CONTACT_COLUMNS)
+CONTROL_COLUMNS = ("turning",)
+
+OPTIONAL = (CONTEXT_COLUMNS, CONTROL_COLUMNS, CONTACT_COLUMNS)
 """Groups of columns that files of earlier versions do not have."""
 
-RUN_VERSION = 5
+RUN_VERSION = 6
 """Version of the files that are written; those of version 2 have no digest, those before 4 no contacts, those
-before 5 no contexts."""
+before 5 no contexts, those before 6 no ``turning``."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,7 @@ def read_rig_run(path: Path) -> RigRun:
         path,
         RUN_COLUMNS,
         kind="rig_run",
-        versions=(2, 3, 4, RUN_VERSION),
+        versions=(2, 3, 4, 5, RUN_VERSION),
         keys=("result", "metadata"),
         optional=OPTIONAL,
         min_rows=1,

@@ -20,6 +20,9 @@ from skill.regression.kernel_neighbourhood import Kernel
 from skill.regression.leave_one_out import candidate_bandwidths
 from skill.regression.locally_weighted_regression import LWRegressor
 
+FOLDS = 5
+"""Number of folds of the cross-validation over demonstrations."""
+
 Fold = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
@@ -258,3 +261,19 @@ class GroupedSamples:
             return 0.0
         mean = np.average(squares, axis=0, weights=self.weight[rows])
         return float((mean[varies] / self.variance[varies]).mean())
+
+
+def tuned_regressor(
+    X: Array, Y: Array, groups: NDArray[np.intp], *, memberships: Array, random_state: int
+) -> LWRegressor:
+    """Returns the default regressor of a skill, not fitted; its feature scale predicts left-out demonstrations best.
+
+    With fewer than ``FOLDS`` demonstrations, features are standardised.
+    """
+    regressor = LWRegressor(bandwidth=1.0, feature_scale="standard", ridge=1.0)
+    if len(np.unique(groups)) >= FOLDS:
+        selected = select_feature_scale(
+            regressor, X, Y, groups, memberships=memberships, n_splits=FOLDS, random_state=random_state
+        )
+        regressor.set_params(feature_scale=selected.feature_scale)
+    return regressor

@@ -17,7 +17,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from skill.arrays import Array
-from skill.channel_scale import standard_scale
+from skill.channel_scale import resolved_scale
 from skill.regression.explanation import Explanation
 from skill.regression.kernel_neighbourhood import Kernel, KernelNeighbourhood
 from skill.regression.leave_one_out import StoredSamples
@@ -29,6 +29,7 @@ from skill.regression.local_model import (
     normalised_weights,
 )
 from skill.regression.membership_index import check_memberships
+from skill.regression.neighbour_index import Rows
 from skill.regression.regressor_arrays import check_regressor_arrays
 
 MAX_QUERY = 1e100
@@ -130,7 +131,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         rows = np.flatnonzero(weight > 0)
         if rows.size == 0:
             raise ValueError("every sample_weight is zero; give at least one sample a positive weight")
-        self.feature_scale_ = self._resolved_scale(samples[rows])
+        self.feature_scale_ = resolved_scale(self.feature_scale, samples[rows])
         self.X_ = np.ascontiguousarray(samples[rows] * self.feature_scale_)
         self.y_ = np.ascontiguousarray(outputs[rows])
         self.memberships_ = None if P is None else np.ascontiguousarray(P[rows])
@@ -197,6 +198,15 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         queries, Q = self._queries(X, memberships)
         rows = [self._predict_one(query, None if Q is None else Q[k]) for k, query in enumerate(queries)]
         return self._shaped(np.array([row for row, _ in rows])), np.array([log_w for _, log_w in rows])
+
+    def local_samples(self, X: ArrayLike, memberships: ArrayLike | None = None) -> tuple[Rows, Array]:
+        """Rows (k,) of ``X_`` and ``y_`` that are the neighbourhood of one query (1, d), and their weights (k,).
+
+        The weights are divided by the greatest.
+        """
+        queries, Q = self._queries(X, memberships)
+        found, _, log_w = self._neighbourhood.of_one(queries[0], None if Q is None else Q[0], self._kernel())
+        return found, normalised_weights(log_w, self.ridge)[0]
 
     def support_between(self, groups: ArrayLike) -> Array:
         """Logarithm of the greatest kernel weight (n,) that each sample finds in the other groups.
@@ -335,19 +345,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         self.marginal_variance_ = self.y_.var(axis=0)
         self._neighbourhood = KernelNeighbourhood(self.X_, self.memberships_, self.sample_weight_, self.algorithm)
         self._stored = StoredSamples(self.X_, self.y_, self.memberships_, self.sample_weight_, self._neighbourhood)
-
-    def _resolved_scale(self, X: Array) -> Array:
-        if self.feature_scale is None:
-            return np.ones(X.shape[1])
-        if isinstance(self.feature_scale, str):
-            return 1.0 / standard_scale(X)
-        scale = np.asarray(self.feature_scale, dtype=float)
-        expected = f"expected {X.shape[1]} positive, finite numbers, one for each feature"
-        if scale.shape != (X.shape[1],):
-            raise ValueError(f"feature_scale has shape {scale.shape}; {expected}")
-        if not (np.isfinite(scale).all() and (scale > 0).all()):
-            raise ValueError(f"feature_scale is {scale}; {expected}")
-        return scale
 
     def _queries(self, X: ArrayLike, memberships: ArrayLike | None) -> tuple[Array, Array | None]:
         """Checks queries; returns the scaled queries (m, d) and their memberships (m, K)."""

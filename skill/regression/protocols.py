@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Protocol, Self, runtime_checkable
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from skill.arrays import Array
 from skill.regression.explanation import Explanation
@@ -32,6 +33,16 @@ class StateRegressor(Protocol):
 
     def support_between(self, groups: ArrayLike) -> Array:
         """Logarithm of the greatest kernel weight (n,) that each sample finds in the other groups (n,)."""
+
+
+@runtime_checkable
+class LocalRegressor(StateRegressor, Protocol):
+    """A regressor that can tell which samples a prediction uses; ``y_`` (n, p) are the outputs of all."""
+
+    y_: Array
+
+    def local_samples(self, X: Array, memberships: Array) -> tuple[NDArray[np.intp], Array]:
+        """Numbers (k,) of the samples near one query (1, d), and their kernel weights (k,)."""
 
 
 @runtime_checkable

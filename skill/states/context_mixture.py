@@ -177,8 +177,10 @@ class ContextMixture(BaseEstimator):
 
     def probabilities_of(self, groups: ArrayLike) -> Array:
         """Returns the responsibilities (n, K) of groups (n,) by their names; ``weights_`` for those without samples."""
-        known = dict(zip(self.groups_.tolist(), self.responsibilities_, strict=True))
-        return np.array([known.get(name, self.weights_) for name in np.asarray(groups).tolist()])
+        names = np.asarray(groups)
+        place = np.minimum(np.searchsorted(self.groups_, names), len(self.groups_) - 1)
+        known = self.groups_[place] == names
+        return np.where(known[:, None], self.responsibilities_[place], self.weights_)
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """The fitted estimator as plain arrays, which can be stored without pickle."""

@@ -29,6 +29,7 @@ class BackOffState:
         best: largest depth at which an attempt ended, m.
         contact: number of the contact state in which the last attempt ended; -1 before the first.
         repeats: attempts in a row that ended like the one before.
+        reversing: 1 if the turns of the policy are reversed, else 0.
     """
 
     mode: BackOffMode = BackOffMode.WORKING
@@ -38,10 +39,12 @@ class BackOffState:
     best: float = -1.0
     contact: float = -1.0
     repeats: float = 0.0
+    reversing: float = 0.0
 
     def as_list(self) -> list[float]:
         """Returns the numbers of a discrete state, in the order of the attributes."""
-        return [float(self.mode), self.elapsed, self.anchor, self.doubt, self.best, self.contact, self.repeats]
+        attempt = (self.best, self.contact, self.repeats, self.reversing)
+        return [float(self.mode), self.elapsed, self.anchor, self.doubt, *attempt]
 
     @classmethod
     def from_list(cls, values: Sequence[float]) -> Self:
@@ -57,14 +60,14 @@ class BackOffDecision:
     Attributes:
         state: state for the next period.
         feed_speed: feed speed, m/s, negative into the hole.
-        turning: whether the turn of the policy is applied.
+        turning: 1 if the turn of the policy is applied, -1 if it is reversed, 0 if it is not applied.
         unwinding: whether the hole turns back to its angles at the last light load.
         given_up: whether the policy has nothing new to try.
     """
 
     state: BackOffState
     feed_speed: float
-    turning: bool
+    turning: float
     unwinding: bool = False
     given_up: bool = False
 
@@ -94,9 +97,14 @@ def back_off_step(
     peg that its own turns have wedged. If the peg has not risen by ``stall_depth`` after half of ``back_off_time``,
     the turns are therefore unwound (see `ForceGuard`).
 
-    An attempt ends with a back-off. It repeats the one before if it ended in the same contact state and no attempt has
-    been deeper by ``stall_depth``. A policy without memory then measures the same again and does the same again: after
-    ``max_repeats`` repetitions, and the back-off that follows, it has nothing new to try and gives up.
+    An attempt ends with a back-off. A policy without memory measures the same again in the next one and does the same
+    again. What it did is therefore judged by its result (win-stay, lose-shift; Robbins, "Some aspects of the sequential
+    design of experiments", 1952): after an attempt that is not deeper than all before by ``stall_depth``, the next one
+    turns the other way, and so do those that follow while each is deeper. Near the mouth the same force can ask for
+    opposite turns, so that the other way is the likeliest remedy.
+
+    An attempt repeats the one before if it is not deeper and ended in the same contact state. After ``max_repeats``
+    repetitions, and the back-off that follows, the policy has nothing new to try and gives up.
 
     Args:
         p: thresholds.
@@ -114,9 +122,9 @@ def back_off_step(
         if not (risen >= p.back_off_distance or state.elapsed >= p.back_off_time):
             stuck = state.elapsed >= 0.5 * p.back_off_time and risen < p.stall_depth
             state = replace(state, elapsed=state.elapsed + period)
-            return BackOffDecision(state, p.retract_speed, turning=False, unwinding=stuck)
+            return BackOffDecision(state, p.retract_speed, turning=0.0, unwinding=stuck)
         if state.repeats >= p.max_repeats:
-            return BackOffDecision(state, 0.0, turning=False, given_up=True)
+            return BackOffDecision(state, 0.0, turning=0.0, given_up=True)
         state = replace(state, mode=BackOffMode.WORKING, elapsed=0.0, anchor=depth, doubt=0.0)
     doubt = 0.0 if known and support >= 1.0 else state.doubt + period
     if depth - state.anchor >= p.stall_depth:
@@ -125,10 +133,10 @@ def back_off_step(
         state = replace(state, elapsed=state.elapsed + period, doubt=doubt)
     pushing = feed_speed < 0.0
     if load > p.force_limit or (pushing and (state.elapsed > p.stall_time or state.doubt > p.doubt_time)):
-        return BackOffDecision(_attempt_over(p, state, depth, contact), p.retract_speed, turning=False)
+        return BackOffDecision(_attempt_over(p, state, depth, contact), p.retract_speed, turning=0.0)
     if pushing:
         feed_speed *= support if known else support * p.unknown_feed
-    return BackOffDecision(state, feed_speed, turning=True)
+    return BackOffDecision(state, feed_speed, turning=-1.0 if state.reversing else 1.0)
 
 
 def _attempt_over(p: BackOffParameters, state: BackOffState, depth: float, contact: int) -> BackOffState:
@@ -141,4 +149,5 @@ def _attempt_over(p: BackOffParameters, state: BackOffState, depth: float, conta
         best=depth if deeper else state.best,
         contact=float(contact),
         repeats=state.repeats + 1.0 if repeated else 0.0,
+        reversing=state.reversing if deeper else 1.0 - state.reversing,
     )

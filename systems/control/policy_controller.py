@@ -29,6 +29,7 @@ class ControllerState:
         unwinding: whether the hole turns back to its angles at the last light load.
         back_off: state of the back-off.
         support: support of the last action, 0 to 1.
+        turning: 1 where the turns of the policy are applied, -1 where they are reversed, 0 where they are not applied.
         given_up: whether the policy has nothing new to try.
     """
 
@@ -37,19 +38,20 @@ class ControllerState:
     unwinding: bool = False
     back_off: BackOffState = field(default_factory=BackOffState)
     support: float = 1.0
+    turning: float = 1.0
     given_up: bool = False
 
     def as_list(self) -> list[float]:
         """Returns the numbers of the discrete state."""
         flags = float(self.unwinding), float(self.given_up)
-        return [*self.rates, self.feed_speed, *flags, *self.back_off.as_list(), self.support]
+        return [*self.rates, self.feed_speed, *flags, *self.back_off.as_list(), self.support, self.turning]
 
     @classmethod
     def from_vector(cls, values: Array) -> Self:
         """Inverts `as_list`."""
-        pitch, yaw, feed_speed, unwinding, given_up, *back_off, support = values
+        pitch, yaw, feed_speed, unwinding, given_up, *back_off, support, turning = values
         state = BackOffState.from_list(back_off)
-        return cls(np.array([pitch, yaw]), feed_speed, bool(unwinding), state, support, bool(given_up))
+        return cls(np.array([pitch, yaw]), feed_speed, bool(unwinding), state, support, turning, bool(given_up))
 
 
 OUTPUTS: dict[str, Callable[[ControllerState], float]] = {
@@ -59,6 +61,7 @@ OUTPUTS: dict[str, Callable[[ControllerState], float]] = {
     "unwinding": lambda state: state.unwinding,
     "guard": lambda state: state.back_off.mode,
     "support": lambda state: state.support,
+    "turning": lambda state: state.turning,
     "given_up": lambda state: state.given_up,
 }
 """The output ports that read the discrete state."""
@@ -82,6 +85,7 @@ class PolicyController(LeafSystem):
         - unwinding
         - guard
         - support
+        - turning
         - given_up
         - failed
 
@@ -92,7 +96,8 @@ class PolicyController(LeafSystem):
 
     each within its limit. `back_off_step` reduces the feed where the policy is unsure, and draws the peg back when it
     is stuck: ``guard`` is 1 meanwhile, and ``unwinding`` is 1 while the hole is to turn back to its angles at the last
-    light load. ``support`` is the support of the action. When the policy has nothing new to try, ``given_up`` is 1 and
+    light load. ``support`` is the support of the action, and ``turning`` is 1 where its turn is applied, -1 where it is
+    reversed, and 0 where it is not applied. When the policy has nothing new to try, ``given_up`` is 1 and
     nothing moves any more. The load is limited behind this system, by the `ForceGuard`.
 
     A policy that raises an exception, or returns a NaN or infinite action, has failed and is not called again: feed and
@@ -200,10 +205,16 @@ class PolicyController(LeafSystem):
             support=action.support,
             contact=int(np.argmax(probabilities)),
         )
-        rates = -p.gain * action.turn / self._policy.period_ if decision.turning else np.zeros(2)
+        rates = -p.gain * decision.turning * action.turn / self._policy.period_
         size = np.linalg.norm(rates)
         if size > p.max_turn_rate:
             rates *= p.max_turn_rate / size
         return ControllerState(
-            rates, decision.feed_speed, decision.unwinding, decision.state, action.support, decision.given_up
+            rates=rates,
+            feed_speed=decision.feed_speed,
+            unwinding=decision.unwinding,
+            back_off=decision.state,
+            support=action.support,
+            turning=decision.turning,
+            given_up=decision.given_up,
         )

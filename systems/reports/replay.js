@@ -165,14 +165,16 @@ for (const command of sceneCommands) {
     return String.fromCharCode(65 + data.context[sample]);
   }
 
-  /** Marks the samples in which the peg is backed off. */
+  /** Marks the samples in which the peg is backed off, and, with a thin line, those in which turns are reversed. */
   function drawGuard({ context, bottom, xOf }) {
-    context.fillStyle = INK;
-    data.guard.forEach((active, k) => {
-      if (!active) return;
+    const mark = (active, height) => active.forEach((value, k) => {
+      if (!value) return;
       const left = xOf(data.time[k]), right = xOf(data.time[Math.min(k + 1, sampleCount - 1)]);
-      context.fillRect(left, bottom - 1, Math.max(1, right - left), 4);
+      context.fillRect(left, bottom + 3 - height, Math.max(1, right - left), height);
     });
+    context.fillStyle = INK;
+    mark(data.guard, 4);
+    mark(data.reversed, 1.5);
   }
 
   /** Draws depth, force or load, and the limit of the load. */
@@ -208,6 +210,7 @@ for (const command of sceneCommands) {
       : "force, up to " + formatNumber(maxPush, 1) + " N";
     const marks = [];
     if (data.guard && data.guard.some(Boolean)) marks.push("\u25ac backs off");
+    if (data.guard && data.reversed.some(Boolean)) marks.push("\u2500 turns the other way");
     if (data.context) marks.push("\u25a0 context A, B: pale where unsure");
     if (data.steps) marks.push("\u2758 microsteps: pitch above, yaw below");
     context.textAlign = "left";
@@ -321,7 +324,8 @@ for (const command of sceneCommands) {
       byId("reading-context").textContent = contextName(sample) + " " +
         formatNumber(100 * data.context_probability[sample], 0) + " % (" + sign + formatNumber(Math.abs(moved), 1) + ")";
     }
-    byId("reading-guard").textContent = data.guard[sample] ? "backing off" : "inactive";
+    byId("reading-guard").textContent = data.guard[sample] ? "backing off"
+      : data.reversed[sample] ? "turns the other way" : "inactive";
     byId("reading-steps").textContent = data.steps[0][sample] + ", " + data.steps[1][sample];
   }
 

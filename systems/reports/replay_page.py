@@ -91,6 +91,7 @@ def _overlay_data(motion: Motion, title: str, speed: float) -> dict[str, Any]:
         "colours": motion.colours,
         "colouring": motion.colouring,
         "guard": None if motion.guard is None else motion.guard.tolist(),
+        "reversed": None if motion.reversed is None else motion.reversed.tolist(),
         "load": _rounded(motion.load, 4),
         "limit": motion.force_limit,
         "steps": None if motion.steps is None else motion.steps.T.tolist(),

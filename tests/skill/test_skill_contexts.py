@@ -1,6 +1,7 @@
 """A skill whose demonstrations have contexts: discovered, used, stored."""
 
 import math
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from tests.trajectories import make_demonstration
 def hinged_demonstrations(number=8):
     """Synthetic demonstrations in which the lateral force answers to turns about y, with opposite signs in two halves.
 
-    Those with even numbers then turn one way, those with odd numbers the other way, under the same force.
+    The turns are noise: those with even numbers act like those with odd numbers.
     """
     rng = np.random.default_rng(3)
     demonstrations = []
@@ -49,18 +50,46 @@ def test_contexts_are_discovered_in_the_answers_to_motions(skill_with_contexts):
     assert skill_with_contexts.regressor_.memberships_.shape[1] == 2 * skill_with_contexts.n_states
 
 
-def test_an_action_is_that_of_the_demonstrations_of_its_context(skill_with_contexts):
-    """Only samples of the context count: their share of the weights is the probability of the context."""
+def share_of_context(skill, row, context):
+    """Share of the weights of an explanation that belongs to the demonstrations of a context, and the explanation."""
+    explained = skill.explain(row, contexts=np.eye(2)[context])
+    number = explained.neighbours["demonstration"].to_numpy()
+    weights = explained.neighbours["weight"].to_numpy()
+    side = skill.contexts_.responsibilities_.argmax(axis=1)
+    return weights[side[number] == context].sum() / weights.sum(), explained
+
+
+def test_where_contexts_act_differently_an_action_is_that_of_its_context(skill_with_contexts):
+    opposed = copy(skill_with_contexts)
+    stored = skill_with_contexts.regressor_.to_arrays()
+    side = opposed.contexts_.probabilities_of(opposed.sources_[:, 0]).argmax(axis=1)
+    turns = np.where(side == 0, 1e-3, -1e-3) + 1e-4 * np.random.default_rng(0).standard_normal(len(side))
+    opposed.regressor_ = LWRegressor.from_arrays(
+        {**stored, "y": np.column_stack([0.0 * turns, turns, stored["y"][:, 2]])}
+    )
     row = hinged_demonstrations()[0].samples[list(MEASURED)].to_numpy()[40]
-    side = skill_with_contexts.contexts_.responsibilities_.argmax(axis=1)
-    for context in (0, 1):
-        certain = np.eye(2)[context]
-        explained = skill_with_contexts.explain(row, contexts=certain)
-        number = explained.neighbours["demonstration"].to_numpy()
-        weights = explained.neighbours["weight"].to_numpy()
-        assert weights[side[number] == context].sum() > 0.99 * weights.sum()
-        np.testing.assert_array_equal(explained.contexts, certain)
-    assert "contexts: A " in str(skill_with_contexts.explain(row))
+    for context, sign in ((0, 1.0), (1, -1.0)):
+        share, explained = share_of_context(opposed, row, context)
+        assert explained.relevance > 0.99
+        assert share > 0.99
+        np.testing.assert_array_equal(explained.contexts, np.eye(2)[context])
+        angle = explained.frame_angle  # to the frame of the features
+        assert explained.turn @ [-np.sin(angle), np.cos(angle)] == pytest.approx(sign * 1e-3, rel=0.2)
+    text = str(opposed.explain(row))
+    assert "contexts: A " in text
+    assert "the context matters by " in text
+
+
+def test_where_contexts_act_alike_all_demonstrations_count(skill_with_contexts):
+    """The other half is as much evidence, and support is that of all samples."""
+    rows = hinged_demonstrations()[0].samples[list(MEASURED)].to_numpy()[20:80:4]
+    found = [share_of_context(skill_with_contexts, row, 0) for row in rows]
+    assert np.median([share for share, _ in found]) == pytest.approx(0.5, abs=0.1)
+    assert np.median([explained.relevance for _, explained in found]) < 0.2
+    free = ManipulationSkill(contexts=ContextMixture(max_contexts=1), regressor=LWRegressor(ridge=1.0))
+    free.fit(hinged_demonstrations())
+    supports = [(skill_with_contexts.act(row, None, [1.0, 0.0]).support, free.act(row).support) for row in rows]
+    assert np.median([one / other for one, other in supports]) == pytest.approx(1.0, abs=0.1)
 
 
 def test_without_contexts_given_their_shares_in_the_demonstrations_count(skill_with_contexts):

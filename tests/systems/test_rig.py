@@ -7,7 +7,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
 
 from models.scenario import FREE_FACETS, TRIAL_STREAM, load_scenario, resolve_scenario
-from skill.data.rig_run import CONTEXT_COLUMNS, RUN_COLUMNS
+from skill.data.rig_run import CONTEXT_COLUMNS, CONTROL_COLUMNS, RUN_COLUMNS
 from systems.control.force_guard import StoppingModel
 from systems.rig import MakeRig
 from tests.diagrams import graph_names, state_of, unconnected_inputs
@@ -151,7 +151,7 @@ def test_the_log_agrees_with_the_state_of_the_plant(resolved, skill):
     simulator.set_monitor(record)
     simulator.AdvanceTo(0.5)
     logged = rig.recorder.samples(simulator.get_context())
-    assert tuple(logged.columns) == (*RUN_COLUMNS, *CONTEXT_COLUMNS)
+    assert tuple(logged.columns) == (*RUN_COLUMNS, *CONTEXT_COLUMNS, *CONTROL_COLUMNS)
     own = np.array(rows)
     at = [int(np.argmin(np.abs(own[:, 0] - t))) for t in logged["time"][1:]]
     np.testing.assert_allclose(own[at, 0], logged["time"][1:], atol=1e-9)

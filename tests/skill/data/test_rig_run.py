@@ -11,6 +11,7 @@ from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import (
     CONTACT_COLUMNS,
     CONTEXT_COLUMNS,
+    CONTROL_COLUMNS,
     RUN_COLUMNS,
     RUN_VERSION,
     RigRun,
@@ -52,7 +53,7 @@ def test_a_run_is_read_back_bit_identically(run, path):
     pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
     assert again.result == run.result
     assert again.metadata == run.metadata
-    assert tuple(again.samples.columns) == (*RUN_COLUMNS, *CONTEXT_COLUMNS, *CONTACT_COLUMNS)
+    assert tuple(again.samples.columns) == (*RUN_COLUMNS, *CONTEXT_COLUMNS, *CONTROL_COLUMNS, *CONTACT_COLUMNS)
 
 
 def test_a_file_of_the_other_kind_is_refused(path, demonstrations, tmp_path):
@@ -79,7 +80,7 @@ def test_a_bad_table_is_refused(path, change, message):
 
 def test_a_run_of_another_version_is_refused(path):
     rewrite(path, "rig_run", format_version=RUN_VERSION + 1)
-    assert f"version {RUN_VERSION + 1}, expected 2 or 3 or 4 or {RUN_VERSION}" in error_message(path)
+    assert f"version {RUN_VERSION + 1}, expected 2 or 3 or 4 or 5 or {RUN_VERSION}" in error_message(path)
 
 
 def test_runs_of_version_2_stay_readable(run, path):

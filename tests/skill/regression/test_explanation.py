@@ -14,6 +14,8 @@ def test_the_text_is_in_degrees_and_millimetres_and_names_the_likely_states():
         state_names=["free", "one point", "two points"],
         probabilities=np.array([0.301, 0.009, 0.69]),
         contexts=np.array([0.08, 0.92]),
+        relevance=0.253,
+        limited=True,
         turn=np.radians([0.1, -0.2]),
         feed=-2e-4,
         frame_angle=math.radians(30.0),
@@ -27,7 +29,8 @@ def test_the_text_is_in_degrees_and_millimetres_and_names_the_likely_states():
     assert len(neighbours) > MAX_PRINTED
     assert str(explanation).splitlines() == [
         "states: two points 69%, free 30%",
-        "contexts: A 8%, B 92%",
+        "contexts: A 8%, B 92%; the context matters by 25% here",
+        "the turn is limited to the quartiles of what was done nearby",
         "turn +0.100 -0.200 deg, feed -0.200 mm, in one sample period",
         "80% interval in the contact frame (+30 deg about z):"
         " turn -0.300..+0.400, -0.500..+0.600 deg, feed -0.400..+0.100 mm",

@@ -16,7 +16,7 @@ def step(state, *, load=0.0, depth=0.0, known=True, support=1.0, feed=FEED, cont
 
 def test_without_load_the_feed_is_not_changed():
     decision = step(BackOffState())
-    assert (decision.feed_speed, decision.turning, decision.state.mode) == (FEED, True, BackOffMode.WORKING)
+    assert (decision.feed_speed, decision.turning, decision.state.mode) == (FEED, 1.0, BackOffMode.WORKING)
 
 
 def test_an_unknown_state_halves_the_feed():
@@ -151,9 +151,16 @@ def test_a_peg_that_is_pushed_deeper_has_not_backed_off():
 
 def test_a_state_survives_its_list_of_numbers():
     state = BackOffState(
-        BackOffMode.BACKING_OFF, elapsed=0.1, anchor=0.005, doubt=0.3, best=0.006, contact=2.0, repeats=1.0
+        BackOffMode.BACKING_OFF,
+        elapsed=0.1,
+        anchor=0.005,
+        doubt=0.3,
+        best=0.006,
+        contact=2.0,
+        repeats=1.0,
+        reversing=1.0,
     )
-    assert state.as_list() == [1.0, 0.1, 0.005, 0.3, 0.006, 2.0, 1.0]
+    assert state.as_list() == [1.0, 0.1, 0.005, 0.3, 0.006, 2.0, 1.0, 1.0]
     assert BackOffState.from_list(state.as_list()) == state
     assert BackOffState.from_list(state.as_list()).mode is BackOffMode.BACKING_OFF
 
@@ -165,7 +172,7 @@ def test_a_load_at_the_limit_causes_no_back_off():
 
 def test_the_first_measurement_counts_as_progress_at_any_depth():
     """The first anchor is 1 m above the mouth, so that the time since progress begins with the run."""
-    assert BackOffState().as_list() == [0.0, 0.0, -1.0, 0.0, -1.0, -1.0, 0.0]
+    assert BackOffState().as_list() == [0.0, 0.0, -1.0, 0.0, -1.0, -1.0, 0.0, 0.0]
     state = step(BackOffState(), depth=-0.05).state
     assert (state.anchor, state.elapsed) == (-0.05, 0.0)
 
@@ -179,13 +186,32 @@ def attempt(state, *, depth, contact=0):
     return decision
 
 
+@pytest.mark.parametrize("contact", [0, 3])
+def test_after_an_attempt_that_is_not_deeper_the_next_turns_the_other_way(contact):
+    state = attempt(BackOffState(), depth=0.005).state  # the first: nothing to compare with
+    assert step(state).turning == 1.0
+    state = attempt(state, depth=0.005, contact=contact).state
+    assert step(state).turning == -1.0
+    state = attempt(state, depth=0.005 + 0.9 * P.stall_depth, contact=contact).state
+    assert step(state).turning == 1.0
+
+
+def test_what_brings_the_peg_deeper_is_kept_and_what_does_not_is_given_up():
+    state = attempt(attempt(BackOffState(), depth=0.005).state, depth=0.005).state
+    for number in range(3):
+        state = attempt(state, depth=0.005 + 1.1 * (number + 1) * P.stall_depth).state
+        assert step(state).turning == -1.0
+    state = attempt(state, depth=0.005).state
+    assert step(state).turning == 1.0
+
+
 def test_attempts_that_end_alike_are_given_up_with_the_peg_drawn_back():
     state = BackOffState()
     for number in range(1 + P.max_repeats):
         decision = attempt(state, depth=0.005)
         state = decision.state
         assert decision.given_up == (number == P.max_repeats)
-    assert (decision.feed_speed, decision.turning) == (0.0, False)
+    assert (decision.feed_speed, decision.turning) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(

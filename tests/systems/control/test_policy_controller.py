@@ -252,6 +252,22 @@ def test_a_policy_with_nothing_new_to_try_stops_and_says_what_it_tried(skill, me
     assert dut.tried(context) == expected
 
 
+def test_after_two_attempts_that_end_alike_the_hole_turns_the_other_way(skill, measurements):
+    """The wrench and the depth stay the same: a deadlock. The policy alone would go on as before."""
+    policy = FixedPolicy(skill, Action(turn=np.array([2e-4, -1e-4]), feed=-1e-4, probabilities=np.ones(1)))
+    dut, context, _ = controller(policy, measurements[3])
+    first = step(dut, context)
+    turning = []
+    while not dut.GetOutputPort("given_up").Eval(context)[0]:
+        found = step(dut, context)
+        turning.append(dut.GetOutputPort("turning").Eval(context)[0])
+        for name in ("pitch_rate", "yaw_rate"):
+            assert found[name] == pytest.approx(turning[-1] * first[name])
+    changes = [turning[0], *(now for now, last in zip(turning[1:], turning, strict=False) if now != last)]
+    assert changes == [1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0]
+    assert GENTLE.max_repeats == 4
+
+
 def test_the_state_survives_its_list_of_numbers():
     state = ControllerState(
         rates=np.array([0.1, -0.2]),
@@ -259,8 +275,9 @@ def test_the_state_survives_its_list_of_numbers():
         unwinding=True,
         back_off=BackOffState(BackOffMode.BACKING_OFF, elapsed=0.3, anchor=0.004, doubt=0.5, best=0.005, contact=2.0),
         support=0.7,
+        turning=0.0,
         given_up=True,
     )
-    numbers = [0.1, -0.2, -0.01, 1.0, 1.0, 1.0, 0.3, 0.004, 0.5, 0.005, 2.0, 0.0, 0.7]
+    numbers = [0.1, -0.2, -0.01, 1.0, 1.0, 1.0, 0.3, 0.004, 0.5, 0.005, 2.0, 0.0, 0.0, 0.7, 0.0]
     assert state.as_list() == numbers
     assert ControllerState.from_vector(np.array(numbers)).as_list() == numbers

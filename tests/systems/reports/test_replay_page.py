@@ -194,6 +194,7 @@ def third_of_everything() -> Motion:
         contact_forces=None,
         phase=np.array([0, 1]),
         guard=np.array([False, True]),
+        reversed=np.array([False, False]),
         steps=np.array([[0, 0], [3, 5]]),
     )
 
@@ -254,6 +255,14 @@ def test_page_of_a_run_of_an_earlier_version_holds_no_contacts_and_no_contexts()
     data = data_of(replay_page(motion_of_run(make_rig_run(contacts=False)), title="t"))
     assert data["contacts"] is None
     assert data["context"] is None
+    assert not any(data["reversed"])
+
+
+def test_page_of_a_run_marks_the_turns_that_were_reversed():
+    run = make_rig_run()
+    data = data_of(replay_page(motion_of_run(run), title="t"))
+    assert data["reversed"] == (run.samples["turning"] < 0.0).tolist()
+    assert any(data["reversed"])
 
 
 def test_a_run_of_a_policy_with_a_single_context_shows_none():
@@ -266,7 +275,7 @@ def test_a_run_of_a_policy_with_a_single_context_shows_none():
 def test_page_of_a_demonstration_holds_no_guard_and_no_steps():
     data = data_of(replay_page(motion_of_demonstration(make_demonstration()), title="t"))
     assert data["speed"] == 1
-    assert [data["guard"], data["steps"], data["limit"]] == [None, None, None]
+    assert [data["guard"], data["reversed"], data["steps"], data["limit"]] == [None, None, None, None]
 
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, np.inf, np.nan])

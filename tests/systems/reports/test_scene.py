@@ -49,6 +49,7 @@ def make_motion(**changes: Any) -> Motion:
         colours=["#102030", "#C0FF80", "#08519C"],
         colouring="contact state",
         guard=None,
+        reversed=None,
         force_limit=None,
         steps=None,
         geometry=GEOMETRY,

@@ -1,0 +1,127 @@
+"""Imitation: the action of the good demonstrations in the same situation.
+
+A regression over the demonstrated samples gives the action. Two things are made safe that a regression does not know:
+
+* The context is followed only as far as it matters here (`skill.regression.partial_pooling`).
+* A turn is not extrapolated. A jammed rig meets larger loads than any demonstration, and the slope of a local linear
+  model, continued there, can cancel or even reverse a turn on which all demonstrations nearby agree. Each turn stays
+  within the central half of what the neighbours did, from the first to the third quartile of their turns.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from skill.arrays import Array
+from skill.regression.partial_pooling import relevance
+from skill.regression.protocols import LocalRegressor, Regressor, StateRegressor
+from skill.states.context_filter import pair_probabilities
+from skill.states.context_mixture import ContextMixture
+
+TURNS = slice(0, 2)
+"""The outputs of the regressor that are turns."""
+
+LOW_SUPPORT_SHARE = 0.01
+"""Share of the demonstrated samples whose support, from the other demonstrations, counts as low."""
+
+
+class Prediction(NamedTuple):
+    """What the demonstrations would do at one query.
+
+    Attributes:
+        action: (3,), turn about x and y (rad) and feed (m) in the frame of the features, over one sample period.
+        support: see `Action`.
+        contexts: (1, C), the probabilities of the contexts as far as they matter.
+        relevance: how far the context matters, 0 to 1.
+        limited: whether a turn was limited to what the neighbours did.
+    """
+
+    action: Array
+    support: float
+    contexts: Array
+    relevance: float
+    limited: bool
+
+
+@dataclass(frozen=True)
+class Imitation:
+    """Predicts actions from demonstrated samples.
+
+    Attributes:
+        regressor: the fitted regressor of the actions.
+        sources: (n, 2), demonstration number and time (s) of each of its samples.
+        contexts: the contexts of the demonstrations; None if there is one.
+        min_log_support: logarithm of the kernel weight below which support is low.
+    """
+
+    regressor: Regressor
+    sources: Array
+    contexts: ContextMixture | None
+    min_log_support: float
+
+    def predict(self, X: Array, P: Array, Q: Array) -> Prediction:
+        """Returns the prediction for one query.
+
+        Args:
+            X: (1, d), features.
+            P: (1, K), probabilities of the states.
+            Q: (1, C), probabilities of the contexts.
+        """
+        if not isinstance(self.regressor, StateRegressor):
+            return Prediction(np.asarray(self.regressor.predict(X))[0], 1.0, Q, 1.0, limited=False)
+        followed, matters = self._followed(X, P, Q)
+        pairs = pair_probabilities(P, followed)
+        predicted, log_support = self.regressor.predict_with_support(X, pairs)
+        # Not to know the context, or not to need it, is no lack of samples.
+        missing = self.min_log_support + math.log(followed.max()) - float(log_support[0])
+        action = self._limited(predicted[0], X, pairs)
+        limited = bool((action != predicted[0]).any())
+        return Prediction(action, math.exp(-max(0.0, missing)), followed, matters, limited)
+
+    def _followed(self, X: Array, P: Array, Q: Array) -> tuple[Array, float]:
+        """The contexts (1, C) that a query follows, and the relevance of the context."""
+        if self.contexts is None or not isinstance(self.regressor, LocalRegressor):
+            return Q, 1.0
+        any_context = np.full_like(Q, 1.0 / Q.size)
+        rows, weights = self.regressor.local_samples(X, pair_probabilities(P, any_context))
+        numbers = self.sources[rows, 0]
+        memberships = self.contexts.probabilities_of(numbers)[:, Q[0].argmax()]
+        matters = relevance(weights, self.regressor.y_[rows, TURNS], numbers, memberships)
+        return matters * Q + (1.0 - matters) * any_context, matters
+
+    def _limited(self, action: Array, X: Array, pairs: Array) -> Array:
+        """The action (3,), its turns within the quartiles of the neighbours."""
+        if not isinstance(self.regressor, LocalRegressor):
+            return action
+        rows, weights = self.regressor.local_samples(X, pairs)
+        low, high = quartiles(self.regressor.y_[rows, TURNS], weights)
+        return np.concatenate([np.clip(action[TURNS], low, high), action[TURNS.stop :]])
+
+
+def quartiles(values: Array, weights: Array) -> tuple[Array, Array]:
+    """Returns the first and third quartile (p,) of values (k, p) with weights (k,)."""
+    order = np.argsort(values, axis=0)
+    share = np.cumsum(weights[order], axis=0) / weights.sum()
+    ranked = np.take_along_axis(values, order, axis=0)
+    rank = [np.minimum((share < level).sum(axis=0), len(values) - 1) for level in (0.25, 0.75)]
+    low, high = (np.take_along_axis(ranked, r[None], axis=0)[0] for r in rank)
+    return low, high
+
+
+def lowest_log_support(regressor: Regressor, demonstrations: Array) -> float:
+    """Returns the logarithm of the kernel weight below which support is low.
+
+    A share ``LOW_SUPPORT_SHARE`` of the samples find less in the other demonstrations. It is -inf for a regressor that
+    does not report its support, and for a single demonstration.
+
+    Args:
+        regressor: the fitted regressor.
+        demonstrations: (n,), the number of the demonstration of each sample.
+    """
+    if not isinstance(regressor, StateRegressor) or len(np.unique(demonstrations)) < 2:
+        return -math.inf
+    return float(np.quantile(regressor.support_between(demonstrations), LOW_SUPPORT_SHARE))

@@ -1,0 +1,69 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from sklearn.linear_model import LinearRegression
+
+from skill.imitation import Imitation, lowest_log_support, quartiles
+from skill.regression.locally_weighted_regression import LWRegressor
+
+ONE = np.ones((1, 1))
+
+numbers = arrays(float, st.integers(1, 30), elements=st.floats(-5.0, 5.0))
+
+
+def imitation(regressor, X, Y, **parameters):
+    return Imitation(regressor.fit(X, Y, **parameters), np.zeros((len(X), 2)), None, -math.inf)
+
+
+def test_quartiles_with_equal_weights():
+    low, high = quartiles(np.array([[4.0], [1.0], [3.0], [2.0]]), np.ones(4))
+    assert (low, high) == (1.0, 3.0)
+
+
+def test_a_heavy_sample_is_both_quartiles():
+    low, high = quartiles(np.array([[4.0, 1.0], [1.0, 7.0], [3.0, -2.0]]), np.array([0.1, 1.0, 0.1]))
+    np.testing.assert_array_equal([low, high], [[1.0, 7.0], [1.0, 7.0]])
+
+
+@given(numbers)
+def test_quartiles_are_values_in_order(values):
+    low, high = quartiles(values[:, None], np.ones(len(values)))
+    assert low <= high
+    assert {low[0], high[0]} <= set(values)
+    assert np.mean(values <= high) >= 0.75
+    assert np.mean(values < low) <= 0.25
+
+
+@pytest.fixture
+def sloping():
+    """Turns that fall towards zero with x among 0..1, so that a line reverses them beyond x = 2; feeds as well."""
+    x = np.linspace(0.0, 1.0, 101)[:, None]
+    Y = np.column_stack([0.2 - 0.1 * x, -0.2 + 0.1 * x, -0.2 + 0.1 * x])
+    return imitation(LWRegressor(bandwidth=5.0, ridge=1e-3), x, Y, memberships=np.ones((101, 1)))
+
+
+def test_a_turn_is_not_extrapolated(sloping):
+    found = sloping.predict(np.array([[3.0]]), ONE, ONE)
+    np.testing.assert_allclose(found.action[:2], [0.125, -0.125], atol=0.003)  # the farther quartile
+    assert found.limited
+    assert found.action[2] == pytest.approx(0.1, abs=0.01)  # a feed is
+
+
+def test_within_the_quartiles_a_prediction_is_that_of_the_regressor(sloping):
+    X = np.array([[0.5]])
+    found = sloping.predict(X, ONE, ONE)
+    np.testing.assert_array_equal(found.action, sloping.regressor.predict(X)[0])
+    assert not found.limited
+    assert (found.support, found.relevance) == (1.0, 1.0)
+
+
+def test_a_foreign_regressor_is_used_as_it_is():
+    x = np.linspace(0.0, 1.0, 5)[:, None]
+    found = imitation(LinearRegression(), x, np.column_stack([x, 2 * x, -x])).predict(np.array([[3.0]]), ONE, ONE)
+    np.testing.assert_allclose(found.action, [3.0, 6.0, -3.0])
+    assert (found.support, found.limited) == (1.0, False)
+    assert lowest_log_support(LinearRegression(), np.arange(5)) == -math.inf
