@@ -36,7 +36,7 @@ from systems.sessions.recovery_session import RecoveryPlan, recover
 from systems.sessions.rig_session import run as run_on_rig
 from systems.sessions.train_session import train
 
-FIRST_SET, FIRST_TRIAL = 715, 74000
+FIRST_SET, FIRST_TRIAL = 721, 75000
 """Sets and trials that were used for no choice."""
 
 RESAMPLES, EXACT = 10_000, 14

@@ -1,4 +1,5 @@
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from sklearn.linear_model import LinearRegression
 
+from skill.features.wrench_features import CanonicalFeatures
 from skill.imitation import Imitation, lowest_log_support, quartiles
 from skill.regression.locally_weighted_regression import LWRegressor
 
@@ -67,3 +69,29 @@ def test_a_foreign_regressor_is_used_as_it_is():
     np.testing.assert_allclose(found.action, [3.0, 6.0, -3.0])
     assert (found.support, found.limited) == (1.0, False)
     assert lowest_log_support(LinearRegression(), np.arange(5)) == -math.inf
+
+
+RECORDED = Path(__file__).parents[1] / "data" / "deadlock.npz"
+
+
+def test_a_recorded_deadlock_is_left():
+    """A wedge 2.2 mm deep (trial 74014 of the skill of set 719): the rig stood for half a second, at 12 N.
+
+    The file holds the measurements, and the demonstrated samples near them. Almost all demonstrations turn the same way
+    there. Their slope, continued to the load of the jam, which is larger than theirs, cancels the turn.
+    """
+    with np.load(RECORDED) as stored:
+        recorded = dict(stored)
+    regressor = LWRegressor(bandwidth=1.0, ridge=1.0, feature_scale=recorded["feature_scale"])
+    P = recorded["memberships"] / recorded["memberships"].sum(axis=1, keepdims=True)
+    dut = imitation(regressor, recorded["X"], recorded["y"], memberships=P)
+    X = CanonicalFeatures().transform(recorded["measured"].astype(float))
+    Q = recorded["queried"] / recorded["queried"].sum(axis=1, keepdims=True)
+    extrapolated = regressor.predict(X, memberships=Q)[:, 1]
+    turns = np.array([dut.predict(x[None], q[None], ONE).action[1] for x, q in zip(X, Q, strict=True)])
+    one_degree_per_second = np.radians(0.02)
+    assert np.median(np.abs(extrapolated)) < 0.5 * one_degree_per_second
+    assert np.median(turns) < -one_degree_per_second
+    counts = np.unique(recorded["demonstration"])
+    directions = [np.sign(recorded["y"][recorded["demonstration"] == number, 1].mean()) for number in counts]
+    assert np.mean(np.array(directions) < 0.0) > 0.7
