@@ -138,7 +138,7 @@ class TrialResult:
         """Returns the row for ``results.json`` and run files: in mm, um and degrees, and rounded."""
         return {
             "seed": self.seed,
-            "tilt_deg": [round(math.degrees(t), 2) for t in self.tilt],
+            "tilt_deg": [round(math.degrees(t), 4) for t in self.tilt],
             "inserted": self.inserted,
             "reason": self.reason,
             "time_s": round(self.time, 3),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,9 +23,10 @@ from systems.outputs.output_checks import (
     named_errors,
     require_distinct,
 )
-from systems.outputs.output_set import open_set
+from systems.outputs.output_set import check_set, open_set
+from systems.outputs.own_folder import check_own_folder, remove_own_folder
 from systems.outputs.recordings import find_recordings
-from systems.outputs.set_index import DEMONSTRATIONS, SetIndex
+from systems.outputs.set_index import DEMONSTRATIONS, SetIndex, find_set
 from systems.reports.result_tables import situation_table
 from systems.reports.terminal import console, progress, say, write_json
 from systems.runs.provenance import versions
@@ -96,7 +98,8 @@ def recover(
 
     The recoveries of round k are in the folder ``recoveries``/round_k, which this function fills like any other set of
     demonstrations; those that an interrupted call with the same arguments has finished are kept. The skill of each
-    round replaces the file ``out``. A round in which the skill is never stuck is the last.
+    round replaces the file ``out``. A round in which the skill is never stuck is the last. With ``overwrite``, folders
+    of rounds that an earlier call made and this one does not need are removed at the end.
 
     Raises:
         ValueError: if the skill file, the scenario or the folder of demonstrations is not valid, or a folder of
@@ -108,12 +111,13 @@ def recover(
     check_file(out, ".npz", size=REPORT_SIZE)
     check_folder(recoveries, size=plan.rounds * plan.most * RECORDING_SIZE)
     find_recordings(demonstrations)
+    _check_rounds(recoveries, plan, chosen, overwrite=overwrite)
     folders = [demonstrations]
     for number in range(1, plan.rounds + 1):
         situations = _ask(chosen, learnt, plan, number, jobs)
         if not situations:
             break
-        folder = recoveries / f"round_{number}"
+        folder = _folder_of(recoveries, number)
         _show(chosen, situations, folder, plan, jobs=jobs, overwrite=overwrite)
         folders.append(folder)
         learnt = train(demonstrations=folders, out=out, seed=plan.seed)
@@ -121,6 +125,10 @@ def recover(
         with locked_file(out), named_errors(out, "the skill is unchanged"):
             learnt.save(out)
         say(f"nothing has to be shown; the same skill is in {out}")
+    if overwrite:
+        for folder in _rounds_from(recoveries, len(folders)):
+            remove_own_folder(folder, DEMONSTRATIONS)
+            say(f"{folder}: removed, it belonged to an earlier call")
     return learnt
 
 
@@ -148,17 +156,46 @@ def _ask(scenario: Scenario, skill: ManipulationSkill, plan: RecoveryPlan, numbe
     return asked
 
 
+def _folder_of(recoveries: Path, number: int) -> Path:
+    return recoveries / f"round_{number}"
+
+
+def _rounds_from(recoveries: Path, first: int) -> list[Path]:
+    """The folders of the rounds that are there, from a number on."""
+    folders = (_folder_of(recoveries, number) for number in range(first, MAX_ROUNDS + 1))
+    return [folder for folder in folders if folder.is_dir()]
+
+
+def _check_rounds(recoveries: Path, plan: RecoveryPlan, scenario: Scenario, *, overwrite: bool) -> None:
+    """Checks, before anything is simulated, that the folders of the rounds may be filled, or removed at the end.
+
+    Which situations will be asked for is not known yet; those of a folder may still turn out to be others.
+
+    Raises:
+        ValueError: see `open_set`.
+    """
+    for number in range(1, plan.rounds + 1):
+        folder = _folder_of(recoveries, number)
+        old = find_set(folder, DEMONSTRATIONS)
+        asked = None if old is None or old.request is None else old.request.get("situations")
+        files = tuple(file_name(k) for k in range(plan.most)) if old is None else old.files
+        request = {**_request(scenario, plan), "situations": asked}
+        check_set(folder, SetIndex(DEMONSTRATIONS, request, files), overwrite=overwrite)
+    for folder in _rounds_from(recoveries, plan.rounds + 1) if overwrite else ():
+        check_own_folder(folder, DEMONSTRATIONS)
+
+
+def _request(scenario: Scenario, plan: RecoveryPlan) -> dict[str, Any]:
+    """What the recoveries of all rounds are made for."""
+    return {"seed": plan.seed, "scenario": dump_scenario(scenario), "versions": versions()}
+
+
 def _show(
     scenario: Scenario, situations: Sequence[Situation], folder: Path, plan: RecoveryPlan, *, jobs: int, overwrite: bool
 ) -> None:
     """Has situations shown, and stores the recoveries in a folder."""
     names = {file_name(number): number for number in range(len(situations))}
-    request = {
-        "seed": plan.seed,
-        "scenario": dump_scenario(scenario),
-        "versions": versions(),
-        "situations": [situation.record() for situation in situations],
-    }
+    request = {**_request(scenario, plan), "situations": [situation.record() for situation in situations]}
     with open_set(folder, SetIndex(DEMONSTRATIONS, request, tuple(names)), overwrite=overwrite) as files:
         if files.finished:
             say(f"{len(files.finished)} of {len(names)} recoveries are there already")

@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -89,6 +90,37 @@ def test_other_recoveries_are_replaced_only_when_asked(recovered, place, demonst
     assert done.exit_code == 1
     assert "add --overwrite to replace them" in error_line(done)
     assert not (place / "other.npz").exists()
+
+
+def test_a_foreign_folder_of_recoveries_is_refused_before_anything_is_simulated(place, demonstration_folder, tmp_path):
+    foreign = tmp_path / "recoveries" / "round_1"
+    foreign.mkdir(parents=True)
+    (foreign / "000_recovery_expert.parquet").write_text("my own notes")
+    done = recover(place, demonstration_folder, "--recoveries", tmp_path / "recoveries", out="other.npz")
+    assert done.exit_code == 1
+    assert str(foreign) in error_line(done)
+    assert "practice trials" not in done.output
+    assert (foreign / "000_recovery_expert.parquet").read_text() == "my own notes"
+    assert not (place / "other.npz").exists()
+
+
+def test_rounds_of_an_earlier_call_do_not_outlive_an_overwrite(recovered, place, demonstration_folder, tmp_path):
+    shutil.copytree(place / "recoveries", tmp_path / "recoveries")
+    stale = tmp_path / "recoveries" / "round_2"
+    shutil.copytree(tmp_path / "recoveries" / "round_1", stale)
+    more = ("--recoveries", tmp_path / "recoveries")
+    (stale / "notes.txt").write_text("mine")
+    refused = recover(place, demonstration_folder, *more, "--overwrite", out="other.npz")
+    assert refused.exit_code == 1
+    assert "notes.txt" in error_line(refused)
+    (stale / "notes.txt").unlink()
+    done = recover(place, demonstration_folder, *more, out="other.npz")
+    assert done.exit_code == 0, done.output
+    assert stale.exists()
+    done = recover(place, demonstration_folder, *more, "--overwrite", out="other.npz")
+    assert done.exit_code == 0, done.output
+    assert not stale.exists()
+    assert (tmp_path / "recoveries" / "round_1" / "index.json").exists()
 
 
 def test_a_skill_that_is_never_stuck_is_written_unchanged(place, demonstration_folder, skill_file, tmp_path):

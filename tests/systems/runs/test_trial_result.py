@@ -98,7 +98,7 @@ def test_the_record_is_in_the_units_of_its_keys_and_rounded():
     )
     assert result.record() == {
         "seed": 17,
-        "tilt_deg": [0.71, -1.98],
+        "tilt_deg": [0.7074, -1.9806],
         "inserted": True,
         "reason": "inserted",
         "time_s": 2.543,
