@@ -71,35 +71,36 @@ class Imitation:
             P: (1, K), probabilities of the states.
             Q: (1, C), probabilities of the contexts.
         """
-        if not isinstance(self.regressor, StateRegressor):
-            return Prediction(np.asarray(self.regressor.predict(X))[0], 1.0, Q, 1.0, limited=False)
-        followed, matters = self._followed(X, P, Q)
-        pairs = pair_probabilities(P, followed)
-        predicted, log_support = self.regressor.predict_with_support(X, pairs)
-        # Not to know the context, or not to need it, is no lack of samples.
-        missing = self.min_log_support + math.log(followed.max()) - float(log_support[0])
-        action = self._limited(predicted[0], X, pairs)
-        limited = bool((action != predicted[0]).any())
-        return Prediction(action, math.exp(-max(0.0, missing)), followed, matters, limited)
+        regressor = self.regressor
+        if isinstance(regressor, LocalRegressor):
+            followed, matters = self._followed(regressor, X, P, Q)
+            samples = regressor.local_samples(X, pair_probabilities(P, followed))
+            predicted, low_high = (
+                regressor.predict_from(samples),
+                quartiles(regressor.y_[samples.rows], samples.weights),
+            )
+            action = np.concatenate([np.clip(predicted, *low_high)[TURNS], predicted[TURNS.stop :]])
+            # Not to know the context, or not to need it, is no lack of samples.
+            support = self._support(samples.log_w_max, followed.max())
+            return Prediction(action, support, followed, matters, limited=bool((action != predicted).any()))
+        if isinstance(regressor, StateRegressor):
+            predictions, log_support = regressor.predict_with_support(X, pair_probabilities(P, Q))
+            return Prediction(predictions[0], self._support(float(log_support[0]), 1.0), Q, 1.0, limited=False)
+        return Prediction(np.asarray(regressor.predict(X))[0], 1.0, Q, 1.0, limited=False)
 
-    def _followed(self, X: Array, P: Array, Q: Array) -> tuple[Array, float]:
+    def _support(self, log_support: float, share: float) -> float:
+        return math.exp(-max(0.0, self.min_log_support + math.log(share) - log_support))
+
+    def _followed(self, regressor: LocalRegressor, X: Array, P: Array, Q: Array) -> tuple[Array, float]:
         """The contexts (1, C) that a query follows, and the relevance of the context."""
-        if self.contexts is None or not isinstance(self.regressor, LocalRegressor):
+        if self.contexts is None:
             return Q, 1.0
         any_context = np.full_like(Q, 1.0 / Q.size)
-        rows, weights = self.regressor.local_samples(X, pair_probabilities(P, any_context))
-        numbers = self.sources[rows, 0]
+        samples = regressor.local_samples(X, pair_probabilities(P, any_context))
+        numbers = self.sources[samples.rows, 0]
         memberships = self.contexts.probabilities_of(numbers)[:, Q[0].argmax()]
-        matters = relevance(weights, self.regressor.y_[rows, TURNS], numbers, memberships)
+        matters = relevance(samples.weights, regressor.y_[samples.rows, TURNS], numbers, memberships)
         return matters * Q + (1.0 - matters) * any_context, matters
-
-    def _limited(self, action: Array, X: Array, pairs: Array) -> Array:
-        """The action (3,), its turns within the quartiles of the neighbours."""
-        if not isinstance(self.regressor, LocalRegressor):
-            return action
-        rows, weights = self.regressor.local_samples(X, pairs)
-        low, high = quartiles(self.regressor.y_[rows, TURNS], weights)
-        return np.concatenate([np.clip(action[TURNS], low, high), action[TURNS.stop :]])
 
 
 def quartiles(values: Array, weights: Array) -> tuple[Array, Array]:

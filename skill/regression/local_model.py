@@ -20,8 +20,10 @@ Devlin, "Locally weighted regression", JASA 83, 1988, for the equivalent kernel 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.lapack import dposv
 from scipy.special import stdtrit
 
@@ -29,6 +31,26 @@ from skill.arrays import Array
 
 MAX_EXPONENT = 690.0
 """exp(690) is near the largest double; slopes are zero to rounding well below it."""
+
+
+class LocalSamples(NamedTuple):
+    """The neighbourhood of one query.
+
+    Attributes:
+        rows: (k,), numbers of the samples.
+        weights: (k,), their kernel weights, divided by the greatest.
+        log_w_max: logarithm of the greatest weight.
+        query: (d,), scaled.
+        points: (k, d), the scaled samples.
+        ridge: penalty of the slope, divided by the greatest weight.
+    """
+
+    rows: NDArray[np.intp]
+    weights: Array
+    log_w_max: float
+    query: Array
+    points: Array
+    ridge: float
 
 
 @dataclass(frozen=True)

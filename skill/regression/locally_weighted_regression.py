@@ -23,13 +23,13 @@ from skill.regression.kernel_neighbourhood import Kernel, KernelNeighbourhood
 from skill.regression.leave_one_out import StoredSamples
 from skill.regression.local_model import (
     LocalPrediction,
+    LocalSamples,
     equivalent_kernel,
     equivalent_kernels,
     local_predictions,
     normalised_weights,
 )
 from skill.regression.membership_index import check_memberships
-from skill.regression.neighbour_index import Rows
 from skill.regression.regressor_arrays import check_regressor_arrays
 
 MAX_QUERY = 1e100
@@ -178,7 +178,8 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             parts += local.interval(level) if return_interval else []
             return tuple(self._shaped(part) for part in parts)
         if len(queries) == 1:
-            return self._shaped(self._predict_one(queries[0], None if Q is None else Q[0])[0][None])
+            samples = self._samples_of(queries[0], None if Q is None else Q[0])
+            return self._shaped(self.predict_from(samples)[None])
         out = np.empty((len(queries), self.y_.shape[1]))
         for block, found, x, log_w in self._neighbourhood.blocks(queries, Q, self._kernel()):
             weights, _, ridge = normalised_weights(log_w, self.ridge)
@@ -196,17 +197,20 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         This logarithm is zero at a sample of the same state, and very negative far from all samples.
         """
         queries, Q = self._queries(X, memberships)
-        rows = [self._predict_one(query, None if Q is None else Q[k]) for k, query in enumerate(queries)]
-        return self._shaped(np.array([row for row, _ in rows])), np.array([log_w for _, log_w in rows])
+        found = [self._samples_of(query, None if Q is None else Q[k]) for k, query in enumerate(queries)]
+        predicted = np.array([self.predict_from(samples) for samples in found])
+        return self._shaped(predicted), np.array([samples.log_w_max for samples in found])
 
-    def local_samples(self, X: ArrayLike, memberships: ArrayLike | None = None) -> tuple[Rows, Array]:
-        """Rows (k,) of ``X_`` and ``y_`` that are the neighbourhood of one query (1, d), and their weights (k,).
-
-        The weights are divided by the greatest.
-        """
+    def local_samples(self, X: ArrayLike, memberships: ArrayLike | None = None) -> LocalSamples:
+        """The neighbourhood of one query (1, d); arguments as for ``predict``."""
         queries, Q = self._queries(X, memberships)
-        found, _, log_w = self._neighbourhood.of_one(queries[0], None if Q is None else Q[0], self._kernel())
-        return found, normalised_weights(log_w, self.ridge)[0]
+        return self._samples_of(queries[0], None if Q is None else Q[0])
+
+    def predict_from(self, samples: LocalSamples) -> Array:
+        """The prediction (p,) from a neighbourhood; the same as that of ``predict`` at its query."""
+        s = samples
+        kernel = equivalent_kernel(s.query, s.points, s.weights, s.ridge, self.degree)
+        return np.asarray(kernel @ self.y_[s.rows], dtype=np.float64)
 
     def support_between(self, groups: ArrayLike) -> Array:
         """Logarithm of the greatest kernel weight (n,) that each sample finds in the other groups.
@@ -371,11 +375,11 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             raise ValueError("queries have memberships but the samples have none: give memberships to fit too")
         return queries, check_memberships(memberships, len(queries), self.memberships_.shape[1])
 
-    def _predict_one(self, query: Array, q: Array | None) -> tuple[Array, float]:
-        """Prediction (p,) at one scaled query (d,), and the logarithm of the greatest weight."""
+    def _samples_of(self, query: Array, q: Array | None) -> LocalSamples:
+        """The neighbourhood of one scaled query (d,)."""
         found, x, log_w = self._neighbourhood.of_one(query, q, self._kernel())
         weights, log_w_max, ridge = normalised_weights(log_w, self.ridge)
-        return equivalent_kernel(query, x, weights, float(ridge), self.degree) @ self.y_[found], float(log_w_max)
+        return LocalSamples(found, weights, float(log_w_max), query, x, float(ridge))
 
     def _kernel(self, bandwidth: float | None = None) -> Kernel:
         chosen = self.bandwidth_ if bandwidth is None else bandwidth

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any, Protocol, Self, runtime_checkable
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from skill.arrays import Array
 from skill.regression.explanation import Explanation
+from skill.regression.local_model import LocalSamples
 
 
 class Regressor(Protocol):
@@ -37,12 +37,15 @@ class StateRegressor(Protocol):
 
 @runtime_checkable
 class LocalRegressor(StateRegressor, Protocol):
-    """A regressor that can tell which samples a prediction uses; ``y_`` (n, p) are the outputs of all."""
+    """A regressor that predicts from samples near the query; ``y_`` (n, p) are the outputs of all samples."""
 
     y_: Array
 
-    def local_samples(self, X: Array, memberships: Array) -> tuple[NDArray[np.intp], Array]:
-        """Numbers (k,) of the samples near one query (1, d), and their kernel weights (k,)."""
+    def local_samples(self, X: Array, memberships: Array) -> LocalSamples:
+        """The samples near one query (1, d)."""
+
+    def predict_from(self, samples: LocalSamples) -> Array:
+        """The prediction (p,) from these samples."""
 
 
 @runtime_checkable

@@ -118,8 +118,8 @@ def test_the_action_depends_on_the_state(made_up_skill):
         actions = [made_up_skill.act(row, state) for state in np.eye(made_up_skill.n_states)]
         for state, action in zip(np.eye(made_up_skill.n_states), actions, strict=True):
             local = made_up_skill.regressor_.predict(X, memberships=state[None])
-            near, weights = made_up_skill.regressor_.local_samples(X, state[None])
-            low, high = quartiles(made_up_skill.regressor_.y_[near, :2], weights)
+            near = made_up_skill.regressor_.local_samples(X, state[None])
+            low, high = quartiles(made_up_skill.regressor_.y_[near.rows, :2], near.weights)
             local[0, :2] = np.clip(local[0, :2], low, high)
             expected = made_up_skill.features_.actions_from_frame(row[None], local)[0]
             np.testing.assert_allclose([*action.turn, action.feed], expected, rtol=1e-12)
