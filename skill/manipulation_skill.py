@@ -252,11 +252,12 @@ class ManipulationSkill:
         P = self.state_probabilities(row) if probabilities is None else _row(probabilities)
         shares = np.ones(1) if self.contexts_ is None else self.contexts_.weights_
         Q = _row(shares if contexts is None else contexts)
-        prediction = self._imitation().predict(X, P, Q)
+        prediction = self.imitation().predict(X, P, Q)
         local = self.features_.actions_from_frame(row, prediction.action[None])[0]
         return Action(local[:2], float(local[2]), probabilities=P[0], contexts=Q[0], support=prediction.support)
 
-    def _imitation(self) -> Imitation:
+    def imitation(self) -> Imitation:
+        """Returns what predicts the actions from the features."""
         return Imitation(self.regressor_, self.sources_, self.contexts_, self.min_log_support_)
 
     def explain(
@@ -286,7 +287,7 @@ class ManipulationSkill:
         row = _row(measured)
         action = self.act(measured, probabilities, contexts)
         X, P = self.features_.transform(row), _row(action.probabilities)
-        prediction = self._imitation().predict(X, P, _row(action.contexts))
+        prediction = self.imitation().predict(X, P, _row(action.contexts))
         local = self.regressor_.explain(X[0], pair_probabilities(P, prediction.contexts)[0], level)
         demonstration, time = self.sources_[local.neighbours].T
         return SkillExplanation(

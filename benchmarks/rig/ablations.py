@@ -51,7 +51,7 @@ from benchmarks.rig.comparison import (
     selected,
 )
 from benchmarks.rig.figures import draw_groups, draw_learning_curve
-from benchmarks.rig.learners import Demonstrations, one_context, one_state, skill_from
+from benchmarks.rig.learners import Demonstrations, Extrapolating, one_context, one_state, skill_from
 from benchmarks.rig.trials import Entry
 from models.scenario import FREE_FACETS, FREE_FIXTURE, Scenario, load_scenario
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
@@ -60,6 +60,7 @@ from skill.features.wrench_features import NormalisedFeatures, RawFeatures
 SIZES = (1, 2, 3, 5, 8, 12, 20)  # numbers of demonstrations of the learning curve; its last point is the whole set
 DRAWS = 4  # skills per point of the learning curve
 FREE = "free demonstrations"
+EXTRAPOLATING = "turns neither pooled nor limited"
 
 
 def literal_competition() -> CompetitiveAgglomeration:
@@ -107,6 +108,7 @@ def entries(free: Path) -> list[Entry]:
         Entry(STATELESS, skill_from(states=one_state, contexts=one_context)),
         Entry(CONTEXTS_ALONE, skill_from(states=one_state)),
         Entry(CONTEXTLESS, skill_from(contexts=one_context)),
+        Entry(EXTRAPOLATING, skill_from(policy=Extrapolating)),
         Entry("bad left out", skill_from(bad_left_out)),
         Entry("bad imitated", skill_from(bad_imitated)),
         Entry(FREE, skill_from(folder=free)),
@@ -123,6 +125,7 @@ GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("features", (("raw", "raw features"), ("normalised", "normalised features"), ("canonical", PRODUCT))),
     ("contact states", (("none", CONTEXTS_ALONE), ("literal CA", "states by literal CA"), ("repaired CA", PRODUCT))),
     ("contexts", (("none", CONTEXTLESS), ("found", PRODUCT), ("neither contexts nor contacts", STATELESS))),
+    ("turns", (("neither pooled nor limited", EXTRAPOLATING), ("pooled and limited", PRODUCT))),
     (
         "bad demonstrations",
         (("left out", "bad left out"), ("imitated", "bad imitated"), ("for states and graph", PRODUCT)),

@@ -34,8 +34,10 @@ from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
 from skill.data.demonstration import Demonstration, read_demonstrations
+from skill.imitation import Imitation
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import Action, RigPolicy
+from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.context_mixture import ContextMixture
 
 FOLDS = KFold(5)
@@ -185,6 +187,38 @@ class RandomSign(ManipulationSkill):
         action = super().act(measured, probabilities, contexts)
         bits = np.asarray(measured, dtype=float).view(np.uint64)
         return replace(action, turn=np.random.default_rng(bits).choice([-1.0, 1.0]) * action.turn)
+
+
+class BareRegressor:
+    """A regressor that does not tell which samples it uses, so that a skill can neither pool nor limit its turns."""
+
+    def __init__(self, regressor: LWRegressor) -> None:
+        self._regressor = regressor
+
+    def fit(self, X: Array, y: Array, memberships: Array | None = None) -> Self:
+        """Fits the regressor."""
+        self._regressor.fit(X, y, memberships)
+        return self
+
+    def predict(self, X: Array) -> Array:
+        """Predictions of the regressor."""
+        return np.asarray(self._regressor.predict(X))
+
+    def predict_with_support(self, X: Array, memberships: Array) -> tuple[Array, Array]:
+        """Predictions of the regressor, and its support."""
+        return self._regressor.predict_with_support(X, memberships)
+
+    def support_between(self, groups: ArrayLike) -> Array:
+        """Support of the regressor between groups."""
+        return self._regressor.support_between(groups)
+
+
+class Extrapolating(ManipulationSkill):
+    """The skill that follows a context everywhere, and turns as the regression says, however far it extrapolates."""
+
+    def imitation(self) -> Imitation:
+        """What predicts the actions, with the same regressor."""
+        return replace(super().imitation(), regressor=BareRegressor(self.regressor_))
 
 
 def nearest_neighbours() -> GridSearchCV:

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from benchmarks.rig.learners import RandomSign, ShuffledNeighbour, skill_from
+from benchmarks.rig.learners import Extrapolating, RandomSign, ShuffledNeighbour, skill_from
+from skill.features.wrench_features import MEASURED
+from skill.states.context_filter import pair_probabilities
 
 
 def test_shuffled_actions_are_the_demonstrated_ones_in_another_order():
@@ -12,6 +14,22 @@ def test_shuffled_actions_are_the_demonstrated_ones_in_another_order():
     predicted = ShuffledNeighbour().fit(X, y).predict(X)
     np.testing.assert_array_equal(np.sort(predicted, axis=0), np.sort(y, axis=0))
     assert abs(np.corrcoef(predicted[:, 0], y[:, 0])[0, 1]) < 0.2
+
+
+@pytest.mark.slow
+def test_an_extrapolating_skill_acts_as_its_regressor_says(skill, demonstrations, setting):
+    dut = skill_from(policy=Extrapolating)(setting, None, None, 0)
+    assert isinstance(dut, Extrapolating)
+    differs = 0
+    for row in demonstrations[0].samples[list(MEASURED)].to_numpy()[::10]:
+        P = dut.state_probabilities(row[None])
+        X = dut.features_.transform(row[None])
+        pairs = P if dut.contexts_ is None else pair_probabilities(P, dut.contexts_.weights_[None])
+        bare = dut.features_.actions_from_frame(row[None], dut.regressor_.predict(X, memberships=pairs))[0]
+        action = dut.act(row)
+        np.testing.assert_allclose([*action.turn, action.feed], bare, rtol=1e-12)
+        differs += not np.allclose(skill.act(row).turn, action.turn)
+    assert differs > 0
 
 
 @pytest.mark.slow
