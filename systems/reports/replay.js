@@ -165,16 +165,18 @@ for (const command of sceneCommands) {
     return String.fromCharCode(65 + data.context[sample]);
   }
 
-  /** Marks the samples in which the peg is backed off, and, with a thin line, those in which turns are reversed. */
+  /** Marks the samples in which the peg is backed off and, pale, those in which the turns are reversed. */
   function drawGuard({ context, bottom, xOf }) {
-    const mark = (active, height) => active.forEach((value, k) => {
+    const mark = active => active.forEach((value, k) => {
       if (!value) return;
       const left = xOf(data.time[k]), right = xOf(data.time[Math.min(k + 1, sampleCount - 1)]);
-      context.fillRect(left, bottom + 3 - height, Math.max(1, right - left), height);
+      context.fillRect(left, bottom - 1, Math.max(1, right - left), 4);
     });
     context.fillStyle = INK;
-    mark(data.guard, 4);
-    mark(data.reversed, 1.5);
+    mark(data.guard);
+    context.globalAlpha = 0.4;
+    mark(data.reversed);
+    context.globalAlpha = 1;
   }
 
   /** Draws depth, force or load, and the limit of the load. */
@@ -209,10 +211,11 @@ for (const command of sceneCommands) {
     const force = data.guard ? "load, up to " + formatNumber(Math.max(...push), 1) + " N" + limit
       : "force, up to " + formatNumber(maxPush, 1) + " N";
     const marks = [];
-    if (data.guard && data.guard.some(Boolean)) marks.push("\u25ac backs off");
-    if (data.guard && data.reversed.some(Boolean)) marks.push("\u2500 turns the other way");
-    if (data.context) marks.push("\u25a0 context A, B: pale where unsure");
-    if (data.steps) marks.push("\u2758 microsteps: pitch above, yaw below");
+    if (data.guard && data.guard.some(Boolean)) {
+      marks.push("\u25ac backs off" + (data.reversed.some(Boolean) ? ", pale: turns reversed" : ""));
+    }
+    if (data.context) marks.push("\u25a0 context, pale: unsure");
+    if (data.steps) marks.push("\u2758 steps of pitch, yaw");
     context.textAlign = "left";
     drawText(context, depth, MARGIN, 10, INK);
     drawText(context, force, MARGIN + context.measureText(depth).width + 18, 10, data.force_colour);
@@ -325,7 +328,7 @@ for (const command of sceneCommands) {
         formatNumber(100 * data.context_probability[sample], 0) + " % (" + sign + formatNumber(Math.abs(moved), 1) + ")";
     }
     byId("reading-guard").textContent = data.guard[sample] ? "backing off"
-      : data.reversed[sample] ? "turns the other way" : "inactive";
+      : data.reversed[sample] ? "turns reversed" : "inactive";
     byId("reading-steps").textContent = data.steps[0][sample] + ", " + data.steps[1][sample];
   }
 
