@@ -155,7 +155,7 @@ class BackOffParameters:
     stall_depth: float = 0.2e-3  # in units of m; a smaller increase of the depth is no progress
     unknown_feed: float = 0.5  # factor on the feed while the contact state is unknown
     doubt_time: float = 1.0  # in units of s; the peg is backed off if nothing is recognised for this long
-    max_repeats: int = 4  # attempts like the one before, after which the policy has nothing new to try
+    max_repeats: int = 4  # attempts that end like the one before, after which the policy has nothing new to try
 
 
 @dataclass

@@ -4,7 +4,7 @@ A regression over the demonstrated samples gives the action. Two things are made
 
 * The context is followed only as far as it matters here (`skill.regression.partial_pooling`).
 * A turn is not extrapolated. A jammed rig meets larger loads than any demonstration, and the slope of a local linear
-  model, continued there, can cancel or even reverse a turn on which all demonstrations nearby agree. Each turn stays
+  model, continued there, can cancel or even reverse a turn on which most demonstrations nearby agree. Each turn stays
   within the central half of what the neighbours did, from the first to the third quartile of their turns.
 """
 
@@ -75,18 +75,17 @@ class Imitation:
         if isinstance(regressor, LocalRegressor):
             followed, matters = self._followed(regressor, X, P, Q)
             samples = regressor.local_samples(X, pair_probabilities(P, followed))
-            predicted, low_high = (
-                regressor.predict_from(samples),
-                quartiles(regressor.y_[samples.rows], samples.weights),
-            )
-            action = np.concatenate([np.clip(predicted, *low_high)[TURNS], predicted[TURNS.stop :]])
+            predicted = regressor.predict_from(samples)
+            low, high = quartiles(regressor.y_[samples.rows, TURNS], samples.weights)
+            action = predicted.copy()
+            action[TURNS] = np.clip(predicted[TURNS], low, high)
             # Not to know the context, or not to need it, is no lack of samples.
             support = self._support(samples.log_w_max, followed.max())
             return Prediction(action, support, followed, matters, limited=bool((action != predicted).any()))
         if isinstance(regressor, StateRegressor):
             predictions, log_support = regressor.predict_with_support(X, pair_probabilities(P, Q))
             return Prediction(predictions[0], self._support(float(log_support[0]), 1.0), Q, 1.0, limited=False)
-        return Prediction(np.asarray(regressor.predict(X))[0], 1.0, Q, 1.0, limited=False)
+        return Prediction(np.asarray(regressor.predict(X))[0], 1.0, Q, 0.0, limited=False)
 
     def _support(self, log_support: float, share: float) -> float:
         return math.exp(-max(0.0, self.min_log_support + math.log(share) - log_support))

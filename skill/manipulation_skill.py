@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pandas as pd
@@ -21,7 +21,7 @@ from skill.data.refinement import INTENDED
 from skill.features.contact_features import ContactFeatures
 from skill.features.responses import ResponseFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFeatures
-from skill.imitation import Imitation, lowest_log_support
+from skill.imitation import Imitation, Prediction, lowest_log_support
 from skill.policy import Action
 from skill.regression.bandwidth_selection import tuned_regressor
 from skill.regression.explanation import SkillExplanation
@@ -247,14 +247,21 @@ class ManipulationSkill:
         Raises:
             ValueError: if the shape is wrong or a number is not finite.
         """
+        return self._action(self._query(measured, probabilities, contexts))
+
+    def _query(self, measured: ArrayLike, probabilities: ArrayLike | None, contexts: ArrayLike | None) -> _Query:
+        """What follows for one measurement; arguments as for `act`."""
         row = _row(measured)
         X = self.features_.transform(row)
         P = self.state_probabilities(row) if probabilities is None else _row(probabilities)
         shares = np.ones(1) if self.contexts_ is None else self.contexts_.weights_
         Q = _row(shares if contexts is None else contexts)
-        prediction = self.imitation().predict(X, P, Q)
-        local = self.features_.actions_from_frame(row, prediction.action[None])[0]
-        return Action(local[:2], float(local[2]), probabilities=P[0], contexts=Q[0], support=prediction.support)
+        return _Query(row, X, P, Q, self.imitation().predict(X, P, Q))
+
+    def _action(self, query: _Query) -> Action:
+        local = self.features_.actions_from_frame(query.row, query.prediction.action[None])[0]
+        support = query.prediction.support
+        return Action(local[:2], float(local[2]), probabilities=query.P[0], contexts=query.Q[0], support=support)
 
     def imitation(self) -> Imitation:
         """Returns what predicts the actions from the features."""
@@ -284,11 +291,10 @@ class ManipulationSkill:
                 f"a {type(self.regressor_).__name__} cannot explain its predictions;"
                 " expected a regressor with a method `explain`, such as LWRegressor"
             )
-        row = _row(measured)
-        action = self.act(measured, probabilities, contexts)
-        X, P = self.features_.transform(row), _row(action.probabilities)
-        prediction = self.imitation().predict(X, P, _row(action.contexts))
-        local = self.regressor_.explain(X[0], pair_probabilities(P, prediction.contexts)[0], level)
+        query = self._query(measured, probabilities, contexts)
+        action, prediction = self._action(query), query.prediction
+        pairs = pair_probabilities(query.P, prediction.contexts)
+        local = self.regressor_.explain(query.X[0], pairs[0], level)
         demonstration, time = self.sources_[local.neighbours].T
         return SkillExplanation(
             state_names=self.state_names(),
@@ -298,7 +304,7 @@ class ManipulationSkill:
             limited=prediction.limited,
             turn=action.turn,
             feed=action.feed,
-            frame_angle=float(self.features_.rotation_angle(row)[0]),
+            frame_angle=float(self.features_.rotation_angle(query.row)[0]),
             lower=local.lower,
             upper=local.upper,
             level=level,
@@ -368,6 +374,16 @@ class ManipulationSkill:
         skill.metadata_, skill.names_ = contents.metadata, contents.names
         skill.min_log_support_ = contents.min_log_support
         return skill
+
+
+class _Query(NamedTuple):
+    """A measurement (1, 7), its features (1, d), the probabilities P (1, K) and Q (1, C), and what follows."""
+
+    row: Array
+    X: Array
+    P: Array
+    Q: Array
+    prediction: Prediction
 
 
 def _row(values: ArrayLike) -> Array:

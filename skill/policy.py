@@ -23,8 +23,8 @@ class Action:
         feed: motion of the peg along its axis, m; negative goes into the hole.
         probabilities: (K,), probabilities of the contact states.
         contexts: (C,), probabilities of the contexts.
-        support: kernel weight of the nearest sample over the minimum that demonstrated samples find in the other
-            demonstrations, at most 1. It is 1 for a regressor that does not report its support.
+        support: kernel weight of the nearest sample of the most probable context over the minimum that demonstrated
+            samples find in the other demonstrations, at most 1. A regressor that does not report its support has 1.
     """
 
     turn: Array
@@ -52,7 +52,8 @@ class RigPolicy(Protocol):
 
     A `ManipulationSkill` is one, and so is every `ControlLaw`. A policy acts on the measured wrench and depth, and on
     its own past motions. Its only memory is that of its two filters. It need not limit its actions: limits and the
-    force guard stand between every policy and the motors.
+    force guard stand between every policy and the motors. The controller reverses its turns after an attempt that is
+    not deeper than those before (`back_off_step`).
     """
 
     @property

@@ -52,8 +52,8 @@ class SampleSettings:
 
 def discover_contexts(mixture: ContextMixture, responses: Mapping[int, Responses]) -> ContextMixture | None:
     """Fits contexts to the responses of demonstrations, by their numbers; None if there is a single context."""
-    found, numbers = joined(responses)
-    if len(np.unique(numbers)) < 2:
+    if sum(len(found.features) > 0 for found in responses.values()) < 2:
         return None
+    found, numbers = joined(responses)
     mixture.fit(found.features, found.outputs, inputs=found.inputs, groups=numbers)
     return mixture if mixture.n_contexts_ > 1 else None

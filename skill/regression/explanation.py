@@ -53,7 +53,8 @@ class SkillExplanation:
         turn: (2,), rotation vector of the peg relative to the hole about x and y of P, rad, over one sample period.
         feed: motion of the peg along its axis, m, over one sample period.
         frame_angle: angle from P to the frame of the features about z, rad.
-        lower: (3,), lower bound of the prediction interval of (turn_x, turn_y, feed) in the frame of the features.
+        lower: (3,), lower bound of the prediction interval of (turn_x, turn_y, feed) in the frame of the features; of
+            the regression, before its turns are limited.
         upper: (3,), upper bound of this interval.
         level: nominal coverage of the interval.
         neighbours: DataFrame of the samples used, in order of decreasing weight: ``demonstration`` (number), ``time``

@@ -212,6 +212,8 @@ class ContextMixture(BaseEstimator):
         R = np.array(arrays["responsibilities"], dtype=float)
         if group.max() >= sizes["G"]:
             raise ValueError(f"array 'group' goes up to {group.max()}, expected below {sizes['G']}")
+        if (np.diff(arrays["groups"]) <= 0).any():
+            raise ValueError("array 'groups': expected increasing numbers")
         if np.abs(R.sum(axis=1) - 1.0).max() > MAX_SUM_ERROR:
             raise ValueError("array 'responsibilities': expected rows that sum to one")
         self = cls(n_contexts=sizes["C"], bandwidth=float(arrays["bandwidth"]))

@@ -100,8 +100,8 @@ def back_off_step(
     An attempt ends with a back-off. A policy without memory measures the same again in the next one and does the same
     again. What it did is therefore judged by its result (win-stay, lose-shift; Robbins, "Some aspects of the sequential
     design of experiments", 1952): after an attempt that is not deeper than all before by ``stall_depth``, the next one
-    turns the other way, and so do those that follow while each is deeper. Near the mouth the same force can ask for
-    opposite turns, so that the other way is the likeliest remedy.
+    turns the other way, and so do those that follow while each is deeper, at any depth. Near the mouth the same force
+    can ask for opposite turns, so that the other way is the likeliest remedy.
 
     An attempt repeats the one before if it is not deeper and ended in the same contact state. After ``max_repeats``
     repetitions, and the back-off that follows, the policy has nothing new to try and gives up.

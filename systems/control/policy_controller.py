@@ -168,7 +168,7 @@ class PolicyController(LeafSystem):
         try:
             action = self._checked_action(measurement(wrench, depth), probabilities, self._contexts.Eval(context))
         except Exception as error:  # a foreign policy may raise anything, and the rig must stop
-            command = replace(command, rates=np.zeros(2), feed_speed=0.0, unwinding=False)
+            command = replace(command, rates=np.zeros(2), feed_speed=0.0, unwinding=False, turning=0.0)
             state.get_mutable_abstract_state(int(self._failure)).set_value(one_line(error))
         else:
             known = bool(self._known.Eval(context)[0])

@@ -24,7 +24,6 @@ from systems.outputs.output_checks import (
     require_distinct,
 )
 from systems.outputs.output_set import check_set, open_set
-from systems.outputs.own_folder import check_own_folder, remove_own_folder
 from systems.outputs.recordings import find_recordings
 from systems.outputs.set_index import DEMONSTRATIONS, SetIndex, find_set
 from systems.reports.result_tables import situation_table
@@ -98,8 +97,8 @@ def recover(
 
     The recoveries of round k are in the folder ``recoveries``/round_k, which this function fills like any other set of
     demonstrations; those that an interrupted call with the same arguments has finished are kept. The skill of each
-    round replaces the file ``out``. A round in which the skill is never stuck is the last. With ``overwrite``, folders
-    of rounds that an earlier call made and this one does not need are removed at the end.
+    round replaces the file ``out``. A round in which the skill is never stuck is the last. Folders of later
+    rounds that an earlier call has filled stay; a message names them.
 
     Raises:
         ValueError: if the skill file, the scenario or the folder of demonstrations is not valid, or a folder of
@@ -125,10 +124,9 @@ def recover(
         with locked_file(out), named_errors(out, "the skill is unchanged"):
             learnt.save(out)
         say(f"nothing has to be shown; the same skill is in {out}")
-    if overwrite:
-        for folder in _rounds_from(recoveries, len(folders)):
-            remove_own_folder(folder, DEMONSTRATIONS)
-            say(f"{folder}: removed, it belonged to an earlier call")
+    for number in range(len(folders), MAX_ROUNDS + 1):
+        if (folder := _folder_of(recoveries, number)).exists():
+            say(f"{folder} is of an earlier call; this skill has not learnt from it")
     return learnt
 
 
@@ -160,14 +158,8 @@ def _folder_of(recoveries: Path, number: int) -> Path:
     return recoveries / f"round_{number}"
 
 
-def _rounds_from(recoveries: Path, first: int) -> list[Path]:
-    """The folders of the rounds that are there, from a number on."""
-    folders = (_folder_of(recoveries, number) for number in range(first, MAX_ROUNDS + 1))
-    return [folder for folder in folders if folder.is_dir()]
-
-
 def _check_rounds(recoveries: Path, plan: RecoveryPlan, scenario: Scenario, *, overwrite: bool) -> None:
-    """Checks, before anything is simulated, that the folders of the rounds may be filled, or removed at the end.
+    """Checks, before anything is simulated, that the folders of the rounds may be filled; changes nothing.
 
     Which situations will be asked for is not known yet; those of a folder may still turn out to be others.
 
@@ -181,8 +173,6 @@ def _check_rounds(recoveries: Path, plan: RecoveryPlan, scenario: Scenario, *, o
         files = tuple(file_name(k) for k in range(plan.most)) if old is None else old.files
         request = {**_request(scenario, plan), "situations": asked}
         check_set(folder, SetIndex(DEMONSTRATIONS, request, files), overwrite=overwrite)
-    for folder in _rounds_from(recoveries, plan.rounds + 1) if overwrite else ():
-        check_own_folder(folder, DEMONSTRATIONS)
 
 
 def _request(scenario: Scenario, plan: RecoveryPlan) -> dict[str, Any]:

@@ -104,23 +104,14 @@ def test_a_foreign_folder_of_recoveries_is_refused_before_anything_is_simulated(
     assert not (place / "other.npz").exists()
 
 
-def test_rounds_of_an_earlier_call_do_not_outlive_an_overwrite(recovered, place, demonstration_folder, tmp_path):
+def test_rounds_of_an_earlier_call_are_named_and_stay(recovered, place, demonstration_folder, tmp_path):
     shutil.copytree(place / "recoveries", tmp_path / "recoveries")
     stale = tmp_path / "recoveries" / "round_2"
     shutil.copytree(tmp_path / "recoveries" / "round_1", stale)
-    more = ("--recoveries", tmp_path / "recoveries")
-    (stale / "notes.txt").write_text("mine")
-    refused = recover(place, demonstration_folder, *more, "--overwrite", out="other.npz")
-    assert refused.exit_code == 1
-    assert "notes.txt" in error_line(refused)
-    (stale / "notes.txt").unlink()
-    done = recover(place, demonstration_folder, *more, out="other.npz")
+    done = recover(place, demonstration_folder, "--recoveries", tmp_path / "recoveries", "--overwrite", out="other.npz")
     assert done.exit_code == 0, done.output
-    assert stale.exists()
-    done = recover(place, demonstration_folder, *more, "--overwrite", out="other.npz")
-    assert done.exit_code == 0, done.output
-    assert not stale.exists()
-    assert (tmp_path / "recoveries" / "round_1" / "index.json").exists()
+    assert "round_2 is of an earlier call" in " ".join(done.output.split())
+    assert files(stale) == files(tmp_path / "recoveries" / "round_1")
 
 
 def test_a_skill_that_is_never_stuck_is_written_unchanged(place, demonstration_folder, skill_file, tmp_path):

@@ -9,9 +9,9 @@ from skill.regression.partial_pooling import relevance
 GROUPS = np.array([4, 4, 7, 7, 8, 8, 9, 9])
 IN_CONTEXT = np.repeat([1.0, 1.0, 0.0, 0.0], 2)
 
-weights = arrays(float, 8, elements=st.floats(0.1, 1.0))
+weights = arrays(float, 8, elements=st.floats(1e-6, 1.0))
 outputs = arrays(float, (8, 2), elements=st.floats(-3.0, 3.0))
-memberships = arrays(float, 4, elements=st.floats(0.05, 0.95)).map(lambda r: np.repeat(r, 2))
+memberships = arrays(float, 4, elements=st.floats(1e-4, 1.0 - 1e-4)).map(lambda r: np.repeat(r, 2))
 
 
 def test_two_against_two_demonstrations_by_hand():
@@ -20,13 +20,40 @@ def test_two_against_two_demonstrations_by_hand():
     assert found == pytest.approx(1.0 - 0.02 / 2.2**2)
 
 
-def test_contexts_that_act_alike_do_not_matter():
+def equal_contexts(rng, rest):
+    """Four demonstrations in each of two contexts that act alike; all but one in each have the weight ``rest``."""
+    return np.tile([1.0, rest, rest, rest], 2), rng.normal(0.0, 1.0, (8, 2)), np.arange(8), np.repeat([1.0, 0.0], 4)
+
+
+@pytest.mark.parametrize("rest", [1.0, 0.1, 0.01, 1e-3])
+def test_contexts_that_act_alike_do_not_matter(rest):
+    """Whatever the weights: one demonstration that dominates is no evidence of a difference."""
     rng = np.random.default_rng(0)
-    y = rng.normal(1.0, 0.2, (4000, 2))
-    found = relevance(np.ones(4000), y, np.repeat(np.arange(40), 100), np.repeat([1.0, 0.0], 2000))
-    assert found < 0.8  # a difference of chance has the size of its own standard error
-    shifted = y + np.repeat([[0.5, 0.0], [0.0, 0.0]], 2000, axis=0)
-    assert relevance(np.ones(4000), shifted, np.repeat(np.arange(40), 100), np.repeat([1.0, 0.0], 2000)) > 0.99
+    found = [relevance(*equal_contexts(rng, rest)) for _ in range(400)]
+    assert np.mean(found) < 0.25
+
+
+@pytest.mark.parametrize("share", [1e-12, 1e-6, 1e-3])
+def test_a_single_demonstration_with_a_trace_of_others_is_no_evidence(share):
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(200):
+        members = np.array([1.0, share, share, 0.0, 0.0, 0.0])
+        found.append(relevance(np.ones(6), rng.normal(0.0, 1.0, (6, 2)), np.arange(6), members))
+    assert np.mean(found) < 0.25
+
+
+def test_contexts_that_act_differently_matter():
+    rng = np.random.default_rng(0)
+    y = rng.normal(1.0, 0.2, (4000, 2)) + np.repeat([[0.5, 0.0], [0.0, 0.0]], 2000, axis=0)
+    assert relevance(np.ones(4000), y, np.repeat(np.arange(40), 100), np.repeat([1.0, 0.0], 2000)) > 0.99
+
+
+def test_demonstrations_without_weight_do_not_count():
+    w, y = np.ones(4), np.array([[1.0], [1.2], [-1.0], [-1.2]])
+    found = relevance(w, y, [0, 1, 2, 3], np.array([1.0, 1.0, 0.0, 0.0]))
+    more = np.array([1.0, 1.0, 0.0, 0.0, 1.0, 0.0])
+    assert relevance(np.append(w, [0.0, 0.0]), np.vstack([y, [[9.0], [9.0]]]), range(6), more) == pytest.approx(found)
 
 
 def test_many_samples_of_one_demonstration_are_no_evidence():

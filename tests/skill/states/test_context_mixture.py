@@ -175,6 +175,7 @@ def test_a_stored_estimator_gives_the_same_evidence():
         ("responsibilities", lambda a: 0.5 * a, "rows that sum to one"),
         ("correlation_times", lambda a: 0.1 * a, "correlation_times"),
         ("inputs", lambda a: a[:-1], "inputs"),
+        ("groups", lambda a: a[::-1], "array 'groups': expected increasing numbers"),
     ],
 )
 def test_damaged_arrays_are_refused(name, change, message):

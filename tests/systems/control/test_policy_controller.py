@@ -222,6 +222,7 @@ def test_a_policy_that_fails_is_not_called_again(skill, measurements, failing, m
     after = step(dut, context)
     assert after == {**before, "pitch_rate": 0.0, "yaw_rate": 0.0, "feed_speed": 0.0}
     assert dut.GetOutputPort("failed").Eval(context)[0] == 1.0
+    assert dut.GetOutputPort("turning").Eval(context)[0] == 0.0
     assert dut.failure(context).startswith(message)
     policy.action = sound
     assert step(dut, context, times=3) == after
