@@ -97,7 +97,7 @@ class Imitation:
         any_context = np.full_like(Q, 1.0 / Q.size)
         samples = regressor.local_samples(X, pair_probabilities(P, any_context))
         numbers = self.sources[samples.rows, 0]
-        memberships = self.contexts.probabilities_of(numbers)[:, Q[0].argmax()]
+        memberships = self.contexts.probabilities_of(numbers)
         matters = relevance(samples.weights, regressor.y_[samples.rows, TURNS], numbers, memberships)
         return matters * Q + (1.0 - matters) * any_context, matters
 

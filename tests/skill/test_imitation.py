@@ -11,6 +11,7 @@ from sklearn.linear_model import LinearRegression
 from skill.features.wrench_features import CanonicalFeatures
 from skill.imitation import Imitation, lowest_log_support, quartiles
 from skill.regression.locally_weighted_regression import LWRegressor
+from skill.states.context_mixture import ContextMixture
 
 ONE = np.ones((1, 1))
 
@@ -100,3 +101,43 @@ def test_a_recorded_deadlock_is_left():
     turns = [dut.predict(x[None], q[None], ONE).action[1] for x, q in zip(X, Q, strict=True)]
     assert np.median(extrapolated) == pytest.approx(-0.5, abs=0.1)
     assert np.median(turns) / one_degree_per_second < -1.0
+
+
+def three_contexts():
+    """Contexts of six demonstrations, two in each."""
+    rows = np.arange(6)
+    return ContextMixture.from_arrays(
+        {
+            "bandwidth": np.array(1.0),
+            "features": rows[:, None].astype(float),
+            "inputs": np.ones((6, 1)),
+            "outputs": np.ones((6, 1)),
+            "feature_spread": np.ones(1),
+            "input_spread": np.ones(1),
+            "output_spread": np.ones(1),
+            "output_mean": np.zeros(1),
+            "correlation_times": np.ones(1),
+            "group": rows,
+            "groups": rows,
+            "responsibilities": np.repeat(np.eye(3), 2, axis=0),
+        }
+    )
+
+
+@pytest.mark.parametrize(("context", "turn"), [(0, 2.0), (1, -1.0), (2, 1.0)])
+def test_each_of_three_contexts_has_its_own_turn(context, turn):
+    """Near x = 0 the contexts turn by 2, -1 and 1; near x = 100 all turn by 3."""
+    rng = np.random.default_rng(0)
+    number = np.tile(np.repeat(np.arange(6), 20), 2)
+    x = np.repeat([0.0, 100.0], 120) + rng.normal(0.0, 0.1, 240)
+    size = np.where(x < 50.0, np.array([2.0, -1.0, 1.0])[number // 2], 3.0) + rng.normal(0.0, 0.02, 240)
+    Y = np.column_stack([size, -size, np.ones(240)])
+    P = np.eye(3)[number // 2]
+    regressor = LWRegressor(bandwidth=1.0, degree=0).fit(x[:, None], Y, memberships=P)
+    dut = Imitation(regressor, np.column_stack([number, x]), three_contexts(), min_log_support=-10.0)
+    Q = np.eye(3)[context][None]
+    near, far = (dut.predict(np.array([[place]]), ONE, Q) for place in (0.0, 100.0))
+    np.testing.assert_allclose(near.action, [turn, -turn, 1.0], atol=0.1)
+    assert near.relevance > 0.9
+    np.testing.assert_allclose(far.action, [3.0, -3.0, 1.0], atol=0.1)
+    assert near.support == far.support == 1.0

@@ -4,7 +4,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from skill.regression.partial_pooling import relevance
+from skill.regression.partial_pooling import relevance as relevance_of_contexts
+
+
+def relevance(weights, outputs, groups, context):
+    """B of two contexts, given the probabilities (k,) of the first."""
+    return relevance_of_contexts(weights, outputs, groups, np.column_stack([context, 1.0 - context]))
+
 
 GROUPS = np.array([4, 4, 7, 7, 8, 8, 9, 9])
 IN_CONTEXT = np.repeat([1.0, 1.0, 0.0, 0.0], 2)
@@ -79,3 +85,16 @@ def test_units_and_names_do_not_matter_nor_does_the_side(w, y, r):
 def test_a_sample_counts_like_two_of_half_its_weight(w, y):
     twice = np.concatenate([0.5 * w, 0.5 * w]), np.vstack([y, y]), np.tile(GROUPS, 2), np.tile(IN_CONTEXT, 2)
     assert relevance(*twice) == pytest.approx(relevance(w, y, GROUPS, IN_CONTEXT), abs=1e-6)
+
+
+def test_three_contexts_by_hand():
+    """Means 2, -1 and 1 of two demonstrations each, 0.2 apart: V = 0.01 in each, three pairs of equal weight."""
+    y = np.array([1.9, 2.1, -0.9, -1.1, 0.9, 1.1])[:, None]
+    found = relevance_of_contexts(np.ones(6), y, np.arange(6), np.repeat(np.eye(3), 2, axis=0))
+    assert found == pytest.approx(1.0 - 3 * 0.02 / (9.0 + 1.0 + 4.0))
+
+
+def test_a_context_with_a_single_demonstration_does_not_count():
+    y, members = np.array([1.0, 1.2, -1.0, -1.2, 9.0])[:, None], np.eye(3)[[0, 0, 1, 1, 2]]
+    found = relevance_of_contexts(np.ones(5), y, np.arange(5), members)
+    assert found == pytest.approx(relevance_of_contexts(np.ones(4), y[:4], np.arange(4), members[:4]))
