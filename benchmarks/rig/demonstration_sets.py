@@ -8,7 +8,8 @@ three skills perform the same trials, from --first-trial on, in both arms (`Arm`
 --out, and an interrupted run goes on there.
 
 All sets perform the same trials, and all trials are performed by the same sets. The p-values of the difference between
-two skills therefore come from two tests (`sign_flip_test`): one takes the trials as the units, the other the sets.
+two skills therefore come from two tests (`sign_flip_test`): one takes the trials as the units, the other the sets. They
+are given for the insertions, and for the time, in which a failure counts as the whole time of a trial.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from benchmarks.command_line import argument_parser, run
+from models.scenario import load_scenario
 from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, write_json
 from systems.runs.trial import Arm
@@ -39,6 +41,7 @@ from systems.sessions.train_session import train
 FIRST_SET, FIRST_TRIAL = 721, 75000
 """Sets and trials that were used for no choice."""
 
+TIME_LIMIT = load_scenario("nominal").trial.time_limit
 RESAMPLES, EXACT = 10_000, 14
 ALONE, BEFORE, AFTER = "without contexts", "with contexts", "with contexts and recoveries"
 SKILLS = (ALONE, BEFORE, AFTER)
@@ -102,6 +105,7 @@ def row_of(seed: int, name: str, arm: Arm, recovered: int, results: Sequence[Tri
         "inserted": sum(result.inserted for result in results),
         "failed": [result.seed for result in results if not result.inserted],
         "first_trial": min(result.seed for result in results),
+        "times_s": [r.time if r.inserted else TIME_LIMIT for r in sorted(results, key=lambda result: result.seed)],
         "trusted": sum(bool(result.trusted) for result in results),
         "median_time_s": float(np.median([result.time for result in results])),
         "median_peak_load_n": float(np.median(true)),
@@ -171,11 +175,17 @@ def comparison(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
                 for number in sets
             ]
         )
+        saved = np.array([np.subtract(of[number, one]["times_s"], of[number, other]["times_s"]) for number in sets])
         found.append(
             {
                 **{"skill": other, "against": one, "arm": arm.value},
                 **{"better": int((gain > 0).sum()), "worse": int((gain < 0).sum())},
                 **{"p_trials": sign_flip_test(gain.sum(axis=0)), "p_sets": sign_flip_test(gain.sum(axis=1))},
+                "saved_s": float(saved.mean()),
+                **{
+                    "p_time_trials": sign_flip_test(saved.sum(axis=0)),
+                    "p_time_sets": sign_flip_test(saved.sum(axis=1)),
+                },
             }
         )
     return found
@@ -206,7 +216,8 @@ def show(rows: Sequence[dict[str, Any]]) -> None:
     for pair in comparison(rows):
         console.print(
             f"{pair['skill']} against {pair['against']}, {pair['arm']}: {pair['better']} trials better,"
-            f" {pair['worse']} worse; p = {pair['p_trials']:.2g} over trials, {pair['p_sets']:.2g} over sets"
+            f" {pair['worse']} worse; p = {pair['p_trials']:.2g} over trials, {pair['p_sets']:.2g} over sets;"
+            f" {pair['saved_s']:.2f} s faster; p = {pair['p_time_trials']:.2g}, {pair['p_time_sets']:.2g}"
         )
 
 

@@ -60,6 +60,9 @@ def test_skills_are_compared_over_the_same_demonstrations_and_trials():
     assert (contexts["better"], contexts["worse"], contexts["against"]) == (5, 0, ALONE)
     assert contexts["p_trials"] == pytest.approx(2 / 2**3)  # three trials are better, none is worse
     assert contexts["p_sets"] == pytest.approx(2 / 2**2)
+    assert contexts["saved_s"] == pytest.approx(5 / 20 * (10.0 - PLAIN.time))  # a failure counts as ten seconds
+    assert contexts["p_time_trials"] == pytest.approx(2 / 2**3)
+    assert contexts["p_time_sets"] == pytest.approx(2 / 2**2)
     same = comparison([row | {"failed": []} for row in rows()])
     assert {row["p_trials"] for row in same} == {1.0}
 
