@@ -19,11 +19,11 @@ if __name__ == "__main__":
     require_packages("pydrake", "yaml")
 
 import numpy as np
-from rich.table import Table
 
 from benchmarks.command_line import argument_parser, run
 from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
+from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, progress, write_json
 from systems.runs.trial import Arm, run_trials
 from systems.runs.trial_result import TrialResult
@@ -60,16 +60,18 @@ def _counts(texts: Iterable[str]) -> dict[str, int]:
 
 
 def show(rows: Sequence[dict[str, Any]]) -> None:
-    """Prints the table."""
-    table = Table(title="largest load of a trial, N")
-    percentiles = [f"p{p:g}" for p in PERCENTILES] + ["max"]
-    for column in ("arm", "trials", "inserted", "trusted", *percentiles, "true max", "> limit", "> 1.2 limit"):
-        table.add_column(column, justify="left" if column == "arm" else "right")
+    """Prints the table, one column an arm."""
+    table = plain_table("largest load of a trial, N")
+    table.add_column("")
     for row in rows:
-        loads = [f"{row['measured_n'][p]:.1f}" for p in percentiles]
-        numbers = [str(row[key]) for key in ("trials", "inserted", "trusted")]
-        beyond = [str(row["beyond_limit"]), str(row["beyond_tolerance"])]
-        table.add_row(row["arm"], *numbers, *loads, f"{row['true_n']['max']:.1f}", *beyond)
+        table.add_column(row["arm"], justify="right")
+    for key in ("trials", "inserted", "trusted"):
+        table.add_row(key, *(str(row[key]) for row in rows))
+    for name in (*(f"p{p:g}" for p in PERCENTILES), "max"):
+        table.add_row(f"measured, {name}", *(f"{row['measured_n'][name]:.1f}" for row in rows))
+    table.add_row("true, max", *(f"{row['true_n']['max']:.1f}" for row in rows))
+    table.add_row("trials above the limit", *(str(row["beyond_limit"]) for row in rows))
+    table.add_row("trials above 1.2 limits", *(str(row["beyond_tolerance"]) for row in rows))
     console.print(table)
 
 
