@@ -124,8 +124,7 @@ def three_contexts():
     )
 
 
-@pytest.mark.parametrize(("context", "turn"), [(0, 2.0), (1, -1.0), (2, 1.0)])
-def test_each_of_three_contexts_has_its_own_turn(context, turn):
+def imitation_of_three_contexts(min_log_support):
     """Near x = 0 the contexts turn by 2, -1 and 1; near x = 100 all turn by 3."""
     rng = np.random.default_rng(0)
     number = np.tile(np.repeat(np.arange(6), 20), 2)
@@ -134,10 +133,23 @@ def test_each_of_three_contexts_has_its_own_turn(context, turn):
     Y = np.column_stack([size, -size, np.ones(240)])
     P = np.eye(3)[number // 2]
     regressor = LWRegressor(bandwidth=1.0, degree=0).fit(x[:, None], Y, memberships=P)
-    dut = Imitation(regressor, np.column_stack([number, x]), three_contexts(), min_log_support=-10.0)
+    return Imitation(regressor, np.column_stack([number, x]), three_contexts(), min_log_support)
+
+
+@pytest.mark.parametrize(("context", "turn"), [(0, 2.0), (1, -1.0), (2, 1.0)])
+def test_each_of_three_contexts_has_its_own_turn(context, turn):
+    dut = imitation_of_three_contexts(min_log_support=-10.0)
     Q = np.eye(3)[context][None]
     near, far = (dut.predict(np.array([[place]]), ONE, Q) for place in (0.0, 100.0))
     np.testing.assert_allclose(near.action, [turn, -turn, 1.0], atol=0.1)
     assert near.relevance > 0.9
     np.testing.assert_allclose(far.action, [3.0, -3.0, 1.0], atol=0.1)
     assert near.support == far.support == 1.0
+
+
+@pytest.mark.parametrize("place", [0.5, 100.5])
+def test_not_to_know_the_context_is_no_lack_of_samples(place):
+    dut = imitation_of_three_contexts(min_log_support=0.0)
+    known, unknown = (dut.predict(np.array([[place]]), ONE, Q) for Q in (np.eye(3)[:1], np.full((1, 3), 1 / 3)))
+    assert 0.5 < known.support < 1.0
+    assert unknown.support == pytest.approx(known.support, rel=0.1)
