@@ -104,11 +104,7 @@ class Imitation:
 
 def quartiles(values: Array, weights: Array) -> tuple[Array, Array]:
     """Returns the first and third quartile (p,) of values (k, p) with weights (k,)."""
-    order = np.argsort(values, axis=0)
-    share = np.cumsum(weights[order], axis=0) / weights.sum()
-    ranked = np.take_along_axis(values, order, axis=0)
-    rank = [np.minimum((share < level).sum(axis=0), len(values) - 1) for level in (0.25, 0.75)]
-    low, high = (np.take_along_axis(ranked, r[None], axis=0)[0] for r in rank)
+    low, high = np.quantile(values, [0.25, 0.75], axis=0, weights=weights, method="inverted_cdf")
     return low, high
 
 

@@ -41,7 +41,8 @@ from systems.sessions.train_session import train
 FIRST_SET, FIRST_TRIAL = 721, 75000
 """Sets and trials that were used for no choice."""
 
-TIME_LIMIT = load_scenario("nominal").trial.time_limit
+SCENARIO = "nominal"
+TIME_LIMIT = load_scenario(SCENARIO).trial.time_limit
 RESAMPLES, EXACT = 10_000, 14
 ALONE, BEFORE, AFTER = "without contexts", "with contexts", "with contexts and recoveries"
 SKILLS = (ALONE, BEFORE, AFTER)
@@ -53,7 +54,7 @@ def skills_of(seed: int, folder: Path, *, jobs: int) -> dict[str, Path]:
     """Records, trains and recovers the skills of a set; returns their files."""
     shown = folder / "demonstrations"
     files = {ALONE: folder / "alone.npz", BEFORE: folder / "skill.npz", AFTER: folder / "recovered.npz"}
-    record(out=shown, good=24, bad=6, seed=seed, scenario="nominal", jobs=jobs, overwrite=False)
+    record(out=shown, good=24, bad=6, seed=seed, scenario=SCENARIO, jobs=jobs, overwrite=False)
     if not files[ALONE].exists():
         train(demonstrations=[shown], out=files[ALONE], seed=seed, max_contexts=1)
     if not files[BEFORE].exists():
@@ -66,7 +67,7 @@ def skills_of(seed: int, folder: Path, *, jobs: int) -> dict[str, Path]:
             recoveries=folder / "recoveries",
             out=part,
             plan=RecoveryPlan(rounds=2, trials=24, most=10, seed=seed),
-            scenario="nominal",
+            scenario=SCENARIO,
             jobs=jobs,
             overwrite=False,
         )
@@ -88,7 +89,7 @@ def tried(folder: Path, skill: Path, arm: Arm, first: int, trials: int, *, jobs:
         tilt_deg=None,
         friction=None,
         arm=arm,
-        scenario="nominal",
+        scenario=SCENARIO,
         out=folder / f"{skill.stem}_{arm}",
         json=None,
         jobs=jobs,
@@ -106,6 +107,7 @@ def row_of(seed: int, name: str, arm: Arm, recovered: int, results: Sequence[Tri
         "failed": [result.seed for result in results if not result.inserted],
         "first_trial": min(result.seed for result in results),
         "times_s": [r.time if r.inserted else TIME_LIMIT for r in sorted(results, key=lambda result: result.seed)],
+        "back_offs": sum(result.back_offs for result in results),
         "trusted": sum(bool(result.trusted) for result in results),
         "median_time_s": float(np.median([result.time for result in results])),
         "median_peak_load_n": float(np.median(true)),
@@ -136,6 +138,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
                     **{"mean": mean, "lower": lower, "upper": upper, "worst": min(shares), "best": max(shares)},
                     "median_time_s": float(np.median([row["median_time_s"] for row in chosen])),
                     "measured_max_n": max(row["measured_max_n"] for row in chosen),
+                    "back_offs": sum(row["back_offs"] for row in chosen),
                     "trusted": sum(row["trusted"] for row in chosen),
                 }
             )
@@ -211,7 +214,7 @@ def show(rows: Sequence[dict[str, Any]]) -> None:
             f"{row['skill']}, {row['arm']}: {row['inserted']} of {row['trials']}; mean over {row['sets']} sets"
             f" {100 * row['mean']:.1f} % ({100 * row['lower']:.1f} to {100 * row['upper']:.1f} %), worst set"
             f" {100 * row['worst']:.1f} %; median {row['median_time_s']:.2f} s; largest measured load"
-            f" {row['measured_max_n']:.1f} N; physics trusted in {row['trusted']}"
+            f" {row['measured_max_n']:.1f} N; {row['back_offs']} back-offs; physics trusted in {row['trusted']}"
         )
     for pair in comparison(rows):
         console.print(

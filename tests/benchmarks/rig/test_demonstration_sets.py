@@ -23,7 +23,7 @@ from tests.trial_results import PLAIN
 
 def results(inserted, trials):
     failed = [replace(PLAIN, seed=k, outcome=Outcome.JAMMED) for k in range(trials - inserted)]
-    return failed + [replace(PLAIN, seed=k) for k in range(trials - inserted, trials)]
+    return failed + [replace(PLAIN, seed=k, back_offs=2) for k in range(trials - inserted, trials)]
 
 
 def rows():
@@ -49,6 +49,7 @@ def test_the_summary_is_over_sets_and_not_over_trials():
     found = {(row["skill"], row["arm"]): row for row in summary(rows())}
     default = found[BEFORE, "default"]
     assert (default["inserted"], default["trials"], default["sets"]) == (16, 20, 2)
+    assert default["back_offs"] == 16 * 2  # two in each insertion
     assert (default["mean"], default["worst"], default["best"]) == (0.8, 0.6, 1.0)
     assert (default["lower"], default["upper"]) == (0.6, 1.0)  # a bootstrap of two sets draws one of them twice
     assert found[AFTER, "stress"]["mean"] == pytest.approx(0.9)
