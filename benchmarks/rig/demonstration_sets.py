@@ -1,11 +1,11 @@
 """How good the skill is with anybody's demonstrations: fresh sets, each recorded, trained, recovered and tried.
 
-    python -m benchmarks.rig.demonstration_sets [--sets 10] [--trials 100] [--jobs 2] [--json FILE]
+    python -m benchmarks.rig.demonstration_sets [--sets 10] [--trials 100] [--only NAME] [--jobs 2] [--json FILE]
 
 For each seed, from --first on, the benchmark records the default demonstrations (`haptic-skill record`), trains a skill
 without contexts and one with them, and lets the latter recover (`haptic-skill recover`), each with its defaults. The
-three skills perform the same trials, from --first-trial on, in both arms (`Arm`). Everything is kept in the folder of
---out, and an interrupted run goes on there.
+three skills, or those of --only, perform the same trials, from --first-trial on, in both arms (`Arm`). Everything is
+kept in the folder of --out, and an interrupted run goes on there.
 
 All sets perform the same trials, and all trials are performed by the same sets. The p-values of the difference between
 two skills therefore come from two tests (`sign_flip_test`): one takes the trials as the units, the other the sets. They
@@ -38,7 +38,7 @@ from systems.sessions.recovery_session import RecoveryPlan, recover
 from systems.sessions.rig_session import run as run_on_rig
 from systems.sessions.train_session import train
 
-FIRST_SET, FIRST_TRIAL = 721, 75000
+FIRST_SET, FIRST_TRIAL = 726, 76000
 """Sets and trials that were used for no choice."""
 
 SCENARIO = "nominal"
@@ -123,10 +123,15 @@ def over_sets(shares: Sequence[float], *, seed: int = 0) -> tuple[float, float, 
     return float(found.mean()), float(lower), float(upper)
 
 
+def names(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """The skills that have rows."""
+    return [name for name in SKILLS if any(row["skill"] == name for row in rows)]
+
+
 def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """One row for each skill and arm, over the sets."""
     found = []
-    for name in SKILLS:
+    for name in names(rows):
         for arm in Arm:
             chosen = [row for row in rows if row["skill"] == name and row["arm"] == arm.value]
             shares = [row["inserted"] / row["trials"] for row in chosen]
@@ -164,7 +169,8 @@ def sign_flip_test(differences: ArrayLike, *, seed: int = 0) -> float:
 def comparison(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """The differences of two skills in each arm, over the same demonstrations and trials."""
     found = []
-    for (one, other), arm in itertools.product(PAIRS, Arm):
+    pairs = [pair for pair in PAIRS if set(pair) <= set(names(rows))]
+    for (one, other), arm in itertools.product(pairs, Arm):
         of = {(row["set"], row["skill"]): row for row in rows if row["arm"] == arm.value}
         sets = sorted({number for number, _ in of})
         trials = range(of[sets[0], one]["trials"])
@@ -198,13 +204,14 @@ def show(rows: Sequence[dict[str, Any]]) -> None:
     """Prints one line for each set, and the summary over the sets."""
     trials = max(row["trials"] for row in rows)
     table = plain_table(f"inserted of {trials} trials, by set of demonstrations")
-    columns = [(name, arm) for name in SKILLS for arm in Arm]
+    shown = names(rows)
+    columns = [(name, arm) for name in shown for arm in Arm]
     stacked = (f"{TITLES[name]}\n{arm.value}" for name, arm in columns)
     for title in ("set", "recov-\neries", *stacked, "time\n(s)", "load\n(N)"):
         table.add_column(title, justify="right", vertical="bottom", no_wrap=True)
     for seed in sorted({row["set"] for row in rows}):
         of = {(row["skill"], row["arm"]): row for row in rows if row["set"] == seed}
-        last = of[AFTER, Arm.DEFAULT.value]
+        last = of[shown[-1], Arm.DEFAULT.value]
         counts = [str(of[name, arm.value]["inserted"]) for name, arm in columns]
         largest = max(row["measured_max_n"] for row in of.values())
         table.add_row(str(seed), str(last["recoveries"]), *counts, f"{last['median_time_s']:.2f}", f"{largest:.1f}")
@@ -231,6 +238,7 @@ def main() -> None:
     parser.add_argument(
         "--first-trial", type=int, default=FIRST_TRIAL, help=f"number of the first trial (default: {FIRST_TRIAL})"
     )
+    parser.add_argument("--only", action="append", choices=SKILLS, help="only the skills of this name; repeat")
     parser.add_argument("--trials", type=int, default=100, help="trials of each skill and arm (default: 100)")
     parser.add_argument("--jobs", type=int, default=1, help="number of processes")
     parser.add_argument("--out", type=Path, default=Path("out/benchmarks/sets"), metavar="FOLDER", help="kept results")
@@ -241,8 +249,10 @@ def main() -> None:
     rows = []
     for seed in range(arguments.first, arguments.first + arguments.sets):
         folder = arguments.out / str(seed)
-        for name, skill in skills_of(seed, folder, jobs=arguments.jobs).items():
+        files = skills_of(seed, folder, jobs=arguments.jobs)
+        for name in arguments.only or SKILLS:
             for arm in Arm:
+                skill = files[name]
                 results = tried(folder, skill, arm, arguments.first_trial, arguments.trials, jobs=arguments.jobs)
                 rows.append(row_of(seed, name, arm, recoveries(folder), results))
         if arguments.json is not None:

@@ -89,6 +89,16 @@ def test_the_table_has_a_line_for_each_set(capsys):
     assert "mean over 2 sets 80.0 % (60.0 to 100.0 %), worst set 60.0 %" in printed
 
 
+def test_the_table_of_one_skill_compares_nothing(capsys):
+    alone = [row for row in rows() if row["skill"] == AFTER]
+    show(alone)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert " 2 3 10 9 " in printed
+    assert "against" not in printed
+    assert comparison(alone) == []
+    assert [row["skill"] for row in summary(alone)] == [AFTER, AFTER]
+
+
 def test_the_recoveries_of_all_rounds_are_counted(tmp_path):
     for round_number, count in ((1, 2), (2, 1)):
         folder = tmp_path / "recoveries" / f"round_{round_number}"
