@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -29,6 +29,10 @@ def main(
     contexts: Annotated[
         int, typer.Option(min=1, max=10, help="Largest number of contexts to discover; 1 learns without contexts.")
     ] = 3,
+    policy: Annotated[
+        Literal["imitate", "plan"],
+        typer.Option(help="Act as the good demonstrations do, or plan the way to the desired next contact state."),
+    ] = "imitate",
 ) -> None:
     """Learns a manipulation skill from recorded demonstrations.
 
@@ -38,13 +42,16 @@ def main(
     to the file of `--out`. Prints one row per state: how often and how long it was visited, and the probability that it
     leads to insertion. The seed is that of the random draws of the learner.
 
+    With `--policy plan` the skill also learns how the forces answer to each motion, and which forces the good
+    demonstrations keep to in each state. It then chooses the motion that leads to the desired next state.
+
     For example:
 
         haptic-skill train --demonstrations out/few --out out/few.npz
     """
     from systems.sessions.train_session import train
 
-    train(demonstrations=demonstrations, out=out, seed=seed, max_contexts=contexts)
+    train(demonstrations=demonstrations, out=out, seed=seed, max_contexts=contexts, policy=policy)
 
 
 if __name__ == "__main__":

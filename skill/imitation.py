@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from skill.arrays import Array
+from skill.prediction import Prediction, Query
 from skill.regression.partial_pooling import relevance
 from skill.regression.protocols import LocalRegressor, Regressor, StateRegressor
 from skill.states.context_filter import pair_probabilities
@@ -27,24 +27,6 @@ TURNS = slice(0, 2)
 
 LOW_SUPPORT_SHARE = 0.01
 """Share of the demonstrated samples whose support, from the other demonstrations, counts as low."""
-
-
-class Prediction(NamedTuple):
-    """What the demonstrations would do at one query.
-
-    Attributes:
-        action: (3,), turn about x and y (rad) and feed (m) in the frame of the features, over one sample period.
-        support: see `Action`.
-        contexts: (1, C), the probabilities of the contexts as far as they matter.
-        relevance: how far the context matters, 0 to 1.
-        limited: whether a turn was limited to what the neighbours did.
-    """
-
-    action: Array
-    support: float
-    contexts: Array
-    relevance: float
-    limited: bool
 
 
 @dataclass(frozen=True)
@@ -63,15 +45,9 @@ class Imitation:
     contexts: ContextMixture | None
     min_log_support: float
 
-    def predict(self, X: Array, P: Array, Q: Array) -> Prediction:
-        """Returns the prediction for one query.
-
-        Args:
-            X: (1, d), features.
-            P: (1, K), probabilities of the states.
-            Q: (1, C), probabilities of the contexts.
-        """
-        regressor = self.regressor
+    def predict(self, query: Query) -> Prediction:
+        """Returns the prediction for one query."""
+        regressor, (_, X, P, Q) = self.regressor, query
         if isinstance(regressor, LocalRegressor):
             followed, matters = self._followed(regressor, X, P, Q)
             samples = regressor.local_samples(X, pair_probabilities(P, followed))

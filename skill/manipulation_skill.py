@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -21,21 +21,23 @@ from skill.data.refinement import INTENDED
 from skill.features.contact_features import ContactFeatures
 from skill.features.responses import ResponseFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFeatures
-from skill.imitation import Imitation, Prediction, lowest_log_support
+from skill.imitation import Imitation, lowest_log_support
+from skill.planning.planner import Planner
+from skill.planning.planning_model import VALUE_TIME, PlanningModel
+from skill.planning.transitions import transitions
 from skill.policy import Action
+from skill.prediction import Prediction, Query
 from skill.regression.bandwidth_selection import tuned_regressor
-from skill.regression.explanation import SkillExplanation
-from skill.regression.protocols import ExplainableRegressor, Regressor, StateRegressor
+from skill.regression.protocols import ExplainableRegressor, LocalRegressor, Regressor, StateRegressor
+from skill.skill_explanation import SkillExplanation
 from skill.skill_file import SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file
+from skill.skill_schema import POLICIES
 from skill.states.contact_state_filter import ContactStateFilter
 from skill.states.context_filter import ContextFilter, ContextFollower, SingleContext, pair_probabilities
 from skill.states.context_mixture import ContextMixture
 from skill.states.state_graph import StateGraph
 from skill.states.state_style import state_labels
-from skill.training_samples import SampleSettings, discover_contexts
-
-CONTEXT_STREAM = 1
-"""Stream of the sensor noise of the contexts' samples, which differs from that of the other samples."""
+from skill.training_samples import CONTEXTS, PLANNING, SampleSettings, discover_contexts, noise_stream, observed_series
 
 STATE_FLOOR = 0.05
 """Added to the covariances of the states, in units of the variance of each state feature. Contacts at different places
@@ -55,6 +57,8 @@ class ManipulationSkill:
         states: clusterer of the contact states; None for `CompetitiveAgglomeration` with ``STATE_FLOOR``. With
             ``m_init=1`` it finds a single state.
         contexts: discovers the contexts; None for `ContextMixture`. With ``max_contexts=1`` there is one.
+        policy: "imitate", do what the good demonstrations do in the same situation, or "plan", do what leads to the
+            desired next state (`skill.planning.planner`).
         regressor: regressor of the actions, with several outputs as in scikit-learn; None for `LWRegressor`. The
             latter is tuned by `tuned_regressor`. A `StateRegressor` is given the contact states.
         still: delta_s, m; see `refine_demonstration`.
@@ -73,6 +77,7 @@ class ManipulationSkill:
             a single context. The outputs of the regressor are (turn_x, turn_y, feed) over one sample period that the
             good demonstrations intend, in the frame of the features.
         graph_: `StateGraph` of the demonstrations.
+        planning_: `PlanningModel`; None for the policy "imitate".
         period_: sample period, s.
         sources_: (n, 2), demonstration number and time (s) of each sample of the regressor.
         min_log_support_: logarithm of the kernel weight below which support is low; see `lowest_log_support`.
@@ -90,6 +95,7 @@ class ManipulationSkill:
         state_features: WrenchFeatures | None = None,
         states: CompetitiveAgglomeration | None = None,
         contexts: ContextMixture | None = None,
+        policy: str = "imitate",
         regressor: Regressor | None = None,
         still: float = 2e-5,
         rough: float = 4e-4,
@@ -103,6 +109,7 @@ class ManipulationSkill:
         self.state_features = state_features
         self.states = states
         self.contexts = contexts
+        self.policy = policy
         self.regressor = regressor
         self.still = still
         self.rough = rough
@@ -118,8 +125,11 @@ class ManipulationSkill:
         """Discovers the states in all demonstrations, and learns the actions of the good ones.
 
         Raises:
-            ValueError: if no demonstration is good, or the demonstrations have different geometries.
+            TypeError: if the regressor has no neighbours to plan with.
+            ValueError: if no demonstration is good, their geometries differ, or ``policy`` is unknown.
         """
+        if self.policy not in POLICIES:
+            raise ValueError(f"policy {self.policy!r}; expected one of {list(POLICIES)}")
         if not any(d.good for d in demonstrations):
             outcomes = sorted({d.reason for d in demonstrations})
             raise ValueError(
@@ -146,6 +156,7 @@ class ManipulationSkill:
         }
         self._fit_contexts(demonstrations, samples)
         self._fit_actions(demonstrations, refined)
+        self.planning_ = self._planning_model(demonstrations, samples) if self.policy == "plan" else None
         return self
 
     def _fit_states(self, demonstrations: Sequence[Demonstration], refined: Sequence[pd.DataFrame]) -> None:
@@ -168,7 +179,7 @@ class ManipulationSkill:
 
     def _fit_contexts(self, demonstrations: Sequence[Demonstration], samples: SampleSettings) -> None:
         """Discovers the contexts in how the good demonstrations' measurements answer to their motions."""
-        rng = np.random.default_rng(None if self.random_state is None else [self.random_state, CONTEXT_STREAM])
+        rng = noise_stream(self.random_state, CONTEXTS)
         features = self._response_features()
         responses = {
             n: samples.responses(demonstration, features, self.period_, rng)
@@ -186,8 +197,7 @@ class ManipulationSkill:
         measured = samples[list(MEASURED)].to_numpy()
         X = self.features_.transform(measured)
         Y = self.features_.actions_to_frame(measured, samples[list(INTENDED)].to_numpy())
-        contexts = np.ones((len(groups), 1)) if self.contexts_ is None else self.contexts_.probabilities_of(groups)
-        P = pair_probabilities(self.state_probabilities(measured), contexts)
+        P = pair_probabilities(self.state_probabilities(measured), self._contexts_of(groups))
         self.sources_ = np.column_stack([groups, samples["time"].to_numpy()])
         if self.regressor is None:
             self.regressor_ = tuned_regressor(X, Y, groups, memberships=P, random_state=self.random_state)
@@ -198,6 +208,28 @@ class ManipulationSkill:
         else:
             self.regressor_.fit(X, Y)
         self.min_log_support_ = lowest_log_support(self.regressor_, self.sources_[:, 0])
+
+    def _planning_model(self, demonstrations: Sequence[Demonstration], samples: SampleSettings) -> PlanningModel:
+        """Learns what the policy "plan" needs from all demonstrations."""
+        if not isinstance(self.regressor_, LocalRegressor):
+            raise TypeError(f"a {type(self.regressor_).__name__} has no neighbours; expected one such as LWRegressor")
+        rng = noise_stream(self.random_state, PLANNING)
+        noisy = [samples.with_noise(demonstration.samples, rng) for demonstration in demonstrations]
+        rows, numbers = transitions(
+            [observed_series(series) for series in noisy],
+            [self.states_.predict(self.state_features_.transform_demonstration(series)) for series in noisy],
+            [demonstration.good for demonstration in demonstrations],
+            self._response_features(),
+            n_states=self.n_states,
+            period=self.period_,
+        )
+        P = self.state_probabilities(rows.measured)
+        pairs = pair_probabilities(P, self._contexts_of(numbers))
+        return PlanningModel().fit(rows, states=P, memberships=pairs, values=self.graph_.values(VALUE_TIME))
+
+    def _contexts_of(self, numbers: NDArray[np.intp]) -> Array:
+        """Probabilities of the contexts (n, C) of demonstrations, by their numbers (n,)."""
+        return np.ones((len(numbers), 1)) if self.contexts_ is None else self.contexts_.probabilities_of(numbers)
 
     def sample_settings(self) -> SampleSettings:
         """How this skill makes its samples from demonstrations."""
@@ -247,21 +279,26 @@ class ManipulationSkill:
         Raises:
             ValueError: if the shape is wrong or a number is not finite.
         """
-        return self._action(self._query(measured, probabilities, contexts))
+        query = self._query(measured, probabilities, contexts)
+        return self._action(query, self._predictor().predict(query))
 
-    def _query(self, measured: ArrayLike, probabilities: ArrayLike | None, contexts: ArrayLike | None) -> _Query:
-        """What follows for one measurement; arguments as for `act`."""
+    def _query(self, measured: ArrayLike, probabilities: ArrayLike | None, contexts: ArrayLike | None) -> Query:
+        """The query of one measurement; arguments as for `act`."""
         row = _row(measured)
         X = self.features_.transform(row)
         P = self.state_probabilities(row) if probabilities is None else _row(probabilities)
         shares = np.ones(1) if self.contexts_ is None else self.contexts_.weights_
         Q = _row(shares if contexts is None else contexts)
-        return _Query(row, X, P, Q, self.imitation().predict(X, P, Q))
+        return Query(row, X, P, Q)
 
-    def _action(self, query: _Query) -> Action:
-        local = self.features_.actions_from_frame(query.row, query.prediction.action[None])[0]
-        support = query.prediction.support
-        return Action(local[:2], float(local[2]), probabilities=query.P[0], contexts=query.Q[0], support=support)
+    def _action(self, query: Query, prediction: Prediction) -> Action:
+        local = self.features_.actions_from_frame(query.row, prediction.action[None])[0]
+        return Action(local[:2], float(local[2]), query.P[0], query.Q[0], prediction.support)
+
+    def _predictor(self) -> Imitation | Planner:
+        if self.planning_ is None:
+            return self.imitation()
+        return Planner(self.planning_, self.imitation(), self._response_features(), self.period_)
 
     def imitation(self) -> Imitation:
         """Returns what predicts the actions from the features."""
@@ -292,33 +329,12 @@ class ManipulationSkill:
                 " expected a regressor with a method `explain`, such as LWRegressor"
             )
         query = self._query(measured, probabilities, contexts)
-        action, prediction = self._action(query), query.prediction
+        prediction = self._predictor().predict(query)
         pairs = pair_probabilities(query.P, prediction.contexts)
         local = self.regressor_.explain(query.X[0], pairs[0], level)
-        demonstration, time = self.sources_[local.neighbours].T
-        return SkillExplanation(
-            state_names=self.state_names(),
-            probabilities=action.probabilities,
-            contexts=action.contexts,
-            relevance=prediction.relevance,
-            limited=prediction.limited,
-            turn=action.turn,
-            feed=action.feed,
-            frame_angle=float(self.features_.rotation_angle(query.row)[0]),
-            lower=local.lower,
-            upper=local.upper,
-            level=level,
-            neighbours=pd.DataFrame(
-                {
-                    "demonstration": demonstration.astype(int),
-                    "time": time,
-                    "weight": local.weights,
-                    "influence": local.influence,
-                }
-            ),
-            support=local.support,
-            log_w_max=local.log_w_max,
-        )
+        angle = float(self.features_.rotation_angle(query.row)[0])
+        action = self._action(query, prediction)
+        return SkillExplanation.of(local, prediction, action, self.sources_, self.state_names(), angle)
 
     @property
     def n_states(self) -> int:
@@ -350,6 +366,7 @@ class ManipulationSkill:
                 "regressor": self.regressor_,
                 "graph": self.graph_,
                 "contexts": self.contexts_,
+                "planning": self.planning_,
             },
             sources=self.sources_,
             period=self.period_,
@@ -374,16 +391,6 @@ class ManipulationSkill:
         skill.metadata_, skill.names_ = contents.metadata, contents.names
         skill.min_log_support_ = contents.min_log_support
         return skill
-
-
-class _Query(NamedTuple):
-    """A measurement (1, 7), its features (1, d), the probabilities P (1, K) and Q (1, C), and what follows."""
-
-    row: Array
-    X: Array
-    P: Array
-    Q: Array
-    prediction: Prediction
 
 
 def _row(values: ArrayLike) -> Array:

@@ -22,16 +22,17 @@ from skill.data.strict_json import parse_object
 from skill.data.tables import one_line, write_atomically
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import CanonicalFeatures, NormalisedFeatures, RawFeatures, WrenchFeatures
+from skill.planning.planning_model import PlanningModel
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.skill_schema import PARAMETERS, check_header, check_parts, feature_part
 from skill.states.context_mixture import ContextMixture
 from skill.states.state_graph import StateGraph
 
-SKILL_VERSION = 6
+SKILL_VERSION = 7
 """Version of the files that are written."""
 
-OLDER_VERSIONS = (4, 5)
-"""The other versions that are read; their files have no contexts, and those of version 4 no digest."""
+OLDER_VERSIONS = (4, 5, 6)
+"""The other versions that are read; their files have no plans, those before 6 no contexts, and those of 4 no digest."""
 
 MAX_BYTES = 50_000_000
 """Largest size of a file; a skill of thirty demonstrations has 0.3 MB."""
@@ -67,7 +68,7 @@ ARRAY_PARTS: dict[str, type[ArrayPart]] = {
 }
 """The parts that are stored as arrays, each of this type. An array is named "part/array"."""
 
-OPTIONAL_PARTS: dict[str, type[ArrayPart]] = {"contexts": ContextMixture}
+OPTIONAL_PARTS: dict[str, type[ArrayPart]] = {"contexts": ContextMixture, "planning": PlanningModel}
 """The parts that may be None, and are then not stored; otherwise as ``ARRAY_PARTS``."""
 
 

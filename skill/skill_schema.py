@@ -23,6 +23,9 @@ MAX_ACTION = 10.0
 MAX_SEED = 2**32 - 1
 """Largest seed of NumPy's and scikit-learn's generators."""
 
+POLICIES = ("imitate", "plan")
+"""How a skill can act; see `skill.imitation` and `skill.planning.planner`."""
+
 N_ACTIONS = 3
 """Number of outputs of the regressor: turn about x and y, and feed."""
 
@@ -52,6 +55,7 @@ PARAMETERS: dict[str, tuple[Check, str]] = {
     "feed_time": (_positive, "a positive time in s"),
     "force_noise": (_at_least_zero, "a force in N of at least 0"),
     "moment_noise": (_at_least_zero, "a moment in N m of at least 0"),
+    "policy": (lambda value: value in POLICIES, f"one of {list(POLICIES)}"),
     "random_state": (
         lambda value: value is None or (type(value) is int and 0 <= value <= MAX_SEED),
         "an integer from 0 to 2^32 - 1",
@@ -159,6 +163,14 @@ def check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, A
             raise ValueError(
                 f"contexts: {shape} features, inputs and outputs, expected {(features, N_INPUTS, N_OUTPUTS)}"
             )
+    planning, plans = parts["planning"], header["parameters"].get("policy") == "plan"
+    if (planning is not None) != plans:
+        raise ValueError(f"planning: {'missing' if plans else 'unexpected'} for this policy")
+    if planning is not None:
+        sizes = [*(len(spread) for spread in planning.scales_), len(planning.lower_), planning.memberships_.shape[1]]
+        of_skill = [features, N_INPUTS, N_OUTPUTS, K, P.shape[1]]
+        if sizes != of_skill:
+            raise ValueError(f"planning: {sizes} features, inputs, outputs, states and pairs, expected {of_skill}")
     names = header["names"]
     if names is not None and len(names) < K:
         raise ValueError(f"header: {len(names)} names, expected one for each of {K} states")

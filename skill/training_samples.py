@@ -8,11 +8,20 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
 from skill.features.responses import ResponseFeatures, Responses, joined, observations
 from skill.features.wrench_features import MEASURED
 from skill.states.context_mixture import ContextMixture
+
+CONTEXTS, PLANNING = 1, 2
+"""Streams of the sensor noise in the samples of the contexts and of the planner."""
+
+
+def noise_stream(random_state: int | None, stream: int) -> np.random.Generator:
+    """Returns a generator of sensor noise that differs from that of the other samples."""
+    return np.random.default_rng(None if random_state is None else [random_state, stream])
 
 
 @dataclass(frozen=True)
@@ -45,9 +54,13 @@ class SampleSettings:
         self, demonstration: Demonstration, features: ResponseFeatures, period: float, rng: np.random.Generator
     ) -> Responses:
         """Returns how the measurements of a demonstration answer to its motions, ``period`` (s) apart."""
-        measured = self.with_noise(demonstration.samples, rng)[list(MEASURED)].to_numpy()
-        turned = demonstration.samples[["rx", "ry"]].to_numpy().cumsum(axis=0)
-        return features.of_series(observations(measured, turned), period)
+        return features.of_series(observed_series(self.with_noise(demonstration.samples, rng)), period)
+
+
+def observed_series(samples: pd.DataFrame) -> Array:
+    """Returns the observations (n, 9) of a demonstration; see `skill.features.responses`."""
+    turned = samples[["rx", "ry"]].to_numpy().cumsum(axis=0)
+    return observations(samples[list(MEASURED)].to_numpy(), turned)
 
 
 def discover_contexts(mixture: ContextMixture, responses: Mapping[int, Responses]) -> ContextMixture | None:

@@ -74,6 +74,10 @@ def joined(responses: Mapping[int, Responses]) -> tuple[Responses, NDArray[np.in
     return Responses(**rows), numbers
 
 
+LOADS = ("fx", "fy", "mx / r", "my / r", "fz")
+"""The outputs: the components of the wrench, N, with the lateral moments over the peg radius."""
+
+
 @dataclass(frozen=True)
 class ResponseFeatures:
     """Computes responses from observations.
@@ -101,8 +105,13 @@ class ResponseFeatures:
         return Responses(
             features=self.features.transform(measured),
             inputs=np.column_stack([turned, feed]),
-            outputs=np.column_stack([turn(change, -phi), turn(change[:, 3:], -phi) / self.peg_radius, change[:, 2]]),
+            outputs=self.loads(change, phi),
         )
+
+    def loads(self, wrenches: Array, angles: Array) -> Array:
+        """Returns the ``LOADS`` (n, 5) of wrenches (n, 6 or more) in frames at angles (n,), rad, from P about z."""
+        lateral, moments = turn(wrenches, -angles), turn(wrenches[:, 3:], -angles) / self.peg_radius
+        return np.column_stack([lateral, moments, wrenches[:, 2]])
 
     def of_series(self, observations: Array, period: float) -> Responses:
         """Returns the responses that tell contexts apart in a series of observations (n, 9), ``period`` (s) apart."""

@@ -96,6 +96,14 @@ class ResponseModel:
         spread = (np.maximum(rest, 0.0) + PRIOR_SAMPLES) / (sums[:, -1:] + PRIOR_SAMPLES)
         return outputs - np.einsum("mqp,mq->mp", B, A), spread * (1.0 + leverage)[:, None]
 
+    def coefficients(self, weights: Array) -> Array:
+        """Returns B (m, 1 + q, p) of the regressions at queries with the weights (m, n) of the samples."""
+        q, p = self._A.shape[1], self._Y.shape[1]
+        sums = weights @ self._moments
+        S = sums[:, : q * q].reshape(-1, q, q) + PRIOR_SAMPLES * np.eye(q)
+        found = np.linalg.solve(S, sums[:, q * q : q * (q + p)].reshape(-1, q, p))
+        return np.asarray(found, dtype=float)
+
     def log_likelihoods(
         self, kernel: Array, memberships: Array, inputs: Array, outputs: Array, correlation_times: Array
     ) -> Array:

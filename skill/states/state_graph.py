@@ -192,6 +192,29 @@ class StateGraph(BaseEstimator):
         best = int(conditional.argmax())
         return None if best == len(self.visits_) else best
 
+    def values(self, time_constant: float) -> Array:
+        """Returns the value of each state, shape (K,): how probably and how soon it leads to ``success``.
+
+        The value is V = E[exp(-t / tau)], with t the time until ``success``, infinite after another outcome. With the
+        mean duration d_i of a visit it solves V_i = exp(-d_i / tau) (sum_j P_ij V_j + P_i,success). The value of a
+        state without visits is 0.
+
+        Args:
+            time_constant: tau, s.
+
+        Raises:
+            ValueError: if ``time_constant`` is not positive.
+        """
+        check_is_fitted(self)
+        if not time_constant > 0:
+            raise ValueError(f"time_constant = {time_constant}; expected a positive number of seconds")
+        K = len(self.visits_)
+        kept = np.exp(-np.nan_to_num(self.dwell_mean_s_) / time_constant)
+        success = int(np.searchsorted(self.outcomes_, self.success))
+        moves = kept[:, None] * self.moves_
+        found: Array = np.linalg.solve(np.eye(K) - moves[:, :K], moves[:, K + success])
+        return found
+
     def transition_matrix(self, smoothing: float = 1.0) -> Array:
         """Returns the probability of each state at the next sample given the current state, shape (K, K).
 

@@ -119,7 +119,7 @@ def recover(
         folder = _folder_of(recoveries, number)
         _show(chosen, situations, folder, plan, jobs=jobs, overwrite=overwrite)
         folders.append(folder)
-        learnt = train(demonstrations=folders, out=out, seed=plan.seed)
+        learnt = train(demonstrations=folders, out=out, seed=plan.seed, policy=learnt.policy)
     if len(folders) == 1:
         with locked_file(out), named_errors(out, "the skill is unchanged"):
             learnt.save(out)

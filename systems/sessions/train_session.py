@@ -18,7 +18,12 @@ from systems.runs.exact_states import give_names
 
 
 def train(
-    *, demonstrations: Sequence[Path], out: Path, seed: int, max_contexts: int = MAX_CONTEXTS
+    *,
+    demonstrations: Sequence[Path],
+    out: Path,
+    seed: int,
+    max_contexts: int = MAX_CONTEXTS,
+    policy: str = "imitate",
 ) -> ManipulationSkill:
     """Fits a skill to the recordings in some folders, writes it to the file ``out``, and returns it.
 
@@ -27,6 +32,7 @@ def train(
         out: file of the skill.
         seed: of the random draws of the learner.
         max_contexts: largest number of contexts that is discovered.
+        policy: one of ``skill.skill_schema.POLICIES``.
 
     Raises:
         ValueError: if a folder holds no valid demonstrations, none of all inserts, or a folder is given twice.
@@ -47,7 +53,7 @@ def train(
         remove_unfinished(out.parent, [out.name])
         with busy(f"learning from {len(recordings)} demonstrations"):
             contexts = ContextMixture(max_contexts=max_contexts, random_state=seed)
-            skill = ManipulationSkill(contexts=contexts, random_state=seed).fit(recordings)
+            skill = ManipulationSkill(contexts=contexts, policy=policy, random_state=seed).fit(recordings)
             give_names(skill, recordings)
         with named_errors(out, "the recordings are unchanged"):
             skill.save(out)

@@ -10,12 +10,19 @@ from sklearn.linear_model import LinearRegression
 
 from skill.features.wrench_features import CanonicalFeatures
 from skill.imitation import Imitation, lowest_log_support, quartiles
+from skill.prediction import Query
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.context_mixture import ContextMixture
 
 ONE = np.ones((1, 1))
 
 numbers = arrays(float, st.integers(1, 30), elements=st.floats(-5.0, 5.0))
+
+
+def query(x, Q=ONE):
+    """A query at one feature; an imitation does not look at the measurement itself."""
+    X = np.array([[x]])
+    return Query(X, X, ONE, Q)
 
 
 def imitation(regressor, X, Y, **parameters):
@@ -50,7 +57,7 @@ def sloping():
 
 
 def test_a_turn_is_not_extrapolated(sloping):
-    found = sloping.predict(np.array([[3.0]]), ONE, ONE)
+    found = sloping.predict(query(3.0))
     np.testing.assert_allclose(found.action[:2], [0.125, -0.125], atol=0.003)  # the farther quartile
     assert found.limited
     assert found.action[2] == pytest.approx(0.1, abs=0.01)  # a feed is
@@ -58,7 +65,7 @@ def test_a_turn_is_not_extrapolated(sloping):
 
 def test_within_the_quartiles_a_prediction_is_that_of_the_regressor(sloping):
     X = np.array([[0.5]])
-    found = sloping.predict(X, ONE, ONE)
+    found = sloping.predict(Query(X, X, ONE, ONE))
     np.testing.assert_array_equal(found.action, sloping.regressor.predict(X)[0])
     assert not found.limited
     assert (found.support, found.relevance) == (1.0, 1.0)
@@ -66,7 +73,7 @@ def test_within_the_quartiles_a_prediction_is_that_of_the_regressor(sloping):
 
 def test_a_foreign_regressor_is_used_as_it_is():
     x = np.linspace(0.0, 1.0, 5)[:, None]
-    found = imitation(LinearRegression(), x, np.column_stack([x, 2 * x, -x])).predict(np.array([[3.0]]), ONE, ONE)
+    found = imitation(LinearRegression(), x, np.column_stack([x, 2 * x, -x])).predict(query(3.0))
     np.testing.assert_allclose(found.action, [3.0, 6.0, -3.0])
     assert (found.support, found.limited) == (1.0, False)
     assert lowest_log_support(LinearRegression(), np.arange(5)) == -math.inf
@@ -98,7 +105,7 @@ def test_a_recorded_deadlock_is_left():
     X = CanonicalFeatures().transform(recorded["measured"].astype(float))
     Q = recorded["queried"] / recorded["queried"].sum(axis=1, keepdims=True)
     extrapolated = regressor.predict(X, memberships=Q)[:, 1] / one_degree_per_second
-    turns = [dut.predict(x[None], q[None], ONE).action[1] for x, q in zip(X, Q, strict=True)]
+    turns = [dut.predict(Query(x[None], x[None], q[None], ONE)).action[1] for x, q in zip(X, Q, strict=True)]
     assert np.median(extrapolated) == pytest.approx(-0.5, abs=0.1)
     assert np.median(turns) / one_degree_per_second < -1.0
 
@@ -140,7 +147,7 @@ def imitation_of_three_contexts(min_log_support):
 def test_each_of_three_contexts_has_its_own_turn(context, turn):
     dut = imitation_of_three_contexts(min_log_support=-10.0)
     Q = np.eye(3)[context][None]
-    near, far = (dut.predict(np.array([[place]]), ONE, Q) for place in (0.0, 100.0))
+    near, far = (dut.predict(query(place, Q)) for place in (0.0, 100.0))
     np.testing.assert_allclose(near.action, [turn, -turn, 1.0], atol=0.1)
     assert near.relevance > 0.9
     np.testing.assert_allclose(far.action, [3.0, -3.0, 1.0], atol=0.1)
@@ -150,6 +157,6 @@ def test_each_of_three_contexts_has_its_own_turn(context, turn):
 @pytest.mark.parametrize("place", [0.5, 100.5])
 def test_not_to_know_the_context_is_no_lack_of_samples(place):
     dut = imitation_of_three_contexts(min_log_support=0.0)
-    known, unknown = (dut.predict(np.array([[place]]), ONE, Q) for Q in (np.eye(3)[:1], np.full((1, 3), 1 / 3)))
+    known, unknown = (dut.predict(query(place, Q)) for Q in (np.eye(3)[:1], np.full((1, 3), 1 / 3)))
     assert 0.5 < known.support < 1.0
     assert unknown.support == pytest.approx(known.support, rel=0.1)

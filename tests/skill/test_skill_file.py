@@ -164,12 +164,12 @@ def test_a_skill_file_contains_plain_arrays_and_no_pickle(skill_file):
 
 
 def test_the_names_in_the_file_do_not_change(made_up_skill, tmp_path):
-    """Files of today must load in later versions, and files of versions 4 to 6 load today."""
+    """Files of today must load in later versions, and files of versions 4 to 7 load today."""
     made_up_skill.save(tmp_path / "skill.npz")
     with np.load(tmp_path / "skill.npz") as stored:
         arrays = dict(stored)
     header = header_of(arrays)
-    assert header["skill_version"] == 6
+    assert header["skill_version"] == 7
     assert list(header) == [
         *("skill_version", "parameters", "features", "state_features"),
         *("period", "metadata", "names", "least_log_support"),
@@ -177,7 +177,7 @@ def test_the_names_in_the_file_do_not_change(made_up_skill, tmp_path):
     assert header["parameters"] == {
         **{"still": 1e-5, "rough": 4e-4, "correction_time": 0.4, "feed_time": 0.1},
         **{"force_noise": 0.06, "moment_noise": 5e-3},
-        "random_state": 3,
+        **{"policy": "imitate", "random_state": 3},
     }
     assert header["features"][0] == "CanonicalFeatures"
     assert header["state_features"] == [
@@ -438,7 +438,7 @@ DAMAGES = {
     "period in ms": (with_header(lambda h: h.update(period=20)), "'period' is 20, expected a positive time"),
     "no period": (with_header(lambda h: h.pop("period") and None), "missing entries of the header ['period']"),
     "entry": (with_header(lambda h: h.update(mood=3)), "unknown entries of the header ['mood']"),
-    "version": (with_header(lambda h: h.update(skill_version=[5])), "skill file version [5], expected 4 to 6"),
+    "version": (with_header(lambda h: h.update(skill_version=[5])), "skill file version [5], expected 4 to 7"),
     "metadata": (with_header(lambda h: h.update(metadata=None)), "'metadata' is None, expected an object"),
     "no good one": (with_header(lambda h: h["metadata"].update(good=0)), "'good' is 0, expected a positive integer"),
     "geometry": (with_header(lambda h: h["metadata"].update(geometry=[])), "geometry is []"),
@@ -471,7 +471,7 @@ def test_a_part_that_is_replaced_by_itself_loads(skill_file, skill, rows, tmp_pa
 def test_a_skill_without_its_digest_is_refused(skill_file, tmp_path):
     with np.load(skill_file) as stored:
         np.savez(tmp_path / "bare.npz", **stored)
-    assert "damaged: a file of version 6 without its digest" in error_message(tmp_path / "bare.npz")
+    assert "damaged: a file of version 7 without its digest" in error_message(tmp_path / "bare.npz")
 
 
 def test_a_changed_byte_is_noticed(skill_file, tmp_path):

@@ -35,6 +35,15 @@ def test_errors_and_variances_are_those_of_a_weighted_ridge_regression(samples):
     np.testing.assert_allclose(variances[0], spread * (1 + a @ np.linalg.inv(M) @ a), rtol=1e-10)
 
 
+def test_coefficients_are_those_of_a_weighted_ridge_regression(samples):
+    w = np.random.default_rng(2).uniform(size=(2, 40))
+    A = np.column_stack([np.ones(40), samples.U])
+    found = ResponseModel(samples).coefficients(w)
+    for weights, B in zip(w, found, strict=True):
+        M = A.T @ np.diag(weights) @ A + PRIOR_SAMPLES * np.eye(3)
+        np.testing.assert_allclose(B, np.linalg.inv(M) @ A.T @ np.diag(weights) @ samples.Y, rtol=1e-9)
+
+
 def test_far_from_all_samples_the_prediction_is_the_mean_with_the_spread_of_all(samples):
     u, y = np.array([[0.3, -2.0]]), np.ones((1, 4))
     errors, variances = ResponseModel(samples).residuals(np.zeros((1, 40)), u, y)

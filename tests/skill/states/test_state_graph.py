@@ -54,6 +54,25 @@ def test_probability_of_success_agrees_with_a_simulation():
     assert successes / 4000 == pytest.approx(dut.reach_[0], abs=4 * 0.5 / np.sqrt(4000))
 
 
+def test_values_worked_by_hand():
+    # V3 = d3 / 2; V2 = d2; V1 = d1 (1/4 V0 + 1/2 V2 + 1/4 V3); V0 = d0 (4/5 V1 + 1/5 V3), with d = exp(-dwell / tau)
+    dut, tau = example(), 0.7
+    d0, d1, d2, d3 = np.exp(-dut.dwell_mean_s_ / tau)
+    v0 = d0 * (0.8 * d1 * (0.5 * d2 + 0.125 * d3) + 0.1 * d3) / (1 - 0.2 * d0 * d1)
+    np.testing.assert_allclose(dut.values(tau), [v0, d1 * (0.25 * v0 + 0.5 * d2 + 0.125 * d3), d2, 0.5 * d3])
+
+
+def test_without_haste_the_value_is_the_probability_of_success():
+    np.testing.assert_allclose(example().values(1e9), example().reach_, rtol=1e-6)
+
+
+def test_a_state_that_was_never_seen_has_no_value():
+    graph = StateGraph(n_states=3, sample_period=0.1).fit([[0, 0, 2]], ["inserted"])
+    assert graph.values(1.0)[1] == 0.0
+    with pytest.raises(ValueError, match="time_constant = 0; expected a positive number of seconds"):
+        graph.values(0)
+
+
 def test_desired_next_state():
     dut = example()
     assert [dut.desired_next(k) for k in range(4)] == [1, 2, None, None]

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pandas as pd
 
-from skill.regression.explanation import MAX_PRINTED, SkillExplanation
+from skill.prediction import DesiredState, Plan
+from skill.skill_explanation import MAX_PRINTED, SkillExplanation
 
 
 def test_the_text_is_in_degrees_and_millimetres_and_names_the_likely_states():
@@ -37,3 +38,34 @@ def test_the_text_is_in_degrees_and_millimetres_and_names_the_likely_states():
         "support 12.3 samples, log of the greatest kernel weight -1.3",
         *[f"  demonstration 3 at {k + 1}.00 s: weight 0.50" for k in range(MAX_PRINTED)],
     ]
+
+
+def planned_lines(plan):
+    """The lines of an explanation about its plan."""
+    fields = dict.fromkeys(("relevance", "limited", "frame_angle", "level", "support", "log_w_max"), 0.0)
+    explanation = SkillExplanation(
+        **fields,
+        state_names=["free", "one point"],
+        probabilities=np.array([1.0, 0.0]),
+        contexts=np.ones(1),
+        turn=np.zeros(2),
+        feed=0.0,
+        lower=np.zeros(3),
+        upper=np.zeros(3),
+        neighbours=pd.DataFrame(columns=["demonstration", "time", "weight", "influence"]),
+        plan=plan,
+    )
+    return str(explanation).splitlines()[2:-2]
+
+
+def test_the_text_tells_the_plan():
+    desired = DesiredState(1, 0.876, np.array([-3.0, 0.0, 0.0, 0.0, 0.0]), 0.25)
+    loads, expected = np.array([6.0, 0.0, 1.0, 2.0, 9.0]), np.array([3.0, 4.0, 1.0, 2.0, 9.0])
+    plan = Plan(desired, loads, expected, np.array([0.0, 0.0, -0.3, 0.0, 0.2]))
+    told = "lateral force 6.0 N now, 5.0 N expected after this action kept for 0.1 s, 3.0 N desired"
+    assert planned_lines(plan) == [
+        f"desired next: one point (88%) in 0.25 s; {told}",
+        "the loads are expected 0.3 N beyond the bounds of the state",
+    ]
+    inserted = plan._replace(desired=desired._replace(state=2), beyond=np.zeros(5))
+    assert planned_lines(inserted) == [f"desired next: the insertion (88%) in 0.25 s; {told}"]

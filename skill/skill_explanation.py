@@ -1,0 +1,140 @@
+"""Explanation of one action of a skill: states, contexts, samples, interval, support and plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import pandas as pd
+
+from skill.arrays import Array
+from skill.policy import Action
+from skill.prediction import Plan, Prediction
+from skill.regression.explanation import Explanation
+
+MAX_PRINTED = 5  # samples in the printed explanation
+
+
+@dataclass(frozen=True)
+class SkillExplanation:
+    """Explanation of one action of a skill.
+
+    Attributes:
+        state_names: names of the K contact states.
+        probabilities: (K,), probabilities of the contact states.
+        contexts: (C,), probabilities of the contexts.
+        relevance: how far the context matters here, 0 to 1; see `skill.regression.partial_pooling`.
+        limited: whether the turn of the regression was limited to what the neighbours did; see `skill.imitation`.
+        turn: (2,), rotation vector of the peg relative to the hole about x and y of P, rad, over one sample period.
+        feed: motion of the peg along its axis, m, over one sample period.
+        frame_angle: angle from P to the frame of the features about z, rad.
+        lower: (3,), lower bound of the prediction interval of (turn_x, turn_y, feed) in the frame of the features; of
+            the regression, before its turns are limited.
+        upper: (3,), upper bound of this interval.
+        level: nominal coverage of the interval.
+        neighbours: DataFrame of the samples used, in order of decreasing weight: ``demonstration`` (number), ``time``
+            (s), ``weight`` (over the greatest), ``influence`` (the action is the sum of influence times demonstrated
+            action, unless its turn is limited).
+        support: effective number of samples: the sum of the weights over the greatest.
+        log_w_max: logarithm of the greatest kernel weight; very negative far from all demonstrations.
+        plan: what the planner expects; None for an imitation.
+    """
+
+    state_names: list[str]
+    probabilities: Array
+    contexts: Array
+    relevance: float
+    limited: bool
+    turn: Array
+    feed: float
+    frame_angle: float
+    lower: Array
+    upper: Array
+    level: float
+    neighbours: pd.DataFrame
+    support: float
+    log_w_max: float
+    plan: Plan | None = None
+
+    @classmethod
+    def of(
+        cls,
+        local: Explanation,
+        prediction: Prediction,
+        action: Action,
+        sources: Array,
+        state_names: list[str],
+        frame_angle: float,
+    ) -> Self:
+        """Joins what the regressor explains with the action that follows.
+
+        Args:
+            local: explanation of the regression.
+            prediction: the action in the frame of the features.
+            action: the action.
+            sources: (n, 2), demonstration number and time (s) of each sample of the regressor.
+            state_names: names of the contact states.
+            frame_angle: see the attributes.
+        """
+        demonstration, time = sources[local.neighbours].T
+        neighbours = {"demonstration": demonstration.astype(int), "time": time}
+        weights = {"weight": local.weights, "influence": local.influence}
+        return cls(
+            state_names=state_names,
+            probabilities=action.probabilities,
+            contexts=action.contexts,
+            relevance=prediction.relevance,
+            limited=prediction.limited,
+            plan=prediction.plan,
+            turn=action.turn,
+            feed=action.feed,
+            frame_angle=frame_angle,
+            lower=local.lower,
+            upper=local.upper,
+            level=local.level,
+            neighbours=pd.DataFrame(neighbours | weights),
+            support=local.support,
+            log_w_max=local.log_w_max,
+        )
+
+    def __str__(self) -> str:
+        """The explanation in degrees and millimetres."""
+        states = ", ".join(
+            f"{self.state_names[k]} {self.probabilities[k]:.0%}"
+            for k in np.argsort(-self.probabilities)
+            if self.probabilities[k] >= 0.01
+        )
+        contexts = ", ".join(f"{chr(65 + k)} {p:.0%}" for k, p in enumerate(self.contexts))
+        matters = f"the context matters by {self.relevance:.0%} here"
+        degrees, low, high = np.degrees(self.turn), np.degrees(self.lower[:2]), np.degrees(self.upper[:2])
+        return "\n".join(
+            [
+                f"states: {states}",
+                *([] if len(self.contexts) == 1 else [f"contexts: {contexts}; {matters}"]),
+                *(["the turn is limited to the quartiles of what was done nearby"] if self.limited else []),
+                f"turn {degrees[0]:+.3f} {degrees[1]:+.3f} deg, feed {1e3 * self.feed:+.3f} mm, in one sample period",
+                *([] if self.plan is None else self._planned(self.plan)),
+                f"{self.level:.0%} interval in the contact frame ({np.degrees(self.frame_angle):+.0f} deg about z):"
+                f" turn {low[0]:+.3f}..{high[0]:+.3f}, {low[1]:+.3f}..{high[1]:+.3f} deg,"
+                f" feed {1e3 * self.lower[2]:+.3f}..{1e3 * self.upper[2]:+.3f} mm",
+                f"support {self.support:.1f} samples, log of the greatest kernel weight {self.log_w_max:.1f}",
+                *(
+                    f"  demonstration {demonstration:.0f} at {time:.2f} s: weight {weight:.2f}"
+                    for demonstration, time, weight, _ in self.neighbours.head(MAX_PRINTED).to_numpy()
+                ),
+            ]
+        )
+
+    def _planned(self, plan: Plan) -> list[str]:
+        """The plan in words."""
+        desired = plan.desired
+        name = self.state_names[desired.state] if desired.state < len(self.state_names) else "the insertion"
+        size, to = (float(np.hypot(*loads[:2])) for loads in (plan.loads, plan.loads + desired.change))
+        expected = float(np.hypot(*plan.expected[:2]))
+        beyond = float(np.abs(plan.beyond).max())
+        return [
+            f"desired next: {name} ({desired.share:.0%}) in {desired.time:.2f} s; lateral force {size:.1f} N now,"
+            f" {expected:.1f} N expected after this action kept for 0.1 s, {to:.1f} N desired",
+            *([f"the loads are expected {beyond:.1f} N beyond the bounds of the state"] if beyond > 0.05 else []),
+        ]

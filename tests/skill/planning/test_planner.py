@@ -1,0 +1,97 @@
+"""The motion of a planner, against formulas worked by hand."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.optimize import minimize
+
+from skill.planning.planner import BOUND_TOLERANCE, LOAD_TOLERANCE, best_motion
+
+WIDE = np.full(5, -1e3), np.full(5, 1e3)
+LARGEST = np.array([0.1, 0.1, 1e-2])
+SPREAD = np.array([1e-2, 1e-2, 1e-3])
+
+
+def responding(load, motion, by):
+    """B with one entry."""
+    B = np.zeros((5, 3))
+    B[load, motion] = by
+    return B
+
+
+def planned(response, target, *, bounds=WIDE, usual=(0.0, 0.0, 0.0), spread=SPREAD):
+    return best_motion(
+        response, target=np.asarray(target, float), bounds=bounds, usual=np.array(usual), spread=spread, largest=LARGEST
+    )
+
+
+def test_without_an_answer_the_planner_imitates():
+    usual = np.array([0.02, -0.03, 1e-3])
+    np.testing.assert_allclose(planned(np.zeros((5, 3)), [4.0, 0, 0, 0, 0], usual=usual), usual, rtol=1e-9)
+
+
+def test_prior_and_target_are_weighted_by_their_spreads():
+    # u = s_u^2 B t / (s_l^2 + s_u^2 B^2): the posterior mean of a normal prior around zero.
+    b, t = -300.0, -3.0
+    expected = SPREAD[1] ** 2 * b * t / (LOAD_TOLERANCE**2 + SPREAD[1] ** 2 * b**2)
+    np.testing.assert_allclose(planned(responding(0, 1, b), [t, 0, 0, 0, 0]), [0.0, expected, 0.0], atol=1e-12)
+
+
+def test_where_demonstrations_contradict_each_other_the_dynamics_decide():
+    usual, b, t = np.array([0.0, -0.02, 0.0]), -300.0, -3.0
+    sure, torn = (
+        planned(responding(0, 1, b), [t, 0, 0, 0, 0], usual=usual, spread=np.array([1e-2, s, 1e-3]))
+        for s in (1e-5, 1e-1)
+    )
+    assert sure[1] == pytest.approx(-0.02, rel=0.01)
+    assert torn[1] == pytest.approx(t / b, rel=0.05)
+
+
+def test_loads_beyond_the_bounds_hold_a_motion_back():
+    # Feeding by 1 mm is usual and adds 10 N; 2 N are allowed.
+    response, usual = responding(4, 2, -1e4), np.array([0.0, 0.0, -1e-3])
+    high = np.array([1e3, 1e3, 1e3, 1e3, 2.0])
+    free = planned(response, np.zeros(5), usual=usual)
+    held = planned(response, np.zeros(5), usual=usual, bounds=(WIDE[0], high))
+    a, p, q = 1e4 / LOAD_TOLERANCE, 1.0 / SPREAD[2], 1e4 / BOUND_TOLERANCE
+    assert free[2] == pytest.approx(-1e-3 * p**2 / (p**2 + a**2))
+    assert -1e4 * free[2] < 2.0  # within the bound, which therefore changes nothing
+    np.testing.assert_allclose(held, free, rtol=1e-9)
+    usual = 100.0 * usual
+    held = planned(response, np.zeros(5), usual=usual, bounds=(WIDE[0], high))
+    assert held[2] == pytest.approx(-(0.1 * p**2 + 2e-4 * q**2) / (p**2 + a**2 + q**2))
+    assert planned(response, np.zeros(5), usual=usual)[2] == pytest.approx(-0.1 * p**2 / (p**2 + a**2))
+
+
+def test_no_motion_is_larger_than_the_demonstrated_ones():
+    found = planned(responding(0, 1, -1.0), [-1e6, 0, 0, 0, 0])
+    assert found[1] == pytest.approx(LARGEST[1])
+
+
+def test_equal_bounds_are_allowed():
+    response = responding(0, 1, -300.0)
+    found = planned(response, np.zeros(5), bounds=(np.zeros(5), np.zeros(5)), usual=np.array([0.0, 0.02, 0.0]))
+    assert 0.0 < found[1] < 0.02
+
+
+@given(
+    arrays(float, (5, 3), elements=st.floats(-1.0, 1.0)),
+    arrays(float, 5, elements=st.floats(-5.0, 5.0)),
+    arrays(float, 3, elements=st.floats(-1.0, 1.0)),
+)
+def test_no_other_motion_is_better(shape, target, direction):
+    response = shape * np.array([300.0, 300.0, 3e3])
+    low, high = np.full(5, -1.0), np.full(5, 1.0)
+    usual = direction * SPREAD
+
+    def cost(u):
+        change = response @ u
+        beyond = change - np.clip(change, low, high)
+        terms = (change - target) / LOAD_TOLERANCE, (u - usual) / SPREAD, beyond / BOUND_TOLERANCE
+        return sum(float(term @ term) for term in terms)
+
+    found = planned(response, target, bounds=(low, high), usual=usual)
+    unit = minimize(lambda v: cost(v * LARGEST), found / LARGEST, bounds=[(-1, 1)] * 3, method="L-BFGS-B")
+    assert cost(found) <= unit.fun * (1 + 1e-6) + 1e-9

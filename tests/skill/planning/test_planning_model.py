@@ -1,0 +1,118 @@
+"""The model of a planner, on a law that is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from skill.planning.planning_model import BOUNDS, MAX_LOAD, PlanningModel
+from skill.planning.transitions import transitions
+from tests.skill.planning.made_up import CLIMB, FEATURES, PERIOD, STIFFNESS, series
+
+N = 60
+
+
+def made_up_rows(seed=0, demonstrations=6):
+    """Transitions of demonstrations in three states: a force of 2 to 6 N, then 1 to 2 N; one of them ends otherwise."""
+    rng = np.random.default_rng(seed)
+    observed, labels, good = [], [], []
+    for k in range(demonstrations):
+        forces = np.concatenate([rng.uniform(2.0, 6.0, N // 2), rng.uniform(1.0, 2.0, N // 2)])
+        observed.append(series(rng, forces, rng.uniform(-2e-4, 0.0, N - 1)))
+        bad = k == demonstrations - 1
+        labels.append([0] * (N // 2) + [2 if bad else 1] * (N // 2))
+        good.append(not bad)
+    return transitions(observed, labels, good, FEATURES, n_states=3, period=PERIOD)
+
+
+def fitted(rows, numbers, values=(0.5, 0.8, 0.0), **parameters):
+    P = np.zeros((len(rows.times), 3))
+    P[np.arange(len(P)), np.where(rows.loads[:, 0] >= 2.0, 0, 1)] = 1.0
+    return PlanningModel(**parameters).fit(rows, states=P, memberships=P, values=np.array(values))
+
+
+@pytest.fixture(scope="module")
+def model():
+    return fitted(*made_up_rows(), bandwidth=5.0)
+
+
+def weights(model, force=4.0, state=0):
+    measured = np.array([[force, 0.0, 5.0, 0.0, 0.0, 0.0, -0.002]])
+    return model.log_weights(FEATURES.features.transform(measured)[0], np.eye(3)[state])
+
+
+def test_the_forward_model_finds_the_law(model):
+    drift, response = model.forward(weights(model))
+    assert response[0, 1] == pytest.approx(-STIFFNESS, rel=0.1)
+    assert response[0, 2] == pytest.approx(-CLIMB, rel=0.2)
+    np.testing.assert_allclose(response[1:4], 0.0, atol=1e-9)
+    np.testing.assert_allclose(drift, 0.0, atol=0.3)
+
+
+def test_the_desired_state_is_the_follower_of_greatest_worth(model):
+    found = model.desired(weights(model))
+    assert found.state == 1  # five of six lead there, and to the other leads the one that fails
+    assert found.share == 1.0
+    assert 0.0 < found.time <= N // 2 * PERIOD
+    assert found.change[0] == pytest.approx(1.5 - 4.0, abs=0.6)
+    assert model.desired(weights(model, force=1.5, state=1)).state == 3  # the insertion itself
+
+
+def test_a_state_without_value_is_not_desired():
+    rows, numbers = made_up_rows()
+    rich = fitted(rows, numbers, values=(0.5, 0.01, 0.9), bandwidth=5.0)
+    assert rich.desired(weights(rich)).state == 2
+    hopeless = fitted(rows, numbers, values=(0.0, 0.0, 0.0), bandwidth=5.0)
+    assert hopeless.desired(weights(hopeless)).state == 1  # what most did
+
+
+def test_the_bounds_are_those_that_good_demonstrations_keep(model):
+    rows, _ = made_up_rows()
+    force = rows.loads[rows.good, 0]
+    for state, shown in ((0, force[force >= 2.0]), (1, force[force < 2.0])):
+        low, high = model.bounds(np.eye(3)[state])
+        assert (low[0], high[0]) == pytest.approx(np.quantile(shown, BOUNDS, method="inverted_cdf"))
+        np.testing.assert_allclose((low[4], high[4]), 5.0)
+    low, high = model.bounds(np.eye(3)[2])  # no good demonstration visits it
+    assert (low[0], high[0]) == pytest.approx(np.quantile(force, BOUNDS, method="inverted_cdf"))
+
+
+def test_jams_are_left_out():
+    rows, numbers = made_up_rows()
+    jammed = rows.outputs.copy()
+    jammed[0] = 2.0 * MAX_LOAD
+    assert len(fitted(replace(rows, outputs=jammed), numbers).times_) == len(rows.times) - 1
+    with pytest.raises(ValueError, match="no sample of a good demonstration with a load below 40 N"):
+        fitted(replace(rows, good=np.zeros(len(rows.times), dtype=bool)), numbers)
+
+
+@pytest.mark.parametrize("bandwidth", [0.0, np.nan, -1.0])
+def test_a_bandwidth_is_positive(bandwidth):
+    with pytest.raises(ValueError, match=r"bandwidth = .*; expected a positive number"):
+        fitted(*made_up_rows(), bandwidth=bandwidth)
+
+
+def test_a_restored_model_is_the_same(model):
+    again = PlanningModel.from_arrays(model.to_arrays())
+    for force in (1.0, 3.0, 5.0):
+        one, other = weights(model, force), weights(again, force)
+        np.testing.assert_array_equal(one, other)
+        for a, b in zip(model.forward(one), again.forward(other), strict=True):
+            np.testing.assert_array_equal(a, b)
+        np.testing.assert_array_equal(model.desired(one).change, again.desired(other).change)
+    np.testing.assert_array_equal(model.bounds(np.eye(3)[1]), again.bounds(np.eye(3)[1]))
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "message"),
+    [
+        ("values", np.ones(4), "array 'values' has 4 numbers, expected 3 of states and 2 of ends"),
+        ("next_states", np.full(330, 9), "array 'next_states' goes up to 9, expected below 5"),
+        ("lower", np.full((3, 5), 50.0), "array 'lower' is above 'upper'"),
+        ("times", np.full(330, -1.0), "array 'times' lies between"),
+        ("feature_spread", np.zeros(5), "array 'feature_spread'"),
+    ],
+)
+def test_damaged_arrays_are_refused(model, name, array, message):
+    with pytest.raises(ValueError, match=message):
+        PlanningModel.from_arrays(model.to_arrays() | {name: array})

@@ -1,0 +1,143 @@
+"""A skill that plans: learnt, explained, stored."""
+
+import re
+
+import numpy as np
+import pytest
+from sklearn.linear_model import LinearRegression
+
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.data.geometry import PegHoleGeometry
+from skill.features.contact_features import ContactFeatures
+from skill.features.responses import ResponseFeatures
+from skill.features.wrench_features import MEASURED
+from skill.manipulation_skill import ManipulationSkill
+from skill.planning import planner
+from skill.regression.locally_weighted_regression import LWRegressor
+from tests.crafted_files import sealed_arrays
+from tests.skill.test_skill_contexts import hinged_demonstrations
+
+
+@pytest.fixture(scope="module")
+def demonstrations():
+    return hinged_demonstrations()
+
+
+@pytest.fixture(scope="module")
+def planning(demonstrations):
+    return ManipulationSkill(policy="plan", regressor=LWRegressor(ridge=1.0)).fit(demonstrations)
+
+
+@pytest.fixture(scope="module")
+def rows(demonstrations):
+    return np.vstack([d.samples[list(MEASURED)].to_numpy()[10::9] for d in demonstrations])
+
+
+def pushed(force=7.0, depth=0.004):
+    """A measurement like those of the demonstrations."""
+    return np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0, -depth])
+
+
+def test_the_forward_models_know_the_context(planning):
+    # Turning about y changes the force by 800 N/rad, with opposite signs in the two halves of the demonstrations.
+    of_even = planning.contexts_.responsibilities_[0].argmax()
+    model, row = planning.planning_, pushed()
+    X, P = planning.features_.transform(row[None])[0], planning.state_probabilities(row[None])[0]
+    for context, sign in ((of_even, 1.0), (1 - of_even, -1.0)):
+        _, response = model.forward(model.log_weights(X, np.kron(P, np.eye(2)[context])))
+        assert response[0, 1] == pytest.approx(sign * 800.0, rel=0.1)
+
+
+def test_the_plan_leads_to_the_desired_state_in_either_context(planning):
+    for row in (pushed(8.0), pushed(4.0)):
+        turns = []
+        for context in np.eye(2):
+            plan = planning.explain(row, contexts=context).plan
+            assert plan.desired.time > 0.0
+            assert plan.loads[0] == pytest.approx(row[0])
+            turns.append(planning.act(row, contexts=context).turn[1])
+        assert abs(turns[0] - turns[1]) > 1e-4  # the demonstrated turns are noise; only the dynamics differ
+
+
+def test_a_planned_action_differs_from_the_imitated_one_by_the_plan_alone(planning, monkeypatch):
+    row = pushed()
+    imitated = planning.imitation().predict(planning._query(row, None, None))
+    planned = planning.explain(row)
+    assert planned.plan is not None
+    assert imitated.plan is None
+    monkeypatch.setattr(planner, "LOAD_TOLERANCE", 1e9)
+    monkeypatch.setattr(planner, "BOUND_TOLERANCE", 1e9)
+    np.testing.assert_allclose(planning.act(row).turn, imitated.action[:2], atol=1e-9)
+    assert planning.act(row).support == imitated.support
+
+
+def test_the_explanation_tells_the_plan(planning):
+    text = str(planning.explain(pushed()))
+    assert re.search(r"desired next: (state \d|the insertion) \(\d+%\) in \d\.\d\d s; lateral force 7\.0 N now", text)
+
+
+def test_the_loads_of_a_plan_are_those_of_the_frame(planning):
+    geometry = PegHoleGeometry.find(planning.metadata_, "the skill")
+    radius = ContactFeatures.of(geometry).peg_radius
+    row = np.array([3.0, 4.0, 7.0, 0.02, -0.01, 0.0, -0.004])
+    turned = ResponseFeatures(planning.features_, radius).loads(row[None], np.arctan2([4.0], [3.0]))[0]
+    np.testing.assert_allclose(turned[[0, 1, 4]], [5.0, 0.0, 7.0], atol=1e-12)
+    np.testing.assert_allclose(planning.explain(row).plan.loads, turned, atol=0.05)
+
+
+def test_a_loaded_skill_plans_bit_identically(planning, rows, tmp_path):
+    planning.save(tmp_path / "skill.npz")
+    loaded = ManipulationSkill.load(tmp_path / "skill.npz")
+    assert loaded.policy == "plan"
+    for row in rows:
+        one, other = planning.act(row), loaded.act(row)
+        assert (*one.turn, one.feed, one.support) == (*other.turn, other.feed, other.support)
+
+
+def changed(planning, folder, change):
+    planning.save(folder / "skill.npz")
+    with np.load(folder / "skill.npz") as stored:
+        arrays = dict(stored)
+    change(arrays)
+    path = folder / "changed.npz"
+    path.write_bytes(sealed_arrays(arrays))
+    return path
+
+
+def without_plan(arrays):
+    for name in [name for name in arrays if name.startswith("planning/")]:
+        del arrays[name]
+
+
+def with_another_state(arrays):
+    for name in ("lower", "upper"):
+        arrays[f"planning/{name}"] = np.vstack([arrays[f"planning/{name}"], np.zeros((1, 5))])
+    arrays["planning/values"] = np.append(arrays["planning/values"], 0.0)
+
+
+def as_imitation(arrays):
+    header = bytes(arrays["header"]).replace(b'"policy": "plan"', b'"policy": "imitate"')
+    arrays["header"] = np.frombuffer(header, dtype=np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (without_plan, "planning: missing for this policy"),
+        (as_imitation, "planning: unexpected for this policy"),
+        (with_another_state, "planning: .* features, inputs, outputs, states and pairs, expected"),
+    ],
+)
+def test_a_file_whose_plan_does_not_fit_is_refused(planning, tmp_path, change, message):
+    with pytest.raises(ValueError, match=message):
+        ManipulationSkill.load(changed(planning, tmp_path, change))
+
+
+def test_policies_are_checked(demonstrations):
+    with pytest.raises(ValueError, match=r"policy 'dream'; expected one of \['imitate', 'plan'\]"):
+        ManipulationSkill(policy="dream").fit(demonstrations)
+    foreign = ManipulationSkill(
+        policy="plan", states=CompetitiveAgglomeration(m_init=1), regressor=LinearRegression(), random_state=None
+    )
+    with pytest.raises(TypeError, match="a LinearRegression has no neighbours; expected one such as LWRegressor"):
+        foreign.fit(demonstrations[:2])
