@@ -1,11 +1,13 @@
 """How good the skill is with anybody's demonstrations: fresh sets, each recorded, trained, recovered and tried.
 
-    python -m benchmarks.rig.demonstration_sets [--sets 10] [--trials 100] [--only NAME] [--jobs 2] [--json FILE]
+    python -m benchmarks.rig.demonstration_sets [--sets 10] [--trials 100] [--only NAME] [--arm NAME] [--jobs 2]
+                                                [--json FILE]
 
-For each seed, from --first on, the benchmark records the default demonstrations (`haptic-skill record`), trains a skill
-without contexts and one with them, and lets the latter recover (`haptic-skill recover`), each with its defaults. The
-three skills, or those of --only, perform the same trials, from --first-trial on, in both arms (`Arm`). Everything is
-kept in the folder of --out, and an interrupted run goes on there.
+For each seed, from --first on, the benchmark records the default demonstrations (`haptic-skill record`) and makes
+skills from them, each with its defaults: without contexts, with contexts, and with the recoveries that the latter asks
+for (`haptic-skill recover`). With --only it makes others as well: a skill that plans (`train --policy plan`), and each
+without contact states. All perform the same trials, from --first-trial on, in both arms (`Arm`) or that of --arm.
+Everything is kept in the folder of --out, and an interrupted run goes on there.
 
 All sets perform the same trials, and all trials are performed by the same sets. The p-values of the difference between
 two skills therefore come from two tests (`sign_flip_test`): one takes the trials as the units, the other the sets. They
@@ -29,6 +31,10 @@ from numpy.typing import ArrayLike
 
 from benchmarks.command_line import argument_parser, run
 from models.scenario import load_scenario
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.data.demonstration import read_demonstrations
+from skill.manipulation_skill import ManipulationSkill
+from skill.states.context_mixture import MAX_CONTEXTS, ContextMixture
 from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, write_json
 from systems.runs.trial import Arm
@@ -45,24 +51,32 @@ SCENARIO = "nominal"
 TIME_LIMIT = load_scenario(SCENARIO).trial.time_limit
 RESAMPLES, EXACT = 10_000, 14
 ALONE, BEFORE, AFTER = "without contexts", "with contexts", "with contexts and recoveries"
+BARE, PLANNED, PLANNED_BARE = "without contact states", "planned", "planned without contact states"
 SKILLS = (ALONE, BEFORE, AFTER)
-TITLES = {ALONE: "alone", BEFORE: "context", AFTER: "recov."}
-PAIRS = ((ALONE, BEFORE), (BEFORE, AFTER))
+TITLES = {
+    **{ALONE: "alone", BEFORE: "context", AFTER: "recov."},
+    **{BARE: "1 state", PLANNED: "plan", PLANNED_BARE: "plan,\n1 state"},
+}
+"""All skills, and their titles in a table."""
+
+PAIRS = ((ALONE, BEFORE), (BEFORE, AFTER), (BEFORE, PLANNED), (BARE, BEFORE), (PLANNED_BARE, PLANNED))
+FILES = {
+    **{ALONE: "alone.npz", BEFORE: "skill.npz", AFTER: "recovered.npz"},
+    **{BARE: "bare.npz", PLANNED: "planned.npz", PLANNED_BARE: "planned_bare.npz"},
+}
 
 
-def skills_of(seed: int, folder: Path, *, jobs: int) -> dict[str, Path]:
-    """Records, trains and recovers the skills of a set; returns their files."""
-    shown = folder / "demonstrations"
-    files = {ALONE: folder / "alone.npz", BEFORE: folder / "skill.npz", AFTER: folder / "recovered.npz"}
+def skill_of(name: str, seed: int, folder: Path, *, jobs: int) -> Path:
+    """Makes a skill of a set of demonstrations, unless it is there; returns its file."""
+    shown, file = folder / "demonstrations", folder / FILES[name]
     record(out=shown, good=24, bad=6, seed=seed, scenario=SCENARIO, jobs=jobs, overwrite=False)
-    if not files[ALONE].exists():
-        train(demonstrations=[shown], out=files[ALONE], seed=seed, max_contexts=1)
-    if not files[BEFORE].exists():
-        train(demonstrations=[shown], out=files[BEFORE], seed=seed)
-    if not files[AFTER].exists():
+    if file.exists():
+        return file
+    policy = "plan" if name in (PLANNED, PLANNED_BARE) else "imitate"
+    if name == AFTER:
         part = folder / "recovering.npz"
         recover(
-            skill=files[BEFORE],
+            skill=skill_of(BEFORE, seed, folder, jobs=jobs),
             demonstrations=shown,
             recoveries=folder / "recoveries",
             out=part,
@@ -71,8 +85,15 @@ def skills_of(seed: int, folder: Path, *, jobs: int) -> dict[str, Path]:
             jobs=jobs,
             overwrite=False,
         )
-        part.rename(files[AFTER])  # complete
-    return files
+        part.rename(file)  # complete
+    elif name in (BARE, PLANNED_BARE):
+        states, contexts = CompetitiveAgglomeration(m_init=1), ContextMixture(random_state=seed)
+        skill = ManipulationSkill(states=states, contexts=contexts, policy=policy, random_state=seed)
+        skill.fit(read_demonstrations(shown)).save(file)
+    else:
+        number = 1 if name == ALONE else MAX_CONTEXTS
+        train(demonstrations=[shown], out=file, seed=seed, max_contexts=number, policy=policy)
+    return file
 
 
 def recoveries(folder: Path) -> int:
@@ -125,14 +146,19 @@ def over_sets(shares: Sequence[float], *, seed: int = 0) -> tuple[float, float, 
 
 def names(rows: Sequence[dict[str, Any]]) -> list[str]:
     """The skills that have rows."""
-    return [name for name in SKILLS if any(row["skill"] == name for row in rows)]
+    return [name for name in TITLES if any(row["skill"] == name for row in rows)]
+
+
+def arms(rows: Sequence[dict[str, Any]]) -> list[Arm]:
+    """The arms that have rows."""
+    return [arm for arm in Arm if any(row["arm"] == arm.value for row in rows)]
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """One row for each skill and arm, over the sets."""
     found = []
     for name in names(rows):
-        for arm in Arm:
+        for arm in arms(rows):
             chosen = [row for row in rows if row["skill"] == name and row["arm"] == arm.value]
             shares = [row["inserted"] / row["trials"] for row in chosen]
             mean, lower, upper = over_sets(shares)
@@ -170,7 +196,7 @@ def comparison(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """The differences of two skills in each arm, over the same demonstrations and trials."""
     found = []
     pairs = [pair for pair in PAIRS if set(pair) <= set(names(rows))]
-    for (one, other), arm in itertools.product(pairs, Arm):
+    for (one, other), arm in itertools.product(pairs, arms(rows)):
         of = {(row["set"], row["skill"]): row for row in rows if row["arm"] == arm.value}
         sets = sorted({number for number, _ in of})
         trials = range(of[sets[0], one]["trials"])
@@ -205,13 +231,13 @@ def show(rows: Sequence[dict[str, Any]]) -> None:
     trials = max(row["trials"] for row in rows)
     table = plain_table(f"inserted of {trials} trials, by set of demonstrations")
     shown = names(rows)
-    columns = [(name, arm) for name in shown for arm in Arm]
+    columns = [(name, arm) for name in shown for arm in arms(rows)]
     stacked = (f"{TITLES[name]}\n{arm.value}" for name, arm in columns)
     for title in ("set", "recov-\neries", *stacked, "time\n(s)", "load\n(N)"):
         table.add_column(title, justify="right", vertical="bottom", no_wrap=True)
     for seed in sorted({row["set"] for row in rows}):
         of = {(row["skill"], row["arm"]): row for row in rows if row["set"] == seed}
-        last = of[shown[-1], Arm.DEFAULT.value]
+        last = of[shown[-1], arms(rows)[0].value]
         counts = [str(of[name, arm.value]["inserted"]) for name, arm in columns]
         largest = max(row["measured_max_n"] for row in of.values())
         table.add_row(str(seed), str(last["recoveries"]), *counts, f"{last['median_time_s']:.2f}", f"{largest:.1f}")
@@ -238,7 +264,8 @@ def main() -> None:
     parser.add_argument(
         "--first-trial", type=int, default=FIRST_TRIAL, help=f"number of the first trial (default: {FIRST_TRIAL})"
     )
-    parser.add_argument("--only", action="append", choices=SKILLS, help="only the skills of this name; repeat")
+    parser.add_argument("--only", action="append", choices=TITLES, help="only skills of this name; repeat")
+    parser.add_argument("--arm", type=Arm, choices=list(Arm), help="only this arm (default: both)")
     parser.add_argument("--trials", type=int, default=100, help="trials of each skill and arm (default: 100)")
     parser.add_argument("--jobs", type=int, default=1, help="number of processes")
     parser.add_argument("--out", type=Path, default=Path("out/benchmarks/sets"), metavar="FOLDER", help="kept results")
@@ -249,10 +276,9 @@ def main() -> None:
     rows = []
     for seed in range(arguments.first, arguments.first + arguments.sets):
         folder = arguments.out / str(seed)
-        files = skills_of(seed, folder, jobs=arguments.jobs)
         for name in arguments.only or SKILLS:
-            for arm in Arm:
-                skill = files[name]
+            skill = skill_of(name, seed, folder, jobs=arguments.jobs)
+            for arm in Arm if arguments.arm is None else [arguments.arm]:
                 results = tried(folder, skill, arm, arguments.first_trial, arguments.trials, jobs=arguments.jobs)
                 rows.append(row_of(seed, name, arm, recoveries(folder), results))
         if arguments.json is not None:

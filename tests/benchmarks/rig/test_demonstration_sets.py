@@ -8,6 +8,8 @@ from benchmarks.rig.demonstration_sets import (
     AFTER,
     ALONE,
     BEFORE,
+    PLANNED,
+    PLANNED_BARE,
     comparison,
     over_sets,
     recoveries,
@@ -97,6 +99,17 @@ def test_the_table_of_one_skill_compares_nothing(capsys):
     assert "against" not in printed
     assert comparison(alone) == []
     assert [row["skill"] for row in summary(alone)] == [AFTER, AFTER]
+
+
+def test_skills_beyond_the_usual_ones_are_compared_in_one_arm(capsys):
+    found = [row_of(1, PLANNED, Arm.STRESS, 0, results(9, 10)), row_of(1, PLANNED_BARE, Arm.STRESS, 0, results(6, 10))]
+    (pair,) = comparison(found)
+    assert (pair["skill"], pair["against"], pair["arm"]) == (PLANNED, PLANNED_BARE, "stress")
+    assert (pair["better"], pair["worse"]) == (3, 0)
+    show(found)
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "planned without contact states, stress: 6 of 10" in printed
+    assert "default" not in printed
 
 
 def test_the_recoveries_of_all_rounds_are_counted(tmp_path):
