@@ -104,6 +104,18 @@ def test_every_run_is_recorded_with_the_result_that_the_json_has(chain, folder):
         assert "friction: 0.15" in run.metadata["scenario"]
 
 
+def test_a_skill_that_plans_performs_a_trial_which_is_not_the_imitated_one(chain, folder):
+    train = ("train", "--demonstrations", "shown", "--policy", "plan", "--out", "planned.npz")
+    rig = ("rig", "--skill", "planned.npz", "--trials", 1, "--seed", 5, "--tilt-deg", 1.0, "--friction", 0.15)
+    for command in (train, (*rig, "--scenario", "quick.yaml", "--out", "planned", "--jobs", 1)):
+        done = run_python(*HAPTIC_SKILL, *command, cwd=folder)
+        assert done.returncode == 0, done.stdout + done.stderr
+    (result,) = json.loads((folder / "planned" / "results.json").read_text())
+    assert result["inserted"]
+    planned, imitated = (read_rig_run(folder / name / "run_0005.parquet").samples for name in ("planned", "rig"))
+    assert len(planned) != len(imitated) or not np.array_equal(planned["depth"], imitated["depth"])
+
+
 def test_the_replay_is_written_beside_the_run(chain, folder):
     assert (folder / "rig" / "run_0005.html").stat().st_size > 500_000
     assert chain["replay"].startswith("rig/run_0005.html: rig run, ")

@@ -75,6 +75,19 @@ def test_the_skill_has_learnt_from_them(recovered, place, demonstration_folder):
     assert set(skill.sources_[:, 0]) == {n for n, d in enumerate([*demonstrations, *shown]) if d.good}
 
 
+def test_a_skill_that_plans_plans_on(place, demonstration_folder, tmp_path):
+    skill = ManipulationSkill(policy="plan").fit(read_demonstrations(demonstration_folder))
+    skill.regressor_.y_[:, :2] = 0.0
+    skill.planning_.samples_.Y[:] = 0.0  # no answer to any motion: it imitates a straight push, and gets stuck
+    skill.save(place / "plan.npz")
+    more = ("--recoveries", tmp_path / "recoveries")
+    done = recover(place, demonstration_folder, *more, skill="plan.npz", out="planned.npz")
+    assert done.exit_code == 0, done.output
+    learnt = ManipulationSkill.load(place / "planned.npz")
+    assert learnt.metadata_["demonstrations"] > skill.metadata_["demonstrations"]
+    assert learnt.policy == "plan"
+
+
 def test_a_second_call_keeps_the_recoveries_and_gives_the_same_skill(recovered, place, demonstration_folder):
     recording = place / "recoveries" / "round_1" / "000_recovery_expert.parquet"
     written, skill = recording.stat().st_mtime_ns, (place / "recovered.npz").read_bytes()
