@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 from sklearn.linear_model import LinearRegression
 
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
@@ -13,6 +14,7 @@ from skill.features.responses import ResponseFeatures
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.planning import planner
+from skill.planning.planning_model import VALUE_TIME
 from skill.regression.locally_weighted_regression import LWRegressor
 from tests.crafted_files import sealed_arrays
 from tests.skill.test_skill_contexts import hinged_demonstrations
@@ -69,6 +71,49 @@ def test_a_planned_action_differs_from_the_imitated_one_by_the_plan_alone(planni
     monkeypatch.setattr(planner, "BOUND_TOLERANCE", 1e9)
     np.testing.assert_allclose(planning.act(row).turn, imitated.action[:2], atol=1e-9)
     assert planning.act(row).support == imitated.support
+
+
+@pytest.mark.parametrize("row", [pushed(8.0), pushed(35.0), pushed(5.0, 0.006)])
+def test_the_action_is_the_minimum_of_the_sum_of_the_module(planning, row):
+    """The terms are written out again, and a general optimiser finds their minimum."""
+    query, told = planning._query(row, None, None), planning.explain(row)
+    model, plan, frame = planning.planning_, told.plan, told.frame_angle
+    drift, B = model.forward(model.log_weights(query.X[0], np.kron(query.P[0], query.Q[0])))
+    assert np.abs(drift).max() > 0.05  # it matters
+    imitated = planning.imitation().predict(query)
+    near = planning.regressor_.local_samples(query.X, np.kron(query.P, imitated.contexts))
+    share, actions = near.weights / near.weights.sum(), planning.regressor_.y_[near.rows]
+    spread = 5 * np.sqrt(share @ (actions - share @ actions) ** 2) + planner.SMALLEST_SPREAD
+    low, high = (query.P[0] @ bounds for bounds in (model.lower_, model.upper_))
+    step = plan.desired.change * 0.1 / max(plan.desired.time, 0.1)
+
+    def terms(motion):
+        after = plan.loads + drift + B @ motion
+        to_go, unusual = after - plan.loads - step, motion - 5 * imitated.action
+        beyond = after - np.clip(after, low, high)
+        return to_go / planner.LOAD_TOLERANCE, unusual / spread, beyond / planner.BOUND_TOLERANCE
+
+    best = minimize(
+        lambda v: sum(float(t @ t) for t in terms(v * model.largest_input_)),
+        np.zeros(3),
+        bounds=[(-1, 1)] * 3,
+        tol=1e-12,
+    )
+    turn = np.array([[np.cos(frame), np.sin(frame)], [-np.sin(frame), np.cos(frame)]]) @ told.turn
+    motion = 5 * np.array([*turn, told.feed])
+    np.testing.assert_allclose(motion / model.largest_input_, best.x, atol=2e-4)
+    np.testing.assert_allclose(plan.expected, plan.loads + drift + B @ motion, atol=1e-9)
+    np.testing.assert_allclose(plan.beyond, terms(motion)[2] * planner.BOUND_TOLERANCE, atol=1e-9)
+
+
+def test_loads_beyond_the_bounds_are_told(planning):
+    assert np.abs(planning.explain(pushed(35.0)).plan.beyond).max() > 0.5
+    assert np.abs(planning.explain(pushed(3.0)).plan.beyond[:2]).max() < 0.1
+
+
+def test_the_values_are_those_of_the_graph(planning):
+    expected = [*planning.graph_.values(VALUE_TIME), 1.0, 0.0]
+    np.testing.assert_array_equal(planning.planning_.values_, expected)
 
 
 def test_the_explanation_tells_the_plan(planning):

@@ -49,6 +49,25 @@ def test_the_forward_model_finds_the_law(model):
     np.testing.assert_allclose(drift, 0.0, atol=0.3)
 
 
+def test_far_from_all_samples_the_forward_model_is_their_mean():
+    rows, numbers = made_up_rows()
+    outputs = rows.outputs + np.array([7.0, 0.0, 0.0, 0.0, -2.0])
+    model = fitted(replace(rows, outputs=outputs), numbers)
+    drift, response = model.forward(np.full(len(rows.times), -300.0))
+    np.testing.assert_allclose(drift, outputs.mean(axis=0))
+    np.testing.assert_allclose(response, 0.0, atol=1e-9)
+
+
+def test_weights_are_a_gaussian_of_the_distance_times_the_shared_probability():
+    rows, numbers = made_up_rows()
+    model = fitted(rows, numbers, bandwidth=0.7)
+    spread = np.where(np.ptp(rows.features, axis=0) > 1e-9, rows.features.std(axis=0), 1.0)
+    pair = np.array([0.3, 0.6, 0.1])
+    distance = ((rows.features - rows.features[4]) / spread) ** 2
+    expected = np.exp(-distance.sum(axis=1) / (2 * 0.7**2)) * (model.memberships_ @ pair)
+    np.testing.assert_allclose(np.exp(model.log_weights(rows.features[4], pair)), expected, rtol=1e-6, atol=1e-12)
+
+
 def test_the_desired_state_is_the_follower_of_greatest_worth(model):
     found = model.desired(weights(model))
     assert found.state == 1  # five of six lead there, and to the other leads the one that fails
@@ -82,6 +101,9 @@ def test_jams_are_left_out():
     jammed = rows.outputs.copy()
     jammed[0] = 2.0 * MAX_LOAD
     assert len(fitted(replace(rows, outputs=jammed), numbers).times_) == len(rows.times) - 1
+    of_moments = rows.loads.copy()
+    of_moments[:, 2:4] = 10.0 * MAX_LOAD  # a long lever, no jam
+    assert len(fitted(replace(rows, loads=of_moments), numbers).times_) == len(rows.times)
     with pytest.raises(ValueError, match="no sample of a good demonstration with a load below 40 N"):
         fitted(replace(rows, good=np.zeros(len(rows.times), dtype=bool)), numbers)
 
