@@ -43,7 +43,6 @@ PRIOR_WIDTH = 1.0
 SMALLEST_SPREAD = np.array([5e-4, 5e-4, 5e-5])
 """Smallest standard deviation of the turns (rad) and the feed (m) over one horizon."""
 
-
 NARROWEST = 1e-9
 """N, added to the upper bounds: the solver refuses bounds that are equal."""
 

@@ -30,7 +30,13 @@ from skill.arrays import Array
 from skill.channel_scale import standard_scale
 from skill.planning.transitions import Transitions
 from skill.prediction import DesiredState
-from skill.regression.response_model import ResponseModel, ResponseSamples
+from skill.regression.response_model import (
+    RESPONSE_RULES,
+    ResponseModel,
+    ResponseSamples,
+    response_arrays,
+    restored_responses,
+)
 
 MAX_LOAD = 40.0
 """N; the samples with a larger load, or change of a load, are impacts and jams of bad demonstrations, which the guard
@@ -50,13 +56,7 @@ BOUNDS = (0.025, 0.975)
 
 RULES = {
     "bandwidth": ArrayRule(low=MIN_POSITIVE),
-    "features": ArrayRule(("n", "d")),
-    "inputs": ArrayRule(("n", "q")),
-    "outputs": ArrayRule(("n", "p")),
-    "feature_spread": ArrayRule(("d",), low=MIN_POSITIVE),
-    "input_spread": ArrayRule(("q",), low=MIN_POSITIVE),
-    "output_spread": ArrayRule(("p",), low=MIN_POSITIVE),
-    "output_mean": ArrayRule(("p",)),
+    **RESPONSE_RULES,
     "largest_input": ArrayRule(("q",), low=MIN_POSITIVE),
     "next_states": ArrayRule(("n",), holds="integers", low=0),
     "changes": ArrayRule(("n", "p")),
@@ -108,7 +108,7 @@ class PlanningModel(BaseEstimator):
         if not shown.any():
             raise ValueError(f"no sample of a good demonstration with a load below {MAX_LOAD:g} N; expected some")
         X, U, Y = rows.features[kept], rows.inputs[kept], rows.outputs[kept]
-        self.scales_ = tuple(standard_scale(values) for values in (X, U, Y))
+        self.scales_ = standard_scale(X), standard_scale(U), standard_scale(Y)
         self.centre_ = Y.mean(axis=0)
         self.largest_input_ = np.maximum(np.abs(U).max(axis=0), MIN_POSITIVE)
         self.next_states_, self.changes_, self.times_ = rows.next_states[kept], rows.changes[kept], rows.times[kept]
@@ -157,13 +157,7 @@ class PlanningModel(BaseEstimator):
         check_is_fitted(self)
         return {
             "bandwidth": np.array(float(self.bandwidth)),
-            "features": self.samples_.X,
-            "inputs": self.samples_.U,
-            "outputs": self.samples_.Y,
-            "feature_spread": self.scales_[0],
-            "input_spread": self.scales_[1],
-            "output_spread": self.scales_[2],
-            "output_mean": self.centre_,
+            **response_arrays(self.samples_, self.scales_, self.centre_),
             "largest_input": self.largest_input_,
             "next_states": self.next_states_,
             "changes": self.changes_,
@@ -190,14 +184,12 @@ class PlanningModel(BaseEstimator):
         if (np.asarray(arrays["lower"]) > arrays["upper"]).any():
             raise ValueError("array 'lower' is above 'upper'")
         self = cls(bandwidth=float(arrays["bandwidth"]))
-        self.scales_ = tuple(np.array(arrays[f"{name}_spread"], dtype=float) for name in ("feature", "input", "output"))
-        self.centre_ = np.array(arrays["output_mean"], dtype=float)
+        samples, self.scales_, self.centre_ = restored_responses(arrays)
         self.largest_input_ = np.array(arrays["largest_input"], dtype=float)
         self.next_states_ = np.array(arrays["next_states"], dtype=np.intp)
         for name in ("changes", "times", "memberships", "values", "lower", "upper"):
             setattr(self, f"{name}_", np.array(arrays[name], dtype=float))
-        stored = (np.array(arrays[name], dtype=float) for name in ("features", "inputs", "outputs"))
-        self._store(ResponseSamples(*stored))
+        self._store(samples)
         return self
 
     def _store(self, samples: ResponseSamples) -> None:

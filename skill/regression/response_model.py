@@ -15,10 +15,14 @@ samples with the mean and the spread of all: far from all samples, the predictio
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from skill.array_schema import MIN_POSITIVE, ArrayRule
 from skill.arrays import Array
 
 PRIOR_SAMPLES = 3.0
@@ -28,7 +32,16 @@ TAIL = 4.0
 """Degrees of freedom of the Student-t distribution of the outputs: impacts and slips are more frequent than a normal
 distribution allows."""
 
-BLOCK = 512  # queries at a time
+RESPONSE_RULES = {
+    "features": ArrayRule(("n", "d")),
+    "inputs": ArrayRule(("n", "q")),
+    "outputs": ArrayRule(("n", "p")),
+    "feature_spread": ArrayRule(("d",), low=MIN_POSITIVE),
+    "input_spread": ArrayRule(("q",), low=MIN_POSITIVE),
+    "output_spread": ArrayRule(("p",), low=MIN_POSITIVE),
+    "output_mean": ArrayRule(("p",)),
+}
+"""The arrays of `response_arrays`: n samples."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +66,29 @@ class ResponseSamples:
         squares = (queries**2).sum(axis=1)[:, None] + (self.X**2).sum(axis=1) - 2.0 * queries @ self.X.T
         weights: Array = np.exp(np.maximum(squares, 0.0) / (-2.0 * bandwidth**2))
         return weights
+
+
+Scales = tuple[Array, Array, Array]
+"""Standard deviations of the features (d,), the inputs (q,) and the outputs (p,)."""
+
+
+def response_arrays(samples: ResponseSamples, scales: Scales, centre: Array) -> dict[str, NDArray[Any]]:
+    """Returns samples, their scales, and the mean of the outputs (p,), as arrays that can be stored without pickle."""
+    return {
+        "features": samples.X,
+        "inputs": samples.U,
+        "outputs": samples.Y,
+        "feature_spread": scales[0],
+        "input_spread": scales[1],
+        "output_spread": scales[2],
+        "output_mean": centre,
+    }
+
+
+def restored_responses(arrays: Mapping[str, NDArray[Any]]) -> tuple[ResponseSamples, Scales, Array]:
+    """Returns what `response_arrays` was given."""
+    X, U, Y, *scales, centre = (np.array(arrays[name], dtype=float) for name in RESPONSE_RULES)
+    return ResponseSamples(X, U, Y), (scales[0], scales[1], scales[2]), centre
 
 
 class ResponseModel:

@@ -40,7 +40,13 @@ from sklearn.utils.validation import check_is_fitted
 
 from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array
-from skill.regression.response_model import ResponseModel, ResponseSamples
+from skill.regression.response_model import (
+    RESPONSE_RULES,
+    ResponseModel,
+    ResponseSamples,
+    response_arrays,
+    restored_responses,
+)
 
 MAX_SAMPLES = 3000
 """Most samples that are kept; more are thinned evenly. The time of a fit grows with their square."""
@@ -58,13 +64,7 @@ MAX_SUM_ERROR = 1e-6
 
 RULES = {
     "bandwidth": ArrayRule(low=MIN_POSITIVE),
-    "features": ArrayRule(("n", "d")),
-    "inputs": ArrayRule(("n", "q")),
-    "outputs": ArrayRule(("n", "p")),
-    "feature_spread": ArrayRule(("d",), low=MIN_POSITIVE),
-    "input_spread": ArrayRule(("q",), low=MIN_POSITIVE),
-    "output_spread": ArrayRule(("p",), low=MIN_POSITIVE),
-    "output_mean": ArrayRule(("p",)),
+    **RESPONSE_RULES,
     "correlation_times": ArrayRule(("p",), low=1.0),
     "group": ArrayRule(("n",), holds="integers", low=0),
     "groups": ArrayRule(("G",), holds="integers", low=0),
@@ -142,7 +142,7 @@ class ContextMixture(BaseEstimator):
         self.groups_, group = np.unique(names[rows], return_inverse=True)
         if len(self.groups_) < 2:
             raise ValueError(f"contexts differ between groups: found {len(self.groups_)} group, expected at least 2")
-        self.scales_ = tuple(_spread(values[rows]) for values in (features, motions, answers))
+        self.scales_ = _spread(features[rows]), _spread(motions[rows]), _spread(answers[rows])
         self.centre_ = answers[rows].mean(axis=0)
         self.samples_ = self._scaled(features[rows], motions[rows], answers[rows])
         self._model = ResponseModel(self.samples_)
@@ -187,13 +187,7 @@ class ContextMixture(BaseEstimator):
         check_is_fitted(self)
         return {
             "bandwidth": np.array(float(self.bandwidth)),
-            "features": self.samples_.X,
-            "inputs": self.samples_.U,
-            "outputs": self.samples_.Y,
-            "feature_spread": self.scales_[0],
-            "input_spread": self.scales_[1],
-            "output_spread": self.scales_[2],
-            "output_mean": self.centre_,
+            **response_arrays(self.samples_, self.scales_, self.centre_),
             "correlation_times": self.correlation_times_,
             "group": self._group,
             "groups": self.groups_,
@@ -217,10 +211,7 @@ class ContextMixture(BaseEstimator):
         if np.abs(R.sum(axis=1) - 1.0).max() > MAX_SUM_ERROR:
             raise ValueError("array 'responsibilities': expected rows that sum to one")
         self = cls(n_contexts=sizes["C"], bandwidth=float(arrays["bandwidth"]))
-        self.scales_ = tuple(np.array(arrays[f"{name}_spread"], dtype=float) for name in ("feature", "input", "output"))
-        self.centre_ = np.array(arrays["output_mean"], dtype=float)
-        stored = (np.array(arrays[name], dtype=float) for name in ("features", "inputs", "outputs"))
-        self.samples_ = ResponseSamples(*stored)
+        self.samples_, self.scales_, self.centre_ = restored_responses(arrays)
         self._model = ResponseModel(self.samples_)
         self.correlation_times_ = np.array(arrays["correlation_times"], dtype=float)
         self.groups_, self.gains_ = np.array(arrays["groups"]), []
