@@ -27,9 +27,8 @@ from skill.features.contact_features import ContactFeatures
 from skill.features.responses import LOADS, ResponseFeatures
 from skill.manipulation_skill import ManipulationSkill
 from skill.planning.planning_model import MAX_LOAD, PlanningModel
-from skill.planning.transitions import Transitions, transitions
+from skill.planning.transitions import Transitions
 from skill.states.context_filter import pair_probabilities
-from skill.training_samples import observed_series
 from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, progress, write_json
 
@@ -37,43 +36,40 @@ FOLDS = 5
 KINDS = ("drift", "motion", "context")
 
 
-def rows_of(skill: ManipulationSkill, demonstration: Demonstration, rng: np.random.Generator) -> Transitions:
-    """The transitions of a demonstration in the states of a skill."""
-    noisy = skill.sample_settings().with_noise(demonstration.samples, rng)
-    labels = skill.states_.predict(skill.state_features_.transform_demonstration(noisy))
-    responses = ResponseFeatures(skill.features_, ContactFeatures().peg_radius)
-    settings: dict[str, Any] = {"n_states": skill.n_states, "period": skill.period_}
-    return transitions([observed_series(noisy)], [labels], [demonstration.good], responses, **settings)[0]
-
-
-def told_context(skill: ManipulationSkill, rows: Transitions, informative: NDArray[np.bool_]) -> Array:
-    """Probabilities (1, C) of the contexts after all informative answers (n,) of a demonstration."""
-    if skill.contexts_ is None or not informative.any():
-        return np.ones((1, 1)) if skill.contexts_ is None else skill.contexts_.weights_[None]
-    told = (rows.features[informative], rows.outputs[informative])
-    return skill.contexts_.predict_proba(*told, inputs=rows.inputs[informative], groups=np.zeros(informative.sum()))
-
-
 def predicted(skill: ManipulationSkill, demonstration: Demonstration, rng: np.random.Generator) -> dict[str, Array]:
     """The changes of the loads, what is predicted of them, and the states that follow, of the judged samples."""
-    rows = rows_of(skill, demonstration, rng)
+    rows, _ = skill.transitions([demonstration], rng)
     responses = ResponseFeatures(skill.features_, ContactFeatures().peg_radius)
     informative = responses.informative(np.column_stack([rows.measured, np.zeros((len(rows.times), 2))]))
-    Q = told_context(skill, rows, informative)
-    any_context = np.full_like(Q, 1.0 / Q.size) if skill.contexts_ is None else skill.contexts_.weights_[None]
-    judged = np.flatnonzero(informative & (np.abs(rows.outputs).max(axis=1) <= MAX_LOAD))
+    chosen = np.flatnonzero(informative & (np.abs(rows.outputs).max(axis=1) <= MAX_LOAD))
     states, model = skill.state_probabilities(rows.measured), cast(PlanningModel, skill.planning_)
+    unknown, told = contexts_of(skill, rows, informative)
     found: dict[str, list[Any]] = {name: [] for name in (*KINDS, "desired", "usual")}
-    for row in judged:
-        for context, kinds in ((any_context, KINDS[:2]), (Q, KINDS[2:])):
-            weights = model.log_weights(rows.features[row], pair_probabilities(states[row : row + 1], context)[0])
-            drift, response = model.forward(weights)
-            for kind in kinds:
-                found[kind].append(drift + (0.0 if kind == "drift" else response @ rows.inputs[row]))
-        found["desired"].append(model.desired(weights).state)
+    for row in chosen:
+        without, with_context = (
+            model.log_weights(rows.features[row], pair_probabilities(states[row : row + 1], contexts)[0])
+            for contexts in (unknown, told)
+        )
+        drift, response = model.forward(without)
+        found["drift"].append(drift)
+        found["motion"].append(drift + response @ rows.inputs[row])
+        drift, response = model.forward(with_context)
+        found["context"].append(drift + response @ rows.inputs[row])
+        found["desired"].append(model.desired(with_context).state)
         found["usual"].append(int(skill.graph_.next_given_success_[states[row].argmax()].argmax()))
     arrays = {name: np.array(values) for name, values in found.items()}
-    return arrays | {"changes": rows.outputs[judged], "next": rows.next_states[judged]}
+    return arrays | {"changes": rows.outputs[chosen], "next": rows.next_states[chosen]}
+
+
+def contexts_of(skill: ManipulationSkill, rows: Transitions, informative: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Probabilities (1, C) of the contexts of a demonstration: before, and after all its informative answers (n,)."""
+    if skill.contexts_ is None:
+        return np.ones((1, 1)), np.ones((1, 1))
+    shares = skill.contexts_.weights_[None]
+    if not informative.any():
+        return shares, shares
+    X, y, inputs = (values[informative] for values in (rows.features, rows.outputs, rows.inputs))
+    return shares, skill.contexts_.predict_proba(X, y, inputs=inputs, groups=np.zeros(len(X)))
 
 
 def judged(demonstrations: Sequence[Demonstration], advance: Any) -> dict[str, Any]:

@@ -57,7 +57,8 @@ class Imitation:
             action[TURNS] = np.clip(predicted[TURNS], low, high)
             # Not to know the context, or not to need it, is no lack of samples.
             support = self._support(samples.log_w_max, followed.max())
-            return Prediction(action, support, followed, matters, limited=bool((action != predicted).any()))
+            limited = bool((action != predicted).any())
+            return Prediction(action, support, followed, matters, limited, samples)
         if isinstance(regressor, StateRegressor):
             predictions, log_support = regressor.predict_with_support(X, pair_probabilities(P, Q))
             return Prediction(predictions[0], self._support(float(log_support[0]), 1.0), Q, 1.0, limited=False)

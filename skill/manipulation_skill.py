@@ -24,7 +24,7 @@ from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFe
 from skill.imitation import Imitation, lowest_log_support
 from skill.planning.planner import Planner
 from skill.planning.planning_model import VALUE_TIME, PlanningModel
-from skill.planning.transitions import transitions
+from skill.planning.transitions import Transitions, transitions
 from skill.policy import Action
 from skill.prediction import Prediction, Query
 from skill.regression.bandwidth_selection import tuned_regressor
@@ -156,7 +156,7 @@ class ManipulationSkill:
         }
         self._fit_contexts(demonstrations, samples)
         self._fit_actions(demonstrations, refined)
-        self.planning_ = self._planning_model(demonstrations, samples) if self.policy == "plan" else None
+        self.planning_ = self._planning_model(demonstrations) if self.policy == "plan" else None
         return self
 
     def _fit_states(self, demonstrations: Sequence[Demonstration], refined: Sequence[pd.DataFrame]) -> None:
@@ -209,23 +209,25 @@ class ManipulationSkill:
             self.regressor_.fit(X, Y)
         self.min_log_support_ = lowest_log_support(self.regressor_, self.sources_[:, 0])
 
-    def _planning_model(self, demonstrations: Sequence[Demonstration], samples: SampleSettings) -> PlanningModel:
+    def _planning_model(self, demonstrations: Sequence[Demonstration]) -> PlanningModel:
         """Learns what the policy "plan" needs from all demonstrations."""
         if not isinstance(self.regressor_, LocalRegressor):
             raise TypeError(f"a {type(self.regressor_).__name__} has no neighbours; expected one such as LWRegressor")
-        rng = noise_stream(self.random_state, PLANNING)
-        noisy = [samples.with_noise(demonstration.samples, rng) for demonstration in demonstrations]
-        rows, numbers = transitions(
-            [observed_series(series) for series in noisy],
-            [self.states_.predict(self.state_features_.transform_demonstration(series)) for series in noisy],
-            [demonstration.good for demonstration in demonstrations],
-            self._response_features(),
-            n_states=self.n_states,
-            period=self.period_,
-        )
+        rows, numbers = self.transitions(demonstrations, noise_stream(self.random_state, PLANNING))
         P = self.state_probabilities(rows.measured)
         pairs = pair_probabilities(P, self._contexts_of(numbers))
         return PlanningModel().fit(rows, states=P, memberships=pairs, values=self.graph_.values(VALUE_TIME))
+
+    def transitions(
+        self, demonstrations: Sequence[Demonstration], rng: np.random.Generator
+    ) -> tuple[Transitions, NDArray[np.intp]]:
+        """What followed each sample of demonstrations, with noise of the sensor, and the demonstration of each."""
+        noisy = [self.sample_settings().with_noise(demonstration.samples, rng) for demonstration in demonstrations]
+        series = [observed_series(samples) for samples in noisy]
+        labels = [self.states_.predict(self.state_features_.transform_demonstration(samples)) for samples in noisy]
+        good = [demonstration.good for demonstration in demonstrations]
+        features, K = self._response_features(), self.n_states
+        return transitions(series, labels, good, features, n_states=K, period=self.period_)
 
     def _contexts_of(self, numbers: NDArray[np.intp]) -> Array:
         """Probabilities of the contexts (n, C) of demonstrations, by their numbers (n,)."""

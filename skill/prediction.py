@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from skill.arrays import Array
+from skill.regression.local_model import LocalSamples
 
 
 class Query(NamedTuple):
@@ -64,6 +65,7 @@ class Prediction(NamedTuple):
         contexts: (1, C), the probabilities of the contexts as far as they matter.
         relevance: how far the context matters, 0 to 1.
         limited: whether a turn was limited to what the neighbours did.
+        samples: the demonstrated samples nearby; None for a regressor that does not tell them.
         plan: what a planner expects; None for an imitation.
     """
 
@@ -72,4 +74,5 @@ class Prediction(NamedTuple):
     contexts: Array
     relevance: float
     limited: bool
+    samples: LocalSamples | None = None
     plan: Plan | None = None

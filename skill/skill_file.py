@@ -35,7 +35,7 @@ OLDER_VERSIONS = (4, 5, 6)
 """The other versions that are read; their files have no plans, those before 6 no contexts, and those of 4 no digest."""
 
 MAX_BYTES = 50_000_000
-"""Largest size of a file; a skill of thirty demonstrations has 0.3 MB."""
+"""Largest size of a file; a skill of thirty demonstrations has 0.3 MB, one that plans 1.4 MB."""
 
 SKILL_PARAMETERS = tuple(PARAMETERS)
 """The constructor parameters of a `ManipulationSkill` that are stored."""

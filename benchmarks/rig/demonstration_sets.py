@@ -64,12 +64,12 @@ FILES = {
     **{ALONE: "alone.npz", BEFORE: "skill.npz", AFTER: "recovered.npz"},
     **{BARE: "bare.npz", PLANNED: "planned.npz", PLANNED_BARE: "planned_bare.npz"},
 }
+DEMONSTRATIONS = "demonstrations"
 
 
 def skill_of(name: str, seed: int, folder: Path, *, jobs: int) -> Path:
-    """Makes a skill of a set of demonstrations, unless it is there; returns its file."""
-    shown, file = folder / "demonstrations", folder / FILES[name]
-    record(out=shown, good=24, bad=6, seed=seed, scenario=SCENARIO, jobs=jobs, overwrite=False)
+    """Makes a skill from the demonstrations in a folder, unless it is there; returns its file."""
+    shown, file = folder / DEMONSTRATIONS, folder / FILES[name]
     if file.exists():
         return file
     policy = "plan" if name in (PLANNED, PLANNED_BARE) else "imitate"
@@ -275,11 +275,13 @@ def main() -> None:
         raise ValueError("expected --first and --first-trial of at least 0; --sets, --trials and --jobs of at least 1")
     rows = []
     for seed in range(arguments.first, arguments.first + arguments.sets):
-        folder = arguments.out / str(seed)
+        folder, jobs = arguments.out / str(seed), arguments.jobs
+        shown = folder / DEMONSTRATIONS
+        record(out=shown, good=24, bad=6, seed=seed, scenario=SCENARIO, jobs=jobs, overwrite=False)
         for name in arguments.only or SKILLS:
-            skill = skill_of(name, seed, folder, jobs=arguments.jobs)
+            skill = skill_of(name, seed, folder, jobs=jobs)
             for arm in Arm if arguments.arm is None else [arguments.arm]:
-                results = tried(folder, skill, arm, arguments.first_trial, arguments.trials, jobs=arguments.jobs)
+                results = tried(folder, skill, arm, arguments.first_trial, arguments.trials, jobs=jobs)
                 rows.append(row_of(seed, name, arm, recoveries(folder), results))
         if arguments.json is not None:
             write_json(arguments.json, {"sets": rows, "summary": summary(rows), "pairs": comparison(rows)})

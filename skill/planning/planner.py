@@ -11,9 +11,9 @@ over the motion u, no larger than any demonstrated one, and over v within the bo
 to the desired next state as fast as the demonstrations go there. The third penalises loads outside the bounds.
 
 The second term holds what the demonstrations do here: u_0 is the action of `skill.imitation` over the horizon, and s_u
-the spread of their actions nearby. Where they agree, the planner imitates them. Where they contradict each other, the
-dynamics decide. This is Bayes' rule for a normal prior of the action and a normal likelihood of the next state
-(planning as inference: Toussaint, ICML 2009).
+the standard deviation of their actions nearby. Where they agree, the planner imitates them. Where they contradict each
+other, the dynamics decide. This is Bayes' rule for a normal prior of the action and a normal likelihood of the next
+state (planning as inference: Toussaint, ICML 2009).
 """
 
 from __future__ import annotations
@@ -36,9 +36,6 @@ LOAD_TOLERANCE = 2.0
 
 BOUND_TOLERANCE = 1.0
 """s_v, N."""
-
-PRIOR_WIDTH = 1.0
-"""s_u in standard deviations of the demonstrated actions."""
 
 SMALLEST_SPREAD = np.array([5e-4, 5e-4, 5e-5])
 """Smallest standard deviation of the turns (rad) and the feed (m) over one horizon."""
@@ -73,7 +70,7 @@ class Planner:
         loads = self.responses.loads(query.row, self.responses.features.rotation_angle(query.row))[0]
         low, high = self.model.bounds(query.P[0])
         step = desired.change * steps * self.period / max(desired.time, steps * self.period)
-        spread = PRIOR_WIDTH * self._spread(query, shown) * steps + SMALLEST_SPREAD
+        spread = self._spread(shown) * steps + SMALLEST_SPREAD
         motion = best_motion(
             response,
             target=step - drift,
@@ -86,12 +83,11 @@ class Planner:
         plan = Plan(desired, loads, expected, expected - np.clip(expected, low, high))
         return shown._replace(action=motion / steps, plan=plan)
 
-    def _spread(self, query: Query, shown: Prediction) -> Array:
+    def _spread(self, shown: Prediction) -> Array:
         """Standard deviation (3,) of the actions of the neighbours, over one sample period."""
-        regressor = self.imitation.regressor
-        if not isinstance(regressor, LocalRegressor):
+        regressor, samples = self.imitation.regressor, shown.samples
+        if samples is None or not isinstance(regressor, LocalRegressor):
             raise TypeError(f"a {type(regressor).__name__} has no neighbours; expected a regressor such as LWRegressor")
-        samples = regressor.local_samples(query.X, pair_probabilities(query.P, shown.contexts))
         actions, share = regressor.y_[samples.rows], samples.weights / samples.weights.sum()
         spread: Array = np.sqrt(share @ (actions - share @ actions) ** 2)
         return spread

@@ -46,13 +46,14 @@ FORCES = [0, 1, 4]
 """The components of the ``LOADS`` that are forces. A moment is large without a jam where its lever is long."""
 
 LEAST_LOG_WEIGHT = -20.0
-"""Logarithm of the least weight of a vote, relative to the greatest. Without it, a sample of a state that this is not
-would decide if none of this state has a value."""
+"""Logarithm of the least weight of a vote, relative to the greatest. Without it, samples of other states would decide
+where no follower of the present state has a value."""
 
 VALUE_TIME = 2.0
 """tau of the values of the states, s: about the time of an insertion."""
 
 BOUNDS = (0.025, 0.975)
+"""Quantiles of the loads of good demonstrations, between which the planner tries to keep."""
 
 RULES = {
     "bandwidth": ArrayRule(low=MIN_POSITIVE),
