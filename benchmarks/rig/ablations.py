@@ -1,7 +1,8 @@
-"""The skill with one of its choices undone at a time, and its learning curve, on the same trials of the rig.
+"""The skill with one of its choices undone at a time, on the same trials of the rig.
 
-    python -m benchmarks.rig.ablations [--demonstrations FOLDER] [--trials 20] [--jobs 1] [--only NAME ...]
-                                       [--json FILE] [--figures FOLDER] [--scenario NAME] [--out FOLDER]
+    python -m benchmarks.rig.ablations [--demonstrations FOLDER ...] [--sets 4] [--trials 20] [--jobs 1]
+                                       [--arm NAME] [--only NAME] [--json FILE] [--figure FILE] [--scenario NAME]
+                                       [--out FOLDER]
 
 "CA states + LWR" is the product: canonical features, states by the repaired Competitive Agglomeration, good and bad
 demonstrations in the fixture of the rig. Every other row differs from it in what its name says. The columns of the
@@ -13,19 +14,16 @@ it unknown, and the graph contains the states from which insertions fail. The op
 failure and are not imitated. Two rows test this: "bad left out" learns from the good demonstrations alone, "bad
 imitated" treats the bad ones as good.
 
-The sets of the learning curve have four good demonstrations in five, like the whole set. The choice of a small set
-matters, so that each point of the curve has four skills, from four draws, which share the trials.
-
-Without --demonstrations thirty are recorded; those in the free fixture (six freedoms, no virtual guide) are always
-recorded. An interrupted run continues when it is started again, and uses the results that `benchmarks.rig.peers` has
-stored in the same --out.
+Without --demonstrations --sets sets of thirty are recorded; those in the free fixture (six freedoms, no virtual guide)
+are always recorded. An interrupted run continues when it is started again, and uses the results that
+`benchmarks.rig.peers` has stored in the same --out.
 """
 
 from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,8 +32,6 @@ from benchmarks.extras import require_packages
 
 if __name__ == "__main__":
     require_packages("pydrake", "yaml")
-
-import numpy as np
 
 from benchmarks.command_line import run
 from benchmarks.rig.comparison import (
@@ -47,18 +43,16 @@ from benchmarks.rig.comparison import (
     compare,
     prepared,
     recorded,
-    recording_folder,
+    recording_folders,
     selected,
 )
-from benchmarks.rig.figures import draw_groups, draw_learning_curve
+from benchmarks.rig.figures import draw_groups
 from benchmarks.rig.learners import Demonstrations, Extrapolating, one_context, one_state, skill_from
 from benchmarks.rig.trials import Entry
 from models.scenario import FREE_FACETS, FREE_FIXTURE, Scenario, load_scenario
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.features.wrench_features import NormalisedFeatures, RawFeatures
 
-SIZES = (1, 2, 3, 5, 8, 12, 20)  # numbers of demonstrations of the learning curve; its last point is the whole set
-DRAWS = 4  # skills per point of the learning curve
 FREE = "free demonstrations"
 EXTRAPOLATING = "turns neither pooled nor limited"
 
@@ -68,38 +62,18 @@ def literal_competition() -> CompetitiveAgglomeration:
     return CompetitiveAgglomeration(bias="literal", merge=None, n_init=1, random_state=0)
 
 
-def bad_left_out(demonstrations: Demonstrations, draw: int) -> Demonstrations:
+def bad_left_out(demonstrations: Demonstrations) -> Demonstrations:
     """Chooses the good demonstrations."""
     return [d for d in demonstrations if d.good]
 
 
-def bad_imitated(demonstrations: Demonstrations, draw: int) -> Demonstrations:
+def bad_imitated(demonstrations: Demonstrations) -> Demonstrations:
     """Chooses all demonstrations and labels them good."""
     return [replace(d, good=True) for d in demonstrations]
 
 
-def drawn(size: int) -> Callable[[Demonstrations, int], Demonstrations]:
-    """Chooses ``size`` demonstrations, with as large a share of good ones as in the whole set.
-
-    In one draw, a larger set contains the smaller ones.
-    """
-
-    def choose(demonstrations: Demonstrations, draw: int) -> Demonstrations:
-        rng = np.random.default_rng([17, draw])
-        good = [d for d in demonstrations if d.good]
-        bad = [d for d in demonstrations if not d.good]
-        share = len(good) / len(demonstrations)
-        n_good = min(len(good), max(1, round(size * share)))
-        return [
-            *(good[k] for k in rng.permutation(len(good))[:n_good]),
-            *(bad[k] for k in rng.permutation(len(bad))[: size - n_good]),
-        ]
-
-    return choose
-
-
-def entries(free: Path) -> list[Entry]:
-    """The product, its variants, and the points of the learning curve; ``free`` has the free demonstrations."""
+def entries(free: Sequence[Path]) -> list[Entry]:
+    """The product and its variants; ``free`` are the sets of free demonstrations."""
     return [
         Entry(PRODUCT, skill_from()),
         Entry("raw features", skill_from(features=RawFeatures)),
@@ -111,14 +85,8 @@ def entries(free: Path) -> list[Entry]:
         Entry(EXTRAPOLATING, skill_from(policy=Extrapolating)),
         Entry("bad left out", skill_from(bad_left_out)),
         Entry("bad imitated", skill_from(bad_imitated)),
-        Entry(FREE, skill_from(folder=free)),
-        *(Entry(curve_name(size), skill_from(drawn(size)), draws=DRAWS) for size in SIZES),
+        Entry(FREE, skill_from(folders=free)),
     ]
-
-
-def curve_name(size: int) -> str:
-    """The name of the entry that learns from this number of demonstrations."""
-    return f"{size} demonstration{'s' if size > 1 else ''}"
 
 
 GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
@@ -135,23 +103,13 @@ GROUPS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
 """Groups of the figure: a title, and for each row its label and the name of its entry."""
 
 
-def draw(summaries: list[dict[str, Any]], folder: Path, whole: int) -> None:
-    """Draws ``ablations.svg`` and ``learning_curve.svg`` from the entries that were performed.
-
-    Args:
-        summaries: results of `compare`.
-        folder: of the files.
-        whole: number of demonstrations of the whole set.
-    """
+def draw(summaries: list[dict[str, Any]], path: Path) -> None:
+    """Draws the entries that were performed, in groups."""
     by_name = {row["name"]: row for row in summaries}
     groups = [(title, [(label, by_name[name]) for label, name in rows if name in by_name]) for title, rows in GROUPS]
     present = [(title, rows) for title, rows in groups if rows]
     if present:
-        draw_groups(present, folder / "ablations.svg")
-    points = [*((size, curve_name(size)) for size in SIZES), (whole, PRODUCT)]
-    curve = [(size, by_name[name]) for size, name in points if name in by_name]
-    if any(row["trials"] for _, row in curve):
-        draw_learning_curve(curve, folder / "learning_curve.svg")
+        draw_groups(present, path)
 
 
 def in_free_space(scenario: Scenario) -> Scenario:
@@ -164,20 +122,20 @@ def in_free_space(scenario: Scenario) -> Scenario:
 
 def main() -> None:
     parser = command_line(__doc__)
-    parser.add_argument("--figures", type=Path, metavar="FOLDER", help="draw ablations.svg and learning_curve.svg here")
+    parser.add_argument("--figure", type=Path, metavar="FILE", help="draw the table to this file (.png or .svg)")
     arguments = parser.parse_args()
     for known in ("bias='literal'", "groups names a single demonstration"):  # warnings that some rows cause on purpose
         warnings.filterwarnings("ignore", message=known)
     scenario = load_scenario(arguments.scenario)
-    free = in_free_space(scenario)
-    chosen = selected(entries(recording_folder(free, arguments.out)), arguments.only)
+    free, sets = in_free_space(scenario), len(arguments.demonstrations or range(arguments.sets))
+    chosen = selected(entries(recording_folders(free, arguments.out, sets)), arguments.only)
     if any(entry.name == FREE for entry in chosen):
-        recorded(free, arguments.out, jobs=arguments.jobs)
+        recorded(free, arguments.out, sets=sets, jobs=arguments.jobs)
     numbers = {"trials": arguments.trials, "jobs": arguments.jobs}
-    setting = prepared(scenario, arguments.demonstrations, arguments.out, arm=arguments.arm, **numbers)
+    setting = prepared(scenario, arguments.demonstrations, arguments.out, sets=sets, arm=arguments.arm, **numbers)
     summaries = compare("ablations on the rig", chosen, setting, arguments.json)
-    if arguments.figures is not None:
-        draw(summaries, arguments.figures, len(setting.demonstrations))
+    if arguments.figure is not None:
+        draw(summaries, arguments.figure)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from scipy.stats import binomtest
 
 from benchmarks.command_line import argument_parser
 from benchmarks.recording import record_demonstrations
+from benchmarks.rig.demonstration_sets import over_sets
 from benchmarks.rig.trials import FIRST_TRIAL, Entry, Record, Setting, perform
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import read_demonstrations, write_demonstration
@@ -34,14 +35,16 @@ PRODUCT = "CA states, contexts + LWR"
 STATELESS, CONTEXTLESS, CONTEXTS_ALONE = "LWR without states", "CA states + LWR", "contexts + LWR"
 """The entries without contacts and contexts, without contexts, and without contacts."""
 
-GOOD, BAD = 24, 6  # numbers of demonstrations to record if none are given
+FIRST_SET = 746  # seed of the first set that is recorded if none is given
+GOOD, BAD = 24, 6  # numbers of demonstrations in each
 
 
 def command_line(description: str | None) -> argparse.ArgumentParser:
     """The options of every comparison on the rig."""
     out = Path("out/benchmarks/rig")
     parser = argument_parser(description)
-    parser.add_argument("--demonstrations", type=Path, metavar="FOLDER", help="recorded ones; without it, records new")
+    parser.add_argument("--demonstrations", type=Path, metavar="FOLDER", nargs="+", help="recorded sets")
+    parser.add_argument("--sets", type=int, default=4, help="sets to record without --demonstrations (default: 4)")
     parser.add_argument("--trials", type=int, default=20, help="trials of each policy (default: 20)")
     parser.add_argument("--jobs", type=int, default=1, help="number of processes (default: 1)")
     parser.add_argument(
@@ -67,40 +70,50 @@ def selected(entries: Sequence[Entry], only: Sequence[str] | None) -> list[Entry
     return chosen
 
 
-def prepared(scenario: Scenario, given: Path | None, out: Path, *, arm: Arm = Arm.DEFAULT, **numbers: int) -> Setting:
+def prepared(
+    scenario: Scenario,
+    given: Sequence[Path] | None,
+    out: Path,
+    *,
+    sets: int,
+    arm: Arm = Arm.DEFAULT,
+    **numbers: int,
+) -> Setting:
     """The setting of a comparison.
 
     Args:
         scenario: unresolved.
-        given: folder of demonstrations; None to record them.
+        given: folders of demonstrations; None to record them.
         out: folder below which results and recorded demonstrations are stored.
+        sets: number of sets to record if none is given.
         arm: which trials are performed.
         **numbers: ``trials``, ``jobs`` and ``candidates`` of the setting.
     """
-    folder = given if given is not None else recorded(scenario, out, jobs=numbers["jobs"])
-    demonstrations = read_demonstrations(folder)
+    folders = recorded(scenario, out, sets=sets, jobs=numbers["jobs"]) if given is None else list(given)
     digest = hashlib.sha256((dump_scenario(scenario) + json.dumps(versions())).encode())
-    for path in sorted(folder.glob("*.parquet")):
+    for path in (path for folder in folders for path in sorted(folder.glob("*.parquet"))):
         digest.update(path.read_bytes())
     results = out / f"{digest.hexdigest()[:12]}{'' if arm is Arm.DEFAULT else f'_{arm}'}"
-    print(f"{len(demonstrations)} demonstrations from {folder}; results in {results}")
-    return Setting(scenario, demonstrations, results, **numbers, arm=arm)
+    print(f"sets of demonstrations: {', '.join(str(folder) for folder in folders)}; results in {results}")
+    return Setting(scenario, [read_demonstrations(folder) for folder in folders], results, **numbers, arm=arm)
 
 
-def recording_folder(scenario: Scenario, out: Path) -> Path:
-    """The folder in which `recorded` stores the demonstrations of this scenario."""
-    return out / f"demonstrations_{hashlib.sha256(dump_scenario(scenario).encode()).hexdigest()[:12]}"
+def recording_folders(scenario: Scenario, out: Path, sets: int) -> list[Path]:
+    """The folders in which `recorded` stores sets of demonstrations of this scenario."""
+    digest = hashlib.sha256(dump_scenario(scenario).encode()).hexdigest()[:12]
+    return [out / f"demonstrations_{digest}_{seed}" for seed in range(FIRST_SET, FIRST_SET + sets)]
 
 
-def recorded(scenario: Scenario, out: Path, *, jobs: int) -> Path:
-    """Records the demonstrations of this scenario that are not stored yet, and returns their folder."""
-    folder = recording_folder(scenario, out)
-    names = {request: folder / f"{request.number:03d}_{request.habit}.parquet" for request in requests(GOOD, BAD)}
-    missing = [request for request, path in names.items() if not path.exists()]
-    if missing:
-        for request, demonstration in record_demonstrations(scenario, missing, seed=0, jobs=jobs):
-            write_demonstration(demonstration, names[request])
-    return folder
+def recorded(scenario: Scenario, out: Path, *, sets: int, jobs: int) -> list[Path]:
+    """Records the demonstrations of this scenario that are not stored yet, and returns the folders of the sets."""
+    folders = recording_folders(scenario, out, sets)
+    for seed, folder in enumerate(folders, start=FIRST_SET):
+        names = {request: folder / f"{request.number:03d}_{request.habit}.parquet" for request in requests(GOOD, BAD)}
+        missing = [request for request, path in names.items() if not path.exists()]
+        if missing:
+            for request, demonstration in record_demonstrations(scenario, missing, seed=seed, jobs=jobs):
+                write_demonstration(demonstration, names[request])
+    return folders
 
 
 def wilson(successes: int, n: int) -> tuple[float, float]:
@@ -120,11 +133,18 @@ def mcnemar(a: Sequence[dict[str, Any]], b: Sequence[dict[str, Any]]) -> float:
     return float(binomtest(better, better + worse).pvalue) if better + worse else 1.0
 
 
+def shares_of_sets(rows: Sequence[dict[str, Any]], sets: int) -> list[float]:
+    """The share of insertions of each set of demonstrations whose trials were performed."""
+    of = [[row["inserted"] for row in rows if row["seed"] % sets == number] for number in range(sets)]
+    return [float(np.mean(inserted)) for inserted in of if inserted]
+
+
 def summary(entry: Entry, record: Record, setting: Setting) -> dict[str, Any]:
     """One row of the table. The median time is that of the insertions; the forces are those of all trials."""
     rows = [record.trials[str(n)] for n in setting.numbers if str(n) in record.trials]
     inserted = [r for r in rows if r["inserted"]]
     load, contact = ([r[key] for r in rows if r.get(key) is not None] for key in ("peak_load_n", "peak_contact_n"))
+    shares = shares_of_sets(rows, len(setting.sets)) if entry.learns else []
     ends = Counter(r["reason"].split(":")[0] for r in rows if not r["inserted"])
 
     def mean(name: str) -> float | None:
@@ -136,6 +156,8 @@ def summary(entry: Entry, record: Record, setting: Setting) -> dict[str, Any]:
         "trials": len(rows),
         "inserted": len(inserted),
         "interval": list(wilson(len(inserted), len(rows))) if rows else None,
+        "interval_over_sets": list(over_sets(shares)[1:]) if shares else None,
+        "worst_set": min(shares) if shares else None,
         "median_time_s": float(np.median([r["time_s"] for r in inserted])) if inserted else None,
         "median_load_n": float(np.median(load)) if load else None,
         "p95_load_n": float(np.percentile(load, 95)) if load else None,
@@ -167,7 +189,11 @@ def compare(title: str, entries: Sequence[Entry], setting: Setting, json_file: P
         row["p"] = mcnemar(trials[row["name"]], trials[PRODUCT]) if compared else None
     print(report(title, summaries))
     if json_file is not None:
-        head = {"demonstrations": len(setting.demonstrations), "first_trial": FIRST_TRIAL, "versions": versions()}
+        head = {
+            "demonstrations": [len(shown) for shown in setting.sets],
+            "first_trial": FIRST_TRIAL,
+            "versions": versions(),
+        }
         head["arm"] = setting.arm.value
         scenario = dump_scenario(setting.scenario)
         write_json(json_file, {**head, "scenario": scenario, "summary": summaries, "trials": trials})
@@ -177,15 +203,16 @@ def compare(title: str, entries: Sequence[Entry], setting: Setting, json_file: P
 def report(title: str, summaries: Sequence[dict[str, Any]]) -> str:
     """The table, one row per policy."""
     head = (
-        f"{title:30} inserted   95 %       p  time s   load N: median   95th    max  contact N  untrusted   states"
-        "  train s  query ms  otherwise"
+        f"{title:30} inserted   95 %      sets  worst       p  time s   load N: median   95th    max  contact N"
+        "  untrusted   states  train s  query ms  otherwise"
     )
     lines = [head]
     for r in summaries:
         low, high = r["interval"] or (0.0, 1.0)
+        over, worst = _range(r["interval_over_sets"]), _percent(r["worst_set"])
         ends = ", ".join(f"{count} {reason}" for reason, count in r["ends"].items())
         lines.append(
-            f"{r['name']:30} {r['inserted']:4}/{r['trials']:<3} {100 * low:3.0f}-{100 * high:<3.0f}"
+            f"{r['name']:30} {r['inserted']:4}/{r['trials']:<3} {100 * low:3.0f}-{100 * high:<3.0f} {over} {worst:>6}"
             f" {_text(r['p'], '.2g'):>7} {_text(r['median_time_s'], '.2f'):>7} {_text(r['median_load_n'], '.1f'):>16}"
             f" {_text(r['p95_load_n'], '.1f'):>6} {_text(r['max_load_n'], '.1f'):>6}"
             f" {_text(r['median_contact_n'], '.1f'):>10} {r['not_trusted']:>10}"
@@ -198,6 +225,14 @@ def report(title: str, summaries: Sequence[dict[str, Any]]) -> str:
     )
     lines.append("train: time on one core, including the trials for tuning")
     return "\n".join(lines)
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:.0f}"
+
+
+def _range(interval: Sequence[float] | None) -> str:
+    return f"{'-':>9}" if interval is None else f"{100 * interval[0]:5.0f}-{100 * interval[1]:<3.0f}"
 
 
 def _text(value: float | None, form: str) -> str:

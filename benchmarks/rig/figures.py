@@ -64,38 +64,3 @@ def _draw_row(axes: Sequence[Axes], row: Row, place: float) -> None:
         axes[2].plot([row["median_load_n"], row["p95_load_n"]], [place, place], color=GREY, lw=2)
         axes[2].plot(row["median_load_n"], place, "o", color=BLUE, ms=6)
         axes[2].plot(row["p95_load_n"], place, "|", color=ORANGE, ms=9, mew=2)
-
-
-def draw_learning_curve(curve: Sequence[tuple[int, Row]], path: Path) -> None:
-    """Draws the results over the number of demonstrations.
-
-    Args:
-        curve: numbers of demonstrations and summaries; those without trials are left out.
-        path: of the file.
-    """
-    points = [(number, row) for number, row in curve if row["trials"]]
-    numbers = [number for number, _ in points]
-    figure = Figure(figsize=(8.6, 2.9), layout="constrained")
-    axes: Sequence[Axes] = figure.subplots(1, 3)
-    low, high = np.array([row["interval"] for _, row in points]).T
-    axes[0].fill_between(numbers, low, high, color=BLUE, alpha=0.2, lw=0)
-    axes[0].plot(numbers, [row["inserted"] / row["trials"] for _, row in points], "o-", color=BLUE)
-    axes[0].set_ylim(-0.02, 1.02)
-    _curve(axes[1], points, "median_time_s", BLUE, None)
-    _curve(axes[2], points, "median_load_n", BLUE, "median")
-    _curve(axes[2], points, "p95_load_n", ORANGE, "95th percentile")
-    axes[2].legend(frameon=False)
-    for axis, name in zip(axes, PANELS, strict=True):
-        axis.set(xlabel="demonstrations", title=name, xscale="log")
-        axis.set_xticks(numbers, [str(number) for number in numbers])
-        axis.set_xticks([], minor=True)
-        axis.grid(alpha=0.3)
-        axis.spines[["top", "right"]].set_visible(False)
-    for axis in axes[1:]:
-        axis.set_ylim(0.0, 1.06 * axis.dataLim.y1 if np.isfinite(axis.dataLim.y1) else 1.0)
-    save_figure(figure, path)
-
-
-def _curve(axis: Axes, points: Sequence[tuple[int, Row]], name: str, colour: str, label: str | None) -> None:
-    known = [(number, row[name]) for number, row in points if row[name] is not None]
-    axis.plot([n for n, _ in known], [value for _, value in known], "o-", color=colour, label=label)

@@ -8,7 +8,7 @@ cross-validation over such folds. Features and outputs are standardised where th
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
@@ -45,33 +45,33 @@ MAX_GP_SAMPLES = 1500  # the cost of a Gaussian process grows with their cube
 MAX_COMPONENTS = 30  # of the mixtures from which BIC chooses
 
 Demonstrations = list[Demonstration]
-Choose = Callable[[Demonstrations, int], Demonstrations]
-"""The demonstrations to learn from, given all of them and the number of a draw."""
+Choose = Callable[[Demonstrations], Demonstrations]
+"""The demonstrations to learn from, given a set of them."""
 
 
-def all_demonstrations(demonstrations: Demonstrations, draw: int) -> Demonstrations:
-    """Chooses all demonstrations in every draw."""
+def all_demonstrations(demonstrations: Demonstrations) -> Demonstrations:
+    """Chooses all demonstrations."""
     return demonstrations
 
 
 def skill_from(
     choose: Choose = all_demonstrations,
-    folder: Path | None = None,
+    folders: Sequence[Path] | None = None,
     policy: type[ManipulationSkill] = ManipulationSkill,
     **parts: Callable[[], Any],
 ) -> Train:
     """The training of a skill.
 
     Args:
-        choose: chooses the demonstrations of a draw.
-        folder: of other demonstrations; None for those of the setting.
+        choose: chooses demonstrations of a set.
+        folders: of other sets; None for those of the setting.
         policy: class of the skill.
         **parts: constructors of the parts of `ManipulationSkill` that are not the default ones.
     """
 
-    def train(setting: Setting, record: Record, advance: Advance, draw: int) -> RigPolicy:
-        demonstrations = setting.demonstrations if folder is None else read_demonstrations(folder)
-        return policy(**{name: part() for name, part in parts.items()}).fit(choose(demonstrations, draw))
+    def train(setting: Setting, record: Record, advance: Advance, number: int) -> RigPolicy:
+        demonstrations = setting.sets[number] if folders is None else read_demonstrations(folders[number])
+        return policy(**{name: part() for name, part in parts.items()}).fit(choose(demonstrations))
 
     return train
 

@@ -1,11 +1,13 @@
 """The learnt skill against other policies on the same trials of the rig.
 
-    python -m benchmarks.rig.peers [--demonstrations FOLDER] [--trials 20] [--jobs 1] [--only NAME ...] [--json FILE]
-                                   [--figure FILE] [--scenario NAME] [--candidates 24] [--out FOLDER]
+    python -m benchmarks.rig.peers [--demonstrations FOLDER ...] [--sets 4] [--trials 20] [--jobs 1]
+                                   [--arm NAME] [--only NAME] [--json FILE] [--figure FILE] [--scenario NAME]
+                                   [--candidates 24] [--out FOLDER]
 
 All policies have the same limits, force guard, motors and sensor. All learners get the same demonstrations, with the
-same refinement and sensor noise, and the same canonical features. Without --demonstrations thirty are recorded. The
-first trial is number 7000. The parameters of compliance and search are tuned on other trials of the rig, from 9000 on
+same refinement and sensor noise, and the same canonical features. Without --demonstrations --sets sets of thirty are
+recorded. A policy that learns learns from each set once, and each set performs an equal share of the trials; the first
+trial is number 78000. The parameters of compliance and search are tuned on other trials of the rig, from 80000 on
 (`benchmarks.rig.control_laws.tuned`; 24 candidates need 104 trials); their training time is the time of these trials
 on one core. Three rows are controls: in "mean action" every demonstrated action is replaced by their mean in the
 canonical frame, in "shuffled actions" by that of a random sample, and in "random sign" each turn of the product has a
@@ -14,6 +16,7 @@ random sign. A state of the product is a pair of contact and context; three rows
 Columns, one row per policy:
 
 - inserted, 95 %: number of insertions, and Wilson's interval of their probability in percent;
+- sets: the 95 % interval over sets of demonstrations (bootstrap), which Wilson's does not contain; and the worst set;
 - p: of the exact McNemar test against the insertions of the product in the same trials, not corrected for the number of
   rows;
 - time s: median time of the insertions;
@@ -71,14 +74,14 @@ from models.scenario import load_scenario
 from skill.policy import RigPolicy
 
 
-def push(setting: Setting, record: Record, advance: Advance, draw: int) -> RigPolicy:
+def push(setting: Setting, record: Record, advance: Advance, number: int) -> RigPolicy:
     """A push without correction, at the feed speed of the simulated operator."""
     return StraightPush(speed=setting.scenario.operator.insertion_speed)
 
 
 def tuning_of(law: type[TunedLaw]) -> Train:
     """The training of a control law: its parameters are tuned on the rig."""
-    return lambda setting, record, advance, draw: tuned(law, setting, record, advance)
+    return lambda setting, record, advance, number: tuned(law, setting, record, advance)
 
 
 def stateless(regressor: Callable[[], Any]) -> Train:
@@ -90,9 +93,9 @@ def entries(candidates: int) -> list[Entry]:
     """The policies; compliance and search are tuned with this number of candidates."""
     tuning = tuning_trials(candidates)
     return [
-        Entry("no correction", push),
-        Entry("moment compliance, tuned", tuning_of(MomentCompliance), tuning=tuning),
-        Entry("spiral search, tuned", tuning_of(SpiralSearch), tuning=tuning),
+        Entry("no correction", push, learns=False),
+        Entry("moment compliance, tuned", tuning_of(MomentCompliance), learns=False, tuning=tuning),
+        Entry("spiral search, tuned", tuning_of(SpiralSearch), learns=False, tuning=tuning),
         Entry("mean action", stateless(DummyRegressor)),
         Entry("shuffled actions", stateless(ShuffledNeighbour)),
         Entry("random sign of the turns", skill_from(policy=RandomSign)),
@@ -118,6 +121,7 @@ def main() -> None:
         load_scenario(arguments.scenario),
         arguments.demonstrations,
         arguments.out,
+        sets=arguments.sets,
         arm=arguments.arm,
         trials=arguments.trials,
         jobs=arguments.jobs,

@@ -28,7 +28,7 @@ from systems.reports.terminal import write_json
 from systems.runs.trial import Arm, run_trial, trial_scenario
 from systems.runs.worker_pool import run_in_processes
 
-FIRST_TRIAL, FIRST_TUNING = 7000, 9000
+FIRST_TRIAL, FIRST_TUNING = 78000, 80000
 QUERIES = 300  # decisions over which the query time is measured
 
 Advance = Callable[[str], None]
@@ -44,7 +44,8 @@ class Setting:
 
     Attributes:
         scenario: unresolved, with its ranges.
-        demonstrations: in the order of their file names.
+        sets: of demonstrations, each in the order of its file names. A policy that learns is trained on each of them,
+            and trial n is performed by the one of set n modulo their number: the sets share the trials.
         folder: of the stored results.
         trials: number of trials of each policy.
         jobs: number of processes.
@@ -53,7 +54,7 @@ class Setting:
     """
 
     scenario: Scenario
-    demonstrations: list[Demonstration]
+    sets: list[list[Demonstration]]
     folder: Path
     trials: int
     jobs: int
@@ -115,7 +116,7 @@ class Record:
 
 
 Train = Callable[[Setting, Record, Advance, int], RigPolicy]
-"""Trains the policy of a draw. Stores results of tuning in the record and calls `Advance` after each tuning trial."""
+"""Trains a policy on the set of this number; stores tuning trials in the record and calls `Advance` after each."""
 
 
 @dataclass(frozen=True)
@@ -124,14 +125,14 @@ class Entry:
 
     Attributes:
         name: in the table.
-        train: trains the policy of a draw.
-        draws: number of policies, from different demonstrations; trial n is performed by draw n modulo this number.
+        train: trains the policy.
+        learns: whether it learns from demonstrations; if not, there is one policy for all sets.
         tuning: number of trials that the training performs.
     """
 
     name: str
     train: Train
-    draws: int = 1
+    learns: bool = True
     tuning: int = 0
 
     @property
@@ -184,25 +185,26 @@ def perform(entry: Entry, setting: Setting, advance: Advance) -> Record:
     for _ in range(setting.trials - len(missing) + (0 if missing else entry.tuning)):
         advance(f"{entry.name}: stored already")
     record.content["error"] = None
-    for draw in range(entry.draws):
-        numbers = [n for n in missing if n % entry.draws == draw]
+    count = len(setting.sets) if entry.learns else 1
+    for number, demonstrations in enumerate(setting.sets[:count]):
+        numbers = [n for n in missing if n % count == number]
         if not numbers:
             continue
         try:
             start = time.process_time()
             with threadpool_limits(1):
-                policy = entry.train(setting, record, advance, draw)
+                policy = entry.train(setting, record, advance, number)
                 trained = time.process_time() - start
-                record.content["query_ms"][str(draw)] = query_time(policy, setting.demonstrations)
+                record.content["query_ms"][str(number)] = query_time(policy, demonstrations)
         except Exception as error:  # the other policies of the comparison go on
-            record.content["error"] = f"draw {draw} not trained: {type(error).__name__}: {error}"[:300]
+            record.content["error"] = f"set {number} not trained: {type(error).__name__}: {error}"[:300]
             record.save()
             for _ in numbers:
                 advance(f"{entry.name}: {record.content['error']}")
             continue
         # The time of tuning trials, perhaps of an earlier run, is stored with them.
-        record.content["train_s"][str(draw)] = sum(r["cpu_s"] for r in record.tuning.values()) or trained
-        record.content["states"][str(draw)] = policy.n_states
+        record.content["train_s"][str(number)] = sum(r["cpu_s"] for r in record.tuning.values()) or trained
+        record.content["states"][str(number)] = policy.n_states
         for row in attempts(setting, policy, numbers):
             record.add_trial(row)
             advance(f"{entry.name}, trial {row['seed']}: {row['reason']}")

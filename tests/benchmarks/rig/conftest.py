@@ -9,7 +9,7 @@ from benchmarks.rig.trials import FIRST_TRIAL, Setting
 
 @pytest.fixture
 def performed(monkeypatch):
-    """The numbers of the performed trials; none is simulated. A slower law inserts later, and trial 7001 fails."""
+    """The numbers of the performed trials; none is simulated. A slower law is later; the second trial fails."""
     numbers = []
 
     def attempt(scenario, arm, policy, number):
@@ -30,13 +30,15 @@ def performed(monkeypatch):
 
 @pytest.fixture
 def setting(quick_scenario, demonstrations, tmp_path):
-    return Setting(quick_scenario, demonstrations, tmp_path / "results", trials=4, jobs=1, candidates=8)
+    return Setting(
+        quick_scenario, [demonstrations, demonstrations], tmp_path / "results", trials=4, jobs=1, candidates=8
+    )
 
 
 @pytest.fixture
 def push():
-    """The training of a straight push, faster in each draw."""
-    return lambda setting, record, advance, draw: StraightPush(speed=0.01 * (1 + draw))
+    """The training of a straight push, faster in each set."""
+    return lambda setting, record, advance, number: StraightPush(speed=0.01 * (1 + number))
 
 
 @pytest.fixture

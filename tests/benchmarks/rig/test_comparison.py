@@ -32,11 +32,11 @@ def test_every_policy_is_compared_with_the_product(setting, performed, push, tmp
 
 
 def test_a_policy_whose_training_fails_does_not_stop_the_others(setting, performed, push, tmp_path, capsys):
-    def broken(setting, record, advance, draw):
+    def broken(setting, record, advance, number):
         raise FloatingPointError("no such number")
 
     rows = compare("both", [Entry("broken", broken), Entry("push", push)], setting, tmp_path / "both.json")
-    assert rows[0]["error"] == "draw 0 not trained: FloatingPointError: no such number"
+    assert rows[0]["error"] == "set 1 not trained: FloatingPointError: no such number"
     assert rows[1]["inserted"] == 3
     assert "no such number" in capsys.readouterr().out
     assert (tmp_path / "both.json").stat().st_size > 100

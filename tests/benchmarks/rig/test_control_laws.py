@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, cost, tuned, tuning_trials
-from benchmarks.rig.trials import FIRST_TUNING, Entry, Setting, perform
+from benchmarks.rig.trials import FIRST_TRIAL, FIRST_TUNING, Entry, Setting, perform
 
 PERIOD = 0.02
 
@@ -58,7 +58,7 @@ def test_the_search_pauses_without_resistance():
 
 
 def test_tuning_chooses_the_lowest_cost_on_its_own_trials_and_resumes(setting, performed, no_progress):
-    entry = Entry("tuned", lambda s, record, advance, draw: tuned(MomentCompliance, s, record, advance))
+    entry = Entry("tuned", lambda s, record, advance, number: tuned(MomentCompliance, s, record, advance), learns=False)
     record = perform(entry, setting, no_progress)
     own = [n for n in performed if n >= FIRST_TUNING]
     assert len(own) == len(record.tuning) == tuning_trials(8)
@@ -70,7 +70,7 @@ def test_tuning_chooses_the_lowest_cost_on_its_own_trials_and_resumes(setting, p
     assert record.content["train_s"]["0"] == 0.5 * tuning_trials(8)
     more = Setting(**(vars(setting) | {"trials": 5}))
     perform(entry, more, no_progress)
-    assert performed[-1] == 7004
+    assert performed[-1] == FIRST_TRIAL + 4
     assert [n for n in performed if n >= FIRST_TUNING] == own
 
 
