@@ -38,7 +38,7 @@ from systems.sessions.record_session import file_name, record
 from systems.sessions.recovery_session import RecoveryPlan, recover
 from systems.sessions.train_session import train
 
-FIRST_DRAW, FIRST_TRIAL = 750, 77000
+FIRST_DRAW, FIRST_TRIAL = 750, 79000
 """Draws and trials that were used for no choice."""
 
 SIZES = (1, 2, 3, 5, 10, 20, 30, 60)

@@ -18,7 +18,13 @@ from models.bore import MAX_FACETS, minimum_clearance
 from models.contact_checks import facet_violations, softness_violations
 from models.contact_theory import largest_entry_tilt
 from models.document import read_document, read_text
-from models.hardware import DEVICE_PRESETS, DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
+from models.hardware import (
+    DEVICE_PRESETS,
+    DcMotorParameters,
+    RigParameters,
+    StepperMotorParameters,
+    WrenchSensorParameters,
+)
 from models.hardware_checks import guard_violations, is_multiple, sensor_violations, stall_violations
 from models.operator import HABITS, OperatorParameters, draw_person
 from models.validation import Violation, check_document, number_violations, raise_first
@@ -109,19 +115,6 @@ class RecorderParameters:
 
 
 @dataclass
-class RigParameters:
-    """Mechanics of the 3-DOF rig."""
-
-    pivot_height: float | None = None  # in units of m, of the gimbal's axes above the mouth; None: drawn
-    pivot_range: float = 0.003  # in units of m; half width of the uniform distribution of the pivot height
-    demonstrated_pivot_range: float = 0.005  # in units of m; the same in demonstrations, wider than in a rig trial
-    carriage_friction: float = 5.0  # in units of N s/m, viscous
-    mount_stiffness: float = 2.0e5  # in units of N/m, lateral, of the compliant mount that carries the peg
-    mount_damping: float = 100.0  # in units of N s/m, lateral
-    encoder_resolution: float = 5.0e-6  # in units of m
-
-
-@dataclass
 class PolicyControllerParameters:
     """Gain and limits of the policy controller."""
 
@@ -155,6 +148,12 @@ class BackOffParameters:
     stall_depth: float = 0.2e-3  # in units of m; a smaller increase of the depth is no progress
     unknown_feed: float = 0.5  # factor on the feed while the contact state is unknown
     doubt_time: float = 1.0  # in units of s; the peg is backed off if nothing is recognised for this long
+    # Turns make it worse if the lateral force grows by so much, over such a turn and time, without a gain in depth.
+    worse_force: float = 5.0  # in units of N, in the first attempt
+    worse_force_again: float = 3.0  # in units of N, in later attempts
+    worse_turn: float = math.radians(0.3)  # in units of rad
+    worse_time: float = 0.2  # in units of s
+    worse_depth: float = 0.05e-3  # in units of m; a smaller increase of the depth is no gain
     max_repeats: int = 4  # attempts that end like the one before, after which the policy has nothing new to try
 
 

@@ -93,7 +93,7 @@ def check_header(header: Mapping[str, Any]) -> None:
     _check_entries(header, ENTRIES, "entries of the header", complete=True)
     _check_entries(header["parameters"], PARAMETERS, "parameters", complete=False)
     PegHoleGeometry.find(header["metadata"], "header")
-    for name in ("demonstrations", "good", "practice_trials"):
+    for name in ("demonstrations", "good", "practice_trials", "max_contexts"):
         count = header["metadata"].get(name, 1)
         if type(count) is not int or not 1 <= count <= MAX_MAGNITUDE:
             raise ValueError(f"header: metadata '{name}' is {count!r}, expected a positive integer of at most 1e12")

@@ -275,7 +275,8 @@ def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
         builder.Connect(parts.estimator.GetOutputPort(name), parts.controller.GetInputPort(name))
     builder.Connect(parts.context_estimator.GetOutputPort("contexts"), parts.controller.GetInputPort("contexts"))
     for name in ("target_pitch", "target_yaw"):
-        builder.Connect(parts.guard.GetOutputPort(name), parts.context_estimator.GetInputPort(name))
+        for reader in (parts.context_estimator, parts.controller):
+            builder.Connect(parts.guard.GetOutputPort(name), reader.GetInputPort(name))
     for name in COMMANDS:
         builder.Connect(parts.controller.GetOutputPort(name), parts.watchdog.GetInputPort(name))
     for name in (*COMMANDS, "blind"):

@@ -44,7 +44,7 @@ from systems.sessions.recovery_session import RecoveryPlan, recover
 from systems.sessions.rig_session import run as run_on_rig
 from systems.sessions.train_session import train
 
-FIRST_SET, FIRST_TRIAL = 726, 76000
+FIRST_SET, FIRST_TRIAL = 736, 77000
 """Sets and trials that were used for no choice."""
 
 SCENARIO = "nominal"

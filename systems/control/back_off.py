@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, field, fields, replace
 from enum import IntEnum
 from typing import Self
 
@@ -15,6 +16,24 @@ class BackOffMode(IntEnum):
 
     WORKING = 0
     BACKING_OFF = 1
+
+
+@dataclass(frozen=True)
+class TurnWatch:
+    """What was measured at the last sign that the present turns help, or do no harm.
+
+    Attributes:
+        pitch, yaw: commanded angles of the hole, rad.
+        side: lateral force, N.
+        depth: depth of the tip, m.
+        elapsed: time since then, s.
+    """
+
+    pitch: float = 0.0
+    yaw: float = 0.0
+    side: float = 0.0
+    depth: float = -1.0
+    elapsed: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -30,6 +49,8 @@ class BackOffState:
         contact: number of the contact state in which the last attempt ended; -1 before the first.
         repeats: attempts in a row that ended like the one before.
         reversing: 1 if the turns of the policy are reversed, else 0.
+        changed: 1 if that has changed within the present attempt, else 0.
+        watch: what tells whether the turns make it worse.
     """
 
     mode: BackOffMode = BackOffMode.WORKING
@@ -40,17 +61,20 @@ class BackOffState:
     contact: float = -1.0
     repeats: float = 0.0
     reversing: float = 0.0
+    changed: float = 0.0
+    watch: TurnWatch = field(default_factory=TurnWatch, kw_only=True)
 
     def as_list(self) -> list[float]:
         """Returns the numbers of a discrete state, in the order of the attributes."""
-        attempt = (self.best, self.contact, self.repeats, self.reversing)
-        return [float(self.mode), self.elapsed, self.anchor, self.doubt, *attempt]
+        attempt = (self.best, self.contact, self.repeats, self.reversing, self.changed)
+        return [float(self.mode), self.elapsed, self.anchor, self.doubt, *attempt, *astuple(self.watch)]
 
     @classmethod
     def from_list(cls, values: Sequence[float]) -> Self:
         """Inverts `as_list`."""
-        mode, *others = values
-        return cls(BackOffMode(int(mode)), *others)
+        number = len(fields(TurnWatch))
+        mode, *others = values[:-number]
+        return cls(BackOffMode(int(mode)), *others, watch=TurnWatch(*values[-number:]))
 
 
 @dataclass(frozen=True)
@@ -83,6 +107,8 @@ def back_off_step(
     known: bool,
     support: float,
     contact: int,
+    angles: tuple[float, float],
+    side: float,
 ) -> BackOffDecision:
     """Returns the decision for one period.
 
@@ -103,6 +129,12 @@ def back_off_step(
     turns the other way, and so do those that follow while each is deeper, at any depth. Near the mouth the same force
     can ask for opposite turns, so that the other way is the likeliest remedy.
 
+    Within an attempt, turns that make it worse are noticed sooner. The lateral force rises with a turn the wrong way,
+    and the peg does not go deeper. If it has risen by ``worse_force`` over a turn of ``worse_turn`` and a time of
+    ``worse_time``, all since the depth has last grown by ``worse_depth`` or the force was last as low, the turns are
+    reversed at once, and the time without progress begins anew. After a failed attempt the other way is more likely,
+    and ``worse_force_again`` is enough. The end of an attempt does not reverse the turns again.
+
     An attempt repeats the one before if it is not deeper and ended in the same contact state. After ``max_repeats``
     repetitions, and the back-off that follows, the policy has nothing new to try and gives up.
 
@@ -116,7 +148,10 @@ def back_off_step(
         known: whether the estimator recognises the contact state.
         support: support of the action, 0 to 1 (see `Action`).
         contact: number of the most probable contact state.
+        angles: commanded pitch and yaw of the hole, rad.
+        side: lateral force, N.
     """
+    here = TurnWatch(*angles, side, depth)
     if state.mode is BackOffMode.BACKING_OFF:
         risen = state.anchor - depth
         if not (risen >= p.back_off_distance or state.elapsed >= p.back_off_time):
@@ -125,7 +160,13 @@ def back_off_step(
             return BackOffDecision(state, p.retract_speed, turning=0.0, unwinding=stuck)
         if state.repeats >= p.max_repeats:
             return BackOffDecision(state, 0.0, turning=0.0, given_up=True)
-        state = replace(state, mode=BackOffMode.WORKING, elapsed=0.0, anchor=depth, doubt=0.0)
+        state = replace(state, mode=BackOffMode.WORKING, elapsed=0.0, anchor=depth, doubt=0.0, changed=0.0, watch=here)
+    if depth >= state.watch.depth + p.worse_depth or side <= state.watch.side:
+        state = replace(state, watch=here)
+    elif _worse(p, state, here):
+        state = replace(state, elapsed=0.0, reversing=1.0 - state.reversing, changed=1.0, watch=here)
+    else:
+        state = replace(state, watch=replace(state.watch, elapsed=state.watch.elapsed + period))
     doubt = 0.0 if known and support >= 1.0 else state.doubt + period
     if depth - state.anchor >= p.stall_depth:
         state = replace(state, elapsed=0.0, anchor=depth, doubt=doubt)
@@ -139,15 +180,24 @@ def back_off_step(
     return BackOffDecision(state, feed_speed, turning=-1.0 if state.reversing else 1.0)
 
 
+def _worse(p: BackOffParameters, state: BackOffState, here: TurnWatch) -> bool:
+    """Whether the turn since the watch began has made it worse."""
+    watch = state.watch
+    rise = p.worse_force if state.contact < 0.0 else p.worse_force_again
+    turn = math.hypot(here.pitch - watch.pitch, here.yaw - watch.yaw)
+    return here.side - watch.side >= rise and turn >= p.worse_turn and watch.elapsed >= p.worse_time
+
+
 def _attempt_over(p: BackOffParameters, state: BackOffState, depth: float, contact: int) -> BackOffState:
     """Returns the state at the start of a back-off."""
     deeper = depth >= state.best + p.stall_depth
     repeated = not deeper and contact == state.contact
+    reverse = not deeper and not state.changed
     return BackOffState(
         BackOffMode.BACKING_OFF,
         anchor=depth,
         best=depth if deeper else state.best,
         contact=float(contact),
         repeats=state.repeats + 1.0 if repeated else 0.0,
-        reversing=state.reversing if deeper else 1.0 - state.reversing,
+        reversing=1.0 - state.reversing if reverse else state.reversing,
     )

@@ -78,6 +78,8 @@ class PolicyController(LeafSystem):
         - probabilities
         - contexts
         - known
+        - target_pitch
+        - target_yaw
         output_ports:
         - pitch_rate
         - yaw_rate
@@ -104,7 +106,7 @@ class PolicyController(LeafSystem):
     turns stop, and ``failed`` is 1.
 
     The controller receives the wrench on the peg about its tip, the depth, the probabilities of the states and of the
-    contexts, and whether the state is known.
+    contexts, whether the state is known, and its own motions: the angles of the hole (rad) that the guard permits.
     """
 
     def __init__(
@@ -125,6 +127,7 @@ class PolicyController(LeafSystem):
         self._probabilities = self.DeclareVectorInputPort("probabilities", policy.n_states)
         self._contexts = self.DeclareVectorInputPort("contexts", policy.context_filter().n_contexts)
         self._known = self.DeclareVectorInputPort("known", 1)
+        self._targets = [self.DeclareVectorInputPort(f"target_{name}", 1) for name in ("pitch", "yaw")]
         self._state = self.DeclareDiscreteState(ControllerState().as_list())
         self._failure = self.DeclareAbstractState(AbstractValue.Make(""))
         self.DeclarePeriodicUnrestrictedUpdateEvent(parameters.period, 0.0, self._update)
@@ -172,7 +175,8 @@ class PolicyController(LeafSystem):
             state.get_mutable_abstract_state(int(self._failure)).set_value(one_line(error))
         else:
             known = bool(self._known.Eval(context)[0])
-            command = self._next_state(command, action, wrench, depth, probabilities, known=known)
+            pitch, yaw = (float(port.Eval(context)[0]) for port in self._targets)
+            command = self._next_state(command, action, wrench, depth, probabilities, known=known, angles=(pitch, yaw))
         state.get_mutable_discrete_state(self._state).SetFromVector(command.as_list())
 
     def _checked_action(self, measured: Array, probabilities: Array, contexts: Array) -> Action:
@@ -192,6 +196,7 @@ class PolicyController(LeafSystem):
         probabilities: Array,
         *,
         known: bool,
+        angles: tuple[float, float],
     ) -> ControllerState:
         p = self._parameters
         decision = back_off_step(
@@ -204,6 +209,8 @@ class PolicyController(LeafSystem):
             known=known,
             support=action.support,
             contact=int(np.argmax(probabilities)),
+            angles=angles,
+            side=math.hypot(wrench[0], wrench[1]),
         )
         rates = -p.gain * decision.turning * action.turn / self._policy.period_
         size = np.linalg.norm(rates)

@@ -14,6 +14,7 @@ from models.scenario import Scenario, dump_scenario, load_scenario
 from skill.data.demonstration import write_demonstration
 from skill.manipulation_skill import ManipulationSkill
 from skill.practice.situation import Situation
+from skill.states.context_mixture import MAX_CONTEXTS
 from systems.outputs.folder_lock import locked_file
 from systems.outputs.output_checks import (
     RECORDING_SIZE,
@@ -93,7 +94,7 @@ def recover(
     jobs: int,
     overwrite: bool,
 ) -> ManipulationSkill:
-    """Practises, has the situations shown in which the skill was stuck, and trains it again, once a round.
+    """Practises, has the situations shown in which the skill was stuck, and trains it again as before, once a round.
 
     The recoveries of round k are in the folder ``recoveries``/round_k, which this function fills like any other set of
     demonstrations; those that an interrupted call with the same arguments has finished are kept. The skill of each
@@ -111,6 +112,7 @@ def recover(
     check_folder(recoveries, size=plan.rounds * plan.most * RECORDING_SIZE)
     find_recordings(demonstrations)
     _check_rounds(recoveries, plan, chosen, overwrite=overwrite)
+    contexts = learnt.metadata_.get("max_contexts", MAX_CONTEXTS)
     folders = [demonstrations]
     for number in range(1, plan.rounds + 1):
         situations = _ask(chosen, learnt, plan, number, jobs)
@@ -119,7 +121,7 @@ def recover(
         folder = _folder_of(recoveries, number)
         _show(chosen, situations, folder, plan, jobs=jobs, overwrite=overwrite)
         folders.append(folder)
-        learnt = train(demonstrations=folders, out=out, seed=plan.seed, policy=learnt.policy)
+        learnt = train(demonstrations=folders, out=out, seed=plan.seed, max_contexts=contexts, policy=learnt.policy)
     if len(folders) == 1:
         with locked_file(out), named_errors(out, "the skill is unchanged"):
             learnt.save(out)

@@ -54,6 +54,7 @@ def train(
         with busy(f"learning from {len(recordings)} demonstrations"):
             contexts = ContextMixture(max_contexts=max_contexts, random_state=seed)
             skill = ManipulationSkill(contexts=contexts, policy=policy, random_state=seed).fit(recordings)
+            skill.metadata_["max_contexts"] = max_contexts
             give_names(skill, recordings)
         with named_errors(out, "the recordings are unchanged"):
             skill.save(out)

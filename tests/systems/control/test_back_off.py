@@ -1,16 +1,19 @@
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from models.scenario import BackOffParameters
-from systems.control.back_off import BackOffMode, BackOffState, back_off_step
+from systems.control.back_off import BackOffMode, BackOffState, TurnWatch, back_off_step
 
 P = BackOffParameters()
 FEED = -0.01
 
 
-def step(state, *, load=0.0, depth=0.0, known=True, support=1.0, feed=FEED, contact=0):
+def step(state, *, load=0.0, depth=0.0, known=True, support=1.0, feed=FEED, contact=0, angles=(0.0, 0.0), side=0.0):
     measured = {"load": load, "depth": depth, "known": known, "support": support, "contact": contact}
+    measured |= {"angles": angles, "side": side}
     return back_off_step(P, state, period=0.02, feed_speed=feed, **measured)
 
 
@@ -159,8 +162,10 @@ def test_a_state_survives_its_list_of_numbers():
         contact=2.0,
         repeats=1.0,
         reversing=1.0,
+        changed=1.0,
+        watch=TurnWatch(pitch=0.01, yaw=-0.02, side=3.0, depth=0.004, elapsed=0.06),
     )
-    assert state.as_list() == [1.0, 0.1, 0.005, 0.3, 0.006, 2.0, 1.0, 1.0]
+    assert state.as_list() == [1.0, 0.1, 0.005, 0.3, 0.006, 2.0, 1.0, 1.0, 1.0, 0.01, -0.02, 3.0, 0.004, 0.06]
     assert BackOffState.from_list(state.as_list()) == state
     assert BackOffState.from_list(state.as_list()).mode is BackOffMode.BACKING_OFF
 
@@ -172,7 +177,7 @@ def test_a_load_at_the_limit_causes_no_back_off():
 
 def test_the_first_measurement_counts_as_progress_at_any_depth():
     """The first anchor is 1 m above the mouth, so that the time since progress begins with the run."""
-    assert BackOffState().as_list() == [0.0, 0.0, -1.0, 0.0, -1.0, -1.0, 0.0, 0.0]
+    assert BackOffState().as_list()[:8] == [0.0, 0.0, -1.0, 0.0, -1.0, -1.0, 0.0, 0.0]
     state = step(BackOffState(), depth=-0.05).state
     assert (state.anchor, state.elapsed) == (-0.05, 0.0)
 
@@ -228,3 +233,69 @@ def test_an_attempt_that_shows_something_new_is_not_given_up(attempts):
         state = decision.state
         assert not decision.given_up
     assert state.repeats == 0.0
+
+
+def turned(*, degrees=1.0, rise=10.0, time=0.4, gain=0.0, state=None):
+    """Turns in pitch at a constant rate while the lateral force rises from 3 N; returns the decisions."""
+    count, decisions, state = round(time / 0.02), [], BackOffState() if state is None else state
+    for k in range(count + 1):
+        share = k / count
+        angles, side = (share * math.radians(degrees), 0.3), 3.0 + share * rise
+        decisions.append(step(state, depth=0.005 + share * gain, angles=angles, side=side))
+        state = decisions[-1].state
+    return decisions
+
+
+def test_turns_that_raise_the_lateral_force_without_a_gain_are_reversed_within_the_attempt():
+    decisions = turned()
+    first = next(k for k, decision in enumerate(decisions) if decision.turning < 0)
+    assert 11 <= first <= 12  # after half of the time the force has risen by 5 N, and 0.2 s have passed
+    assert {decision.state.mode for decision in decisions} == {BackOffMode.WORKING}
+    assert decisions[first].state.elapsed == pytest.approx(0.02)  # the other way has the whole time again
+    assert {decision.turning for decision in decisions[first:]} == {-1.0}  # the watch has begun anew
+
+
+@pytest.mark.parametrize(
+    "harmless",
+    [
+        {"rise": 0.98 * P.worse_force},
+        {"degrees": 0.98 * math.degrees(P.worse_turn)},
+        {"time": 0.8 * P.worse_time},
+        {"gain": 20 * 1.02 * P.worse_depth},  # a gain in each period
+        {"rise": -10.0},
+    ],
+)
+def test_a_small_rise_a_small_turn_a_short_time_or_a_gain_is_no_sign(harmless):
+    assert {decision.turning for decision in turned(**harmless)} == {1.0}
+
+
+def test_after_an_attempt_a_smaller_rise_is_enough():
+    rise = 0.5 * (P.worse_force + P.worse_force_again)
+    assert turned(rise=rise)[-1].turning == 1.0
+    later = attempt(BackOffState(), depth=0.004).state
+    assert turned(rise=rise, state=later)[-1].turning == -1.0
+    assert turned(rise=0.98 * P.worse_force_again, state=later)[-1].turning == 1.0
+
+
+def test_the_rise_counts_from_the_lowest_force():
+    """A force that falls by 20 N and then rises by 10 N is noticed."""
+    state = turned(rise=-20.0, time=0.1)[-1].state
+    start = state.watch.side
+    for k in range(21):
+        decision = step(state, depth=0.005, angles=(0.03 + 0.001 * k, 0.3), side=start + 0.5 * k)
+        state = decision.state
+    assert decision.turning == -1.0
+
+
+def test_an_attempt_in_which_the_turns_were_reversed_is_not_reversed_again_at_its_end():
+    state = attempt(BackOffState(), depth=0.005).state
+    state = turned(state=state)[-1].state
+    assert state.reversing == state.changed == 1.0
+    state = attempt(state, depth=0.005).state
+    assert (state.reversing, state.changed) == (1.0, 0.0)
+    assert attempt(state, depth=0.005).state.reversing == 0.0
+
+
+def test_a_new_attempt_is_not_judged_by_the_force_of_the_last():
+    state = attempt(BackOffState(), depth=0.005).state
+    assert (state.watch.depth, state.watch.elapsed) == (pytest.approx(0.005 - 1.1 * P.back_off_distance), 0.0)

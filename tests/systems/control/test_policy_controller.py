@@ -45,7 +45,7 @@ def controller(policy, row, parameters=GENTLE):
     probabilities = policy.state_probabilities(row[None])[0]
     contexts = np.full(policy.context_filter().n_contexts, 1.0 / policy.context_filter().n_contexts)
     inputs = {"wrench": row[:6], "depth": [-row[6]], "probabilities": probabilities, "contexts": contexts}
-    context = fixed_context(dut, **inputs, known=[1.0])
+    context = fixed_context(dut, **inputs, known=[1.0], target_pitch=[0.0], target_yaw=[0.0])
     return dut, context, None if isinstance(policy, FixedPolicy) else policy.act(row, probabilities, contexts)
 
 
@@ -279,6 +279,22 @@ def test_the_state_survives_its_list_of_numbers():
         turning=0.0,
         given_up=True,
     )
-    numbers = [0.1, -0.2, -0.01, 1.0, 1.0, 1.0, 0.3, 0.004, 0.5, 0.005, 2.0, 0.0, 0.0, 0.7, 0.0]
+    back_off = [1.0, 0.3, 0.004, 0.5, 0.005, 2.0, 0.0, 0.0, 0.0, *(0.0, 0.0, 0.0, -1.0, 0.0)]
+    numbers = [0.1, -0.2, -0.01, 1.0, 1.0, *back_off, 0.7, 0.0]
     assert state.as_list() == numbers
     assert ControllerState.from_vector(np.array(numbers)).as_list() == numbers
+
+
+def test_turns_that_raise_the_lateral_force_are_reversed(skill, measurements):
+    """The controller judges its own turns by the angles that the guard permits and the measured force."""
+    action = Action(turn=np.array([1e-3, 0.0]), feed=-1e-4, probabilities=np.ones(skill.n_states))
+    dut, context, _ = controller(FixedPolicy(skill, action), measurements[0])
+    found = []
+    for k in range(20):
+        dut.GetInputPort("wrench").FixValue(context, [0.6 * k, 0.8 * k, 1.0, 0.0, 0.0, 0.0])
+        dut.GetInputPort("target_yaw").FixValue(context, [1e-3 * k])
+        step(dut, context)
+        found.append(dut.GetOutputPort("turning").Eval(context)[0])
+    assert found[0] == 1.0
+    assert found[-1] == -1.0
+    assert set(found) == {1.0, -1.0}  # without a back-off
