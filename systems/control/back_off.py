@@ -160,7 +160,7 @@ def back_off_step(
             return BackOffDecision(state, p.retract_speed, turning=0.0, unwinding=stuck)
         if state.repeats >= p.max_repeats:
             return BackOffDecision(state, 0.0, turning=0.0, given_up=True)
-        state = replace(state, mode=BackOffMode.WORKING, elapsed=0.0, anchor=depth, doubt=0.0, changed=0.0, watch=here)
+        state = replace(state, mode=BackOffMode.WORKING, elapsed=0.0, anchor=depth, doubt=0.0)
     if depth >= state.watch.depth + p.worse_depth or side <= state.watch.side:
         state = replace(state, watch=here)
     elif _worse(p, state, here):

@@ -290,8 +290,8 @@ def test_turns_that_raise_the_lateral_force_are_reversed(skill, measurements):
     action = Action(turn=np.array([1e-3, 0.0]), feed=-1e-4, probabilities=np.ones(skill.n_states))
     dut, context, _ = controller(FixedPolicy(skill, action), measurements[0])
     found = []
-    for k in range(20):
-        dut.GetInputPort("wrench").FixValue(context, [0.6 * k, 0.8 * k, 1.0, 0.0, 0.0, 0.0])
+    for k in range(20):  # the lateral force rises to 5.7 N, and neither of its components to 5 N
+        dut.GetInputPort("wrench").FixValue(context, [0.18 * k, 0.24 * k, 1.0, 0.0, 0.0, 0.0])
         dut.GetInputPort("target_yaw").FixValue(context, [1e-3 * k])
         step(dut, context)
         found.append(dut.GetOutputPort("turning").Eval(context)[0])
