@@ -54,10 +54,11 @@ bench: environment
 	$(RUN) pip install --quiet --editable ".[peers]" $(CONSTRAINTS:%=--constraint %)
 	for name in $(BENCHMARKS); do $(RUN) benchmarks.$$name --json out/benchmarks/$$name.json || exit 1; done
 
-# Hundreds of insertions: about an hour. An interrupted run continues where it stopped.
+# Thousands of insertions: hours. An interrupted run continues where it stopped.
 bench-rig: environment
 	$(RUN) benchmarks.rig.peers --jobs 2 --json out/benchmarks/rig_peers.json --figure out/benchmarks/rig_peers.svg
-	$(RUN) benchmarks.rig.ablations --jobs 2 --json out/benchmarks/rig_ablations.json --figures out/benchmarks
+	$(RUN) benchmarks.rig.ablations --jobs 2 --json out/benchmarks/rig_ablations.json --figure out/benchmarks/ablations.svg
+	$(RUN) benchmarks.learning_curve --jobs 2 --json out/benchmarks/curve.json --figure out/benchmarks/learning_curve.svg
 
 # A stamp in the environment says that it is complete and newer than what it was made from.
 environment .venv:

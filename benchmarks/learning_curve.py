@@ -3,12 +3,16 @@
     python -m benchmarks.learning_curve [--draws 4] [--trials 10] [--sizes N ...] [--jobs 2] [--json FILE]
                                         [--figure FILE.svg]
 
-A draw is a set of up to sixty demonstrations of other operators, from --first on. Four in five are good. A skill learns
-from the first N of a draw (the good and the bad in the same share), or, from five demonstrations on, from fewer and the
-recoveries that it asks for itself (`haptic-skill recover`): three fifths are demonstrated, and two rounds ask for up to
-a fifth each, so that demonstrations and recoveries together are at most N. All skills of a draw perform the same
-trials; each draw has its own, from --first-trial on, in both arms (`Arm`). Everything is kept in the folder of --out,
-and an interrupted run goes on there.
+A draw is a set of sixty demonstrations of other operators, whose seed counts from --first on. Four in five are good. A
+skill learns from N of them, the first good and the first bad ones in the same share; or, from five on, from fewer and
+the recoveries that it asks for itself (`haptic-skill recover`): three fifths of N are demonstrated, and two rounds ask
+for up to a fifth each, so that demonstrations and recoveries together are at most N. All skills of a draw perform the
+same trials in both arms (`Arm`); each draw has its own, and those of the first begin at --first-trial. Everything is
+kept in the folder of --out, and an interrupted run goes on there with the same --first, --first-trial and --trials.
+
+Columns: the largest number of demonstrations and recoveries together; how many there are on average; insertions; their
+95 % interval over the draws (bootstrap); the worst draw; the median time, where a failure counts as the whole time of
+a trial; the largest measured load.
 """
 
 from __future__ import annotations
@@ -27,21 +31,22 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.command_line import argument_parser, run
-from benchmarks.rig.demonstration_sets import SCENARIO, over_sets, recoveries, row_of, tried
+from benchmarks.rig.demonstration_sets import DEMONSTRATIONS, SCENARIO, recover_in, recoveries, row_of, tried
 from benchmarks.rig.figures import BLUE, ORANGE
+from benchmarks.statistics import over_sets
 from skill.figures.paper_figures import save_figure
 from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, write_json
 from systems.runs.demonstration_set import requests
 from systems.runs.trial import Arm
 from systems.sessions.record_session import file_name, record
-from systems.sessions.recovery_session import RecoveryPlan, recover
 from systems.sessions.train_session import train
 
 FIRST_DRAW, FIRST_TRIAL = 750, 79000
 """Draws and trials that were used for no choice."""
 
 SIZES = (1, 2, 3, 5, 10, 20, 30, 60)
+LARGEST = max(SIZES)  # demonstrations of a draw
 GOOD_SHARE = 0.8
 SMALLEST_RECOVERED = 5
 SHOWN, RECOVERED = "demonstrations", "demonstrations and recoveries"
@@ -54,40 +59,30 @@ def split(size: int) -> tuple[int, int]:
     return good, size - good
 
 
-def chosen(whole: Path, largest: int, size: int, folder: Path) -> Path:
-    """Copies the first demonstrations of a whole set into a folder, and returns the folder."""
+def chosen(whole: Path, size: int, folder: Path) -> Path:
+    """Copies the first good and bad demonstrations of a draw into a folder, and returns the folder."""
     if not folder.exists():
         part = folder.with_name(folder.name + "_part")
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
         for good, number in zip((True, False), split(size), strict=True):
-            of_kind = [request for request in requests(*split(largest)) if request.good == good]
-            for request in of_kind[:number]:
+            for request in [request for request in requests(*split(LARGEST)) if request.good == good][:number]:
                 shutil.copy2(whole / file_name(request), part)
         part.rename(folder)
     return folder
 
 
-def skill_of(kind: str, whole: Path, largest: int, size: int, seed: int, folder: Path, *, jobs: int) -> Path:
+def skill_of(kind: str, whole: Path, size: int, seed: int, folder: Path, *, jobs: int) -> Path:
     """Makes the skill of one point of one draw in a folder, unless it is there; returns its file."""
     file = folder / "skill.npz"
     if file.exists():
         return file
     each = round(size / 5) if kind == RECOVERED else 0
-    shown = chosen(whole, largest, size - 2 * each, folder / "demonstrations")
+    shown = chosen(whole, size - 2 * each, folder / DEMONSTRATIONS)
     taught = folder / "taught.npz"
     train(demonstrations=[shown], out=taught, seed=seed)
     if kind == RECOVERED:
-        recover(
-            skill=taught,
-            demonstrations=shown,
-            recoveries=folder / "recoveries",
-            out=taught,
-            plan=RecoveryPlan(rounds=2, trials=24, most=each, seed=seed),
-            scenario=SCENARIO,
-            jobs=jobs,
-            overwrite=False,
-        )
+        recover_in(folder, taught, taught, most=each, seed=seed, jobs=jobs)
     taught.rename(file)  # complete
     return file
 
@@ -110,7 +105,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
                 **{"inserted": sum(row["inserted"] for row in of), "trials": sum(row["trials"] for row in of)},
                 **{"mean": mean, "lower": lower, "upper": upper},
                 "worst": min(row["inserted"] / row["trials"] for row in of),
-                "recoveries": float(np.mean([row["recoveries"] for row in of])),
+                "learnt_from": float(np.mean([row["learnt_from"] for row in of])),
                 "median_time_s": float(np.median(np.concatenate([row["times_s"] for row in of]))),
                 "measured_max_n": max(row["measured_max_n"] for row in of),
             }
@@ -125,13 +120,13 @@ def show(found: Sequence[dict[str, Any]]) -> None:
         if not of:
             continue
         table = plain_table(f"learnt from {kind}")
-        for title in ("number", "of these\nrecoveries", "arm", "inserted", "95 %, over\nthe draws", "worst\ndraw"):
+        for title in ("at\nmost", "mean\nnumber", "arm", "inserted", "95 %, over\nthe draws", "worst\ndraw"):
             table.add_column(title, justify="right", vertical="bottom", no_wrap=True)
         for title in ("time\n(s)", "load\n(N)"):
             table.add_column(title, justify="right", vertical="bottom", no_wrap=True)
         for row in of:
             table.add_row(
-                *(str(row["size"]), f"{row['recoveries']:.1f}", row["arm"]),
+                *(str(row["size"]), f"{row['learnt_from']:.1f}", row["arm"]),
                 f"{row['inserted']} of {row['trials']}",
                 f"{100 * row['lower']:.0f}-{100 * row['upper']:.0f} %",
                 f"{100 * row['worst']:.0f} %",
@@ -157,7 +152,7 @@ def draw(found: Sequence[dict[str, Any]], path: Path) -> None:
                 axis.fill_between(sizes, low, high, color=colour, alpha=0.2, lw=0)
                 axis.plot(sizes, [100 * row["mean"] for row in of], marker, color=colour, label=kind)
         sizes = sorted({row["size"] for row in found})
-        axis.set(xlabel="demonstrations and recoveries together", title=f"{arm.value} arm", xscale="log")
+        axis.set(xlabel="demonstrations and recoveries, at most", title=f"{arm.value} arm", xscale="log")
         axis.set_xticks(sizes, [str(size) for size in sizes])
         axis.set_xticks([], minor=True)
         axis.set_ylim(-2.0, 102.0)
@@ -182,22 +177,25 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("out/benchmarks/curve"), metavar="FOLDER", help="kept results")
     arguments = parser.parse_args()
     counts = arguments.draws, arguments.trials, arguments.jobs, *arguments.sizes
-    if min(arguments.first, arguments.first_trial) < 0 or min(counts) < 1:
+    if min(arguments.first, arguments.first_trial) < 0 or min(counts) < 1 or max(arguments.sizes) > LARGEST:
         raise ValueError(
-            "expected --first and --first-trial of at least 0; --draws, --trials, --sizes and --jobs of at least 1"
+            "expected --first and --first-trial of at least 0; --draws, --trials, --sizes and --jobs of at least 1;"
+            f" --sizes of at most {LARGEST}"
         )
-    rows, largest, jobs = [], max(arguments.sizes), arguments.jobs
-    for draw_number in range(arguments.draws):
-        seed, first = arguments.first + draw_number, arguments.first_trial + draw_number * arguments.trials
-        whole = arguments.out / str(seed) / f"whole_{largest}"
-        good, bad = split(largest)
+    rows, jobs = [], arguments.jobs
+    for number in range(arguments.draws):
+        seed, first = arguments.first + number, arguments.first_trial + number * arguments.trials
+        whole = arguments.out / str(seed) / f"whole_{LARGEST}"
+        good, bad = split(LARGEST)
         record(out=whole, good=good, bad=bad, seed=seed, scenario=SCENARIO, jobs=jobs, overwrite=False)
         for kind, size in points(arguments.sizes):
             folder = arguments.out / str(seed) / f"{'recovered' if kind == RECOVERED else 'shown'}_{size}"
-            skill = skill_of(kind, whole, largest, size, seed, folder, jobs=jobs)
+            skill = skill_of(kind, whole, size, seed, folder, jobs=jobs)
+            asked = recoveries(folder)
+            learnt_from = len(list((folder / DEMONSTRATIONS).glob("*.parquet"))) + asked
             for arm in Arm:
                 results = tried(folder, skill, arm, first, arguments.trials, jobs=jobs)
-                rows.append({**row_of(seed, kind, arm, recoveries(folder), results), "size": size})
+                rows.append({**row_of(seed, kind, arm, asked, results), "size": size, "learnt_from": learnt_from})
         found = summary(rows)
         if arguments.json is not None:
             write_json(arguments.json, {"draws": rows, "summary": found})

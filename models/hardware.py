@@ -150,10 +150,10 @@ class WrenchSensorParameters:
 class RigParameters:
     """Mechanics of the 3-DOF rig."""
 
-    pivot_height: float | None = None  # in units of m, of the gimbal's axes above the mouth; None: drawn
-    pivot_range: float = 0.003  # in units of m; half width of the uniform distribution of the pivot height
-    demonstrated_pivot_range: float = 0.005  # in units of m; the same in demonstrations, wider than in a rig trial
-    carriage_friction: float = 5.0  # in units of N s/m, viscous
-    mount_stiffness: float = 2.0e5  # in units of N/m, lateral, of the compliant mount that carries the peg
-    mount_damping: float = 100.0  # in units of N s/m, lateral
-    encoder_resolution: float = 5.0e-6  # in units of m
+    pivot_height: float | None = None  # in units of m, of the gimbal's axes above the mouth; None: drawn [choice]
+    pivot_range: float = 0.003  # in units of m; half width of the uniform distribution of the pivot height [choice]
+    demonstrated_pivot_range: float = 0.005  # in units of m; the same in demonstrations, a wider one [choice]
+    carriage_friction: float = 5.0  # in units of N s/m, viscous [choice]
+    mount_stiffness: float = 2.0e5  # in units of N/m, lateral, of the compliant mount that carries the peg [choice]
+    mount_damping: float = 100.0  # in units of N s/m, lateral [choice]
+    encoder_resolution: float = 5.0e-6  # in units of m [choice]

@@ -47,7 +47,8 @@ def main(
 
     A skill that imitates gets into situations that nobody has shown. In each round it performs practice trials on the
     rig. Where it backs off for the first time in a trial, the simulated operator takes over in the virtual environment,
-    in the same pose and with the same senses as in a demonstration. These recoveries become part of the demonstrations.
+    in the same pose and with the same senses as in a demonstration. These recoveries become part of the demonstrations,
+    from which a skill of the same policy and number of contexts is trained.
     The seed is that of the demonstrations, whose operators take over, of the practice, and of the clustering.
 
     Reads a skill, its demonstrations and a scenario. Writes the recoveries of round k into the folder round_k of

@@ -52,8 +52,8 @@ class RigPolicy(Protocol):
 
     A `ManipulationSkill` is one, and so is every `ControlLaw`. A policy acts on the measured wrench and depth, and on
     its own past motions. Its only memory is that of its two filters. It need not limit its actions: limits and the
-    force guard stand between every policy and the motors. The controller reverses its turns after an attempt that is
-    not deeper than those before (`back_off_step`).
+    force guard stand between every policy and the motors. The controller reverses its turns where they
+    make it worse (`back_off_step`).
     """
 
     @property

@@ -4,9 +4,9 @@
                                        [--arm NAME] [--only NAME] [--json FILE] [--figure FILE] [--scenario NAME]
                                        [--out FOLDER]
 
-"CA states + LWR" is the product: canonical features, states by the repaired Competitive Agglomeration, good and bad
-demonstrations in the fixture of the rig. Every other row differs from it in what its name says. The columns of the
-table are those of `benchmarks.rig.peers`.
+"CA states, contexts + LWR" is the product: canonical features, states by the repaired Competitive Agglomeration, good
+and bad demonstrations in the fixture of the rig. Every other row differs from it in what its name says. The columns of
+the table are those of `benchmarks.rig.peers`.
 
 A skill learns states and their graph from all demonstrations, but actions from the good ones alone. The bad ones show
 contacts that careful operators avoid (a jam, a slam), so that the filter recognises such a contact instead of calling
@@ -14,8 +14,8 @@ it unknown, and the graph contains the states from which insertions fail. The op
 failure and are not imitated. Two rows test this: "bad left out" learns from the good demonstrations alone, "bad
 imitated" treats the bad ones as good.
 
-Without --demonstrations --sets sets of thirty are recorded; those in the free fixture (six freedoms, no virtual guide)
-are always recorded. An interrupted run continues when it is started again, and uses the results that
+Without --demonstrations, four sets of thirty are recorded (--sets); those in the free fixture (six freedoms, no virtual
+guide) are always recorded. An interrupted run continues when it is started again, and uses the results that
 `benchmarks.rig.peers` has stored in the same --out.
 """
 

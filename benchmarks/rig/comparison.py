@@ -15,12 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from benchmarks.command_line import argument_parser
 from benchmarks.recording import record_demonstrations
-from benchmarks.rig.demonstration_sets import over_sets
 from benchmarks.rig.trials import FIRST_TRIAL, Entry, Record, Setting, perform
+from benchmarks.statistics import mcnemar, over_sets, wilson
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import read_demonstrations, write_demonstration
 from systems.reports.terminal import progress, write_json
@@ -88,11 +87,19 @@ def prepared(
         sets: number of sets to record if none is given.
         arm: which trials are performed.
         **numbers: ``trials``, ``jobs`` and ``candidates`` of the setting.
+
+    Raises:
+        ValueError: if ``sets`` is less than 1, or a folder holds no valid demonstrations.
     """
+    if sets < 1:
+        raise ValueError(f"--sets {sets}; expected at least 1")
     folders = recorded(scenario, out, sets=sets, jobs=numbers["jobs"]) if given is None else list(given)
     digest = hashlib.sha256((dump_scenario(scenario) + json.dumps(versions())).encode())
-    for path in (path for folder in folders for path in sorted(folder.glob("*.parquet"))):
-        digest.update(path.read_bytes())
+    for folder in folders:
+        paths = sorted(folder.glob("*.parquet"))
+        digest.update(f"{len(paths)} demonstrations".encode())
+        for path in paths:
+            digest.update(path.read_bytes())
     results = out / f"{digest.hexdigest()[:12]}{'' if arm is Arm.DEFAULT else f'_{arm}'}"
     print(f"sets of demonstrations: {', '.join(str(folder) for folder in folders)}; results in {results}")
     return Setting(scenario, [read_demonstrations(folder) for folder in folders], results, **numbers, arm=arm)
@@ -116,27 +123,12 @@ def recorded(scenario: Scenario, out: Path, *, sets: int, jobs: int) -> list[Pat
     return folders
 
 
-def wilson(successes: int, n: int) -> tuple[float, float]:
-    """95 % confidence interval of a probability (Wilson, Journal of the American Statistical Association 22, 1927)."""
-    interval = binomtest(successes, n).proportion_ci(method="wilson")
-    return float(interval.low), float(interval.high)
-
-
-def mcnemar(a: Sequence[dict[str, Any]], b: Sequence[dict[str, Any]]) -> float:
-    """p-value of the exact test that two policies insert equally often in the trials that both performed.
-
-    Only the trials in which one of them fails count (McNemar, Psychometrika 12, 1947).
-    """
-    other = {row["seed"]: row["inserted"] for row in b}
-    pairs = [(row["inserted"], other[row["seed"]]) for row in a if row["seed"] in other]
-    better, worse = sum(x and not y for x, y in pairs), sum(y and not x for x, y in pairs)
-    return float(binomtest(better, better + worse).pvalue) if better + worse else 1.0
-
-
-def shares_of_sets(rows: Sequence[dict[str, Any]], sets: int) -> list[float]:
+def shares_of_sets(rows: Sequence[dict[str, Any]], setting: Setting) -> list[float]:
     """The share of insertions of each set of demonstrations whose trials were performed."""
-    of = [[row["inserted"] for row in rows if row["seed"] % sets == number] for number in range(sets)]
-    return [float(np.mean(inserted)) for inserted in of if inserted]
+    inserted: dict[int, list[bool]] = {}
+    for row in rows:
+        inserted.setdefault(setting.set_of(row["seed"]), []).append(row["inserted"])
+    return [float(np.mean(found)) for found in inserted.values()]
 
 
 def summary(entry: Entry, record: Record, setting: Setting) -> dict[str, Any]:
@@ -144,7 +136,7 @@ def summary(entry: Entry, record: Record, setting: Setting) -> dict[str, Any]:
     rows = [record.trials[str(n)] for n in setting.numbers if str(n) in record.trials]
     inserted = [r for r in rows if r["inserted"]]
     load, contact = ([r[key] for r in rows if r.get(key) is not None] for key in ("peak_load_n", "peak_contact_n"))
-    shares = shares_of_sets(rows, len(setting.sets)) if entry.learns else []
+    shares = shares_of_sets(rows, setting) if entry.learns and len(setting.sets) > 1 else []
     ends = Counter(r["reason"].split(":")[0] for r in rows if not r["inserted"])
 
     def mean(name: str) -> float | None:
@@ -183,7 +175,7 @@ def compare(title: str, entries: Sequence[Entry], setting: Setting, json_file: P
         for entry in entries:
             record = perform(entry, setting, advance)
             summaries.append(summary(entry, record, setting))
-            trials[entry.name] = list(record.trials.values())
+            trials[entry.name] = [record.trials[str(n)] for n in setting.numbers if str(n) in record.trials]
     for row in summaries:
         compared = PRODUCT in trials and row["name"] != PRODUCT and row["trials"]
         row["p"] = mcnemar(trials[row["name"]], trials[PRODUCT]) if compared else None
@@ -210,14 +202,15 @@ def report(title: str, summaries: Sequence[dict[str, Any]]) -> str:
     for r in summaries:
         low, high = r["interval"] or (0.0, 1.0)
         over, worst = _range(r["interval_over_sets"]), _percent(r["worst_set"])
-        ends = ", ".join(f"{count} {reason}" for reason, count in r["ends"].items())
+        found = [r["error"], *(f"{count} {reason}" for reason, count in r["ends"].items())]
+        ends = ", ".join(text for text in found if text)
         lines.append(
             f"{r['name']:30} {r['inserted']:4}/{r['trials']:<3} {100 * low:3.0f}-{100 * high:<3.0f} {over} {worst:>6}"
             f" {_text(r['p'], '.2g'):>7} {_text(r['median_time_s'], '.2f'):>7} {_text(r['median_load_n'], '.1f'):>16}"
             f" {_text(r['p95_load_n'], '.1f'):>6} {_text(r['max_load_n'], '.1f'):>6}"
             f" {_text(r['median_contact_n'], '.1f'):>10} {r['not_trusted']:>10}"
             f" {_text(r['states'], '.3g'):>8} {_text(r['train_s'], '.1f'):>8} {_text(r['query_ms'], '.2f'):>9}"
-            f"  {r['error'] or ends}"
+            f"  {ends}"
         )
     lines.append(
         "time: median of the insertions; load: largest load in each trial, failures included; contact: median of the"

@@ -27,9 +27,9 @@ if __name__ == "__main__":
     require_packages("pydrake", "yaml")
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from benchmarks.command_line import argument_parser, run
+from benchmarks.statistics import over_sets, sign_flip_test
 from models.scenario import load_scenario
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import read_demonstrations
@@ -49,7 +49,6 @@ FIRST_SET, FIRST_TRIAL = 736, 77000
 
 SCENARIO = "nominal"
 TIME_LIMIT = load_scenario(SCENARIO).trial.time_limit
-RESAMPLES, EXACT = 10_000, 14
 ALONE, BEFORE, AFTER = "without contexts", "with contexts", "with contexts and recoveries"
 BARE, PLANNED, PLANNED_BARE = "without contact states", "planned", "planned without contact states"
 SKILLS = (ALONE, BEFORE, AFTER)
@@ -75,16 +74,7 @@ def skill_of(name: str, seed: int, folder: Path, *, jobs: int) -> Path:
     policy = "plan" if name in (PLANNED, PLANNED_BARE) else "imitate"
     if name == AFTER:
         part = folder / "recovering.npz"
-        recover(
-            skill=skill_of(BEFORE, seed, folder, jobs=jobs),
-            demonstrations=shown,
-            recoveries=folder / "recoveries",
-            out=part,
-            plan=RecoveryPlan(rounds=2, trials=24, most=10, seed=seed),
-            scenario=SCENARIO,
-            jobs=jobs,
-            overwrite=False,
-        )
+        recover_in(folder, skill_of(BEFORE, seed, folder, jobs=jobs), part, most=10, seed=seed, jobs=jobs)
         part.rename(file)  # complete
     elif name in (BARE, PLANNED_BARE):
         states, contexts = CompetitiveAgglomeration(m_init=1), ContextMixture(random_state=seed)
@@ -94,6 +84,20 @@ def skill_of(name: str, seed: int, folder: Path, *, jobs: int) -> Path:
         number = 1 if name == ALONE else MAX_CONTEXTS
         train(demonstrations=[shown], out=file, seed=seed, max_contexts=number, policy=policy)
     return file
+
+
+def recover_in(folder: Path, skill: Path, out: Path, *, most: int, seed: int, jobs: int) -> None:
+    """Lets a skill recover as `haptic-skill recover` does, from the demonstrations in a folder."""
+    recover(
+        skill=skill,
+        demonstrations=folder / DEMONSTRATIONS,
+        recoveries=folder / "recoveries",
+        out=out,
+        plan=RecoveryPlan(rounds=2, trials=24, most=most, seed=seed),
+        scenario=SCENARIO,
+        jobs=jobs,
+        overwrite=False,
+    )
 
 
 def recoveries(folder: Path) -> int:
@@ -136,14 +140,6 @@ def row_of(seed: int, name: str, arm: Arm, recovered: int, results: Sequence[Tri
     }
 
 
-def over_sets(shares: Sequence[float], *, seed: int = 0) -> tuple[float, float, float]:
-    """Mean of the shares of the sets, with the 95 % interval of a bootstrap over sets."""
-    found = np.asarray(shares, dtype=float)
-    means = np.random.default_rng(seed).choice(found, (RESAMPLES, len(found))).mean(axis=1)
-    lower, upper = np.quantile(means, [0.025, 0.975])
-    return float(found.mean()), float(lower), float(upper)
-
-
 def names(rows: Sequence[dict[str, Any]]) -> list[str]:
     """The skills that have rows."""
     return [name for name in TITLES if any(row["skill"] == name for row in rows)]
@@ -174,22 +170,6 @@ def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
                 }
             )
     return found
-
-
-def sign_flip_test(differences: ArrayLike, *, seed: int = 0) -> float:
-    """Two-sided p-value of the hypothesis that the signs of independent differences are random.
-
-    It is exact for up to ``EXACT`` differences that are not zero, and from ``RESAMPLES`` draws for more.
-    """
-    found = np.asarray(differences, dtype=float)
-    found = found[found != 0]
-    if len(found) == 0:
-        return 1.0
-    if len(found) <= EXACT:
-        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=len(found))))
-        return float((np.abs(signs @ found) >= abs(found.sum()) - 1e-9).mean())
-    signs = np.random.default_rng(seed).choice((-1.0, 1.0), (RESAMPLES, len(found)))
-    return float((1 + (np.abs(signs @ found) >= abs(found.sum()) - 1e-9).sum()) / (1 + RESAMPLES))
 
 
 def comparison(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -5,20 +5,21 @@
                                    [--candidates 24] [--out FOLDER]
 
 All policies have the same limits, force guard, motors and sensor. All learners get the same demonstrations, with the
-same refinement and sensor noise, and the same canonical features. Without --demonstrations --sets sets of thirty are
-recorded. A policy that learns learns from each set once, and each set performs an equal share of the trials; the first
-trial is number 78000. The parameters of compliance and search are tuned on other trials of the rig, from 80000 on
-(`benchmarks.rig.control_laws.tuned`; 24 candidates need 104 trials); their training time is the time of these trials
-on one core. Three rows are controls: in "mean action" every demonstrated action is replaced by their mean in the
-canonical frame, in "shuffled actions" by that of a random sample, and in "random sign" each turn of the product has a
-random sign. A state of the product is a pair of contact and context; three rows leave one of the two out, or both.
+same refinement and sensor noise, and the same canonical features. Without --demonstrations, four sets of thirty are
+recorded (--sets). A policy that learns is trained on each set, and trial n is performed with set n modulo their number;
+the first trial is number 78000. Its number of states and its times are means over the sets. The parameters of
+compliance and search are tuned on other trials of the rig, from 80000 on (`benchmarks.rig.control_laws.tuned`; 24
+candidates need 104 trials); their training time is the time of these trials on one core. Three rows are controls: in
+"mean action" every demonstrated action is replaced by their mean in the canonical frame, in "shuffled actions" by that
+of a random sample, and in "random sign" each turn of the product has a random sign. A state of the product is a pair of
+contact and context; three rows leave one of the two out, or both.
 
 Columns, one row per policy:
 
 - inserted, 95 %: number of insertions, and Wilson's interval of their probability in percent;
-- sets: the 95 % interval over sets of demonstrations (bootstrap), which Wilson's does not contain; and the worst set;
-- p: of the exact McNemar test against the insertions of the product in the same trials, not corrected for the number of
-  rows;
+- sets, worst: the 95 % interval over the sets (bootstrap), each with its own trials, and the worst set;
+- p: of the exact McNemar test against the insertions of the product in the same trials, with the trials as units, not
+  corrected for the number of rows;
 - time s: median time of the insertions;
 - load N: largest load of the true contact in each trial, failures included: median, 95th percentile, maximum. The force
   across the peg is no measure of it: the two opposite forces of a wedge cancel in it;

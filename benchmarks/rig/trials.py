@@ -61,6 +61,10 @@ class Setting:
     candidates: int = 24
     arm: Arm = Arm.DEFAULT
 
+    def set_of(self, number: int) -> int:
+        """The number of the set whose skill performs a trial."""
+        return number % len(self.sets)
+
     @property
     def numbers(self) -> list[int]:
         """The numbers of the trials."""
@@ -185,9 +189,8 @@ def perform(entry: Entry, setting: Setting, advance: Advance) -> Record:
     for _ in range(setting.trials - len(missing) + (0 if missing else entry.tuning)):
         advance(f"{entry.name}: stored already")
     record.content["error"] = None
-    count = len(setting.sets) if entry.learns else 1
-    for number, demonstrations in enumerate(setting.sets[:count]):
-        numbers = [n for n in missing if n % count == number]
+    for number, demonstrations in enumerate(setting.sets if entry.learns else setting.sets[:1]):
+        numbers = [n for n in missing if not entry.learns or setting.set_of(n) == number]
         if not numbers:
             continue
         try:
@@ -197,10 +200,11 @@ def perform(entry: Entry, setting: Setting, advance: Advance) -> Record:
                 trained = time.process_time() - start
                 record.content["query_ms"][str(number)] = query_time(policy, demonstrations)
         except Exception as error:  # the other policies of the comparison go on
-            record.content["error"] = f"set {number} not trained: {type(error).__name__}: {error}"[:300]
+            failure = f"set {number} not trained: {type(error).__name__}: {error}"[:300]
+            record.content["error"] = "; ".join(filter(None, (record.content["error"], failure)))
             record.save()
             for _ in numbers:
-                advance(f"{entry.name}: {record.content['error']}")
+                advance(f"{entry.name}: {failure}")
             continue
         # The time of tuning trials, perhaps of an earlier run, is stored with them.
         record.content["train_s"][str(number)] = sum(r["cpu_s"] for r in record.tuning.values()) or trained

@@ -49,7 +49,7 @@ class BackOffState:
         contact: number of the contact state in which the last attempt ended; -1 before the first.
         repeats: attempts in a row that ended like the one before.
         reversing: 1 if the turns of the policy are reversed, else 0.
-        changed: 1 if that has changed within the present attempt, else 0.
+        changes: how often that has changed within the present attempt.
         watch: what tells whether the turns make it worse.
     """
 
@@ -61,12 +61,12 @@ class BackOffState:
     contact: float = -1.0
     repeats: float = 0.0
     reversing: float = 0.0
-    changed: float = 0.0
+    changes: float = 0.0
     watch: TurnWatch = field(default_factory=TurnWatch, kw_only=True)
 
     def as_list(self) -> list[float]:
         """Returns the numbers of a discrete state, in the order of the attributes."""
-        attempt = (self.best, self.contact, self.repeats, self.reversing, self.changed)
+        attempt = (self.best, self.contact, self.repeats, self.reversing, self.changes)
         return [float(self.mode), self.elapsed, self.anchor, self.doubt, *attempt, *astuple(self.watch)]
 
     @classmethod
@@ -130,10 +130,11 @@ def back_off_step(
     can ask for opposite turns, so that the other way is the likeliest remedy.
 
     Within an attempt, turns that make it worse are noticed sooner. The lateral force rises with a turn the wrong way,
-    and the peg does not go deeper. If it has risen by ``worse_force`` over a turn of ``worse_turn`` and a time of
-    ``worse_time``, all since the depth has last grown by ``worse_depth`` or the force was last as low, the turns are
-    reversed at once, and the time without progress begins anew. After a failed attempt the other way is more likely,
-    and ``worse_force_again`` is enough. The end of an attempt does not reverse the turns again.
+    and the peg does not go deeper. If it has risen by ``worse_force`` while the hole turned by ``worse_turn`` in at
+    least ``worse_time``, all since the depth has last grown by ``worse_depth`` or the force was last as low, the turns
+    are reversed at once, and the time without progress begins anew (``max_repeats`` times in an attempt). In later
+    attempts, when the other way is more likely, ``worse_force_again`` is enough. The end of an attempt in which the
+    turns were reversed does not reverse them again.
 
     An attempt repeats the one before if it is not deeper and ended in the same contact state. After ``max_repeats``
     repetitions, and the back-off that follows, the policy has nothing new to try and gives up.
@@ -164,7 +165,9 @@ def back_off_step(
     if depth >= state.watch.depth + p.worse_depth or side <= state.watch.side:
         state = replace(state, watch=here)
     elif _worse(p, state, here):
-        state = replace(state, elapsed=0.0, reversing=1.0 - state.reversing, changed=1.0, watch=here)
+        elapsed = 0.0 if state.changes < p.max_repeats else state.elapsed
+        changes = state.changes + 1.0
+        state = replace(state, elapsed=elapsed, reversing=1.0 - state.reversing, changes=changes, watch=here)
     else:
         state = replace(state, watch=replace(state.watch, elapsed=state.watch.elapsed + period))
     doubt = 0.0 if known and support >= 1.0 else state.doubt + period
@@ -192,7 +195,7 @@ def _attempt_over(p: BackOffParameters, state: BackOffState, depth: float, conta
     """Returns the state at the start of a back-off."""
     deeper = depth >= state.best + p.stall_depth
     repeated = not deeper and contact == state.contact
-    reverse = not deeper and not state.changed
+    reverse = not deeper and not state.changes
     return BackOffState(
         BackOffMode.BACKING_OFF,
         anchor=depth,

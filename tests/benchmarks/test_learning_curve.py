@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.learning_curve import RECOVERED, SHOWN, SIZES, chosen, draw, points, show, split, summary
+from benchmarks.learning_curve import LARGEST, RECOVERED, SHOWN, SIZES, chosen, draw, points, show, split, summary
 from benchmarks.rig.demonstration_sets import row_of
 from skill.data.outcome import Outcome
 from systems.runs.demonstration_set import requests
@@ -25,7 +25,7 @@ def rows():
                 ]
                 for kind in (SHOWN, RECOVERED):
                     row = row_of(seed, kind, arm, 2 if kind == RECOVERED else 0, results)
-                    found.append({**row, "size": size})
+                    found.append({**row, "size": size, "learnt_from": size - 3 * seed if kind == RECOVERED else size})
     return found
 
 
@@ -40,13 +40,14 @@ def test_four_demonstrations_in_five_are_good_and_at_least_one(size):
 def test_small_sets_are_nested_in_the_large_one(tmp_path):
     whole = tmp_path / "whole"
     whole.mkdir()
-    for request in requests(*split(10)):
+    for request in requests(*split(LARGEST)):
         (whole / file_name(request)).write_text(file_name(request))
-    names = {n: {path.name for path in chosen(whole, 10, n, tmp_path / str(n)).iterdir()} for n in (1, 3, 5, 10)}
+    names = {n: {path.name for path in chosen(whole, n, tmp_path / str(n)).iterdir()} for n in (1, 3, 5, 10)}
     assert {n: len(files) for n, files in names.items()} == {n: n for n in names}
     assert names[1] < names[3] < names[5] < names[10]
     assert sum("bad" in name for name in names[5]) == 1
-    assert names[10] == {path.name for path in whole.iterdir()}
+    assert names[10] < {path.name for path in whole.iterdir()}
+    assert chosen(tmp_path, 10, tmp_path / "10") == tmp_path / "10"  # it is there already
 
 
 def test_recoveries_need_five_demonstrations():
@@ -56,7 +57,7 @@ def test_recoveries_need_five_demonstrations():
 def test_the_summary_is_over_the_draws():
     found = {(row["skill"], row["size"], row["arm"]): row for row in summary(rows())}
     row = found[RECOVERED, 5, "default"]
-    assert (row["inserted"], row["trials"], row["draws"], row["recoveries"]) == (10, 20, 2, 2)
+    assert (row["inserted"], row["trials"], row["draws"], row["learnt_from"]) == (10, 20, 2, 0.5)
     assert (row["mean"], row["worst"]) == (0.5, 0.4)
     assert (row["lower"], row["upper"]) == pytest.approx((0.4, 0.6))
     assert found[SHOWN, 10, "default"]["median_time_s"] == PLAIN.time

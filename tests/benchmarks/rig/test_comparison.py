@@ -1,27 +1,15 @@
 """The table of a comparison and the choice of its policies."""
 
-import numpy as np
+import json
+from dataclasses import replace
+
 import pytest
-from statsmodels.stats.contingency_tables import mcnemar as reference
-from statsmodels.stats.proportion import proportion_confint
 
-from benchmarks.rig.comparison import PRODUCT, compare, mcnemar, selected, wilson
-from benchmarks.rig.trials import Entry
-
-
-@pytest.mark.parametrize(("successes", "n"), [(0, 20), (1, 20), (13, 20), (20, 20), (99, 100)])
-def test_the_interval_is_wilsons(successes, n):
-    assert wilson(successes, n) == pytest.approx(proportion_confint(successes, n, method="wilson"), abs=1e-6)
-
-
-def test_the_paired_test_is_the_exact_one_of_mcnemar():
-    rng = np.random.default_rng(3)
-    a, b = (rng.random(40) < share for share in (0.9, 0.6))
-    rows = [[{"seed": k, "inserted": bool(x)} for k, x in enumerate(values)] for values in (a, b)]
-    table = [[int((a & b).sum()), int((a & ~b).sum())], [int((~a & b).sum()), int((~a & ~b).sum())]]
-    assert mcnemar(*rows) == pytest.approx(reference(table, exact=True).pvalue)
-    assert mcnemar(rows[0], rows[1][:20]) == mcnemar(rows[0][:20], rows[1][:20])  # trials of one policy do not count
-    assert mcnemar(rows[0], rows[0]) == 1.0
+from benchmarks.rig import comparison
+from benchmarks.rig.comparison import PRODUCT, compare, prepared, selected
+from benchmarks.rig.trials import FIRST_TRIAL, Entry
+from skill.data.demonstration import write_demonstration
+from systems.runs.trial import Arm
 
 
 def test_every_policy_is_compared_with_the_product(setting, performed, push, tmp_path):
@@ -36,7 +24,8 @@ def test_a_policy_whose_training_fails_does_not_stop_the_others(setting, perform
         raise FloatingPointError("no such number")
 
     rows = compare("both", [Entry("broken", broken), Entry("push", push)], setting, tmp_path / "both.json")
-    assert rows[0]["error"] == "set 1 not trained: FloatingPointError: no such number"
+    failures = [f"set {number} not trained: FloatingPointError: no such number" for number in (0, 1)]
+    assert rows[0]["error"] == "; ".join(failures)
     assert rows[1]["inserted"] == 3
     assert "no such number" in capsys.readouterr().out
     assert (tmp_path / "both.json").stat().st_size > 100
@@ -48,3 +37,45 @@ def test_policies_are_selected_by_a_part_of_their_name(push):
     assert selected(entries, ["lwr"]) == entries[:2]
     with pytest.raises(ValueError, match=r"--only \['transformer'\] matches none of the policies"):
         selected(entries, ["transformer"])
+
+
+def test_each_set_is_recorded_with_a_seed_of_its_own_and_once(quick_scenario, demonstrations, tmp_path, monkeypatch):
+    seeds = []
+
+    def record(scenario, missing, *, seed, jobs):
+        seeds.append(seed)
+        return [(request, demonstrations[0]) for request in missing]
+
+    monkeypatch.setattr(comparison, "record_demonstrations", record)
+    folders = comparison.recorded(quick_scenario, tmp_path, sets=2, jobs=1)
+    assert seeds == [comparison.FIRST_SET, comparison.FIRST_SET + 1]
+    assert [len(list(folder.glob("*.parquet"))) for folder in folders] == [30, 30]
+    assert comparison.recorded(quick_scenario, tmp_path, sets=2, jobs=1) == folders
+    assert len(seeds) == 2
+
+
+def test_results_belong_to_the_sets_and_the_arm(quick_scenario, demonstrations, tmp_path):
+    for k, shown in enumerate(demonstrations[:2]):
+        write_demonstration(shown, tmp_path / str(k) / "shown.parquet")
+        write_demonstration(shown, tmp_path / "both" / f"{k}.parquet")
+    numbers = {"sets": 1, "trials": 4, "jobs": 1}
+    one, two = tmp_path / "0", tmp_path / "1"
+    settings = [
+        prepared(quick_scenario, given, tmp_path, arm=arm, **numbers)
+        for given in ([one, two], [two, one], [tmp_path / "both"])
+        for arm in Arm
+    ]
+    assert len({setting.folder for setting in settings}) == len(settings)
+    assert [len(setting.sets) for setting in settings] == [2, 2, 2, 2, 1, 1]
+    with pytest.raises(ValueError, match="--sets 0; expected at least 1"):
+        prepared(quick_scenario, None, tmp_path, sets=0, trials=4, jobs=1)
+
+
+def test_only_the_trials_of_the_setting_are_compared(setting, performed, push, tmp_path):
+    compare("more", [Entry("push", push), Entry(PRODUCT, push)], setting, None)
+    fewer = replace(setting, trials=1)
+    rows = compare("fewer", [Entry("push", push), Entry(PRODUCT, push)], fewer, tmp_path / "fewer.json")
+    assert [(row["trials"], row["inserted"]) for row in rows] == [(1, 1), (1, 1)]
+    assert len(performed) == 8
+    written = json.loads((tmp_path / "fewer.json").read_text())["trials"]
+    assert [[row["seed"] for row in found] for found in written.values()] == [[FIRST_TRIAL]] * 2

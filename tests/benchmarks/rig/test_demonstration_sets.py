@@ -11,11 +11,9 @@ from benchmarks.rig.demonstration_sets import (
     PLANNED,
     PLANNED_BARE,
     comparison,
-    over_sets,
     recoveries,
     row_of,
     show,
-    sign_flip_test,
     summary,
 )
 from skill.data.outcome import Outcome
@@ -68,18 +66,6 @@ def test_skills_are_compared_over_the_same_demonstrations_and_trials():
     assert contexts["p_time_sets"] == pytest.approx(2 / 2**2)
     same = comparison([row | {"failed": []} for row in rows()])
     assert {row["p_trials"] for row in same} == {1.0}
-
-
-def test_signs_are_flipped_exactly_for_few_differences_and_by_draws_for_many():
-    assert sign_flip_test([1, 2, -3, 0]) == pytest.approx(1.0)
-    assert sign_flip_test([1] * 5 + [0] * 9) == pytest.approx(2 / 2**5)
-    assert sign_flip_test([1] * 6 + [-1]) == pytest.approx(2 * 8 / 2**7)  # the binomial test
-    assert sign_flip_test([1] * 30) == pytest.approx(1e-4, rel=0.01)
-    assert sign_flip_test([1, -1] * 15) > 0.8
-
-
-def test_equal_sets_have_no_spread():
-    assert over_sets([0.9] * 5) == (pytest.approx(0.9), pytest.approx(0.9), pytest.approx(0.9))
 
 
 def test_the_table_has_a_line_for_each_set(capsys):

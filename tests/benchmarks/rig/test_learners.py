@@ -1,9 +1,12 @@
 """The controls among the compared skills."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.rig.learners import Extrapolating, RandomSign, ShuffledNeighbour, skill_from
+from skill.data.demonstration import write_demonstration
 from skill.features.wrench_features import MEASURED
 from skill.states.context_filter import pair_probabilities
 
@@ -14,6 +17,31 @@ def test_shuffled_actions_are_the_demonstrated_ones_in_another_order():
     predicted = ShuffledNeighbour().fit(X, y).predict(X)
     np.testing.assert_array_equal(np.sort(predicted, axis=0), np.sort(y, axis=0))
     assert abs(np.corrcoef(predicted[:, 0], y[:, 0])[0, 1]) < 0.2
+
+
+class Counting:
+    """A policy class that keeps what it was fitted to."""
+
+    def fit(self, demonstrations):
+        self.demonstrations = demonstrations
+        return self
+
+
+def test_a_skill_learns_from_the_set_of_its_number(setting, demonstrations):
+    other = demonstrations[:2]
+    two = replace(setting, sets=[demonstrations, other])
+    train = skill_from(policy=Counting)
+    assert [train(two, None, None, number).demonstrations for number in (0, 1)] == [demonstrations, other]
+    first = skill_from(lambda found: found[:1], policy=Counting)
+    assert first(two, None, None, 1).demonstrations == other[:1]
+
+
+def test_a_skill_learns_from_the_folder_of_its_number(setting, demonstrations, tmp_path):
+    for k, shown in enumerate(demonstrations[:2]):
+        write_demonstration(shown, tmp_path / str(k) / "shown.parquet")
+    train = skill_from(folders=[tmp_path / "0", tmp_path / "1"], policy=Counting)
+    found = [train(setting, None, None, number).demonstrations for number in (0, 1)]
+    assert [[d.duration for d in one] for one in found] == [[d.duration] for d in demonstrations[:2]]
 
 
 @pytest.mark.slow

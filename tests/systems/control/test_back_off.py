@@ -162,10 +162,10 @@ def test_a_state_survives_its_list_of_numbers():
         contact=2.0,
         repeats=1.0,
         reversing=1.0,
-        changed=1.0,
+        changes=2.0,
         watch=TurnWatch(pitch=0.01, yaw=-0.02, side=3.0, depth=0.004, elapsed=0.06),
     )
-    assert state.as_list() == [1.0, 0.1, 0.005, 0.3, 0.006, 2.0, 1.0, 1.0, 1.0, 0.01, -0.02, 3.0, 0.004, 0.06]
+    assert state.as_list() == [1.0, 0.1, 0.005, 0.3, 0.006, 2.0, 1.0, 1.0, 2.0, 0.01, -0.02, 3.0, 0.004, 0.06]
     assert BackOffState.from_list(state.as_list()) == state
     assert BackOffState.from_list(state.as_list()).mode is BackOffMode.BACKING_OFF
 
@@ -290,12 +290,28 @@ def test_the_rise_counts_from_the_lowest_force():
 def test_an_attempt_in_which_the_turns_were_reversed_is_not_reversed_again_at_its_end():
     state = attempt(BackOffState(), depth=0.005).state
     state = turned(state=state)[-1].state
-    assert state.reversing == state.changed == 1.0
+    assert state.reversing == state.changes == 1.0
     state = attempt(state, depth=0.005).state
-    assert (state.reversing, state.changed) == (1.0, 0.0)
+    assert (state.reversing, state.changes) == (1.0, 0.0)
     assert attempt(state, depth=0.005).state.reversing == 0.0
 
 
 def test_a_new_attempt_is_not_judged_by_the_force_of_the_last():
     state = attempt(BackOffState(), depth=0.005).state
     assert (state.watch.depth, state.watch.elapsed) == (pytest.approx(0.005 - 1.1 * P.back_off_distance), 0.0)
+
+
+def test_an_attempt_whose_turns_are_reversed_again_and_again_ends():
+    """A force that rises in either direction of the turn must not keep the peg in place for ever."""
+    state, reversals, time = BackOffState(anchor=0.005, best=0.005, watch=TurnWatch(depth=0.005)), 0, 0.0
+    while state.mode is BackOffMode.WORKING:
+        start, sign = time, state.reversing
+        while state.mode is BackOffMode.WORKING and state.reversing == sign:
+            time += 0.02
+            state = step(state, depth=0.005, angles=(0.05 * (time - start), 0.0), side=30.0 * (time - start)).state
+            assert time < 10.0
+        reversals += state.mode is BackOffMode.WORKING
+        if state.mode is BackOffMode.WORKING:
+            state = step(state, depth=0.005).state  # the force falls at once
+    assert reversals > P.max_repeats
+    assert time < 2.0 + P.stall_time
