@@ -89,7 +89,7 @@ def lowest_log_support(regressor: Regressor, demonstrations: Array) -> float:
     """Returns the logarithm of the kernel weight below which support is low.
 
     A share ``LOW_SUPPORT_SHARE`` of the samples find less in the other demonstrations. It is -inf for a regressor that
-    does not report its support, and for a single demonstration.
+    does not report its support, for a single demonstration, and where more samples than that find nothing at all.
 
     Args:
         regressor: the fitted regressor.
@@ -97,4 +97,6 @@ def lowest_log_support(regressor: Regressor, demonstrations: Array) -> float:
     """
     if not isinstance(regressor, StateRegressor) or len(np.unique(demonstrations)) < 2:
         return -math.inf
-    return float(np.quantile(regressor.support_between(demonstrations), LOW_SUPPORT_SHARE))
+    with np.errstate(invalid="ignore"):  # between -inf and another number the quantile is NaN
+        lowest = float(np.quantile(regressor.support_between(demonstrations), LOW_SUPPORT_SHARE))
+    return -math.inf if math.isnan(lowest) else lowest

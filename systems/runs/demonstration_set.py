@@ -62,8 +62,8 @@ def attempt_seed(seed: int, number: int, attempt: int) -> int:
 def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstration:
     """Repeats a demonstration until it is good or bad, as requested.
 
-    A bad habit may insert by luck from a small tilt, and a good one may fail. The same person then tries again from
-    another start. The metadata hold the number of attempts.
+    A bad habit may insert by luck from a small tilt, and a good one may fail or end at once. The same person then tries
+    again from another start. The metadata hold the number of attempts.
 
     Raises:
         ValueError: if no attempt is as requested.
@@ -75,11 +75,15 @@ def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstra
     for attempt in range(MAX_ATTEMPTS):
         number = attempt_seed(seed, request.number, attempt)
         resolved = resolve_scenario(with_habit, seed=number, stream=DEMONSTRATION_STREAM, person=person)
-        demonstration = run_demonstration(resolved)
-        if demonstration.good == request.good and demonstration.outcome is not Outcome.DIVERGED:
-            demonstration.metadata.update({"number": number, "operator": person, "attempts": attempt + 1})
-            return demonstration
-        outcomes.append(demonstration.reason)
+        try:
+            demonstration = run_demonstration(resolved)
+        except ValueError as error:  # too short, or a wrench that no file may hold
+            outcomes.append(str(error))
+        else:
+            if demonstration.good == request.good and demonstration.outcome is not Outcome.DIVERGED:
+                demonstration.metadata.update({"number": number, "operator": person, "attempts": attempt + 1})
+                return demonstration
+            outcomes.append(demonstration.reason)
         if len(outcomes) >= 8 and len(set(outcomes)) == 1:
             break  # the outcome does not depend on luck
     kind = "good" if request.good else "bad"

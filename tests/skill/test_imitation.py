@@ -79,6 +79,24 @@ def test_a_foreign_regressor_is_used_as_it_is():
     assert lowest_log_support(LinearRegression(), np.arange(5)) == -math.inf
 
 
+class Unsupported(LWRegressor):
+    """A regressor in which a share of the samples find nothing in the other demonstrations."""
+
+    def __init__(self, share):
+        super().__init__()
+        self.share = share
+
+    def support_between(self, groups):
+        return np.where(np.arange(len(groups)) < self.share * len(groups), -np.inf, -2.0)
+
+
+@pytest.mark.parametrize(("share", "expected"), [(0.0, -2.0), (0.005, -2.0), (0.01, -math.inf), (0.5, -math.inf)])
+def test_the_lowest_support_is_a_number_also_where_samples_find_nothing(share, expected):
+    """Two demonstrations that differ much made it NaN, and a skill file that could not be read."""
+    groups = np.repeat([0, 1], 500)
+    assert lowest_log_support(Unsupported(share), groups) == expected
+
+
 RECORDED = Path(__file__).parents[1] / "data" / "deadlock.npz"
 
 

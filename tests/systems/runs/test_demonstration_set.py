@@ -59,6 +59,8 @@ def record(monkeypatch):
         def run(scenario):
             scenarios.append(scenario)
             outcome = left.pop(0) if len(left) > 1 else left[0]
+            if isinstance(outcome, ValueError):
+                raise outcome
             return Recorded(outcome, good=outcome is Outcome.INSERTED)
 
         monkeypatch.setattr(demonstration_set, "run_demonstration", run)
@@ -84,6 +86,19 @@ def test_a_bad_demonstration_must_be_bad_but_not_diverged(quick_scenario, record
     record(Outcome.DIVERGED, Outcome.INSERTED, Outcome.JAMMED)
     found = demonstrate(quick_scenario, Request(0, "blind", False), seed=0)
     assert (found.outcome, found.metadata["attempts"]) == (Outcome.JAMMED, 3)
+
+
+def test_a_demonstration_that_no_file_may_hold_is_repeated(quick_scenario, record):
+    record(ValueError("moments look like N mm"), Outcome.JAMMED)
+    found = demonstrate(quick_scenario, Request(0, "overcorrects", False), seed=0)
+    assert (found.outcome, found.metadata["attempts"]) == (Outcome.JAMMED, 2)
+
+
+def test_if_no_file_may_hold_any_attempt_the_error_says_why(quick_scenario, record):
+    scenarios = record(ValueError("moments look like N mm"))
+    with pytest.raises(ValueError, match=r"no bad example in 8 attempts \(outcomes: \['moments look like N mm'\]\)"):
+        demonstrate(quick_scenario, Request(0, "overcorrects", False), seed=0)
+    assert len(scenarios) == 8
 
 
 def test_eight_equal_outcomes_end_the_attempts(quick_scenario, record):
