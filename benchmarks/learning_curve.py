@@ -31,9 +31,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.command_line import argument_parser, run
+from benchmarks.paired_statistics import over_sets
 from benchmarks.rig.demonstration_sets import DEMONSTRATIONS, SCENARIO, recover_in, recoveries, row_of, tried
 from benchmarks.rig.figures import BLUE, ORANGE
-from benchmarks.statistics import over_sets
 from skill.figures.paper_figures import save_figure
 from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, write_json

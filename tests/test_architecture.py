@@ -73,6 +73,11 @@ def test_every_folder_is_a_package():
         assert (path.parent / "__init__.py").is_file(), path.parent
 
 
+def test_no_benchmark_hides_a_module_of_python():
+    """Some benchmarks are started as files, with their own folder first on the path."""
+    assert not {path.stem for path in (ROOT / "benchmarks").glob("*.py")} & set(sys.stdlib_module_names)
+
+
 def test_scripts_hold_command_lines_only():
     lines = {name: len(path.read_text().splitlines()) for name, path in MODULES.items() if name.startswith("scripts.")}
     assert sum(lines.values()) < MAX_SCRIPT_LINES, lines

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.command_line import argument_parser
+from benchmarks.paired_statistics import mcnemar, over_sets, wilson
 from benchmarks.recording import record_demonstrations
 from benchmarks.rig.trials import FIRST_TRIAL, Entry, Record, Setting, perform
-from benchmarks.statistics import mcnemar, over_sets, wilson
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import read_demonstrations, write_demonstration
 from systems.reports.terminal import progress, write_json

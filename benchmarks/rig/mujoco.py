@@ -36,11 +36,11 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
 from benchmarks.command_line import argument_parser, run
+from benchmarks.paired_statistics import wilson
 from benchmarks.physics.mujoco_model import MujocoContact
 from benchmarks.physics.mujoco_plant import MujocoPlant
 from benchmarks.recording import record_demonstrations
 from benchmarks.rig.comparison import BAD, GOOD
-from benchmarks.statistics import wilson
 from models.scenario import Scenario, load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from systems.reports.terminal import progress, write_json

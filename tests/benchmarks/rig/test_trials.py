@@ -1,11 +1,11 @@
 """Trials are performed once and stored; failures do not stop the others."""
 
+from benchmarks.paired_statistics import wilson
 from benchmarks.rig import trials
 from benchmarks.rig.comparison import summary
 from benchmarks.rig.control_laws import StraightPush
 from benchmarks.rig.trials import FIRST_TRIAL as FIRST
 from benchmarks.rig.trials import Entry, Setting, perform
-from benchmarks.statistics import wilson
 from systems.runs.trial import Arm, trial_scenario
 
 

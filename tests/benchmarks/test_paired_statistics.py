@@ -5,7 +5,7 @@ import pytest
 from statsmodels.stats.contingency_tables import mcnemar as reference
 from statsmodels.stats.proportion import proportion_confint
 
-from benchmarks.statistics import mcnemar, over_sets, sign_flip_test, wilson
+from benchmarks.paired_statistics import mcnemar, over_sets, sign_flip_test, wilson
 
 
 @pytest.mark.parametrize(("successes", "n"), [(0, 20), (1, 20), (13, 20), (20, 20), (99, 100)])
