@@ -148,9 +148,8 @@ class BackOffParameters:
     stall_depth: float = 0.2e-3  # in units of m; a smaller increase of the depth is no progress
     unknown_feed: float = 0.5  # factor on the feed while the contact state is unknown
     doubt_time: float = 1.0  # in units of s; the peg is backed off if nothing is recognised for this long
-    # Turns make it worse if the lateral force grows by so much, over such a turn and time, without a gain in depth.
-    worse_force: float = 5.0  # in units of N, in the first attempt
-    worse_force_again: float = 3.0  # in units of N, in later attempts
+    # After a first attempt, turns make it worse if the lateral force grows so over such a turn and time without a gain.
+    worse_force: float = 3.0  # in units of N
     worse_turn: float = math.radians(0.3)  # in units of rad
     worse_time: float = 0.2  # in units of s
     worse_depth: float = 0.05e-3  # in units of m; a smaller increase of the depth is no gain

@@ -129,12 +129,12 @@ def back_off_step(
     turns the other way, and so do those that follow while each is deeper, at any depth. Near the mouth the same force
     can ask for opposite turns, so that the other way is the likeliest remedy.
 
-    Within an attempt, turns that make it worse are noticed sooner. The lateral force rises with a turn the wrong way,
-    and the peg does not go deeper. If it has risen by ``worse_force`` while the hole turned by ``worse_turn`` in at
-    least ``worse_time``, all since the depth has last grown by ``worse_depth`` or the force was last as low, the turns
-    are reversed at once, and the time without progress begins anew (``max_repeats`` times in an attempt). In later
-    attempts, when the other way is more likely, ``worse_force_again`` is enough. The end of an attempt in which the
-    turns were reversed does not reverse them again.
+    Within a later attempt, turns that make it worse are noticed sooner. The lateral force rises with a turn the wrong
+    way, and the peg does not go deeper. If it has risen by ``worse_force`` while the hole turned by ``worse_turn`` in
+    at least ``worse_time``, all since the depth has last grown by ``worse_depth`` or the force was last as low, the
+    turns are reversed at once, and the time without progress begins anew (``max_repeats`` times in an attempt). The end
+    of an attempt in which the turns were reversed does not reverse them again. In the first attempt few turns are
+    wrong, and most such signs would be false.
 
     An attempt repeats the one before if it is not deeper and ended in the same contact state. After ``max_repeats``
     repetitions, and the back-off that follows, the policy has nothing new to try and gives up.
@@ -184,11 +184,11 @@ def back_off_step(
 
 
 def _worse(p: BackOffParameters, state: BackOffState, here: TurnWatch) -> bool:
-    """Whether the turn since the watch began has made it worse."""
-    watch = state.watch
-    rise = p.worse_force if state.contact < 0.0 else p.worse_force_again
+    """Whether the turn since the watch began, in an attempt after the first, has made it worse."""
+    watch, first = state.watch, state.contact < 0.0
     turn = math.hypot(here.pitch - watch.pitch, here.yaw - watch.yaw)
-    return here.side - watch.side >= rise and turn >= p.worse_turn and watch.elapsed >= p.worse_time
+    grown = here.side - watch.side >= p.worse_force
+    return not first and grown and turn >= p.worse_turn and watch.elapsed >= p.worse_time
 
 
 def _attempt_over(p: BackOffParameters, state: BackOffState, depth: float, contact: int) -> BackOffState:

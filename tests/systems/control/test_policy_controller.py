@@ -289,9 +289,11 @@ def test_turns_that_raise_the_lateral_force_are_reversed(skill, measurements):
     """The controller judges its own turns by the angles that the guard permits and the measured force."""
     action = Action(turn=np.array([1e-3, 0.0]), feed=-1e-4, probabilities=np.ones(skill.n_states))
     dut, context, _ = controller(FixedPolicy(skill, action), measurements[0])
+    later = ControllerState(back_off=BackOffState(contact=0.0, best=0.004))
+    context.SetDiscreteState(later.as_list())
     found = []
-    for k in range(20):  # the lateral force rises to 5.7 N, and neither of its components to 5 N
-        dut.GetInputPort("wrench").FixValue(context, [0.18 * k, 0.24 * k, 1.0, 0.0, 0.0, 0.0])
+    for k in range(20):  # the lateral force rises by 3.2 N, and neither of its components by 3 N
+        dut.GetInputPort("wrench").FixValue(context, [0.1 * k, 0.134 * k, 1.0, 0.0, 0.0, 0.0])
         dut.GetInputPort("target_yaw").FixValue(context, [1e-3 * k])
         step(dut, context)
         found.append(dut.GetOutputPort("turning").Eval(context)[0])
