@@ -31,8 +31,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.command_line import argument_parser, run
-from benchmarks.paired_statistics import over_sets
-from benchmarks.rig.demonstration_sets import DEMONSTRATIONS, SCENARIO, recover_in, recoveries, row_of, tried
+from benchmarks.rig.demonstration_sets import (
+    DEMONSTRATIONS,
+    SCENARIO,
+    insertions,
+    recover_in,
+    recoveries,
+    row_of,
+    tried,
+)
 from benchmarks.rig.figures import BLUE, ORANGE
 from skill.figures.paper_figures import save_figure
 from systems.reports.result_tables import plain_table
@@ -98,13 +105,10 @@ def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     keys = dict.fromkeys((row["skill"], row["size"], row["arm"]) for row in rows)
     for kind, size, arm in keys:
         of = [row for row in rows if (row["skill"], row["size"], row["arm"]) == (kind, size, arm)]
-        mean, lower, upper = over_sets([row["inserted"] / row["trials"] for row in of])
         found.append(
             {
                 **{"skill": kind, "size": size, "arm": arm, "draws": len(of)},
-                **{"inserted": sum(row["inserted"] for row in of), "trials": sum(row["trials"] for row in of)},
-                **{"mean": mean, "lower": lower, "upper": upper},
-                "worst": min(row["inserted"] / row["trials"] for row in of),
+                **insertions(of),
                 "learnt_from": float(np.mean([row["learnt_from"] for row in of])),
                 "median_time_s": float(np.median(np.concatenate([row["times_s"] for row in of]))),
                 "measured_max_n": max(row["measured_max_n"] for row in of),
@@ -120,9 +124,8 @@ def show(found: Sequence[dict[str, Any]]) -> None:
         if not of:
             continue
         table = plain_table(f"learnt from {kind}")
-        for title in ("at\nmost", "mean\nnumber", "arm", "inserted", "95 %, over\nthe draws", "worst\ndraw"):
-            table.add_column(title, justify="right", vertical="bottom", no_wrap=True)
-        for title in ("time\n(s)", "load\n(N)"):
+        counts = ("at\nmost", "mean\nnumber", "arm", "inserted", "95 %, over\nthe draws", "worst\ndraw")
+        for title in (*counts, "time\n(s)", "load\n(N)"):
             table.add_column(title, justify="right", vertical="bottom", no_wrap=True)
         for row in of:
             table.add_row(

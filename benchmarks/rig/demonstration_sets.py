@@ -44,7 +44,7 @@ from systems.sessions.recovery_session import RecoveryPlan, recover
 from systems.sessions.rig_session import run as run_on_rig
 from systems.sessions.train_session import train
 
-FIRST_SET, FIRST_TRIAL = 736, 77000
+FIRST_SET, FIRST_TRIAL = 756, 83000
 """Sets and trials that were used for no choice."""
 
 SCENARIO = "nominal"
@@ -150,19 +150,26 @@ def arms(rows: Sequence[dict[str, Any]]) -> list[Arm]:
     return [arm for arm in Arm if any(row["arm"] == arm.value for row in rows)]
 
 
+def insertions(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Insertions in several sets: their number, and the shares over the sets with the 95 % interval of `over_sets`."""
+    shares = [row["inserted"] / row["trials"] for row in rows]
+    mean, lower, upper = over_sets(shares)
+    return {
+        **{"inserted": sum(row["inserted"] for row in rows), "trials": sum(row["trials"] for row in rows)},
+        **{"mean": mean, "lower": lower, "upper": upper, "worst": min(shares), "best": max(shares)},
+    }
+
+
 def summary(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """One row for each skill and arm, over the sets."""
     found = []
     for name in names(rows):
         for arm in arms(rows):
             chosen = [row for row in rows if row["skill"] == name and row["arm"] == arm.value]
-            shares = [row["inserted"] / row["trials"] for row in chosen]
-            mean, lower, upper = over_sets(shares)
             found.append(
                 {
                     **{"skill": name, "arm": arm.value, "sets": len(chosen)},
-                    **{"inserted": sum(r["inserted"] for r in chosen), "trials": sum(r["trials"] for r in chosen)},
-                    **{"mean": mean, "lower": lower, "upper": upper, "worst": min(shares), "best": max(shares)},
+                    **insertions(chosen),
                     "median_time_s": float(np.median([row["median_time_s"] for row in chosen])),
                     "measured_max_n": max(row["measured_max_n"] for row in chosen),
                     "back_offs": sum(row["back_offs"] for row in chosen),

@@ -119,17 +119,27 @@ def demonstrate_recovery(scenario: Scenario, situation: Situation, *, number: in
         seed: of the set of demonstrations, whose operators take over.
 
     Returns:
-        The last attempt, which is good or bad.
+        The last attempt that a file may hold, which is good or bad.
+
+    Raises:
+        ValueError: if no attempt is long enough, or each has a wrench that no file may hold.
     """
     person = seed * OPERATORS + number % OPERATORS
     with_habit = copy.deepcopy(scenario)
     with_habit.operator.habit = habit_of(number)
+    demonstration, refusal = None, ""
     for attempt in range(ATTEMPTS):
         senses = situation.trial * ATTEMPTS + attempt
         resolved = recovery_scenario(with_habit, situation, seed=senses, person=person)
-        demonstration = run_demonstration(resolved)
+        try:
+            demonstration = run_demonstration(resolved)
+        except ValueError as error:
+            refusal = str(error)
+            continue
         if demonstration.good:
             break
+    if demonstration is None:
+        raise ValueError(f"recovery {number}: none of {ATTEMPTS} attempts can be kept ({refusal})")
     about = {"number": number, "operator": person, "attempts": attempt + 1, "recovery": situation.record()}
     demonstration.metadata.update(about)
     return demonstration

@@ -96,7 +96,7 @@ def recover(
 ) -> ManipulationSkill:
     """Practises, has the situations shown in which the skill was stuck, and trains it again, once a round.
 
-    It is trained as `train` does, with the policy and the largest number of contexts of the skill that it was.
+    The training is that of `train`, with the policy and the largest number of contexts of the given skill.
 
     The recoveries of round k are in the folder ``recoveries``/round_k, which this function fills like any other set of
     demonstrations; those that an interrupted call with the same arguments has finished are kept. The skill of each

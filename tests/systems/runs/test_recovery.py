@@ -10,6 +10,7 @@ from skill.features.measurement import contact_load
 from skill.policy import Action
 from systems.control.policy import ControlLaw
 from systems.rig import MakeRig
+from systems.runs import recovery
 from systems.runs.demonstration_set import OPERATORS, Request, demonstrate
 from systems.runs.recovery import (
     LIFT,
@@ -23,6 +24,8 @@ from systems.runs.trial import trial_scenario
 from systems.virtual_environment import start_pose
 from tests.situations import SITUATION
 from tests.trajectories import STATE_NAMES, make_rig_run
+
+REFUSED = ValueError("moments look like N mm")
 
 
 class Push(ControlLaw):
@@ -112,6 +115,34 @@ def test_the_scenario_of_a_rig_does_not_begin_inside_the_hole(quick_scenario):
     quick_scenario.start.depth = 0.002
     with pytest.raises(ValueError, match=r"start\.depth is 0\.002 m; expected 0 on the rig"):
         MakeRig(practice_trial(quick_scenario, 0), Push())
+
+
+class Recorded:
+    """The part of a demonstration that `demonstrate_recovery` judges."""
+
+    def __init__(self, *, good):
+        self.good, self.metadata = good, {}
+
+
+@pytest.mark.parametrize(
+    ("ends", "good", "attempts"),
+    [([REFUSED, False, True], True, 3), ([False, REFUSED], False, 5), ([REFUSED, REFUSED, True], True, 3)],
+)
+def test_an_attempt_that_no_file_may_hold_is_repeated(quick_scenario, monkeypatch, ends, good, attempts):
+    left = list(ends)
+
+    def run(scenario):
+        end = left.pop(0) if len(left) > 1 else left[0]
+        if end is REFUSED:
+            raise REFUSED
+        return Recorded(good=end)
+
+    monkeypatch.setattr(recovery, "run_demonstration", run)
+    shown = demonstrate_recovery(quick_scenario, SITUATION, number=0, seed=0)
+    assert (shown.good, shown.metadata["attempts"]) == (good, attempts)
+    left[:] = [REFUSED]
+    with pytest.raises(ValueError, match=r"recovery 0: none of 5 attempts can be kept \(moments look like N mm\)"):
+        demonstrate_recovery(quick_scenario, SITUATION, number=0, seed=0)
 
 
 @pytest.mark.slow
