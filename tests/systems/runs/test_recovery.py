@@ -124,23 +124,36 @@ class Recorded:
         self.good, self.metadata = good, {}
 
 
+@pytest.fixture
+def attempts(monkeypatch):
+    """Lets the attempts end as told, the last end again and again."""
+
+    def end_as(*ends):
+        left = list(ends)
+
+        def run(scenario):
+            end = left.pop(0) if len(left) > 1 else left[0]
+            if end is REFUSED:
+                raise REFUSED
+            return Recorded(good=end)
+
+        monkeypatch.setattr(recovery, "run_demonstration", run)
+
+    return end_as
+
+
 @pytest.mark.parametrize(
-    ("ends", "good", "attempts"),
+    ("ends", "good", "number"),
     [([REFUSED, False, True], True, 3), ([False, REFUSED], False, 5), ([REFUSED, REFUSED, True], True, 3)],
 )
-def test_an_attempt_that_no_file_may_hold_is_repeated(quick_scenario, monkeypatch, ends, good, attempts):
-    left = list(ends)
-
-    def run(scenario):
-        end = left.pop(0) if len(left) > 1 else left[0]
-        if end is REFUSED:
-            raise REFUSED
-        return Recorded(good=end)
-
-    monkeypatch.setattr(recovery, "run_demonstration", run)
+def test_an_attempt_that_no_file_may_hold_is_repeated(quick_scenario, attempts, ends, good, number):
+    attempts(*ends)
     shown = demonstrate_recovery(quick_scenario, SITUATION, number=0, seed=0)
-    assert (shown.good, shown.metadata["attempts"]) == (good, attempts)
-    left[:] = [REFUSED]
+    assert (shown.good, shown.metadata["attempts"]) == (good, number)
+
+
+def test_if_no_file_may_hold_any_attempt_the_error_says_why(quick_scenario, attempts):
+    attempts(REFUSED)
     with pytest.raises(ValueError, match=r"recovery 0: none of 5 attempts can be kept \(moments look like N mm\)"):
         demonstrate_recovery(quick_scenario, SITUATION, number=0, seed=0)
 
