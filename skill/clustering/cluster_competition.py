@@ -133,7 +133,7 @@ def compete(
         step = em_step(Z, components, eta=eta, cardinalities=cardinalities, fuzzy=True)
         history.append(len(components), eta, step.log_likelihood)
         movement = float(np.abs(step.means - components.means).max())
-        components = updated_components(step, prior)
+        components = updated_components(step, prior, components.degrees)
         keep = survivors(step.cardinalities, min_cardinality)
         cardinalities = step.cardinalities[keep]
         if keep.all():

@@ -38,7 +38,7 @@ def merged_pair(components: GaussianComponents, i: Indices, j: Indices) -> Gauss
         + (1.0 - a)[:, :, None] * components.covariances[j]
         + (a * (1.0 - a))[:, :, None] * between[:, :, None] * between[:, None, :]
     )
-    return GaussianComponents(weights, means, covariances)
+    return GaussianComponents(weights, means, covariances, components.degrees)
 
 
 def runnalls_costs(components: GaussianComponents) -> tuple[Indices, Indices, Array]:
@@ -65,6 +65,7 @@ def merge_closest(components: GaussianComponents) -> GaussianComponents:
         np.concatenate([components.weights[keep], merged.weights]),
         np.concatenate([components.means[keep], merged.means]),
         np.concatenate([components.covariances[keep], merged.covariances]),
+        components.degrees,
     )
 
 

@@ -27,6 +27,7 @@ PARAMETER_CONSTRAINTS: dict[str, list[Any]] = {
     "rise": [ITERATION],
     "decay": [ITERATION],
     "min_cardinality": [NON_NEGATIVE, None],
+    "tails": [StrOptions({"normal", "heavy"})],
     "covariance_type": [StrOptions({"full", "diag"})],
     "shrinkage": [NON_NEGATIVE, None],
     "reg_covar": [NON_NEGATIVE],

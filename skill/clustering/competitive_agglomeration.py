@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -40,6 +40,7 @@ from skill.clustering.state_number import (
     number_of_demonstrated,
     number_of_independent,
 )
+from skill.clustering.student_tails import STUDENT_DEGREES
 
 SLICE_RATIO = 1.4
 """Ratio between the numbers of time slices of consecutive starts by phase: 30, 21, 15, 11, 8."""
@@ -101,6 +102,9 @@ class CompetitiveAgglomeration(GaussianStates):
         decay: first iteration of the decay of the ramp.
         min_cardinality: clusters with a smaller cardinality die. None means max(5, T/2) with T the number of
             parameters of one Gaussian, and 5 for "gk", "euclid" and "literal".
+        tails: "normal" for Gaussians, or "heavy" for Student distributions with 4 degrees of freedom
+            (`skill.clustering.student_tails`), which impacts and other rare samples hardly change. Only the posteriors
+            of "fmle" know tails.
         covariance_type: "full" or "diag".
         shrinkage: weight of the spherical prior of a covariance, as a number of samples; None means d + 1.
         reg_covar: variance added to each channel, as a fraction of the mean variance of the channels.
@@ -142,6 +146,7 @@ class CompetitiveAgglomeration(GaussianStates):
         rise: int = 10,
         decay: int = 30,
         min_cardinality: float | None = None,
+        tails: str = "normal",
         covariance_type: str = "full",
         shrinkage: float | None = None,
         reg_covar: float = 1e-6,
@@ -163,6 +168,7 @@ class CompetitiveAgglomeration(GaussianStates):
         self.rise = rise
         self.decay = decay
         self.min_cardinality = min_cardinality
+        self.tails = tails
         self.covariance_type = covariance_type
         self.shrinkage = shrinkage
         self.reg_covar = reg_covar
@@ -220,7 +226,10 @@ class CompetitiveAgglomeration(GaussianStates):
         Z = data.Z
         N = len(Z)
         prior = self._prior(data)
-        initial = self._initialize(data, prior, phase, random_state)
+        initial = [
+            replace(components, degrees=self._degrees)
+            for components in self._initialize(data, prior, phase, random_state)
+        ]
         searched = Z
         # Demonstrations are searched with all samples: thinned, they gave the best mixture less often.
         if self.merge == "bic" and groups is None and N > MAX_SEARCHED:
@@ -334,6 +343,11 @@ class CompetitiveAgglomeration(GaussianStates):
         else:
             partitions = [nearest_centre(Z, seed_centres(Z, m_init, random_state)) for _ in range(n_init)]
         return [components_of_partition(Z, labels, prior) for labels in partitions]
+
+    @property
+    def _degrees(self) -> float:
+        """The degrees of freedom of the components."""
+        return STUDENT_DEGREES if self.tails == "heavy" and not self._published else np.inf
 
     @property
     def _published(self) -> bool:

@@ -13,14 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.clustering.expectation_maximization import e_step
-from skill.clustering.gaussian_components import (
-    GaussianComponents,
-    QuadraticFeatures,
-    log_density_coefficients,
-    parameters_per_component,
-    precision_factors,
-)
+from skill.clustering.expectation_maximization import MixtureDensities, e_step
+from skill.clustering.gaussian_components import GaussianComponents, parameters_per_component, precision_factors
+from skill.clustering.student_tails import score_variances
 
 
 def design_effect(Z: Array, components: GaussianComponents, groups: NDArray[np.intp]) -> float:
@@ -33,12 +28,14 @@ def design_effect(Z: Array, components: GaussianComponents, groups: NDArray[np.i
     changes during the visit. The scores of all J demonstrations sum to zero at the maximum of the likelihood; the
     factor J / (J - 1) corrects the resulting bias.
 
-    For a Gaussian, the standardised scores are w = R'(z - v) for the mean and (w w' - I) / sqrt(2) for the covariance,
-    both weighted by the posterior. They need only the weighted moments of each demonstration.
+    For a Gaussian, the standardised scores are y = R'(z - v) for the mean and (y y' - I) / sqrt(2) for the covariance,
+    both weighted by the posterior. For a Student distribution they are w y and (w y y' - I) / sqrt(2), with the
+    weight w of the sample, divided by the square roots of `score_variances`. They need only the weighted moments of
+    each demonstration.
 
     Args:
         Z: samples, shape (N, d).
-        components: M Gaussians, fitted to Z.
+        components: M Gaussians or Student distributions, fitted to Z.
         groups: shape (N,), demonstration of each sample; at least two demonstrations.
 
     Returns:
@@ -46,25 +43,29 @@ def design_effect(Z: Array, components: GaussianComponents, groups: NDArray[np.i
     """
     d = Z.shape[1]
     M = len(components)
-    features = QuadraticFeatures(d)
-    coefficients = log_density_coefficients(components, features)
+    densities = MixtureDensities(components)
     R = precision_factors(components.covariances)
     identity = np.eye(d)
+    usual, of_diagonal = score_variances(d, components.degrees)
     order = np.argsort(groups, kind="stable")
     demonstrations = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
     squares = np.zeros(M)
     cardinalities = np.zeros(M)
     for rows in demonstrations:
-        sums = np.zeros((M, features.size))
-        for phi, posteriors, _ in e_step(Z[rows], coefficients, features):
-            sums += posteriors @ phi.T
-        totals, means, covariances = features.moments(sums)
+        sums = np.zeros((M, densities.features.size))
+        counts = np.zeros(M)
+        for phi, posteriors, _, weights in e_step(Z[rows], densities):
+            counts += posteriors.sum(axis=1)
+            sums += (posteriors if weights is None else posteriors * weights) @ phi.T
+        totals, means, covariances = densities.features.moments(sums)
         shift = means - components.means
         mean_score = totals[:, None] * np.einsum("mab,ma->mb", R, shift)
-        spread = covariances + shift[:, :, None] * shift[:, None, :]
-        covariance_score = totals[:, None, None] * (R.transpose(0, 2, 1) @ spread @ R - identity)
-        squares += np.square(mean_score).sum(axis=1) + 0.5 * np.square(covariance_score).sum(axis=(1, 2))
-        cardinalities += totals
+        spread = totals[:, None, None] * (covariances + shift[:, :, None] * shift[:, None, :])
+        covariance_score = R.transpose(0, 2, 1) @ spread @ R - counts[:, None, None] * identity
+        diagonal = np.square(np.einsum("mdd->md", covariance_score)).sum(axis=1)
+        off_diagonal = np.square(covariance_score).sum(axis=(1, 2)) - diagonal
+        squares += (np.square(mean_score).sum(axis=1) + 0.5 * off_diagonal) / usual + 0.5 * diagonal / of_diagonal
+        cardinalities += counts
     parameters = parameters_per_component(d, diagonal=False)
     unbiased = len(demonstrations) / (len(demonstrations) - 1)
     return float(max(1.0, unbiased * float(np.mean(squares / np.maximum(cardinalities, 1.0))) / parameters))

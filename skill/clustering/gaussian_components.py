@@ -1,4 +1,4 @@
-"""Gaussian components: log-densities and weighted moments as matrix products, and regularised covariances.
+"""Components of a mixture: log-densities and weighted moments as matrix products, and regularised covariances.
 
 The *quadratic features* of a sample are phi(z) = (1, z_a, z_a z_b for a <= b). Every squared Mahalanobis distance
 is linear in phi, and every weighted moment up to the second is a weighted sum of phi. The E step is therefore one
@@ -21,17 +21,20 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 
 @dataclass(frozen=True)
 class GaussianComponents:
-    """M weighted Gaussians in d channels.
+    """M weighted Gaussians in d channels, or Student distributions (`skill.clustering.student_tails`).
 
     Attributes:
         weights: shape (M,), mixture weights P_i; positive, their sum is one.
         means: shape (M, d), means v_i in the units of the channels.
-        covariances: shape (M, d, d), covariances F_i; symmetric and positive definite.
+        covariances: shape (M, d, d), covariances F_i; symmetric and positive definite. With finite degrees of freedom
+            nu they are scale matrices: the covariance is nu / (nu - 2) F_i.
+        degrees: degrees of freedom of the Student distributions; infinite for Gaussians.
     """
 
     weights: Array
     means: Array
     covariances: Array
+    degrees: float = np.inf
 
     def __len__(self) -> int:
         return len(self.weights)

@@ -10,7 +10,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import logsumexp
-from scipy.stats import chi2
 from sklearn.base import BaseEstimator, ClusterMixin
 from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
@@ -25,6 +24,7 @@ from skill.clustering.gaussian_components import (
 )
 from skill.clustering.prototype_competition import log_squared_distances
 from skill.clustering.state_number import bayesian_information_criterion
+from skill.clustering.student_tails import distance_gate, tailed_log_densities
 from skill.data.strict_json import parse_object
 
 NUMERIC_DTYPE = re.compile(r"[<|>=][biuf][1248]")
@@ -48,6 +48,7 @@ RULES = {
     "covariances": ArrayRule(("M", "d", "d")),
     "precision_factors": ArrayRule(("M", "d", "d")),
     "design_effect": ArrayRule(low=MIN_POSITIVE),
+    "degrees_of_freedom": ArrayRule(low=1.0, optional=True),
     "distance": ArrayRule(holds="texts", choices=("fmle", "gk", "euclid")),
     "parameters": ArrayRule(holds="texts", optional=True),
 }
@@ -55,23 +56,25 @@ RULES = {
 
 
 class GaussianStates(ClusterMixin, BaseEstimator):
-    """Base class of clusterers whose result is a set of Gaussian states.
+    """Base class of clusterers whose result is a set of states, each a Gaussian or a Student distribution.
 
     Attributes:
         n_clusters_: number of states M.
         n_features_in_: number of channels d.
         weights_: shape (M,), share of the samples in each state, largest first.
         means_: shape (M, d), means in the units of the channels.
-        covariances_: shape (M, d, d), covariances.
+        covariances_: shape (M, d, d), covariances; scale matrices with finite degrees of freedom.
+        degrees_of_freedom_: of the Student distributions; infinite for Gaussians.
         precision_factors_: shape (M, d, d), upper triangular R with inv(F) = R R'.
         design_effect_: number of samples that carry the information of one independent sample.
-        distance_: distance that assigns samples to states: "fmle" (Gaussian posterior), "gk" or "euclid".
+        distance_: distance that assigns samples to states: "fmle" (posterior), "gk" or "euclid".
     """
 
     weights_: Array
     means_: Array
     covariances_: Array
     precision_factors_: Array
+    degrees_of_freedom_: float
     n_clusters_: int
     n_features_in_: int
     design_effect_: float
@@ -85,6 +88,7 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         self.means_ = components.means
         self.covariances_ = components.covariances
         self.precision_factors_ = precision_factors(components.covariances)
+        self.degrees_of_freedom_ = components.degrees
         self.n_clusters_ = len(components)
         self.distance_ = distance
         self.design_effect_ = float(design_effect)
@@ -103,7 +107,8 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         """
         check_is_fitted(self, "means_")
         if channels is None:
-            return GaussianComponents(self.weights_, self.means_, self.covariances_), self.precision_factors_
+            components = GaussianComponents(self.weights_, self.means_, self.covariances_, self.degrees_of_freedom_)
+            return components, self.precision_factors_
         subset = np.asarray(channels)
         d = self.n_features_in_
         if (
@@ -116,7 +121,7 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         ):
             raise ValueError(f"channels={channels!r}: expected different indices between 0 and {d - 1}")
         covariances = self.covariances_[:, subset[:, None], subset]
-        components = GaussianComponents(self.weights_, self.means_[:, subset], covariances)
+        components = GaussianComponents(self.weights_, self.means_[:, subset], covariances, self.degrees_of_freedom_)
         return components, precision_factors(covariances)
 
     def _validated(self, X: ArrayLike, channels: ArrayLike | None) -> tuple[Array, GaussianComponents, Array]:
@@ -140,7 +145,8 @@ class GaussianStates(ClusterMixin, BaseEstimator):
     ) -> tuple[Array, Array, Array]:
         """The same for checked samples and the result of `marginal` for their channels."""
         distances = squared_mahalanobis(Z, components.means, factors)
-        densities = log_normalizers(components.weights, factors) - 0.5 * distances
+        normalizers = log_normalizers(components.weights, factors)
+        densities = tailed_log_densities(normalizers, distances, Z.shape[1], components.degrees)
         if self.distance_ == "fmle":
             return densities, densities, distances
         return -log_squared_distances(Z, components, self.distance_), densities, distances
@@ -152,14 +158,14 @@ class GaussianStates(ClusterMixin, BaseEstimator):
             X: samples, shape (n, d), or (n, k) with k ``channels``.
             channels: indices of the k channels in X; the other channels are marginalised out. None means all.
             gate: probability in (0, 1). A sample is unknown if the squared Mahalanobis distance to its state exceeds
-                this quantile of the chi-square distribution with k degrees of freedom. None means no gate.
+                `distance_gate` of this probability. None means no gate.
         """
         memberships, _, distances = self._log_memberships(X, channels)
         labels: NDArray[np.intp] = np.argmax(memberships, axis=1)
         if gate is not None:
             nearest = distances[np.arange(len(labels)), labels]
             k = self.n_features_in_ if channels is None else np.asarray(channels).size
-            labels[nearest > chi_square_gate(gate, k)] = UNKNOWN
+            labels[nearest > distance_gate(gate, k, self.degrees_of_freedom_)] = UNKNOWN
         return labels
 
     def predict_proba(self, X: ArrayLike, channels: ArrayLike | None = None) -> Array:
@@ -205,7 +211,9 @@ class GaussianStates(ClusterMixin, BaseEstimator):
             TypeError: if a parameter cannot be stored.
         """
         check_is_fitted(self, "means_")
+        tails = {} if np.isinf(self.degrees_of_freedom_) else {"degrees_of_freedom": np.array(self.degrees_of_freedom_)}
         return {
+            **tails,
             "weights": self.weights_.copy(),
             "means": self.means_.copy(),
             "covariances": self.covariances_.copy(),
@@ -235,6 +243,7 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         states.weights_, states.means_ = values["weights"], values["means"]
         states.covariances_, states.precision_factors_ = values["covariances"], values["precision_factors"]
         states.n_clusters_, states.n_features_in_ = sizes["M"], sizes["d"]
+        states.degrees_of_freedom_ = float(arrays.get("degrees_of_freedom", np.inf))
         states.distance_ = str(arrays["distance"])
         states.design_effect_ = float(arrays["design_effect"])
         return states
@@ -255,21 +264,6 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         for name, default in cls().get_params(deep=False).items():
             _check_parameter(name, parameters.get(name, default), default)
         return parameters
-
-
-def chi_square_gate(probability: float, degrees: int) -> float:
-    """Returns the squared Mahalanobis distance that a share ``probability`` of a state's samples does not exceed.
-
-    Args:
-        probability: between 0 and 1, exclusive.
-        degrees: degrees of freedom, the number of channels.
-
-    Raises:
-        ValueError: if the probability is out of range.
-    """
-    if not 0.0 < probability < 1.0:
-        raise ValueError(f"gate={probability!r}: expected a probability between 0 and 1, for example 0.999")
-    return float(chi2.ppf(probability, degrees))
 
 
 def _check_parameter(name: str, value: Any, default: Any) -> None:

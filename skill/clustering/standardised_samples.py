@@ -45,4 +45,5 @@ class StandardisedSamples:
             components.weights[order],
             self.shift + self.scale * components.means[order],
             self.scale[:, None] * components.covariances[order] * self.scale,
+            components.degrees,
         )

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 
 from skill.arrays import Array
 from skill.clustering.gaussian_components import log_normalizers
-from skill.clustering.gaussian_states import MAX_VALUE, UNKNOWN, GaussianStates, chi_square_gate
+from skill.clustering.gaussian_states import MAX_VALUE, UNKNOWN, GaussianStates
+from skill.clustering.student_tails import distance_gate, tailed_log_densities
 
 MAX_ROW_SUM_ERROR = 1e-9
 """Maximum deviation from one of the row sums of a transition matrix."""
@@ -36,20 +37,20 @@ class Estimate(NamedTuple):
 
 
 class ContactStateFilter:
-    """Recursive estimate of the contact state from Gaussian states.
+    """Recursive estimate of the contact state from states with densities p, Gaussian or Student.
 
-    Without a transition matrix, each sample is classified on its own, log b_i = log P_i N(x | v_i, F_i) + const. With
+    Without a transition matrix, each sample is classified on its own, log b_i = log P_i p(x | v_i, F_i) + const. With
     a transition matrix, the estimate is the normalised forward recursion of a hidden Markov model (Rabiner, Proc. IEEE
     77(2), 1989, eq. 20),
 
-        log b_i(t) = log sum_k b_k(t-1) A_ki + log N(x(t) | v_i, F_i) + const.
+        log b_i(t) = log sum_k b_k(t-1) A_ki + log p(x(t) | v_i, F_i) + const.
 
     A sample outside the gate belongs to no state and does not tell the states apart. The belief is then only
     propagated, b(t) = A' b(t-1), or kept without a transition matrix.
 
     Args:
         states: fitted states.
-        gate: probability in (0, 1) of the chi-square gate; None means no gate.
+        gate: probability in (0, 1) of `distance_gate`; None means no gate.
         transitions: shape (M, M), probability A_ki of the transition from state k to state i between samples; each
             row sums to one. None means no transition matrix.
         channels: indices of the k channels that samples contain; the other channels are marginalised out. None means
@@ -71,14 +72,15 @@ class ContactStateFilter:
         M, k = components.means.shape
         self.n_states = M
         self.n_channels = k
-        self.threshold = np.inf if gate is None else chi_square_gate(gate, k)
+        self.threshold = np.inf if gate is None else distance_gate(gate, k, components.degrees)
         self.transitions = None if transitions is None else _checked_transitions(transitions, M)
         # One product whitens the sample for all states: the rows of W are R_i', so W x - W v has shape (M k,).
         self._whitening = np.ascontiguousarray(factors.transpose(0, 2, 1).reshape(M * k, k))
         self._offset = np.einsum("mab,ma->mb", factors, components.means).reshape(M * k)
         with np.errstate(divide="ignore"):
             self._log_prior = np.log(components.weights)
-        self._constant = log_normalizers(np.ones(M), factors)
+        self._normalizers = log_normalizers(np.ones(M), factors)
+        self._degrees = components.degrees
 
     def initial_log_belief(self) -> Array:
         """Returns the log of the states' weights, shape (M,)."""
@@ -111,8 +113,7 @@ class ContactStateFilter:
         else:
             b = np.exp(np.asarray(log_belief, dtype=np.float64)) @ self.transitions
             predicted = np.log(b + np.finfo(float).tiny)
-        updated = predicted + self._constant
-        updated -= 0.5 * distances
+        updated = predicted + tailed_log_densities(self._normalizers, distances, self.n_channels, self._degrees)
         best = int(updated.argmax())
         distance = float(distances[best])
         known = distance <= self.threshold

@@ -10,7 +10,8 @@ from sklearn.exceptions import ConvergenceWarning, NotFittedError
 from benchmarks.learners.cluster_sets import separated, spheres
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_components import GaussianComponents
-from skill.clustering.gaussian_states import UNKNOWN, GaussianStates, chi_square_gate
+from skill.clustering.gaussian_states import UNKNOWN, GaussianStates
+from skill.clustering.student_tails import distance_gate
 from tests.skill.clustering.components import random_components
 
 
@@ -234,7 +235,7 @@ def test_wrong_numbers_of_columns_and_gates_are_errors():
 
 def test_gate_is_the_chi_square_quantile_of_the_channels():
     dut = states()
-    step = np.sqrt(chi_square_gate(0.9, 2))
+    step = np.sqrt(distance_gate(0.9, 2))
     assert step**2 == pytest.approx(chi2.ppf(0.9, 2))
     direction = np.array([[step, 0.0]])
     assert dut.predict(dut.means_ + 0.999 * direction, gate=0.9)[0] == 0
@@ -247,7 +248,7 @@ def test_gate_is_the_chi_square_quantile_of_the_channels():
 @pytest.mark.parametrize("probability", [0.0, 1.0, -0.5, 1.5])
 def test_gate_is_a_probability_between_zero_and_one(probability):
     with pytest.raises(ValueError, match="expected a probability between 0 and 1"):
-        chi_square_gate(probability, 3)
+        distance_gate(probability, 3)
 
 
 @pytest.mark.parametrize(("covariance_type", "parameters"), [("full", 9), ("diag", 6)])
