@@ -132,6 +132,7 @@ def oracle(data: LabelledSet, seed: int) -> Labels:
 LEARNERS: dict[str, Callable[[LabelledSet, int], Labels]] = {
     DEFAULT: agglomerate,
     "eta0 = 0": partial(agglomerate, eta0=0.0),
+    "heavy tails": partial(agglomerate, tails="heavy"),
     "samples independent": partial(agglomerate, ignore=("groups",)),
     "printed equations": partial(agglomerate, bias="literal", merge=None, n_init=1),
     "Gustafson-Kessel": partial(agglomerate, distance="gk", merge=None, n_init=1, ignore=("phase",)),

@@ -226,10 +226,8 @@ class CompetitiveAgglomeration(GaussianStates):
         Z = data.Z
         N = len(Z)
         prior = self._prior(data)
-        initial = [
-            replace(components, degrees=self._degrees)
-            for components in self._initialize(data, prior, phase, random_state)
-        ]
+        degrees = STUDENT_DEGREES if self.tails == "heavy" else np.inf
+        initial = [replace(c, degrees=degrees) for c in self._initialize(data, prior, phase, random_state)]
         searched = Z
         # Demonstrations are searched with all samples: thinned, they gave the best mixture less often.
         if self.merge == "bic" and groups is None and N > MAX_SEARCHED:
@@ -343,11 +341,6 @@ class CompetitiveAgglomeration(GaussianStates):
         else:
             partitions = [nearest_centre(Z, seed_centres(Z, m_init, random_state)) for _ in range(n_init)]
         return [components_of_partition(Z, labels, prior) for labels in partitions]
-
-    @property
-    def _degrees(self) -> float:
-        """The degrees of freedom of the components."""
-        return STUDENT_DEGREES if self.tails == "heavy" and not self._published else np.inf
 
     @property
     def _published(self) -> bool:

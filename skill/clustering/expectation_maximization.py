@@ -120,7 +120,7 @@ class MixtureDensities:
         gaussian = self._coefficients @ phi
         if np.isinf(self.degrees):
             return gaussian, None
-        squared = np.maximum(2.0 * (self._normalizers - gaussian), 0.0)
+        squared = 2.0 * (self._normalizers - gaussian)
         densities = tailed_log_densities(self._normalizers, squared, self.d, self.degrees)
         return densities, tail_weights(squared, self.d, self.degrees)
 
