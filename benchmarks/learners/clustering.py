@@ -35,8 +35,8 @@ from benchmarks.learners.gaussian_mixture_regression import best_mixture
 from skill.arrays import Array
 from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.clustering.expectation_maximization import CovariancePrior
-from skill.clustering.gaussian_components import log_densities, precision_factors
+from skill.mixtures.expectation_maximization import CovariancePrior
+from skill.mixtures.gaussian_components import log_densities, precision_factors
 from systems.reports.terminal import progress, write_json
 
 DEFAULT = "competition"

@@ -28,7 +28,7 @@ from benchmarks.learners import cluster_sets as sets
 from benchmarks.learners.gaussian_mixture_regression import best_mixture
 from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.clustering.expectation_maximization import CovariancePrior, em_step
+from skill.mixtures.expectation_maximization import CovariancePrior, em_step
 from skill.states.contact_state_filter import ContactStateFilter
 from systems.reports.terminal import progress, write_json
 

@@ -31,11 +31,11 @@ from benchmarks.learners.gaussian_mixture_regression import best_mixture, gmr_pr
 from benchmarks.rig.trials import Advance, Record, Setting, Train
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
 from skill.data.demonstration import Demonstration, read_demonstrations
 from skill.imitation import Imitation
 from skill.manipulation_skill import ManipulationSkill
+from skill.mixtures.gaussian_components import GaussianComponents
 from skill.policy import Action, RigPolicy
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.context_mixture import ContextMixture

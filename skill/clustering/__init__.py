@@ -1,1 +1,1 @@
-"""Competitive Agglomeration with the fuzzy-maximum-likelihood distance, and Gaussian mixtures."""
+"""Competitive Agglomeration with the fuzzy-maximum-likelihood distance, and the merging of Gaussian mixtures."""

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from skill.clustering.gaussian_components import (
+from skill.mixtures.gaussian_components import (
     QuadraticFeatures,
     cholesky_factors,
     log_densities,
@@ -15,7 +15,7 @@ from skill.clustering.gaussian_components import (
     shrunk_covariances,
     squared_mahalanobis,
 )
-from tests.skill.clustering.components import random_components
+from tests.skill.mixtures.components import random_components
 
 
 @given(seed=st.integers(0, 2**31), d=st.integers(1, 8), M=st.integers(1, 5))

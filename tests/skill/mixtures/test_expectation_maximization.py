@@ -4,7 +4,7 @@ from sklearn.mixture import GaussianMixture
 
 from benchmarks.learners.cluster_sets import ellipses, separated, spheres
 from skill.clustering.cluster_initialization import components_of_partition
-from skill.clustering.expectation_maximization import (
+from skill.mixtures.expectation_maximization import (
     CovariancePrior,
     EmStep,
     em_step,
@@ -12,8 +12,8 @@ from skill.clustering.expectation_maximization import (
     retained,
     updated_components,
 )
-from skill.clustering.gaussian_components import log_densities, precision_factors
-from tests.skill.clustering.components import densities, no_prior, random_components, spherical, weighted_moments
+from skill.mixtures.gaussian_components import log_densities, precision_factors
+from tests.skill.mixtures.components import densities, no_prior, random_components, spherical, weighted_moments
 
 
 def test_block_size_does_not_matter(monkeypatch):
@@ -21,7 +21,7 @@ def test_block_size_does_not_matter(monkeypatch):
     components = random_components(1, 4, 5)
     arguments = {"eta": 1.0, "cardinalities": np.array([500.0, 200.0, 100.0, 100.0]), "fuzzy": True}
     whole = em_step(X, components, **arguments)
-    monkeypatch.setattr("skill.clustering.expectation_maximization.BLOCK", 7)
+    monkeypatch.setattr("skill.mixtures.expectation_maximization.BLOCK", 7)
     blocks = em_step(X, components, **arguments)
     np.testing.assert_allclose(blocks.means, whole.means, rtol=1e-9)
     np.testing.assert_allclose(blocks.covariances, whole.covariances, rtol=1e-7, atol=1e-9)

@@ -21,7 +21,7 @@ LOG_2PI = float(np.log(2.0 * np.pi))
 
 @dataclass(frozen=True)
 class GaussianComponents:
-    """M weighted Gaussians in d channels, or Student distributions (`skill.clustering.student_tails`).
+    """M weighted Gaussians in d channels, or Student distributions (`skill.mixtures.student_tails`).
 
     Attributes:
         weights: shape (M,), mixture weights P_i; positive, their sum is one.

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.clustering.gaussian_components import (
+from skill.mixtures.gaussian_components import (
     GaussianComponents,
     QuadraticFeatures,
     log_density_coefficients,
@@ -24,7 +24,7 @@ from skill.clustering.gaussian_components import (
     precision_factors,
     shrunk_covariances,
 )
-from skill.clustering.student_tails import tail_weights, tailed_log_densities
+from skill.mixtures.student_tails import tail_weights, tailed_log_densities
 
 BLOCK = 2048
 """Samples in a block. With 14 channels, features and memberships take 2.4 MB, which fits a second-level cache."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from skill.clustering.expectation_maximization import CovariancePrior
-from skill.clustering.gaussian_components import GaussianComponents
+from skill.mixtures.expectation_maximization import CovariancePrior
+from skill.mixtures.gaussian_components import GaussianComponents
 
 
 def no_prior(d):

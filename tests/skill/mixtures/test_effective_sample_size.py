@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from skill.clustering.cluster_initialization import components_of_partition
-from skill.clustering.effective_sample_size import design_effect
-from tests.skill.clustering.components import densities, no_prior, random_components, spherical
+from skill.mixtures.effective_sample_size import design_effect
+from tests.skill.mixtures.components import densities, no_prior, random_components, spherical
 
 
 def test_independent_and_repeated_samples():
@@ -76,5 +76,5 @@ def test_block_size_does_not_matter(monkeypatch):
     groups = np.repeat([0, 1, 2], 20)
     components = random_components(0, M=2, d=2)
     whole = design_effect(Z, components, groups)
-    monkeypatch.setattr("skill.clustering.expectation_maximization.BLOCK", 7)
+    monkeypatch.setattr("skill.mixtures.expectation_maximization.BLOCK", 7)
     assert design_effect(Z, components, groups) == pytest.approx(whole)

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.clustering.expectation_maximization import MixtureDensities, e_step
-from skill.clustering.gaussian_components import GaussianComponents, parameters_per_component, precision_factors
-from skill.clustering.student_tails import score_variances
+from skill.mixtures.expectation_maximization import MixtureDensities, e_step
+from skill.mixtures.gaussian_components import GaussianComponents, parameters_per_component, precision_factors
+from skill.mixtures.student_tails import score_variances
 
 
 def design_effect(Z: Array, components: GaussianComponents, groups: NDArray[np.intp]) -> float:

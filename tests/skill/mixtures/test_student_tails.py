@@ -11,18 +11,18 @@ from benchmarks.learners.clustering import with_outliers
 from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.cluster_merging import merge_closest, merged_pair
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.clustering.effective_sample_size import design_effect
-from skill.clustering.expectation_maximization import em_step, expectation_maximization
-from skill.clustering.gaussian_components import (
+from skill.clustering.gaussian_states import UNKNOWN
+from skill.mixtures.effective_sample_size import design_effect
+from skill.mixtures.expectation_maximization import em_step, expectation_maximization
+from skill.mixtures.gaussian_components import (
     GaussianComponents,
     log_normalizers,
     precision_factors,
     squared_mahalanobis,
 )
-from skill.clustering.gaussian_states import UNKNOWN
-from skill.clustering.student_tails import distance_gate, score_variances, tail_weights, tailed_log_densities
+from skill.mixtures.student_tails import distance_gate, score_variances, tail_weights, tailed_log_densities
 from skill.states.contact_state_filter import ContactStateFilter
-from tests.skill.clustering.components import no_prior, random_components, spherical
+from tests.skill.mixtures.components import no_prior, random_components, spherical
 
 NU = 4.0
 

@@ -15,7 +15,7 @@ from scipy.special import gammaln
 from scipy.stats import chi2, f
 
 from skill.arrays import Array
-from skill.clustering.gaussian_components import LOG_2PI
+from skill.mixtures.gaussian_components import LOG_2PI
 
 STUDENT_DEGREES = 4.0
 """Degrees of freedom of heavy tails, the fewest whole number for which the variance of the squares of samples is

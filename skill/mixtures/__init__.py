@@ -1,0 +1,1 @@
+"""Mixtures: Gaussian and Student components, expectation-maximisation, and the effective sample size."""
