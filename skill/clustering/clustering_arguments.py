@@ -33,6 +33,7 @@ PARAMETER_CONSTRAINTS: dict[str, list[Any]] = {
     "reg_covar": [NON_NEGATIVE],
     "sensor_variance": ["array-like", None],
     "merge": [StrOptions({"bic"}), None],
+    "number": [StrOptions({"states", "density"})],
     "init": [StrOptions({"auto", "k-means++", "phase"}), "array-like"],
     "n_init": [COUNT, None],
     "max_iter": [COUNT],

@@ -34,6 +34,7 @@ from skill.clustering.prototype_competition import FUZZY_ITERATIONS, compete_for
 from skill.clustering.standardised_samples import StandardisedSamples
 from skill.clustering.state_number import (
     bayesian_information_criterion,
+    number_for_density,
     number_of_demonstrated,
     number_of_independent,
 )
@@ -111,6 +112,8 @@ class CompetitiveAgglomeration(GaussianStates):
         sensor_variance: shape (d,), known noise variance that is also added to each channel, in its unit squared;
             None means zero.
         merge: "bic", or None to keep the clusters that survive the competition.
+        number: with ``groups`` and mergers, "states" for components each of which is a state, or "density" for as many
+            components as describe the density (`skill.clustering.state_number`).
         init: "auto" (by phase if there is one), "k-means++", "phase", centres of shape (M, d), or initial labels of
             shape (N,).
         n_init: number of starts; the mixture of maximum likelihood is kept for each number of states. None means 5.
@@ -152,6 +155,7 @@ class CompetitiveAgglomeration(GaussianStates):
         reg_covar: float = 1e-6,
         sensor_variance: ArrayLike | None = None,
         merge: str | None = "bic",
+        number: str = "states",
         init: Any = "auto",
         n_init: int | None = None,
         max_iter: int = 100,
@@ -174,6 +178,7 @@ class CompetitiveAgglomeration(GaussianStates):
         self.reg_covar = reg_covar
         self.sensor_variance = sensor_variance
         self.merge = merge
+        self.number = number
         self.init = init
         self.n_init = n_init
         self.max_iter = max_iter
@@ -272,7 +277,8 @@ class CompetitiveAgglomeration(GaussianStates):
         if groups is None:
             M, tau = number_of_independent(candidates, prior.parameters, N), 1.0
         else:
-            M, tau = number_of_demonstrated(candidates, prior.parameters, Z, groups)
+            choose = number_for_density if self.number == "density" else number_of_demonstrated
+            M, tau = choose(candidates, prior.parameters, Z, groups)
         components, _, converged = expectation_maximization(
             Z, candidates[M].components, prior, max_iter=self.max_iter, tol=1e-5 * N
         )

@@ -12,6 +12,11 @@ rejected unless
 
 The search starts from the largest number and stops at the first that is not rejected. The result does not grow with
 the sampling rate, because both sides of the inequality depend on the effective sample size only.
+
+This number is that of components each of which is a state. If sets of components are to be the states
+(`skill.clustering.component_sets`), the components need only describe the density, and too few do more harm than too
+many: a component that covers parts of two states cannot be divided afterwards. Their number minimises the BIC at one
+design effect for all numbers, the median of those under each.
 """
 
 from __future__ import annotations
@@ -49,6 +54,25 @@ def number_of_independent(candidates: dict[int, Mixture], T: int, N: int) -> int
     """Returns the number of components of minimum BIC for N independent samples; T as in the BIC."""
     criteria = {M: bayesian_information_criterion(mixture.log_likelihood, M, T, N) for M, mixture in candidates.items()}
     return min(criteria, key=criteria.__getitem__)
+
+
+def number_for_density(candidates: dict[int, Mixture], T: int, Z: Array, groups: NDArray[np.intp]) -> tuple[int, float]:
+    """Returns the number of components that describe the density, and the design effect under this mixture.
+
+    Args:
+        candidates: mixture of maximum likelihood for each number of components.
+        T: number of parameters of one component.
+        Z: samples, shape (N, d).
+        groups: shape (N,), demonstration of each sample; at least two demonstrations.
+    """
+    effects = {M: design_effect(Z, mixture.components, groups) for M, mixture in candidates.items()}
+    tau = float(np.median(list(effects.values())))
+    criteria = {
+        M: bayesian_information_criterion(mixture.log_likelihood, M, T, len(Z), tau)
+        for M, mixture in candidates.items()
+    }
+    M = min(criteria, key=criteria.__getitem__)
+    return M, effects[M]
 
 
 def number_of_demonstrated(

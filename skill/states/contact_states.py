@@ -1,0 +1,163 @@
+"""Contact states of recordings: sets of components, discovered without labels and followed by a hidden Markov model."""
+
+from __future__ import annotations
+
+from numbers import Real
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import logsumexp
+from sklearn.base import BaseEstimator, ClusterMixin, clone
+from sklearn.utils._param_validation import HasMethods, Interval
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from skill.arrays import Array
+from skill.clustering.clustering_arguments import checked_groups
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.clustering.component_sets import component_sets
+from skill.clustering.gaussian_states import GaussianStates
+from skill.states.hidden_markov import MarkovChain, forward, learnt_chain, sequences, smoothed
+
+RECORDING_FLOOR = 0.01
+"""Variance that is added to each channel, as a share of its variance: differences below a tenth of the spread of a
+channel tell no states apart."""
+
+
+class ContactStates(ClusterMixin, BaseEstimator):
+    """Finds the contact states of recordings, such as the wrenches of several assemblies.
+
+    1. Competitive Agglomeration with heavy tails finds components that describe the density of the samples.
+    2. Components whose samples no valley of the density separates belong to the same state
+       (`skill.clustering.component_sets`). The likelihood of a sample x in a state s is that of its components,
+       p(x | s) = sum_(k in s) P_k p_k(x) / sum_(k in s) P_k.
+    3. A hidden Markov model learns the transitions between the states. Samples of a trajectory repeat each other, so
+       the log-likelihoods are divided by the design effect, the number of samples that carry the information of one.
+
+    States are numbered in the order in which they come in the recordings.
+
+    Args:
+        components: clusterer of the components; None for `CompetitiveAgglomeration` with heavy tails.
+        valley: components are merged while the density between two sets falls to no less than this share of the lower
+            of their peaks; 0 merges all, 1 none but those without any valley.
+        random_state: seed of the default clusterer.
+
+    Attributes:
+        components_: the fitted components, `GaussianStates` with K components.
+        component_states_: shape (K,), state of each component.
+        n_clusters_: number of states M.
+        chain_: probabilities of the first state and of the transitions, `MarkovChain`.
+        labels_: shape (N,), smoothed state of each sample.
+        n_features_in_: number of channels d.
+    """
+
+    _parameter_constraints: dict[str, list[Any]] = {
+        "components": [HasMethods(["fit", "predict"]), None],
+        "valley": [Interval(Real, 0.0, 1.0, closed="both")],
+        "random_state": ["random_state"],
+    }
+
+    components_: GaussianStates
+    component_states_: NDArray[np.intp]
+    chain_: MarkovChain
+
+    def __init__(self, components: Any = None, *, valley: float = 0.4, random_state: Any = None) -> None:
+        self.components = components
+        self.valley = valley
+        self.random_state = random_state
+
+    def fit(self, X: ArrayLike, y: Any = None, groups: ArrayLike | None = None) -> Self:
+        """Finds the states.
+
+        Args:
+            X: samples, shape (N, d), in any units; those of a recording in the order of time.
+            y: ignored.
+            groups: shape (N,), recording of each sample, any labels; at least two recordings.
+
+        Returns:
+            The fitted estimator.
+
+        Raises:
+            ValueError: if an argument is out of range or has the wrong shape, or there is a single recording.
+        """
+        self._validate_params()
+        samples: Array = validate_data(self, X, dtype=np.float64, ensure_min_samples=2)
+        index = None if groups is None else checked_groups(groups, len(samples))
+        if index is None:
+            raise ValueError("expected groups of two or more recordings: a single one does not show what they share")
+        learner = clone(self.components) if self.components is not None else self._default()
+        self.components_ = learner.fit(samples, groups=index)
+        nearest = self.components_.predict(samples)
+        sets = component_sets(
+            samples,
+            nearest,
+            self.components_.n_clusters_,
+            design_effect=self.components_.design_effect_,
+            threshold=self.valley,
+        )
+        self.component_states_ = _in_order_of_time(sets, nearest, index)
+        self.n_clusters_ = int(sets.max()) + 1
+        evidence = self._evidence(samples)
+        self.chain_ = learnt_chain(evidence, index)
+        self.labels_ = self._by_sequence(smoothed, evidence, index).argmax(axis=1)
+        return self
+
+    def _default(self) -> CompetitiveAgglomeration:
+        return CompetitiveAgglomeration(
+            tails="heavy", number="density", reg_covar=RECORDING_FLOOR, random_state=self.random_state
+        )
+
+    def state_log_likelihoods(self, X: ArrayLike) -> Array:
+        """Returns log p(x | s), shape (N, M)."""
+        check_is_fitted(self, "component_states_")
+        samples: Array = validate_data(self, X, dtype=np.float64, reset=False)
+        _, densities, _ = self.components_._log_memberships(samples, None)
+        weights = self.components_.weights_
+        columns = []
+        for s in range(self.n_clusters_):
+            mine = self.component_states_ == s
+            columns.append(logsumexp(densities[:, mine], axis=1) - np.log(weights[mine].sum()))
+        return np.stack(columns, axis=1)
+
+    def _evidence(self, X: ArrayLike) -> Array:
+        """Returns the log-likelihoods per sample that count as independent, shape (N, M)."""
+        return self.state_log_likelihoods(X) / self.components_.design_effect_
+
+    def _by_sequence(self, method: Any, log_likelihoods: Array, groups: NDArray[np.intp]) -> Array:
+        """Applies a recursion to each recording."""
+        found = np.empty_like(log_likelihoods)
+        for rows in sequences(groups):
+            found[rows] = method(log_likelihoods[rows], self.chain_)
+        return found
+
+    def predict_proba(self, X: ArrayLike, groups: ArrayLike | None = None, *, causal: bool = False) -> Array:
+        """Returns the probability of each state, shape (N, M).
+
+        Args:
+            X: samples, shape (N, d); those of a recording in the order of time.
+            groups: shape (N,), recording of each sample; None for a single recording.
+            causal: whether to use the samples so far only, as on line, instead of the whole recording.
+        """
+        log_likelihoods = self.state_log_likelihoods(X) if causal else self._evidence(X)
+        index = np.zeros(len(log_likelihoods), dtype=np.intp)
+        if groups is not None:
+            index = np.unique(np.asarray(groups), return_inverse=True)[1].astype(np.intp)
+        if len(index) != len(log_likelihoods):
+            raise ValueError(f"groups has {len(index)} entries, expected {len(log_likelihoods)}: one for each sample")
+        return self._by_sequence(forward if causal else smoothed, log_likelihoods, index)
+
+    def predict(self, X: ArrayLike, groups: ArrayLike | None = None, *, causal: bool = False) -> NDArray[np.intp]:
+        """Returns the most probable state of each sample, shape (N,); arguments as of `predict_proba`."""
+        labels: NDArray[np.intp] = self.predict_proba(X, groups, causal=causal).argmax(axis=1)
+        return labels
+
+
+def _in_order_of_time(sets: NDArray[np.intp], nearest: NDArray[np.intp], groups: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Numbers the states by the median time of their samples within the recordings; state of each component."""
+    time = np.empty(len(groups))
+    for rows in sequences(groups):
+        time[rows] = np.linspace(0.0, 1.0, len(rows))
+    of = sets[nearest]
+    medians = [np.median(time[of == s]) if (of == s).any() else 1.0 for s in range(sets.max() + 1)]
+    rank = np.argsort(np.argsort(medians))
+    return rank[sets].astype(np.intp)
