@@ -28,7 +28,7 @@ RIDGE = 1e-6
 """Share of its own variance that is added to each channel, so that channels may depend on each other."""
 
 SMALLEST_SET = 2
-"""Number of samples below which a set is not compared."""
+"""Smallest number of samples of a set."""
 
 
 def density_valley(one: Array, other: Array, n_effective: float) -> float:
@@ -66,22 +66,34 @@ def discriminant(A: Array, B: Array) -> Array:
     return np.linalg.solve(scatter, A.mean(axis=0) - B.mean(axis=0))
 
 
-def component_sets(
-    Z: Array, labels: NDArray[np.intp], M: int, *, design_effect: float, threshold: float
-) -> NDArray[np.intp]:
+def _without_small(memberships: Array, counts: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Returns sets of one component each, but for those with too few samples."""
+    sets = np.arange(len(counts))
+    enough = counts >= SMALLEST_SET
+    if enough.any():
+        shared = memberships.T @ memberships
+        sets[~enough] = np.flatnonzero(enough)[shared[:, enough].argmax(axis=1)][~enough]
+    return sets
+
+
+def component_sets(Z: Array, memberships: Array, *, design_effect: float, threshold: float) -> NDArray[np.intp]:
     """Merges components whose samples no valley separates, those with the shallowest valley first.
+
+    A sample belongs to its most probable component. A component with fewer than two samples lies within others; it
+    belongs to the set of the one that it shares most samples with.
 
     Args:
         Z: samples, shape (N, d).
-        labels: shape (N,), component of each sample.
-        M: number of components.
+        memberships: shape (N, M), posterior of each of the M components.
         design_effect: number of samples that carry the information of one independent sample.
         threshold: sets are merged while the valley between two of them is at least this high, between 0 and 1.
 
     Returns:
         The set of each component, shape (M,), counted from 0.
     """
-    sets = np.arange(M)
+    M = memberships.shape[1]
+    labels = memberships.argmax(axis=1)
+    sets = _without_small(memberships, np.bincount(labels, minlength=M))
     valleys = np.full((M, M), -1.0)
 
     def compare(a: int, b: int) -> float:

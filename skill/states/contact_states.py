@@ -23,6 +23,12 @@ RECORDING_FLOOR = 0.01
 """Variance that is added to each channel, as a share of its variance: differences below a tenth of the spread of a
 channel tell no states apart."""
 
+SMOOTHED_SHARE, CAUSAL_SHARE = 1 / 4, 1 / 16
+"""Samples, as shares of the design effect, whose evidence counts as that of one. The design effect is an upper bound:
+it also counts what differs from recording to recording, which does not hide a change of state. A whole recording
+corrects single samples, and a filter has to answer before it ends. Chosen on snap assemblies, where half and twice
+the shares find nearly the same states."""
+
 
 class ContactStates(ClusterMixin, BaseEstimator):
     """Finds the contact states of recordings, such as the wrenches of several assemblies.
@@ -32,7 +38,8 @@ class ContactStates(ClusterMixin, BaseEstimator):
        (`skill.clustering.component_sets`). The likelihood of a sample x in a state s is that of its components,
        p(x | s) = sum_(k in s) P_k p_k(x) / sum_(k in s) P_k.
     3. A hidden Markov model learns the transitions between the states. Samples of a trajectory repeat each other, so
-       the log-likelihoods are divided by the design effect, the number of samples that carry the information of one.
+       the log-likelihoods are divided by a share of the design effect, the number of samples that carry the
+       information of one.
 
     States are numbered in the order in which they come in the recordings.
 
@@ -82,22 +89,19 @@ class ContactStates(ClusterMixin, BaseEstimator):
         """
         self._validate_params()
         samples: Array = validate_data(self, X, dtype=np.float64, ensure_min_samples=2)
-        index = None if groups is None else checked_groups(groups, len(samples))
-        if index is None:
+        if groups is None or len(np.unique(np.asarray(groups))) < 2:
             raise ValueError("expected groups of two or more recordings: a single one does not show what they share")
+        index = checked_groups(groups, len(samples))
+        assert index is not None  # two groups or more
         learner = clone(self.components) if self.components is not None else self._default()
         self.components_ = learner.fit(samples, groups=index)
-        nearest = self.components_.predict(samples)
+        memberships = self.components_.predict_proba(samples)
         sets = component_sets(
-            samples,
-            nearest,
-            self.components_.n_clusters_,
-            design_effect=self.components_.design_effect_,
-            threshold=self.valley,
+            samples, memberships, design_effect=self.components_.design_effect_, threshold=self.valley
         )
-        self.component_states_ = _in_order_of_time(sets, nearest, index)
+        self.component_states_ = _in_order_of_time(sets, memberships.argmax(axis=1), index)
         self.n_clusters_ = int(sets.max()) + 1
-        evidence = self._evidence(samples)
+        evidence = self._evidence(samples, SMOOTHED_SHARE)
         self.chain_ = learnt_chain(evidence, index)
         self.labels_ = self._by_sequence(smoothed, evidence, index).argmax(axis=1)
         return self
@@ -119,9 +123,9 @@ class ContactStates(ClusterMixin, BaseEstimator):
             columns.append(logsumexp(densities[:, mine], axis=1) - np.log(weights[mine].sum()))
         return np.stack(columns, axis=1)
 
-    def _evidence(self, X: ArrayLike) -> Array:
-        """Returns the log-likelihoods per sample that count as independent, shape (N, M)."""
-        return self.state_log_likelihoods(X) / self.components_.design_effect_
+    def _evidence(self, X: ArrayLike, share: float) -> Array:
+        """Returns the log-likelihoods, each divided by the number of samples that count as one, shape (N, M)."""
+        return self.state_log_likelihoods(X) / max(1.0, share * self.components_.design_effect_)
 
     def _by_sequence(self, method: Any, log_likelihoods: Array, groups: NDArray[np.intp]) -> Array:
         """Applies a recursion to each recording."""
@@ -138,7 +142,7 @@ class ContactStates(ClusterMixin, BaseEstimator):
             groups: shape (N,), recording of each sample; None for a single recording.
             causal: whether to use the samples so far only, as on line, instead of the whole recording.
         """
-        log_likelihoods = self.state_log_likelihoods(X) if causal else self._evidence(X)
+        log_likelihoods = self._evidence(X, CAUSAL_SHARE if causal else SMOOTHED_SHARE)
         index = np.zeros(len(log_likelihoods), dtype=np.intp)
         if groups is not None:
             index = np.unique(np.asarray(groups), return_inverse=True)[1].astype(np.intp)

@@ -5,6 +5,7 @@ from skill.clustering.cluster_merging import Mixture
 from skill.clustering.state_number import (
     bayesian_information_criterion,
     mixture_parameters,
+    number_for_density,
     number_of_demonstrated,
     number_of_independent,
 )
@@ -74,3 +75,24 @@ def test_single_candidate(design_effects):
 def test_missing_numbers_are_skipped(design_effects):
     candidates = mixtures(M1=-1000.0, M4=-10.0)
     assert number_of_demonstrated(candidates, 2, np.zeros((1000, 1)), np.zeros(1000, dtype=int))[0] == 4
+
+
+@pytest.mark.parametrize(("factor", "number"), [(1.02, 3), (0.98, 2)])
+def test_number_for_the_density_minimises_the_criterion_at_the_median_effect(design_effects, factor, number):
+    Z, groups = np.zeros((1000, 1)), np.zeros(1000, dtype=int)
+    tau = 5.0  # the median of 10, 5 and 10/3
+    gain = 0.5 * tau * 3 * np.log(1000 / tau)
+    candidates = mixtures(M3=-100.0, M2=-100.0 - factor * gain, M1=-100.0 - 3.0 * gain)
+    chosen, effect = number_for_density(candidates, 2, Z, groups)
+    assert chosen == number
+    assert effect == pytest.approx(10.0 / number)
+
+
+def test_the_density_may_have_more_components_than_there_are_states(design_effects):
+    """A step that has no support of its own is passed, where the next has it for both."""
+    Z, groups = np.zeros((1000, 1)), np.zeros(1000, dtype=int)
+    gain = 0.5 * 5.0 * 3 * np.log(1000 / 5.0)
+    candidates = mixtures(M3=-100.0, M2=-100.0 - 0.98 * gain, M1=-100.0 - 2.04 * gain)
+    assert number_for_density(candidates, 2, Z, groups)[0] == 2
+    candidates = mixtures(M3=-100.0, M2=-100.0 - 2.05 * gain, M1=-100.0 - 2.04 * gain)
+    assert number_for_density(candidates, 2, Z, groups)[0] == 3

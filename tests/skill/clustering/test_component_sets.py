@@ -1,0 +1,117 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import norm
+
+from skill.clustering.component_sets import BANDWIDTH, component_sets, density_valley, discriminant
+
+MANY = 1e5  # effective samples, so that the kernel is narrow
+
+
+def memberships_of(labels, M=None):
+    return np.eye(max(labels) + 1 if M is None else M)[labels]
+
+
+def normal_samples(mean, n=20_000):
+    """Samples of a normal distribution of standard deviation 1 without randomness: its quantiles."""
+    return mean + norm.ppf((np.arange(n) + 0.5) / n)
+
+
+@pytest.mark.parametrize("distance", [2.0, 3.0, 4.0])
+def test_valley_between_two_normal_distributions_worked_by_hand(distance):
+    """The kernel of width h makes both wider, sqrt(1 + h^2); the valley is half way, the peaks nearly at the means."""
+    A, B = normal_samples(0.0), normal_samples(distance)
+    h = BANDWIDTH * np.sqrt(1.0 + distance**2 / 4.0) * MANY**-0.2
+    width = 1.0 + h**2
+    density = lambda x: np.exp(-0.5 * x**2 / width) + np.exp(-0.5 * (x - distance) ** 2 / width)  # noqa: E731
+    expected = density(distance / 2.0) / density(0.0)
+    assert density_valley(A, B, MANY) == pytest.approx(min(expected, 1.0), abs=0.03)
+
+
+def test_no_valley_within_one_distribution_and_nothing_in_a_gap():
+    x = normal_samples(0.0)
+    assert density_valley(x[x < 0.3], x[x >= 0.3], MANY) > 0.98
+    assert density_valley(x[::2], x[1::2], MANY) > 0.999
+    assert density_valley(normal_samples(0.0), normal_samples(100.0), MANY) < 1e-6
+
+
+def test_equal_numbers_have_no_valley():
+    assert density_valley(np.ones(5), np.ones(3), 8.0) == 1.0
+
+
+def test_few_effective_samples_show_no_valley():
+    """Single visits of a ramp leave gaps, which are no valleys; with as many independent samples they are."""
+    A, B = normal_samples(0.0), normal_samples(3.5)
+    assert density_valley(A, B, 4.0) > 0.8 > 0.6 > density_valley(A, B, 400.0)
+    assert density_valley(A, B, 0.1) == density_valley(A, B, 2.0)  # at least two
+
+
+@given(seed=st.integers(0, 1000), scale=st.floats(1e-3, 1e3), shift=st.floats(-1e3, 1e3))
+def test_valley_does_not_depend_on_units_or_order(seed, scale, shift):
+    rng = np.random.default_rng(seed)
+    A, B = rng.normal(size=200), rng.normal(rng.uniform(0.0, 5.0), size=300)
+    expected = density_valley(A, B, 100.0)
+    assert density_valley(B, A, 100.0) == pytest.approx(expected, rel=1e-6)
+    # A sample at the edge of a bin may fall into the next one.
+    assert density_valley(A * scale + shift, B * scale + shift, 100.0) == pytest.approx(expected, abs=0.05)
+
+
+def test_discriminant_worked_by_hand():
+    """Means differ by (1, 1); the variances are 1/4 and 1 in each group, so that the direction is (1/0.5, 1/2)."""
+    cross = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    variances = cross.var(axis=0, ddof=1)
+    direction = discriminant(cross + 1.0, cross)
+    np.testing.assert_allclose(direction, 1.0 / (2.0 * variances), rtol=1e-5)
+
+
+def test_discriminant_of_channels_that_depend_on_each_other():
+    x = np.random.default_rng(0).normal(size=(100, 1))
+    A = np.hstack([x, 2.0 * x])
+    assert np.isfinite(discriminant(A + np.array([1.0, 2.0]), A)).all()
+
+
+def ramp_and_blob(rng):
+    """A ramp that three components divide, and a blob apart from it."""
+    ramp = np.column_stack([rng.uniform(0.0, 6.0, 3000), rng.normal(0.0, 0.3, 3000)])
+    blob = rng.normal([3.0, 8.0], 0.3, size=(1000, 2))
+    labels = np.concatenate([np.minimum(ramp[:, 0] // 2.0, 2).astype(int), np.full(1000, 3)])
+    return np.vstack([ramp, blob]), labels
+
+
+def test_components_of_a_ramp_are_one_set_and_a_blob_is_another():
+    Z, labels = ramp_and_blob(np.random.default_rng(1))
+    assert component_sets(Z, memberships_of(labels), design_effect=4.0, threshold=0.4).tolist() == [0, 0, 0, 1]
+
+
+def test_order_of_the_components_does_not_matter():
+    Z, labels = ramp_and_blob(np.random.default_rng(1))
+    order = np.array([3, 0, 2, 1])
+    found = component_sets(Z, memberships_of(order[labels]), design_effect=4.0, threshold=0.4)
+
+    assert found[order[0]] == found[order[1]] == found[order[2]] != found[order[3]]
+
+
+@pytest.mark.parametrize(("threshold", "number"), [(0.0, 1), (1.0, 4)])
+def test_the_threshold_decides_how_deep_a_valley_must_be(threshold, number):
+    Z, labels = ramp_and_blob(np.random.default_rng(1))
+    sets = component_sets(Z, memberships_of(labels), design_effect=4.0, threshold=threshold)
+    assert len(set(sets)) == number
+
+
+def test_sets_are_compared_as_wholes():
+    """The valley between the ends of a ramp is deep; their sets touch once the middle belongs to one of them."""
+    x = np.linspace(0.0, 9.0, 9000)
+    labels = (x // 3.0).clip(max=2).astype(int)
+    assert density_valley(x[labels == 0], x[labels == 2], 1000.0) < 0.1
+    assert component_sets(x[:, None], memberships_of(labels), design_effect=9.0, threshold=0.6).tolist() == [0, 0, 0]
+
+
+def test_a_component_without_samples_belongs_to_the_one_that_it_overlaps_most():
+    Z, labels = ramp_and_blob(np.random.default_rng(1))
+    memberships = memberships_of(labels, 5) * 0.9
+    memberships[labels == 3, 4] = 0.1
+    assert component_sets(Z, memberships, design_effect=4.0, threshold=0.4).tolist() == [0, 0, 0, 1, 1]
+    memberships = memberships_of(labels, 5) * 0.9
+    memberships[labels == 0, 4] = 0.1
+    assert component_sets(Z, memberships, design_effect=4.0, threshold=1.0).tolist() == [0, 1, 2, 3, 0]

@@ -1,0 +1,128 @@
+import numpy as np
+import pytest
+from sklearn.base import clone
+from sklearn.metrics import adjusted_rand_score
+
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.states.contact_states import ContactStates
+
+LENGTHS = (80, 200, 120)
+FORCES = np.array([[0.0, 0.0, 0.0], [2.0, -6.0, 0.5], [-1.0, -15.0, -1.0]])
+DRIFT = 4.0  # N, across the second state, more than its noise
+
+
+def recordings(n=6, seed=0, every=1):
+    """Three contacts of different force; the force of the second drifts, and each begins with an impact.
+
+    The noise is correlated over ten samples, and each recording has its own offset.
+    """
+    rng = np.random.default_rng(seed)
+    X, groups, phases = [], [], []
+    for k in range(n):
+        phase = np.repeat([0, 1, 2], [int(length * rng.uniform(0.7, 1.3)) for length in LENGTHS])
+        force = FORCES[phase]
+        ramp = np.concatenate([np.linspace(-0.5, 0.5, count) for count in np.bincount(phase)])
+        force[:, 1] += DRIFT * ramp * (phase == 1)
+        for change in np.flatnonzero(np.diff(phase)):
+            force[change : change + 4] += rng.normal(scale=12.0, size=(4, 3))
+        noise = rng.normal(scale=0.4, size=force.shape)
+        for t in range(1, len(noise)):
+            noise[t] = 0.9 * noise[t - 1] + np.sqrt(1 - 0.81) * noise[t]
+        X.append((force + noise + rng.normal(scale=0.2, size=3))[::every])
+        phases.append(phase[::every])
+        groups.append(np.full(len(X[-1]), k))
+    return np.vstack(X), np.concatenate(groups), np.concatenate(phases)
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    X, groups, _ = recordings()
+    return ContactStates(random_state=0).fit(X, groups=groups)
+
+
+def test_drift_and_impacts_are_no_states(fitted):
+    assert fitted.components_.n_clusters_ > 3  # so that there are components to merge
+    assert fitted.n_clusters_ == 3
+    assert fitted.component_states_.tolist() != list(range(len(fitted.component_states_)))
+    X, groups, phases = recordings(seed=1)
+    assert adjusted_rand_score(phases, fitted.predict(X, groups)) > 0.97
+    assert adjusted_rand_score(phases, fitted.predict(X, groups, causal=True)) > 0.93
+
+
+def test_states_are_numbered_in_the_order_of_time(fitted):
+    X, groups, phases = recordings()
+    assert (fitted.labels_ == phases).mean() > 0.97
+    np.testing.assert_array_equal(fitted.labels_, fitted.predict(X, groups))
+
+
+@pytest.mark.parametrize("every", [2, 4])
+def test_the_number_does_not_depend_on_the_sampling_rate(every):
+    X, groups, phases = recordings(every=every)
+    dut = ContactStates(random_state=0).fit(X, groups=groups)
+    assert dut.n_clusters_ == 3
+    assert adjusted_rand_score(phases, dut.labels_) > 0.95
+
+
+def test_units_and_the_order_of_recordings_do_not_matter(fitted):
+    X, groups, _ = recordings()
+    scaled = ContactStates(random_state=0).fit(X * [1e3, 1.0, 1e-2] + 5.0, groups=groups)
+    assert adjusted_rand_score(scaled.labels_, fitted.labels_) > 0.99
+    order = np.argsort(-groups, kind="stable")
+    renamed = ContactStates(random_state=0).fit(X[order], groups=np.array(list("fedcba"))[groups[order]])
+    assert renamed.n_clusters_ == 3
+    assert adjusted_rand_score(renamed.labels_, fitted.labels_[order]) > 0.97
+
+
+def test_the_likelihood_of_a_state_is_the_mixture_of_its_components(fitted):
+    X = recordings(seed=2)[0][::37]
+    likelihoods = fitted.state_log_likelihoods(X)
+    together = np.log(np.exp(likelihoods) @ np.bincount(fitted.component_states_, fitted.components_.weights_))
+    np.testing.assert_allclose(together, fitted.components_.score_samples(X), atol=1e-9)
+
+
+def test_a_causal_probability_knows_no_later_sample(fitted):
+    X, _, phases = recordings(n=1, seed=3)
+    end = int(np.argmax(phases == 1)) + 2  # just after a change, when it is not yet certain
+    whole, half = (fitted.predict_proba(x, causal=True) for x in (X, X[:end]))
+    np.testing.assert_allclose(whole[: len(half)], half, atol=1e-12)
+    assert np.abs(fitted.predict_proba(X)[: len(half)] - fitted.predict_proba(X[:end])).max() > 0.05
+    np.testing.assert_allclose(whole.sum(axis=1), 1.0)
+
+
+def test_recordings_do_not_see_each_other(fitted):
+    X, groups, _ = recordings(n=2, seed=4)
+    both = fitted.predict_proba(X, groups)
+    apart = np.vstack([fitted.predict_proba(X[groups == k]) for k in (0, 1)])
+    np.testing.assert_allclose(both, apart, atol=1e-12)
+
+
+def test_components_of_any_clusterer_of_gaussians():
+    X, groups, phases = recordings()
+    components = CompetitiveAgglomeration(tails="heavy", number="density", random_state=1)
+    dut = ContactStates(components).fit(X, groups=groups)
+    assert not hasattr(components, "means_")  # a clone is fitted
+    assert dut.components_.reg_covar == components.reg_covar
+    assert adjusted_rand_score(phases, dut.labels_) > 0.9
+    assert clone(dut).get_params()["valley"] == 0.4
+
+
+def test_the_valley_decides_what_is_merged():
+    X, groups, _ = recordings()
+    one = ContactStates(valley=0.0, random_state=0).fit(X, groups=groups)
+    assert one.n_clusters_ == 1
+    np.testing.assert_array_equal(one.predict_proba(X, groups), 1.0)
+    assert ContactStates(valley=1.0, random_state=0).fit(X, groups=groups).n_clusters_ >= 3
+
+
+def test_bad_input_is_named(fitted):
+    X, groups, _ = recordings(n=2)
+    with pytest.raises(ValueError, match="two or more recordings"):
+        ContactStates().fit(X)
+    with pytest.raises(ValueError, match="two or more recordings"):
+        ContactStates().fit(X, groups=np.zeros(len(X)))
+    with pytest.raises(ValueError, match="'valley' parameter"):
+        ContactStates(valley=1.5).fit(X, groups=groups)
+    with pytest.raises(ValueError, match="groups has 3 entries"):
+        fitted.predict(X, groups[:3])
+    with pytest.raises(ValueError, match="features"):
+        fitted.predict(X[:, :2])
