@@ -44,7 +44,7 @@ def test_few_effective_samples_show_no_valley():
     """Single visits of a ramp leave gaps, which are no valleys; with as many independent samples they are."""
     A, B = normal_samples(0.0), normal_samples(3.5)
     assert density_valley(A, B, 4.0) > 0.8 > 0.6 > density_valley(A, B, 400.0)
-    assert density_valley(A, B, 0.1) == density_valley(A, B, 2.0)  # at least two
+    assert density_valley(A, B + 9.0, 0.1) == density_valley(A, B + 9.0, 2.0) < 0.9  # at least two
 
 
 @given(seed=st.integers(0, 1000), scale=st.floats(1e-3, 1e3), shift=st.floats(-1e3, 1e3))
@@ -97,6 +97,13 @@ def test_the_threshold_decides_how_deep_a_valley_must_be(threshold, number):
     Z, labels = ramp_and_blob(np.random.default_rng(1))
     sets = component_sets(Z, memberships_of(labels), design_effect=4.0, threshold=threshold)
     assert len(set(sets)) == number
+
+
+def test_a_design_effect_leaves_few_samples_to_show_a_valley():
+    A, B = normal_samples(0.0, 500), normal_samples(3.5, 500)
+    Z, memberships = np.concatenate([A, B])[:, None], memberships_of(np.repeat([0, 1], 500))
+    found = [len(set(component_sets(Z, memberships, design_effect=tau, threshold=0.8))) for tau in (1.0, 250.0)]
+    assert found == [2, 1]
 
 
 def test_sets_are_compared_as_wholes():

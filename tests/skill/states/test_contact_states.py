@@ -4,7 +4,8 @@ from sklearn.base import clone
 from sklearn.metrics import adjusted_rand_score
 
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.states.contact_states import ContactStates
+from skill.states.contact_states import CAUSAL_SHARE, SMOOTHED_SHARE, ContactStates
+from skill.states.hidden_markov import forward, smoothed
 
 LENGTHS = (80, 200, 120)
 FORCES = np.array([[0.0, 0.0, 0.0], [2.0, -6.0, 0.5], [-1.0, -15.0, -1.0]])
@@ -85,8 +86,18 @@ def test_a_causal_probability_knows_no_later_sample(fitted):
     end = int(np.argmax(phases == 1)) + 2  # just after a change, when it is not yet certain
     whole, half = (fitted.predict_proba(x, causal=True) for x in (X, X[:end]))
     np.testing.assert_allclose(whole[: len(half)], half, atol=1e-12)
-    assert np.abs(fitted.predict_proba(X)[: len(half)] - fitted.predict_proba(X[:end])).max() > 0.05
+    assert np.abs(fitted.predict_proba(X)[: len(half)] - fitted.predict_proba(X[:end])).max() > 0.01
     np.testing.assert_allclose(whole.sum(axis=1), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("causal", "method", "share"), [(True, forward, CAUSAL_SHARE), (False, smoothed, SMOOTHED_SHARE)]
+)
+def test_samples_count_by_a_share_of_the_design_effect(fitted, causal, method, share):
+    X, _, _ = recordings(n=1, seed=5)
+    evidence = fitted.state_log_likelihoods(X) / (share * fitted.components_.design_effect_)
+    np.testing.assert_allclose(fitted.predict_proba(X, causal=causal), method(evidence, fitted.chain_), atol=1e-12)
+    assert share * fitted.components_.design_effect_ > 1.0
 
 
 def test_recordings_do_not_see_each_other(fitted):
