@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-EXTRAS = {"pydrake": "sim", "yaml": "sim", "hmmlearn": "peers", "mujoco": "peers"}
+EXTRAS = {"pydrake": "sim", "yaml": "sim", "hmmlearn": "peers", "mujoco": "peers", "ruptures": "peers"}
 """The extra of this project that installs each optional package."""
 
 

@@ -41,7 +41,6 @@ if __name__ == "__main__":
     require_packages("pydrake", "yaml", "hmmlearn")
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.metrics import adjusted_rand_score, normalized_mutual_info_score
 from threadpoolctl import threadpool_limits
 
@@ -50,6 +49,7 @@ from benchmarks.learners.labelled_demonstrations import LabelledDemonstrations, 
 from benchmarks.learners.state_learners import LEARNERS, States, gaussian_states, on_regressor_features
 from benchmarks.physics.figures import draw_states
 from benchmarks.recording import record_demonstrations
+from benchmarks.state_scores import recognition
 from models.contact_geometry import ContactLabel
 from models.scenario import Scenario
 from skill.arrays import Array
@@ -60,7 +60,6 @@ from skill.states.state_naming import StateNames, name_states
 from systems.reports.terminal import progress, write_json
 from systems.runs.demonstration_set import requests
 
-MIN_DURATION = 3  # samples; a label that lasts a shorter time need not be recognised
 LABEL_NAMES = tuple(label.label for label in ContactLabel)
 SKILL = "CA-FMLE"  # the learner of the skill
 
@@ -89,30 +88,6 @@ def filtered_states(data: LabelledDemonstrations, states: States, transitions: A
     return np.array(estimates)
 
 
-def recognition(data: LabelledDemonstrations, labels: NDArray[np.intp]) -> tuple[Array, float]:
-    """Delays, s, and share of the lasting changes of the true label that were recognised before the next change.
-
-    Args:
-        data: the samples with their true labels.
-        labels: (N,), labels of the filter's states.
-
-    Returns:
-        The delays of the recognised changes, [NaN] if there is none, and the share.
-    """
-    delays, n_changes = [], 0
-    for group in np.unique(data.groups):
-        chosen = data.groups == group
-        true, estimated, times = data.labels[chosen], labels[chosen], data.times[chosen]
-        starts = np.flatnonzero(np.diff(true, prepend=-1))
-        for begin, end in zip(starts, [*starts[1:], len(true)], strict=True):
-            if end - begin < MIN_DURATION:
-                continue
-            n_changes += 1
-            hits = np.flatnonzero(estimated[begin:end] == true[begin])
-            delays += [times[begin + hits[0]] - times[begin]] if len(hits) else []
-    return np.array(delays or [np.nan]), len(delays) / max(n_changes, 1)
-
-
 def evaluate(data: LabelledDemonstrations, name: str, seed: int) -> tuple[dict[str, Any], States, StateNames]:
     """The row of one learner, the state of each sample (N,), and the names of the states."""
     start = time.process_time()
@@ -123,7 +98,7 @@ def evaluate(data: LabelledDemonstrations, name: str, seed: int) -> tuple[dict[s
     names = name_states(dense, data.labels, LABEL_NAMES, n_states=len(used))
     seen = data.as_the_regressor_sees_it() if LEARNERS[name] is on_regressor_features else data
     labels = names.labels[filtered_states(seen, dense, transitions)]
-    delays, recognised = recognition(data, labels)
+    delays, recognised = recognition(data.labels, labels, data.times, data.groups)
     row = {
         "learner": name,
         "states": len(used),

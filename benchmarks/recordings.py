@@ -1,0 +1,272 @@
+"""Contact states that are discovered in recordings of a real sensor, against the phases of its controller.
+
+    python -m benchmarks.recordings --data FILE.npz --train-trials A-B --test-trials C-D [--rate HZ] [--seed 0]
+                                    [--json FILE]                         needs the extra [peers]
+
+The file has the arrays time (s), wrench (N and N m), trial and phase. Learners see the wrenches of the training trials
+only, scaled to variance one. All figures are of the test trials:
+
+- states: number of states that were discovered; of segments per trial on average for change point detection;
+- ARI, NMI: adjusted Rand index and normalised mutual information between states and phases;
+- F1: agreement of the changes of the state with those of the phase, within 0.3 s.
+
+"ContactStates" is the learner of `haptic-skill states`; its second row, "on line", uses the samples so far only. The
+learners of the second group choose the number of states themselves. Those of the third are told the number of phases.
+Change point detection (ruptures) learns nothing; its states are the segments of a trial, counted from its beginning.
+
+The last line says how well a filter tells the phase on line: each state stands for the phase that it has most often in
+training. Delay: time from a change of the phase to the first sample with this phase, over the recognised changes.
+"""
+
+from __future__ import annotations
+
+import re
+import time as clock
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("hmmlearn", "ruptures")
+
+import numpy as np
+import ruptures
+from hmmlearn.hmm import GaussianHMM
+from numpy.typing import NDArray
+from skill.recordings.reading import read_recordings
+from skill.recordings.recording import Recording
+from sklearn.cluster import KMeans
+from sklearn.metrics import adjusted_rand_score, normalized_mutual_info_score, silhouette_score
+from sklearn.mixture import GaussianMixture
+from sklearn.preprocessing import StandardScaler
+from threadpoolctl import threadpool_limits
+
+from benchmarks.command_line import argument_parser, run
+from benchmarks.learners.gaussian_mixture_regression import best_mixture
+from benchmarks.state_scores import boundary_f1, recognition
+from skill.arrays import Array
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.states.contact_states import ContactStates
+from skill.states.hidden_markov import sequences
+from systems.reports.result_tables import plain_table
+from systems.reports.terminal import console, progress, write_json
+
+MAX_STATES = 15
+RATE = 50.0  # Hz
+FLOOR = 1e-3  # variance that is added for the hidden Markov models, as a share of that of a channel
+SILHOUETTE_SAMPLES = 5000
+
+States = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples of several trials.
+
+    Attributes:
+        Z: (N, d), scaled wrenches.
+        time: (N,), s.
+        groups: (N,), trial of each sample.
+        phases: (N,), phase of each sample.
+    """
+
+    Z: Array
+    time: Array
+    groups: States
+    phases: States
+
+    @property
+    def lengths(self) -> list[int]:
+        """Number of samples of each trial."""
+        return [len(rows) for rows in sequences(self.groups)]
+
+
+Learner = Callable[[Samples, Samples, int, int | None], tuple[int, States]]
+"""Discovers states in training samples, with a seed and the number of states if it is told. Returns the number, and the
+states of the test samples."""
+
+
+def competition(train: Samples, test: Samples, seed: int, _: int | None) -> tuple[int, States]:
+    """Competitive Agglomeration with its defaults: each Gaussian is a state."""
+    fitted = CompetitiveAgglomeration(random_state=seed).fit(train.Z, groups=train.groups)
+    return fitted.n_clusters_, fitted.predict(test.Z)
+
+
+def mixture(train: Samples, test: Samples, seed: int, told: int | None) -> tuple[int, States]:
+    """A Gaussian mixture, by default that of smallest BIC."""
+    if told is None:
+        best = best_mixture(train.Z, MAX_STATES, n_init=2, random_state=seed)
+    else:
+        best = GaussianMixture(told, n_init=5, random_state=seed).fit(train.Z)
+    return best.n_components, best.predict(test.Z)
+
+
+def hidden_markov(train: Samples, test: Samples, seed: int, told: int | None) -> tuple[int, States]:
+    """A hidden Markov model with Gaussian emissions, by default that of smallest BIC."""
+    models = []
+    for k in range(1, MAX_STATES + 1) if told is None else [told]:
+        model = GaussianHMM(k, covariance_type="full", min_covar=FLOOR, n_iter=60, random_state=seed)
+        models.append(model.fit(train.Z, train.lengths))
+    best = models[0] if told else min(models, key=lambda model: model.bic(train.Z, train.lengths))
+    return best.n_components, best.predict(test.Z, test.lengths)
+
+
+def k_means(train: Samples, test: Samples, seed: int, told: int | None) -> tuple[int, States]:
+    """k-means, by default with the number of the largest mean silhouette."""
+    numbers = range(2, MAX_STATES + 1) if told is None else [told]
+    fits = [KMeans(k, n_init=10, random_state=seed).fit(train.Z) for k in numbers]
+
+    def silhouette(fit: KMeans) -> float:
+        size = min(SILHOUETTE_SAMPLES, len(train.Z))
+        return float(silhouette_score(train.Z, fit.labels_, sample_size=size, random_state=seed))
+
+    best = fits[0] if told else max(fits, key=silhouette)
+    return best.n_clusters, best.predict(test.Z)
+
+
+def change_points(_: Samples, test: Samples, __: int, told: int | None) -> tuple[int, States]:
+    """Changes of the mean: PELT with the penalty of the BIC, or the best segmentation into the number that is told."""
+    segments = np.empty(len(test.Z), dtype=np.intp)
+    numbers = []
+    for rows in sequences(test.groups):
+        signal = test.Z[rows]
+        if told is None:
+            penalty = (signal.shape[1] + 1) * np.log(len(signal)) * float(np.median(signal.var(axis=0)))
+            ends = ruptures.Pelt("l2", jump=1).fit_predict(signal, penalty)
+        else:
+            ends = ruptures.Dynp("l2", jump=5).fit_predict(signal, told - 1)
+        segments[rows] = np.searchsorted(ends, np.arange(len(rows)), side="right")
+        numbers.append(len(ends))
+    return round(float(np.mean(numbers))), segments
+
+
+PEERS: dict[str, Learner] = {
+    "CompetitiveAgglomeration": competition,
+    "GMM-BIC": mixture,
+    "HMM-BIC": hidden_markov,
+    "k-means, silhouette": k_means,
+    "ruptures PELT": change_points,
+}
+TOLD: dict[str, Learner] = {
+    "GMM": mixture,
+    "HMM": hidden_markov,
+    "k-means": k_means,
+    "ruptures": change_points,
+}
+
+
+def scores(test: Samples, number: int, states: States) -> dict[str, float]:
+    """The figures of one learner; keys are those of the file."""
+    return {
+        "states": number,
+        "ari": float(adjusted_rand_score(test.phases, states)),
+        "nmi": float(normalized_mutual_info_score(test.phases, states)),
+        "boundary_f1": boundary_f1(test.phases, states, test.time, test.groups),
+    }
+
+
+def on_line(learner: ContactStates, train: Samples, test: Samples) -> dict[str, float]:
+    """How well the causal filter tells the phase of the test samples."""
+    counts = np.zeros((learner.n_clusters_, int(max(train.phases.max(), test.phases.max())) + 1))
+    np.add.at(counts, (learner.labels_, train.phases), 1)
+    told = counts.argmax(axis=1)[learner.predict(test.Z, test.groups, causal=True)]
+    delays, recognised = recognition(test.phases, told, test.time, test.groups)
+    return {
+        "accuracy": float((told == test.phases).mean()),
+        "delay_mean_s": float(delays.mean()),
+        "delay_p90_s": float(np.quantile(delays, 0.9)),
+        "recognised": recognised,
+    }
+
+
+def compare(train: Samples, test: Samples, seed: int) -> dict[str, Any]:
+    """The figures of all learners."""
+    told = len(np.unique(train.phases))
+    with progress("learners", 1 + len(PEERS) + len(TOLD)) as advance:
+        start = clock.process_time()
+        learner = ContactStates(random_state=seed).fit(train.Z, groups=train.groups)
+        seconds = clock.process_time() - start
+        found: dict[str, Any] = scores(test, learner.n_clusters_, learner.predict(test.Z, test.groups))
+        causal = scores(test, learner.n_clusters_, learner.predict(test.Z, test.groups, causal=True))
+        found |= {"fit_cpu_s": seconds, "on_line": causal | on_line(learner, train, test)}
+        advance("ContactStates")
+        peers = {}
+        for group, number in ((PEERS, None), (TOLD, told)):
+            for name, peer in group.items():
+                title = name if number is None else f"{name}, told {number}"
+                peers[title] = scores(test, *peer(train, test, seed, number))
+                advance(title)
+    return found | {"peers": peers}
+
+
+def selected(recordings: list[Recording], trials: str, rate: float) -> list[Recording]:
+    """The recordings of the trials "A-B" or "A,C", averaged to the rate.
+
+    Raises:
+        ValueError: if the text is not such a list, a trial is missing, or it has no phases.
+    """
+    if not re.fullmatch(r"\d+(-\d+)?(,\d+(-\d+)?)*", trials):
+        raise ValueError(f"trials '{trials}', expected numbers such as 1-4 or 1,3,5-7")
+    ends = [[int(end) for end in part.split("-")] for part in trials.split(",")]
+    wanted = [trial for part in ends for trial in range(part[0], part[-1] + 1)]
+    by_trial = {recording.trial: recording for recording in recordings}
+    missing = [trial for trial in wanted if str(trial) not in by_trial]
+    if missing:
+        raise ValueError(f"no trials {missing}; there are {', '.join(by_trial)}")
+    chosen = [by_trial[str(trial)].averaged(rate) for trial in wanted]
+    for recording in chosen:
+        if recording.phases is None or recording.phases.dtype.kind not in "iu":
+            raise ValueError(f"{recording.name}: no phases, expected an array 'phase' of integers")
+    return chosen
+
+
+def samples(recordings: list[Recording], scaler: StandardScaler) -> Samples:
+    """The samples of the recordings, scaled."""
+    counts = [len(recording.time) for recording in recordings]
+    return Samples(
+        scaler.transform(np.concatenate([recording.values for recording in recordings])),
+        np.concatenate([recording.time - recording.time[0] for recording in recordings]),
+        np.repeat(np.arange(len(counts)), counts),
+        np.concatenate([np.asarray(recording.phases, dtype=np.intp) for recording in recordings]),
+    )
+
+
+def main() -> None:
+    parser = argument_parser(__doc__)
+    parser.add_argument("--data", type=Path, required=True, metavar="FILE.npz", help="recordings with known phases")
+    parser.add_argument("--train-trials", required=True, metavar="A-B", help="trials to learn from")
+    parser.add_argument("--test-trials", required=True, metavar="C-D", help="trials to judge on")
+    parser.add_argument("--rate", type=float, default=RATE, help="Hz; faster recordings are averaged (default: 50)")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the learners (default: 0)")
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore")
+    recordings = read_recordings(arguments.data)
+    parts = [selected(recordings, t, arguments.rate) for t in (arguments.train_trials, arguments.test_trials)]
+    scaler = StandardScaler().fit(np.concatenate([recording.values for recording in parts[0]]))
+    train, test = (samples(part, scaler) for part in parts)
+    with threadpool_limits(1):
+        found = compare(train, test, arguments.seed)
+    table = plain_table(f"states of {len(parts[1])} unseen trials, {len(np.unique(test.phases))} phases")
+    table.add_column("learner")
+    for name in ("states", "ARI", "NMI", "F1"):
+        table.add_column(name, justify="right")
+    for name, row in {"ContactStates": found, "... on line": found["on_line"], **found["peers"]}.items():
+        figures = (f"{row[key]:.2f}" for key in ("ari", "nmi", "boundary_f1"))
+        table.add_row(name, str(row["states"]), *figures)
+    console.print(table)
+    line = found["on_line"]
+    console.print(
+        f"on line: the phase is right for {100 * line['accuracy']:.0f} % of the samples;"
+        f" {100 * line['recognised']:.0f} % of the changes are recognised, after {line['delay_mean_s']:.2f} s on average"
+        f" and {line['delay_p90_s']:.2f} s for nine in ten"
+    )
+    if arguments.json:
+        write_json(arguments.json, {"seed": arguments.seed, "rate": arguments.rate, **found})
+
+
+if __name__ == "__main__":
+    run(main)
