@@ -1,1 +1,1 @@
-"""Recordings of force/torque sensors: reading them from CSV, Parquet, NPZ, MCAP and LeRobot files, and averaging them."""
+"""Recordings of force/torque sensors: reading CSV, Parquet, NPZ, MCAP and LeRobot files, units, and averaging."""

@@ -15,7 +15,7 @@ from skill.recordings.columns import PHASE_COLUMNS, TRIAL_COLUMNS, Column, choos
 from skill.recordings.recording import MAX_SAMPLES, Recording
 
 RATES = (10.0, 1e6)
-"""Range of sampling rates, Hz, in which a time without a unit is believed to be in seconds; 1 kHz in ms looks like 1 Hz."""
+"""Range of sampling rates, Hz, in which a time without a unit may be in seconds; 1 kHz in ms looks like 1 Hz."""
 
 MAX_LABEL = 60
 """Largest number of characters of a trial or a phase."""
@@ -75,11 +75,16 @@ def check_length(rows: int, where: str) -> None:
         ValueError: naming the file.
     """
     if rows > MAX_SAMPLES:
-        raise ValueError(f"{where}: {rows} samples, expected at most {MAX_SAMPLES}; lower the sampling rate or split it")
+        raise ValueError(f"{where}: {rows} samples, expected at most {MAX_SAMPLES}; lower the rate or split it")
 
 
 def table_recordings(
-    table: pd.DataFrame, selection: Selection, where: str, name: str, *, row_name: Callable[[int], str] = "row {}".format
+    table: pd.DataFrame,
+    selection: Selection,
+    where: str,
+    name: str,
+    *,
+    row_name: Callable[[int], str] = "row {}".format,
 ) -> list[Recording]:
     """Returns the trials of a table, in the order in which they first occur.
 
@@ -99,7 +104,7 @@ def table_recordings(
     check_length(len(table), where)
     time, *channels = selection.columns
     values = np.column_stack([_numbers(table[c.name], c, where) for c in channels])
-    kept = ~np.isnan(values).all(axis=1)
+    kept: NDArray[np.bool_] = np.any(~np.isnan(values), axis=1)
     stamps = _numbers(table[time.name], time, where)
     for column, numbers in ((time, stamps), *zip(channels, values.T, strict=True)):
         bad = np.flatnonzero(kept & ~np.isfinite(numbers))
@@ -153,7 +158,9 @@ def _labels(
             return np.asarray(numbers.astype(np.int64)[codes])
     longest = max(len(str(name)) for name in names)
     if longest > MAX_LABEL:
-        raise ValueError(f"{where}: column '{column.name}' has a text of {longest} characters, expected at most {MAX_LABEL}")
+        raise ValueError(
+            f"{where}: column '{column.name}' has a text of {longest} characters, expected at most {MAX_LABEL}"
+        )
     return np.array([str(name) for name in names])[codes]
 
 

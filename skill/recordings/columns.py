@@ -215,7 +215,9 @@ def _only(same: list[Column], where: str) -> Column:
     if len(standard) == 1:
         return standard[0]
     channel, names = same[0].channel, [column.name for column in same]
-    raise ValueError(f"{where}: columns {listed(names)} could all be {channel}; say which one, e.g. {channel}={names[0]}")
+    raise ValueError(
+        f"{where}: columns {listed(names)} could all be {channel}; say which one, e.g. {channel}={names[0]}"
+    )
 
 
 def _settle_translations(columns: dict[str, Column], where: str) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import TextIO
+from typing import TextIO, cast
 
 import pandas as pd
 
@@ -59,10 +59,10 @@ def read_csv_file(
 ) -> list[Recording]:
     """Reads the recordings of a CSV file.
 
-    The first line that is neither empty nor a comment (``#``) names the columns; if it has numbers only, the last comment
-    before it does. The separator is the one of comma,
-    semicolon and tab that occurs most often in it. With a semicolon or tab, numbers may have a decimal comma. Only the
-    columns that are used must be numbers. The text is UTF-8, with or without a byte order mark.
+    The first line that is neither empty nor a comment (``#``) names the columns; if it has numbers only, the last
+    comment before it does. The separator is the one of comma, semicolon and tab that occurs most often in it. With a
+    semicolon or tab, numbers may have a decimal comma. Only the columns that are used must be numbers.
+    The text is UTF-8, with or without a byte order mark.
 
     Args:
         path: file to read, at most ``MAX_BYTES``.
@@ -149,13 +149,13 @@ def _fields(header: str, separator: str, where: str) -> list[str]:
 def _table(path: Path, layout: _Layout, selection: Selection) -> pd.DataFrame:
     """The columns of the selection; a text where a number should be is an error that names the line."""
     numbers = {column.name for column in selection.columns} - {selection.trial, selection.phase}
-    width = len(layout.names)
+    width = len(layout.names)  # one more column is read, for what a line has too much
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             for _ in range(layout.skipped):
                 stream.readline()
-            table = pd.read_csv(
-                _Headed(layout.separator.join(map(str, range(width + 1))), stream),  # the last: more than the names
+            table: pd.DataFrame = pd.read_csv(
+                cast("TextIO", _Headed(layout.separator.join(map(str, range(width + 1))), stream)),
                 sep=layout.separator,
                 decimal=layout.decimal,
                 index_col=False,

@@ -91,7 +91,8 @@ def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, wi
     missing = [name for name in names if name not in unpacked]
     if missing:
         raise ValueError(f"{path}: no column {listed(missing)}; columns are {listed(schema.names)}")
-    size = sum(unpacked[name].size for name in names)
+    # PyArrow reads "a.b" too where "a" is asked for.
+    size = sum(column.size for name, column in unpacked.items() if name in names or name.partition(".")[0] in names)
     values = max(unpacked[name].values for name in names)
     if size > MAX_UNPACKED or values > rows * width:
         raise ValueError(
@@ -101,7 +102,8 @@ def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, wi
     texts = [name for name in names if pa.types.is_string(schema.field(name).type)]
     with _named(path):
         file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=texts, page_checksum_verification=True)
-        return file.read(columns=names)
+        table: pa.Table = file.read(columns=names)
+        return table.select(names)
 
 
 def _frame(rows: pa.Table, selection: Selection) -> tuple[pd.DataFrame, Selection]:

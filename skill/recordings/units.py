@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import math
 
+_LBF, _INCH = 4.4482216152605, 0.0254
+
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    "force": {"n": 1.0, "mn": 1e-3, "kn": 1e3, "lbf": 4.4482216152605, "gf": 9.80665e-3, "kgf": 9.80665},
+    "force": {"n": 1.0, "mn": 1e-3, "kn": 1e3, "lbf": _LBF, "gf": 9.80665e-3, "kgf": 9.80665},
     "torque": {
         **{"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2},
-        **{"lbfin": 4.4482216152605 * 0.0254, "lbfft": 4.4482216152605 * 0.3048, "ozfin": 4.4482216152605 * 0.0254 / 16},
+        **{
+            "lbfin": 4.4482216152605 * 0.0254,
+            "lbfft": 4.4482216152605 * 0.3048,
+            "ozfin": 4.4482216152605 * 0.0254 / 16,
+        },
     },
-    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254},
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": _INCH},
     "angle": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180},
 }
 """Size of each unit in the SI unit of its quantity; spelt as `_spelling` returns it."""
 
-_SYNONYMS = {"µ": "u", "μ": "u", "°": "deg", "·": "", "*": "", "-": "", "_": "", " ": "", ".": ""}  # noqa: RUF001
+_SYNONYMS = {"µ": "u", "μ": "u", "°": "deg", "·": "", "*": "", "-": "", "_": "", " ": "", ".": ""}
 _WORDS = {
     **{"seconds": "s", "second": "s", "milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"},
     **{"lbin": "lbfin", "inlb": "lbfin", "inlbf": "lbfin", "ozin": "ozfin", "inoz": "ozfin", "inozf": "ozfin"},
