@@ -1,4 +1,4 @@
-"""Reads how a Parquet file is compressed, before anything is unpacked.
+"""Reads how a Parquet file is compressed and to what it unpacks, before anything is unpacked.
 
 PyArrow has properties for this, but it ends the process where a damaged footer holds an unknown compression. The footer
 is a structure of Thrift's compact protocol: https://github.com/apache/thrift/blob/master/doc/specs/thrift-compact-protocol.md
@@ -14,6 +14,12 @@ COMPRESSIONS = ("UNCOMPRESSED", "SNAPPY", "GZIP", "LZO", "BROTLI", "LZ4", "ZSTD"
 """Names of the compressions, by their number."""
 
 MAX_DEPTH = 20
+
+MAX_HEADER = 65_536
+"""Largest number of bytes of the header of a page; it holds the least and the largest value."""
+
+MAX_PAGES = 200_000
+"""Largest number of pages of the columns of a file; PyArrow writes at least some thousand values into each."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +43,66 @@ def column_chunks(data: bytes) -> list[ColumnChunk]:
     Raises:
         ValueError: if the footer is damaged.
     """
-    length = int.from_bytes(data[-8:-4], "little")
-    if len(data) < 12 or data[-4:] != b"PAR1" or not 0 < length <= len(data) - 12:
-        raise ValueError("no footer of a Parquet file")
     try:
-        footer = _Reader(data[-8 - length : -8]).struct(0)
-        groups = [(group[3], chunk[3]) for group in footer[4] for chunk in group[1]]
+        groups = [(group[3], chunk[3]) for group in _footer(data)[4] for chunk in group[1]]
         return [ColumnChunk(rows, _compression(chunk[4]), chunk[7]) for rows, chunk in groups]
     except (KeyError, IndexError, TypeError) as error:
         raise ValueError(f"damaged footer ({type(error).__name__})") from error
+
+
+@dataclass(frozen=True)
+class UnpackedColumn:
+    """What the pages of a column say about their content.
+
+    Attributes:
+        size: number of bytes after unpacking.
+        values: number of values; more than rows in a column of lists.
+    """
+
+    size: int
+    values: int
+
+
+def unpacked_columns(data: bytes) -> dict[str, UnpackedColumn]:
+    """Returns what the columns of a Parquet file unpack to, by the names of the outermost columns.
+
+    Raises:
+        ValueError: if the footer or the header of a page is damaged, or there are more than ``MAX_PAGES`` pages.
+    """
+    found: dict[str, UnpackedColumn] = {}
+    pages = 0
+    try:
+        for chunk in (chunk[3] for group in _footer(data)[4] for chunk in group[1]):
+            name = chunk[3][0].decode()
+            place = min(chunk[9], chunk.get(11) or chunk[9])
+            end = place + chunk[7]
+            if not 0 <= place <= end <= len(data):
+                raise IndexError("a column beyond the end")
+            before = found.get(name, UnpackedColumn(0, 0))
+            size, values = before.size, before.values
+            while place < end:
+                reader = _Reader(data[place : min(end, place + MAX_HEADER)])
+                page = reader.struct(0)
+                content = page.get(5) or page.get(8)  # the header of a data page of version 1 or 2
+                if page[2] < 0 or page[3] < 0 or (content and content[1] < 0):
+                    raise IndexError("a negative size")
+                size, values = size + page[2], values + (content[1] if content else 0)
+                place += reader.place + page[3]
+                pages += 1
+                if pages > MAX_PAGES:
+                    raise ValueError(f"more than {MAX_PAGES} pages")
+            found[name] = UnpackedColumn(size, values)
+    except (KeyError, IndexError, TypeError, AttributeError, UnicodeDecodeError) as error:
+        raise ValueError(f"damaged pages ({type(error).__name__})") from error
+    return found
+
+
+def _footer(data: bytes) -> dict[int, Any]:
+    """The structure at the end of a file."""
+    length = int.from_bytes(data[-8:-4], "little")
+    if len(data) < 12 or data[-4:] != b"PAR1" or not 0 < length <= len(data) - 12:
+        raise ValueError("no footer of a Parquet file")
+    return _Reader(data[-8 - length : -8]).struct(0)
 
 
 def _compression(number: int) -> str:
@@ -58,6 +115,11 @@ class _Reader:
     def __init__(self, data: bytes) -> None:
         self._data = data
         self._place = 0
+
+    @property
+    def place(self) -> int:
+        """How many bytes are read."""
+        return self._place
 
     def struct(self, depth: int) -> dict[int, Any]:
         """A structure, by the numbers of its fields."""

@@ -1,0 +1,190 @@
+"""Makes recordings of a table: converts units, splits it into trials and refuses rows that are incomplete."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from skill.arrays import Array
+from skill.recordings.columns import PHASE_COLUMNS, TRIAL_COLUMNS, Column, choose_columns, label_column
+from skill.recordings.recording import MAX_SAMPLES, Recording
+
+RATES = (10.0, 1e6)
+"""Range of sampling rates, Hz, in which a time without a unit may be in seconds; 1 kHz in ms looks like 1 Hz."""
+
+MAX_LABEL = 60
+"""Largest number of characters of a trial or a phase."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which columns of a table are read.
+
+    Attributes:
+        columns: time first, then the channels.
+        trial: column that says to which trial a row belongs; None where all rows are one.
+        phase: column with the phase of each row; None where there is none.
+    """
+
+    columns: tuple[Column, ...]
+    trial: str | None
+    phase: str | None
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all columns to read, each once."""
+        labels = [name for name in (self.trial, self.phase) if name is not None]
+        return list(dict.fromkeys([*(column.name for column in self.columns), *labels]))
+
+
+def select_columns(
+    names: Sequence[str], where: str, *, choices: Iterable[str], trial_column: str | None, phase_column: str | None
+) -> Selection:
+    """Chooses what to read of a table.
+
+    Args:
+        names: names of all columns.
+        where: name of the file, for messages.
+        choices: what the user says about channels; see `choose_columns`.
+        trial_column: column of the trials; None for one with a usual name.
+        phase_column: column of the phases; None for one with a usual name.
+
+    Raises:
+        ValueError: if columns are missing, ambiguous or there twice. The message names the file.
+    """
+    selection = Selection(
+        choose_columns(names, choices, where),
+        label_column(names, trial_column, TRIAL_COLUMNS, where),
+        label_column(names, phase_column, PHASE_COLUMNS, where),
+    )
+    twice = [name for name in selection.names if list(names).count(name) > 1]
+    if twice:
+        raise ValueError(f"{where}: columns {twice} occur more than once")
+    return selection
+
+
+def check_length(rows: int, where: str) -> None:
+    """Refuses a table with more than ``MAX_SAMPLES`` rows.
+
+    Raises:
+        ValueError: naming the file.
+    """
+    if rows > MAX_SAMPLES:
+        raise ValueError(f"{where}: {rows} samples, expected at most {MAX_SAMPLES}; lower the rate or split it")
+
+
+def table_recordings(
+    table: pd.DataFrame,
+    selection: Selection,
+    where: str,
+    name: str,
+    *,
+    row_name: Callable[[int], str] = "row {}".format,
+) -> list[Recording]:
+    """Returns the trials of a table, in the order in which they first occur.
+
+    Rows in which no channel has a value are left out: they hold no sample, but those of another sensor. A row in which
+    some channels have a value and others have none is refused, and so is a value that is infinite.
+
+    Args:
+        table: table with the columns of the selection; numbers, apart from trials and phases.
+        selection: which columns are what.
+        where: the file, for messages.
+        name: name of the recordings; a trial adds its own.
+        row_name: returns what a row is called in messages, by its position in the table.
+
+    Raises:
+        ValueError: if a value is missing, infinite or no number, or a trial is no valid recording.
+    """
+    check_length(len(table), where)
+    time, *channels = selection.columns
+    values = np.column_stack([_numbers(table[c.name], c, where) for c in channels])
+    kept: NDArray[np.bool_] = np.any(~np.isnan(values), axis=1)
+    stamps = _numbers(table[time.name], time, where)
+    for column, numbers in ((time, stamps), *zip(channels, values.T, strict=True)):
+        bad = np.flatnonzero(kept & ~np.isfinite(numbers))
+        if bad.size:
+            what = "has no value" if np.isnan(numbers[bad[0]]) else "is infinite"
+            raise ValueError(
+                f"{where}: column '{column.name}' {what} in {row_name(int(bad[0]))} ({bad.size} such rows);"
+                " expected a number, or no value in any channel of the row"
+            )
+    if not kept.any():
+        raise ValueError(f"{where}: no samples; expected at least 2 rows with values")
+    phases = None if selection.phase is None else _labels(table[selection.phase], kept, where, row_name)
+    trials = None if selection.trial is None else _labels(table[selection.trial], kept, where, row_name)
+    stamps, values = stamps[kept], values[kept]
+    recordings = []
+    for label, rows in _trials(trials, len(stamps)):
+        recordings.append(
+            Recording(
+                f"{name}{label and f', {_trial_word(selection.trial)} {label}'}",
+                stamps[rows],
+                values[rows],
+                tuple(c.channel for c in channels),
+                None if phases is None else phases[rows],
+            )
+        )
+        _check_rate(recordings[-1], time)
+    return recordings
+
+
+def _numbers(column: pd.Series, what: Column, where: str) -> Array:
+    """The numbers of a column in SI units; NaN where there is none."""
+    if pd.api.types.is_bool_dtype(column) or not pd.api.types.is_numeric_dtype(column):
+        raise ValueError(f"{where}: column '{what.name}' has type {column.dtype}, expected numbers")
+    numbers = column.to_numpy(dtype=float, na_value=np.nan)
+    return numbers if what.size == 1.0 else numbers * what.size
+
+
+def _labels(
+    column: pd.Series, kept: NDArray[np.bool_], where: str, row_name: Callable[[int], str]
+) -> NDArray[np.int64] | NDArray[np.str_]:
+    """Labels of the rows that are kept, as integers or texts."""
+    missing = np.flatnonzero(kept & column.isna().to_numpy())
+    if missing.size:
+        raise ValueError(
+            f"{where}: column '{column.name}' has no value in {row_name(int(missing[0]))} ({missing.size} such rows)"
+        )
+    codes, names = pd.factorize(column[kept])
+    if pd.api.types.is_numeric_dtype(names) and not pd.api.types.is_bool_dtype(names):
+        numbers = names.to_numpy(dtype=float)
+        if np.array_equal(numbers, np.round(numbers)) and np.abs(numbers).max() < 2**53:
+            return np.asarray(numbers.astype(np.int64)[codes])
+    longest = max(len(str(name)) for name in names)
+    if longest > MAX_LABEL:
+        raise ValueError(
+            f"{where}: column '{column.name}' has a text of {longest} characters, expected at most {MAX_LABEL}"
+        )
+    return np.array([str(name) for name in names])[codes]
+
+
+def _trials(labels: NDArray[Any] | None, rows: int) -> list[tuple[str, Any]]:
+    """The name and the rows of each trial, in the order in which they first occur."""
+    if labels is None:
+        return [("", slice(0, rows))]
+    names, first, codes = np.unique(labels, return_index=True, return_inverse=True)
+    order = np.argsort(codes, kind="stable")
+    parts = np.split(order, np.cumsum(np.bincount(codes))[:-1])
+    return [(str(names[k]), parts[k]) for k in np.argsort(first)]
+
+
+def _trial_word(column: str | None) -> str:
+    """What a trial is called in the name of its recording, by the name of the column."""
+    word = (column or "").strip().lower().removesuffix("_index")
+    return word if word in TRIAL_COLUMNS else "trial"
+
+
+def _check_rate(recording: Recording, time: Column) -> None:
+    """Refuses a time in an unknown unit that cannot be seconds."""
+    low, high = RATES
+    if not time.stated and not low <= recording.rate <= high:
+        raise ValueError(
+            f"{recording.name}: a sample every {1 / recording.rate:.3g} s if column '{time.name}' is in seconds;"
+            f" say its unit, e.g. time={time.name}:ms, or time={time.name}:s if it is so"
+        )

@@ -1,0 +1,209 @@
+"""Reads recordings from CSV files: text with commas, semicolons or tabs, a line of column names, and numbers."""
+
+from __future__ import annotations
+
+import csv
+import stat
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import TextIO, cast
+
+import pandas as pd
+
+from skill.data.tables import one_line
+from skill.recordings.column_table import Selection, check_length, select_columns, table_recordings
+from skill.recordings.columns import listed
+from skill.recordings.recording import Recording
+
+MAX_BYTES = 1_000_000_000
+"""Largest size of a file; 3.6 million samples of eight columns with 16 characters each have 0.6 GB."""
+
+MAX_LINE = 1_000_000
+"""Largest number of bytes of a line."""
+
+SEPARATORS = (",", ";", "\t")
+NO_VALUES = ("", "nan", "NaN", "NAN", "NA", "null")
+"""Texts that say that there is no value."""
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """How the text of a file is divided: its column names, separator, decimal sign and lines before the numbers."""
+
+    names: list[str]
+    separator: str
+    decimal: str
+    skipped: int
+
+
+class _Headed:
+    """A text with a line before it."""
+
+    def __init__(self, header: str, stream: TextIO) -> None:
+        self._header = f"{header}\n"
+        self._stream = stream
+
+    def read(self, size: int = -1) -> str:
+        """The next characters; the header alone comes first."""
+        header, self._header = self._header, ""
+        return header or self._stream.read(size)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._stream)
+
+
+def read_csv_file(
+    path: Path, *, columns: Iterable[str] = (), trial_column: str | None = None, phase_column: str | None = None
+) -> list[Recording]:
+    """Reads the recordings of a CSV file.
+
+    The first line that is neither empty nor a comment (``#``) names the columns; if it has numbers only, the last
+    comment before it does. The separator is the one of comma, semicolon and tab that occurs most often in it. With a
+    semicolon or tab, numbers may have a decimal comma. Only the columns that are used must be numbers.
+    The text is UTF-8, with or without a byte order mark.
+
+    Args:
+        path: file to read, at most ``MAX_BYTES``.
+        columns: what the user says about channels; see `skill.recordings.columns.choose_columns`.
+        trial_column: column of the trials; None for one with a usual name.
+        phase_column: column of the phases; None for one with a usual name.
+
+    Raises:
+        ValueError: if the file is missing, too large, no such text, or its columns or rows are not valid. The message
+            names the file and, where there is one, the line.
+    """
+    try:
+        _check_text(path)
+        layout = _layout(path)
+        selection = select_columns(
+            layout.names, str(path), choices=columns, trial_column=trial_column, phase_column=phase_column
+        )
+        table = _table(path, layout, selection)
+    except FileNotFoundError:
+        raise ValueError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not a text in UTF-8 ({one_line(error)})") from error
+
+    def row_name(row: int) -> str:
+        number = next((number for number, _ in islice(_lines(path, layout), row, None)), None)
+        return f"row {row} of the data" if number is None else f"line {number}"  # None: a text of several lines
+
+    return table_recordings(table, selection, str(path), path.name, row_name=row_name)
+
+
+def _check_text(path: Path) -> None:
+    """Refuses a file that is not regular, too large, has too many lines, or NUL bytes or lines without end."""
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError(f"{path}: expected a file")
+    if status.st_size > MAX_BYTES:
+        raise ValueError(f"{path}: {status.st_size / 1e6:.0f} MB, expected at most {MAX_BYTES / 1e6:.0f} MB")
+    lines = 0
+    with path.open("rb") as stream:
+        while block := stream.read(MAX_LINE):
+            if b"\0" in block:
+                raise ValueError(f"{path}: NUL bytes, expected a text in UTF-8 (not UTF-16)")
+            if len(block) == MAX_LINE and b"\n" not in block:
+                raise ValueError(f"{path}: a line of more than {MAX_LINE} characters")
+            lines += block.count(b"\n")
+    check_length(lines - 1000, str(path))  # some lines may be comments
+
+
+def _layout(path: Path) -> _Layout:
+    """Finds the line of column names, the separator and the decimal sign."""
+    comment, skipped = "", 0
+    with path.open(encoding="utf-8-sig", newline="") as stream:
+        for number, line in enumerate(stream, start=1):
+            text = line.strip("\r\n ")
+            if text.startswith("#"):
+                comment, skipped = text.lstrip("# "), number
+            elif text:
+                break
+        else:
+            raise ValueError(f"{path}: no line of column names; the file has no data")
+        rows = [line.partition("#")[0] for line in islice(stream, 100)]
+    header = text.partition("#")[0]
+    separator = max(SEPARATORS, key=header.count)
+    names = _fields(header, separator, f"{path}: line {number}")
+    if not all(_is_number(name, ".") or _is_number(name, ",") for name in names):
+        skipped = number
+    else:
+        values, names = names, _fields(comment, separator, f"{path}: line {skipped}")
+        if len(names) != len(values):
+            raise ValueError(f"{path}: line {number} has numbers {listed(values)}, expected the names of the columns")
+        rows.append(header)
+    comma = separator != "," and any("," in row for row in rows) and not any("." in row for row in rows)
+    return _Layout(names, separator, "," if comma else ".", skipped)
+
+
+def _fields(header: str, separator: str, where: str) -> list[str]:
+    """The names in a line."""
+    try:
+        return [field.strip() for row in csv.reader([header], delimiter=separator, strict=True) for field in row]
+    except csv.Error as error:
+        raise ValueError(f"{where}: damaged column names ({error})") from error
+
+
+def _table(path: Path, layout: _Layout, selection: Selection) -> pd.DataFrame:
+    """The columns of the selection; a text where a number should be is an error that names the line."""
+    numbers = {column.name for column in selection.columns} - {selection.trial, selection.phase}
+    width = len(layout.names)  # one more column is read, for what a line has too much
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            for _ in range(layout.skipped):
+                stream.readline()
+            table: pd.DataFrame = pd.read_csv(
+                cast("TextIO", _Headed(layout.separator.join(map(str, range(width + 1))), stream)),
+                sep=layout.separator,
+                decimal=layout.decimal,
+                index_col=False,
+                usecols=[str(k) for k in (*(layout.names.index(name) for name in selection.names), width)],
+                dtype={**{str(k): float for k, name in enumerate(layout.names) if name in numbers}, str(width): str},
+                comment="#",
+                skipinitialspace=True,
+                keep_default_na=False,
+                na_values=list(NO_VALUES),
+                float_precision="round_trip",
+            )
+    except UnicodeDecodeError:
+        raise
+    except (ValueError, OverflowError) as error:
+        raise ValueError(f"{path}: {_fault(path, layout, numbers) or one_line(error)}") from error
+    if table.pop(str(width)).notna().any():
+        raise ValueError(f"{path}: {_fault(path, layout, numbers) or 'a line has too many fields'}")
+    return table.rename(columns={str(k): name for k, name in enumerate(layout.names)})
+
+
+def _fault(path: Path, layout: _Layout, numbers: set[str]) -> str:
+    """Where a text stands in a column of numbers, or where a line has too many fields; empty if nowhere."""
+    try:
+        for number, row in _lines(path, layout):
+            if any(field.strip() not in NO_VALUES for field in row[len(layout.names) :]):
+                return f"line {number} has {len(row)} fields, expected {len(layout.names)}"
+            for name, field in zip(layout.names, row, strict=False):
+                text = field.strip()
+                if name in numbers and text not in NO_VALUES and not _is_number(text, layout.decimal):
+                    return f"line {number}: '{text[:60]}' in column '{name}', expected a number"
+    except csv.Error as error:
+        return f"damaged text ({error})"
+    return ""
+
+
+def _lines(path: Path, layout: _Layout) -> Iterator[tuple[int, list[str]]]:
+    """The number and the fields of each line with data."""
+    blanks = " \r\n" if layout.separator == "\t" else " \t\r\n"
+    with path.open(encoding="utf-8-sig", newline="") as stream:
+        for number, line in enumerate(stream, start=1):
+            if number > layout.skipped and not line.startswith("#") and line.strip(blanks):
+                text = line.partition("#")[0].rstrip("\r\n")
+                yield number, next(csv.reader([text], delimiter=layout.separator, skipinitialspace=True), [])
+
+
+def _is_number(text: str, decimal: str) -> bool:
+    try:
+        float(text.replace(decimal, ".") if decimal != "." else text)
+    except ValueError:
+        return False
+    return "_" not in text

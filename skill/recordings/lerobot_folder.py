@@ -1,0 +1,178 @@
+"""Reads recordings from data sets of LeRobot, versions 2.1 and 3.0: one recording an episode.
+
+The format: `meta/info.json` describes the features, and the Parquet files below `data` hold their frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from skill.arrays import Array
+from skill.data.sealed_file import read_bounded
+from skill.data.strict_json import MAX_LENGTH, parse_object
+from skill.data.tables import one_line
+from skill.recordings.column_table import Selection, check_length, select_columns, table_recordings
+from skill.recordings.columns import FORCES, MOMENTS, PHASE_COLUMNS, label_column, listed
+from skill.recordings.parquet_file import read_columns
+from skill.recordings.recording import Recording
+
+FEATURES = ("observation.wrench", "observation.environment_state", "observation.state")
+"""Features in which the channels are looked for, in this order."""
+
+VERSIONS = ("v2.1", "v3.0")
+MAX_FILES = 10_000
+MAX_WIDTH = 1000
+"""Largest number of numbers of a feature in one frame."""
+
+_EPISODE, _FRAME, _TIMESTAMP = "episode_index", "frame_index", "timestamp"
+
+
+def read_lerobot_folder(
+    path: Path, *, feature: str | None = None, columns: Iterable[str] = (), phase_column: str | None = None
+) -> list[Recording]:
+    """Reads the episodes of a data set.
+
+    The channels are the ``names`` of the feature. An ``observation.wrench`` of six numbers without names is
+    fx fy fz mx my mz; the numbers of another feature without names are called "0", "1" and so on. The time is
+    ``frame_index / fps``, because time stamps in 32 bits are too coarse for long episodes.
+
+    Args:
+        path: folder of the data set.
+        feature: feature to read; None for the first of ``FEATURES`` in which forces are found.
+        columns: what the user says about channels; see `skill.recordings.columns.choose_columns`.
+        phase_column: feature of one number or text with the phase of each frame; None for one with a usual name.
+
+    Raises:
+        ValueError: if a file is missing or damaged, the version is unknown, the feature has no usable names, or an
+            episode is no valid recording. The message names the file.
+    """
+    path = Path(path)
+    features, fps = _info(path / "meta" / "info.json")
+    choices = list(columns)
+    feature, names = _feature(path, features, feature, choices)
+    phase = label_column([n for n in features if n not in FEATURES], phase_column, PHASE_COLUMNS, str(path))
+    selection = select_columns(
+        ["time", *names], str(path), choices=[*choices, "time=time:s"], trial_column=None, phase_column=None
+    )
+    parts = sorted((path / "data").glob("chunk-*/*.parquet"))
+    if not 0 < len(parts) <= MAX_FILES:
+        raise ValueError(f"{path}: {len(parts)} files data/chunk-*/*.parquet, expected 1 to {MAX_FILES}")
+    tables: list[pd.DataFrame] = []
+    for part in parts:
+        tables.append(_part(part, feature, names, phase, fps))
+        check_length(sum(map(len, tables)), str(path))
+    return table_recordings(
+        pd.concat(tables, ignore_index=True),
+        Selection(selection.columns, _EPISODE, phase),
+        str(path),
+        path.resolve().name,
+        row_name="frame {} of the data set".format,
+    )
+
+
+def _info(path: Path) -> tuple[dict[str, dict[str, Any]], float]:
+    """The features of a data set and its frames per second."""
+    try:
+        info = parse_object(read_bounded(path, MAX_LENGTH))
+    except FileNotFoundError:
+        raise ValueError(f"{path}: no such file; expected a data set of LeRobot") from None
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: damaged ({one_line(error)})") from error
+    version, fps, features = info.get("codebase_version"), info.get("fps"), info.get("features")
+    if version not in VERSIONS:
+        raise ValueError(f"{path}: version {version!r:.40} of the format, expected {' or '.join(VERSIONS)}")
+    if isinstance(fps, bool) or not isinstance(fps, int | float) or not 0 < fps < 1e6:
+        raise ValueError(f"{path}: fps is {fps!r:.40}, expected a positive number")
+    if not isinstance(features, dict) or not all(isinstance(f, dict) for f in features.values()):
+        raise ValueError(f"{path}: 'features' is no object of objects")
+    return features, float(fps)
+
+
+def _feature(
+    path: Path, features: dict[str, dict[str, Any]], wanted: str | None, choices: Sequence[str]
+) -> tuple[str, list[str]]:
+    """The feature to read and the names of its numbers."""
+    if wanted is not None and wanted not in features:
+        raise ValueError(f"{path}: no feature '{wanted}'; features are {listed(list(features))}")
+    failures = []
+    for name in FEATURES if wanted is None else (wanted,):
+        if name not in features:
+            continue
+        names = _names(path, name, features[name])
+        try:
+            select_columns(["time", *names], name, choices=choices, trial_column=None, phase_column=None)
+        except ValueError as error:
+            failures.append(str(error))
+        else:
+            return name, names
+    found = "; ".join(failures) or f"features are {listed(list(features))}; choose one"
+    raise ValueError(f"{path}: no feature with forces: {found}")
+
+
+def _names(path: Path, name: str, feature: dict[str, Any]) -> list[str]:
+    """The names of the numbers of a feature."""
+    shape, names = feature.get("shape"), feature.get("names")
+    if not (isinstance(shape, list) and len(shape) == 1 and type(shape[0]) is int and 0 < shape[0] <= MAX_WIDTH):
+        raise ValueError(f"{path}: feature '{name}' has shape {shape!r:.40}, expected one dimension")
+    if isinstance(names, dict) and len(names) == 1:  # such as {"axes": [...]}
+        [names] = names.values()
+    if names is None:
+        wrench = name == "observation.wrench" and shape[0] == 6
+        return [*FORCES, *MOMENTS] if wrench else [str(k) for k in range(shape[0])]
+    if not isinstance(names, list) or len(names) != shape[0] or not all(isinstance(n, str) for n in names):
+        raise ValueError(f"{path}: feature '{name}' has names {names!r:.60}, expected {shape[0]} texts")
+    if "time" in names:
+        raise ValueError(f"{path}: feature '{name}' has a number called 'time', which is taken")
+    return list(names)
+
+
+def _part(path: Path, feature: str, names: list[str], phase: str | None, fps: float) -> pd.DataFrame:
+    """The frames of one Parquet file as a table of the time, the numbers of the feature, episode and phase."""
+    labels = [_EPISODE, *([] if phase is None else [phase])]
+    rows = read_columns(path, lambda _: [feature, _TIMESTAMP, _FRAME, *labels], width=len(names))
+    frames, stamps = (np.asarray(_scalars(rows, name, path), dtype=float) for name in (_FRAME, _TIMESTAMP))
+    time = frames / fps
+    off = np.abs(stamps - time)
+    if not np.all(off <= 0.5 / fps):
+        row = int(np.argmax(~(off <= 0.5 / fps)))
+        raise ValueError(
+            f"{path}: timestamp {stamps[row]:g} s in row {row}, expected frame_index / fps = {time[row]:g} s"
+        )
+    table = pd.DataFrame(_numbers(rows[feature], len(names), feature, path), columns=names)
+    table.insert(0, "time", time)
+    for label in labels:
+        table[label] = _scalars(rows, label, path).to_numpy()
+    return table
+
+
+def _scalars(rows: pa.Table, name: str, path: Path) -> pd.Series:
+    """A column of single numbers or texts."""
+    column = rows[name]
+    if pa.types.is_nested(column.type):
+        raise ValueError(f"{path}: column '{name}' has type {column.type}, expected single values")
+    series: pd.Series = column.to_pandas()
+    return series
+
+
+def _numbers(column: pa.ChunkedArray, width: int, name: str, path: Path) -> Array:
+    """A column of lists of numbers as an array of shape (n, width)."""
+    kind = column.type
+    lists = pa.types.is_list(kind) or pa.types.is_fixed_size_list(kind) or pa.types.is_large_list(kind)
+    value = kind.value_type if lists else kind
+    if not (pa.types.is_floating(value) or pa.types.is_integer(value)) or (not lists and width > 1):
+        raise ValueError(f"{path}: column '{name}' has type {kind}, expected lists of {width} numbers")
+    flat = column.combine_chunks()
+    if lists:
+        lengths = set(flat.value_lengths().to_pylist()) if len(flat) else set()
+        if lengths - {width}:
+            raise ValueError(
+                f"{path}: column '{name}' has lists of {sorted(map(str, lengths))} numbers, expected {width}"
+            )
+        flat = flat.flatten()
+    return np.asarray(flat.to_numpy(zero_copy_only=False), dtype=float).reshape(-1, width)

@@ -1,0 +1,127 @@
+"""Reads recordings from Parquet files of other programs, and from the demonstrations and rig runs of this one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from skill.data.demonstration import ACTIONS
+from skill.data.parquet_footer import column_chunks, unpacked_columns
+from skill.data.sealed_file import is_sealed, read_bounded
+from skill.data.tables import one_line
+from skill.recordings.column_table import Selection, check_length, select_columns, table_recordings
+from skill.recordings.columns import listed
+from skill.recordings.recording import Recording
+
+MAX_BYTES = 500_000_000
+"""Largest size of a file; 3.6 million samples of seven 64-bit numbers have at most 0.2 GB."""
+
+MAX_UNPACKED = 1_000_000_000
+"""Largest number of bytes to which the columns that are read may unpack."""
+
+_OWN_KINDS = (b"demonstration", b"rig_run")
+_TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+
+def read_parquet_file(
+    path: Path, *, columns: Iterable[str] = (), trial_column: str | None = None, phase_column: str | None = None
+) -> list[Recording]:
+    """Reads the recordings of a Parquet file.
+
+    A column of time stamps or durations is a time in its own unit. In a demonstration or a rig run of this program the
+    action of the operator (``rx ry rz``) is no orientation, and is left out unless the user names it.
+
+    Args:
+        path: file to read, at most ``MAX_BYTES``; the columns that are read unpack to at most ``MAX_UNPACKED`` bytes.
+        columns: what the user says about channels; see `skill.recordings.columns.choose_columns`.
+        trial_column: column of the trials; None for one with a usual name.
+        phase_column: column of the phases; None for one with a usual name.
+
+    Raises:
+        ValueError: if the file is missing, damaged or too large, or its columns or rows are not valid. The message
+            names the file.
+    """
+    chosen: list[Selection] = []
+    choices = list(columns)
+
+    def choose(schema: pa.Schema) -> list[str]:
+        own = any(kind in (schema.metadata or {}) for kind in _OWN_KINDS)
+        named = {choice.partition("=")[2].strip().partition(":")[0] for choice in choices}
+        names = [name for name in schema.names if not (own and name in ACTIONS and name not in named)]
+        chosen.append(
+            select_columns(names, str(path), choices=choices, trial_column=trial_column, phase_column=phase_column)
+        )
+        return chosen[0].names
+
+    rows = read_columns(path, choose)
+    [selection] = chosen
+    return table_recordings(*_frame(rows, selection), str(path), path.name)
+
+
+def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, width: int = 1) -> pa.Table:
+    """Reads some columns of a Parquet file, after checking to what they would unpack.
+
+    Args:
+        path: file to read.
+        choose: returns the names of the columns to read; it is given the schema, with the metadata of the file. Its
+            errors are passed on.
+        width: largest number of numbers of a row in a column of lists.
+
+    Raises:
+        ValueError: if the file is missing, damaged or too large. The message names it.
+    """
+    with _named(path):
+        data = read_bounded(Path(path), MAX_BYTES)
+        is_sealed(data)
+        if any(chunk.compression == "unknown" for chunk in column_chunks(data)):
+            raise ValueError("an unknown compression")
+        unpacked = unpacked_columns(data)
+        metadata = pq.read_metadata(pa.BufferReader(data))
+        groups = [metadata.row_group(k).num_rows for k in range(metadata.num_row_groups)]
+        schema = metadata.schema.to_arrow_schema().with_metadata(metadata.metadata)
+    rows = max(metadata.num_rows, sum(groups))
+    check_length(rows, str(path))
+    names = list(choose(schema))
+    missing = [name for name in names if name not in unpacked]
+    if missing:
+        raise ValueError(f"{path}: no column {listed(missing)}; columns are {listed(schema.names)}")
+    # PyArrow reads "a.b" too where "a" is asked for.
+    size = sum(column.size for name, column in unpacked.items() if name in names or name.partition(".")[0] in names)
+    values = max(unpacked[name].values for name in names)
+    if size > MAX_UNPACKED or values > rows * width:
+        raise ValueError(
+            f"{path}: columns {listed(names)} unpack to {size / 1e6:.0f} MB and {values} values in {rows} rows,"
+            f" expected at most {MAX_UNPACKED / 1e6:.0f} MB and {width} values in a row"
+        )
+    texts = [name for name in names if pa.types.is_string(schema.field(name).type)]
+    with _named(path):
+        file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=texts, page_checksum_verification=True)
+        table: pa.Table = file.read(columns=names)
+        return table.select(names)
+
+
+def _frame(rows: pa.Table, selection: Selection) -> tuple[pd.DataFrame, Selection]:
+    """A table as pandas columns; time stamps become integers, and their unit goes into the selection."""
+    time, *channels = selection.columns
+    kind = rows.schema.field(time.name).type
+    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
+        rows = rows.set_column(rows.schema.get_field_index(time.name), time.name, rows[time.name].cast(pa.int64()))
+        time = replace(time, size=_TIME_UNITS[kind.unit], stated=True)
+    return rows.to_pandas(ignore_metadata=True), replace(selection, columns=(time, *channels))
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Turns all errors of reading a Parquet file into one `ValueError` that names it."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise ValueError(f"{path}: no such file") from None
+    except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
+        raise ValueError(f"{path}: not a complete Parquet file ({one_line(error)})") from error

@@ -1,0 +1,80 @@
+"""Reads recordings from a file or folder of any kind that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from skill.recordings.csv_file import read_csv_file
+from skill.recordings.lerobot_folder import read_lerobot_folder
+from skill.recordings.mcap_file import read_mcap_file
+from skill.recordings.npz_file import read_npz_file
+from skill.recordings.parquet_file import read_parquet_file
+from skill.recordings.recording import Recording
+
+TABLES = {
+    **dict.fromkeys((".csv", ".tsv", ".txt"), read_csv_file),
+    **dict.fromkeys((".parquet", ".pq"), read_parquet_file),
+    ".npz": read_npz_file,
+}
+"""The reader of tables for each ending of a name."""
+
+
+def read_recordings(
+    path: Path | str,
+    *,
+    columns: Iterable[str] = (),
+    trial_column: str | None = None,
+    phase_column: str | None = None,
+    topic: str | None = None,
+    feature: str | None = None,
+) -> list[Recording]:
+    """Reads all recordings of a file or folder.
+
+    A table (CSV, Parquet, NPZ) is one recording, or one for each trial if it has a column of trials. An MCAP file, or a
+    folder of its parts, is one recording. A data set of LeRobot is one recording for each episode.
+
+    Args:
+        path: file (``.csv .tsv .txt .parquet .pq .npz .mcap``), or folder of a LeRobot data set or of a rosbag2.
+        columns: texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N"; not for MCAP. Columns with
+            usual names need none. See `skill.recordings.columns`.
+        trial_column: column that says to which trial a row of a table belongs; None for one with a usual name.
+        phase_column: column of a table or a data set with the phase of each row; None for one with a usual name.
+        topic: topic of an MCAP file; None for its only one of the type WrenchStamped.
+        feature: feature of a data set of LeRobot; None for the usual one.
+
+    Returns:
+        The recordings, at least one, in SI units.
+
+    Raises:
+        ValueError: if the file is missing, of an unknown kind, damaged or too large, if an option does not fit its
+            kind, or if its content is no valid recording. The message names the file.
+    """
+    path = Path(path)
+    columns = list(columns)
+    options = {"columns": columns, "trial_column": trial_column, "phase_column": phase_column}
+    options |= {"topic": topic, "feature": feature}
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        if (path / "meta" / "info.json").is_file():
+            _check_options(path, options, {"columns", "phase_column", "feature"}, "a data set of LeRobot")
+            return read_lerobot_folder(path, feature=feature, columns=columns, phase_column=phase_column)
+        if any(path.glob("*.mcap")):
+            _check_options(path, options, {"topic"}, "MCAP files")
+            return read_mcap_file(path, topic=topic)
+        raise ValueError(f"{path}: a folder without meta/info.json (LeRobot) or *.mcap (rosbag2)")
+    if suffix == ".mcap":
+        _check_options(path, options, {"topic"}, "an MCAP file")
+        return read_mcap_file(path, topic=topic)
+    if suffix in TABLES:
+        _check_options(path, options, {"columns", "trial_column", "phase_column"}, "a table")
+        return TABLES[suffix](path, columns=columns, trial_column=trial_column, phase_column=phase_column)
+    remedy = "; convert a rosbag to MCAP first" if suffix in (".db3", ".bag") else ""
+    raise ValueError(f"{path}: ends in '{suffix}', expected {' '.join(TABLES)} .mcap or a folder{remedy}")
+
+
+def _check_options(path: Path, options: Mapping[str, object], allowed: set[str], kind: str) -> None:
+    """Refuses an option that would have no effect."""
+    idle = sorted(name for name, value in options.items() if value and name not in allowed)
+    if idle:
+        raise ValueError(f"{path}: {idle} cannot be chosen for {kind}; expected only {sorted(allowed)}")
