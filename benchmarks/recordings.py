@@ -3,8 +3,9 @@
     python -m benchmarks.recordings --data FILE.npz --train-trials A-B --test-trials C-D [--rate HZ] [--seed 0]
                                     [--json FILE]                         needs the extra [peers]
 
-The file has the arrays time (s), wrench (N and N m), trial and phase. Learners see the wrenches of the training trials
-only, scaled to variance one. All figures are of the test trials:
+The file has the arrays time (s), wrench (N and N m), trial and phase. A phase of less than three samples counts as the
+next one. Learners see the wrenches of the training trials only, scaled to variance one. All figures are of the test
+trials:
 
 - states: number of states that were discovered; of segments per trial on average for change point detection;
 - ARI, NMI: adjusted Rand index and normalised mutual information between states and phases;
@@ -20,10 +21,12 @@ training. Delay: time from a change of the phase to the first sample with this p
 
 from __future__ import annotations
 
+import logging
 import re
 import time as clock
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,8 +40,6 @@ import numpy as np
 import ruptures
 from hmmlearn.hmm import GaussianHMM
 from numpy.typing import NDArray
-from skill.recordings.reading import read_recordings
-from skill.recordings.recording import Recording
 from sklearn.cluster import KMeans
 from sklearn.metrics import adjusted_rand_score, normalized_mutual_info_score, silhouette_score
 from sklearn.mixture import GaussianMixture
@@ -47,9 +48,11 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.command_line import argument_parser, run
 from benchmarks.learners.gaussian_mixture_regression import best_mixture
-from benchmarks.state_scores import boundary_f1, recognition
+from benchmarks.state_scores import MIN_DURATION, boundary_f1, recognition
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.recordings.reading import read_recordings
+from skill.recordings.recording import Recording
 from skill.states.contact_states import ContactStates
 from skill.states.hidden_markov import sequences
 from systems.reports.result_tables import plain_table
@@ -106,12 +109,16 @@ def mixture(train: Samples, test: Samples, seed: int, told: int | None) -> tuple
 
 
 def hidden_markov(train: Samples, test: Samples, seed: int, told: int | None) -> tuple[int, States]:
-    """A hidden Markov model with Gaussian emissions, by default that of smallest BIC."""
-    models = []
+    """A hidden Markov model with Gaussian emissions, by default that of smallest BIC among those that can be fitted."""
+    fits = []
     for k in range(1, MAX_STATES + 1) if told is None else [told]:
         model = GaussianHMM(k, covariance_type="full", min_covar=FLOOR, n_iter=60, random_state=seed)
-        models.append(model.fit(train.Z, train.lengths))
-    best = models[0] if told else min(models, key=lambda model: model.bic(train.Z, train.lengths))
+        with suppress(ValueError):  # a state with too few samples
+            model.fit(train.Z, train.lengths)
+            fits.append((float(model.bic(train.Z, train.lengths)), k, model))
+    if not fits:
+        raise ValueError(f"the hidden Markov model of {told} states cannot be fitted: too few samples")
+    _, _, best = min(fits)
     return best.n_components, best.predict(test.Z, test.lengths)
 
 
@@ -231,8 +238,19 @@ def samples(recordings: list[Recording], scaler: StandardScaler) -> Samples:
         scaler.transform(np.concatenate([recording.values for recording in recordings])),
         np.concatenate([recording.time - recording.time[0] for recording in recordings]),
         np.repeat(np.arange(len(counts)), counts),
-        np.concatenate([np.asarray(recording.phases, dtype=np.intp) for recording in recordings]),
+        np.concatenate([lasting(np.asarray(recording.phases, dtype=np.intp)) for recording in recordings]),
     )
+
+
+def lasting(phases: States) -> States:
+    """The phases (n,) of a trial, where one that lasts less than ``MIN_DURATION`` samples counts as the next one."""
+    begins = np.flatnonzero(np.diff(phases, prepend=phases[0] - 1))
+    lengths = np.diff(begins, append=len(phases))
+    found = phases[begins]
+    for k in range(len(begins) - 2, -1, -1):
+        if lengths[k] < MIN_DURATION:
+            found[k] = found[k + 1]
+    return np.repeat(found, lengths)
 
 
 def main() -> None:
@@ -244,6 +262,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0, help="seed of the learners (default: 0)")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
+    logging.getLogger("hmmlearn").setLevel(logging.ERROR)
     recordings = read_recordings(arguments.data)
     parts = [selected(recordings, t, arguments.rate) for t in (arguments.train_trials, arguments.test_trials)]
     scaler = StandardScaler().fit(np.concatenate([recording.values for recording in parts[0]]))
@@ -261,8 +280,8 @@ def main() -> None:
     line = found["on_line"]
     console.print(
         f"on line: the phase is right for {100 * line['accuracy']:.0f} % of the samples;"
-        f" {100 * line['recognised']:.0f} % of the changes are recognised, after {line['delay_mean_s']:.2f} s on average"
-        f" and {line['delay_p90_s']:.2f} s for nine in ten"
+        f" {100 * line['recognised']:.0f} % of the changes are recognised, after {line['delay_mean_s']:.2f} s"
+        f" on average and {line['delay_p90_s']:.2f} s for nine in ten"
     )
     if arguments.json:
         write_json(arguments.json, {"seed": arguments.seed, "rate": arguments.rate, **found})

@@ -128,6 +128,7 @@ def table_recordings(
                 values[rows],
                 tuple(c.channel for c in channels),
                 None if phases is None else phases[rows],
+                label,
             )
         )
         _check_rate(recordings[-1], time)

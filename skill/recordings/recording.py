@@ -28,6 +28,7 @@ class Recording:
         values: (n, d) samples, SI units.
         channels: d names such as "fx", each once.
         phases: (n,) integers or texts, the known phase of each sample; None where there are none.
+        trial: what its file calls the trial, such as "3"; empty where a file is one recording.
 
     Raises:
         ValueError: if a shape does not fit, a number is not finite, the time does not increase, there are fewer than
@@ -39,6 +40,7 @@ class Recording:
     values: Array
     channels: tuple[str, ...]
     phases: NDArray[Any] | None = None
+    trial: str = ""
 
     def __post_init__(self) -> None:
         try:
@@ -131,6 +133,7 @@ class Recording:
             np.add.reduceat(self.values, first, axis=0) / counts[:, None],
             self.channels,
             None if self.phases is None else _majority(self.phases, np.repeat(np.arange(len(first)), counts)),
+            self.trial,
         )
 
 

@@ -23,6 +23,7 @@ WITHOUT_EXTRAS = {
     "regression_intervals",
 }  # in benchmarks.learners
 WITHOUT_EXTRAS_AT_THE_TOP = {"benchmarks.forward_models", "benchmarks.rig_cost"}
+WITH_PEERS_ONLY = {"benchmarks.recordings"}
 WITH_PEERS = {"benchmarks.learners.contact_states", "benchmarks.physics.engines", "benchmarks.rig.mujoco"}
 
 RUN_WITHOUT = """
@@ -48,7 +49,7 @@ def run_without(packages, module):
 
 
 def test_all_benchmarks_are_found():
-    assert set(COMMANDS) >= WITH_PEERS | {f"benchmarks.learners.{name}" for name in WITHOUT_EXTRAS}
+    assert set(COMMANDS) >= WITH_PEERS | WITH_PEERS_ONLY | {f"benchmarks.learners.{name}" for name in WITHOUT_EXTRAS}
     assert len(COMMANDS) >= 12
 
 
@@ -59,16 +60,16 @@ def test_a_benchmark_without_its_extras_names_them_in_one_line(module):
     if module in WITHOUT_EXTRAS_AT_THE_TOP or module.removeprefix("benchmarks.learners.") in WITHOUT_EXTRAS:
         assert done.returncode == 0, done.stderr
         return
-    names = "peers,sim" if module in WITH_PEERS else "sim"
+    names = "peers,sim" if module in WITH_PEERS else "peers" if module in WITH_PEERS_ONLY else "sim"
     assert done.returncode == 1
     assert done.stdout == ""
     assert re.fullmatch(r"error: this benchmark needs the extras? \[(.+)\]: pip install -e '\.\[\1\]'\n", done.stderr)
     assert f"[{names}]" in done.stderr
 
 
-@pytest.mark.parametrize("module", sorted(WITH_PEERS))
+@pytest.mark.parametrize("module", sorted(WITH_PEERS | WITH_PEERS_ONLY))
 def test_only_the_missing_extra_is_named(module):
-    done = run_without(["hmmlearn", "mujoco"], module)
+    done = run_without(["hmmlearn", "mujoco", "ruptures"], module)
     assert done.returncode == 1
     assert done.stderr == "error: this benchmark needs the extra [peers]: pip install -e '.[peers]'\n"
 

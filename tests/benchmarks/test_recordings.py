@@ -1,0 +1,119 @@
+"""The benchmark of recordings, on recordings that it has made itself."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("hmmlearn", reason="needs the extra [peers]")
+pytest.importorskip("ruptures", reason="needs the extra [peers]")
+
+from threadpoolctl import threadpool_limits
+
+from benchmarks.recordings import PEERS, TOLD, Samples, change_points, k_means, lasting, selected
+from skill.recordings.recording import Recording
+
+ROOT = Path(__file__).resolve().parents[2]
+FORCES = np.array([[0.0, 0.0, -1.0], [6.0, -4.0, -8.0], [-3.0, 2.0, -20.0]])
+
+
+def three_phases(n_trials=6, period=0.02):
+    """Arrays of trials with three forces, correlated noise, and durations of about one second."""
+    rng = np.random.default_rng(0)
+    parts = []
+    for trial in range(1, n_trials + 1):
+        phase = np.repeat([0, 1, 2], rng.integers(40, 60, size=3))
+        noise = rng.normal(size=(len(phase), 6)) * 0.3
+        for t in range(1, len(noise)):
+            noise[t] = 0.8 * noise[t - 1] + 0.6 * noise[t]
+        wrench = np.hstack([FORCES[phase], 0.1 * FORCES[phase][:, ::-1]]) + noise * ([1.0] * 3 + [0.1] * 3)
+        parts.append((period * np.arange(len(phase)), wrench, np.full(len(phase), trial), phase))
+    return dict(zip(("time", "wrench", "trial", "phase"), map(np.concatenate, zip(*parts, strict=True)), strict=True))
+
+
+@pytest.mark.slow
+def test_figures_of_all_learners(tmp_path):
+    np.savez(tmp_path / "three.npz", **three_phases())
+    command = [sys.executable, "-m", "benchmarks.recordings", "--data", tmp_path / "three.npz"]
+    command += ["--train-trials", "1-3", "--test-trials", "4,5-6", "--json", tmp_path / "figures.json"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    figures = json.loads((tmp_path / "figures.json").read_text())
+    keys = {"states", "ari", "nmi", "boundary_f1"}
+    assert figures["states"] == 3
+    assert min(figures[key] for key in keys) > 0.9
+    assert set(figures["peers"]) == {*PEERS, *(f"{name}, told 3" for name in TOLD)}
+    assert all(set(row) == keys for row in figures["peers"].values())
+    assert figures["peers"]["k-means, told 3"]["ari"] > 0.9
+    assert figures["on_line"]["accuracy"] > 0.9
+    assert 0.0 <= figures["on_line"]["delay_mean_s"] < 0.2
+    assert "ContactStates" in done.stdout
+
+
+def samples(**changes):
+    arrays = three_phases()
+    parts = {"Z": arrays["wrench"], "time": arrays["time"], "groups": arrays["trial"], "phases": arrays["phase"]}
+    return Samples(**{**parts, **changes})
+
+
+def test_change_points_are_counted_from_the_beginning_of_each_trial():
+    data = samples()
+    number, states = change_points(data, data, 0, 3)
+    assert number == 3
+    assert (states == data.phases).mean() > 0.95
+    constant = samples(Z=np.random.default_rng(0).normal(size=data.Z.shape))
+    assert change_points(constant, constant, 0, None)[0] == 1
+
+
+def test_k_means_finds_the_number_or_is_told():
+    data = samples()
+    with threadpool_limits(1):
+        assert k_means(data, data, 0, None)[0] == 3
+        assert k_means(data, data, 0, 2)[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("phases", "expected"),
+    [
+        ([0, 0, 0, 1, 2, 2, 2], [0, 0, 0, 2, 2, 2, 2]),
+        ([1, 2, 2, 2, 3], [2, 2, 2, 2, 3]),  # the last one has no next one
+        ([0, 0, 0, 1, 1, 3, 0, 0, 0], [0, 0, 0, 0, 0, 0, 0, 0, 0]),
+        ([4, 4, 4], [4, 4, 4]),
+    ],
+)
+def test_brief_phases_count_as_the_next_one(phases, expected):
+    assert lasting(np.array(phases)).tolist() == expected
+
+
+def recording(trial, phases=(0, 0, 1)):
+    values = np.zeros((3, 1))
+    return Recording(f"x, trial {trial}", np.arange(3.0), values, ("fx",), phases and np.array(phases), trial)
+
+
+def test_trials_are_chosen_by_their_numbers():
+    recordings = [recording(trial) for trial in ("1", "2", "3", "5", "7")]
+    assert [r.trial for r in selected(recordings, "1-3,7", 50.0)] == ["1", "2", "3", "7"]
+
+
+@pytest.mark.parametrize(
+    ("trials", "message"),
+    [
+        ("1-4", r"no trials \[3, 4\]; there are 1, 2"),
+        ("1-", "trials '1-', expected numbers such as"),
+        ("a", "trials 'a', expected"),
+        ("1-2-3", "trials '1-2-3', expected"),
+        ("", "trials '', expected"),
+    ],
+)
+def test_trials_that_are_not_there(trials, message):
+    with pytest.raises(ValueError, match=message):
+        selected([recording("1"), recording("2")], trials, 50.0)
+
+
+@pytest.mark.parametrize("phases", [None, ("a", "a", "b")])
+def test_phases_must_be_known(phases):
+    with pytest.raises(ValueError, match="no phases, expected an array 'phase' of integers"):
+        selected([recording("1", phases)], "1", 50.0)
