@@ -149,7 +149,7 @@ def _choices(names: Sequence[str], choices: Iterable[str], where: str) -> dict[s
         if rest in names:
             columns[channel] = _with_own_unit(channel, rest, where)
         elif colon and column in names:
-            columns[channel] = Column(channel, column, _size(unit, channel, text), stated=True)
+            columns[channel] = Column(channel, column, _size(unit, channel, f"{where}: '{text}'"), stated=True)
         else:
             missing = column if colon and is_unit(unit) else rest
             raise ValueError(f"{where}: no column '{missing}'; columns are {listed(names)}")
