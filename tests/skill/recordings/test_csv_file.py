@@ -86,6 +86,7 @@ ACCEPTED = {  # texts of the same two samples
     "quotes": '"time","fx","fy","fz"\n"0","1","2","3"\n"0.01",4,5,6\n',
     "spaces": "time, fx, fy, fz\n0, 1, 2, 3\n 0.01, 4, 5, 6\n",
     "header in a comment": "# a\n# time,fx,fy,fz\n0,1,2,3\n0.01,4,5,6\n",
+    "decimal comma in the first row": "# time;fx;fy;fz\n0,0;1;2;3\n1e-2;4;5;6\n",
     "commas at the end": "time,fx,fy,fz,\n0,1,2,3,\n0.01,4,5,6,\n",
     "commas at the end of numbers": HEADER + "0,1,2,3,\n0.01,4,5,6,\n",
     "empty rows": HEADER + ",,,\n0,1,2,3\n0.005,nan,NaN,\n,,NA,null\n0.01,4,5,6\n",
