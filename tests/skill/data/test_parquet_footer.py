@@ -113,6 +113,7 @@ def test_too_many_pages_are_refused(monkeypatch):
         unpacked_columns(written(row_group_size=32))
 
 
+@pytest.mark.slow
 def test_damaged_pages_are_refused_or_read_but_never_another_error():
     data, refused = written(row_group_size=32), 0
     rng = Random(0)

@@ -35,8 +35,8 @@ def test_a_file_of_pandas_is_read(tmp_path):
     assert found.name == "snap.csv"
     assert found.channels == ("fx", "fy", "fz", "mx", "my", "mz")
     np.testing.assert_array_equal(found.time, np.arange(500.0) * 2 * 1e-3)
-    np.testing.assert_allclose(found.values[:, 0], table["Fx [mN]"] * 1e-3, rtol=1e-15)
-    np.testing.assert_allclose(found.values[:, 1:], table[["Fy [N]", "Fz [N]", "mx", "my", "mz"]], rtol=1e-15)
+    np.testing.assert_allclose(found.values[:, 0], table["Fx [mN]"] * 1e-3, rtol=1e-14)
+    np.testing.assert_allclose(found.values[:, 1:], table[["Fy [N]", "Fz [N]", "mx", "my", "mz"]], rtol=1e-14)
     assert found.phases.tolist() == table["phase"].tolist()
 
 

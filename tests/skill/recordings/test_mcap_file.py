@@ -148,6 +148,7 @@ def test_a_truncated_file_is_refused(tmp_path, compression):
         read_mcap_file(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", list(CompressionType))
 def test_changed_bytes_are_refused_or_change_nothing(tmp_path, compression):
     path = tmp_path / "a.mcap"

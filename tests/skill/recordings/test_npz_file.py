@@ -103,6 +103,7 @@ def test_limits(tmp_path, monkeypatch):
         read_npz_file(truncated)
 
 
+@pytest.mark.slow
 def test_more_than_a_skill_may_hold_is_read(tmp_path):
     n = 1_800_100
     path = saved(tmp_path / "a.npz", time=np.arange(n) / 1000, wrench=np.zeros((n, 6)))

@@ -108,6 +108,7 @@ def test_a_damaged_file_is_refused(tmp_path):
     refused(tmp_path, "not a complete Parquet file (a folder, expected a file)")
 
 
+@pytest.mark.slow
 def test_changed_bytes_raise_nothing_but_value_errors(tmp_path):
     path = tmp_path / "a.parquet"
     wrench(40).to_parquet(path)
