@@ -66,6 +66,7 @@ _NAMES = {
 _PREFIX = re.compile(r"^(?:.*[/.])?(?:wrench|pose)[/._](?:pose[/._])?")
 _BRACKET = re.compile(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*")
 _SUFFIX = re.compile(r"(.+?)[_ ]+((?:n|mn)[_ ]m{1,2}|[^_ ]+)\s*", re.IGNORECASE)
+_MAX_NAME = 200  # longer names are not searched
 _NO_UNIT = ("", "1", "-")
 
 
@@ -103,7 +104,7 @@ def choose_columns(names: Sequence[str], choices: Iterable[str], where: str) -> 
     taken = {column.name for column in chosen.values()}
     found: dict[str, list[Column]] = {}
     for name in names:
-        column = None if name in taken else _recognised(name, chosen, names, where)
+        column = None if name in taken or len(name) > _MAX_NAME else _recognised(name, chosen, names, where)
         if column is not None and column.channel not in chosen:
             found.setdefault(column.channel, []).append(column)
     columns = {**{channel: _only(same, where) for channel, same in found.items()}, **chosen}
@@ -149,7 +150,7 @@ def _choices(names: Sequence[str], choices: Iterable[str], where: str) -> dict[s
         if rest in names:
             columns[channel] = _with_own_unit(channel, rest, where)
         elif colon and column in names:
-            columns[channel] = Column(channel, column, _size(unit, channel, text), stated=True)
+            columns[channel] = Column(channel, column, _size(unit, channel, f"{where}: '{text}'"), stated=True)
         else:
             missing = column if colon and is_unit(unit) else rest
             raise ValueError(f"{where}: no column '{missing}'; columns are {listed(names)}")
@@ -158,6 +159,8 @@ def _choices(names: Sequence[str], choices: Iterable[str], where: str) -> dict[s
 
 def _with_own_unit(channel: str, name: str, where: str) -> Column:
     """A column without a unit of the user: in the unit of its name, if that fits the channel, else in SI units."""
+    if len(name) > _MAX_NAME:
+        return Column(channel, name)
     bracket = _BRACKET.fullmatch(name)
     if bracket and (channel in STANDARD or is_unit(bracket[2])):
         return Column(channel, name, _size(bracket[2], channel, where, name), stated=True)

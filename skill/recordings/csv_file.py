@@ -165,7 +165,6 @@ def _table(path: Path, layout: _Layout, selection: Selection) -> pd.DataFrame:
                 skipinitialspace=True,
                 keep_default_na=False,
                 na_values=list(NO_VALUES),
-                float_precision="round_trip",
             )
     except UnicodeDecodeError:
         raise
@@ -203,7 +202,7 @@ def _lines(path: Path, layout: _Layout) -> Iterator[tuple[int, list[str]]]:
 
 def _is_number(text: str, decimal: str) -> bool:
     try:
-        float(text.replace(decimal, ".") if decimal != "." else text)
+        float(text.replace(decimal, "."))
     except ValueError:
         return False
-    return "_" not in text
+    return "_" not in text and (decimal == "." or "." not in text)

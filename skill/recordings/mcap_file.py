@@ -94,13 +94,14 @@ def _errors() -> tuple[type[Exception], ...]:
 
 def _read_part(path: Path, topic: str | None, topics: dict[str, array[float]], others: set[str]) -> None:
     """Appends log time, stamp and wrench of all messages of a file to the array of their topic."""
-    from mcap.records import Channel, Message, Schema
+    from mcap.records import Channel, Message, Schema, Statistics
 
     status = path.stat()
     if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:
         raise ValueError(f"{status.st_size / 1e6:.0f} MB, expected a file of at most {MAX_BYTES / 1e6:.0f} MB")
     schemas: dict[int, str] = {}
     wrenches: dict[int, tuple[Any, array[float]]] = {}
+    messages, stated = 0, None
     with path.open("rb") as stream:
         for record in _records(stream):
             if isinstance(record, Schema):
@@ -116,12 +117,19 @@ def _read_part(path: Path, topic: str | None, topics: dict[str, array[float]], o
                         f" expected {' or '.join(DECODERS)}"
                     )
                 wrenches[record.id] = decode, topics.setdefault(record.topic, array("d"))
-            elif isinstance(record, Message) and record.channel_id in wrenches and len(topics) == 1:
+            elif isinstance(record, Statistics):
+                stated = record.message_count
+            elif isinstance(record, Message):
+                messages += 1
+                if record.channel_id not in wrenches or len(topics) > 1:
+                    continue
                 decode, numbers = wrenches[record.channel_id]
                 numbers.append(record.log_time * 1e-9)
                 numbers.extend(decode(record.data))
                 if len(numbers) % 80_000 == 0:
                     check_length(len(numbers) // 8, "the topic")
+    if stated not in (None, messages):
+        raise ValueError(f"{messages} messages, but its statistics say {stated}")
 
 
 def _records(stream: BinaryIO) -> Iterator[Any]:

@@ -87,10 +87,13 @@ def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, wi
         schema = metadata.schema.to_arrow_schema().with_metadata(metadata.metadata)
     rows = max(metadata.num_rows, sum(groups))
     check_length(rows, str(path))
-    names = list(choose(schema))
+    names = list(dict.fromkeys(choose(schema)))
     missing = [name for name in names if name not in unpacked]
     if missing:
         raise ValueError(f"{path}: no column {listed(missing)}; columns are {listed(schema.names)}")
+    twice = [name for name in names if schema.names.count(name) > 1]
+    if twice:
+        raise ValueError(f"{path}: columns {listed(twice)} occur more than once")
     # PyArrow reads "a.b" too where "a" is asked for.
     size = sum(column.size for name, column in unpacked.items() if name in names or name.partition(".")[0] in names)
     values = max(unpacked[name].values for name in names)
@@ -103,7 +106,7 @@ def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, wi
     with _named(path):
         file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=texts, page_checksum_verification=True)
         table: pa.Table = file.read(columns=names)
-        return table.select(names)
+        return table.select(names).replace_schema_metadata(None)
 
 
 def _frame(rows: pa.Table, selection: Selection) -> tuple[pd.DataFrame, Selection]:

@@ -11,11 +11,7 @@ UNITS: dict[str, dict[str, float]] = {
     "force": {"n": 1.0, "mn": 1e-3, "kn": 1e3, "lbf": _LBF, "gf": 9.80665e-3, "kgf": 9.80665},
     "torque": {
         **{"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2},
-        **{
-            "lbfin": 4.4482216152605 * 0.0254,
-            "lbfft": 4.4482216152605 * 0.3048,
-            "ozfin": 4.4482216152605 * 0.0254 / 16,
-        },
+        **{"lbfin": _LBF * _INCH, "lbfft": _LBF * 12 * _INCH, "ozfin": _LBF * _INCH / 16},
     },
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": _INCH},
     "angle": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180},

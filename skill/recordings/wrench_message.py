@@ -51,8 +51,8 @@ def decode_json(message: bytes) -> Sample:
         ValueError: if a field is missing or no number.
     """
     fields = parse_object(message)
-    stamp = (fields.get("header") or {}).get("stamp") or {}
     try:
+        stamp = (fields.get("header") or {}).get("stamp") or {}
         seconds = _number(stamp.get("sec", stamp.get("secs", 0)))
         nanoseconds = _number(stamp.get("nanosec", stamp.get("nsec", stamp.get("nsecs", 0))))
         parts = [fields["wrench"][part][axis] for part in ("force", "torque") for axis in "xyz"]

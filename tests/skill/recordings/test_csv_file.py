@@ -1,0 +1,199 @@
+"""CSV files of other programs: separators, decimal signs, comments; each refusal names the line."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skill.recordings import column_table, csv_file
+from skill.recordings.csv_file import read_csv_file
+
+HEADER = "time,fx,fy,fz\n"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read_text(text, **options):
+        path = tmp_path / "snap.csv"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return read_csv_file(path, **options)
+
+    return read_text
+
+
+def test_a_file_of_pandas_is_read(tmp_path):
+    rng = np.random.default_rng(0)
+    table = pd.DataFrame(rng.normal(size=(500, 7)), columns=["Fz [N]", "Fx [mN]", "Fy [N]", "note", "mx", "my", "mz"])
+    table["timestamp_ms"] = np.arange(500.0) * 2
+    table["note"] = "some, text"
+    table["phase"] = np.repeat(["approach", "contact"], 250)
+    table.to_csv(tmp_path / "snap.csv")
+    [found] = read_csv_file(tmp_path / "snap.csv")
+    assert found.name == "snap.csv"
+    assert found.channels == ("fx", "fy", "fz", "mx", "my", "mz")
+    np.testing.assert_array_equal(found.time, np.arange(500.0) * 2 * 1e-3)
+    np.testing.assert_allclose(found.values[:, 0], table["Fx [mN]"] * 1e-3, rtol=1e-12)
+    np.testing.assert_allclose(found.values[:, 1:], table[["Fy [N]", "Fz [N]", "mx", "my", "mz"]], rtol=1e-12)
+    assert found.phases.tolist() == table["phase"].tolist()
+
+
+@settings(deadline=None, max_examples=50)
+@given(
+    values=st.lists(st.floats(-1e300, 1e300, allow_nan=False), min_size=6, max_size=6),
+    layout=st.sampled_from([(",", "."), (";", "."), ("\t", "."), (";", ","), ("\t", ",")]),
+    end=st.sampled_from(["\n", "\r\n"]),
+    mark=st.sampled_from([b"", b"\xef\xbb\xbf"]),
+)
+def test_numbers_are_read_to_twelve_digits(tmp_path_factory, values, layout, end, mark):
+    separator, decimal = layout
+    path = tmp_path_factory.mktemp("a") / "snap.csv"
+    rows = [["time", "fx", "fy", "fz"], ["0.0", *map(repr, values[:3])], ["0.01", *map(repr, values[3:])]]
+    text = end.join(
+        separator.join(row if k == 0 else [x.replace(".", decimal) for x in row]) for k, row in enumerate(rows)
+    )
+    path.write_bytes(mark + text.encode())
+    [found] = read_csv_file(path)
+    # pandas 2 ignores digits after the seventeenth place.
+    np.testing.assert_allclose(found.values, np.reshape(values, (2, 3)), rtol=1e-12, atol=1e-300)
+    np.testing.assert_array_equal(found.time, [0, 0.01])
+
+
+@pytest.mark.parametrize("column", ["trial", "Episode", "episode_index", "run"])
+def test_a_column_of_trials_splits_the_table(read, column):
+    text = f"t,fx,fy,fz,{column}\n0,1,2,3,7\n0.01,1,2,3,7\n5,4,5,6,3\n5.01,4,5,6,3\n0.02,7,8,9,7\n"
+    first, second = read(text)
+    word = column.lower().removesuffix("_index")
+    assert [first.name, second.name] == [f"snap.csv, {word} 7", f"snap.csv, {word} 3"]
+    np.testing.assert_array_equal(first.time, [0, 0.01, 0.02])  # rows of a trial may stand apart
+    np.testing.assert_array_equal(first.values, [[1, 2, 3], [1, 2, 3], [7, 8, 9]])
+    np.testing.assert_array_equal(second.time, [5, 5.01])
+
+
+def test_the_user_names_trials_phases_and_channels(read):
+    text = "clock;a;fy;fz;part;what;trial\n0;1;2;3;x;2;1\n10;1;2;3;x;4;2\n0;5;2;3;y;4;1\n10;5;2;3;y;4;2\n"
+    found = read(text, columns=["time=clock:ms", "fx=a:kN"], trial_column="part", phase_column="what")
+    assert [(r.name, r.values[0, 0], r.phases.tolist()) for r in found] == [
+        ("snap.csv, trial x", 1000, [2, 4]),
+        ("snap.csv, trial y", 5000, [4, 4]),
+    ]
+
+
+ACCEPTED = {  # texts of the same two samples
+    "plain": HEADER + "0,1,2,3\n0.01,4,5,6\n",
+    "comments": "# made by x, y\n\n" + HEADER + "#0,1,2\n0,1,2,3 # first\n\n  \n0.01,4,5,6\n# end\n",
+    "quotes": '"time","fx","fy","fz"\n"0","1","2","3"\n"0.01",4,5,6\n',
+    "spaces": "time, fx, fy, fz\n0, 1, 2, 3\n 0.01, 4, 5, 6\n",
+    "header in a comment": "# a\n# time,fx,fy,fz\n0,1,2,3\n0.01,4,5,6\n",
+    "decimal comma in the first row": "# time;fx;fy;fz\n0,0;1;2;3\n1e-2;4;5;6\n",
+    "commas at the end": "time,fx,fy,fz,\n0,1,2,3,\n0.01,4,5,6,\n",
+    "commas at the end of numbers": HEADER + "0,1,2,3,\n0.01,4,5,6,\n",
+    "empty rows": HEADER + ",,,\n0,1,2,3\n0.005,nan,NaN,\n,,NA,null\n0.01,4,5,6\n",
+    "other columns": "time,fx,fy,fz,who\n0,1,2,3,me\n0.01,4,5,6\n",
+    "old line ends": HEADER.replace("\n", "\r") + "0,1,2,3\r0.01,4,5,6",
+    "exponents": HEADER + "0e0,+1,0.2E1,300e-2\n1e-2,4,5,6\n",
+}
+
+
+@pytest.mark.parametrize("name", ACCEPTED)
+def test_variants_of_the_format_are_read(read, name):
+    [found] = read(ACCEPTED[name])
+    np.testing.assert_array_equal(found.time, [0, 0.01])
+    np.testing.assert_array_equal(found.values, [[1, 2, 3], [4, 5, 6]])
+
+
+REFUSED = {
+    "text": (HEADER + "\n# x\n0,1,2,3\n0.01,1,broken,3\n", "line 5: 'broken' in column 'fy', expected a number"),
+    "units": (HEADER + "s,N,N,N\n0,1,2,3\n", "line 2: 's' in column 'time', expected a number"),
+    "underscore": (HEADER + "0,1_0,2,3\n", "line 2: '1_0' in column 'fx', expected a number"),
+    "decimal comma": (HEADER + "0,01,1,5,2,1,3,5\n", "line 2 has 8 fields, expected 4"),
+    "one field more": (HEADER + "0,1,2,3\n0.01,1,2,3,9\n", "line 3 has 5 fields, expected 4"),
+    "mixed signs": ("time;fx;fy;fz\n0;1,5;2.5;3\n", "line 2: '1,5' in column 'fx', expected a number"),
+    "point and comma": (
+        "time;fx;fy;fz\n" + "0;1,5;2;3\n" * 100 + "0;1.5;2;3\n",
+        "line 102: '1.5' in column 'fx', expected a number",
+    ),
+    "quote": (HEADER + '0,1,"2,3\n0.01,1,2,3\n', "line 2: '2,3' in column 'fy', expected a number"),
+    "header quote": ('time,"fx"x,fy,fz\n', "line 1: damaged column names (',' expected after '\"')"),
+    "truncated": (HEADER + "0,1,2,3\n0.01,1,2", "column 'fz' has no value in line 3 (1 such rows)"),
+    "holes": (HEADER + "0,1,2,3\n#\n0.01,,2,3\n0.02,,2,3\n", "column 'fx' has no value in line 4 (2 such rows)"),
+    "no time": (HEADER + "0,1,2,3\n,1,2,3\n", "column 'time' has no value in line 3 (1 such rows)"),
+    "infinite": (HEADER + "0,1,2,3\n0.01,1,-inf,3\n", "column 'fy' is infinite in line 3 (1 such rows)"),
+    "NUL": (HEADER + "0,1,2\0,3\n", "NUL bytes, expected a text in UTF-8 (not UTF-16)"),
+    "UTF-16": ((HEADER + "0,1,2,3\n").encode("utf-16"), "NUL bytes, expected a text in UTF-8 (not UTF-16)"),
+    "Latin-1": ("time [µs],fx,fy,fz\n".encode("latin-1"), "not a text in UTF-8 ('utf-8' codec can't decode byte 0xb5"),
+    "late Latin-1": (HEADER.encode() + b"0,1,2,3\n" * 9000 + b"\xb5", "not a text in UTF-8 ('utf-8' codec can't"),
+    "empty": ("", "no line of column names; the file has no data"),
+    "only comments": ("# a\n\n", "no line of column names; the file has no data"),
+    "no rows": (HEADER, "no samples; expected at least 2 rows with values"),
+    "only empty rows": (HEADER + ",,,\n", "no samples; expected at least 2 rows with values"),
+    "no header": (
+        "0,1,2,3\n0.01,1,2,3\n",
+        "line 1 has numbers ['0', '1', '2', '3'], expected the names of the columns",
+    ),
+    "other comment": ("# made\n0,1,2,3\n", "line 2 has numbers ['0', '1', '2', '3'], expected the names"),
+    "same name": ("time,fx,fy,fz,fx\n0,1,2,3,4\n", "columns ['fx', 'fx'] could all be fx"),
+    "missing trial": ("time,fx,fy,fz,trial\n0,1,2,3,1\n0.01,1,2,3,\n", "column 'trial' has no value in line 3"),
+    "long label": (
+        f"time,fx,fy,fz,phase\n0,1,2,3,{'a' * 61}\n",
+        "'phase' has a text of 61 characters, expected at most 60",
+    ),
+    "pickle": (b"\x80\x04\x95\x0c\x8c", "not a text in UTF-8"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_wrong_file_is_refused(read, tmp_path, name):
+    text, message = REFUSED[name]
+    with pytest.raises(
+        ValueError, match=re.escape(f"{tmp_path / 'snap.csv'}: ") + ".*" + re.escape(message)
+    ) as refused:
+        read(text)
+    assert "\n" not in str(refused.value)
+
+
+NAMED = {
+    "one sample": (HEADER + "0,1,2,3\n", "snap.csv: found 1 samples, expected at least 2"),
+    "back": (HEADER + "0,1,2,3\n0.2,1,2,3\n0.1,1,2,3\n", "snap.csv: time 0.1 s jumps back from 0.2 s in sample 2"),
+    "trial": ("time,fx,fy,fz,trial\n0,1,2,3,1\n0.1,1,2,3,1\n0,1,2,3,2\n", "snap.csv, trial 2: found 1 samples"),
+    "milliseconds": (
+        HEADER + "0,1,2,3\n1,1,2,3\n2,1,2,3\n",
+        "snap.csv: a sample every 1 s if column 'time' is in seconds; say its unit, e.g. time=time:ms",
+    ),
+    "kiloseconds": (
+        HEADER + "0,1,2,3\n1e-7,1,2,3\n",
+        "snap.csv: a sample every 1e-07 s if column 'time' is",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_a_wrong_trial_is_refused_by_its_name(read, name):
+    text, message = NAMED[name]
+    with pytest.raises(ValueError, match="^" + re.escape(message)):
+        read(text)
+
+
+def test_a_slow_recording_is_read_if_the_user_says_the_unit(read):
+    [found] = read(HEADER + "0,1,2,3\n1,1,2,3\n", columns=["time=time:s"])
+    assert found.rate == 1
+
+
+def test_limits(read, tmp_path, monkeypatch):
+    text = HEADER + "0,1,2,3\n" * 3000
+    monkeypatch.setattr(csv_file, "MAX_BYTES", 24_013)
+    with pytest.raises(ValueError, match=r"snap\.csv: 0 MB, expected at most 0 MB"):
+        read(text)
+    monkeypatch.setattr(csv_file, "MAX_BYTES", 24_014)
+    monkeypatch.setattr(column_table, "MAX_SAMPLES", 2000)
+    with pytest.raises(ValueError, match=r"snap\.csv: 2001 samples, expected at most 2000; lower the rate"):
+        read(text)
+    monkeypatch.setattr(csv_file, "MAX_LINE", 1000)
+    with pytest.raises(ValueError, match=r"snap\.csv: a line of more than 1000 characters"):
+        read(HEADER + "0,1,2," + "3" * 2000)
+    with pytest.raises(ValueError, match=r"nothing\.csv: no such file"):
+        read_csv_file(tmp_path / "nothing.csv")
+    with pytest.raises(ValueError, match="expected a file"):
+        read_csv_file(tmp_path)

@@ -1,0 +1,184 @@
+"""Data sets of LeRobot, versions 2.1 and 3.0, written with PyArrow after the description of the format."""
+
+import json
+import re
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from skill.recordings import column_table
+from skill.recordings.lerobot_folder import read_lerobot_folder
+
+WRENCH = ["fx", "fy", "fz", "mx", "my", "mz"]
+FPS = 50
+LENGTHS = (20, 30, 25)
+
+
+def wrench_of(episode):
+    return np.random.default_rng(episode).normal(size=(LENGTHS[episode], 6)).astype("f4")
+
+
+def write(folder, *, key="observation.wrench", names=WRENCH, version="v3.0", kind=None, change=lambda t: t, **info):
+    """A data set of three episodes, in two files (3.0) or three (2.1)."""
+    features = {
+        key: {"dtype": "float32", "shape": [6], "names": names},
+        "observation.state": {"dtype": "float32", "shape": [2], "names": ["joint_1", "joint_2"]},
+        "observation.images.top": {"dtype": "video", "shape": [480, 640, 3], "names": ["height", "width", "channels"]},
+        "phase": {"dtype": "int64", "shape": [1], "names": None},
+        **{name: {"dtype": "int64", "shape": [1], "names": None} for name in ("frame_index", "episode_index")},
+    }
+    (folder / "meta").mkdir(parents=True, exist_ok=True)
+    info = {"codebase_version": version, "fps": FPS, "features": features, "total_episodes": 3, **info}
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    parts = []
+    for episode, length in enumerate(LENGTHS):
+        frames = np.arange(length)
+        columns = {
+            key: pa.array(wrench_of(episode).tolist(), kind or pa.list_(pa.float32(), 6)),
+            "observation.state": pa.array([[0.0, 1.0]] * length, pa.list_(pa.float32())),
+            "phase": frames // 10,
+            "timestamp": pa.array((frames / FPS).astype("f4")),
+            "frame_index": frames,
+            "episode_index": np.full(length, episode),
+        }
+        parts.append(change(pa.table(columns)))
+    if version == "v3.0":
+        files = {"chunk-000/file-000": pa.concat_tables(parts[:2]), "chunk-000/file-001": parts[2]}
+    else:
+        files = {f"chunk-000/episode_{k:06d}": part for k, part in enumerate(parts)}
+    for name, table in files.items():
+        path = folder / "data" / f"{name}.parquet"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        pq.write_table(table, path, row_group_size=13)
+    return folder
+
+
+@pytest.mark.parametrize("version", ["v2.1", "v3.0"])
+@pytest.mark.parametrize("kind", [pa.list_(pa.float32(), 6), pa.list_(pa.float32()), pa.large_list(pa.float64())])
+@pytest.mark.parametrize("names", [WRENCH, {"axes": WRENCH}, None, ["force_x", "Force Y", "fz [N]", "tx", "ty", "tz"]])
+def test_episodes_are_recordings(tmp_path, version, kind, names):
+    found = read_lerobot_folder(write(tmp_path / "insert", version=version, kind=kind, names=names))
+    assert [r.name for r in found] == [f"insert, episode {k}" for k in range(3)]
+    for episode, recording in enumerate(found):
+        assert recording.channels == tuple(WRENCH)
+        np.testing.assert_array_equal(recording.values, wrench_of(episode))
+        np.testing.assert_array_equal(recording.time, np.arange(LENGTHS[episode]) / FPS)
+        np.testing.assert_array_equal(recording.phases, np.arange(LENGTHS[episode]) // 10)
+
+
+@pytest.mark.parametrize("key", ["observation.environment_state", "observation.wrench"])
+def test_the_usual_features_are_found(tmp_path, key):
+    assert read_lerobot_folder(write(tmp_path, key=key))[0].channels == tuple(WRENCH)
+
+
+def test_the_user_names_feature_channels_and_phase(tmp_path):
+    names = ["a", "b", "c", "d", "e", "f [mm]"]
+    write(tmp_path, key="observation.ft", names=names)
+    found = read_lerobot_folder(
+        tmp_path, feature="observation.ft", columns=["fz=c:mN", "depth=f [mm]"], phase_column="episode_index"
+    )
+    assert found[1].channels == ("fz", "depth")
+    np.testing.assert_allclose(found[1].values, wrench_of(1)[:, [2, 5]].astype(float) * 1e-3)
+    assert set(found[2].phases) == {2}
+
+
+def test_numbers_without_names_are_counted(tmp_path):
+    write(tmp_path, key="observation.ft", names=None)
+    found = read_lerobot_folder(tmp_path, feature="observation.ft", columns=["fz=2:kN"])
+    np.testing.assert_allclose(found[0].values[:, 0], wrench_of(0)[:, 2].astype(float) * 1e3)
+
+
+def with_timestamps(table):
+    return table.set_column(3, "timestamp", pa.array(np.arange(table.num_rows) / 30))
+
+
+def with_missing(table):
+    return table.set_column(
+        0, "observation.wrench", pa.array([[1.0] * 6] * (len(table) - 1) + [None], pa.list_(pa.float32()))
+    )
+
+
+def with_short(table):
+    rows = [[1.0] * 6] * (len(table) - 1) + [[1.0] * 5]
+    return table.set_column(0, "observation.wrench", pa.array(rows, pa.list_(pa.float32())))
+
+
+REFUSED = {
+    "version": ({"version": "v1.6"}, {}, "info.json: version 'v1.6' of the format, expected v2.1 or v3.0"),
+    "fps": ({"fps": 0}, {}, "info.json: fps is 0, expected a positive number"),
+    "fps text": ({"fps": "30"}, {}, "info.json: fps is '30', expected a positive number"),
+    "features": ({"features": [1]}, {}, "info.json: 'features' is no object of objects"),
+    "no feature": ({}, {"feature": "a"}, ": no feature 'a'; features are ['observation.wrench', 'observation.state'"),
+    "no forces": (
+        {"key": "observation.ft"},
+        {},
+        ": no feature with forces: observation.state: no column for fx, fy, fz; columns are ['time', 'joint_1'",
+    ),
+    "image": (
+        {},
+        {"feature": "observation.images.top"},
+        "'observation.images.top' has shape [480, 640, 3], expected one",
+    ),
+    "names": ({"names": ["fx"]}, {}, "'observation.wrench' has names ['fx'], expected 6 texts"),
+    "time": ({"names": ["time", *WRENCH[1:]]}, {}, "has a number called 'time', which is taken"),
+    "stamps": ({"change": with_timestamps}, {}, "timestamp 0.0333333 s in row 1, expected frame_index / fps = 0.02 s"),
+    "missing": (
+        {"change": with_missing},
+        {},
+        "column 'observation.wrench' has lists of ['6', 'None'] numbers, expected 6",
+    ),
+    "short": ({"change": with_short}, {}, "column 'observation.wrench' has lists of ['5', '6'] numbers, expected 6"),
+    "no list": (
+        {"change": lambda t: t.set_column(0, "observation.wrench", t["timestamp"])},
+        {},
+        "column 'observation.wrench' has type float, expected lists of 6 numbers",
+    ),
+    "texts": (
+        {"change": lambda t: t.set_column(0, "observation.wrench", pa.array([["a"] * 6] * len(t)))},
+        {},
+        "column 'observation.wrench' has type list<element: string>, expected lists of 6 numbers",
+    ),
+    "long": (
+        {"change": lambda t: t.set_column(0, "observation.wrench", pa.array([[1.0] * 7] * len(t)))},
+        {},
+        "350 values in 50 rows, expected at most 1000 MB and 6 values in a row",
+    ),
+    "no column": ({"change": lambda t: t.drop_columns("frame_index")}, {}, "no column ['frame_index']; columns are"),
+    "two columns": (
+        {"change": lambda t: t.append_column("phase", t["phase"])},
+        {},
+        "columns ['phase'] occur more than",
+    ),
+    "nested phase": ({}, {"phase_column": "observation.ft"}, "no column 'observation.ft'; columns are"),
+    "phase": ({}, {"phase_column": "observation.images.top"}, "no column ['observation.images.top']"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_wrong_data_set_is_refused(tmp_path, name):
+    written, options, message = REFUSED[name]
+    write(tmp_path, **written)
+    with pytest.raises(ValueError, match=f"^{re.escape(str(tmp_path))}.*{re.escape(message)}"):
+        read_lerobot_folder(tmp_path, **options)
+
+
+def test_missing_and_damaged_files_are_refused(tmp_path, monkeypatch):
+    with pytest.raises(ValueError, match=r"info\.json: no such file; expected a data set of LeRobot"):
+        read_lerobot_folder(tmp_path)
+    write(tmp_path)
+    monkeypatch.setattr(column_table, "MAX_SAMPLES", 60)
+    with pytest.raises(ValueError, match="75 samples, expected at most 60"):
+        read_lerobot_folder(tmp_path)
+    part = tmp_path / "data" / "chunk-000" / "file-001.parquet"
+    part.write_bytes(part.read_bytes()[:-9])
+    with pytest.raises(ValueError, match=r"file-001\.parquet: not a complete Parquet file"):
+        read_lerobot_folder(tmp_path)
+    for path in part.parent.iterdir():
+        path.unlink()
+    with pytest.raises(ValueError, match=r"0 files data/chunk-\*/\*\.parquet, expected 1 to"):
+        read_lerobot_folder(tmp_path)
+    (tmp_path / "meta" / "info.json").write_text("{")
+    with pytest.raises(ValueError, match=r"info\.json: damaged"):
+        read_lerobot_folder(tmp_path)

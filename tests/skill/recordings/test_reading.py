@@ -1,0 +1,77 @@
+"""Every kind of file and folder goes to its reader; options without effect are refused."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from skill.recordings.reading import TABLES, read_recordings
+from tests.skill.recordings.test_lerobot_folder import write
+from tests.skill.recordings.wrench_messages import cdr, write_mcap
+
+TABLE = pd.DataFrame(
+    {"t": np.arange(6) % 3 / 100, "a": np.arange(6.0), "fy": 1.0, "fz": 2.0, "part": [1, 1, 1, 2, 2, 2], "what": "x"}
+)
+WRITERS = {
+    ".csv": lambda path: TABLE.to_csv(path, index=False),
+    ".tsv": lambda path: TABLE.to_csv(path, index=False, sep="\t"),
+    ".TXT": lambda path: TABLE.to_csv(path, index=False, sep=";", decimal=","),
+    ".parquet": TABLE.to_parquet,
+    ".pq": TABLE.to_parquet,
+    ".npz": lambda path: np.savez(
+        path, **{name: TABLE[name].to_numpy(dtype=None if name != "what" else "U") for name in TABLE}
+    ),
+}
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_tables(tmp_path, suffix):
+    path = tmp_path / f"snap{suffix}"
+    WRITERS[suffix](path)
+    found = read_recordings(str(path), columns=iter(["fx=a:mN"]), trial_column="part", phase_column="what")
+    assert [r.name for r in found] == [f"snap{suffix}, trial 1", f"snap{suffix}, trial 2"]
+    np.testing.assert_array_equal(found[1].values, [[0.003, 1, 2], [0.004, 1, 2], [0.005, 1, 2]])
+    assert set(found[0].phases) == {"x"}
+    for option in ("topic", "feature"):
+        with pytest.raises(
+            ValueError, match=rf"snap{suffix}: \['{option}'\] cannot be chosen for a table; expected only"
+        ):
+            read_recordings(path, **{option: "a"})
+    assert {s.lower() for s in WRITERS} == set(TABLES)
+
+
+def test_mcap(tmp_path):
+    pytest.importorskip("mcap")
+    messages = [("/ft", k, cdr(k)) for k in range(3)] + [("/tool", k, cdr(k)) for k in range(4)]
+    write_mcap(tmp_path / "a.mcap", messages)
+    for path in (tmp_path / "a.mcap", tmp_path):
+        assert len(read_recordings(path, topic="/tool", columns=iter([]))[0].time) == 4
+        for option in ("columns", "trial_column", "phase_column", "feature"):
+            with pytest.raises(ValueError, match=rf"\['{option}'\] cannot be chosen for (an )?MCAP file"):
+                read_recordings(path, **{option: ["fx=a"] if option == "columns" else "a"})
+
+
+def test_lerobot(tmp_path):
+    write(tmp_path, key="observation.ft", names=list("abcdef"))
+    found = read_recordings(tmp_path, feature="observation.ft", columns=["fz=c"], phase_column="episode_index")
+    assert [set(r.phases) for r in found] == [{0}, {1}, {2}]
+    for option in ("trial_column", "topic"):
+        with pytest.raises(ValueError, match=rf"\['{option}'\] cannot be chosen for a data set of LeRobot"):
+            read_recordings(tmp_path, **{option: "a"})
+
+
+def test_other_files_are_refused(tmp_path):
+    with pytest.raises(ValueError, match=r"a folder without meta/info\.json \(LeRobot\) or \*\.mcap \(rosbag2\)"):
+        read_recordings(tmp_path)
+    message = "ends in '.xlsx', expected .csv .tsv .txt .parquet .pq .npz .mcap or a folder"
+    with pytest.raises(ValueError, match=re.escape(message) + "$"):
+        read_recordings("a.xlsx")
+    with pytest.raises(ValueError, match="ends in '', expected"):
+        read_recordings(tmp_path / "nothing")
+    for suffix in (".db3", ".bag"):
+        with pytest.raises(ValueError, match=r"a folder; convert a rosbag to MCAP first$"):
+            read_recordings(f"a{suffix}")
+    for suffix in TABLES:
+        with pytest.raises(ValueError, match=rf"a\{suffix}: no such file$"):
+            read_recordings(tmp_path / f"a{suffix}")

@@ -1,0 +1,128 @@
+"""A recording is checked when it is made; averaging keeps the mean and the order of time and never fills a gap."""
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from skill.recordings.recording import Recording
+
+
+def recording(time, values=None, phases=None, channels=("fz",)):
+    time = np.asarray(time, dtype=float)
+    return Recording("snap.csv", time, np.ones((len(time), 1)) if values is None else values, channels, phases)
+
+
+TIME = np.arange(4) / 100
+REFUSED = {
+    "one sample": (lambda: recording([0]), "snap.csv: found 1 samples, expected at least 2"),
+    "flat time": (lambda: recording(np.zeros((2, 2))), "snap.csv: time of shape (2, 2), expected one dimension"),
+    "NaN time": (lambda: recording([0, 1, np.nan]), "snap.csv: time is not finite in sample 2 (1 such samples)"),
+    "back": (lambda: recording([0, 0.3, 0.1, 0.2]), "snap.csv: time 0.1 s jumps back from 0.3 s in sample 2 (1 such"),
+    "twice": (lambda: recording([0, 0.3, 0.3]), "snap.csv: time 0.3 s occurs twice in sample 2 (1 such samples)"),
+    "shape": (lambda: recording(TIME, np.ones((3, 1))), "snap.csv: values of shape (3, 1), expected (4, 1)"),
+    "width": (lambda: recording(TIME, np.ones((4, 2))), "snap.csv: values of shape (4, 2), expected (4, 1)"),
+    "infinite": (
+        lambda: recording(TIME, [[0], [1], [np.inf], [np.nan]]),
+        "snap.csv: channel 'fz' is not finite in sample 2 (2 such values)",
+    ),
+    "text": (lambda: recording(TIME, [["a"]] * 4), "snap.csv: the samples are not numbers"),
+    "no channels": (lambda: recording(TIME, np.ones((4, 0)), channels=()), "expected at least one name"),
+    "time as channel": (lambda: recording(TIME, channels=("time",)), "none of them 'time'"),
+    "same names": (
+        lambda: recording(TIME, np.ones((4, 2)), channels=("fx", "fx")),
+        "snap.csv: channels ['fx'] occur more than once",
+    ),
+    "phases": (lambda: recording(TIME, phases=[1, 2]), "snap.csv: phases of type int64 and shape (2,)"),
+    "float phases": (lambda: recording(TIME, phases=[0.5] * 4), "expected integers or texts of shape (4,)"),
+    "rate": (lambda: recording(TIME).averaged(0), "snap.csv: a rate of 0 Hz, expected a positive number"),
+    "infinite rate": (lambda: recording(TIME).averaged(np.inf), "snap.csv: a rate of inf Hz"),
+    "too short": (lambda: recording(TIME).averaged(1), "snap.csv: lasts 0.03 s, too short to be averaged to 1 Hz"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_no_recording_is_refused(name):
+    make, message = REFUSED[name]
+    with pytest.raises(ValueError, match=re.escape(message)):
+        make()
+
+
+def test_numbers_become_floats_and_the_rate_ignores_gaps():
+    found = recording([0, 10, 20, 5000, 5010], np.arange(5, dtype=np.int16)[:, None], ["a", "a", "b", "b", "b"])
+    assert found.values.dtype == found.time.dtype == float
+    assert found.rate == pytest.approx(0.1)
+    assert found.duration == 5010
+    assert found.phases.dtype.kind == "U"
+
+
+def test_each_sample_is_the_mean_of_its_interval():
+    time = np.arange(12) / 200
+    found = recording(time, np.arange(12.0)[:, None] ** 2, [0, 0, 0, 1, 2, 1, 2, 3, 9, 8, 8, 9]).averaged(50)
+    np.testing.assert_allclose(found.time, [0.0075, 0.0275, 0.0475], rtol=1e-12)
+    np.testing.assert_allclose(found.values[:, 0], [14 / 4, (16 + 25 + 36 + 49) / 4, (64 + 81 + 100 + 121) / 4])
+    assert found.phases.tolist() == [0, 2, 9]  # 2 is more frequent; 8 and 9 are equally so, and 9 is first
+    assert (found.name, found.channels) == ("snap.csv", ("fz",))
+
+
+@pytest.mark.parametrize("jitter", [0, 1.1e-3])
+@pytest.mark.parametrize("start", [0, 1.7e9])
+def test_jitter_of_the_stamps_moves_no_sample_to_another_interval(jitter, start):
+    rng = np.random.default_rng(0)
+    time = start + np.arange(400) / 200 + rng.uniform(-jitter, jitter, 400)
+    found = recording(time, np.arange(400.0)[:, None]).averaged(50)
+    np.testing.assert_allclose(np.diff(found.values[:, 0]), 4)
+
+
+def test_texts_of_phases_are_kept():
+    found = recording(np.arange(6) / 60, phases=["out", "out", "in", "in", "in", "out"]).averaged(20)
+    assert found.phases.tolist() == ["out", "in"]
+
+
+def test_a_slower_recording_is_returned_as_it_is():
+    found = recording(np.arange(10) / 50.3)
+    assert found.averaged(50) is found
+    assert found.averaged(49) is not found
+
+
+def test_a_gap_stays_a_gap():
+    time = np.concatenate([np.arange(100), np.arange(5000, 5100)]) / 1000
+    found = recording(time, (time > 2.0).astype(float)[:, None]).averaged(50)
+    assert set(found.values[:, 0]) == {0, 1}
+    assert np.diff(found.time).max() == pytest.approx(4.9, abs=0.021)
+    assert len(found.time) in (10, 11)
+
+
+steps = st.lists(st.floats(1e-4, 0.3), min_size=2, max_size=60)
+
+
+@settings(deadline=None, max_examples=200)
+@given(steps=steps, rate=st.floats(0.5, 500), seed=st.integers(0, 99), start=st.sampled_from([0.0, -5.0, 1e6]))
+def test_averaging_irregular_samples(steps, rate, seed, start):
+    rng = np.random.default_rng(seed)
+    time = start + np.concatenate([[0], np.cumsum(steps)])
+    values = np.column_stack([time, rng.normal(size=len(time))])
+    phases = rng.integers(0, 3, len(time))
+    before = Recording("a", time, values, ("p", "q"), phases)
+    if before.rate <= 1.01 * rate:
+        assert before.averaged(rate) is before
+        return
+    # The means of the intervals, found one after the other.
+    interval = np.floor((time - time[0] + 0.5 / before.rate) * rate)
+    groups = [np.flatnonzero(interval == k) for k in np.unique(interval)]
+    if len(groups) == 1:
+        with pytest.raises(ValueError, match="too short"):
+            before.averaged(rate)
+        return
+    after = before.averaged(rate)
+    assert len(after.time) == len(groups) <= before.duration * rate + 2
+    np.testing.assert_allclose(after.time, [time[g].mean() for g in groups], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(after.values, [values[g].mean(axis=0) for g in groups], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(after.values[:, 0], after.time, rtol=1e-9, atol=1e-9)  # a ramp stays a ramp
+    counts = np.array([len(g) for g in groups])
+    np.testing.assert_allclose(counts @ after.values / counts.sum(), values.mean(axis=0), rtol=1e-9, atol=1e-9)
+    for g, phase in zip(groups, after.phases, strict=True):
+        assert np.ptp(time[g]) <= 1 / rate * (1 + 1e-6) + 1e-9  # nothing is mixed over a gap
+        assert (phases[g] == phase).sum() == np.bincount(phases[g]).max()
