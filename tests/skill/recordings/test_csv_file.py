@@ -67,6 +67,7 @@ def test_a_column_of_trials_splits_the_table(read, column):
     first, second = read(text)
     word = column.lower().removesuffix("_index")
     assert [first.name, second.name] == [f"snap.csv, {word} 7", f"snap.csv, {word} 3"]
+    assert [first.trial, second.trial] == ["7", "3"]
     np.testing.assert_array_equal(first.time, [0, 0.01, 0.02])  # rows of a trial may stand apart
     np.testing.assert_array_equal(first.values, [[1, 2, 3], [1, 2, 3], [7, 8, 9]])
     np.testing.assert_array_equal(second.time, [5, 5.01])

@@ -61,6 +61,7 @@ def write(folder, *, key="observation.wrench", names=WRENCH, version="v3.0", kin
 def test_episodes_are_recordings(tmp_path, version, kind, names):
     found = read_lerobot_folder(write(tmp_path / "insert", version=version, kind=kind, names=names))
     assert [r.name for r in found] == [f"insert, episode {k}" for k in range(3)]
+    assert [r.trial for r in found] == ["0", "1", "2"]
     for episode, recording in enumerate(found):
         assert recording.channels == tuple(WRENCH)
         np.testing.assert_array_equal(recording.values, wrench_of(episode))

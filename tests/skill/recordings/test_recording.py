@@ -126,3 +126,9 @@ def test_averaging_irregular_samples(steps, rate, seed, start):
     for g, phase in zip(groups, after.phases, strict=True):
         assert np.ptp(time[g]) <= 1 / rate * (1 + 1e-6) + 1e-9  # nothing is mixed over a gap
         assert (phases[g] == phase).sum() == np.bincount(phases[g]).max()
+
+
+def test_an_average_keeps_what_the_recording_is_called():
+    found = Recording("snap.csv, trial 3", TIME, np.ones((4, 1)), ("fz",), trial="3").averaged(50)
+    assert (found.name, found.trial, found.channels) == ("snap.csv, trial 3", "3", ("fz",))
+    assert recording(TIME).trial == ""
