@@ -70,7 +70,7 @@ class StateSummary:
         visits: number of visits in a recording, on average.
         recordings: number of recordings that visit it.
         duration: of a visit, s. The last visit of a recording counts with its length up to the end.
-        quantities: of its samples, by name: each channel in SI units, then `FORCE` and `MOMENT` where all axes are there.
+        quantities: of its samples, by name: each channel in SI units; `FORCE` and `MOMENT` where all axes are there.
         following: the states that follow a visit and the share of the visits that they follow, most frequent first;
             the state None is the end of the recording.
     """

@@ -116,18 +116,22 @@ def discovered_table(states: Sequence[StateSummary]) -> Table:
     for column in ("time\n(%)", "visits", "duration\n(s)", *(names[name][0] for name in lengths), "next"):
         table.add_column(column, justify="right")
     for k, state in enumerate(states):
-        following = [f"{'end' if after is None else after} {100 * share:.0f} %" for after, share in state.following[:2]]
         table.add_row(
             Text(f"{k} {state.name}"),
             *(f"{100 * state.share:.0f}", f"{state.visits:.1f}", _median(state.duration, ".2f")),
             *(_median(state.quantities[name], names[name][1]) for name in lengths),
-            ", ".join(following) or "-",
+            ", ".join(following_texts(state, 2)) or "-",
         )
     table.caption = (
         "visits: in a recording, on average; duration, force, moment: medians, of a visit and of the lengths of the"
         " vectors; next: what follows a visit most often"
     )
     return table
+
+
+def following_texts(state: StateSummary, number: int) -> list[str]:
+    """What follows a state most often, such as "2 (62 %)"."""
+    return [f"{'end' if after is None else after} ({100 * share:.0f} %)" for after, share in state.following[:number]]
 
 
 def _median(spread: Spread, form: str) -> str:

@@ -209,7 +209,7 @@
 
   function drawTimes(chart, plot, top) {
     const { context, width, xOf } = chart;
-    const step = roundStep((plot.end || 1) / Math.max(2, (width - LEFT) / 90)), digits = digitsOf(step);
+    const step = roundStep((plot.end || 1) / Math.max(2, (width - LEFT) / 60)), digits = digitsOf(step);
     context.fillStyle = chart.faint;
     for (let k = 0; k * step <= plot.end; k++) {
       const x = xOf(k * step), text = formatNumber(k * step, digits) + (k ? "" : " s");

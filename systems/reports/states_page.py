@@ -23,7 +23,7 @@ from systems.reports.page_template import fill_page, script_value
 from systems.reports.state_flow import state_flow
 
 MAX_SHOWN, MAX_SHOWN_TOGETHER = 20_000, 500_000
-"""Largest number of samples of a recording, and of all recordings, that the page contains; of longer ones every n-th."""
+"""Largest number of samples of a recording, and of all together, in the page; if there are more, it has every n-th."""
 
 RESOLUTION = 1 / 5000
 """Resolution of the series, as a share of the largest magnitude of their group, at most."""
@@ -244,7 +244,8 @@ def _headings(columns: Sequence[_Column]) -> str:
 def _row(state: StateSummary, chip: str, columns: Sequence[_Column], recordings: int) -> str:
     """The table row of a state."""
     following = ", ".join(
-        f"{'end' if after is None else after} {100 * share:.0f} %" for after, share in state.following[:LISTED_NEXT]
+        f"<span>{'end' if after is None else after} ({100 * share:.0f} %)</span>"
+        for after, share in state.following[:LISTED_NEXT]
     )
     cells = [
         f"<td>{100 * state.share:.0f} %</td>",
@@ -298,9 +299,7 @@ def _trial(k: int, item: LabelledRecording) -> str:
     time = item.recording.time - item.recording.time[0]
     runs = _runs(item.states)
     ends = [*(float(time[start]) for start, _ in runs[1:]), float(time[-1])]
-    visits = ", ".join(
-        f"{state} until {end:.2f} s" for (_, state), end in zip(runs, ends, strict=True)
-    )
+    visits = ", ".join(f"{state} until {end:.2f} s" for (_, state), end in zip(runs, ends, strict=True))
     name = html.escape(item.recording.name)
     return (
         f'<section class="trial" id="trial-{k}"><h3>{name}<small>{item.recording.duration:.2f} s,'

@@ -158,7 +158,8 @@ def _check_recordings(recordings: Sequence[Recording]) -> None:
             )
     rates = sorted(recording.rate for recording in recordings)
     if rates[-1] > SAME_RATE * rates[0]:
-        say(f"the recordings have rates from {rates[0]:.3g} to {rates[-1]:.3g} Hz; --rate {rates[0]:.3g} makes them alike")
+        low, high = (f"{end:.3g}" for end in (rates[0], rates[-1]))
+        say(f"the recordings have rates from {low} to {high} Hz; --rate {low} makes them alike")
 
 
 def _learn(recordings: Sequence[Recording], seed: int) -> tuple[ContactStates, list[LabelledRecording]]:
@@ -180,8 +181,8 @@ def _method(learner: ContactStates) -> str:
     return (
         f"Competitive Agglomeration found {_count(learner.components_.n_clusters_, 'component')} in the samples of all"
         f" recordings, without labels, and {_count(learner.n_clusters_, 'set')} of them that valleys of the density"
-        " separate: these are the states. A hidden Markov model learnt how one follows another, and gave each sample its"
-        " most probable state."
+        " separate: these are the states. A hidden Markov model learnt how one follows another, and gave each sample"
+        " its most probable state."
     )
 
 
