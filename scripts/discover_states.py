@@ -20,7 +20,7 @@ def main(
         list[Path],
         typer.Argument(
             parser=parse_path,
-            metavar="FILES...",
+            metavar="FILES",
             help="Recordings: .csv, .parquet, .npz or .mcap files, or folders of a rosbag2 or a LeRobot data set.",
             show_default=False,
         ),

@@ -212,7 +212,7 @@
     const step = roundStep((plot.end || 1) / Math.max(2, (width - LEFT) / 60)), digits = digitsOf(step);
     context.fillStyle = chart.faint;
     for (let k = 0; k * step <= plot.end; k++) {
-      const x = xOf(k * step), text = formatNumber(k * step, digits) + (k ? "" : " s");
+      const x = xOf(k * step), text = k ? formatNumber(k * step, digits) : "0 s";
       context.textAlign = k && x > width - 24 ? "right" : k ? "center" : "left";
       context.fillRect(x, top, 1, 4);
       context.fillText(text, x, top + 15);
