@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 
 from tests.scripts.commands import error_line, files, invoke, run_python
-from tests.state_recordings import NAMES, three_contacts, write_files
+from tests.skill.recordings.wrench_messages import cdr, write_mcap
+from tests.state_recordings import CHANNELS, NAMES, three_contacts, write_files
 
 
 def states(*arguments):
@@ -125,6 +126,55 @@ def test_trials_units_and_rates_of_one_file(tmp_path):
     page = (tmp_path / "states.html").read_text()
     assert "<dt>--columns</dt><dd>fz=load:kN, time=clock:ms</dd>" in page
     assert "<dt>rate</dt><dd>at most 25 Hz</dd>" in page
+
+
+def write_data_set(folder):
+    """A LeRobot data set of three episodes; its wrench is a feature without a usual name."""
+    feature = {"dtype": "float32", "shape": [6], "names": list(CHANNELS)}
+    info = {"codebase_version": "v3.0", "fps": 50, "features": {"observation.ati": feature}}
+    (folder / "meta").mkdir(parents=True)
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    (folder / "data" / "chunk-000").mkdir(parents=True)
+    parts = []
+    for k in range(3):
+        wrench = three_contacts(k)[list(CHANNELS)].to_numpy().tolist()
+        frames = np.arange(len(wrench))
+        columns = {"observation.ati": wrench, "timestamp": frames / 50, "frame_index": frames, "episode_index": k}
+        parts.append(pd.DataFrame(columns))
+    pd.concat(parts).to_parquet(folder / "data" / "chunk-000" / "file-000.parquet", index=False)
+
+
+def test_the_table_of_a_folder_lies_beside_it(tmp_path):
+    write_data_set(tmp_path / "data.v1")
+    done = states(tmp_path / "data.v1", "--feature", "observation.ati", "--out", tmp_path / "states.html")
+    assert "3 contact states in 3 recordings" in done.stdout
+    labels = pd.read_csv(tmp_path / "data.v1.states.csv")
+    assert labels["trial"].unique().tolist() == [0, 1, 2]
+    assert labels.groupby("trial")["state"].unique().map(list).tolist() == [[0, 1, 2]] * 3
+    assert "<dt>--feature</dt><dd>observation.ati</dd>" in (tmp_path / "states.html").read_text()
+
+
+def write_rosbag(path, seed):
+    start = 1_700_000_000
+    messages = []
+    for time, *wrench in three_contacts(seed)[["time", *CHANNELS]].itertuples(index=False):
+        stamp = round(time * 10**9)
+        message = cdr(start + stamp // 10**9, stamp % 10**9, wrench=wrench)
+        messages += [(topic, start * 10**9 + stamp, message) for topic in ("/ft/raw", "/ft/wrench")]
+    write_mcap(path, messages, encoding="cdr", schema="geometry_msgs/msg/WrenchStamped")
+
+
+def test_messages_with_the_time_since_1970(tmp_path):
+    pytest.importorskip("mcap")
+    paths = [tmp_path / f"{name}.mcap" for name in ("insert", "again", "third")]
+    for seed, path in enumerate(paths):
+        write_rosbag(path, seed)
+    done = states(*paths, "--topic", "/ft/wrench", "--out", tmp_path / "states.html")
+    assert "3 contact states in 3 recordings" in done.stdout
+    np.testing.assert_allclose(
+        pd.read_csv(tmp_path / "again.states.csv")["time"], 1_700_000_000 + three_contacts(1)["time"], atol=2e-6, rtol=0
+    )
+    assert data_of(tmp_path / "states.html")["trials"][1]["time"][:2] == [0.0, 0.02]
 
 
 def test_rates_that_differ_are_mentioned(tmp_path):
