@@ -198,6 +198,9 @@ def test_the_page_draws_what_is_in_view_and_reads_values_at_the_cursor(page_file
         readout = page.run(READOUT)
         assert readout.startswith("30.00 s | state 1: 8 N along -z (88 %) | phase press | fx 1.5  fy -2.5  fz -8.0 N |")
         assert readout.endswith("| mx 0.010  my -0.020  mz 0.000 N m")
+        page.run("statesPage.show(0, 20.0)")  # the first sample of the state
+        assert page.run(READOUT).startswith("20.00 s | state 1")
+        page.run("statesPage.show(0, 30.0)")
         slider = "return document.querySelector('#trial-0 .plot').getAttribute(arguments[0])"
         assert page.run(slider, "aria-valuenow") == "30"
         assert page.run(slider, "aria-valuetext").startswith("30.00 s; state 1")
