@@ -9,7 +9,17 @@ from typing import Annotated
 
 import typer
 
-from scripts import block_diagram, demo, practise, record_demonstrations, recover, replay, run_rig, train_skill
+from scripts import (
+    block_diagram,
+    demo,
+    discover_states,
+    practise,
+    record_demonstrations,
+    recover,
+    replay,
+    run_rig,
+    train_skill,
+)
 from scripts.command_line import make_app, run_app
 
 EXIT_CODES = (
@@ -25,6 +35,7 @@ app.command("recover")(recover.main)
 app.command("rig")(run_rig.main)
 app.command("practise")(practise.main)
 app.command("replay")(replay.main)
+app.command("states")(discover_states.main)
 app.command("diagram")(block_diagram.main)
 
 
@@ -58,7 +69,8 @@ def haptic_skill(
 ) -> None:
     """Learns peg-in-hole insertion from haptic demonstrations, and inserts on a simulated rig.
 
-    The usual order is record, train, recover, rig; `haptic-skill demo` runs them all. Every option has a default, and
+    The usual order is record, train, recover, rig; `haptic-skill demo` runs them all. `haptic-skill states` needs only
+    recordings of a force/torque sensor. Every option has a default, and
     `haptic-skill COMMAND -h` explains a command with an example. In a checkout, `python -m scripts.run_rig` and the
     other modules of `scripts` are the same commands.
     """

@@ -114,6 +114,11 @@ def choose_columns(names: Sequence[str], choices: Iterable[str], where: str) -> 
     return tuple(columns[channel] for channel in order)
 
 
+def channel_quantity(channel: str) -> str | None:
+    """Returns what a channel measures, such as "force"; None for a plain number or a channel of the user."""
+    return _QUANTITIES.get(channel)
+
+
 def label_column(names: Sequence[str], chosen: str | None, usual: Sequence[str], where: str) -> str | None:
     """Returns the column that the user has chosen, or the one with a usual name in any case, or None.
 

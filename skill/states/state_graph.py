@@ -42,7 +42,7 @@ RULES = {name.rstrip("_"): rule for name, rule in FITTED.items()} | {
 
 
 @dataclass(frozen=True)
-class _Visits:
+class Visits:
     """The v visits and n samples of one demonstration.
 
     Attributes:
@@ -60,7 +60,7 @@ class _Visits:
     phase: Array
 
     @classmethod
-    def of(cls, labels: NDArray[np.intp], times: Array, sample_period: float) -> _Visits:
+    def of(cls, labels: NDArray[np.intp], times: Array, sample_period: float) -> Visits:
         """Splits a demonstration with ``labels`` (n,) at ``times`` (n,), s, into visits."""
         starts = np.concatenate([[0], np.flatnonzero(np.diff(labels)) + 1])
         ends = np.append(times[starts[1:]], times[-1] + sample_period)
@@ -136,7 +136,7 @@ class StateGraph(BaseEstimator):
         if n_seen > K:
             raise ValueError(f"label {n_seen - 1} found, but n_states = {K}; raise n_states to at least {n_seen}")
         demonstrations = [
-            _Visits.of(labels, clock, self.sample_period)
+            Visits.of(labels, clock, self.sample_period)
             for labels, clock in zip(sequences, self._checked_times(sequences, times), strict=True)
         ]
         self._count(sequences, demonstrations, outcomes, K)
@@ -154,7 +154,7 @@ class StateGraph(BaseEstimator):
         return self
 
     def _count(
-        self, sequences: list[NDArray[np.intp]], demonstrations: list[_Visits], outcomes: Sequence[str], K: int
+        self, sequences: list[NDArray[np.intp]], demonstrations: list[Visits], outcomes: Sequence[str], K: int
     ) -> None:
         """Counts the transitions between visits, between samples, and to the outcomes."""
         self.outcomes_ = np.unique([self.success, *outcomes])

@@ -13,6 +13,8 @@ from rich.text import Text
 if TYPE_CHECKING:
     from skill.manipulation_skill import ManipulationSkill
     from skill.practice.situation import Situation
+    from skill.states.phase_agreement import PhaseAgreement
+    from skill.states.state_summary import Spread, StateSummary
     from systems.runs.trial_result import TrialResult
 
 
@@ -103,3 +105,48 @@ def context_line(skill: ManipulationSkill) -> str:
     sizes = np.bincount(skill.contexts_.responsibilities_.argmax(axis=1), minlength=skill.contexts_.n_contexts_)
     listed = ", ".join(f"{chr(65 + k)} in {size}" for k, size in enumerate(sizes))
     return f"{len(sizes)} contexts, by how the forces answer to own motions: {listed} good demonstrations"
+
+
+def discovered_table(states: Sequence[StateSummary]) -> Table:
+    """One row per state that was discovered in recordings."""
+    table = plain_table("contact states")
+    table.add_column("state", overflow="fold")
+    names = {"|force|": ("force\n(N)", ".1f"), "|moment|": ("moment\n(N m)", ".2f")}
+    lengths = [name for name in names if name in states[0].quantities]
+    for column in ("time\n(%)", "visits", "duration\n(s)", *(names[name][0] for name in lengths), "next"):
+        table.add_column(column, justify="right")
+    for k, state in enumerate(states):
+        table.add_row(
+            Text(f"{k} {state.name}"),
+            *(f"{100 * state.share:.0f}", f"{state.visits:.1f}", _median(state.duration, ".2f")),
+            *(_median(state.quantities[name], names[name][1]) for name in lengths),
+            ", ".join(following_texts(state, 2)) or "-",
+        )
+    table.caption = (
+        "visits: in a recording, on average; duration, force, moment: medians, of a visit and of the lengths of the"
+        " vectors; next: what follows a visit most often"
+    )
+    return table
+
+
+def following_texts(state: StateSummary, number: int) -> list[str]:
+    """What follows a state most often, such as "2 (62 %)"."""
+    return [f"{'end' if after is None else after} ({100 * share:.0f} %)" for after, share in state.following[:number]]
+
+
+def _median(spread: Spread, form: str) -> str:
+    return "-" if np.isnan(spread.median) else format(spread.median, form)
+
+
+def phase_table(agreement: PhaseAgreement) -> Table:
+    """One row per known phase: how its samples are distributed over the states."""
+    table = plain_table("known phases and contact states")
+    table.add_column("phase", overflow="fold")
+    for k in range(agreement.counts.shape[1]):
+        table.add_column(f"state {k}\n(%)", justify="right")
+    table.add_column("samples", justify="right")
+    for name, counts in zip(agreement.phases, agreement.counts, strict=True):
+        shares = (f"{100 * count / counts.sum():.0f}" for count in counts)
+        table.add_row(Text(name), *shares, str(counts.sum()))
+    table.caption = f"adjusted Rand index {agreement.ari:.2f}; 1: states and phases are the same"
+    return table

@@ -17,6 +17,7 @@ MODULES = {  # subcommand of haptic-skill: module with the same command
     "rig": "scripts.run_rig",
     "practise": "scripts.practise",
     "replay": "scripts.replay",
+    "states": "scripts.discover_states",
     "diagram": "scripts.block_diagram",
 }
 HAPTIC_SKILL = ("-c", "from scripts.haptic_skill import main; main()")  # what the installed command does

@@ -7,10 +7,15 @@ import pandas as pd
 from rich.console import Console
 
 from skill.data.outcome import Outcome
+from skill.states.phase_agreement import PhaseAgreement
+from skill.states.state_summary import summarise_states
 from systems.control.faults import Fault
-from systems.reports.result_tables import context_line, result_table, state_table
+from systems.reports.result_tables import context_line, discovered_table, phase_table, result_table, state_table
+from tests.state_recordings import FORCES, MOMENTS, labelled
 from tests.systems.reports.tables import text_of
 from tests.trial_results import EARLIER, PLAIN
+
+WRENCHES = np.hstack([FORCES, MOMENTS])
 
 
 def test_the_result_table_has_one_row_per_trial_and_a_summary():
@@ -62,3 +67,21 @@ def test_the_line_about_contexts_counts_the_demonstrations_of_each():
     line = context_line(SimpleNamespace(contexts_=found))
     assert line.startswith("2 contexts")
     assert "A in 1, B in 2 good demonstrations" in line
+
+
+def test_discovered_states_have_a_table():
+    states = summarise_states([labelled([0, 0, 0, 1, 2, 1], WRENCHES), labelled([0, 0, 0, 1], WRENCHES)], 4)
+    text = text_of(discovered_table(states))
+    assert "0 free 60 1.0 0.30 0.0 0.00 1 (100 %)" in text
+    assert "1 8 N along -z 30 1.5 0.10 8.0 0.00 end (67 %), 2 (33 %)" in text
+    assert "2 20 N along -z -x, 0.5 N m about +y 10 0.5 0.10 20.0 0.50 1 (100 %)" in text
+    assert "3 never the most probable 0 0.0 - - - -" in text
+    one_axis = summarise_states([labelled([0, 0], [[2.0]], channels=("fz",))], 1)
+    assert "0 fz 2 N 100 1.0 0.20 end (100 %)" in text_of(discovered_table(one_axis))
+
+
+def test_known_phases_have_a_table_and_their_names_are_not_markup():
+    text = text_of(phase_table(PhaseAgreement(("[/x] reach", "press"), np.array([[3, 1], [0, 5]]), 0.875)))
+    assert "[/x] reach 75 25 4" in text
+    assert "press 0 100 5" in text
+    assert "adjusted Rand index 0.88" in text
