@@ -4,9 +4,10 @@ A contact state is seldom one Gaussian: a force that swings or drifts within a c
 contact is therefore a *set* of components (Baudry and others, "Combining mixture components for clustering", Journal of
 Computational and Graphical Statistics 19(2), 2010; Hennig, "Methods for merging Gaussian mixture components", Advances
 in Data Analysis and Classification 4, 2010). Two sets are merged if the density of their samples has no valley between
-them. It is estimated along the line that separates the two sets best, Fisher's discriminant, by a kernel whose width
-follows from the effective number of samples: in trajectories, consecutive samples repeat each other, so that the
-samples themselves would show valleys between single visits.
+them. It is estimated along the line that separates the two sets best, Fisher's discriminant. Each set has a kernel of
+its own, whose width follows from its spread and from its effective number of samples: one width for both would smear
+the narrower set over the wider one, and in trajectories, consecutive samples repeat each other, so that the samples
+themselves would show valleys between single visits.
 """
 
 from __future__ import annotations
@@ -17,12 +18,15 @@ from scipy.ndimage import gaussian_filter1d
 
 from skill.arrays import Array
 
-BINS = 512
-"""Number of bins along the line; the kernel is much wider than a bin."""
+BINS = 2048
+"""Number of bins along the line."""
 
-BANDWIDTH = 0.74
-"""Width of the kernel for one effective sample, in standard deviations: 0.7 times that of Scott, Multivariate Density
-Estimation, 1992, which is optimal for one Gaussian and smooths two too much."""
+MARGIN = 4.0
+"""What is left free on either side of the samples, in widths of the wider kernel."""
+
+BANDWIDTH = 1.5
+"""Width of the kernel of a group for one effective sample, in its standard deviations; Scott, Multivariate Density
+Estimation, 1992, has 1.06 for a Gaussian. Half as much again hides the gaps between single visits."""
 
 RIDGE = 1e-6
 """Share of its own variance that is added to each channel, so that channels may depend on each other."""
@@ -39,19 +43,21 @@ def density_valley(one: Array, other: Array, n_effective: float) -> float:
     Args:
         one: shape (n,), samples of one group along a line.
         other: shape (m,), samples of the other.
-        n_effective: effective number of samples of both; at least 2 are assumed.
+        n_effective: effective number of samples of both together; each group has its share, but at least 2.
     """
     both = np.concatenate([one, other])
     low, high = both.min(), both.max()
-    spread = float(both.std())
-    if not high > low or spread == 0.0:
+    if not high > low:
         return 1.0
-    width = BANDWIDTH * spread * max(n_effective, 2.0) ** -0.2
-    # A margin on either side keeps the kernel inside.
-    edges = np.linspace(low - 4.0 * width, high + 4.0 * width, BINS + 1)
+    shares = [n_effective * len(x) / len(both) for x in (one, other)]
+    widths = [BANDWIDTH * float(x.std()) * max(n, 2.0) ** -0.2 for x, n in zip((one, other), shares, strict=True)]
+    # A margin on either side keeps the kernels inside.
+    margin = MARGIN * max(widths)
+    edges = np.linspace(low - margin, high + margin, BINS + 1)
+    bin_width = edges[1] - edges[0]
     smooth = [
-        gaussian_filter1d(np.histogram(x, edges)[0].astype(float), width / (edges[1] - edges[0]), mode="constant")
-        for x in (one, other)
+        gaussian_filter1d(np.histogram(x, edges)[0].astype(float), width / bin_width, mode="constant")
+        for x, width in zip((one, other), widths, strict=True)
     ]
     density = smooth[0] + smooth[1]
     begin, end = sorted(int(np.argmax(curve)) for curve in smooth)

@@ -68,7 +68,7 @@ class ContactStates(ClusterMixin, BaseEstimator):
     component_states_: NDArray[np.intp]
     chain_: MarkovChain
 
-    def __init__(self, components: Any = None, *, valley: float = 0.4, random_state: Any = None) -> None:
+    def __init__(self, components: Any = None, *, valley: float = 0.5, random_state: Any = None) -> None:
         self.components = components
         self.valley = valley
         self.random_state = random_state

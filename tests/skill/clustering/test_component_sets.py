@@ -20,9 +20,9 @@ def normal_samples(mean, n=20_000):
 
 @pytest.mark.parametrize("distance", [2.0, 3.0, 4.0])
 def test_valley_between_two_normal_distributions_worked_by_hand(distance):
-    """The kernel of width h makes both wider, sqrt(1 + h^2); the valley is half way, the peaks nearly at the means."""
+    """A kernel of width h makes each wider, sqrt(1 + h^2); the valley is half way, the peaks nearly at the means."""
     A, B = normal_samples(0.0), normal_samples(distance)
-    h = BANDWIDTH * np.sqrt(1.0 + distance**2 / 4.0) * MANY**-0.2
+    h = BANDWIDTH * (MANY / 2) ** -0.2
     width = 1.0 + h**2
     density = lambda x: np.exp(-0.5 * x**2 / width) + np.exp(-0.5 * (x - distance) ** 2 / width)  # noqa: E731
     expected = density(distance / 2.0) / density(0.0)

@@ -46,7 +46,7 @@ def test_drift_and_impacts_are_no_states(fitted):
     assert fitted.n_clusters_ == 3
     assert fitted.component_states_.tolist() != list(range(len(fitted.component_states_)))
     X, groups, phases = recordings(seed=1)
-    assert adjusted_rand_score(phases, fitted.predict(X, groups)) > 0.97
+    assert adjusted_rand_score(phases, fitted.predict(X, groups)) > 0.95
     assert adjusted_rand_score(phases, fitted.predict(X, groups, causal=True)) > 0.93
 
 
@@ -114,7 +114,7 @@ def test_components_of_any_clusterer_of_gaussians():
     assert not hasattr(components, "means_")  # a clone is fitted
     assert dut.components_.reg_covar == components.reg_covar
     assert adjusted_rand_score(phases, dut.labels_) > 0.9
-    assert clone(dut).get_params()["valley"] == 0.4
+    assert clone(dut).get_params()["valley"] == 0.5
 
 
 def test_the_valley_decides_what_is_merged():
