@@ -53,8 +53,8 @@ from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.recordings.reading import read_recordings
 from skill.recordings.recording import Recording
+from skill.sequences import sequences
 from skill.states.contact_states import ContactStates
-from skill.states.hidden_markov import sequences
 from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, progress, write_json
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.states.hidden_markov import sequences
+from skill.sequences import sequences
 
 MIN_DURATION = 3
 """Samples; a label that lasts a shorter time need not be recognised."""

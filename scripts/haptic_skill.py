@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import platform
 from importlib.util import find_spec
 from typing import Annotated
@@ -21,6 +20,7 @@ from scripts import (
     train_skill,
 )
 from scripts.command_line import make_app, run_app
+from systems.runs.provenance import version_of
 
 EXIT_CODES = (
     "Exit codes: 0 success; 1 error, with one line on stderr; 2 wrong usage; 130 interrupted with Ctrl-C;"
@@ -37,14 +37,6 @@ app.command("practise")(practise.main)
 app.command("replay")(replay.main)
 app.command("states")(discover_states.main)
 app.command("diagram")(block_diagram.main)
-
-
-def version_of(distribution: str) -> str:
-    """The version of an installed distribution, or "of unknown version"."""
-    try:
-        return importlib.metadata.version(distribution)
-    except importlib.metadata.PackageNotFoundError:
-        return "of unknown version"
 
 
 def print_versions(requested: bool) -> None:
@@ -70,9 +62,8 @@ def haptic_skill(
     """Learns peg-in-hole insertion from haptic demonstrations, and inserts on a simulated rig.
 
     The usual order is record, train, recover, rig; `haptic-skill demo` runs them all. `haptic-skill states` needs only
-    recordings of a force/torque sensor. Every option has a default, and
-    `haptic-skill COMMAND -h` explains a command with an example. In a checkout, `python -m scripts.run_rig` and the
-    other modules of `scripts` are the same commands.
+    recordings of a force/torque sensor. Every option has a default; `haptic-skill COMMAND -h` explains a command with
+    an example. In a checkout, `python -m scripts.run_rig` and the other modules of `scripts` are the same commands.
     """
 
 

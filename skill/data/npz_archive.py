@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 
 MAX_MEMBERS = 100
 MAX_UNPACKED = 100_000_000
-"""Largest number of bytes of all arrays together."""
+"""Largest number of bytes of all arrays together, unless the caller says another."""
 
 PLAIN = "biufU"
 """Kinds of NumPy types that are read: truth values, numbers and texts."""
 
 
-def read_archive(data: bytes, max_unpacked: int | None = None) -> dict[str, NDArray[Any]]:
+def read_archive(data: bytes, max_unpacked: int = MAX_UNPACKED) -> dict[str, NDArray[Any]]:
     """Returns the arrays of an npz archive by name. Nothing is unpickled.
 
     Args:
         data: the file.
-        max_unpacked: largest number of bytes of all arrays together; None for ``MAX_UNPACKED``.
+        max_unpacked: largest number of bytes of all arrays together.
 
     Raises:
         ValueError: if this is not such an archive, or it is damaged, encrypted or too large. The message names the
@@ -40,9 +40,8 @@ def read_archive(data: bytes, max_unpacked: int | None = None) -> dict[str, NDAr
     if len(names) > MAX_MEMBERS or len(set(names)) < len(names):
         raise ValueError(f"{len(names)} members, expected at most {MAX_MEMBERS}, each once")
     unpacked = sum(member.file_size for member in members)
-    limit = MAX_UNPACKED if max_unpacked is None else max_unpacked
-    if unpacked > limit:
-        raise ValueError(f"{unpacked / 1e6:.0f} MB of arrays, expected at most {limit / 1e6:.0f} MB")
+    if unpacked > max_unpacked:
+        raise ValueError(f"{unpacked / 1e6:.0f} MB of arrays, expected at most {max_unpacked / 1e6:.0f} MB")
     return {member.filename.removesuffix(".npy"): _member(archive, member) for member in members}
 
 

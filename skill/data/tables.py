@@ -191,7 +191,7 @@ def read_table(
         ValueError: if the file is missing, truncated, changed, too large, of another kind or version, or fails
             `validate_table`. The message names the file.
     """
-    with _named(path, f"{kind} file"):
+    with named_parquet_errors(path, f"{kind} file"):
         file, sealed = _open(path)
         metadata = file.metadata.metadata or {}
         schema = file.schema_arrow
@@ -201,7 +201,7 @@ def read_table(
     for field in schema:
         if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
             raise ValueError(f"{path}: column '{field.name}' has type {field.type}, expected numbers")
-    with _named(path, f"{kind} file"):
+    with named_parquet_errors(path, f"{kind} file"):
         table = file.read().to_pandas(ignore_metadata=True)
     validate_table(table, columns, str(path), min_rows=min_rows)
     return table, header
@@ -213,7 +213,7 @@ def stored_kind(path: Path, kinds: Sequence[str]) -> str | None:
     Raises:
         ValueError: if the file is missing, truncated, changed or too large. The message names the file.
     """
-    with _named(path, "file"):
+    with named_parquet_errors(path, "file"):
         metadata = _open(path)[0].metadata.metadata or {}
     return next((kind for kind in kinds if kind.encode() in metadata), None)
 
@@ -235,7 +235,7 @@ def _open(path: Path) -> tuple[pq.ParquetFile, bool]:
 
 
 @contextmanager
-def _named(path: Path, what: str) -> Iterator[None]:
+def named_parquet_errors(path: Path, what: str = "file") -> Iterator[None]:
     """Turns all errors of reading a Parquet file into one `ValueError` that names it."""
     try:
         yield

@@ -16,6 +16,7 @@ from skill.arrays import Array
 from skill.mixtures.expectation_maximization import MixtureDensities, e_step
 from skill.mixtures.gaussian_components import GaussianComponents, parameters_per_component, precision_factors
 from skill.mixtures.student_tails import score_variances
+from skill.sequences import sequences
 
 
 def design_effect(Z: Array, components: GaussianComponents, groups: NDArray[np.intp]) -> float:
@@ -47,8 +48,7 @@ def design_effect(Z: Array, components: GaussianComponents, groups: NDArray[np.i
     R = precision_factors(components.covariances)
     identity = np.eye(d)
     usual, of_diagonal = score_variances(d, components.degrees)
-    order = np.argsort(groups, kind="stable")
-    demonstrations = np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
+    demonstrations = list(sequences(groups))
     squares = np.zeros(M)
     cardinalities = np.zeros(M)
     for rows in demonstrations:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +13,7 @@ import pyarrow.parquet as pq
 from skill.data.demonstration import ACTIONS
 from skill.data.parquet_footer import column_chunks, unpacked_columns
 from skill.data.sealed_file import is_sealed, read_bounded
-from skill.data.tables import one_line
+from skill.data.tables import named_parquet_errors
 from skill.recordings.column_table import Selection, check_length, select_columns, table_recordings
 from skill.recordings.columns import listed
 from skill.recordings.recording import Recording
@@ -76,7 +75,7 @@ def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, wi
     Raises:
         ValueError: if the file is missing, damaged or too large. The message names it.
     """
-    with _named(path):
+    with named_parquet_errors(path):
         data = read_bounded(Path(path), MAX_BYTES)
         is_sealed(data)
         if any(chunk.compression == "unknown" for chunk in column_chunks(data)):
@@ -103,7 +102,7 @@ def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, wi
             f" expected at most {MAX_UNPACKED / 1e6:.0f} MB and {width} values in a row"
         )
     texts = [name for name in names if pa.types.is_string(schema.field(name).type)]
-    with _named(path):
+    with named_parquet_errors(path):
         file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=texts, page_checksum_verification=True)
         table: pa.Table = file.read(columns=names)
         return table.select(names).replace_schema_metadata(None)
@@ -117,14 +116,3 @@ def _frame(rows: pa.Table, selection: Selection) -> tuple[pd.DataFrame, Selectio
         rows = rows.set_column(rows.schema.get_field_index(time.name), time.name, rows[time.name].cast(pa.int64()))
         time = replace(time, size=_TIME_UNITS[kind.unit], stated=True)
     return rows.to_pandas(ignore_metadata=True), replace(selection, columns=(time, *channels))
-
-
-@contextmanager
-def _named(path: Path) -> Iterator[None]:
-    """Turns all errors of reading a Parquet file into one `ValueError` that names it."""
-    try:
-        yield
-    except FileNotFoundError:
-        raise ValueError(f"{path}: no such file") from None
-    except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
-        raise ValueError(f"{path}: not a complete Parquet file ({one_line(error)})") from error

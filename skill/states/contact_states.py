@@ -17,7 +17,8 @@ from skill.clustering.clustering_arguments import checked_groups
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.component_sets import component_sets
 from skill.clustering.gaussian_states import GaussianStates
-from skill.states.hidden_markov import MarkovChain, forward, learnt_chain, sequences, smoothed
+from skill.sequences import sequences
+from skill.states.hidden_markov import MarkovChain, forward, learnt_chain, smoothed
 
 RECORDING_FLOOR = 0.01
 """Variance that is added to each channel, as a share of its variance: differences below a tenth of the spread of a
@@ -54,7 +55,8 @@ class ContactStates(ClusterMixin, BaseEstimator):
         component_states_: shape (K,), state of each component.
         n_clusters_: number of states M.
         chain_: probabilities of the first state and of the transitions, `MarkovChain`.
-        labels_: shape (N,), smoothed state of each sample.
+        probabilities_: shape (N, M), smoothed probability of each state.
+        labels_: shape (N,), most probable state of each sample.
         n_features_in_: number of channels d.
     """
 
@@ -103,7 +105,8 @@ class ContactStates(ClusterMixin, BaseEstimator):
         self.n_clusters_ = int(sets.max()) + 1
         evidence = self._evidence(samples, SMOOTHED_SHARE)
         self.chain_ = learnt_chain(evidence, index)
-        self.labels_ = self._by_sequence(smoothed, evidence, index).argmax(axis=1)
+        self.probabilities_ = self._by_sequence(smoothed, evidence, index)
+        self.labels_ = self.probabilities_.argmax(axis=1)
         return self
 
     def _default(self) -> CompetitiveAgglomeration:

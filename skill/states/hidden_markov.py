@@ -1,17 +1,17 @@
 """Forward and backward recursions of a hidden Markov model (Rabiner, Proc. IEEE 77(2), 1989).
 
-Sequences are groups of rows in the order of time.
+Sequences are groups of rows in the order of time (`skill.sequences`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
+from skill.sequences import sequences
 
 EM_ITERATIONS = 5
 """Iterations in which the transitions are learnt."""
@@ -37,12 +37,6 @@ class MarkovChain:
         """A chain of M states that prefers to stay and knows nothing else."""
         transitions = np.full((M, M), (1.0 - INITIAL_STAY) / M) + INITIAL_STAY * np.eye(M)
         return cls(np.full(M, 1.0 / M), transitions)
-
-
-def sequences(groups: NDArray[np.intp]) -> Iterator[NDArray[np.intp]]:
-    """Yields the rows of each group, in their order."""
-    order = np.argsort(groups, kind="stable")
-    yield from np.split(order, np.flatnonzero(np.diff(groups[order])) + 1)
 
 
 def _scaled(log_likelihoods: Array) -> Array:

@@ -10,11 +10,12 @@ from rich.box import SIMPLE
 from rich.table import Table
 from rich.text import Text
 
+from skill.states.state_summary import FORCE, MOMENT, Spread, StateSummary
+
 if TYPE_CHECKING:
     from skill.manipulation_skill import ManipulationSkill
     from skill.practice.situation import Situation
     from skill.states.phase_agreement import PhaseAgreement
-    from skill.states.state_summary import Spread, StateSummary
     from systems.runs.trial_result import TrialResult
 
 
@@ -111,7 +112,7 @@ def discovered_table(states: Sequence[StateSummary]) -> Table:
     """One row per state that was discovered in recordings."""
     table = plain_table("contact states")
     table.add_column("state", overflow="fold")
-    names = {"|force|": ("force\n(N)", ".1f"), "|moment|": ("moment\n(N m)", ".2f")}
+    names = {FORCE: ("force\n(N)", ".1f"), MOMENT: ("moment\n(N m)", ".2f")}
     lengths = [name for name in names if name in states[0].quantities]
     for column in ("time\n(%)", "visits", "duration\n(s)", *(names[name][0] for name in lengths), "next"):
         table.add_column(column, justify="right")

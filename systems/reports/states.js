@@ -93,10 +93,10 @@
       drawPanel(chart, plot, group, top + TITLE);
       top += TITLE + PANEL;
     }
-    drawBand(chart, plot, "state", top + GAP, plot.trial.states, k => data.states[k].colour, null);
+    drawBand(chart, plot, "state", top + GAP, plot.trial.states, k => data.states[k].colour, k => data.states[k].ink, String);
     if (hasPhases && plot.trial.phases) {
       const colours = [styleColour("--phase-0"), styleColour("--phase-1")];
-      drawBand(chart, plot, "phase", top + 2 * GAP + BAND, plot.trial.phases, k => colours[k % 2], k => data.phases[k]);
+      drawBand(chart, plot, "phase", top + 2 * GAP + BAND, plot.trial.phases, k => colours[k % 2], () => chart.ink, k => data.phases[k]);
     }
     drawTimes(chart, plot, height - AXIS);
     placeLine(plot);
@@ -178,7 +178,7 @@
   }
 
   /** Draws a band of runs, with the number or name of each where it fits. */
-  function drawBand(chart, plot, title, top, runs, colourOf, nameOf) {
+  function drawBand(chart, plot, title, top, runs, colourOf, inkOf, nameOf) {
     const { context, xOf } = chart;
     context.textAlign = "right";
     context.fillStyle = chart.faint;
@@ -188,8 +188,8 @@
       context.fillStyle = colourOf(label);
       context.fillRect(left, top, Math.max(right - left, 0.5), BAND);
       if (right - left < MIN_LABEL_WIDTH) return;
-      context.fillStyle = nameOf ? chart.ink : inkOn(colourOf(label));
-      const text = shortened(context, nameOf ? nameOf(label) : String(label), right - left - 6);
+      context.fillStyle = inkOf(label);
+      const text = shortened(context, nameOf(label), right - left - 6);
       context.fillText(text, left + 3, top + 11);
     });
   }
@@ -200,11 +200,6 @@
     let length = text.length;
     while (length > 0 && context.measureText(text.slice(0, length) + "\u2026").width > width) length--;
     return length ? text.slice(0, length) + "\u2026" : "";
-  }
-
-  function inkOn(colour) {
-    const [r, g, b] = [1, 3, 5].map(k => (parseInt(colour.slice(k, k + 2), 16) / 255) ** 2.2);
-    return 0.2126 * r + 0.7152 * g + 0.0722 * b > 0.18 ? "#000" : "#fff";
   }
 
   function drawTimes(chart, plot, top) {

@@ -20,6 +20,7 @@ from skill.states.phase_agreement import PhaseAgreement, phase_codes
 from skill.states.state_style import PALETTE, TINTS, state_colours
 from skill.states.state_summary import FORCE, MOMENT, LabelledRecording, Spread, StateSummary
 from systems.reports.page_template import fill_page, script_value
+from systems.reports.result_tables import following_texts
 from systems.reports.state_flow import state_flow
 
 MAX_SHOWN, MAX_SHOWN_TOGETHER = 20_000, 500_000
@@ -130,7 +131,7 @@ def page_data(
         columns += [(column, group.factor / step) for column in mine]
     return {
         "groups": described,
-        "states": [{"name": s.name, "colour": c} for s, c in zip(states, colours, strict=True)],
+        "states": [{"name": s.name, "colour": c, "ink": ink_on(c)} for s, c in zip(states, colours, strict=True)],
         "phases": phases,
         "trials": [_series(item, columns, place.get(id(item)), stride) for item in labelled],
     }
@@ -243,10 +244,7 @@ def _headings(columns: Sequence[_Column]) -> str:
 
 def _row(state: StateSummary, chip: str, columns: Sequence[_Column], recordings: int) -> str:
     """The table row of a state."""
-    following = ", ".join(
-        f"<span>{'end' if after is None else after} ({100 * share:.0f} %)</span>"
-        for after, share in state.following[:LISTED_NEXT]
-    )
+    following = ", ".join(f"<span>{text}</span>" for text in following_texts(state, LISTED_NEXT))
     cells = [
         f"<td>{100 * state.share:.0f} %</td>",
         f"<td>{state.visits:.1f}<small>in {state.recordings} of {recordings}</small></td>",

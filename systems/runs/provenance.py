@@ -6,6 +6,14 @@ import importlib.metadata
 import sys
 
 
+def version_of(distribution: str) -> str:
+    """Returns the version of an installed distribution, or "of unknown version"."""
+    try:
+        return importlib.metadata.version(distribution)
+    except importlib.metadata.PackageNotFoundError:
+        return "of unknown version"
+
+
 def versions() -> dict[str, str]:
     """Returns the versions of the interpreter, of this project and of the packages that affect results."""
     names = ("haptic-skill", "drake", "numpy", "scipy", "scikit-learn")

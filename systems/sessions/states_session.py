@@ -7,7 +7,6 @@ import platform
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +25,7 @@ from systems.outputs.state_tables import is_state_table, state_table_path, write
 from systems.reports.result_tables import discovered_table, phase_table
 from systems.reports.states_page import StatesReport, states_page
 from systems.reports.terminal import busy, console, say
+from systems.runs.provenance import version_of
 
 SAME_RATE = 1.2
 """Recordings whose rates differ by more than this factor deserve a note."""
@@ -168,8 +168,7 @@ def _learn(recordings: Sequence[Recording], seed: int) -> tuple[ContactStates, l
     groups = np.repeat(np.arange(len(counts)), counts)
     values = np.concatenate([recording.values for recording in recordings])
     learner = ContactStates(random_state=seed).fit(values, groups=groups)
-    probabilities = learner.predict_proba(values, groups)
-    parts = np.split(probabilities, np.cumsum(counts)[:-1])
+    parts = np.split(learner.probabilities_, np.cumsum(counts)[:-1])
     return learner, [
         LabelledRecording(recording, part.argmax(axis=1), part.max(axis=1))
         for recording, part in zip(recordings, parts, strict=True)
@@ -189,16 +188,13 @@ def _method(learner: ContactStates) -> str:
 def _made_by(sources: Sequence[Path], options: ReadOptions, rate: float, seed: int) -> dict[str, str]:
     """What determined the result."""
     chosen = {f"--{name.replace('_', '-')}": value for name, value in asdict(options).items() if value}
-    try:
-        program = version("haptic-skill")
-    except PackageNotFoundError:
-        program = "of unknown version"
+    packages = f"haptic-skill {version_of('haptic-skill')}, Python {platform.python_version()}, NumPy {np.__version__}"
     return {
         "files": ", ".join(map(str, sources)),
         "rate": f"at most {rate:g} Hz",
         "seed": str(seed),
         **{name: ", ".join(value) if isinstance(value, tuple) else str(value) for name, value in chosen.items()},
-        "versions": f"haptic-skill {program}, Python {platform.python_version()}, NumPy {np.__version__}",
+        "versions": packages,
     }
 
 

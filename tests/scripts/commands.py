@@ -5,8 +5,11 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 from typer.testing import CliRunner
+
+from systems.reports.terminal import console
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = {  # subcommand of haptic-skill: module with the same command
@@ -38,9 +41,12 @@ def run_python(*arguments, cwd=ROOT, **environment):
 
 
 def invoke(name, *arguments):
-    """Runs a subcommand, or "haptic_skill" itself, in this process."""
+    """Runs a subcommand, or "haptic_skill" itself, in this process; tables are up to 160 columns wide."""
     app = importlib.import_module(MODULES.get(name, f"scripts.{name}")).app
-    return CliRunner(env={"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "160"}).invoke(app, [str(a) for a in arguments])
+    runner = CliRunner(env={"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "160"})
+    # The console takes its width from the environment once, when a test first imports it.
+    with patch.object(console, "_width", 160):
+        return runner.invoke(app, [str(a) for a in arguments])
 
 
 def error_line(result):

@@ -7,7 +7,6 @@ import zipfile
 import numpy as np
 import pytest
 
-from skill.data import npz_archive
 from skill.data.npz_archive import read_archive
 from tests.crafted_files import sealed_archive
 
@@ -127,11 +126,15 @@ def is_refused(data):
     return False
 
 
-def test_a_bomb_is_refused_before_it_is_unpacked(monkeypatch):
+def test_a_bomb_is_refused_before_it_is_unpacked():
     bomb = zipped(npy(np.zeros(2_000_000)))
-    monkeypatch.setattr(npz_archive, "MAX_UNPACKED", 15_000_000)
     with pytest.raises(ValueError, match="16 MB of arrays, expected at most 15 MB"):
-        read_archive(bomb)
+        read_archive(bomb, max_unpacked=15_000_000)
+
+
+def test_without_a_limit_of_its_own_a_caller_has_the_general_one():
+    with pytest.raises(ValueError, match="104 MB of arrays, expected at most 100 MB"):
+        read_archive(zipped(npy(np.zeros(13_000_000))))
 
 
 def test_a_directory_that_lies_about_the_size_is_refused():

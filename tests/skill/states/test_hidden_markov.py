@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skill.states.hidden_markov import MarkovChain, backward, forward, learnt_chain, sequences, smoothed
+from skill.states.hidden_markov import MarkovChain, backward, forward, learnt_chain, smoothed
 
 CHAIN = MarkovChain(np.array([0.6, 0.4]), np.array([[0.9, 0.1], [0.3, 0.7]]))
 
@@ -76,14 +76,6 @@ def test_an_impossible_step_does_not_end_the_filter():
     chain = MarkovChain(np.array([1.0, 0.0]), np.eye(2))
     belief = forward(np.array([[0.0, -2000.0], [-2000.0, 0.0]]), chain)
     np.testing.assert_allclose(belief, [[1.0, 0.0], [0.0, 1.0]])
-
-
-def test_sequences_are_the_rows_of_each_group_in_their_order():
-    found = list(sequences(np.array([2, 0, 2, 0, 1])))
-    assert [rows.tolist() for rows in found] == [[1, 3], [4], [0, 2]]
-    alternating = np.arange(1000) % 3
-    for k, rows in enumerate(sequences(alternating)):
-        assert rows.tolist() == list(range(k, 1000, 3))
 
 
 def test_transitions_are_counted_within_sequences_only():
