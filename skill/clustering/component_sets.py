@@ -15,6 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
+from scipy.special import logsumexp
 
 from skill.arrays import Array
 
@@ -121,3 +122,17 @@ def component_sets(Z: Array, memberships: Array, *, design_effect: float, thresh
             if c != b:
                 valleys[max(b, c), min(b, c)] = compare(b, int(c))
     return np.unique(sets, return_inverse=True)[1]
+
+
+def set_log_likelihoods(densities: Array, weights: Array, sets: NDArray[np.intp]) -> Array:
+    """Returns log p(x | s) = log (sum_(k in s) P_k p_k(x) / sum_(k in s) P_k) of each set s, shape (N, number of sets).
+
+    Args:
+        densities: shape (N, M), log P_k p_k(x) of each sample and component.
+        weights: shape (M,), weights P of the components.
+        sets: shape (M,), set of each component, counted from 0.
+    """
+    columns = [
+        logsumexp(densities[:, sets == s], axis=1) - np.log(weights[sets == s].sum()) for s in range(max(sets) + 1)
+    ]
+    return np.stack(columns, axis=1)

@@ -15,7 +15,8 @@ the sampling rate, because both sides of the inequality depend on the effective 
 
 This number is that of components each of which is a state. If sets of components are to be the states
 (`skill.clustering.component_sets`), the components need only describe the density, and too few do more harm than too
-many: a component that covers parts of two states cannot be divided afterwards. Their number minimises the BIC at one
+many: a component that covers parts of two states cannot be divided afterwards. Their number minimises the information
+criterion of Akaike, which looks for the best description and not for the true number, -2 log L / tau + 2 K, with one
 design effect for all numbers, the median of those under each.
 """
 
@@ -68,8 +69,7 @@ def number_for_density(candidates: dict[int, Mixture], T: int, Z: Array, groups:
     effects = {M: design_effect(Z, mixture.components, groups) for M, mixture in candidates.items()}
     tau = float(np.median(list(effects.values())))
     criteria = {
-        M: bayesian_information_criterion(mixture.log_likelihood, M, T, len(Z), tau)
-        for M, mixture in candidates.items()
+        M: -2.0 * mixture.log_likelihood / tau + 2.0 * mixture_parameters(M, T) for M, mixture in candidates.items()
     }
     M = min(criteria, key=criteria.__getitem__)
     return M, effects[M]

@@ -7,7 +7,6 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import logsumexp
 from sklearn.base import BaseEstimator, ClusterMixin, clone
 from sklearn.utils._param_validation import HasMethods, Interval
 from sklearn.utils.validation import check_is_fitted, validate_data
@@ -15,10 +14,11 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from skill.arrays import Array
 from skill.clustering.clustering_arguments import checked_groups
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.clustering.component_sets import component_sets
+from skill.clustering.component_sets import component_sets, set_log_likelihoods
 from skill.clustering.gaussian_states import GaussianStates
 from skill.sequences import sequences
 from skill.states.hidden_markov import MarkovChain, forward, learnt_chain, smoothed
+from skill.states.recurrence import recurrent_sets
 
 RECORDING_FLOOR = 0.01
 """Variance that is added to each channel, as a share of its variance: differences below a tenth of the spread of a
@@ -38,7 +38,9 @@ class ContactStates(ClusterMixin, BaseEstimator):
     2. Components whose samples no valley of the density separates belong to the same state
        (`skill.clustering.component_sets`). The likelihood of a sample x in a state s is that of its components,
        p(x | s) = sum_(k in s) P_k p_k(x) / sum_(k in s) P_k.
-    3. A hidden Markov model learns the transitions between the states. Samples of a trajectory repeat each other, so
+    3. A state recurs: a set that occurs in fewer than three recordings, or two if there are no more than three, is
+       given to the state that takes its place when it is left out (`skill.states.recurrence`).
+    4. A hidden Markov model learns the transitions between the states. Samples of a trajectory repeat each other, so
        the log-likelihoods are divided by a share of the design effect, the number of samples that carry the
        information of one.
 
@@ -70,7 +72,7 @@ class ContactStates(ClusterMixin, BaseEstimator):
     component_states_: NDArray[np.intp]
     chain_: MarkovChain
 
-    def __init__(self, components: Any = None, *, valley: float = 0.5, random_state: Any = None) -> None:
+    def __init__(self, components: Any = None, *, valley: float = 0.4, random_state: Any = None) -> None:
         self.components = components
         self.valley = valley
         self.random_state = random_state
@@ -101,6 +103,9 @@ class ContactStates(ClusterMixin, BaseEstimator):
         sets = component_sets(
             samples, memberships, design_effect=self.components_.design_effect_, threshold=self.valley
         )
+        sets = recurrent_sets(
+            self._densities(samples), self.components_.weights_, sets, index, self._n_alike(SMOOTHED_SHARE)
+        )
         self.component_states_ = _in_order_of_time(sets, memberships.argmax(axis=1), index)
         self.n_clusters_ = int(sets.max()) + 1
         evidence = self._evidence(samples, SMOOTHED_SHARE)
@@ -118,17 +123,19 @@ class ContactStates(ClusterMixin, BaseEstimator):
         """Returns log p(x | s), shape (N, M)."""
         check_is_fitted(self, "component_states_")
         samples: Array = validate_data(self, X, dtype=np.float64, reset=False)
-        _, densities, _ = self.components_._log_memberships(samples, None)
-        weights = self.components_.weights_
-        columns = []
-        for s in range(self.n_clusters_):
-            mine = self.component_states_ == s
-            columns.append(logsumexp(densities[:, mine], axis=1) - np.log(weights[mine].sum()))
-        return np.stack(columns, axis=1)
+        return set_log_likelihoods(self._densities(samples), self.components_.weights_, self.component_states_)
+
+    def _densities(self, samples: Array) -> Array:
+        """Returns the log-density of each sample in each component with its weight, shape (N, K)."""
+        return self.components_._log_memberships(samples, None)[1]
+
+    def _n_alike(self, share: float) -> float:
+        """Returns the number of samples whose evidence counts as that of one."""
+        return max(1.0, share * self.components_.design_effect_)
 
     def _evidence(self, X: ArrayLike, share: float) -> Array:
         """Returns the log-likelihoods, each divided by the number of samples that count as one, shape (N, M)."""
-        return self.state_log_likelihoods(X) / max(1.0, share * self.components_.design_effect_)
+        return self.state_log_likelihoods(X) / self._n_alike(share)
 
     def _by_sequence(self, method: Any, log_likelihoods: Array, groups: NDArray[np.intp]) -> Array:
         """Applies a recursion to each recording."""

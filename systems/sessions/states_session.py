@@ -176,12 +176,12 @@ def _learn(recordings: Sequence[Recording], seed: int) -> tuple[ContactStates, l
 
 
 def _method(learner: ContactStates) -> str:
-    """How the states were found, in two sentences."""
+    """How the states were found, in three sentences."""
     return (
         f"Competitive Agglomeration found {_count(learner.components_.n_clusters_, 'component')} in the samples of all"
         f" recordings, without labels, and {_count(learner.n_clusters_, 'set')} of them that valleys of the density"
-        " separate: these are the states. A hidden Markov model learnt how one follows another, and gave each sample"
-        " its most probable state."
+        " separate: these are the states. A set that few recordings have belongs to the state whose place it takes. A"
+        " hidden Markov model learnt how one follows another, and gave each sample its most probable state."
     )
 
 

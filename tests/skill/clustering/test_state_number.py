@@ -81,7 +81,7 @@ def test_missing_numbers_are_skipped(design_effects):
 def test_number_for_the_density_minimises_the_criterion_at_the_median_effect(design_effects, factor, number):
     Z, groups = np.zeros((1000, 1)), np.zeros(1000, dtype=int)
     tau = 5.0  # the median of 10, 5 and 10/3
-    gain = 0.5 * tau * 3 * np.log(1000 / tau)
+    gain = tau * 3  # of the log-likelihood, for the three parameters of a component and its weight
     candidates = mixtures(M3=-100.0, M2=-100.0 - factor * gain, M1=-100.0 - 3.0 * gain)
     chosen, effect = number_for_density(candidates, 2, Z, groups)
     assert chosen == number
@@ -91,7 +91,7 @@ def test_number_for_the_density_minimises_the_criterion_at_the_median_effect(des
 def test_the_density_may_have_more_components_than_there_are_states(design_effects):
     """A step that has no support of its own is passed, where the next has it for both."""
     Z, groups = np.zeros((1000, 1)), np.zeros(1000, dtype=int)
-    gain = 0.5 * 5.0 * 3 * np.log(1000 / 5.0)
+    gain = 5.0 * 3
     candidates = mixtures(M3=-100.0, M2=-100.0 - 0.98 * gain, M1=-100.0 - 2.04 * gain)
     assert number_for_density(candidates, 2, Z, groups)[0] == 2
     candidates = mixtures(M3=-100.0, M2=-100.0 - 2.05 * gain, M1=-100.0 - 2.04 * gain)

@@ -64,6 +64,31 @@ def test_the_number_does_not_depend_on_the_sampling_rate(every):
     assert adjusted_rand_score(phases, dut.labels_) > 0.95
 
 
+def test_a_contact_that_lies_elsewhere_in_one_recording_is_no_state():
+    X, groups, phases = recordings()
+    X = X + np.outer((groups == 2) & (phases == 2), [8.0, 8.0, 0.0])
+    dut = ContactStates(random_state=0).fit(X, groups=groups)
+    assert dut.n_clusters_ == 3
+    assert adjusted_rand_score(phases, dut.labels_) > 0.95
+
+
+def test_a_contact_of_three_recordings_is_a_state():
+    X, groups, phases = recordings()
+    X = X + np.outer((groups < 3) & (phases == 2), [0.0, -8.0, 0.0])
+    dut = ContactStates(random_state=0).fit(X, groups=groups)
+    assert dut.n_clusters_ == 4
+
+
+def test_a_jam_of_one_recording_is_a_state():
+    X, groups, phases = recordings()
+    last = np.flatnonzero(groups == 5)[-60:]
+    X = np.insert(X, last[-1] + 1, X[last] + [0.0, 30.0, -20.0], axis=0)
+    groups, phases = np.append(groups, np.full(60, 5)), np.append(phases, np.full(60, 3))
+    dut = ContactStates(random_state=0).fit(X, groups=groups)
+    assert dut.n_clusters_ == 4
+    assert adjusted_rand_score(phases, dut.labels_) > 0.95
+
+
 def test_units_and_the_order_of_recordings_do_not_matter(fitted):
     X, groups, _ = recordings()
     scaled = ContactStates(random_state=0).fit(X * [1e3, 1.0, 1e-2] + 5.0, groups=groups)
@@ -114,7 +139,7 @@ def test_components_of_any_clusterer_of_gaussians():
     assert not hasattr(components, "means_")  # a clone is fitted
     assert dut.components_.reg_covar == components.reg_covar
     assert adjusted_rand_score(phases, dut.labels_) > 0.9
-    assert clone(dut).get_params()["valley"] == 0.5
+    assert clone(dut).get_params()["valley"] == 0.4
 
 
 def test_the_valley_decides_what_is_merged():
