@@ -13,8 +13,11 @@ if TYPE_CHECKING:
     from skill.features.contact_features import ContactFeatures
     from skill.features.wrench_features import CanonicalFeatures, NormalisedFeatures, RawFeatures
     from skill.manipulation_skill import ManipulationSkill
+    from skill.recordings.reading import read_recordings
+    from skill.recordings.recording import Recording
     from skill.regression.locally_weighted_regression import LWRegressor
     from skill.states.contact_state_filter import ContactStateFilter, StateEstimator
+    from skill.states.contact_states import ContactStates
     from skill.states.context_mixture import ContextMixture
     from skill.states.state_graph import StateGraph
 
@@ -23,16 +26,19 @@ _HOMES = {
     "CompetitiveAgglomeration": "clustering.competitive_agglomeration",
     "ContactFeatures": "features.contact_features",
     "ContactStateFilter": "states.contact_state_filter",
+    "ContactStates": "states.contact_states",
     "ContextMixture": "states.context_mixture",
     "Demonstration": "data.demonstration",
     "LWRegressor": "regression.locally_weighted_regression",
     "ManipulationSkill": "manipulation_skill",
     "NormalisedFeatures": "features.wrench_features",
     "RawFeatures": "features.wrench_features",
+    "Recording": "recordings.recording",
     "StateEstimator": "states.contact_state_filter",
     "StateGraph": "states.state_graph",
     "read_demonstration": "data.demonstration",
     "read_demonstrations": "data.demonstration",
+    "read_recordings": "recordings.reading",
     "refine_demonstration": "data.refinement",
     "write_demonstration": "data.demonstration",
 }
@@ -42,16 +48,19 @@ __all__ = [
     "CompetitiveAgglomeration",
     "ContactFeatures",
     "ContactStateFilter",
+    "ContactStates",
     "ContextMixture",
     "Demonstration",
     "LWRegressor",
     "ManipulationSkill",
     "NormalisedFeatures",
     "RawFeatures",
+    "Recording",
     "StateEstimator",
     "StateGraph",
     "read_demonstration",
     "read_demonstrations",
+    "read_recordings",
     "refine_demonstration",
     "write_demonstration",
 ]

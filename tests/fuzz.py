@@ -2,13 +2,13 @@
 
     python -m tests.fuzz [--number 10000] [--seed 0] [--first 0] [--jobs 2] [--json FILE]
 
-Each mutation changes one file (a recording, a run, a skill or a scenario, and files of the versions without a digest)
-and loads it in a process of its own. Its outcome is
+Each mutation changes one file (a recording, a run, a skill or a scenario, files of the versions without a digest, and
+recordings of other sensors) and loads it in a process of its own. Its outcome is
 
 * refused: one `ValueError` in one line that names the file,
 * identical: the file loads and holds what it held before,
-* another file: a file without a digest (a scenario, an old version), or one whose digest was made anew, loads and is
-  sound; nothing in it can say that it was changed,
+* another file: a file without a digest (a scenario, an old version, another sensor), or one whose digest was made
+  anew, loads and is sound; nothing in it can say that it was changed,
 
 or a defect:
 
@@ -63,10 +63,20 @@ FORGERIES: dict[str, tuple[Callable[[bytes, Random], bytes], ...]] = {
     "recording, version 1": (),
     "run, version 2": (),
     "skill, version 4": (),
+    "sensor, CSV": (),
+    "sensor, Parquet": (),
+    "sensor, NPZ": (),
+    "sensor, MCAP": (),
 }
 """The kinds of files, and the mutations of each that make a digest anew or need none."""
 
 KINDS = tuple(FORGERIES)
+SUFFIXES = {
+    **{"scenario": ".yaml", "skill": ".npz", "skill, version 4": ".npz"},
+    **{"sensor, CSV": ".csv", "sensor, NPZ": ".npz", "sensor, MCAP": ".mcap"},
+}
+"""Ending of the name of a file of each kind; .parquet for the others."""
+
 BOMBS = 400
 """One in so many mutations of a skill is a bomb, which takes a second to make."""
 
@@ -102,9 +112,7 @@ def write_originals(folder: Path) -> dict[str, Path]:
     from tests.crafted_files import write_unsealed, write_unsealed_skill
     from tests.trajectories import make_demonstration, make_rig_run
 
-    paths = {kind: folder / f"{kind}.parquet" for kind in KINDS}
-    paths |= {kind: folder / f"{kind}.npz" for kind in KINDS if kind.startswith("skill")}
-    paths["scenario"] = folder / "scenario.yaml"
+    paths = {kind: folder / f"{kind}{SUFFIXES.get(kind, '.parquet')}" for kind in KINDS}
     shown = [make_demonstration(tilt=0.04 + 0.005 * k, direction=k) for k in range(4)]
     for kind in ("recording", "recording, version 1"):
         write_demonstration(shown[0], paths[kind])
@@ -119,7 +127,27 @@ def write_originals(folder: Path) -> dict[str, Path]:
     write_unsealed_skill(paths["skill, version 4"], 4)
     scenario = Path(__file__).parents[1] / "models" / "scenarios" / "one_of_everything.yaml"
     paths["scenario"].write_bytes(scenario.read_bytes())
+    write_sensor_recordings(paths)
     return paths
+
+
+def write_sensor_recordings(paths: dict[str, Path]) -> None:
+    """Writes a recording of a wrench in the formats of other sensors."""
+    import numpy as np
+    import pandas as pd
+
+    from tests.skill.recordings.wrench_messages import cdr, write_mcap
+
+    rng = np.random.default_rng(0)
+    table = pd.DataFrame(rng.normal(size=(50, 6)).round(3), columns=["fx", "fy", "fz", "mx", "my", "mz"])
+    table.insert(0, "time", 0.01 * np.arange(50))
+    table.to_csv(paths["sensor, CSV"], index=False)
+    table.to_parquet(paths["sensor, Parquet"], index=False)
+    wrench = table[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy()
+    np.savez(paths["sensor, NPZ"], time=table["time"].to_numpy(), wrench=wrench, trial=np.repeat([1, 2], 25))
+    stamps = [10_000_000 * k for k in range(50)]
+    messages = [("/wrench", t, cdr(sec=0, nanosec=t, wrench=row)) for t, row in zip(stamps, wrench, strict=True)]
+    write_mcap(paths["sensor, MCAP"], messages)
 
 
 # ------------------------------------------------------------------- loading
@@ -142,7 +170,20 @@ def load(kind: str, path: Path) -> tuple[bytes, bool]:
         from models.scenario import dump_scenario, load_scenario
 
         return dump_scenario(load_scenario(path)).encode(), True
+    if kind.startswith("sensor"):
+        return load_sensor_recordings(path)
     return load_skill(path)
+
+
+def load_sensor_recordings(path: Path) -> tuple[bytes, bool]:
+    """Loads recordings of another sensor; they are sound if they are finite and their time increases."""
+    import numpy as np
+
+    from skill.recordings.reading import read_recordings
+
+    found = read_recordings(path)
+    content = b"".join(json.dumps(r.channels).encode() + r.time.tobytes() + r.values.tobytes() for r in found)
+    return content, all(bool(np.isfinite(r.values).all() and (np.diff(r.time) > 0).all()) for r in found)
 
 
 def load_skill(path: Path) -> tuple[bytes, bool]:
@@ -237,7 +278,7 @@ def attempt(number: int, seed: int, folder: Path) -> Trial:
     sealed = mutation in mutations.BYTES and kind in ("recording", "run", "skill")
     work = folder / "work"
     work.mkdir(exist_ok=True)
-    path = work / f"{multiprocessing.current_process().name} {kind}{'.yaml' if kind == 'scenario' else '.dat'}"
+    path = work / f"{multiprocessing.current_process().name} {kind}{SUFFIXES.get(kind, '.parquet')}"
     changed = mutation(original, rng)
     outcome, detail = judge(kind, original, held, changed, path, sealed=sealed)
     return Trial(number, kind, mutation.__name__, outcome, detail[:500])

@@ -80,6 +80,8 @@ def _array(content: bytes) -> NDArray[Any]:
         raise ValueError(f"damaged npy header ({type(error).__name__})") from error
     if dtype.kind not in PLAIN or dtype.itemsize == 0:
         raise ValueError(f"type {dtype}, expected numbers, truth values or texts")
+    if any(type(n) is not int for n in shape):  # NumPy takes a truth value for a number
+        raise ValueError(f"shape {shape}, expected whole numbers")
     rest = content[stream.tell() :]
     if min(shape, default=0) < 0 or math.prod(shape) * dtype.itemsize != len(rest):
         raise ValueError(f"shape {shape} of {dtype} in {len(rest)} bytes, expected {math.prod(shape) * dtype.itemsize}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from skill.recordings.csv_file import read_csv_file
 from skill.recordings.lerobot_folder import read_lerobot_folder
@@ -54,27 +55,37 @@ def read_recordings(
     columns = list(columns)
     options = {"columns": columns, "trial_column": trial_column, "phase_column": phase_column}
     options |= {"topic": topic, "feature": feature}
+    try:
+        return _read(path, options)
+    except ValueError as error:
+        if str(path) in str(error):
+            raise
+        # A recording knows the name of its file, not the folder.
+        raise ValueError(f"{path}{str(error).removeprefix(path.name)}") from error
+
+
+def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
+    """Reads the recordings with the options of `read_recordings`."""
     suffix = path.suffix.lower()
     if path.is_dir():
         if (path / "meta" / "info.json").is_file():
-            _check_options(path, options, {"columns", "phase_column", "feature"}, "a data set of LeRobot")
-            return read_lerobot_folder(path, feature=feature, columns=columns, phase_column=phase_column)
+            return read_lerobot_folder(
+                path, **_chosen(path, options, {"columns", "phase_column", "feature"}, "a data set of LeRobot")
+            )
         if any(path.glob("*.mcap")):
-            _check_options(path, options, {"topic"}, "MCAP files")
-            return read_mcap_file(path, topic=topic)
+            return read_mcap_file(path, **_chosen(path, options, {"topic"}, "MCAP files"))
         raise ValueError(f"{path}: a folder without meta/info.json (LeRobot) or *.mcap (rosbag2)")
     if suffix == ".mcap":
-        _check_options(path, options, {"topic"}, "an MCAP file")
-        return read_mcap_file(path, topic=topic)
+        return read_mcap_file(path, **_chosen(path, options, {"topic"}, "an MCAP file"))
     if suffix in TABLES:
-        _check_options(path, options, {"columns", "trial_column", "phase_column"}, "a table")
-        return TABLES[suffix](path, columns=columns, trial_column=trial_column, phase_column=phase_column)
+        return TABLES[suffix](path, **_chosen(path, options, {"columns", "trial_column", "phase_column"}, "a table"))
     remedy = "; convert a rosbag to MCAP first" if suffix in (".db3", ".bag") else ""
     raise ValueError(f"{path}: ends in '{suffix}', expected {' '.join(TABLES)} .mcap or a folder{remedy}")
 
 
-def _check_options(path: Path, options: Mapping[str, object], allowed: set[str], kind: str) -> None:
-    """Refuses an option that would have no effect."""
+def _chosen(path: Path, options: Mapping[str, Any], allowed: set[str], kind: str) -> dict[str, Any]:
+    """Returns the options of a kind of file; refuses one that would have no effect."""
     idle = sorted(name for name, value in options.items() if value and name not in allowed)
     if idle:
         raise ValueError(f"{path}: {idle} cannot be chosen for {kind}; expected only {sorted(allowed)}")
+    return {name: options[name] for name in sorted(allowed)}

@@ -46,6 +46,7 @@ def test_plain_arrays_are_read(array, compression):
 HEADERS = {
     "huge": (b"(2, 3), }  ", b"(9**99,), }", "malformed node"),
     "large": (b"(2, 3), }        ", b"(2, 300000000), }", r"shape \(2, 300000000\) of float64 in 48 bytes"),
+    "truth value": (b"(2, 3), }   ", b"(6, True), }", r"shape \(6, True\), expected whole numbers"),
     "negative": (b"(2, 3)", b"(-2,3)", "damaged npy header|shape"),
     "object": (b"'<f8'", b"'|O8'", "type object, expected numbers"),
     "void": (b"'<f8'", b"'|V8'", "type |V8, expected numbers"),

@@ -41,6 +41,15 @@ def test_tables(tmp_path, suffix):
     assert {s.lower() for s in WRITERS} == set(TABLES)
 
 
+def test_a_defect_names_the_folder_too(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time,fx,fy,fz,trial\n0,1,1,1,a\n0.1,1,1,1,a\n0.1,2,2,2,b\n0,2,2,2,b\n")
+    with pytest.raises(ValueError, match=re.escape(f"{path}, trial b: time 0 s jumps back")):
+        read_recordings(path)
+    with pytest.raises(ValueError, match=re.escape(f"{path}: ")):  # once
+        read_recordings(path, columns=["fx=b"])
+
+
 def test_mcap(tmp_path):
     pytest.importorskip("mcap")
     messages = [("/ft", k, cdr(k)) for k in range(3)] + [("/tool", k, cdr(k)) for k in range(4)]
