@@ -1,7 +1,7 @@
 """Contact states that are discovered in recordings of a real sensor, against the phases of its controller.
 
     python -m benchmarks.recordings --data FILE.npz --train-trials A-B --test-trials C-D [--rate HZ] [--seed 0]
-                                    [--json FILE]                         needs the extra [peers]
+                                    [--hours H] [--json FILE]             needs the extra [peers]
 
 The file has the arrays time (s), wrench (N and N m), trial and phase. A phase of less than three samples counts as the
 next one. Learners see the wrenches of the training trials only, scaled to variance one. All figures are of the test
@@ -17,12 +17,17 @@ Change point detection (ruptures) learns nothing; its states are the segments of
 
 The last line says how well a filter tells the phase on line: each state stands for the phase that it has most often in
 training. Delay: time from a change of the phase to the first sample with this phase, over the recognised changes.
+
+--hours also measures what long recordings cost: a Parquet file with the given hours at 1 kHz, made of the training
+trials one after the other, interpolated and with noise, is read, averaged and learnt from. CPU time on one core.
 """
 
 from __future__ import annotations
 
 import logging
 import re
+import resource
+import tempfile
 import time as clock
 import warnings
 from collections.abc import Callable
@@ -37,6 +42,7 @@ if __name__ == "__main__":
     require_packages("hmmlearn", "ruptures")
 
 import numpy as np
+import pandas as pd
 import ruptures
 from hmmlearn.hmm import GaussianHMM
 from numpy.typing import NDArray
@@ -59,6 +65,12 @@ from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, progress, write_json
 
 MAX_STATES = 15
+FAST = 1000.0
+"""Sampling rate of the long recordings, Hz."""
+
+NOISE, OFFSET = 0.05, 0.1
+"""Standard deviations of the noise and of the offsets of the long recordings, in those of their channels."""
+
 RATE = 50.0  # Hz
 FLOOR = 1e-3  # variance that is added for the hidden Markov models, as a share of that of a channel
 SILHOUETTE_SAMPLES = 5000
@@ -253,6 +265,42 @@ def lasting(phases: States) -> States:
     return np.repeat(found, lengths)
 
 
+def long_recordings(recordings: list[Recording], hours: float, seed: int, path: Path) -> int:
+    """Writes a table of the recordings in turn, at 1 kHz, until it lasts so long; returns its number of recordings."""
+    rng = np.random.default_rng(seed)
+    tables: list[pd.DataFrame] = []
+    seconds = 0.0
+    while seconds < 3600 * hours:
+        one = recordings[len(tables) % len(recordings)]
+        time = np.arange(one.time[0], one.time[-1], 1 / FAST)
+        values = np.column_stack([np.interp(time, one.time, channel) for channel in one.values.T])
+        spread = one.values.std(axis=0)
+        values += NOISE * spread * rng.normal(size=values.shape) + OFFSET * spread * rng.normal(size=len(spread))
+        tables.append(pd.DataFrame(values, columns=list(one.channels)).assign(time=time, trial=len(tables)))
+        seconds += one.duration
+    pd.concat(tables).to_parquet(path, index=False)
+    return len(tables)
+
+
+def cost(recordings: list[Recording], hours: float, rate: float, seed: int) -> dict[str, float]:
+    """CPU time, s, of the steps of `haptic-skill states` for hours at 1 kHz, and the peak memory of the process, GB."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "long.parquet"
+        number = long_recordings(recordings, hours, seed, path)
+        begins = [clock.process_time()]
+        long = read_recordings(path)
+    begins.append(clock.process_time())
+    averaged = [recording.averaged(rate) for recording in long]
+    begins.append(clock.process_time())
+    groups = np.repeat(np.arange(number), [len(recording.time) for recording in averaged])
+    X = StandardScaler().fit_transform(np.concatenate([recording.values for recording in averaged]))
+    learner = ContactStates(random_state=seed).fit(X, groups=groups)
+    begins.append(clock.process_time())
+    steps = dict(zip(("read_s", "average_s", "fit_s"), map(float, np.diff(begins)), strict=True))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
+    return {"hours": hours, "recordings": number, "states": learner.n_clusters_, **steps, "peak_memory_gb": peak}
+
+
 def main() -> None:
     parser = argument_parser(__doc__)
     parser.add_argument("--data", type=Path, required=True, metavar="FILE.npz", help="recordings with known phases")
@@ -260,6 +308,7 @@ def main() -> None:
     parser.add_argument("--test-trials", required=True, metavar="C-D", help="trials to judge on")
     parser.add_argument("--rate", type=float, default=RATE, help="Hz; faster recordings are averaged (default: 50)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the learners (default: 0)")
+    parser.add_argument("--hours", type=float, metavar="H", help="also measure the cost of so many hours at 1 kHz")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     logging.getLogger("hmmlearn").setLevel(logging.ERROR)
@@ -283,6 +332,15 @@ def main() -> None:
         f" {100 * line['recognised']:.0f} % of the changes are recognised, after {line['delay_mean_s']:.2f} s"
         f" on average and {line['delay_p90_s']:.2f} s for nine in ten"
     )
+    if arguments.hours:
+        with threadpool_limits(1):
+            found["cost"] = cost(parts[0], arguments.hours, arguments.rate, arguments.seed)
+        line = found["cost"]
+        console.print(
+            f"{line['hours']:g} h at 1 kHz in {line['recordings']} recordings: {line['states']} states; CPU time of"
+            f" reading {line['read_s']:.1f} s, averaging {line['average_s']:.1f} s, learning {line['fit_s']:.0f} s;"
+            f" peak memory {line['peak_memory_gb']:.1f} GB"
+        )
     if arguments.json:
         write_json(arguments.json, {"seed": arguments.seed, "rate": arguments.rate, **found})
 

@@ -38,7 +38,8 @@ def three_phases(n_trials=6):
 def test_figures_of_all_learners(tmp_path):
     np.savez(tmp_path / "three.npz", **three_phases())
     command = [sys.executable, "-m", "benchmarks.recordings", "--data", tmp_path / "three.npz"]
-    command += ["--train-trials", "1-3", "--test-trials", "4,5-6", "--json", tmp_path / "figures.json"]
+    command += ["--train-trials", "1-3", "--test-trials", "4,5-6", "--hours", "0.01"]
+    command += ["--json", tmp_path / "figures.json"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     figures = json.loads((tmp_path / "figures.json").read_text())
@@ -51,6 +52,10 @@ def test_figures_of_all_learners(tmp_path):
     assert figures["on_line"]["accuracy"] > 0.9
     assert 0.0 <= figures["on_line"]["delay_mean_s"] < 0.2
     assert "ContactStates" in done.stdout
+    cost = figures["cost"]
+    assert cost["recordings"] >= 36 / 3.6  # of at most 3.6 s each
+    assert cost["states"] >= 3
+    assert min(cost[key] for key in ("read_s", "average_s", "fit_s", "peak_memory_gb")) > 0.0
 
 
 def samples(**changes):
