@@ -6,8 +6,9 @@
 Each recorded sample is labelled from its pose by `models.contact_geometry`; no learner sees a label. All learners get
 the same features of the same refined samples, with sensor noise: those by which the skill distinguishes states
 (`ContactFeatures`, measured and hidden). Where a learner has a floor under the variances, it is the skill's. Two rows
-undo these choices: "no floor", and "... and regressor's features" (`CanonicalFeatures`). k-means gets the number of
-states that the competition found.
+undo these choices: "no floor", and "... and regressor's features" (`CanonicalFeatures`). "ContactStates" is the learner
+of recordings of other sensors, which smooths over a whole demonstration. k-means gets the number of states that the
+competition found.
 
 The bodies touch where the gap of the simulated bodies is at most zero. The first lines of the output say how often this
 agrees with a recorded force of more than 10 mN, and the deepest overlap.

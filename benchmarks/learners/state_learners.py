@@ -18,6 +18,7 @@ from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.manipulation_skill import STATE_FLOOR
 from skill.mixtures.expectation_maximization import CovariancePrior
+from skill.states.contact_states import ContactStates
 
 MAX_STATES = 15  # largest number of states of the learners that choose by a criterion
 
@@ -36,6 +37,11 @@ def competition(data: LabelledDemonstrations, seed: int, floor: float = STATE_FL
 def on_regressor_features(data: LabelledDemonstrations, seed: int) -> Found:
     """Competitive Agglomeration on the features of the regressor, without a floor."""
     return competition(data.as_the_regressor_sees_it(), seed, floor=1e-6)
+
+
+def recurring_sets(data: LabelledDemonstrations, seed: int) -> Found:
+    """The learner of recordings of other sensors: sets of components."""
+    return ContactStates(random_state=seed).fit(data.Z, groups=data.groups).labels_, None
 
 
 def mixture_by_bic(data: LabelledDemonstrations, seed: int) -> Found:
@@ -94,6 +100,7 @@ LEARNERS: dict[str, Callable[[LabelledDemonstrations, int], Found]] = {
     "CA-FMLE": competition,
     "CA-FMLE, no floor": partial(competition, floor=1e-6),
     "... and regressor's features": on_regressor_features,
+    "ContactStates": recurring_sets,
     "GMM-BIC": mixture_by_bic,
     "BayesianGaussianMixture": bayesian_mixture,
     "k-means": k_means,
