@@ -331,6 +331,12 @@
     lastWidth = document.body.clientWidth;
     redraw();
   }).observe(document.body);
+  /** Redraws when the pixels get another size, by a zoom or another screen; that may happen after the change of the width. */
+  function watchResolution() {
+    const query = matchMedia(`(resolution: ${window.devicePixelRatio}dppx)`);
+    query.addEventListener("change", () => { redraw(); watchResolution(); }, { once: true });
+  }
+  watchResolution();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
   window.addEventListener("beforeprint", () => plots.forEach(draw));
   window.statesPage = { show: (trial, time) => show(plots[trial], nearestSample(plots[trial].trial.time, time)), ready: true };

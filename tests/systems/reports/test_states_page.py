@@ -261,13 +261,12 @@ def test_channels_are_switched_off_and_a_phone_is_wide_enough(page_file):
         assert "fz" not in page.run(READOUT)
         page.run("document.querySelectorAll('#toolbar button')[2].click()")
         assert np.array_equal(picture(page, 0), before)
-        # Finer pixels would be emulated some time after the new width, without an event to the page.
-        metrics = {"width": 390, "height": 844, "deviceScaleFactor": 1, "mobile": True}
+        metrics = {"width": 390, "height": 844, "deviceScaleFactor": 2, "mobile": True}
         page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
         page.wait("window.innerWidth === 390")
         page.run("document.getElementById('trial-0').scrollIntoView()")
-        page.wait("document.querySelector('#trial-0 canvas').width > 300")
-        page.wait("document.querySelector('#trial-0 canvas').width < 390")
+        page.wait("document.querySelector('#trial-0 canvas').width > 500")
+        page.wait("document.querySelector('#trial-0 canvas').width < 780")
         assert page.run("return document.documentElement.scrollWidth") <= 390
         assert page.errors() == []
 
