@@ -65,15 +65,11 @@ from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, progress, write_json
 
 MAX_STATES = 15
-FAST = 1000.0
-"""Sampling rate of the long recordings, Hz."""
-
-NOISE, OFFSET = 0.05, 0.1
-"""Standard deviations of the noise and of the offsets of the long recordings, in those of their channels."""
-
 RATE = 50.0  # Hz
 FLOOR = 1e-3  # variance that is added for the hidden Markov models, as a share of that of a channel
 SILHOUETTE_SAMPLES = 5000
+FAST = 1000.0  # sampling rate of the long recordings, Hz
+NOISE, OFFSET = 0.05, 0.1  # their standard deviations in the long recordings, in those of the channels
 
 States = NDArray[np.intp]
 
@@ -267,6 +263,8 @@ def lasting(phases: States) -> States:
 
 def long_recordings(recordings: list[Recording], hours: float, seed: int, path: Path) -> int:
     """Writes a table of the recordings in turn, at 1 kHz, until it lasts so long; returns its number of recordings."""
+    if not 0 < hours < np.inf:
+        raise ValueError(f"--hours {hours:g}: expected a positive number")
     rng = np.random.default_rng(seed)
     tables: list[pd.DataFrame] = []
     seconds = 0.0
@@ -332,7 +330,7 @@ def main() -> None:
         f" {100 * line['recognised']:.0f} % of the changes are recognised, after {line['delay_mean_s']:.2f} s"
         f" on average and {line['delay_p90_s']:.2f} s for nine in ten"
     )
-    if arguments.hours:
+    if arguments.hours is not None:
         with threadpool_limits(1):
             found["cost"] = cost(parts[0], arguments.hours, arguments.rate, arguments.seed)
         line = found["cost"]

@@ -17,7 +17,7 @@ from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.component_sets import component_sets, set_log_likelihoods
 from skill.clustering.gaussian_states import GaussianStates
 from skill.sequences import sequences
-from skill.states.hidden_markov import MarkovChain, forward, learnt_chain, smoothed
+from skill.states.hidden_markov import MarkovChain, by_sequence, forward, learnt_chain, smoothed
 from skill.states.recurrence import recurrent_sets
 
 RECORDING_FLOOR = 0.01
@@ -39,7 +39,8 @@ class ContactStates(ClusterMixin, BaseEstimator):
        (`skill.clustering.component_sets`). The likelihood of a sample x in a state s is that of its components,
        p(x | s) = sum_(k in s) P_k p_k(x) / sum_(k in s) P_k.
     3. A state recurs: a set that occurs in fewer than three recordings, or two if there are no more than three, is
-       given to the state that takes its place when it is left out (`skill.states.recurrence`).
+       given to the state that takes its place in the others, unless there is none and a recording begins or ends with
+       it (`skill.states.recurrence`).
     4. A hidden Markov model learns the transitions between the states. Samples of a trajectory repeat each other, so
        the log-likelihoods are divided by a share of the design effect, the number of samples that carry the
        information of one.
@@ -103,14 +104,13 @@ class ContactStates(ClusterMixin, BaseEstimator):
         sets = component_sets(
             samples, memberships, design_effect=self.components_.design_effect_, threshold=self.valley
         )
-        sets = recurrent_sets(
-            self._densities(samples), self.components_.weights_, sets, index, self._n_alike(SMOOTHED_SHARE)
-        )
+        densities, weights, n_alike = self._densities(samples), self.components_.weights_, self._n_alike(SMOOTHED_SHARE)
+        sets = recurrent_sets(densities, weights, sets, index, n_alike)
         self.component_states_ = _in_order_of_time(sets, memberships.argmax(axis=1), index)
         self.n_clusters_ = int(sets.max()) + 1
-        evidence = self._evidence(samples, SMOOTHED_SHARE)
+        evidence = set_log_likelihoods(densities, weights, self.component_states_) / n_alike
         self.chain_ = learnt_chain(evidence, index)
-        self.probabilities_ = self._by_sequence(smoothed, evidence, index)
+        self.probabilities_ = by_sequence(smoothed, evidence, self.chain_, index)
         self.labels_ = self.probabilities_.argmax(axis=1)
         return self
 
@@ -133,17 +133,6 @@ class ContactStates(ClusterMixin, BaseEstimator):
         """Returns the number of samples whose evidence counts as that of one."""
         return max(1.0, share * self.components_.design_effect_)
 
-    def _evidence(self, X: ArrayLike, share: float) -> Array:
-        """Returns the log-likelihoods, each divided by the number of samples that count as one, shape (N, M)."""
-        return self.state_log_likelihoods(X) / self._n_alike(share)
-
-    def _by_sequence(self, method: Any, log_likelihoods: Array, groups: NDArray[np.intp]) -> Array:
-        """Applies a recursion to each recording."""
-        found = np.empty_like(log_likelihoods)
-        for rows in sequences(groups):
-            found[rows] = method(log_likelihoods[rows], self.chain_)
-        return found
-
     def predict_proba(self, X: ArrayLike, groups: ArrayLike | None = None, *, causal: bool = False) -> Array:
         """Returns the probability of each state, shape (N, M).
 
@@ -152,13 +141,13 @@ class ContactStates(ClusterMixin, BaseEstimator):
             groups: shape (N,), recording of each sample; None for a single recording.
             causal: whether to use the samples so far only, as on line, instead of the whole recording.
         """
-        log_likelihoods = self._evidence(X, CAUSAL_SHARE if causal else SMOOTHED_SHARE)
-        index = np.zeros(len(log_likelihoods), dtype=np.intp)
+        evidence = self.state_log_likelihoods(X) / self._n_alike(CAUSAL_SHARE if causal else SMOOTHED_SHARE)
+        index = np.zeros(len(evidence), dtype=np.intp)
         if groups is not None:
             index = np.unique(np.asarray(groups), return_inverse=True)[1].astype(np.intp)
-        if len(index) != len(log_likelihoods):
-            raise ValueError(f"groups has {len(index)} entries, expected {len(log_likelihoods)}: one for each sample")
-        return self._by_sequence(forward if causal else smoothed, log_likelihoods, index)
+        if len(index) != len(evidence):
+            raise ValueError(f"groups has {len(index)} entries, expected {len(evidence)}: one for each sample")
+        return by_sequence(forward if causal else smoothed, evidence, self.chain_, index)
 
     def predict(self, X: ArrayLike, groups: ArrayLike | None = None, *, causal: bool = False) -> NDArray[np.intp]:
         """Returns the most probable state of each sample, shape (N,); arguments as of `predict_proba`."""

@@ -5,6 +5,7 @@ Sequences are groups of rows in the order of time (`skill.sequences`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -77,6 +78,26 @@ def smoothed(log_likelihoods: Array, chain: MarkovChain) -> Array:
     product = forward(log_likelihoods, chain) * backward(log_likelihoods, chain)
     probabilities: Array = product / product.sum(axis=1, keepdims=True)
     return probabilities
+
+
+def by_sequence(
+    recursion: Callable[[Array, MarkovChain], Array],
+    log_likelihoods: Array,
+    chain: MarkovChain,
+    groups: NDArray[np.intp],
+) -> Array:
+    """Applies `forward`, `backward` or `smoothed` to each sequence, shape (N, M).
+
+    Args:
+        recursion: function of the log-likelihoods of one sequence and of the chain.
+        log_likelihoods: shape (N, M), log-likelihood of each sample in each state.
+        chain: the transitions.
+        groups: shape (N,), sequence of each sample.
+    """
+    found = np.empty_like(log_likelihoods)
+    for rows in sequences(groups):
+        found[rows] = recursion(log_likelihoods[rows], chain)
+    return found
 
 
 def learnt_chain(log_likelihoods: Array, groups: NDArray[np.intp], *, smoothing: float = 1.0) -> MarkovChain:

@@ -9,7 +9,7 @@ place the others have nothing, is kept: a single jam is a state.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from skill.arrays import Array
 from skill.clustering.component_sets import set_log_likelihoods
 from skill.sequences import sequences
-from skill.states.hidden_markov import learnt_chain, smoothed
+from skill.states.hidden_markov import by_sequence, learnt_chain, smoothed
 
 MIN_RECORDINGS = 3
 """Recordings in which a state must occur; two are enough if there are no more than three."""
@@ -27,6 +27,10 @@ OCCURRENCE = 0.1
 
 NOTHING = -1
 """What is before the first state of a recording, and after the last."""
+
+
+Visit = tuple[int, int, int, int]
+"""The state before a visit, the state that is visited, the state after, and the number of samples."""
 
 
 def recurrent_sets(
@@ -54,7 +58,8 @@ def recurrent_sets(
         states = _states(evidence, groups)
         counts = np.stack([np.bincount(groups[states == s], minlength=n_recordings) for s in range(M)])
         occurs = counts >= np.maximum(OCCURRENCE * counts.mean(axis=1, keepdims=True), 1.0)
-        votes = {int(s): _votes(int(s), states, groups, M) for s in np.flatnonzero(occurs.sum(axis=1) < least)}
+        visits = list(_visits(states, groups))
+        votes = {int(s): _votes(int(s), visits, M) for s in np.flatnonzero(occurs.sum(axis=1) < least)}
         rare = [s for s, mine in votes.items() if mine[s] <= np.delete(mine, s).max()]
         if not rare:
             break
@@ -70,15 +75,12 @@ def recurrent_sets(
 
 def _states(evidence: Array, groups: NDArray[np.intp]) -> NDArray[np.intp]:
     """Returns the most probable state of each sample, shape (N,), by a chain that is learnt from the evidence."""
-    chain = learnt_chain(evidence, groups)
-    states = np.empty(len(evidence), dtype=np.intp)
-    for rows in sequences(groups):
-        states[rows] = smoothed(evidence[rows], chain).argmax(axis=1)
+    states: NDArray[np.intp] = by_sequence(smoothed, evidence, learnt_chain(evidence, groups), groups).argmax(axis=1)
     return states
 
 
-def _visits(states: NDArray[np.intp], groups: NDArray[np.intp]) -> Iterator[tuple[int, int, int, int]]:
-    """Yields the state before, the state, the state after and the number of samples of each visit of a state."""
+def _visits(states: NDArray[np.intp], groups: NDArray[np.intp]) -> Iterator[Visit]:
+    """Yields the visits of all recordings, one recording after the other."""
     for rows in sequences(groups):
         begins = np.flatnonzero(np.diff(states[rows], prepend=NOTHING))
         visited = [NOTHING, *(int(s) for s in states[rows][begins]), NOTHING]
@@ -87,14 +89,13 @@ def _visits(states: NDArray[np.intp], groups: NDArray[np.intp]) -> Iterator[tupl
             yield visited[k], visited[k + 1], visited[k + 2], int(length)
 
 
-def _votes(state: int, states: NDArray[np.intp], groups: NDArray[np.intp], M: int) -> Array:
+def _votes(state: int, visits: Sequence[Visit], M: int) -> Array:
     """Returns how often each state takes the place of one, shape (M,), weighted by the samples of the one.
 
     A state takes its place where it comes between the same two states, or where these two follow each other without
     any between: then the visit prolonged one of them. A visit with which a recording begins or ends, and in whose place
     the others have nothing, counts for the state itself.
     """
-    visits = list(_visits(states, groups))
     votes = np.zeros(M)
     for before, visited, after, n_samples in visits:
         if visited != state:
