@@ -1,11 +1,12 @@
 """Contact states that are discovered in recordings of a real sensor, against the phases of its controller.
 
-    python -m benchmarks.recordings --data FILE.npz --train-trials A-B --test-trials C-D [--rate HZ] [--seed 0]
+    python -m benchmarks.recordings --data FILE.npz|FOLDER --train-trials A-B --test-trials C-D [--rate HZ] [--seed 0]
                                     [--hours H] [--json FILE]             needs the extra [peers]
 
-The file has the arrays time (s), wrench (N and N m), trial and phase. A phase of less than three samples counts as the
-next one. Learners see the wrenches of the training trials only, scaled to variance one. All figures are of the test
-trials:
+The file has the arrays time (s), wrench (N and N m), trial and phase. In place of a file, a folder of simulated
+demonstrations serves: the good ones, counted from 1, with the noise of the rig's sensor; their phases are the exact
+contact states. A phase of less than three samples counts as the next one. Learners see the wrenches of the training
+trials only, scaled to variance one. All figures are of the test trials:
 
 - states: number of states that were discovered; of segments per trial on average for change point detection;
 - ARI, NMI: adjusted Rand index and normalised mutual information between states and phases;
@@ -54,15 +55,19 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.command_line import argument_parser, run
 from benchmarks.learners.gaussian_mixture_regression import best_mixture
+from benchmarks.learners.labelled_demonstrations import FORCE_NOISE, MOMENT_NOISE
 from benchmarks.state_scores import MIN_DURATION, boundary_f1, recognition
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.data.demonstration import read_demonstrations
+from skill.features.wrench_features import MEASURED
 from skill.recordings.reading import read_recordings
 from skill.recordings.recording import Recording
 from skill.sequences import sequences
 from skill.states.contact_states import ContactStates
 from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, progress, write_json
+from systems.runs.exact_states import exact_labels
 
 MAX_STATES = 15
 RATE = 50.0  # Hz
@@ -218,6 +223,28 @@ def compare(train: Samples, test: Samples, seed: int) -> dict[str, Any]:
     return found | {"peers": peers}
 
 
+def simulated(folder: Path, seed: int) -> list[Recording]:
+    """The noisy wrenches of the good demonstrations of a folder, with their exact contact states as phases."""
+    rng = np.random.default_rng(seed)
+    wrench = MEASURED[:6]
+    sigma = np.repeat([FORCE_NOISE, MOMENT_NOISE], 3)
+    recordings: list[Recording] = []
+    for demonstration in (d for d in read_demonstrations(folder) if d.good):
+        measured = demonstration.samples[list(wrench)].to_numpy()
+        number = str(len(recordings) + 1)
+        recordings.append(
+            Recording(
+                f"{folder}, good demonstration {number}",
+                demonstration.samples["time"].to_numpy(),
+                measured + sigma * rng.standard_normal(measured.shape),
+                wrench,
+                exact_labels(demonstration),
+                number,
+            )
+        )
+    return recordings
+
+
 def selected(recordings: list[Recording], trials: str, rate: float) -> list[Recording]:
     """The recordings of the trials "A-B" or "A,C", averaged to the rate.
 
@@ -301,7 +328,9 @@ def cost(recordings: list[Recording], hours: float, rate: float, seed: int) -> d
 
 def main() -> None:
     parser = argument_parser(__doc__)
-    parser.add_argument("--data", type=Path, required=True, metavar="FILE.npz", help="recordings with known phases")
+    parser.add_argument(
+        "--data", type=Path, required=True, metavar="FILE.npz", help="recordings with known phases, or demonstrations"
+    )
     parser.add_argument("--train-trials", required=True, metavar="A-B", help="trials to learn from")
     parser.add_argument("--test-trials", required=True, metavar="C-D", help="trials to judge on")
     parser.add_argument("--rate", type=float, default=RATE, help="Hz; faster recordings are averaged (default: 50)")
@@ -310,7 +339,9 @@ def main() -> None:
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     logging.getLogger("hmmlearn").setLevel(logging.ERROR)
-    recordings = read_recordings(arguments.data)
+    recordings = (
+        simulated(arguments.data, arguments.seed) if arguments.data.is_dir() else read_recordings(arguments.data)
+    )
     parts = [selected(recordings, t, arguments.rate) for t in (arguments.train_trials, arguments.test_trials)]
     scaler = StandardScaler().fit(np.concatenate([recording.values for recording in parts[0]]))
     train, test = (samples(part, scaler) for part in parts)

@@ -14,7 +14,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from skill.arrays import Array
 from skill.clustering.clustering_arguments import checked_groups
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.clustering.component_sets import component_sets, set_log_likelihoods
+from skill.clustering.component_sets import component_sets, densest_component, set_log_likelihoods
 from skill.clustering.gaussian_states import GaussianStates
 from skill.sequences import sequences
 from skill.states.hidden_markov import MarkovChain, by_sequence, forward, learnt_chain, smoothed
@@ -37,7 +37,8 @@ class ContactStates(ClusterMixin, BaseEstimator):
     1. Competitive Agglomeration with heavy tails finds components that describe the density of the samples.
     2. Components whose samples no valley of the density separates belong to the same state
        (`skill.clustering.component_sets`). The likelihood of a sample x in a state s is that of its components,
-       p(x | s) = sum_(k in s) P_k p_k(x) / sum_(k in s) P_k.
+       p(x | s) = sum_(k in s) P_k p_k(x) / sum_(k in s) P_k. A component whose peak is eight times as high as that of
+       any other is a state by itself: in free space a sensor shows its noise only.
     3. A state recurs: a set that occurs in fewer than three recordings, or two if there are no more than three, is
        given to the state that takes its place in the others, unless there is none and a recording begins or ends with
        it (`skill.states.recurrence`).
@@ -50,7 +51,8 @@ class ContactStates(ClusterMixin, BaseEstimator):
     Args:
         components: clusterer of the components; None for `CompetitiveAgglomeration` with heavy tails.
         valley: components are merged while the density between two sets falls to no less than this share of the lower
-            of their peaks; 0 merges all, 1 none but those without any valley.
+            of their peaks; 0 merges all
+            but the densest, 1 none but those without any valley.
         random_state: seed of the default clusterer.
 
     Attributes:
@@ -101,10 +103,14 @@ class ContactStates(ClusterMixin, BaseEstimator):
         learner = clone(self.components) if self.components is not None else self._default()
         self.components_ = learner.fit(samples, groups=index)
         memberships = self.components_.predict_proba(samples)
-        sets = component_sets(
-            samples, memberships, design_effect=self.components_.design_effect_, threshold=self.valley
-        )
         densities, weights, n_alike = self._densities(samples), self.components_.weights_, self._n_alike(SMOOTHED_SHARE)
+        sets = component_sets(
+            samples,
+            memberships,
+            design_effect=self.components_.design_effect_,
+            threshold=self.valley,
+            alone=densest_component(weights, self.components_.covariances_),
+        )
         sets = recurrent_sets(densities, weights, sets, index, n_alike)
         self.component_states_ = _in_order_of_time(sets, memberships.argmax(axis=1), index)
         self.n_clusters_ = int(sets.max()) + 1

@@ -14,8 +14,9 @@ pytest.importorskip("ruptures", reason="needs the extra [peers]")
 
 from threadpoolctl import threadpool_limits
 
-from benchmarks.recordings import PEERS, TOLD, Samples, change_points, k_means, lasting, selected
+from benchmarks.recordings import PEERS, TOLD, Samples, change_points, k_means, lasting, selected, simulated
 from skill.recordings.recording import Recording
+from systems.runs.exact_states import exact_labels
 from tests.state_recordings import CHANNELS, three_contacts
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -56,6 +57,17 @@ def test_figures_of_all_learners(tmp_path):
     assert cost["recordings"] >= 36 / 3.6  # of at most 3.6 s each
     assert cost["states"] >= 3
     assert min(cost[key] for key in ("read_s", "average_s", "fit_s", "peak_memory_gb")) > 0.0
+
+
+def test_good_demonstrations_with_sensor_noise_and_exact_states(demonstration_folder, demonstrations):
+    good = [d for d in demonstrations if d.good]
+    recordings = simulated(demonstration_folder, 0)
+    assert [recording.trial for recording in recordings] == [str(k + 1) for k in range(len(good))]
+    for recording, demonstration in zip(recordings, good, strict=True):
+        noise = recording.values - demonstration.samples[list(recording.channels)].to_numpy()
+        assert recording.channels == ("fx", "fy", "fz", "mx", "my", "mz")
+        np.testing.assert_allclose(noise.std(axis=0), [0.06] * 3 + [5e-3] * 3, rtol=0.5)
+        np.testing.assert_array_equal(recording.phases, exact_labels(demonstration))
 
 
 def samples(**changes):

@@ -4,7 +4,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from skill.clustering.component_sets import BANDWIDTH, component_sets, density_valley, discriminant
+from skill.clustering.component_sets import (
+    BANDWIDTH,
+    component_sets,
+    densest_component,
+    density_valley,
+    discriminant,
+)
 
 MANY = 1e5  # effective samples, so that the kernel is narrow
 
@@ -122,3 +128,31 @@ def test_a_component_without_samples_belongs_to_the_one_that_it_overlaps_most():
     memberships = memberships_of(labels, 5) * 0.9
     memberships[labels == 0, 4] = 0.1
     assert component_sets(Z, memberships, design_effect=4.0, threshold=1.0).tolist() == [0, 1, 2, 3, 0]
+
+
+def core_and_ring(rng):
+    """A narrow core in the middle of a wide ring that begins at the core, and that four components divide."""
+    core = rng.normal(scale=0.05, size=(1000, 2))
+    ring = rng.normal(scale=1.0, size=(3000, 2))
+    quadrant = (ring[:, 0] > 0).astype(int) + 2 * (ring[:, 1] > 0).astype(int)
+    return np.vstack([core, ring]), np.concatenate([np.zeros(1000, dtype=int), 1 + quadrant])
+
+
+def test_a_component_alone_is_merged_with_no_other():
+    Z, labels = core_and_ring(np.random.default_rng(1))
+    memberships = memberships_of(labels)
+    assert set(component_sets(Z, memberships, design_effect=4.0, threshold=0.4)) == {0}
+    found = component_sets(Z, memberships, design_effect=4.0, threshold=0.4, alone=0)
+    assert found.tolist() == [0, 1, 1, 1, 1]
+
+
+def test_the_densest_component_worked_by_hand():
+    """Peaks P / sqrt(det): 0.5 / 1, 0.25 / 0.25, and 0.25 / s with the standard deviations (s, 1)."""
+    weights, wide = np.array([0.5, 0.25, 0.25]), np.diag([0.25, 0.25])
+
+    def densest(s):
+        return densest_component(weights, np.stack([np.eye(2), wide, np.diag([s**2, 1.0])]))
+
+    assert densest(0.25 / 8.01) == 2  # the next has 1
+    assert densest(0.25 / 7.99) is None
+    assert densest_component(np.ones(1), np.eye(2)[None]) is None

@@ -72,6 +72,21 @@ def test_a_contact_that_lies_elsewhere_in_one_recording_is_no_state():
     assert adjusted_rand_score(phases, dut.labels_) > 0.95
 
 
+def test_free_space_amid_light_contacts_is_a_state():
+    """Contacts begin at no force, in another direction in each recording: no valley separates them from free space."""
+    rng = np.random.default_rng(0)
+    X, groups, phases = [], [], []
+    for k in range(24):
+        direction = np.array([np.cos(2.4 * k), np.sin(2.4 * k), 0.2])
+        force = np.concatenate([np.zeros(80), np.abs(6.0 * np.sin(np.linspace(0.0, 2.0 * np.pi, 160)))])
+        X.append(np.outer(force, direction) + rng.normal(scale=0.05, size=(240, 3)))
+        groups.append(np.full(240, k))
+        phases.append(np.repeat([0, 1], [80, 160]))
+    dut = ContactStates(random_state=0).fit(np.vstack(X), groups=np.concatenate(groups))
+    assert dut.n_clusters_ == 2
+    assert adjusted_rand_score(np.concatenate(phases), dut.labels_) > 0.7
+
+
 def test_a_contact_of_three_recordings_is_a_state():
     X, groups, phases = recordings()
     X = X + np.outer((groups < 3) & (phases == 2), [0.0, -8.0, 0.0])
