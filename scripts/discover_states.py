@@ -21,7 +21,7 @@ def main(
         typer.Argument(
             parser=parse_path,
             metavar="FILES",
-            help="Recordings: .csv, .parquet, .npz or .mcap files, or folders of a rosbag2 or a LeRobot data set.",
+            help="Recordings: .csv .parquet .npz .mcap .db3 files, or folders of a rosbag2 or a LeRobot data set.",
             show_default=False,
         ),
     ],
@@ -67,7 +67,10 @@ def main(
     topic: Annotated[
         str | None,
         typer.Option(
-            parser=parse_text, metavar="TOPIC", help="Topic of MCAP files.", show_default="the only WrenchStamped"
+            parser=parse_text,
+            metavar="TOPIC",
+            help="Topic of a rosbag2 or of MCAP files.",
+            show_default="the only WrenchStamped",
         ),
     ] = None,
     feature: Annotated[

@@ -67,13 +67,14 @@ FORGERIES: dict[str, tuple[Callable[[bytes, Random], bytes], ...]] = {
     "sensor, Parquet": (),
     "sensor, NPZ": (),
     "sensor, MCAP": (),
+    "sensor, SQLite": (),
 }
 """The kinds of files, and the mutations of each that make a digest anew or need none."""
 
 KINDS = tuple(FORGERIES)
 SUFFIXES = {
     **{"scenario": ".yaml", "skill": ".npz", "skill, version 4": ".npz"},
-    **{"sensor, CSV": ".csv", "sensor, NPZ": ".npz", "sensor, MCAP": ".mcap"},
+    **{"sensor, CSV": ".csv", "sensor, NPZ": ".npz", "sensor, MCAP": ".mcap", "sensor, SQLite": ".db3"},
 }
 """Ending of the name of a file of each kind; .parquet for the others."""
 
@@ -136,7 +137,7 @@ def write_sensor_recordings(paths: dict[str, Path]) -> None:
     import numpy as np
     import pandas as pd
 
-    from tests.skill.recordings.wrench_messages import cdr, write_mcap
+    from tests.skill.recordings.messages.wrench_messages import cdr, write_db3, write_mcap
 
     rng = np.random.default_rng(0)
     table = pd.DataFrame(rng.normal(size=(50, 6)).round(3), columns=["fx", "fy", "fz", "mx", "my", "mz"])
@@ -148,6 +149,7 @@ def write_sensor_recordings(paths: dict[str, Path]) -> None:
     stamps = [10_000_000 * k for k in range(50)]
     messages = [("/wrench", t, cdr(sec=0, nanosec=t, wrench=row)) for t, row in zip(stamps, wrench, strict=True)]
     write_mcap(paths["sensor, MCAP"], messages)
+    write_db3(paths["sensor, SQLite"], messages)
 
 
 # ------------------------------------------------------------------- loading

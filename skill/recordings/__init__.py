@@ -1,1 +1,1 @@
-"""Recordings of force/torque sensors: reading CSV, Parquet, NPZ, MCAP and LeRobot files, units, and averaging."""
+"""Recordings of force/torque sensors: reading CSV, Parquet, NPZ, LeRobot files and ROS bags, units, and averaging."""

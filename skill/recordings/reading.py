@@ -8,7 +8,8 @@ from typing import Any
 
 from skill.recordings.csv_file import read_csv_file
 from skill.recordings.lerobot_folder import read_lerobot_folder
-from skill.recordings.mcap_file import read_mcap_file
+from skill.recordings.messages.mcap_file import read_mcap_file
+from skill.recordings.messages.sqlite_bag import read_sqlite_bag
 from skill.recordings.npz_file import read_npz_file
 from skill.recordings.parquet_file import read_parquet_file
 from skill.recordings.recording import Recording
@@ -32,16 +33,17 @@ def read_recordings(
 ) -> list[Recording]:
     """Reads all recordings of a file or folder.
 
-    A table (CSV, Parquet, NPZ) is one recording, or one for each trial if it has a column of trials. An MCAP file, or a
-    folder of its parts, is one recording. A data set of LeRobot is one recording for each episode.
+    A table (CSV, Parquet, NPZ) is one recording, or one for each trial if it has a column of trials. An MCAP file, a
+    file of a rosbag2, or a folder of their parts, is one recording. A data set of LeRobot is one recording for each
+    episode.
 
     Args:
-        path: file (``.csv .tsv .txt .parquet .pq .npz .mcap``), or folder of a LeRobot data set or of a rosbag2.
-        columns: texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N"; not for MCAP. Columns with
-            usual names need none. See `skill.recordings.columns`.
+        path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3``), or folder of a LeRobot data set or of a rosbag2.
+        columns: texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N"; not for messages. Columns
+            with usual names need none. See `skill.recordings.columns`.
         trial_column: column that says to which trial a row of a table belongs; None for one with a usual name.
         phase_column: column of a table or a data set with the phase of each row; None for one with a usual name.
-        topic: topic of an MCAP file; None for its only one of the type WrenchStamped.
+        topic: topic of an MCAP file or a rosbag2; None for its only one of the type WrenchStamped.
         feature: feature of a data set of LeRobot; None for the usual one.
 
     Returns:
@@ -74,13 +76,17 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
             )
         if any(path.glob("*.mcap")):
             return read_mcap_file(path, **_chosen(path, options, {"topic"}, "MCAP files"))
-        raise ValueError(f"{path}: a folder without meta/info.json (LeRobot) or *.mcap (rosbag2)")
+        if any(path.glob("*.db3")):
+            return read_sqlite_bag(path, **_chosen(path, options, {"topic"}, "a rosbag2"))
+        raise ValueError(f"{path}: a folder without meta/info.json (LeRobot), *.mcap or *.db3 (rosbag2)")
     if suffix == ".mcap":
         return read_mcap_file(path, **_chosen(path, options, {"topic"}, "an MCAP file"))
+    if suffix == ".db3":
+        return read_sqlite_bag(path, **_chosen(path, options, {"topic"}, "a rosbag2"))
     if suffix in TABLES:
         return TABLES[suffix](path, **_chosen(path, options, {"columns", "trial_column", "phase_column"}, "a table"))
-    remedy = "; convert a rosbag to MCAP first" if suffix in (".db3", ".bag") else ""
-    raise ValueError(f"{path}: ends in '{suffix}', expected {' '.join(TABLES)} .mcap or a folder{remedy}")
+    remedy = "; convert a bag of ROS 1 to MCAP first" if suffix == ".bag" else ""
+    raise ValueError(f"{path}: ends in '{suffix}', expected {' '.join(TABLES)} .mcap .db3 or a folder{remedy}")
 
 
 def _chosen(path: Path, options: Mapping[str, Any], allowed: set[str], kind: str) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from tests.scripts.commands import error_line, files, invoke, run_python
-from tests.skill.recordings.wrench_messages import cdr, write_mcap
+from tests.skill.recordings.messages.wrench_messages import cdr, write_mcap
 from tests.state_recordings import CHANNELS, NAMES, three_contacts, write_files
 
 

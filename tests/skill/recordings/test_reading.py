@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from skill.recordings.reading import TABLES, read_recordings
+from tests.skill.recordings.messages.wrench_messages import cdr, write_db3, write_mcap
 from tests.skill.recordings.test_lerobot_folder import write
-from tests.skill.recordings.wrench_messages import cdr, write_mcap
 
 TABLE = pd.DataFrame(
     {"t": np.arange(6) % 3 / 100, "a": np.arange(6.0), "fy": 1.0, "fz": 2.0, "part": [1, 1, 1, 2, 2, 2], "what": "x"}
@@ -61,6 +61,14 @@ def test_mcap(tmp_path):
                 read_recordings(path, **{option: ["fx=a"] if option == "columns" else "a"})
 
 
+def test_rosbag2_in_sqlite(tmp_path):
+    write_db3(tmp_path / "a_0.db3", [("/ft", k, cdr(k)) for k in range(3)])
+    for path in (tmp_path / "a_0.db3", tmp_path):
+        assert len(read_recordings(path)[0].time) == 3
+        with pytest.raises(ValueError, match=r"\['feature'\] cannot be chosen for a rosbag2"):
+            read_recordings(path, feature="a")
+
+
 def test_lerobot(tmp_path):
     write(tmp_path, key="observation.ft", names=list("abcdef"))
     found = read_recordings(tmp_path, feature="observation.ft", columns=["fz=c"], phase_column="episode_index")
@@ -71,16 +79,15 @@ def test_lerobot(tmp_path):
 
 
 def test_other_files_are_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"a folder without meta/info\.json \(LeRobot\) or \*\.mcap \(rosbag2\)"):
+    with pytest.raises(ValueError, match=r"a folder without meta/info\.json \(LeRobot\), \*\.mcap or \*\.db3 \(rosb"):
         read_recordings(tmp_path)
-    message = "ends in '.xlsx', expected .csv .tsv .txt .parquet .pq .npz .mcap or a folder"
+    message = "ends in '.xlsx', expected .csv .tsv .txt .parquet .pq .npz .mcap .db3 or a folder"
     with pytest.raises(ValueError, match=re.escape(message) + "$"):
         read_recordings("a.xlsx")
     with pytest.raises(ValueError, match="ends in '', expected"):
         read_recordings(tmp_path / "nothing")
-    for suffix in (".db3", ".bag"):
-        with pytest.raises(ValueError, match=r"a folder; convert a rosbag to MCAP first$"):
-            read_recordings(f"a{suffix}")
-    for suffix in TABLES:
+    with pytest.raises(ValueError, match=r"a folder; convert a bag of ROS 1 to MCAP first$"):
+        read_recordings("a.bag")
+    for suffix in (*TABLES, ".mcap", ".db3"):
         with pytest.raises(ValueError, match=rf"a\{suffix}: no such file$"):
             read_recordings(tmp_path / f"a{suffix}")

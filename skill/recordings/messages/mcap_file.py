@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import io
-import stat
 import struct
-from array import array
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-import numpy as np
-
 from skill.data.tables import one_line
-from skill.recordings.column_table import check_length
-from skill.recordings.columns import FORCES, MOMENTS, listed
+from skill.recordings.messages.wrench_topics import TakeMessage, WrenchTopics, check_file
 from skill.recordings.recording import Recording
-from skill.recordings.wrench_message import DECODERS, SCHEMAS
 
 if TYPE_CHECKING:
     from mcap.records import Chunk
-
-MAX_BYTES = 20_000_000_000
-"""Largest size of a file; it is read piece by piece."""
 
 MAX_RECORD = 100_000_000
 """Largest number of bytes of a piece (a record of MCAP), packed and unpacked; usual chunks have some megabytes."""
@@ -45,29 +36,15 @@ def read_mcap_file(path: Path, *, topic: str | None = None) -> list[Recording]:
     """
     _require_mcap(path)
     paths = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
-    topics: dict[str, array[float]] = {}
-    others: set[str] = set()
+    topics = WrenchTopics(topic)
     for part in paths:
         try:
-            _read_part(part, topic, topics, others)
+            _read_part(part, topics)
         except FileNotFoundError:
             raise ValueError(f"{part}: no such file") from None
         except _errors() as error:
             raise ValueError(f"{part}: not a complete MCAP file ({one_line(error)})") from error
-    if len(topics) != 1:
-        found = f"topics {listed(sorted(topics))} of this type; say which one" if topics else "none"
-        wanted = f"topic '{topic}'" if topic else "a topic"
-        raise ValueError(
-            f"{path}: expected {wanted} of the type {' or '.join(SCHEMAS)}; found {found}"
-            + (f", but other topics {listed(sorted(others))}" if others and not topics else "")
-        )
-    [(found_topic, numbers)] = topics.items()
-    if not numbers:
-        raise ValueError(f"{path}: topic '{found_topic}' has no messages")
-    rows = np.frombuffer(numbers).reshape(-1, 8)
-    rows = rows[np.argsort(rows[:, 0], kind="stable")]
-    logged, stamps = rows[:, 0], rows[:, 1]
-    return [Recording(path.name, stamps if stamps.any() else logged, rows[:, 2:], (*FORCES, *MOMENTS))]
+    return [topics.recording(path)]
 
 
 def _require_mcap(path: Path) -> None:
@@ -92,42 +69,28 @@ def _errors() -> tuple[type[Exception], ...]:
     return (*damaged, McapError, ZstdError)
 
 
-def _read_part(path: Path, topic: str | None, topics: dict[str, array[float]], others: set[str]) -> None:
-    """Appends log time, stamp and wrench of all messages of a file to the array of their topic."""
+def _read_part(path: Path, topics: WrenchTopics) -> None:
+    """Reads the messages of all wrench topics of a file."""
     from mcap.records import Channel, Message, Schema, Statistics
 
-    status = path.stat()
-    if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:
-        raise ValueError(f"{status.st_size / 1e6:.0f} MB, expected a file of at most {MAX_BYTES / 1e6:.0f} MB")
+    check_file(path)
     schemas: dict[int, str] = {}
-    wrenches: dict[int, tuple[Any, array[float]]] = {}
+    wrenches: dict[int, TakeMessage] = {}
     messages, stated = 0, None
     with path.open("rb") as stream:
         for record in _records(stream):
             if isinstance(record, Schema):
                 schemas[record.id] = record.name
             elif isinstance(record, Channel):
-                if schemas.get(record.schema_id) not in SCHEMAS or topic not in (None, record.topic):
-                    others.add(record.topic)
-                    continue
-                decode = DECODERS.get(record.message_encoding)
-                if decode is None:
-                    raise ValueError(
-                        f"topic '{record.topic}' has the encoding '{record.message_encoding}',"
-                        f" expected {' or '.join(DECODERS)}"
-                    )
-                wrenches[record.id] = decode, topics.setdefault(record.topic, array("d"))
+                take = topics.open(record.topic, schemas.get(record.schema_id), record.message_encoding)
+                if take is not None:
+                    wrenches[record.id] = take
             elif isinstance(record, Statistics):
                 stated = record.message_count
             elif isinstance(record, Message):
                 messages += 1
-                if record.channel_id not in wrenches or len(topics) > 1:
-                    continue
-                decode, numbers = wrenches[record.channel_id]
-                numbers.append(record.log_time * 1e-9)
-                numbers.extend(decode(record.data))
-                if len(numbers) % 80_000 == 0:
-                    check_length(len(numbers) // 8, "the topic")
+                if record.channel_id in wrenches:
+                    wrenches[record.channel_id](record.log_time, record.data)
     if stated not in (None, messages):
         raise ValueError(f"{messages} messages, but its statistics say {stated}")
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skill.recordings.wrench_message import DECODERS, decode_cdr, decode_json, decode_ros1
-from tests.skill.recordings.wrench_messages import WRENCH, as_json, cdr, ros1
+from skill.recordings.messages.wrench_message import DECODERS, decode_cdr, decode_json, decode_ros1
+from tests.skill.recordings.messages.wrench_messages import WRENCH, as_json, cdr, ros1
 
 BY_HAND = bytes.fromhex(
     "00010000"  # plain CDR, little-endian

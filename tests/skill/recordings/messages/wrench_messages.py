@@ -1,7 +1,9 @@
-"""Messages of the type WrenchStamped, written byte by byte, and MCAP files of them."""
+"""Messages of the type WrenchStamped, written byte by byte, and files of them."""
 
 import json
+import sqlite3
 import struct
+from contextlib import closing
 
 WRENCH = (1.0, -2.5, 3.0, 0.25, 5e-3, -6.0)
 
@@ -41,3 +43,25 @@ def write_mcap(path, messages, *, encoding="cdr", schema="geometry_msgs/msg/Wren
             writer.add_message(channels[topic], log_time=log_time, publish_time=log_time, data=data)
         if finish:
             writer.finish()
+
+
+def write_db3(path, messages, *, encoding="cdr", kind="geometry_msgs/msg/WrenchStamped"):
+    """Writes messages (topic, log time in ns, bytes) with the tables of rosbag2_storage_sqlite3."""
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute(
+            "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,"
+            " serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL)"
+        )
+        database.execute(
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL,"
+            " data BLOB NOT NULL)"
+        )
+        database.execute("INSERT INTO topics VALUES (1, '/camera', 'sensor_msgs/msg/Image', 'cdr', '')")
+        topics = {"/camera": 1}
+        for topic, logged, data in messages:
+            if topic not in topics:
+                topics[topic] = len(topics) + 1
+                database.execute("INSERT INTO topics VALUES (?, ?, ?, ?, '')", [topics[topic], topic, kind, encoding])
+            database.execute(
+                "INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", [topics[topic], logged, data]
+            )

@@ -11,9 +11,10 @@ pytest.importorskip("mcap")
 
 from mcap.writer import CompressionType
 
-from skill.recordings import column_table, mcap_file
-from skill.recordings.mcap_file import read_mcap_file
-from tests.skill.recordings.wrench_messages import as_json, cdr, ros1, write_mcap
+from skill.recordings import column_table
+from skill.recordings.messages import mcap_file, wrench_topics
+from skill.recordings.messages.mcap_file import read_mcap_file
+from tests.skill.recordings.messages.wrench_messages import as_json, cdr, ros1, write_mcap
 
 START = 1_700_000_000
 
@@ -213,7 +214,7 @@ def test_limits(tmp_path, monkeypatch):
     monkeypatch.setattr(column_table, "MAX_SAMPLES", 9999)
     with pytest.raises(ValueError, match=r"a\.mcap: .*10000 samples, expected at most 9999"):
         read_mcap_file(path)
-    monkeypatch.setattr(mcap_file, "MAX_BYTES", 1000)
+    monkeypatch.setattr(wrench_topics, "MAX_BYTES", 1000)
     with pytest.raises(ValueError, match=r"a\.mcap: .*expected a file of at most 0 MB"):
         read_mcap_file(path)
     with pytest.raises(ValueError, match=r"b\.mcap: no such file"):

@@ -1,0 +1,143 @@
+"""Files of a rosbag2 in SQLite, written with the tables of ROS 2, by the package rosbags, and with damage."""
+
+import sqlite3
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+from skill.recordings.messages import sqlite_bag, wrench_topics
+from skill.recordings.messages.mcap_file import read_mcap_file
+from skill.recordings.messages.sqlite_bag import ZSTD, read_sqlite_bag
+from tests.skill.recordings.messages.wrench_messages import cdr, write_db3
+
+START = 1_700_000_000
+
+
+def series(count=50, topic="/ft", stamped=True):
+    """Messages at 100 Hz whose wrench counts up; they are logged 5 ms after their stamp."""
+    for k in range(count):
+        stamp = (START + k // 100, k % 100 * 10_000_000) if stamped else (0, 0)
+        logged = START * 10**9 + k * 10_000_000 + 5_000_000
+        yield topic, logged, cdr(*stamp, wrench=[k, k + 1, k + 2, k + 3, k + 4, k + 5])
+
+
+def check(found, count=50, offset=0.0):
+    assert found.channels == ("fx", "fy", "fz", "mx", "my", "mz")
+    np.testing.assert_array_equal(found.values, np.arange(count)[:, None] + np.arange(6.0))
+    np.testing.assert_allclose(found.time, START + offset + np.arange(count) / 100, rtol=0, atol=1e-6)
+
+
+def execute(path, statement, values=()):
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute(statement, values)
+
+
+@pytest.mark.parametrize(("stamped", "offset"), [(True, 0.0), (False, 0.005)])
+def test_the_only_topic_is_read(tmp_path, stamped, offset):
+    path = tmp_path / "a b#?.db3"
+    write_db3(path, [("/camera", 1, b"picture"), *series(stamped=stamped)])
+    [found] = read_sqlite_bag(path)
+    assert found.name == path.name
+    check(found, offset=offset)
+    assert sorted(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_of_parts_is_one_recording(tmp_path):
+    messages = list(series())
+    write_db3(tmp_path / "bag_1.db3", messages[30:])
+    write_db3(tmp_path / "bag_0.db3", messages[:30])
+    check(read_sqlite_bag(tmp_path)[0])
+
+
+def test_of_several_topics_the_user_chooses(tmp_path):
+    path = tmp_path / "a.db3"
+    write_db3(path, [*series(3), *series(10, topic="/tool")])
+    assert len(read_sqlite_bag(path, topic="/tool")[0].time) == 10
+    with pytest.raises(ValueError, match=r"a\.db3: .*found topics .'/ft', '/tool'. of this type; say which one"):
+        read_sqlite_bag(path)
+    with pytest.raises(ValueError, match=r"expected topic '/camera' of the type .*; found none, but other topics"):
+        read_sqlite_bag(path, topic="/camera")
+
+
+@pytest.mark.parametrize("plugin", ["SQLITE3", "MCAP"])
+@pytest.mark.parametrize("compression", [None, "MESSAGE"])
+def test_bags_of_another_writer(tmp_path, plugin, compression):
+    """The package rosbags has definitions of the messages and a serialisation of its own."""
+    rosbag2 = pytest.importorskip("rosbags.rosbag2", reason="needs the extra [dev]")
+    from rosbags.typesys import Stores, get_typestore
+
+    if compression and plugin == "MCAP":
+        pytest.skip("its chunks are compressed")
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds = store.types
+    numbers = np.random.default_rng(0).normal(size=(20, 6))
+    writer = rosbag2.Writer(tmp_path / "bag", version=9, storage_plugin=rosbag2.StoragePlugin[plugin])
+    if compression:
+        writer.set_compression(rosbag2.CompressionMode[compression], rosbag2.CompressionFormat.ZSTD)
+    with writer:
+        ft = writer.add_connection("/ft", "geometry_msgs/msg/WrenchStamped", typestore=store)
+        text = writer.add_connection("/text", "std_msgs/msg/String", typestore=store)
+        for k, row in enumerate(numbers):
+            vectors = (kinds["geometry_msgs/msg/Vector3"](*part) for part in np.split(row, 2))
+            stamp = kinds["builtin_interfaces/msg/Time"](START, k * 2_000_000)
+            message = kinds["geometry_msgs/msg/WrenchStamped"](
+                kinds["std_msgs/msg/Header"](stamp, "ft_link"), kinds["geometry_msgs/msg/Wrench"](*vectors)
+            )
+            logged = START * 10**9 + k * 2_000_000
+            writer.write(ft, logged, bytes(store.serialize_cdr(message, "geometry_msgs/msg/WrenchStamped")))
+            note = kinds["std_msgs/msg/String"]("a note")
+            writer.write(text, logged, bytes(store.serialize_cdr(note, "std_msgs/msg/String")))
+    read = read_sqlite_bag if plugin == "SQLITE3" else read_mcap_file
+    if compression:
+        with pytest.raises(ValueError, match=r"compressed; convert it with 'ros2 bag convert' first"):
+            read(tmp_path / "bag")
+        return
+    [found] = read(tmp_path / "bag")
+    np.testing.assert_array_equal(found.values, numbers)
+    np.testing.assert_allclose(found.time, START + 0.002 * np.arange(20), rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("statement", "values", "message"),
+    [
+        ("UPDATE topics SET serialization_format = 'xml'", [], "encoding 'xml', expected cdr or ros1 or json"),
+        ("UPDATE topics SET name = x'00' WHERE id = 2", [], "topic 2 has no name, type or format"),
+        ("UPDATE messages SET timestamp = 'noon' WHERE id = 3", [], "topic '/ft' has a message without time"),
+        ("UPDATE messages SET data = 'text' WHERE id = 3", [], "topic '/ft' has a message without time or content"),
+        ("UPDATE messages SET data = ? WHERE id = 3", [ZSTD + b"1"], "its messages are compressed; convert"),
+        ("UPDATE messages SET data = x'00010000' WHERE id = 3", [], "4 bytes, too few for a WrenchStamped"),
+        ("UPDATE messages SET data = zeroblob(2000000) WHERE id = 3", [], "string or blob too big"),
+        ("DROP TABLE messages", [], "no such table: messages"),
+        ("DELETE FROM messages", [], "topic '/ft' has no messages"),
+    ],
+)
+def test_wrong_content_is_refused(tmp_path, statement, values, message):
+    path = tmp_path / "a.db3"
+    write_db3(path, series())
+    execute(path, statement, values)
+    with pytest.raises(ValueError, match=rf"a\.db3: .*{message}"):
+        read_sqlite_bag(path)
+
+
+def test_a_file_that_is_cut_off_is_refused(tmp_path):
+    path = tmp_path / "a.db3"
+    write_db3(path, series(500))
+    whole = path.read_bytes()
+    for size in (1, 50, 4096, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:size])
+        with pytest.raises(ValueError, match=r"a\.db3: not a complete file of a rosbag2"):
+            read_sqlite_bag(path)
+
+
+def test_limits(tmp_path, monkeypatch):
+    path = tmp_path / "a.db3"
+    write_db3(path, series())
+    monkeypatch.setattr(sqlite_bag, "MAX_MESSAGE", 60)
+    with pytest.raises(ValueError, match="too big"):
+        read_sqlite_bag(path)
+    monkeypatch.setattr(wrench_topics, "MAX_BYTES", 1000)
+    with pytest.raises(ValueError, match=r"a\.db3: .*expected a file of at most 0 MB"):
+        read_sqlite_bag(path)
+    with pytest.raises(ValueError, match=r"b\.db3: no such file"):
+        read_sqlite_bag(tmp_path / "b.db3")
