@@ -60,7 +60,7 @@ def main(
         typer.Option(
             parser=parse_text,
             metavar="COLUMN",
-            help="Column with the known phase of each row, to compare with.",
+            help="Column with the known phase of each row, to compare with; '' for none.",
             show_default="phase or label, if it is there",
         ),
     ] = None,

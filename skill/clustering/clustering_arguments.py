@@ -63,7 +63,7 @@ def checked_groups(groups: ArrayLike | None, N: int) -> NDArray[np.intp] | None:
         return None
     given = np.asarray(groups)
     if given.shape != (N,):
-        raise ValueError(f"groups has shape {given.shape}, expected ({N},): the demonstration of each sample")
+        raise ValueError(f"groups has shape {given.shape}, expected ({N},): the recording of each sample")
     names, index = np.unique(given, return_inverse=True)
     if len(names) < 2:
         warnings.warn(

@@ -17,6 +17,9 @@ from skill.recordings.recording import MAX_SAMPLES, Recording
 RATES = (10.0, 1e6)
 """Range of sampling rates, Hz, in which a time without a unit may be in seconds; 1 kHz in ms looks like 1 Hz."""
 
+MAX_PHASES = 200
+"""Largest number of different phases; more are no phases but numbers or notes."""
+
 MAX_LABEL = 60
 """Largest number of characters of a trial or a phase."""
 
@@ -52,7 +55,7 @@ def select_columns(
         where: name of the file, for messages.
         choices: what the user says about channels; see `choose_columns`.
         trial_column: column of the trials; None for one with a usual name.
-        phase_column: column of the phases; None for one with a usual name.
+        phase_column: column of the phases; None for one with a usual name, "" for none.
 
     Raises:
         ValueError: if columns are missing, ambiguous or there twice. The message names the file.
@@ -116,7 +119,7 @@ def table_recordings(
             )
     if not kept.any():
         raise ValueError(f"{where}: no samples; expected at least 2 rows with values")
-    phases = None if selection.phase is None else _labels(table[selection.phase], kept, where, row_name)
+    phases = None if selection.phase is None else _phases(table[selection.phase], kept, where, row_name)
     trials = None if selection.trial is None else _labels(table[selection.trial], kept, where, row_name)
     stamps, values = stamps[kept], values[kept]
     recordings = []
@@ -163,6 +166,22 @@ def _labels(
             f"{where}: column '{column.name}' has a text of {longest} characters, expected at most {MAX_LABEL}"
         )
     return np.array([str(name) for name in names])[codes]
+
+
+def _phases(
+    column: pd.Series, kept: NDArray[np.bool_], where: str, row_name: Callable[[int], str]
+) -> NDArray[np.int64] | NDArray[np.str_]:
+    """Phases of the rows that are kept; an error says how to leave the column out."""
+    try:
+        phases = _labels(column, kept, where, row_name)
+        number = len(np.unique(phases))
+        if number > MAX_PHASES:
+            raise ValueError(
+                f"{where}: column '{column.name}' has {number} different values, expected at most {MAX_PHASES} phases"
+            )
+    except ValueError as error:
+        raise ValueError(f"{error}; an empty name of the column of phases leaves them out") from error
+    return phases
 
 
 def _trials(labels: NDArray[Any] | None, rows: int) -> list[tuple[str, Any]]:

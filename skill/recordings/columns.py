@@ -122,9 +122,13 @@ def channel_quantity(channel: str) -> str | None:
 def label_column(names: Sequence[str], chosen: str | None, usual: Sequence[str], where: str) -> str | None:
     """Returns the column that the user has chosen, or the one with a usual name in any case, or None.
 
+    The user chooses no column with an empty text.
+
     Raises:
         ValueError: if there is no column of the chosen name, or several have usual names.
     """
+    if chosen == "":
+        return None
     if chosen is not None:
         if chosen not in names:
             raise ValueError(f"{where}: no column '{chosen}'; columns are {listed(names)}")
@@ -147,10 +151,12 @@ def _choices(names: Sequence[str], choices: Iterable[str], where: str) -> dict[s
     for text in choices:
         channel, equals, rest = (part.strip() for part in text.partition("="))
         if not (channel and equals and rest):
-            raise ValueError(f"'{text}': expected CHANNEL=COLUMN or CHANNEL=COLUMN:UNIT, such as fx=force_1:N")
+            raise ValueError(f"{where}: '{text}', expected CHANNEL=COLUMN or CHANNEL=COLUMN:UNIT, such as fx=force_1:N")
         channel = channel.lower() if channel.lower() in STANDARD else channel
         if channel in columns:
-            raise ValueError(f"'{text}': channel '{channel}' has a column already ('{columns[channel].name}')")
+            raise ValueError(
+                f"{where}: '{text}', but channel '{channel}' has a column already ('{columns[channel].name}')"
+            )
         column, colon, unit = (part.strip() for part in rest.rpartition(":"))
         if rest in names:
             columns[channel] = _with_own_unit(channel, rest, where)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import csv
 import stat
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 from typing import TextIO, cast
@@ -61,7 +61,7 @@ def read_csv_file(
 
     The first line that is neither empty nor a comment (``#``) names the columns; if it has numbers only, the last
     comment before it does. The separator is the one of comma, semicolon and tab that occurs most often in it. With a
-    semicolon or tab, numbers may have a decimal comma. Only the columns that are used must be numbers.
+    semicolon or tab, numbers may have a decimal comma, all or none. Only the columns that are used must be numbers.
     The text is UTF-8, with or without a byte order mark.
 
     Args:
@@ -76,10 +76,11 @@ def read_csv_file(
     """
     try:
         _check_text(path)
-        layout = _layout(path)
+        layout, rows = _layout(path)
         selection = select_columns(
             layout.names, str(path), choices=columns, trial_column=trial_column, phase_column=phase_column
         )
+        layout = replace(layout, decimal=_decimal(rows, layout, _numeric(selection)))
         table = _table(path, layout, selection)
     except FileNotFoundError:
         raise ValueError(f"{path}: no such file") from None
@@ -111,8 +112,8 @@ def _check_text(path: Path) -> None:
     check_length(lines - 1000, str(path))  # some lines may be comments
 
 
-def _layout(path: Path) -> _Layout:
-    """Finds the line of column names, the separator and the decimal sign."""
+def _layout(path: Path) -> tuple[_Layout, list[str]]:
+    """Finds the line of column names and the separator; returns the first rows too."""
     comment, skipped = "", 0
     with path.open(encoding="utf-8-sig", newline="") as stream:
         for number, line in enumerate(stream, start=1):
@@ -134,8 +135,25 @@ def _layout(path: Path) -> _Layout:
         if len(names) != len(values):
             raise ValueError(f"{path}: line {number} has numbers {listed(values)}, expected the names of the columns")
         rows.append(header)
-    comma = separator != "," and any("," in row for row in rows) and not any("." in row for row in rows)
-    return _Layout(names, separator, "," if comma else ".", skipped)
+    return _Layout(names, separator, ".", skipped), rows
+
+
+def _numeric(selection: Selection) -> set[str]:
+    """The columns that hold numbers."""
+    return {column.name for column in selection.columns} - {selection.trial, selection.phase}
+
+
+def _decimal(rows: Sequence[str], layout: _Layout, numbers: set[str]) -> str:
+    """The decimal sign: a comma if the columns of numbers have commas and no full stops."""
+    if layout.separator == ",":
+        return "."
+    fields = [
+        field
+        for row in csv.reader(rows, delimiter=layout.separator)
+        for name, field in zip(layout.names, row, strict=False)
+        if name in numbers
+    ]
+    return "," if any("," in field for field in fields) and not any("." in field for field in fields) else "."
 
 
 def _fields(header: str, separator: str, where: str) -> list[str]:
@@ -148,8 +166,10 @@ def _fields(header: str, separator: str, where: str) -> list[str]:
 
 def _table(path: Path, layout: _Layout, selection: Selection) -> pd.DataFrame:
     """The columns of the selection; a text where a number should be is an error that names the line."""
-    numbers = {column.name for column in selection.columns} - {selection.trial, selection.phase}
+    numbers = _numeric(selection)
     width = len(layout.names)  # one more column is read, for what a line has too much
+    kinds: dict[int, type] = {k: float for k, name in enumerate(layout.names) if name in numbers}
+    kinds |= {k: str for k, name in enumerate(layout.names) if name == selection.trial}  # "01" is not "1"
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             for _ in range(layout.skipped):
@@ -160,7 +180,7 @@ def _table(path: Path, layout: _Layout, selection: Selection) -> pd.DataFrame:
                 decimal=layout.decimal,
                 index_col=False,
                 usecols=[str(k) for k in (*(layout.names.index(name) for name in selection.names), width)],
-                dtype={**{str(k): float for k, name in enumerate(layout.names) if name in numbers}, str(width): str},
+                dtype={**{str(k): kind for k, kind in kinds.items()}, str(width): str},
                 comment="#",
                 skipinitialspace=True,
                 keep_default_na=False,

@@ -39,10 +39,11 @@ def read_recordings(
 
     Args:
         path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3``), or folder of a LeRobot data set or of a rosbag2.
-        columns: texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N"; not for messages. Columns
-            with usual names need none. See `skill.recordings.columns`.
+        columns: list of texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N"; not for messages.
+            Columns with usual names need none. See `skill.recordings.columns`.
         trial_column: column that says to which trial a row of a table belongs; None for one with a usual name.
-        phase_column: column of a table or a data set with the phase of each row; None for one with a usual name.
+        phase_column: column of a table or a data set with the phase of each row; None for one with a usual name,
+            "" for none.
         topic: topic of an MCAP file or a rosbag2; None for its only one of the type WrenchStamped.
         feature: feature of a data set of LeRobot; None for the usual one.
 
@@ -54,6 +55,8 @@ def read_recordings(
             kind, or if its content is no valid recording. The message names the file.
     """
     path = Path(path)
+    if isinstance(columns, str):
+        raise ValueError(f"{path}: columns '{columns}', expected a list of texts such as fx=force_1:N")
     columns = list(columns)
     options = {"columns": columns, "trial_column": trial_column, "phase_column": phase_column}
     options |= {"topic": topic, "feature": feature}

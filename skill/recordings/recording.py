@@ -62,7 +62,10 @@ class Recording:
                 f" ({len(bad)} such values); expected finite numbers"
             )
         if self.phases is not None:
-            object.__setattr__(self, "phases", np.asarray(self.phases))
+            phases = np.asarray(self.phases)
+            if phases.dtype == object and all(isinstance(phase, str) for phase in phases.flat):  # of a pandas Series
+                phases = phases.astype(np.str_)
+            object.__setattr__(self, "phases", phases)
             if self.phases.shape != self.time.shape or self.phases.dtype.kind not in "iuU":
                 raise ValueError(
                     f"{self.name}: phases of type {self.phases.dtype} and shape {self.phases.shape},"

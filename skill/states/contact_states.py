@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator, ClusterMixin, clone
-from sklearn.utils._param_validation import HasMethods, Interval
+from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from skill.arrays import Array
@@ -49,7 +49,7 @@ class ContactStates(ClusterMixin, BaseEstimator):
     States are numbered in the order in which they come in the recordings.
 
     Args:
-        components: clusterer of the components; None for `CompetitiveAgglomeration` with heavy tails.
+        components: clusterer of the components, `GaussianStates`; None for `CompetitiveAgglomeration` with heavy tails.
         valley: components are merged while the density between two sets falls to no less than this share of the lower
             of their peaks; 0 merges all
             but the densest, 1 none but those without any valley.
@@ -66,7 +66,7 @@ class ContactStates(ClusterMixin, BaseEstimator):
     """
 
     _parameter_constraints: dict[str, list[Any]] = {
-        "components": [HasMethods(["fit", "predict"]), None],
+        "components": [GaussianStates, None],
         "valley": [Interval(Real, 0.0, 1.0, closed="both")],
         "random_state": ["random_state"],
     }
@@ -148,11 +148,12 @@ class ContactStates(ClusterMixin, BaseEstimator):
             causal: whether to use the samples so far only, as on line, instead of the whole recording.
         """
         evidence = self.state_log_likelihoods(X) / self._n_alike(CAUSAL_SHARE if causal else SMOOTHED_SHARE)
-        index = np.zeros(len(evidence), dtype=np.intp)
-        if groups is not None:
-            index = np.unique(np.asarray(groups), return_inverse=True)[1].astype(np.intp)
-        if len(index) != len(evidence):
-            raise ValueError(f"groups has {len(index)} entries, expected {len(evidence)}: one for each sample")
+        given = np.zeros(len(evidence)) if groups is None else np.asarray(groups)
+        if given.shape != (len(evidence),):
+            raise ValueError(
+                f"groups has shape {given.shape}, expected ({len(evidence)},): the recording of each sample"
+            )
+        index = np.unique(given, return_inverse=True)[1].astype(np.intp)
         return by_sequence(forward if causal else smoothed, evidence, self.chain_, index)
 
     def predict(self, X: ArrayLike, groups: ArrayLike | None = None, *, causal: bool = False) -> NDArray[np.intp]:

@@ -33,6 +33,9 @@ STEADY = 0.5
 NOTABLE_AXIS = 0.4
 """An axis is part of a direction if its component is at least this share of the length."""
 
+GAP = 5.0
+"""A time between two samples is a gap if it is longer than so many median ones; it then counts as one of these."""
+
 UNUSED = "never the most probable"
 _END = "end"
 
@@ -69,7 +72,7 @@ class StateSummary:
         share: of the time of all recordings.
         visits: number of visits in a recording, on average.
         recordings: number of recordings that visit it.
-        duration: of a visit, s. The last visit of a recording counts with its length up to the end.
+        duration: of a visit, s, without gaps. The last visit of a recording counts with its length up to the end.
         quantities: of its samples, by name: each channel in SI units; `FORCE` and `MOMENT` where all axes are there.
         following: the states that follow a visit and the share of the visits that they follow, most frequent first;
             the state None is the end of the recording.
@@ -99,7 +102,7 @@ def summarise_states(labelled: Sequence[LabelledRecording], n_states: int) -> li
     graph.fit(labels, [_END] * len(labels), times)
     visits = [Visits.of(*pair, period) for pair in zip(labels, times, strict=True)]
     visited = np.concatenate([v.states for v in visits])
-    durations = np.concatenate([v.durations for v in visits])
+    durations = np.concatenate([_durations(*pair) for pair in zip(recordings, visits, strict=True)])
     states = np.concatenate(labels)
     values = np.concatenate([recording.values for recording in recordings])
     channels = dict(zip(recordings[0].channels, values.T, strict=True))
@@ -117,6 +120,16 @@ def summarise_states(labelled: Sequence[LabelledRecording], n_states: int) -> li
         )
         for k in range(n_states)
     ]
+
+
+def _durations(recording: Recording, visits: Visits) -> Array:
+    """Duration of each visit, s, without the gaps; the last sample counts with the median interval."""
+    interval = 1.0 / recording.rate
+    steps = np.append(np.diff(recording.time), interval)
+    steps[steps > GAP * interval] = interval
+    starts = np.cumsum(visits.lengths) - visits.lengths
+    found: Array = np.add.reduceat(steps, starts)
+    return found
 
 
 def _spread(values: Array) -> Spread:

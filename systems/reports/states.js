@@ -7,6 +7,7 @@
 (function () {
   const LEFT = 50, RIGHT = 10, TITLE = 17, PANEL = 104, GAP = 5, BAND = 15, AXIS = 18;  // pixels
   const TINT = 0.24, MIN_LABEL_WIDTH = 14;
+  const GAP_INTERVALS = 5;  // a longer time between two samples, in median intervals, is a gap
   const HINT = "point at the series to read values";
   const hidden = new Set();
   const channels = [];  // {name, group, index}: in the order of the values
@@ -102,11 +103,18 @@
     placeLine(plot);
   }
 
-  /** Calls `fill(left, right, label)` for each run of equal labels. */
+  /** Calls `fill(left, right, label)` for each run of equal labels; a gap without samples divides it. */
   function eachRun(plot, runs, xOf, fill) {
+    const time = plot.trial.time, gap = gapOf(plot.trial);
     runs.forEach(([start, label], k) => {
-      const end = k + 1 < runs.length ? plot.trial.time[runs[k + 1][0]] : plot.end;
-      fill(xOf(plot.trial.time[start]), xOf(end), label);
+      const last = k + 1 < runs.length ? runs[k + 1][0] : time.length - 1;
+      let begin = start;
+      for (let sample = start + 1; sample <= last; sample++) {
+        if (time[sample] - time[sample - 1] <= gap) continue;
+        fill(xOf(time[begin]), xOf(time[sample - 1] + plot.trial.interval), label);
+        begin = sample;
+      }
+      if (begin < last || k + 1 === runs.length) fill(xOf(time[begin]), xOf(time[last]), label);
     });
   }
 
@@ -145,7 +153,7 @@
 
   /** Draws a series; in a column of pixels with many samples, the line from the smallest to the largest of them. */
   function drawSeries(context, trial, values, xOf, yOf) {
-    const gap = 5 * medianInterval(trial);
+    const gap = gapOf(trial);
     context.lineWidth = 1.3;
     context.lineJoin = "round";
     context.beginPath();
@@ -169,12 +177,13 @@
     context.stroke();
   }
 
-  function medianInterval(trial) {
+  /** Longest time between two samples that is no gap; sets the median, `trial.interval`. */
+  function gapOf(trial) {
     if (trial.interval === undefined) {
       const intervals = trial.time.slice(1).map((time, k) => time - trial.time[k]).sort((a, b) => a - b);
       trial.interval = intervals.length ? intervals[intervals.length >> 1] : 1;
     }
-    return trial.interval;
+    return GAP_INTERVALS * trial.interval;
   }
 
   /** Draws a band of runs, with the number or name of each where it fits. */

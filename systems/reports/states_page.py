@@ -299,11 +299,14 @@ def _trial(k: int, item: LabelledRecording) -> str:
     ends = [*(float(time[start]) for start, _ in runs[1:]), float(time[-1])]
     visits = ", ".join(f"{state} until {end:.2f} s" for (_, state), end in zip(runs, ends, strict=True))
     name = html.escape(item.recording.name)
+    start = item.recording.time[0]
+    since = f", from {start:.6f} s of the file on" if start else ""
     return (
-        f'<section class="trial" id="trial-{k}"><h3>{name}<small>{item.recording.duration:.2f} s,'
+        f'<section class="trial" id="trial-{k}"><h3>{name}<small>{item.recording.duration:.2f} s{since},'
         f" {len(runs)} visits</small></h3>"
-        f'<div class="plot" tabindex="0" role="slider" aria-label="time in {name}" aria-valuemin="0"'
-        f' aria-valuemax="{item.recording.duration:.2f}" aria-valuenow="0" aria-describedby="order-{k}"><canvas'
-        ' aria-hidden="true"></canvas><div class="cursor"></div></div><p class="readout"></p>'
+        f'<div class="plot" tabindex="0" role="slider" aria-label="time since the first sample of {name}"'
+        f' aria-valuemin="0" aria-valuemax="{item.recording.duration:.2f}" aria-valuenow="0"'
+        f' aria-describedby="order-{k}">'
+        '<canvas aria-hidden="true"></canvas><div class="cursor"></div></div><p class="readout"></p>'
         f'<details><summary>states in order</summary><p id="order-{k}">{visits}</p></details></section>'
     )

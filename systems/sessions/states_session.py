@@ -94,7 +94,8 @@ def discover_states(
         )
         first = 0
         for found, path in zip(by_source, tables, strict=True):
-            with named_errors(path, "the recordings are unchanged"):
+            done = tables.index(path)
+            with named_errors(path, f"the recordings are unchanged; {done} of {_count(len(tables), 'table')} written"):
                 write_state_table(path, labelled[first : first + len(found)])
             first += len(found)
         with named_errors(out, "the recordings are unchanged and the tables of states complete"):
@@ -102,7 +103,7 @@ def discover_states(
     console.print(discovered_table(states))
     if agreement is not None:
         console.print(phase_table(agreement))
-    say(f"{len(states)} contact states in {len(recordings)} recordings, in {out}")
+    say(f"{_count(len(states), 'contact state')} in {len(recordings)} recordings, in {out}")
     say(f"states of the samples in {_listed([str(path) for path in tables])}")
     return labelled
 
@@ -147,8 +148,8 @@ def _check_recordings(recordings: Sequence[Recording]) -> None:
     first = recordings[0]
     if len(recordings) < 2:
         raise ValueError(
-            f"{first.name}: a single recording, expected two or more of the same task; give several files, or name the"
-            " column of the trials with --trial-column"
+            f"{first.name}: a single recording, expected two or more of the same task: several files, or a table with"
+            " a column of trials (--trial-column)"
         )
     for other in recordings:
         if other.channels != first.channels:

@@ -73,6 +73,28 @@ def test_a_column_of_trials_splits_the_table(read, column):
     np.testing.assert_array_equal(second.time, [5, 5.01])
 
 
+def test_trials_are_named_as_in_the_file(read):
+    found = read(f"{HEADER[:-1]},trial\n" + "".join(f"0.0{k},1,2,3,{trial}\n" for trial in ("1", "01") for k in (1, 2)))
+    assert [recording.trial for recording in found] == ["1", "01"]
+
+
+@pytest.mark.parametrize("note", ["23.11.2026", "ok.", "1.5"])
+def test_other_columns_do_not_decide_the_decimal_sign(read, note):
+    [found] = read(f"time;fx;fy;fz;note\n0,01;1,5;2;3;{note}\n0,02;1;2;3;{note}\n")
+    np.testing.assert_allclose(found.values[:, 0], [1.5, 1.0])
+
+
+def test_a_column_that_holds_no_phases_can_be_left_out(read):
+    table = f"{HEADER[:-1]},label\n0.01,1,2,3,good\n0.02,1,2,3,\n"
+    with pytest.raises(ValueError, match=r"column 'label' has no value in line 3 .*; an empty"):
+        read(table)
+    [found] = read(table, phase_column="")
+    assert found.phases is None
+    table = f"{HEADER[:-1]},phase\n" + "".join(f"{0.01 * k},1,2,3,{0.5 * k}\n" for k in range(300))
+    with pytest.raises(ValueError, match=r"column 'phase' has 300 different values, expected at most 200 phases; an"):
+        read(table)
+
+
 def test_the_user_names_trials_phases_and_channels(read):
     text = "clock;a;fy;fz;part;what;trial\n0;1;2;3;x;2;1\n10;1;2;3;x;4;2\n0;5;2;3;y;4;1\n10;5;2;3;y;4;2\n"
     found = read(text, columns=["time=clock:ms", "fx=a:kN"], trial_column="part", phase_column="what")

@@ -61,6 +61,11 @@ def test_mcap(tmp_path):
                 read_recordings(path, **{option: ["fx=a"] if option == "columns" else "a"})
 
 
+def test_columns_are_a_list(tmp_path):
+    with pytest.raises(ValueError, match=r"a\.csv: columns 'fx=a', expected a list of texts"):
+        read_recordings(tmp_path / "a.csv", columns="fx=a")
+
+
 def test_rosbag2_in_sqlite(tmp_path):
     write_db3(tmp_path / "a_0.db3", [("/ft", k, cdr(k)) for k in range(3)])
     for path in (tmp_path / "a_0.db3", tmp_path):

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from sklearn.base import clone
+from sklearn.cluster import KMeans
 from sklearn.metrics import adjusted_rand_score
 
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
@@ -85,6 +86,11 @@ def test_free_space_amid_light_contacts_is_a_state():
     dut = ContactStates(random_state=0).fit(np.vstack(X), groups=np.concatenate(groups))
     assert dut.n_clusters_ == 2
     assert adjusted_rand_score(np.concatenate(phases), dut.labels_) > 0.7
+
+
+def test_other_clusterers_are_refused_before_the_fit():
+    with pytest.raises(ValueError, match="'components' parameter of ContactStates must be an instance of '.*GaussianStates'"):
+        ContactStates(KMeans(3)).fit(np.zeros((4, 3)), groups=[0, 0, 1, 1])
 
 
 def test_a_contact_of_three_recordings_is_a_state():
@@ -173,7 +179,7 @@ def test_bad_input_is_named(fitted):
         ContactStates().fit(X, groups=np.zeros(len(X)))
     with pytest.raises(ValueError, match="'valley' parameter"):
         ContactStates(valley=1.5).fit(X, groups=groups)
-    with pytest.raises(ValueError, match="groups has 3 entries"):
+    with pytest.raises(ValueError, match="groups has shape"):
         fitted.predict(X, groups[:3])
     with pytest.raises(ValueError, match="features"):
         fitted.predict(X[:, :2])

@@ -38,12 +38,15 @@ def test_ranges_are_those_of_the_middle_eighty_per_cent():
     assert state.quantities["fz"] == pytest.approx((5.0, 1.0, 9.0))
 
 
-def test_a_state_lasts_until_the_next_sample_that_was_kept():
+def test_a_gap_counts_as_one_interval():
     time = [0.0, 0.1, 0.2, 1.2, 1.3]  # a gap of 1 s after the last sample of state 0
     states = summarise_states([labelled([0, 0, 0, 1, 1], WRENCHES, time=time)], 2)
-    assert states[0].duration.median == pytest.approx(1.2)
+    assert states[0].duration.median == pytest.approx(0.3)
     assert states[1].duration.median == pytest.approx(0.2)
-    assert states[0].share == pytest.approx(1.2 / 1.4)
+    assert states[0].share == pytest.approx(0.3 / 0.5)
+    time = [0.0, 0.1, 0.2, 0.6, 0.7]  # no gap: samples that are left out
+    states = summarise_states([labelled([0, 0, 0, 1, 1], WRENCHES, time=time)], 2)
+    assert states[0].duration.median == pytest.approx(0.6)
 
 
 def test_a_state_without_samples_has_a_summary():
