@@ -300,7 +300,7 @@ def _trial(k: int, item: LabelledRecording) -> str:
     visits = ", ".join(f"{state} until {end:.2f} s" for (_, state), end in zip(runs, ends, strict=True))
     name = html.escape(item.recording.name)
     start = item.recording.time[0]
-    since = f", from {start:.6f} s of the file on" if start else ""
+    since = f", from {f'{start:.6f}'.rstrip('0').rstrip('.')} s of the file on" if start else ""
     return (
         f'<section class="trial" id="trial-{k}"><h3>{name}<small>{item.recording.duration:.2f} s{since},'
         f" {len(runs)} visits</small></h3>"

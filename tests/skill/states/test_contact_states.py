@@ -89,7 +89,7 @@ def test_free_space_amid_light_contacts_is_a_state():
 
 
 def test_other_clusterers_are_refused_before_the_fit():
-    with pytest.raises(ValueError, match="'components' parameter of ContactStates must be an instance of '.*GaussianStates'"):
+    with pytest.raises(ValueError, match=r"must be an instance of '.*GaussianStates'"):
         ContactStates(KMeans(3)).fit(np.zeros((4, 3)), groups=[0, 0, 1, 1])
 
 

@@ -217,6 +217,27 @@ def test_the_page_draws_what_is_in_view_and_reads_values_at_the_cursor(page_file
 
 
 @pytest.mark.slow
+def test_a_gap_has_no_colour_of_a_state(tmp_path):
+    time = [7.0 + 0.1 * k + (3.0 if k >= 15 else 0.0) for k in range(30)]  # from 1.5 to 4.4 s there are no samples
+    path = tmp_path / "states.html"
+    path.write_text(states_page(report_of([labelled(np.repeat([0, 1, 2], 10), WRENCHES, time=time)])))
+    with open_page(path, size=(1280, 900)) as page:
+        page.wait("window.statesPage && statesPage.ready")
+        page.run("document.getElementById('trial-0').scrollIntoView()")
+        page.wait("document.querySelector('#trial-0 canvas').width > 500")
+        drawn = picture(page, 0)[..., 3] > 0
+        width = drawn.shape[1]
+
+        def painted(time):
+            return drawn[:, round(50 + (width - 60) * time / 5.9)].mean()
+
+        assert painted(3.0) < 0.2
+        assert min(painted(time) for time in (0.55, 1.25, 4.65, 5.5)) > 0.6
+        assert "from 7 s of the file on" in page.run("return document.querySelector('#trial-0 h3').textContent")
+        assert page.errors() == []
+
+
+@pytest.mark.slow
 def test_the_cursor_follows_the_pointer_and_the_keys(page_file):
     from selenium.webdriver.common.action_chains import ActionChains
     from selenium.webdriver.common.by import By
