@@ -123,9 +123,10 @@ def discovered_table(states: Sequence[StateSummary]) -> Table:
             *(_median(state.quantities[name], names[name][1]) for name in lengths),
             ", ".join(following_texts(state, 2)) or "-",
         )
+    vectors = [name.strip("|") for name in lengths]
     table.caption = (
-        "visits: in a recording, on average; duration, force, moment: medians, of a visit and of the lengths of the"
-        " vectors; next: what follows a visit most often"
+        f"visits: in a recording, on average; {', '.join(['duration', *vectors])}: {'medians' if vectors else 'median'},"
+        f" of a visit{' and of the lengths of the vectors' if vectors else ''}; next: what follows a visit most often"
     )
     return table
 
