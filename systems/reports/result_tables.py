@@ -124,9 +124,10 @@ def discovered_table(states: Sequence[StateSummary]) -> Table:
             ", ".join(following_texts(state, 2)) or "-",
         )
     vectors = [name.strip("|") for name in lengths]
+    medians = f"{', '.join(['duration', *vectors])}: {'medians' if vectors else 'median'}"
     table.caption = (
-        f"visits: in a recording, on average; {', '.join(['duration', *vectors])}: {'medians' if vectors else 'median'},"
-        f" of a visit{' and of the lengths of the vectors' if vectors else ''}; next: what follows a visit most often"
+        f"visits: in a recording, on average; {medians}, of a visit"
+        f"{' and of the lengths of the vectors' if vectors else ''}; next: what follows a visit most often"
     )
     return table
 
