@@ -17,7 +17,7 @@ from skill.recordings.reading import read_recordings
 from skill.recordings.recording import Recording
 from skill.states.contact_states import ContactStates
 from skill.states.phase_agreement import compare_with_phases
-from skill.states.state_summary import LabelledRecording, summarise_states
+from skill.states.state_summary import GAP, LabelledRecording, summarise_states
 from systems.outputs.folder_lock import locked_file
 from systems.outputs.output_checks import REPORT_SIZE, check_file, named_errors, require_distinct
 from systems.outputs.own_folder import remove_unfinished
@@ -29,6 +29,9 @@ from systems.runs.provenance import version_of
 
 SAME_RATE = 1.2
 """Recordings whose rates differ by more than this factor deserve a note."""
+
+LONG_GAP = 1.0  # s
+"""A gap of this length deserves a note: the file may hold several recordings."""
 
 
 @dataclass(frozen=True)
@@ -161,6 +164,10 @@ def _check_recordings(recordings: Sequence[Recording]) -> None:
     if rates[-1] > SAME_RATE * rates[0]:
         low, high = (f"{end:.3g}" for end in (rates[0], rates[-1]))
         say(f"the recordings have rates from {low} to {high} Hz; --rate {low} makes them alike")
+    for recording in recordings:
+        gap = float(np.diff(recording.time).max())
+        if gap >= max(LONG_GAP, GAP / recording.rate):
+            say(f"{recording.name} has a gap of {gap:.1f} s, which counts as one interval; is it one recording?")
 
 
 def _learn(recordings: Sequence[Recording], seed: int) -> tuple[ContactStates, list[LabelledRecording]]:

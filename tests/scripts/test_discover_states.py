@@ -182,6 +182,17 @@ def test_rates_that_differ_are_mentioned(tmp_path):
     three_contacts(1, rate=20.0).to_csv(second, index=False)
     done = states(first, second, "--out", tmp_path / "states.html")
     assert "rates from 20 to 50 Hz; --rate 20 makes them alike" in done.stdout
+    assert "gap" not in done.stdout
+
+
+def test_a_long_gap_is_mentioned(tmp_path):
+    first, second = write_files(tmp_path, 2)
+    both = [three_contacts(0), three_contacts(1, start=60.0)]
+    pd.concat(both).to_csv(second, index=False)
+    done = states(first, second, "--out", tmp_path / "states.html")
+    gap = 60.0 - both[0]["time"].iloc[-1]
+    assert f"insert_1.csv has a gap of {gap:.1f} s, which counts as one interval; is it one recording?" in done.stdout
+    assert "insert_0.csv has" not in done.stdout
 
 
 @pytest.mark.slow
