@@ -56,7 +56,7 @@ SETTINGS: list[dict[str, Any]] = [
     {},
     {"dissipation": 1.0},
     *({"facets": n, "corners": "outside"} for n in (32, 64, 256)),
-    *({"facets": n} for n in (32, 48, 64, 128, 256)),
+    *({"facets": n} for n in (24, 32, 48, 64, 128, 256)),
     *({"modulus": E} for E in (1e8, 1e9, 1e10, 2e11, 3e11, 1e12)),
     *({"time_step": dt} for dt in (4e-3, 1e-3, 5e-4, 2e-4)),
     *({"modulus": 3e11, "time_step": dt} for dt in (1e-3, 5e-4)),
