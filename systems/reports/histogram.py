@@ -61,7 +61,7 @@ def histogram(values: Array, good: NDArray[np.bool_], *, unit: str) -> str:
     median = float(np.median(values))
     label_on_left = x(median) > 0.7 * WIDTH  # keeps the label inside the drawing
     return (
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" font-size="10" font-family="inherit">'
+        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" overflow="visible" font-size="10" font-family="inherit">'
         f"{''.join(bars)}"
         f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y(0):.1f}" y2="{y(0):.1f}" stroke="{FAINT}"/>'
         f"{_tick_labels([(x(v), v) for v in _tick_values(edges[-1])], y(0) + 13)}"

@@ -104,6 +104,13 @@ def test_there_are_at_most_six_steps_between_ticks(top, ticks):
     assert " ".join(tick[""] for tick in found) == ticks
 
 
+def test_the_label_of_the_last_tick_is_not_cut_off():
+    """Its middle is 8 units from the border; a number of three digits is wider."""
+    svg = histogram(np.array([240.0]), np.array([True]), unit="")
+    assert tags(svg, "text")[-4][""] == "250"
+    assert tags(svg, "svg")[0]["overflow"] == "visible"
+
+
 @pytest.mark.parametrize(
     ("median", "shift", "anchor"), [(0.5, 4, "start"), (6.8, 4, "start"), (7.0, -4, "end"), (9.9, -4, "end")]
 )
