@@ -127,6 +127,8 @@ def _layout(path: Path) -> tuple[_Layout, list[str]]:
         rows = [line.partition("#")[0] for line in islice(stream, 100)]
     header = text.partition("#")[0]
     separator = max(SEPARATORS, key=header.count)
+    if separator not in header:
+        raise ValueError(f"{path}: line {number} is '{header[:60]}', expected commas, semicolons or tabs in it")
     names = _fields(header, separator, f"{path}: line {number}")
     if not all(_is_number(name, ".") or _is_number(name, ",") for name in names):
         skipped = number

@@ -73,6 +73,11 @@ def test_a_column_of_trials_splits_the_table(read, column):
     np.testing.assert_array_equal(second.time, [5, 5.01])
 
 
+def test_columns_between_spaces_are_refused(read):
+    with pytest.raises(ValueError, match=r"line 1 is 'time fx fy fz', expected commas, semicolons or tabs in it"):
+        read("time fx fy fz\n0 1 2 3\n0.01 1 2 3\n")
+
+
 def test_trials_are_named_as_in_the_file(read):
     found = read(f"{HEADER[:-1]},trial\n" + "".join(f"0.0{k},1,2,3,{trial}\n" for trial in ("1", "01") for k in (1, 2)))
     assert [recording.trial for recording in found] == ["1", "01"]
