@@ -55,7 +55,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.command_line import argument_parser, run
 from benchmarks.learners.gaussian_mixture_regression import best_mixture
-from benchmarks.learners.labelled_demonstrations import FORCE_NOISE, MOMENT_NOISE
+from benchmarks.learners.labelled_demonstrations import WRENCH_NOISE
 from benchmarks.state_scores import MIN_DURATION, boundary_f1, recognition
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
@@ -227,19 +227,18 @@ def simulated(folder: Path, seed: int) -> list[Recording]:
     """The noisy wrenches of the good demonstrations of a folder, with their exact contact states as phases."""
     rng = np.random.default_rng(seed)
     wrench = MEASURED[:6]
-    sigma = np.repeat([FORCE_NOISE, MOMENT_NOISE], 3)
-    recordings: list[Recording] = []
-    for demonstration in (d for d in read_demonstrations(folder) if d.good):
-        measured = demonstration.samples[list(wrench)].to_numpy()
-        number = str(len(recordings) + 1)
+    recordings = []
+    for number, demonstration in enumerate((d for d in read_demonstrations(folder) if d.good), start=1):
+        samples = demonstration.samples
+        noise = WRENCH_NOISE * rng.standard_normal((len(samples), 6))
         recordings.append(
             Recording(
                 f"{folder}, good demonstration {number}",
-                demonstration.samples["time"].to_numpy(),
-                measured + sigma * rng.standard_normal(measured.shape),
+                samples["time"].to_numpy(),
+                samples[list(wrench)].to_numpy() + noise,
                 wrench,
                 exact_labels(demonstration),
-                number,
+                str(number),
             )
         )
     return recordings
@@ -329,7 +328,11 @@ def cost(recordings: list[Recording], hours: float, rate: float, seed: int) -> d
 def main() -> None:
     parser = argument_parser(__doc__)
     parser.add_argument(
-        "--data", type=Path, required=True, metavar="FILE.npz", help="recordings with known phases, or demonstrations"
+        "--data",
+        type=Path,
+        required=True,
+        metavar="PATH",
+        help="recordings with known phases, or demonstrations",
     )
     parser.add_argument("--train-trials", required=True, metavar="A-B", help="trials to learn from")
     parser.add_argument("--test-trials", required=True, metavar="C-D", help="trials to judge on")

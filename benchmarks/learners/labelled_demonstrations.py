@@ -15,7 +15,7 @@ from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures
 from systems.runs.exact_states import exact_bodies
 
-FORCE_NOISE, MOMENT_NOISE = 0.06, 5e-3  # N, N m; standard deviations of the rig's sensor
+WRENCH_NOISE = np.repeat([0.06, 5e-3], 3)  # N, N m; standard deviations of the rig's sensor
 STILL, ROUGH = 2e-5, 4e-4  # m; settings of `refine_demonstration`
 TOUCHING_FORCE = 0.01  # N; a larger recorded force counts as contact
 
@@ -78,8 +78,7 @@ def label_demonstrations(demonstrations: list[Demonstration], seed: int) -> Labe
         gaps.append(bodies.gap(p_HP, axis))
         force = np.linalg.norm(refined[["fx", "fy", "fz"]], axis=1)
         agrees.append((force > TOUCHING_FORCE) == (labels[-1] > 0))
-        sigma = np.repeat([FORCE_NOISE, MOMENT_NOISE], 3)
-        refined[list(MEASURED[:6])] += sigma * rng.standard_normal((len(refined), 6))
+        refined[list(MEASURED[:6])] += WRENCH_NOISE * rng.standard_normal((len(refined), 6))
         contact_features.append(ContactFeatures().transform_demonstration(refined))
         regressor_features.append(CanonicalFeatures().transform_demonstration(refined))
         lengths.append(len(refined))

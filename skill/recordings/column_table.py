@@ -44,6 +44,11 @@ class Selection:
         labels = [name for name in (self.trial, self.phase) if name is not None]
         return list(dict.fromkeys([*(column.name for column in self.columns), *labels]))
 
+    @property
+    def numbers(self) -> set[str]:
+        """Names of the columns that must be numbers."""
+        return {column.name for column in self.columns} - {self.trial, self.phase}
+
 
 def select_columns(
     names: Sequence[str], where: str, *, choices: Iterable[str], trial_column: str | None, phase_column: str | None
@@ -180,7 +185,7 @@ def _phases(
                 f"{where}: column '{column.name}' has {number} different values, expected at most {MAX_PHASES} phases"
             )
     except ValueError as error:
-        raise ValueError(f"{error}; an empty name of the column of phases leaves them out") from error
+        raise ValueError(f"{error}; to leave the phases out, give an empty name for their column") from error
     return phases
 
 

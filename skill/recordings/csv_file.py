@@ -80,7 +80,7 @@ def read_csv_file(
         selection = select_columns(
             layout.names, str(path), choices=columns, trial_column=trial_column, phase_column=phase_column
         )
-        layout = replace(layout, decimal=_decimal(rows, layout, _numeric(selection)))
+        layout = replace(layout, decimal=_decimal(rows, layout, selection.numbers))
         table = _table(path, layout, selection)
     except FileNotFoundError:
         raise ValueError(f"{path}: no such file") from None
@@ -140,11 +140,6 @@ def _layout(path: Path) -> tuple[_Layout, list[str]]:
     return _Layout(names, separator, ".", skipped), rows
 
 
-def _numeric(selection: Selection) -> set[str]:
-    """The columns that hold numbers."""
-    return {column.name for column in selection.columns} - {selection.trial, selection.phase}
-
-
 def _decimal(rows: Sequence[str], layout: _Layout, numbers: set[str]) -> str:
     """The decimal sign: a comma if the columns of numbers have commas and no full stops."""
     if layout.separator == ",":
@@ -168,10 +163,10 @@ def _fields(header: str, separator: str, where: str) -> list[str]:
 
 def _table(path: Path, layout: _Layout, selection: Selection) -> pd.DataFrame:
     """The columns of the selection; a text where a number should be is an error that names the line."""
-    numbers = _numeric(selection)
+    numbers = selection.numbers
     width = len(layout.names)  # one more column is read, for what a line has too much
-    kinds: dict[int, type] = {k: float for k, name in enumerate(layout.names) if name in numbers}
-    kinds |= {k: str for k, name in enumerate(layout.names) if name == selection.trial}  # "01" is not "1"
+    kinds: dict[str, type] = {str(k): float for k, name in enumerate(layout.names) if name in numbers}
+    kinds |= {str(k): str for k, name in enumerate(layout.names) if name == selection.trial}  # "01" is not "1"
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             for _ in range(layout.skipped):
@@ -182,7 +177,7 @@ def _table(path: Path, layout: _Layout, selection: Selection) -> pd.DataFrame:
                 decimal=layout.decimal,
                 index_col=False,
                 usecols=[str(k) for k in (*(layout.names.index(name) for name in selection.names), width)],
-                dtype={**{str(k): kind for k, kind in kinds.items()}, str(width): str},
+                dtype={**kinds, str(width): str},
                 comment="#",
                 skipinitialspace=True,
                 keep_default_na=False,

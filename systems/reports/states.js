@@ -7,7 +7,6 @@
 (function () {
   const LEFT = 50, RIGHT = 10, TITLE = 17, PANEL = 104, GAP = 5, BAND = 15, AXIS = 18;  // pixels
   const TINT = 0.24, MIN_LABEL_WIDTH = 14;
-  const GAP_INTERVALS = 5;  // a longer time between two samples, in median intervals, is a gap
   const HINT = "point at the series to read values";
   const hidden = new Set();
   const channels = [];  // {name, group, index}: in the order of the values
@@ -183,7 +182,7 @@
       const intervals = trial.time.slice(1).map((time, k) => time - trial.time[k]).sort((a, b) => a - b);
       trial.interval = intervals.length ? intervals[intervals.length >> 1] : 1;
     }
-    return GAP_INTERVALS * trial.interval;
+    return data.gap * trial.interval;
   }
 
   /** Draws a band of runs, with the number or name of each where it fits. */

@@ -18,7 +18,7 @@ from skill.arrays import Array
 from skill.recordings.channel_groups import channel_groups
 from skill.states.phase_agreement import PhaseAgreement, phase_codes
 from skill.states.state_style import PALETTE, TINTS, state_colours
-from skill.states.state_summary import FORCE, MOMENT, LabelledRecording, Spread, StateSummary
+from skill.states.state_summary import FORCE, GAP, MOMENT, LabelledRecording, Spread, StateSummary
 from systems.reports.page_template import fill_page, script_value
 from systems.reports.result_tables import following_texts
 from systems.reports.state_flow import state_flow
@@ -133,6 +133,7 @@ def page_data(
         "groups": described,
         "states": [{"name": s.name, "colour": c, "ink": ink_on(c)} for s, c in zip(states, colours, strict=True)],
         "phases": phases,
+        "gap": GAP,
         "trials": [_series(item, columns, place.get(id(item)), stride) for item in labelled],
     }
 
@@ -300,7 +301,8 @@ def _trial(k: int, item: LabelledRecording) -> str:
     visits = ", ".join(f"{state} until {end:.2f} s" for (_, state), end in zip(runs, ends, strict=True))
     name = html.escape(item.recording.name)
     start = item.recording.time[0]
-    since = f", from {f'{start:.6f}'.rstrip('0').rstrip('.')} s of the file on" if start else ""
+    begin = f"{start:.6f}".rstrip("0").rstrip(".")
+    since = f", from {begin} s of the file on" if start else ""
     return (
         f'<section class="trial" id="trial-{k}"><h3>{name}<small>{item.recording.duration:.2f} s{since},'
         f" {len(runs)} visits</small></h3>"

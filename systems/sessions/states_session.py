@@ -96,8 +96,7 @@ def discover_states(
             )
         )
         first = 0
-        for found, path in zip(by_source, tables, strict=True):
-            done = tables.index(path)
+        for done, (found, path) in enumerate(zip(by_source, tables, strict=True)):
             with named_errors(path, f"the recordings are unchanged; {done} of {_count(len(tables), 'table')} written"):
                 write_state_table(path, labelled[first : first + len(found)])
             first += len(found)

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from systems.sessions import states_session
 from tests.scripts.commands import error_line, files, invoke, run_python
 from tests.skill.recordings.messages.wrench_messages import cdr, write_mcap
 from tests.state_recordings import CHANNELS, NAMES, three_contacts, write_files
@@ -265,6 +266,23 @@ def test_two_files_that_would_share_a_table_are_one_error(tmp_path):
     line = refused(tmp_path, first, second, "--labels", tmp_path / "c", "--out", tmp_path / "states.html")
     assert f"{first} and {second} would share the table of states" in line
     states(first, second, "--out", tmp_path / "states.html")  # beside the data they do not
+
+
+def test_a_table_that_cannot_be_written_says_how_many_are(tmp_path, monkeypatch):
+    paths = write_files(tmp_path)
+    write = states_session.write_state_table
+
+    def on_a_full_disk(path, labelled):
+        if path.stem == "insert_1.states":
+            raise OSError(28, "No space left on device")
+        write(path, labelled)
+
+    monkeypatch.setattr(states_session, "write_state_table", on_a_full_disk)
+    message = error_line(invoke("states", *paths, "--out", tmp_path / "states.html"))
+    table = tmp_path / "insert_1.states.csv"
+    expected = f"{table}: not written (No space left on device); the recordings are unchanged; 1 of 3 tables written"
+    assert message.endswith(expected)
+    assert not (tmp_path / "states.html").exists()
 
 
 def test_the_page_is_none_of_the_tables(tmp_path):

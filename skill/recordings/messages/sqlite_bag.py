@@ -46,10 +46,10 @@ def _read_part(path: Path, topics: WrenchTopics) -> None:
     check_file(path)
     with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as database:
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_MESSAGE)
-        database.execute("PRAGMA trusted_schema = OFF")
         [pages], [page_size] = (database.execute(f"PRAGMA {name}").fetchone() for name in ("page_count", "page_size"))
-        if path.stat().st_size < pages * page_size:  # SQLite reads zeros where the last page is missing
-            raise ValueError(f"{path.stat().st_size} bytes, expected {pages * page_size}")
+        size = path.stat().st_size
+        if size < pages * page_size:  # SQLite reads zeros where the last page is missing
+            raise ValueError(f"{size} bytes, expected {pages * page_size}")
         rows = database.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
         for number, name, kind, encoding in rows:
             if not all(isinstance(text, str) for text in (name, kind, encoding)):

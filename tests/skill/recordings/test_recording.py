@@ -76,6 +76,13 @@ def test_jitter_of_the_stamps_moves_no_sample_to_another_interval(jitter, start)
     np.testing.assert_allclose(np.diff(found.values[:, 0]), 4)
 
 
+def test_texts_of_phases_may_be_python_objects():
+    found = recording(TIME, phases=np.array(["out", "out", "in", "in"], dtype=object))
+    assert found.phases.tolist() == ["out", "out", "in", "in"]
+    with pytest.raises(ValueError, match="phases of type object"):
+        recording(TIME, phases=np.array(["out", 1, "in", "in"], dtype=object))
+
+
 def test_texts_of_phases_are_kept():
     found = recording(np.arange(6) / 60, phases=["out", "out", "in", "in", "in", "out"]).averaged(20)
     assert found.phases.tolist() == ["out", "in"]

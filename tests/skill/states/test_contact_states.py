@@ -179,7 +179,7 @@ def test_bad_input_is_named(fitted):
         ContactStates().fit(X, groups=np.zeros(len(X)))
     with pytest.raises(ValueError, match="'valley' parameter"):
         ContactStates(valley=1.5).fit(X, groups=groups)
-    with pytest.raises(ValueError, match="groups has shape"):
+    with pytest.raises(ValueError, match=r"groups has shape \(3,\), expected \(739,\): the recording of each sample"):
         fitted.predict(X, groups[:3])
     with pytest.raises(ValueError, match="features"):
         fitted.predict(X[:, :2])
