@@ -14,7 +14,17 @@ pytest.importorskip("ruptures", reason="needs the extra [peers]")
 
 from threadpoolctl import threadpool_limits
 
-from benchmarks.recordings import PEERS, TOLD, Samples, change_points, k_means, lasting, selected, simulated
+from benchmarks.recordings import (
+    PEERS,
+    TOLD,
+    Samples,
+    change_points,
+    k_means,
+    lasting,
+    long_recordings,
+    selected,
+    simulated,
+)
 from skill.recordings.recording import Recording
 from systems.runs.exact_states import exact_labels
 from tests.state_recordings import CHANNELS, three_contacts
@@ -57,6 +67,12 @@ def test_figures_of_all_learners(tmp_path):
     assert cost["recordings"] >= 36 / 3.6  # of at most 3.6 s each
     assert cost["states"] >= 3
     assert min(cost[key] for key in ("read_s", "average_s", "fit_s", "peak_memory_gb")) > 0.0
+
+
+@pytest.mark.parametrize("hours", [0.0, -1.0, float("nan"), float("inf")])
+def test_hours_are_a_positive_number(tmp_path, hours):
+    with pytest.raises(ValueError, match=rf"--hours {hours:g}: expected a positive number"):
+        long_recordings([], hours, 0, tmp_path / "long.parquet")
 
 
 def test_good_demonstrations_with_sensor_noise_and_exact_states(demonstration_folder, demonstrations):

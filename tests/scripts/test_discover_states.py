@@ -196,6 +196,15 @@ def test_a_long_gap_is_mentioned(tmp_path):
     assert "insert_0.csv has" not in done.stdout
 
 
+def test_the_interval_of_slow_recordings_is_no_gap(tmp_path):
+    paths = write_files(tmp_path, 2)
+    for path in paths:
+        table = pd.read_csv(path)
+        table.assign(time=60.0 * table["time"]).to_csv(path, index=False)  # a sample every 1.2 s
+    done = states(*paths, "--columns", "time=time:s", "--out", tmp_path / "states.html")
+    assert "gap" not in done.stdout
+
+
 @pytest.mark.slow
 def test_it_runs_where_drake_cannot_be_imported(tmp_path):
     paths = write_files(tmp_path, 2)
