@@ -41,8 +41,8 @@ def main() -> None:
         resolved.trial.time_limit = time_limit
         begun = time.process_time()
         if arguments.mujoco:
-            from benchmarks.physics.mujoco_model import MujocoContact
             from benchmarks.rig.mujoco import run_mujoco
+            from systems.plant.mujoco_model import MujocoContact
 
             row, _ = run_mujoco(resolved, skill, MujocoContact(), number)
             simulated, inserted = row["time_s"], row["inserted"]

@@ -13,7 +13,7 @@ are from a press, the next three from slow slides:
   of the force in the firm crawl, relative to the same balance;
 - ms a step: CPU time of a step in contact.
 
-In MuJoCo the peg is an exact cylinder and the bore a ring of boxes (`benchmarks.physics.mujoco_model`).
+In MuJoCo the peg is an exact cylinder and the bore a ring of boxes (`systems.plant.mujoco_model`).
 `benchmarks.rig.mujoco` compares the engines in trials of the rig.
 """
 
@@ -35,9 +35,10 @@ from benchmarks.command_line import argument_parser, run
 from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, converged, crawl
 from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
 from benchmarks.physics.convergence import FINEST, MOMENTS, PRESSED, press
-from benchmarks.physics.mujoco_model import MujocoContact, MujocoProbe
+from benchmarks.physics.mujoco_probe import MujocoProbe
 from models.contact_theory import two_point_push_moment
 from models.scenario import Scenario
+from systems.plant.mujoco_model import MujocoContact
 from systems.reports.terminal import progress, write_json
 from systems.runs.penetration import round_bodies
 

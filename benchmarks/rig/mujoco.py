@@ -5,7 +5,7 @@
 
 A trial has the same resolved scenario in both engines (tilt, pivot, friction, sensor noise), the same skill, and the
 same motors, sensor, estimator and controller. Only the bodies and their contact are MuJoCo's
-(`benchmarks.physics.mujoco_plant`). The first --trials are controlled by a skill. The next --blind only push (gain 0,
+(`systems.plant.mujoco_plant`). The first --trials are controlled by a skill. The next --blind only push (gain 0,
 for 4 s), from the same starts; many of them jam, so that the engines can disagree. Without --skill a skill is learnt
 first, from thirty demonstrations in Drake.
 
@@ -37,12 +37,12 @@ from pydrake.systems.framework import DiagramBuilder
 
 from benchmarks.command_line import argument_parser, run
 from benchmarks.paired_statistics import wilson
-from benchmarks.physics.mujoco_model import MujocoContact
-from benchmarks.physics.mujoco_plant import MujocoPlant
 from benchmarks.recording import record_demonstrations
 from benchmarks.rig.comparison import BAD, GOOD
 from models.scenario import Scenario, load_scenario
 from skill.manipulation_skill import ManipulationSkill
+from systems.plant.mujoco_model import MujocoContact
+from systems.plant.mujoco_plant import MujocoPlant
 from systems.reports.terminal import progress, write_json
 from systems.rig import MakeRig, RigDiagram, WireRig
 from systems.runs.demonstration_set import requests

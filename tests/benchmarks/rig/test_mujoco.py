@@ -4,8 +4,8 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra [peers]")
 
-from benchmarks.physics.mujoco_model import MujocoContact
 from benchmarks.rig.mujoco import agreement, compare, print_summary, print_trial, summary
+from systems.plant.mujoco_model import MujocoContact
 from systems.runs.trial import trial_scenario
 
 

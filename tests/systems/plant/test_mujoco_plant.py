@@ -10,14 +10,14 @@ pytest.importorskip("mujoco", reason="needs the extra [peers]")
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from benchmarks.physics.mujoco_model import MujocoContact
-from benchmarks.physics.mujoco_plant import MujocoPlant
 from skill.data.rig_run import ContactPlace
 from systems.plant.contact_plant import ALUMINIUM, STEEL, AddRigPlant
+from systems.plant.mujoco_model import MujocoContact
+from systems.plant.mujoco_plant import MujocoPlant
 from systems.rig import WireRig
 from systems.runs.trial import run_rig, trial_scenario
-from tests.benchmarks.physics.mujoco_bench import Bench, G, hanging_weight
 from tests.diagrams import unconnected_inputs
+from tests.systems.plant.mujoco_bench import Bench, G, hanging_weight
 
 
 @pytest.fixture

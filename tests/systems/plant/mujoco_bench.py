@@ -5,9 +5,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from benchmarks.physics.mujoco_model import MujocoContact
-from benchmarks.physics.mujoco_plant import MujocoPlant
 from systems.plant.contact_plant import AddRigPlant
+from systems.plant.mujoco_model import MujocoContact
+from systems.plant.mujoco_plant import MujocoPlant
 
 G = 9.81
 

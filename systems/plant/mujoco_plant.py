@@ -18,9 +18,9 @@ from pydrake.systems.framework import (
     ValueProducer,
 )
 
-from benchmarks.physics.mujoco_model import MujocoContact, rig_document
 from models.scenario import Scenario
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
+from systems.plant.mujoco_model import MujocoContact, rig_document
 
 KEPT = mujoco.mjtState.mjSTATE_PHYSICS | mujoco.mjtState.mjSTATE_WARMSTART
 """The parts of MuJoCo's state that, with the inputs, determine the next step."""

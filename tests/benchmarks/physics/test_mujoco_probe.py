@@ -1,0 +1,57 @@
+"""The planar probe in MuJoCo against exact geometry and hand-worked statics."""
+
+import numpy as np
+import pytest
+
+mujoco = pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
+
+
+from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, crawl
+from benchmarks.physics.contact_probe import PlanarPose
+from benchmarks.physics.mujoco_probe import MujocoProbe
+from models.contact_geometry import PegInHole, axes_of_rotation_vectors
+from models.scenario import Scenario
+from systems.plant.mujoco_model import MujocoContact
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("tilt", "deep"), [(0.0, (-0.004, 5e-5)), (0.01, (-0.012, 5e-5)), (0.04, (-0.004, -0.001))])
+def test_the_ring_of_boxes_has_the_gap_of_the_exact_bore(tilt, deep):
+    """The overlap of some micrometres is the same by exact geometry and in MuJoCo."""
+    scenario = Scenario()
+    g = scenario.geometry
+    bodies = PegInHole(g.peg_radius, g.hole_radius, g.hole_depth, g.chamfer)
+    probe = MujocoProbe(scenario, MujocoContact())
+    axis = axes_of_rotation_vectors([[0.0, tilt, 0.0]])
+    rng = np.random.default_rng(1)
+    compared = 0
+    for x, z in zip(rng.uniform(-4e-4, 4e-4, 300), rng.uniform(*deep, 300), strict=True):
+        gap = bodies.gap([[x, 0.0, z]], axis)[0]
+        if not -3e-5 < gap < -1e-6:
+            continue
+        probe.place(PlanarPose(x, z, tilt))
+        mujoco.mj_forward(probe.model, probe.data)
+        assert min(c.dist for c in probe.data.contact) == pytest.approx(gap, abs=0.02 * abs(gap) + 1e-7)
+        compared += 1
+    assert compared > 3
+
+
+def test_the_force_on_a_slowly_sliding_peg_is_that_of_whitneys_balance():
+    scenario = Scenario()
+    probe = MujocoProbe(scenario, MujocoContact(), **CRAWLING)
+    sizes, friction = PegTheory.of(scenario), scenario.contact.friction
+    predicted, measured = crawl(probe, sizes, friction, lateral=0.0, moment=0.2, depth=0.020)
+    assert measured.mean() == pytest.approx(predicted, rel=0.08)
+
+
+def test_a_held_axis_does_not_move():
+    probe = MujocoProbe(Scenario(), MujocoContact())
+    probe.place(PlanarPose(0.0, 0.01, 0.02))
+    probe.load(1.0, -1.0, 0.1)
+    probe.hold("tilt")
+    probe.step(10)
+    assert probe.pose().tilt == pytest.approx(0.02, abs=1e-9)
+    assert probe.pose().x == pytest.approx(0.5 * 1.0 / 0.5 * (10 * probe.time_step) ** 2, rel=0.2)
+    probe.hold()
+    probe.step(10)
+    assert probe.pose().tilt > 0.021
