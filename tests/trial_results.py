@@ -28,6 +28,11 @@ PLAIN = TrialResult(
     time_above_20n=0.25,
     first_touch=0.125,
     peak_measured_load=15.5,
+    force_above_20n=0.125,
+    wedged_time=0.16,
+    path_length=0.02775,
+    mean_jerk=4.5,
+    field_score=99.25,
     trusted=True,
 )
 
@@ -38,6 +43,11 @@ LATER = (
     "time_above_20n",
     "first_touch",
     "peak_measured_load",
+    "force_above_20n",
+    "wedged_time",
+    "path_length",
+    "mean_jerk",
+    "field_score",
     "trusted",
 )
 EARLIER = replace(PLAIN, **dict.fromkeys(LATER))

@@ -38,9 +38,9 @@ from benchmarks.physics.convergence import FINEST, MOMENTS, PRESSED, press
 from benchmarks.physics.mujoco_probe import MujocoProbe
 from models.contact_theory import two_point_push_moment
 from models.scenario import Scenario
+from systems.metrics.penetration import round_bodies
 from systems.plant.mujoco_model import MujocoContact
 from systems.reports.terminal import progress, write_json
-from systems.runs.penetration import round_bodies
 
 TILT, PUSH = np.radians(1.0), 5.0  # rad, N
 CRAWL_DEPTH = 0.020  # m

@@ -21,6 +21,7 @@ MIN_SPEED = 0.05
 NUMBERS = (
     *("seed", "time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "peak_moment_nm", "penetration_um"),
     *("peak_contact_n", "peak_load_n", "mean_load_n", "seconds_above_20n", "first_touch_ns", "peak_measured_load_n"),
+    *("force_above_20n_s", "wedged_s", "path_mm", "jerk_ms3", "field_score"),
     *("steps", "lost_steps", "back_offs", "unknown_s", "unsupported_s"),
 )
 """Entries of a result that are numbers; NaN where a simulation broke down."""

@@ -15,10 +15,10 @@ from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import Demonstration
 from skill.data.outcome import Ending, Outcome
 from systems.control.faults import one_line
+from systems.metrics.jamming import is_jammed
+from systems.metrics.penetration import deepest_overlap
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.recording.demonstration_recorder import DemonstrationRecorder
-from systems.runs.jamming import is_jammed
-from systems.runs.penetration import deepest_overlap
 from systems.runs.provenance import versions
 from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment
 

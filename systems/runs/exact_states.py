@@ -16,7 +16,7 @@ from skill.data.geometry import PegHoleGeometry
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.states.state_naming import name_states
-from systems.runs.penetration import round_bodies
+from systems.metrics.penetration import round_bodies
 
 
 def exact_bodies(demonstration: Demonstration) -> PegInHole:

@@ -17,15 +17,18 @@ from pydrake.systems.framework import Context, EventStatus
 
 from models.scenario import STRESS_STREAM, TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
 from skill.arrays import Array
-from skill.data.outcome import Outcome
+from skill.data.outcome import UNPHYSICAL, Outcome
 from skill.data.rig_run import CONTACT_COLUMNS, RigRun
 from skill.policy import RigPolicy
 from systems.control.faults import Fault, one_line
+from systems.metrics.field_score import field_score
+from systems.metrics.force_metrics import ForceMetrics
+from systems.metrics.jamming import is_jammed
+from systems.metrics.motion_metrics import MotionMetrics
+from systems.metrics.penetration import deepest_overlap
+from systems.metrics.wedging import WedgeMetrics
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.rig import MakeRig, RigDiagram
-from systems.runs.force_metrics import ForceMetrics
-from systems.runs.jamming import is_jammed
-from systems.runs.penetration import deepest_overlap
 from systems.runs.provenance import versions
 from systems.runs.trial_result import TRUSTED_OVERLAP, TrialResult
 from systems.runs.worker_pool import run_in_processes
@@ -44,6 +47,8 @@ class TrialMonitor:
         outcome: how the trial ended; ``TIME_OVER`` until something else ends it.
         detail: text that adds to the outcome.
         forces: the forces so far.
+        motion: the motion of the peg so far.
+        wedges: the wedges so far.
         depth: depth of the tip, m.
     """
 
@@ -56,6 +61,8 @@ class TrialMonitor:
         self.outcome = Outcome.TIME_OVER
         self.detail = ""
         self.forces = ForceMetrics(scenario.geometry.peg_radius, scenario.contact.time_step)
+        self.motion = MotionMetrics(scenario.contact.time_step, scenario.geometry.hole_depth)
+        self.wedges = WedgeMetrics(scenario.contact.friction, scenario.controller.period)
         self.depth = float("nan")
 
     def __call__(self, context: Context) -> EventStatus:
@@ -75,7 +82,9 @@ class TrialMonitor:
         """Records what is kept once a controller period."""
         X_HP = self._rig.contact.peg_in_hole(context)
         self._poses.append(np.concatenate([X_HP.translation(), X_HP.rotation().col(2)]))
-        self.forces.add_row(self._rig.contact.contacts(context))
+        contacts = self._rig.contact.contacts(context)
+        self.forces.add_row(contacts)
+        self.wedges.add_row(contacts)
         self._next_pose += self._scenario.controller.period
 
     def _check_control(self, context: Context) -> EventStatus:
@@ -96,6 +105,7 @@ class TrialMonitor:
         force = math.hypot(*wrench[:3])
         if force > DIVERGENCE_FORCE:
             return self._end(Outcome.DIVERGED, f"a contact force of {force:.3g} N")
+        self.motion.add_step(self._rig.contact.peg_in_hole(context).translation())
         if context.get_time() > 0:
             self.forces.add_step(wrench)
             if self.forces.is_news(wrench, self._rig.contact.contact_extent(context)):
@@ -214,6 +224,15 @@ def _result(
     last, period = samples.iloc[-1], scenario.controller.period
     states, penetration = samples["state"].to_numpy(dtype=int), monitor.penetration()
     pitch, yaw = scenario.start.tilt or [0.0, 0.0]
+    forces, motion = monitor.forces.figures(rig.peak_measured_load(context)), monitor.motion.figures()
+    score = field_score(
+        inserted=outcome is Outcome.INSERTED,
+        time=context.get_time(),
+        depth=monitor.depth,
+        hole_depth=scenario.geometry.hole_depth,
+        motion=motion,
+        force_time=forces.force_above_20n,
+    )
     return TrialResult(
         seed=seed,
         tilt=(pitch, yaw),
@@ -222,7 +241,11 @@ def _result(
         fault=fault,
         time=context.get_time(),
         depth=monitor.depth,
-        **asdict(monitor.forces.figures(rig.peak_measured_load(context))),
+        **asdict(forces),
+        wedged_time=monitor.wedges.wedged_time(),
+        path_length=motion.path_length,
+        mean_jerk=motion.mean_jerk,
+        field_score=0.0 if outcome in UNPHYSICAL else score.total,
         penetration=penetration,
         trusted=penetration <= TRUSTED_OVERLAP * scenario.geometry.clearance,
         steps=int(last["pitch_taken"] + last["yaw_taken"]),

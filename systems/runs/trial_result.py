@@ -13,13 +13,18 @@ from systems.control.faults import Fault
 TRUSTED_OVERLAP = 0.25
 """Largest overlap of the bodies in a trial whose physics is trusted, over the clearance."""
 
-LATER_NUMBERS = {  # key -> (field, digits); not in the records of earlier versions
-    "peak_contact_n": ("peak_contact_force", 1),
-    "peak_load_n": ("peak_load", 1),
-    "mean_load_n": ("mean_load", 2),
-    "seconds_above_20n": ("time_above_20n", 3),
-    "first_touch_ns": ("first_touch", 3),
-    "peak_measured_load_n": ("peak_measured_load", 1),
+LATER_NUMBERS = {  # key -> (field, SI units in a unit of the key, digits); not in the records of earlier versions
+    "peak_contact_n": ("peak_contact_force", 1.0, 1),
+    "peak_load_n": ("peak_load", 1.0, 1),
+    "mean_load_n": ("mean_load", 1.0, 2),
+    "seconds_above_20n": ("time_above_20n", 1.0, 3),
+    "first_touch_ns": ("first_touch", 1.0, 3),
+    "peak_measured_load_n": ("peak_measured_load", 1.0, 1),
+    "force_above_20n_s": ("force_above_20n", 1.0, 3),
+    "wedged_s": ("wedged_time", 1.0, 3),
+    "path_mm": ("path_length", 1e-3, 2),
+    "jerk_ms3": ("mean_jerk", 1.0, 2),
+    "field_score": ("field_score", 1.0, 2),
 }
 
 PHYSICS = {True: "trusted", False: "not trusted"}
@@ -36,7 +41,7 @@ class TrialResult:
             ``DIVERGED``, ``FAILED``: the simulation could not continue.
         time: simulated time, s.
         depth: depth of the tip at the end, m.
-        peak_axial_force: see `systems.runs.force_metrics.ForceFigures`, as for the other forces.
+        peak_axial_force: see `systems.metrics.force_metrics.ForceFigures`, as for the other forces.
         peak_lateral_force: N.
         peak_moment: N m.
         penetration: deepest overlap of the round bodies at the recorded samples, m.
@@ -54,6 +59,11 @@ class TrialResult:
         time_above_20n: s.
         first_touch: N s.
         peak_measured_load: N.
+        force_above_20n: s.
+        wedged_time: time in which the peg was wedged, s; see `systems.metrics.wedging`.
+        path_length: see `systems.metrics.motion_metrics.MotionFigures`, m.
+        mean_jerk: m/s^3.
+        field_score: points by the rule in `systems.metrics.field_score`, at most 100.
         trusted: whether `penetration` is at most `TRUSTED_OVERLAP` of the clearance. The figures of a trial with a
             deeper overlap say little about bodies of metal.
     """
@@ -81,6 +91,11 @@ class TrialResult:
     time_above_20n: float | None = None
     first_touch: float | None = None
     peak_measured_load: float | None = None
+    force_above_20n: float | None = None
+    wedged_time: float | None = None
+    path_length: float | None = None
+    mean_jerk: float | None = None
+    field_score: float | None = None
     trusted: bool | None = None
 
     @property
@@ -130,7 +145,7 @@ class TrialResult:
             states=tuple(row["states"]),
             fault=fault,
             detail=other,
-            **{field: _number(row[key]) for key, (field, _) in LATER_NUMBERS.items() if key in row},
+            **{field: size * _number(row[key]) for key, (field, size, _) in LATER_NUMBERS.items() if key in row},
             trusted=_parse_physics(row["physics"]) if "physics" in row else None,
         )
 
@@ -147,7 +162,11 @@ class TrialResult:
             "peak_lateral_n": round(self.peak_lateral_force, 1),
             "peak_moment_nm": round(self.peak_moment, 3),
             "penetration_um": round(1e6 * self.penetration, 1),
-            **{key: round(v, n) for key, (f, n) in LATER_NUMBERS.items() if (v := getattr(self, f)) is not None},
+            **{
+                key: round(value / size, digits)
+                for key, (field, size, digits) in LATER_NUMBERS.items()
+                if (value := getattr(self, field)) is not None
+            },
             **({} if self.trusted is None else {"physics": PHYSICS[self.trusted]}),
             "steps": self.steps,
             "lost_steps": self.lost_steps,

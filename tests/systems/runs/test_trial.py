@@ -12,7 +12,7 @@ from models.scenario import Scenario, parse_scenario, resolve_scenario
 from skill.features.measurement import contact_loads
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import Action
-from systems.runs.penetration import round_bodies
+from systems.metrics.penetration import round_bodies
 from systems.runs.trial import (
     STRESS_FRICTION,
     STRESS_PIVOT,
@@ -81,6 +81,12 @@ def test_the_result_agrees_with_the_recorded_samples(inserted):
     assert result.peak_load == pytest.approx(result.peak_measured_load, rel=0.5, abs=5.0)
     assert 1.0 < result.mean_load < result.peak_load
     assert 0.0 < result.first_touch < 0.05 * result.peak_load
+    start, depth = 1e3 * scenario.start.height, 1e3 * result.depth
+    assert start + depth <= 1e3 * result.path_length < 1.2 * (start + depth)
+    assert 0.0 < result.mean_jerk < 50.0
+    assert result.force_above_20n <= result.time_above_20n
+    assert 0.0 <= result.wedged_time < result.time
+    assert 75.0 + 12.0 < result.field_score < 100.0
     assert result.trusted is (result.penetration <= 0.25 * scenario.geometry.clearance)
     assert run.result == result.record()
 

@@ -49,7 +49,8 @@ def test_a_row_gives_back_the_rounded_result(outcome, fault, detail):
 
 def test_every_rounded_row_is_kept_exactly():
     for k in range(2000):
-        result = replace(RESULT, tilt=(1e-5 * k, -2e-5 * k), depth=1.234e-5 * k, penetration=1.234e-7 * k)
+        lengths = {"depth": 1.234e-5 * k, "penetration": 1.234e-7 * k, "path_length": 1.7e-5 * k}
+        result = replace(RESULT, tilt=(1e-5 * k, -2e-5 * k), **lengths)
         assert TrialResult.from_record(result.record()).record() == result.record()
 
 
@@ -91,6 +92,11 @@ def test_the_record_is_in_the_units_of_its_keys_and_rounded():
         penetration=20.1234e-6,
         peak_contact_force=15.1234,
         mean_load=8.1234,
+        force_above_20n=0.1236,
+        wedged_time=0.1604,
+        path_length=0.02775678,
+        mean_jerk=4.5678,
+        field_score=99.2549,
         unknown_time=0.126,
         unsupported_time=0.333,
         lost_steps=3,
@@ -113,6 +119,11 @@ def test_the_record_is_in_the_units_of_its_keys_and_rounded():
         "seconds_above_20n": 0.25,
         "first_touch_ns": 0.125,
         "peak_measured_load_n": 15.5,
+        "force_above_20n_s": 0.124,
+        "wedged_s": 0.16,
+        "path_mm": 27.76,
+        "jerk_ms3": 4.57,
+        "field_score": 99.25,
         "physics": "trusted",
         "steps": 20,
         "lost_steps": 3,
@@ -144,7 +155,7 @@ def test_the_reason_names_outcome_fault_and_detail(change, inserted, reason):
 
 def test_a_row_of_an_earlier_version_is_read_and_written_as_it_is():
     row = EARLIER.record()
-    assert not {"peak_load_n", "peak_contact_n", "physics"} & set(row)
+    assert not {"peak_load_n", "peak_contact_n", "wedged_s", "path_mm", "physics"} & set(row)
     assert TrialResult.from_record(row) == TrialResult.from_record(TrialResult.from_record(row).record())
     assert TrialResult.from_record(row).record() == row
     assert TrialResult.from_record(row).peak_load is None

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace
+from systems.metrics.force_metrics import ForceMetrics, contact_row
 from systems.plant.contact_forces import Contact
-from systems.runs.force_metrics import ForceMetrics, contact_row
 
 RADIUS, STEP = 0.01, 2e-3
 
@@ -34,6 +34,12 @@ def test_the_mean_load_and_the_time_above_20_n():
     """Loads of 0.9, 1, 20, 20.1 and 39 N: the first is no contact, the last two are above 20 N."""
     figures = figures_of([[0, 0, f, 0, 0, 0] for f in (0.9, 1.0, 20.0, 20.1, 39.0)])
     assert figures.mean_load == pytest.approx((1.0 + 20.0 + 20.1 + 39.0) / 4)
+    assert figures.time_above_20n == pytest.approx(2 * STEP)
+
+
+def test_the_time_with_a_force_above_20_n_leaves_out_moments():
+    figures = figures_of([[12.0, 16.1, 0, 0, 0, 0], [12.0, 16.0, 0, 0, 0, 0], [0, 0, 0, 0, 0.9, 0]])
+    assert figures.force_above_20n == pytest.approx(STEP)
     assert figures.time_above_20n == pytest.approx(2 * STEP)
 
 

@@ -3,8 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from models.scenario import Geometry
+from systems.metrics.penetration import deepest_overlap
 from systems.runs.exact_states import exact_bodies
-from systems.runs.penetration import deepest_overlap
 
 G = Geometry()
 UPRIGHT = [0.0, 0.0, 1.0]

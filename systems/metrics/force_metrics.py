@@ -29,6 +29,7 @@ class ForceFigures:
         peak_load: largest load of the net contact wrench, N (`skill.features.measurement.contact_loads`).
         mean_load: mean of the load over the time in which it is at least `TOUCH_LOAD`, N; 0 if it never is.
         time_above_20n: time in which the load is above `HIGH_LOAD`, s.
+        force_above_20n: time in which the size of the net contact force is above `HIGH_LOAD`, s.
         first_touch: integral of the size of the net contact force over `FIRST_TOUCH_TIME` from the first load of
             `TOUCH_LOAD` on, N s; over the rest of the trial if that is shorter.
         peak_contact_force: largest normal force of any single contact, N.
@@ -41,6 +42,7 @@ class ForceFigures:
     peak_load: float
     mean_load: float
     time_above_20n: float
+    force_above_20n: float
     first_touch: float
     peak_contact_force: float
     peak_measured_load: float
@@ -114,6 +116,7 @@ class ForceMetrics:
             peak_load=_largest(loads),
             mean_load=float(loads[touching].mean()) if touching.any() else 0.0,
             time_above_20n=self.step * float((loads > HIGH_LOAD).sum()),
+            force_above_20n=self.step * float((forces > HIGH_LOAD).sum()),
             first_touch=self.step * float(touch.sum()),
             peak_contact_force=self._peak_contact,
             peak_measured_load=peak_measured_load,

@@ -1,0 +1,1 @@
+"""Figures of a simulated run: forces, motion, overlap, jams and wedges."""
