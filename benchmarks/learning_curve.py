@@ -46,7 +46,7 @@ from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, write_json
 from systems.runs.demonstration_set import requests
 from systems.runs.trial import Arm
-from systems.sessions.record_session import file_name, record
+from systems.sessions.record_session import record
 from systems.sessions.train_session import train
 
 FIRST_DRAW, FIRST_TRIAL = 750, 79000
@@ -74,7 +74,7 @@ def chosen(whole: Path, size: int, folder: Path) -> Path:
         part.mkdir(parents=True)
         for good, number in zip((True, False), split(size), strict=True):
             for request in [request for request in requests(*split(LARGEST)) if request.good == good][:number]:
-                shutil.copy2(whole / file_name(request), part)
+                shutil.copy2(whole / request.file_name, part)
         part.rename(folder)
     return folder
 

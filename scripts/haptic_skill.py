@@ -20,6 +20,7 @@ from scripts import (
     train_skill,
 )
 from scripts.command_line import make_app, run_app
+from scripts.sweeps import run_sweep
 from systems.runs.provenance import version_of
 
 EXIT_CODES = (
@@ -35,6 +36,7 @@ app.command("recover")(recover.main)
 app.command("rig")(run_rig.main)
 app.command("practise")(practise.main)
 app.command("replay")(replay.main)
+app.command("sweep")(run_sweep.main)
 app.command("states")(discover_states.main)
 app.command("diagram")(block_diagram.main)
 

@@ -21,12 +21,17 @@ LOCK_NAME = ".haptic-skill.lock"
 _held: set[Path] = set()  # lock files of this process
 
 
+class BusyError(OSError):
+    """Another process holds the folder or file."""
+
+
 @contextmanager
 def locked_folder(folder: Path) -> Iterator[None]:
     """Holds a folder; creates it, and removes it at the end if it stayed empty. A process may nest it.
 
     Raises:
-        OSError: if another process holds the folder, or it cannot be written. The message names the process.
+        BusyError: if another process holds the folder. The message names the process.
+        OSError: if the folder cannot be written.
     """
     with _held_lock(folder / LOCK_NAME, folder):
         yield
@@ -76,7 +81,8 @@ def _acquire(lock: Path, subject: Path) -> int:
         except BlockingIOError:
             holder = _holder(handle)
             os.close(handle)
-            raise OSError(f"{subject}: {holder} writes here; wait for it, stop it, or choose another --out") from None
+            message = f"{subject}: {holder} writes here; wait for it, stop it, or choose another --out"
+            raise BusyError(message) from None
         except OSError as error:
             if handle >= 0:
                 os.close(handle)

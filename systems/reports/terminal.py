@@ -20,7 +20,7 @@ from types import FrameType
 from typing import Any, NoReturn, ParamSpec, TypeVar
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.status import Status
 from rich.text import Text
 
@@ -35,11 +35,17 @@ errors = Console(stderr=True)
 FAILED, INTERRUPTED, TERMINATED = 1, 130, 143
 """Exit codes of a command that failed, or that Ctrl-C or SIGTERM ended. Wrong usage is 2, success 0."""
 
+SPEED_PERIOD = 600.0
+"""Time over which the speed of a progress bar is averaged, s."""
+
 RESEND_TIME = 0.01
 """Time after which a signal that was lost in a destructor is sent again, s."""
 
-SIMULATION_PACKAGES = ("pydrake", "joblib", "yaml", "tornado")
-"""Packages that the extra ``sim`` installs."""
+EXTRAS = {
+    **dict.fromkeys(("pydrake", "joblib", "yaml", "tornado"), "sim"),
+    **{"distributed": "dask", "mujoco": "mujoco", "ray": "ray"},
+}
+"""The extra that installs a package, by the name of the package."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -49,7 +55,7 @@ def report_errors(command: Callable[P, R]) -> Callable[P, R]:
     """Decorates a command: an expected error becomes one line on stderr and an exit code.
 
     - ValueError, OSError: ``error: ...``, exit code 1.
-    - ModuleNotFoundError of a package of the simulation: which extra to install, exit code 1.
+    - ModuleNotFoundError of a package in ``EXTRAS``: which extra to install, exit code 1.
     - KeyboardInterrupt (Ctrl-C): ``interrupted``, exit code 130; `Terminated` (SIGTERM): ``terminated``, 143.
 
     A warning becomes one line on stderr too.
@@ -68,13 +74,17 @@ def report_errors(command: Callable[P, R]) -> Callable[P, R]:
             if isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while Drake was initialising
                 interrupt(error.__cause__)
             package = (error.name or "").split(".")[0]
-            if package not in SIMULATION_PACKAGES:
+            if package not in EXTRAS:
                 raise
-            fail(f"this command needs the simulation, but '{package}' is missing: install haptic-skill[sim]")
+            fail(f"this needs {_needed(package)}, but '{package}' is missing: install haptic-skill[{EXTRAS[package]}]")
         except KeyboardInterrupt as reason:
             interrupt(reason)
 
     return reporting
+
+
+def _needed(package: str) -> str:
+    return "the simulation" if EXTRAS[package] == "sim" else f"the extra [{EXTRAS[package]}]"
 
 
 class Terminated(KeyboardInterrupt):
@@ -169,9 +179,15 @@ def busy(text: str) -> Status:
 
 @contextmanager
 def progress(title: str, total: int) -> Iterator[Callable[[str], None]]:
-    """Shows a progress bar; the function it yields advances the bar by one and shows a note."""
+    """Shows a progress bar with the time so far and the time that is left.
+
+    The function it yields advances the bar by one and shows a note.
+    """
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, TextColumn("{task.fields[note]}", markup=False), console=console) as bar:
+    left, note_column = TimeRemainingColumn(), TextColumn("{task.fields[note]}", markup=False)
+    with Progress(
+        *columns, TextColumn("left"), left, note_column, console=console, speed_estimate_period=SPEED_PERIOD
+    ) as bar:
         task = bar.add_task(title, total=total, note="")
 
         def advance(note: str = "") -> None:

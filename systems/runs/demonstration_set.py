@@ -39,6 +39,11 @@ class Request:
         """Number of the person who demonstrates."""
         return self.number % OPERATORS
 
+    @property
+    def file_name(self) -> str:
+        """Name of the file of the demonstration."""
+        return f"{self.number:03d}_{'good' if self.good else 'bad'}_{self.habit}.parquet"
+
 
 def requests(good: int, bad: int) -> list[Request]:
     """Returns the requests for a set: first the good habits in turn, then the bad habits in turn.

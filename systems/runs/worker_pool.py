@@ -24,9 +24,7 @@ def run_in_processes(tasks: Iterable[Callable[[], R]], *, jobs: int) -> Iterator
         tasks: functions without arguments that can be pickled, for example `functools.partial` objects.
         jobs: number of processes; 1 runs the tasks in this process.
     """
-    # Drake 1.51 keeps every diagram with Python systems alive, 2 MB each. Joblib replaces a process that grew, as
-    # it should, and warns of it.
-    warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
+    ignore_replaced_workers()
     # Without memory maps (max_nbytes) no temporary folder is left when a process is killed.
     yield from Parallel(
         n_jobs=jobs,
@@ -34,7 +32,15 @@ def run_in_processes(tasks: Iterable[Callable[[], R]], *, jobs: int) -> Iterator
         max_nbytes=None,
         initializer=watch_parent,
         initargs=(os.getpid(),),
-    )(delayed(_run)(task) for task in tasks)
+    )(delayed(call)(task) for task in tasks)
+
+
+def ignore_replaced_workers() -> None:
+    """Silences the warning of joblib about a process that it replaces because it grew.
+
+    That is as it should be: Drake 1.51 keeps every diagram with Python systems alive, 2 MB each.
+    """
+    warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
 
 
 def watch_parent(parent: int) -> None:
@@ -46,7 +52,8 @@ def watch_parent(parent: int) -> None:
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
-def _run(task: Callable[[], R]) -> R:
+def call(task: Callable[[], R]) -> R:
+    """Returns the result of a task, in a worker."""
     return task()
 
 

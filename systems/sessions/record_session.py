@@ -47,7 +47,7 @@ def plan_recording(*, out: Path, good: int, bad: int, seed: int, scenario: str) 
         OSError: if the folder ``out`` cannot be written or has too little room.
     """
     chosen = load_scenario(scenario)
-    requested = {file_name(request): request for request in requests(good, bad)}
+    requested = {request.file_name: request for request in requests(good, bad)}
     margins = require_margins(chosen)
     check_folder(out, size=len(requested) * RECORDING_SIZE + REPORT_SIZE)
     request = {"good": good, "bad": bad, "seed": seed, "scenario": dump_scenario(chosen), "versions": versions()}
@@ -78,7 +78,7 @@ def record(*, out: Path, good: int, bad: int, seed: int, scenario: str, jobs: in
         missing = [request for name, request in requested.items() if name not in done]
         with progress("demonstrations", len(missing)) as advance:
             for request, demonstration in demonstrate_all(chosen, missing, seed=seed, jobs=jobs):
-                name = file_name(request)
+                name = request.file_name
                 files.write(name, partial(write_demonstration, demonstration))
                 done[name] = demonstration
                 advance(f"{request.habit}: {demonstration.reason}, {demonstration.duration:.1f} s")
@@ -90,8 +90,3 @@ def record(*, out: Path, good: int, bad: int, seed: int, scenario: str, jobs: in
         lowest = 1e3 * min(d.metadata["lowest_probe_energy_J"] for d in ordered)
         say(f"minimum energy at the probe's port: {lowest:.3f} mJ (negative: the display produced energy)")
         return [out / name for name in requested]
-
-
-def file_name(request: Request) -> str:
-    """The name of the file of a demonstration."""
-    return f"{request.number:03d}_{'good' if request.good else 'bad'}_{request.habit}.parquet"

@@ -10,7 +10,6 @@ from benchmarks.rig.demonstration_sets import row_of
 from skill.data.outcome import Outcome
 from systems.runs.demonstration_set import requests
 from systems.runs.trial import Arm
-from systems.sessions.record_session import file_name
 from tests.trial_results import PLAIN
 
 
@@ -41,7 +40,7 @@ def test_small_sets_are_nested_in_the_large_one(tmp_path):
     whole = tmp_path / "whole"
     whole.mkdir()
     for request in requests(*split(LARGEST)):
-        (whole / file_name(request)).write_text(file_name(request))
+        (whole / request.file_name).write_text(request.file_name)
     names = {n: {path.name for path in chosen(whole, n, tmp_path / str(n)).iterdir()} for n in (1, 3, 5, 10)}
     assert {n: len(files) for n, files in names.items()} == {n: n for n in names}
     assert names[1] < names[3] < names[5] < names[10]

@@ -20,6 +20,7 @@ MODULES = {  # subcommand of haptic-skill: module with the same command
     "rig": "scripts.run_rig",
     "practise": "scripts.practise",
     "replay": "scripts.replay",
+    "sweep": "scripts.sweeps.run_sweep",
     "states": "scripts.discover_states",
     "diagram": "scripts.block_diagram",
 }

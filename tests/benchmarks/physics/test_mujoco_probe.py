@@ -6,12 +6,12 @@ import pytest
 mujoco = pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
 
 
-from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, crawl
-from benchmarks.physics.contact_probe import PlanarPose
-from benchmarks.physics.mujoco_probe import MujocoProbe
-from models.contact_geometry import PegInHole, axes_of_rotation_vectors
-from models.scenario import Scenario
-from systems.plant.mujoco_model import MujocoContact
+from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, crawl  # noqa: E402
+from benchmarks.physics.contact_probe import PlanarPose  # noqa: E402
+from benchmarks.physics.mujoco_probe import MujocoProbe  # noqa: E402
+from models.contact_geometry import PegInHole, axes_of_rotation_vectors  # noqa: E402
+from models.scenario import Scenario  # noqa: E402
+from systems.plant.mujoco_model import MujocoContact  # noqa: E402
 
 
 @pytest.mark.slow

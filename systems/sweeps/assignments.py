@@ -1,0 +1,168 @@
+"""What a specification asks for: which policy, made from what, performs which trials of which cell."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from models.scenario import Scenario, dump_scenario
+from skill.data.geometry import PegHoleGeometry
+from skill.manipulation_skill import ManipulationSkill
+from systems.runs.demonstration_set import Request, requests
+from systems.runs.trial import Arm, trial_scenario
+from systems.sweeps.design.factors import Cell
+from systems.sweeps.design.specification import BASE, PolicyPlan, Specification, overridden, plan_in
+from systems.sweeps.policies import check_imports, policy_digest
+from systems.sweeps.result_blocks import Block, blocks_of
+from systems.sweeps.trial_rows import TrialSource, trial_code
+
+
+@dataclass(frozen=True)
+class DemonstrationSource:
+    """A set of demonstrations.
+
+    Attributes:
+        scenario: unresolved, in which they are recorded.
+        good, bad: numbers of them.
+        seed: of the set.
+    """
+
+    scenario: Scenario
+    good: int
+    bad: int
+    seed: int
+
+    def requests(self) -> list[Request]:
+        """Returns the requests of the set: the good ones, then the bad ones."""
+        return requests(self.good, self.bad)
+
+    def first(self, size: int | None) -> list[Request]:
+        """Returns the first requests of each outcome, in the proportion of the set; at least one is good."""
+        if size is None:
+            return self.requests()
+        good = min(max(1, round(size * self.good / (self.good + self.bad))), self.good)
+        bad = min(size - good, self.bad)
+        return [*self.requests()[:good], *self.requests()[self.good : self.good + bad]]
+
+    def digest(self) -> str:
+        """Returns the digest of what decides the set, the code included."""
+        known = {"scenario": dump_scenario(self.scenario), "good": self.good, "bad": self.bad, "seed": self.seed}
+        return _digest({**known, "code": trial_code()})
+
+
+@dataclass(frozen=True)
+class PolicySource:
+    """A policy that has to be made.
+
+    Attributes:
+        plan: how; with the demonstrations of its cell.
+        demonstrations: what it learns from, or None.
+        scenario: unresolved, of the cell in which it acts; the one of its first cell if it does not depend on it.
+        arm: which trials it performs; likewise.
+        digest: of what decides it.
+    """
+
+    plan: PolicyPlan
+    demonstrations: DemonstrationSource | None
+    scenario: Scenario
+    arm: Arm
+    digest: str
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Trials of one policy in one cell, arm and engine.
+
+    Attributes:
+        source: of the trials.
+        policy: that performs them.
+        blocks: where their rows belong.
+    """
+
+    source: TrialSource
+    policy: PolicySource
+    blocks: list[Block]
+
+
+def assignments(specification: Specification, results: Path, where: str) -> list[Assignment]:
+    """Returns what a specification asks for, in its order: cells, policies, arms, engines, sets.
+
+    Args:
+        specification: of the sweep.
+        results: folder of its rows.
+        where: name of the specification, for messages.
+
+    Raises:
+        ValueError: if a policy serves another peg or hole than that of a cell, or a cell has no trial of an arm.
+    """
+    found = []
+    for plan in specification.policies:
+        try:
+            check_imports(plan)
+        except ValueError as error:
+            raise ValueError(f"{where}: {error}") from error
+    for cell in specification.cells:
+        scenario = overridden(specification.scenario, cell.scenario_overrides(), where)
+        for arm in specification.arms:
+            trial_scenario(scenario, number=specification.first, arm=arm)
+        for plan in specification.policies:
+            for arm in specification.arms:
+                for policy, numbers in _policies(specification, plan, cell, scenario, arm, where):
+                    for engine in specification.engines:
+                        source = TrialSource(scenario, arm, engine, policy.digest, plan.name, cell.label)
+                        folders = {"policy": plan.name, "arm": arm.value, "engine": engine}
+                        blocks = blocks_of(results, source.digest(), numbers, **folders)
+                        found.append(Assignment(source, policy, blocks))
+    return found
+
+
+def _policies(
+    specification: Specification, plan: PolicyPlan, cell: Cell, scenario: Scenario, arm: Arm, where: str
+) -> Iterator[tuple[PolicySource, list[int]]]:
+    """Yields the policies of a plan in a cell, one for each set of demonstrations, and the numbers of their trials."""
+    numbers = list(range(specification.first, specification.first + specification.number))
+    teaching = plan_in(plan, cell, where)
+    if teaching is None:
+        acting = {"scenario": dump_scenario(scenario), "arm": arm.value}
+        _require_geometry(plan, scenario, None, where)
+        yield PolicySource(plan, None, scenario, arm, policy_digest(plan, acting)), numbers
+        return
+    place = specification.scenario if teaching.demonstrated_in == BASE else scenario
+    shown = overridden(place, teaching.scenario, where)
+    _require_geometry(plan, scenario, shown, where)
+    for k, seed in enumerate(teaching.sets):
+        source = DemonstrationSource(shown, teaching.good, teaching.bad, seed)
+        made_from: dict[str, Any] = {"demonstrations": source.digest(), "size": teaching.size}
+        if plan.make is not None:
+            made_from |= {"scenario": dump_scenario(scenario), "arm": arm.value}
+        own = [n for n in numbers if n % len(teaching.sets) == k] if teaching.divided else numbers
+        taught = replace(plan, demonstrations=teaching)
+        if own:
+            yield PolicySource(taught, source, scenario, arm, policy_digest(taught, made_from)), own
+
+
+def _require_geometry(plan: PolicyPlan, scenario: Scenario, shown: Scenario | None, where: str) -> None:
+    """Checks that a policy that is not carried over learns for the peg and hole of its cell."""
+    if plan.carried_over:
+        return
+    if shown is not None:
+        learnt: Any = shown.geometry
+    elif plan.skill is not None:
+        learnt = PegHoleGeometry.find(ManipulationSkill.load(plan.skill).metadata_, "the skill")
+    else:
+        return
+    for name in ("peg_radius", "hole_radius", "hole_depth", "chamfer"):
+        own, needed = getattr(learnt, name, None), getattr(scenario.geometry, name)
+        if own is not None and own != needed:
+            raise ValueError(
+                f"{where}: policies.{plan.name} learns for geometry.{name} {own} m, a cell has {needed} m; set"
+                " carried_over: true, or demonstrations.demonstrated_in: cell"
+            )
+
+
+def _digest(known: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]

@@ -1,0 +1,83 @@
+"""What a sweep will cost, from what trials have cost so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from systems.sweeps.result_blocks import read_block
+from systems.sweeps.trial_engines import DRAKE, MUJOCO
+
+TRIAL_CPU = {DRAKE: 1.5, MUJOCO: 1.3}  # in units of s; of the default skill, see docs/sweeps.md
+DEMONSTRATION_CPU = 4.0  # in units of s
+POLICY_CPU = 10.0  # in units of s
+SAMPLED = 20
+"""Number of blocks of an engine whose trials tell what a trial costs."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """The estimated cost of a sweep.
+
+    Attributes:
+        trials, demonstrations, policies: numbers that are missing.
+        cpu: of all, s.
+        measured: whether the cost of a trial was measured in these results.
+    """
+
+    trials: int
+    demonstrations: int
+    policies: int
+    cpu: float
+    measured: bool
+
+    def text(self, workers: int) -> str:
+        """Returns the cost as one line, for a number of processes."""
+        parts = [f"{self.trials:,} trials"]
+        parts += [f"{self.demonstrations:,} demonstrations"] if self.demonstrations else []
+        parts += [f"{self.policies:,} policies"] if self.policies else []
+        source = "measured in these results" if self.measured else "a guess from other machines"
+        time = f"{duration(self.cpu)} of CPU, {duration(self.cpu / workers)} with {workers} processes"
+        return f"to do: {', '.join(parts)}; about {time} ({source})"
+
+
+def cost_of(data: Path, *, trials: Sequence[tuple[str, int]], demonstrations: int, policies: int) -> Cost:
+    """Estimates a cost.
+
+    Args:
+        data: folder of the data set; trials in it tell what a trial costs.
+        trials: engines and the numbers of trials that are missing.
+        demonstrations: number that has to be recorded.
+        policies: number that has to be made.
+
+    Raises:
+        ValueError: if a file of the data set is damaged.
+    """
+    measured = {engine: _measured(data, engine) for engine in {engine for engine, _ in trials}}
+    cpu = sum(number * (measured[engine] or TRIAL_CPU[engine]) for engine, number in trials)
+    return Cost(
+        trials=sum(number for _, number in trials),
+        demonstrations=demonstrations,
+        policies=policies,
+        cpu=cpu + demonstrations * DEMONSTRATION_CPU + policies * POLICY_CPU,
+        measured=all(measured.values()),
+    )
+
+
+def _measured(data: Path, engine: str) -> float | None:
+    """The mean CPU time of a trial in some blocks of an engine, s; None without any."""
+    paths = sorted(data.glob(f"policy=*/arm=*/engine={engine}/*.parquet"))
+    chosen = [paths[k] for k in np.linspace(0, len(paths) - 1, min(SAMPLED, len(paths))).astype(int)]
+    times = [read_block(path, ["cpu_s"])["cpu_s"].to_numpy() for path in chosen]
+    return float(np.mean(np.concatenate(times))) if times else None
+
+
+def duration(seconds: float) -> str:
+    """Returns a time as text: seconds, minutes, hours or days."""
+    for size, unit in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.0f} s"

@@ -1,0 +1,1 @@
+"""What a sweep asks for: factors, policies and trials, from a YAML file."""

@@ -1,0 +1,255 @@
+"""Makes the policies of a sweep: loads, learns or tunes them; each has a digest of what it is made from."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
+
+from models.scenario import Scenario
+from skill.arrays import Array
+from skill.data.demonstration import Demonstration, read_demonstration
+from skill.features.responses import observations
+from skill.features.wrench_features import MEASURED
+from skill.manipulation_skill import ManipulationSkill
+from skill.policy import Action, RigPolicy, StateFollower
+from skill.states.context_filter import ContextFollower
+from systems.runs.trial import Arm
+from systems.sweeps.code_digest import PACKAGES, code_digest
+from systems.sweeps.design.specification import PolicyPlan
+
+QUERIES = 300
+"""Decisions over which the query time is measured."""
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """What a policy is made from.
+
+    Attributes:
+        scenario: unresolved, of the cell in which the policy will act.
+        arm: which trials it will perform.
+        demonstrations: of one set; empty for a policy that learns nothing.
+        seed: of the set of demonstrations.
+    """
+
+    scenario: Scenario
+    arm: Arm
+    demonstrations: list[Demonstration]
+    seed: int
+
+
+@dataclass(frozen=True)
+class MadePolicy:
+    """A policy and what making it cost.
+
+    Attributes:
+        policy: that acts.
+        train_s: CPU time of the making, s; None for a skill that was loaded.
+        query_ms: median time of a decision over measurements of demonstrations, ms; None without any.
+        demonstrations: number that it learnt from; None if it learnt from none or does not say.
+    """
+
+    policy: RigPolicy
+    train_s: float | None
+    query_ms: float | None
+    demonstrations: int | None
+
+
+class CarriedOver:
+    """A policy that serves other pegs and holes than the one it was made for.
+
+    Args:
+        policy: that acts.
+
+    Attributes:
+        carried: the policy that acts.
+    """
+
+    metadata_: Mapping[str, Any] = {}
+
+    def __init__(self, policy: RigPolicy) -> None:
+        self.carried = policy
+
+    @property
+    def period_(self) -> float:
+        """See `RigPolicy`, as for all that follows."""
+        return self.carried.period_
+
+    @property
+    def n_states(self) -> int:
+        """Number of states."""
+        return self.carried.n_states
+
+    def state_names(self) -> list[str]:
+        """Names of the states."""
+        return self.carried.state_names()
+
+    def state_filter(self) -> StateFollower:
+        """The estimator of the state."""
+        return self.carried.state_filter()
+
+    def measured_features(self, measured: ArrayLike) -> Array:
+        """Features of the filter."""
+        return self.carried.measured_features(measured)
+
+    def context_filter(self) -> ContextFollower:
+        """The estimator of the context."""
+        return self.carried.context_filter()
+
+    def act(
+        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
+    ) -> Action:
+        """The action for one measurement."""
+        return self.carried.act(measured, probabilities, contexts)
+
+
+def imported(path: str) -> Any:
+    """Returns what an import path ``package.module:name`` names.
+
+    Raises:
+        ValueError: if there is no such module or name. The message says why.
+    """
+    module, _, name = path.partition(":")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"{path}: cannot be imported ({error})") from error
+
+
+def learn(lesson: Lesson, *, skill: str | None = None, **options: Any) -> RigPolicy:
+    """Learns a `ManipulationSkill` from the demonstrations of a lesson.
+
+    Args:
+        lesson: with demonstrations.
+        skill: import path of a class to use in place of `ManipulationSkill`.
+        **options: arguments of the class. Where a text is an import path, what it names is called without arguments;
+            so a part such as ``states`` or ``regressor`` is replaced.
+
+    Raises:
+        ValueError: if an option cannot be imported, or nothing can be learnt.
+    """
+    kind = ManipulationSkill if skill is None else imported(skill)
+    parts = {name: imported(value)() if import_paths(value) else value for name, value in options.items()}
+    learnt: RigPolicy = kind(**parts).fit(lesson.demonstrations)
+    return learnt
+
+
+def check_imports(plan: PolicyPlan) -> None:
+    """Checks that what a plan names can be imported and that `learn` knows its options.
+
+    Raises:
+        ValueError: naming the policy and what is wrong.
+    """
+    select = plan.demonstrations.select if plan.demonstrations else None
+    known = {"skill", *inspect.signature(ManipulationSkill).parameters}
+    for name in plan.options if plan.make is None else ():
+        if name not in known:
+            raise ValueError(f"policies.{plan.name}.learn.{name}: unknown key, expected one of {sorted(known)}")
+    for path in import_paths(plan.make, select, *plan.options.values()):
+        try:
+            imported(path)
+        except ValueError as error:
+            raise ValueError(f"policies.{plan.name}: {error}") from error
+
+
+def import_paths(*values: Any) -> list[str]:
+    """Returns the values that are import paths."""
+    return [value for value in values if isinstance(value, str) and ":" in value]
+
+
+def make_policy(plan: PolicyPlan, lesson: Lesson) -> MadePolicy:
+    """Makes the policy of a plan from a lesson, on one thread.
+
+    Raises:
+        ValueError: if the skill cannot be read, the function cannot be imported, or the policy cannot be made.
+    """
+    if plan.skill is not None:
+        policy: RigPolicy = ManipulationSkill.load(plan.skill)
+        trained = None
+    else:
+        make: Callable[..., RigPolicy] = learn if plan.make is None else imported(plan.make)
+        begun = time.process_time()
+        with threadpool_limits(1):
+            policy = make(lesson, **plan.options)
+        trained = time.process_time() - begun
+    found = policy.metadata_.get("demonstrations")
+    return MadePolicy(
+        policy=CarriedOver(policy) if plan.carried_over else policy,
+        train_s=trained,
+        query_ms=query_time(policy, lesson.demonstrations) if lesson.demonstrations else None,
+        demonstrations=found if isinstance(found, int) else None,
+    )
+
+
+def chosen(plan: PolicyPlan, paths: list[Path]) -> list[Demonstration]:
+    """Reads the demonstrations of a set that a plan learns from, given the files of the good ones, then of the bad."""
+    if plan.demonstrations is None:
+        return []
+    found = [read_demonstration(path) for path in paths]
+    if plan.demonstrations.select is not None:
+        found = imported(plan.demonstrations.select)(found)
+    return found
+
+
+def policy_digest(plan: PolicyPlan, made_from: Mapping[str, Any]) -> str:
+    """Returns the digest of what decides a policy: its plan, what it is made from, and the code of its own modules.
+
+    Args:
+        plan: of the policy.
+        made_from: what else decides it, as JSON values: the demonstrations, or the scenario.
+    """
+    known: dict[str, Any] = {"carried_over": plan.carried_over}
+    if plan.skill is not None:
+        known["skill"] = skill_digest(plan.skill)
+    else:
+        select = plan.demonstrations.select if plan.demonstrations else None
+        known |= {"make": plan.make, "options": plan.options, "select": select, "from": dict(made_from)}
+        known["code"] = [
+            _own_code(path.partition(":")[0]) for path in import_paths(plan.make, select, *plan.options.values())
+        ]
+    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def skill_digest(path: Path) -> str:
+    """Returns the digest of a skill file, after checking that it is one.
+
+    Raises:
+        ValueError: if it is not.
+    """
+    ManipulationSkill.load(path)
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+@lru_cache(maxsize=256)
+def _own_code(module: str) -> str:
+    """The digest of a module and what it imports, from its own package too."""
+    return code_digest([module], packages=sorted({*PACKAGES, module.split(".")[0]}))
+
+
+def query_time(policy: RigPolicy, demonstrations: list[Demonstration]) -> float:
+    """Median time of one decision (features, state, context and action) over measurements of demonstrations, ms."""
+    rows = np.vstack([d.samples[list(MEASURED)].to_numpy() for d in demonstrations])
+    rows = rows[np.linspace(0, len(rows) - 1, QUERIES).astype(int)]
+    state_filter, context_filter = policy.state_filter(), policy.context_filter()
+    belief, memory = state_filter.initial_log_belief(), context_filter.initial_memory()
+    times = []
+    for row in rows:
+        begun = time.perf_counter()
+        estimate = state_filter.step(belief, policy.measured_features(row))
+        context = context_filter.step(memory, observations(row, np.zeros(2)))
+        policy.act(row, estimate.probabilities, context.probabilities)
+        times.append(time.perf_counter() - begun)
+        belief, memory = estimate.log_belief, context.memory
+    return 1e3 * float(np.median(times))

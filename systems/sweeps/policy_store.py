@@ -1,0 +1,205 @@
+"""Records the demonstrations and makes the policies that a sweep needs, and keeps those that can be kept."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from models.scenario import dump_scenario
+from skill.data.demonstration import Demonstration, write_demonstration
+from skill.data.strict_json import parse_object
+from skill.data.tables import write_atomically
+from skill.manipulation_skill import ManipulationSkill
+from systems.outputs.folder_lock import BusyError, locked_file
+from systems.outputs.output_set import OutputSet, open_set
+from systems.outputs.set_index import DEMONSTRATIONS, SetIndex
+from systems.runs.demonstration_set import Request, demonstrate
+from systems.runs.provenance import versions
+from systems.sweeps.assignments import DemonstrationSource, PolicySource
+from systems.sweeps.design.specification import PolicyPlan
+from systems.sweeps.executors import Executor
+from systems.sweeps.policies import CarriedOver, Lesson, MadePolicy, chosen, make_policy
+from systems.sweeps.trial_rows import trial_code
+
+SETS, SKILLS = "demonstrations", "skills"
+"""Folders within the results."""
+
+WAIT = 1.0
+"""Time between two looks at what another sweep is making, s."""
+
+MAX_LOADED = 64
+"""Skills that are kept in memory, beside their files."""
+
+Advance = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class DemonstrationTask:
+    """Records one demonstration, in a worker."""
+
+    source: DemonstrationSource
+    request: Request
+
+    def __call__(self) -> tuple[DemonstrationSource, Request, Demonstration]:
+        """Returns the demonstration and what it was made for."""
+        return self.source, self.request, demonstrate(self.source.scenario, self.request, seed=self.source.seed)
+
+
+@dataclass(frozen=True)
+class PolicyTask:
+    """Makes one policy, in a worker."""
+
+    source: PolicySource
+    demonstrations: list[Demonstration]
+
+    def __call__(self) -> tuple[PolicySource, MadePolicy]:
+        """Returns the policy and what it was made for."""
+        of, seed = self.source, 0 if self.source.demonstrations is None else self.source.demonstrations.seed
+        return of, make_policy(of.plan, Lesson(of.scenario, of.arm, self.demonstrations, seed))
+
+
+class PolicyStore:
+    """The demonstrations and policies of a sweep.
+
+    Args:
+        results: folder of the sweep.
+    """
+
+    def __init__(self, results: Path) -> None:
+        self._results = results
+        self._made: dict[str, MadePolicy] = {}  # those that no file can hold
+        self._loaded: dict[str, MadePolicy] = {}
+
+    # ----------------------------------------------------------- demonstrations
+
+    def folder(self, source: DemonstrationSource) -> Path:
+        """Returns the folder of a set of demonstrations."""
+        return self._results / SETS / source.digest()
+
+    def unrecorded(self, sources: Iterable[DemonstrationSource]) -> int:
+        """Returns how many demonstrations of some sets have no file."""
+        return sum(
+            not (self.folder(source) / request.file_name).is_file()
+            for source in sources
+            for request in source.requests()
+        )
+
+    def record(self, sources: Iterable[DemonstrationSource], executor: Executor, advance: Advance) -> None:
+        """Records the demonstrations of some sets that are not there yet; waits for sets that another sweep records.
+
+        Raises:
+            ValueError: if a habit gives no demonstration of the outcome.
+            OSError: if a file cannot be written.
+        """
+        waiting = [source for source in sources if self.unrecorded([source])]
+        while waiting:
+            with ExitStack() as stack:
+                held: dict[str, OutputSet] = {}
+                busy = []
+                for source in waiting:
+                    try:
+                        held[source.digest()] = stack.enter_context(
+                            open_set(self.folder(source), _set_index(source), overwrite=False)
+                        )
+                    except BusyError:
+                        busy.append(source)
+                tasks = [
+                    DemonstrationTask(source, request)
+                    for source in waiting
+                    if source.digest() in held
+                    for request in source.requests()
+                    if request.file_name not in held[source.digest()].finished
+                ]
+                for done in executor.run(tasks):
+                    if done is not None:
+                        source, request, demonstration = done
+                        files = held[source.digest()]
+                        files.write(request.file_name, partial(write_demonstration, demonstration))
+                        advance(f"set {source.seed}, {request.habit}: {demonstration.reason}")
+            waiting = busy
+            if waiting:
+                time.sleep(WAIT)
+
+    # ----------------------------------------------------------------- policies
+
+    def is_made(self, source: PolicySource) -> bool:
+        """Whether a policy is there: a skill file that was given or kept, or one in memory."""
+        return source.plan.skill is not None or source.digest in self._made or self._notes(source).is_file()
+
+    def make(self, sources: Iterable[PolicySource], executor: Executor, advance: Advance) -> None:
+        """Makes the policies that are not there, and keeps the skills; their demonstrations must be there.
+
+        Two sweeps may make the same skill at the same time; both get the same file.
+
+        Raises:
+            ValueError: if a policy cannot be made.
+            OSError: if a file cannot be written.
+        """
+        tasks = (PolicyTask(source, self._lesson(source)) for source in sources if not self.is_made(source))
+        for done in executor.run(tasks):
+            if done is not None:
+                source, made = done
+                self._keep(source, made)
+                advance(f"{source.plan.name}: made")
+
+    def policy(self, source: PolicySource) -> MadePolicy:
+        """Returns a policy that is there."""
+        digest = source.digest
+        if digest in self._made:
+            return self._made[digest]
+        if digest not in self._loaded:
+            while len(self._loaded) >= MAX_LOADED:
+                self._loaded.pop(next(iter(self._loaded)))
+            self._loaded[digest] = self._load(digest, source.plan)
+        return self._loaded[digest]
+
+    def _lesson(self, source: PolicySource) -> list[Demonstration]:
+        if source.demonstrations is None or source.plan.demonstrations is None:
+            return []
+        folder, size = self.folder(source.demonstrations), source.plan.demonstrations.size
+        return chosen(source.plan, [folder / request.file_name for request in source.demonstrations.first(size)])
+
+    def _notes(self, source: PolicySource) -> Path:
+        return self._skill_file(source.digest).with_suffix(".json")
+
+    def _skill_file(self, digest: str) -> Path:
+        return self._results / SKILLS / f"{digest}.npz"
+
+    def _keep(self, source: PolicySource, made: MadePolicy) -> None:
+        """Writes a skill that can be written, then the notes on its making; keeps any other policy in memory."""
+        policy = made.policy.carried if isinstance(made.policy, CarriedOver) else made.policy
+        path = self._skill_file(source.digest)
+        if type(policy) is ManipulationSkill:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                with locked_file(path):
+                    policy.save(path)
+                    notes = {"train_s": made.train_s, "query_ms": made.query_ms, "demonstrations": made.demonstrations}
+                    write_atomically(self._notes(source), json.dumps({"policy": source.plan.name, **notes}).encode())
+                return
+            except (TypeError, BusyError):  # no file can hold one of its parts, or another sweep writes the same skill
+                pass
+        self._made[source.digest] = made
+
+    def _load(self, digest: str, plan: PolicyPlan) -> MadePolicy:
+        """Reads a skill that was given or kept."""
+        path = self._skill_file(digest) if plan.skill is None else plan.skill
+        skill = ManipulationSkill.load(path)
+        policy = CarriedOver(skill) if plan.carried_over else skill
+        if plan.skill is not None:
+            return MadePolicy(policy, None, None, skill.metadata_.get("demonstrations"))
+        notes = parse_object(path.with_suffix(".json").read_bytes())
+        return MadePolicy(policy, notes["train_s"], notes["query_ms"], notes["demonstrations"])
+
+
+def _set_index(source: DemonstrationSource) -> SetIndex:
+    request = {
+        **{"good": source.good, "bad": source.bad, "seed": source.seed, "code": trial_code()},
+        **{"scenario": dump_scenario(source.scenario), "versions": versions()},
+    }
+    return SetIndex(DEMONSTRATIONS, request, tuple(request.file_name for request in source.requests()))

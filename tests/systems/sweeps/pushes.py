@@ -1,0 +1,51 @@
+"""Policies that only tests use: they push, and on the way end their process or fail."""
+
+import os
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from skill.policy import Action
+from systems.control.policy import ControlLaw
+
+
+@dataclass(frozen=True)
+class Push(ControlLaw):
+    """A push that kills its process at a depth, as long as the file ``deaths`` has fewer letters than ``times``."""
+
+    deaths: str = ""
+    times: int = 0
+    depth: float = 0.002
+
+    def act(self, measured, probabilities=None, contexts=None):
+        """See `ControlLaw`."""
+        if self.times and -measured[6] > self.depth:
+            died = Path(self.deaths)
+            if (len(died.read_text()) if died.exists() else 0) < self.times:
+                with died.open("a") as file:
+                    file.write("x")
+                os.kill(os.getpid(), signal.SIGKILL)
+        return Action(turn=np.zeros(2), feed=-0.02 * self.period_, probabilities=np.ones(1))
+
+
+def push(lesson, **options):
+    """A push with these options."""
+    return Push(**options)
+
+
+@dataclass(frozen=True)
+class Unwilling(ControlLaw):
+    """A law that says that it is made for another peg: no rig can be built with it."""
+
+    metadata_ = {"geometry": "that of another peg"}
+
+    def act(self, measured, probabilities=None, contexts=None):
+        """See `ControlLaw`."""
+        raise AssertionError
+
+
+def unwilling(lesson):
+    """A law with which no rig can be built."""
+    return Unwilling()

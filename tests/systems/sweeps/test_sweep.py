@@ -1,0 +1,244 @@
+"""Whole sweeps: what is performed, what is repeated, and what is lost when processes die."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from models.scenario import load_scenario
+from skill.manipulation_skill import ManipulationSkill
+from systems.runs.trial import run_trials
+from systems.sweeps import trial_rows
+from systems.sweeps.trial_rows import MEASURED_NUMBERS, result_columns
+from tests.scripts.commands import ROOT
+from tests.systems.sweeps.conftest import rows_in
+
+PUSH = {"make": "tests.systems.sweeps.pushes:push"}
+TIMES = ["cpu_s", "began", "train_s", "query_ms"]
+
+pytestmark = pytest.mark.slow
+
+
+def without_times(rows):
+    return rows.drop(columns=TIMES)
+
+
+def test_a_skill_performs_the_trials_of_the_rig(specification, perform, skill_file, scenario_file):
+    path = specification(policies={"mine": {"skill": str(skill_file)}}, trials={"first": 84010, "number": 3})
+    rows = perform(path).sort_values("trial")
+    results = run_trials(
+        load_scenario(scenario_file), ManipulationSkill.load(skill_file), [84010, 84011, 84012], jobs=1
+    )
+    for (_, row), (result, _) in zip(rows.iterrows(), results, strict=True):
+        expected = result_columns(result)
+        assert {name: row[name] for name in expected} == expected
+        assert (row.policy, row.arm, row.engine, row.factors) == ("mine", "default", "drake", "{}")
+        assert row.clearance == pytest.approx(0.005)
+
+
+def test_a_sweep_that_is_given_again_performs_only_what_is_missing(specification, perform, capsys):
+    keys = {"policies": {"push": PUSH}, "arms": ["default"]}
+    first = perform(specification(**keys, trials={"first": 84000, "number": 2}))
+    again = perform(specification(**keys, trials={"first": 84000, "number": 2}))
+    assert again.equals(first)  # the times of the trials too
+    assert "2 trials, 2 of them done already" in capsys.readouterr().out
+    more = perform(specification(**keys, trials={"first": 83999, "number": 4}))
+    assert len(more) == 4
+    assert more[more.key.isin(first.key)].reset_index(drop=True).equals(first)
+    other = perform(specification(**keys, trials={"first": 84000, "number": 2}, vary={"contact.friction": [0.25]}))
+    assert len(other) == 6
+
+
+def test_another_line_of_code_makes_other_rows(specification, perform, monkeypatch):
+    path = specification(policies={"push": PUSH}, trials={"number": 1})
+    perform(path)
+    monkeypatch.setattr(trial_rows, "trial_code", lambda: "another revision")
+    both = perform(path)
+    assert len(both) == 2
+    assert both.key.is_unique
+
+
+def test_policies_that_learn_are_taught_once_and_kept(specification, perform, tmp_path, monkeypatch):
+    keys = {
+        "policies": {"all": {"learn": {}}, "few": {"learn": {}, "demonstrations": {"size": 2}}},
+        "demonstrations": {"sets": [0, 1], "good": 3, "bad": 1, "divided": True},
+    }
+    rows = perform(specification(**keys, trials={"first": 10, "number": 4}))
+    assert len(rows) == 8
+    assert set(zip(rows.policy, rows.demonstrations, strict=True)) == {("all", 4), ("few", 2)}
+    assert all(rows.demonstration_set == rows.trial % 2)
+    kept = sorted(path.name for path in (tmp_path / "results" / "skills").glob("*.npz"))
+    assert len(kept) == 4
+    monkeypatch.setattr(ManipulationSkill, "fit", None)  # nothing is learnt again
+    assert len(perform(specification(**keys, trials={"first": 10, "number": 6}), jobs=1)) == 12
+
+
+def test_a_carried_over_policy_serves_another_hole(specification, perform, skill_file):
+    keys = {"vary": {"geometry.hole_radius": [0.0102]}, "trials": {"number": 1}}
+    with pytest.raises(ValueError, match="set carried_over: true"):
+        perform(specification(**keys, policies={"mine": {"skill": str(skill_file)}}))
+    rows = perform(specification(**keys, policies={"mine": {"skill": str(skill_file), "carried_over": True}}))
+    assert rows.hole_radius_mm.tolist() == [pytest.approx(10.2)]
+    assert rows.outcome.tolist() != ["failed"]
+
+
+def test_both_engines_perform_the_same_trials(specification, perform):
+    pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
+    path = specification(policies={"push": PUSH}, engines=["drake", "mujoco"], trials={"number": 2})
+    rows = perform(path).sort_values(["trial", "engine"])
+    assert rows.engine.tolist() == ["drake", "mujoco"] * 2
+    tilts = rows.pivot_table(index="trial", columns="engine", values="tilt_x_deg", observed=True)
+    assert tilts.drake.tolist() == tilts.mujoco.tolist()
+    assert "mujoco" in rows.versions[rows.engine == "mujoco"].iloc[0]
+
+
+def test_a_trial_that_cannot_be_performed_has_no_row_and_the_others_have(specification, perform, tmp_path):
+    policies = {"push": PUSH, "none": {"make": "tests.systems.sweeps.pushes:unwilling"}}
+    path = specification(policies=policies, trials={"number": 2})
+    with pytest.raises(ValueError, match="2 trials could not be performed and have no row"):
+        perform(path)
+    assert set(rows_in(tmp_path / "results").policy) == {"push"}
+
+
+def test_a_killed_worker_of_this_machine_costs_its_trial_only_once(specification, perform, tmp_path):
+    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 1}}
+    rows = perform(specification(policies={"push": deadly}, trials={"number": 5}))
+    assert (tmp_path / "deaths").read_text() == "x"
+    assert sorted(rows.trial) == [0, 1, 2, 3, 4]
+    quiet = perform(specification("quiet", policies={"push": PUSH}, trials={"number": 5}), results="quiet")
+    for name in MEASURED_NUMBERS:
+        assert rows.sort_values("trial")[name].tolist() == quiet.sort_values("trial")[name].tolist(), name
+
+
+def test_a_trial_that_always_kills_its_worker_is_given_up_and_the_others_are_not(specification, perform, tmp_path):
+    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 99}}
+    path = specification(policies={"deadly": deadly, "push": PUSH}, trials={"number": 1})
+    with pytest.raises(ValueError, match=r"1 trials could not be performed .* its process died"):
+        perform(path)
+    assert rows_in(tmp_path / "results").policy.tolist() == ["push"]
+
+
+def test_a_killed_client_loses_no_row_and_a_second_one_goes_on(specification, tmp_path):
+    path = specification(policies={"push": PUSH}, trials={"number": 14})
+    results = tmp_path / "results"
+    arguments = [sys.executable, "-m", "scripts.sweeps.run_sweep", path, "--out", results, "--jobs", "2"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "OPENBLAS_NUM_THREADS": "1"}
+    client = subprocess.Popen(arguments, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL)
+    wait_for(lambda: list(results.rglob("*.parquet")) and len(rows_in(results)) >= 3)
+    client.send_signal(signal.SIGKILL)
+    client.wait()
+    before = rows_in(results)
+    assert 3 <= len(before) < 14
+    done = subprocess.run(arguments, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert f"{len(before)} of them done already" in done.stdout
+    after = rows_in(results)
+    assert len(after) == 14
+    assert after.key.is_unique
+    assert after[after.key.isin(before.key)].reset_index(drop=True).equals(before)
+
+
+def test_two_sweeps_side_by_side_share_the_trials(specification, tmp_path):
+    path = specification(
+        policies={"push": PUSH}, arms=["default"], vary={"contact.friction": [0.1, 0.2, 0.3]}, trials={"number": 6}
+    )
+    results = tmp_path / "results"
+    arguments = ["-m", "scripts.sweeps.run_sweep", path, "--out", results, "--jobs", "1"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "OPENBLAS_NUM_THREADS": "1"}
+    both = [
+        subprocess.Popen(
+            [sys.executable, *map(str, arguments)], cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True
+        )
+        for _ in range(2)
+    ]
+    texts = [process.communicate(timeout=300)[0] for process in both]
+    assert [process.returncode for process in both] == [0, 0], texts
+    written = [int(found[1]) for text in texts if (found := re.search(r"(\d+) trials written", text))]
+    assert sum(written) == 18
+    rows = rows_in(results)
+    assert len(rows) == 18
+    assert rows.key.is_unique
+
+
+def test_a_full_disk_ends_the_sweep_with_one_line_and_keeps_what_was_written(
+    specification, perform, tmp_path, monkeypatch
+):
+    path = specification(policies={"push": PUSH}, trials={"number": 3})
+    perform(specification("before", policies={"push": PUSH}, trials={"number": 1}), jobs=1)
+    real = os.fsync
+
+    def full(handle):
+        if "parquet" in str(Path(f"/proc/self/fd/{handle}").readlink()):
+            raise OSError(28, "No space left on device")
+        real(handle)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", full)
+        with pytest.raises(OSError, match="No space left"):
+            perform(path, jobs=1)
+    assert rows_in(tmp_path / "results").trial.tolist() == [0]
+    assert sorted(perform(path, jobs=1).trial) == [0, 1, 2]
+
+
+def wait_for(condition, seconds=120.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+@pytest.fixture
+def dask_cluster(tmp_path):
+    """A Dask scheduler and two workers, as processes of their own; yields its address and the workers."""
+    pytest.importorskip("distributed", reason="needs the extra [dask]")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
+    file = tmp_path / "scheduler.json"
+    places = {"cwd": ROOT, "env": environment, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    scheduler = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+    processes = [subprocess.Popen([*scheduler, "--no-dashboard", "--scheduler-file", str(file)], **places)]
+    wait_for(file.exists)
+    worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--nthreads", "1"]
+    for _ in range(2):
+        processes.append(subprocess.Popen([*worker, "--no-nanny", "--no-dashboard"], **places))
+    address = re.search(r"tcp://[^\"]+", file.read_text())[0]
+    yield address, processes[1:]
+    for process in processes:
+        process.kill()
+        process.wait()
+
+
+def test_a_dask_cluster_gives_the_same_rows_though_one_worker_is_killed_in_mid_trial(
+    specification, perform, dask_cluster, tmp_path
+):
+    address, workers = dask_cluster
+    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 1}}
+    path = specification(policies={"push": deadly}, trials={"number": 6})
+    rows = perform(path, backend="dask", address=address)
+    assert sum(worker.poll() is not None for worker in workers) == 1
+    assert sorted(rows.trial) == [0, 1, 2, 3, 4, 5]
+    local = perform(path, results="local")
+    assert without_times(rows).equals(without_times(local))
+
+
+def test_a_dask_cluster_of_its_own_gives_up_the_trial_that_kills_every_worker(specification, perform, tmp_path):
+    pytest.importorskip("distributed", reason="needs the extra [dask]")
+    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 99}}
+    path = specification(policies={"deadly": deadly, "push": PUSH}, trials={"number": 1})
+    with pytest.raises(ValueError, match=r"1 trials could not be performed .* its process died"):
+        perform(path, backend="dask")
+    assert rows_in(tmp_path / "results").policy.tolist() == ["push"]
+
+
+def test_ray_gives_the_same_rows_though_one_worker_is_killed_in_mid_trial(specification, perform, tmp_path):
+    pytest.importorskip("ray", reason="needs the extra [ray]")
+    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 1}}
+    path = specification(policies={"push": deadly}, trials={"number": 6})
+    rows = perform(path, backend="ray")
+    assert (tmp_path / "deaths").read_text() == "x"
+    local = perform(path, results="local")
+    assert without_times(rows).equals(without_times(local))
