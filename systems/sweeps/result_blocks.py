@@ -78,7 +78,7 @@ def blocks_of(results: Path, source: str, numbers: Iterable[int], *, policy: str
         arm: name.
         engine: name.
     """
-    folder = results / TRIALS / f"policy={quote(policy, safe=' ,')}" / f"arm={arm}" / f"engine={engine}"
+    folder = results / TRIALS / f"policy={quote(policy, safe='')}" / f"arm={arm}" / f"engine={engine}"
     ranges: dict[int, list[int]] = {}
     for number in numbers:
         ranges.setdefault(number // BLOCK, []).append(number)

@@ -8,6 +8,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from typing import Any
 
 import pyarrow as pa
@@ -82,8 +83,9 @@ def row_key(source_digest: str, number: int) -> str:
     return hashlib.sha256(f"{source_digest} {number}".encode()).hexdigest()[:32]
 
 
+@cache
 def trial_code() -> str:
-    """Returns the digest of the code that simulates trials and makes policies."""
+    """Returns the digest of the code that simulates trials and makes policies, as this process found it first."""
     return code_digest([__name__, "systems.sweeps.policies", "systems.runs.demonstration_set"])
 
 
@@ -99,11 +101,14 @@ def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[
         source: of the trial.
         policy: that acts.
         number: of the trial.
-        known: further columns, the same for all trials of the policy.
+        known: further columns, the same for all trials of the policy; ``code`` and ``versions`` are those that must
+            perform the trial.
 
     Raises:
-        ValueError: if the scenario has no such trial, or the policy is made for another peg or hole.
+        ValueError: if the scenario has no such trial, the policy is made for another peg or hole, or this process has
+            other code or packages.
     """
+    _require_same(known)
     began, cpu = datetime.now(UTC), time.process_time()
     with threadpool_limits(1):
         scenario = trial_scenario(source.scenario, number=number, arm=source.arm)
@@ -117,6 +122,17 @@ def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[
         "cpu_s": time.process_time() - cpu,
         "began": began.isoformat(timespec="seconds"),
     }
+
+
+def _require_same(known: Mapping[str, Any]) -> None:
+    """Checks that this process has the code and the packages that a row will name."""
+    if known["code"] != trial_code():
+        raise ValueError("the worker has other code than the client; install the same revision, or start again")
+    for name, version in json.loads(known["versions"]).items():
+        if version_of(name) != version and name != "python":
+            raise ValueError(
+                f"the worker has {name} {version_of(name)}, the client {version}; install the same version"
+            )
 
 
 def result_columns(result: TrialResult) -> Row:
