@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.command_line import argument_parser
-from benchmarks.paired_statistics import mcnemar, over_sets, wilson
+from systems.scoreboard.paired_statistics import mcnemar, over_sets, wilson
 from benchmarks.recording import record_demonstrations
 from benchmarks.rig.trials import FIRST_TRIAL, Entry, Record, Setting, perform
 from models.scenario import Scenario, dump_scenario

@@ -29,7 +29,7 @@ if __name__ == "__main__":
 import numpy as np
 
 from benchmarks.command_line import argument_parser, run
-from benchmarks.paired_statistics import over_sets, sign_flip_test
+from systems.scoreboard.paired_statistics import over_sets, sign_flip_test
 from models.scenario import load_scenario
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import read_demonstrations

@@ -1,6 +1,6 @@
 """Trials are performed once and stored; failures do not stop the others."""
 
-from benchmarks.paired_statistics import wilson
+from systems.scoreboard.paired_statistics import wilson
 from benchmarks.rig import trials
 from benchmarks.rig.comparison import summary
 from benchmarks.rig.control_laws import StraightPush

@@ -1,11 +1,20 @@
-"""The intervals and paired tests of the benchmarks against other implementations and known answers."""
+"""The intervals and paired tests against other implementations and known answers."""
 
 import numpy as np
 import pytest
 from statsmodels.stats.contingency_tables import mcnemar as reference
+from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.proportion import proportion_confint
 
-from benchmarks.paired_statistics import mcnemar, over_sets, sign_flip_test, wilson
+from systems.scoreboard import paired_statistics
+from systems.scoreboard.paired_statistics import (
+    holm,
+    mcnemar,
+    mcnemar_of_counts,
+    over_sets,
+    sign_flip_test,
+    wilson,
+)
 
 
 @pytest.mark.parametrize(("successes", "n"), [(0, 20), (1, 20), (13, 20), (20, 20), (99, 100)])
@@ -33,3 +42,23 @@ def test_signs_are_flipped_exactly_for_few_differences_and_by_draws_for_many():
 
 def test_equal_sets_have_no_spread():
     assert over_sets([0.9] * 5) == (pytest.approx(0.9), pytest.approx(0.9), pytest.approx(0.9))
+
+
+def test_mcnemar_of_counts_is_a_binomial_test():
+    assert mcnemar_of_counts(5, 0) == pytest.approx(2 * 0.5**5)
+    assert mcnemar_of_counts(0, 0) == mcnemar_of_counts(3, 3) == 1.0
+
+
+def test_the_correction_is_holms():
+    """Three tests: 3 x 0.01, 2 x 0.02 and 0.03, which is not smaller than the one before."""
+    assert holm([0.03, 0.01, 0.02]) == pytest.approx([0.04, 0.03, 0.04])
+    p = np.random.default_rng(1).uniform(0, 0.4, 12)
+    assert holm(p) == pytest.approx(multipletests(p, method="holm")[1])
+    assert holm([]) == []
+
+
+def test_signs_that_are_drawn_in_parts_are_the_same(monkeypatch):
+    differences = np.random.default_rng(2).normal(0.2, 1.0, 40)
+    whole = sign_flip_test(differences)
+    monkeypatch.setattr(paired_statistics, "MAX_DRAWS", 40 * 333)
+    assert sign_flip_test(differences) == whole

@@ -1,4 +1,4 @@
-"""Intervals and paired tests of the benchmarks."""
+"""Intervals and paired tests of the benchmarks and of the scoreboard."""
 
 from __future__ import annotations
 
@@ -10,7 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import binomtest
 
+from skill.arrays import Array
+
 RESAMPLES, EXACT = 10_000, 14
+MAX_DRAWS = 4_000_000
+"""Largest number of signs that are drawn at once; 32 MB."""
 
 
 def wilson(successes: int, n: int) -> tuple[float, float]:
@@ -26,8 +30,25 @@ def mcnemar(a: Sequence[dict[str, Any]], b: Sequence[dict[str, Any]]) -> float:
     """
     other = {row["seed"]: row["inserted"] for row in b}
     pairs = [(row["inserted"], other[row["seed"]]) for row in a if row["seed"] in other]
-    better, worse = sum(x and not y for x, y in pairs), sum(y and not x for x, y in pairs)
+    return mcnemar_of_counts(sum(x and not y for x, y in pairs), sum(y and not x for x, y in pairs))
+
+
+def mcnemar_of_counts(better: int, worse: int) -> float:
+    """p-value of the same test from the numbers of trials in which only one or only the other inserted."""
     return float(binomtest(better, better + worse).pvalue) if better + worse else 1.0
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """Corrects p-values of several tests, so that the chance of any false positive stays below the level.
+
+    The k-th smallest of n is multiplied by n - k + 1, and none is smaller than the one before it (Holm, Scandinavian
+    Journal of Statistics 6, 1979).
+    """
+    p = np.asarray(p_values, dtype=float)
+    order = np.argsort(p, kind="stable")
+    corrected = np.empty(len(p))
+    corrected[order] = np.minimum(1.0, np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1)))
+    return [float(value) for value in corrected]
 
 
 def over_sets(shares: Sequence[float], *, seed: int = 0) -> tuple[float, float, float]:
@@ -47,8 +68,16 @@ def sign_flip_test(differences: ArrayLike, *, seed: int = 0) -> float:
     found = found[found != 0]
     if len(found) == 0:
         return 1.0
+    threshold = abs(found.sum()) - 1e-9
     if len(found) <= EXACT:
         signs = np.array(list(itertools.product((-1.0, 1.0), repeat=len(found))))
-        return float((np.abs(signs @ found) >= abs(found.sum()) - 1e-9).mean())
-    signs = np.random.default_rng(seed).choice((-1.0, 1.0), (RESAMPLES, len(found)))
-    return float((1 + (np.abs(signs @ found) >= abs(found.sum()) - 1e-9).sum()) / (1 + RESAMPLES))
+        return float((np.abs(signs @ found) >= threshold).mean())
+    sums = _flipped_sums(found, np.random.default_rng(seed))
+    return float((1 + (np.abs(sums) >= threshold).sum()) / (1 + RESAMPLES))
+
+
+def _flipped_sums(differences: Array, rng: np.random.Generator) -> Array:
+    """The sums (RESAMPLES,) with random signs."""
+    rows = max(1, MAX_DRAWS // len(differences))
+    counts = [min(rows, RESAMPLES - start) for start in range(0, RESAMPLES, rows)]
+    return np.concatenate([rng.choice((-1.0, 1.0), (count, len(differences))) @ differences for count in counts])

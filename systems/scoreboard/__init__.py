@@ -1,0 +1,1 @@
+"""The scoreboard of a sweep: statistics, tables, curves and their page. Nothing in here imports Drake."""
