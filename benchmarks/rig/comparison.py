@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks.command_line import argument_parser
-from systems.scoreboard.paired_statistics import mcnemar, over_sets, wilson
 from benchmarks.recording import record_demonstrations
 from benchmarks.rig.trials import FIRST_TRIAL, Entry, Record, Setting, perform
 from models.scenario import Scenario, dump_scenario
@@ -27,6 +26,7 @@ from systems.runs.demonstration_set import requests
 from systems.runs.provenance import versions
 from systems.runs.trial import Arm
 from systems.runs.trial_result import PHYSICS
+from systems.scoreboard.paired_statistics import mcnemar, over_sets, wilson
 
 PRODUCT = "CA states, contexts + LWR"
 """The name of the entry with which the others are compared."""

@@ -29,7 +29,6 @@ if __name__ == "__main__":
 import numpy as np
 
 from benchmarks.command_line import argument_parser, run
-from systems.scoreboard.paired_statistics import over_sets, sign_flip_test
 from models.scenario import load_scenario
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import read_demonstrations
@@ -39,6 +38,7 @@ from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, write_json
 from systems.runs.trial import Arm
 from systems.runs.trial_result import TrialResult
+from systems.scoreboard.paired_statistics import over_sets, sign_flip_test
 from systems.sessions.record_session import record
 from systems.sessions.recovery_session import RecoveryPlan, recover
 from systems.sessions.rig_session import run as run_on_rig

@@ -47,6 +47,7 @@ from systems.reports.terminal import progress, write_json
 from systems.rig import MakeRig, RigDiagram, WireRig
 from systems.runs.demonstration_set import requests
 from systems.runs.trial import run_rig, trial_scenario
+from systems.scoreboard.paired_statistics import wilson
 
 BLIND_TIME = 4.0  # s; time limit of the blind pushes: later insertions do not occur
 

@@ -1,12 +1,12 @@
 """Trials are performed once and stored; failures do not stop the others."""
 
-from systems.scoreboard.paired_statistics import wilson
 from benchmarks.rig import trials
 from benchmarks.rig.comparison import summary
 from benchmarks.rig.control_laws import StraightPush
 from benchmarks.rig.trials import FIRST_TRIAL as FIRST
 from benchmarks.rig.trials import Entry, Setting, perform
 from systems.runs.trial import Arm, trial_scenario
+from systems.scoreboard.paired_statistics import wilson
 
 
 def test_stored_trials_are_not_repeated(setting, performed, push, no_progress):

@@ -1,0 +1,130 @@
+"""Folders of results as `haptic-skill sweep` writes them, with simulated trials."""
+
+import json
+from urllib.parse import quote
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+SCHEMA = pa.schema(
+    [
+        ("key", pa.string()),
+        ("trial", pa.int64()),
+        ("factors", pa.string()),
+        ("demonstration_set", pa.int64()),
+        ("demonstrations", pa.int64()),
+        ("skill", pa.string()),
+        ("train_s", pa.float64()),
+        ("states", pa.int64()),
+        ("query_ms", pa.float64()),
+        ("seed", pa.int64()),
+        ("tilt_x_deg", pa.float64()),
+        ("tilt_y_deg", pa.float64()),
+        ("time_s", pa.float64()),
+        ("depth_mm", pa.float64()),
+        ("penetration_um", pa.float64()),
+        ("peak_contact_n", pa.float64()),
+        ("peak_load_n", pa.float64()),
+        ("mean_load_n", pa.float64()),
+        ("seconds_above_20n", pa.float64()),
+        ("wedged_s", pa.float64()),
+        ("path_mm", pa.float64()),
+        ("jerk_ms3", pa.float64()),
+        ("field_score", pa.float64()),
+        ("steps", pa.int64()),
+        ("lost_steps", pa.int64()),
+        ("back_offs", pa.int64()),
+        ("trusted", pa.bool_()),
+        ("outcome", pa.string()),
+        ("fault", pa.string()),
+        ("reason", pa.string()),
+        ("inserted", pa.bool_()),
+        ("cpu_s", pa.float64()),
+        ("clearance", pa.float64()),
+        ("time_limit_s", pa.float64()),
+        ("scenario", pa.string()),
+        ("versions", pa.string()),
+        ("code", pa.string()),
+        ("began", pa.string()),
+    ]
+)
+PLAIN = {
+    **{"factors": "{}", "demonstration_set": None, "demonstrations": None, "skill": "s0", "train_s": None},
+    **{"states": 6, "query_ms": None, "tilt_x_deg": 1.0, "tilt_y_deg": -2.0, "time_s": 2.5, "depth_mm": 24.7},
+    **{"penetration_um": 3.0, "peak_contact_n": 15.0, "peak_load_n": 16.0, "mean_load_n": 8.0, "steps": 20},
+    **{"seconds_above_20n": 0.0, "wedged_s": 0.0, "path_mm": 27.7, "jerk_ms3": 4.0, "field_score": 99.0},
+    **{"lost_steps": 0, "back_offs": 0, "trusted": True, "outcome": "inserted", "fault": "", "reason": "inserted"},
+    **{"inserted": True, "cpu_s": 2.0, "clearance": 0.005, "time_limit_s": 10.0, "scenario": "seed: 0\n"},
+    **{"versions": "{}", "code": "c0de0001", "began": "2026-01-31T12:00:00+00:00"},
+}
+FAILED = {"inserted": False, "outcome": "time over", "reason": "time over", "time_s": 10.0, "field_score": 45.0}
+LEARNT = "CA states, contexts + LWR"
+OTHER = "LWR without 'states'"
+LAW = "straight push <b>"
+
+
+def write_trials(folder, rows, *, policy=LEARNT, arm="default", engine="drake", block="0000"):
+    """Writes rows, each a dictionary of what differs from a plain insertion, as one file; returns its path."""
+    place = folder / "trials" / f"policy={quote(policy, safe='')}" / f"arm={arm}" / f"engine={engine}"
+    place.mkdir(parents=True, exist_ok=True)
+    path = place / f"{block}.parquet"
+    full = []
+    for number, row in enumerate(rows):
+        trial = row.get("trial", number)
+        factors, code = row.get("factors", "{}"), row.get("code", PLAIN["code"])
+        key = f"{policy}/{arm}/{engine}/{factors}/{row.get('demonstration_set')}/{trial}/{code}"
+        full.append({**PLAIN, "trial": trial, "seed": trial, "key": key, **row})
+    pq.write_table(pa.Table.from_pylist(full, schema=SCHEMA), path)
+    return path
+
+
+def write_sweep(folder, name="nominal", title="Nominal trials"):
+    path = folder / "sweeps" / f"{name}.yaml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(f"# what is varied\ntitle: {title}\ntrials: 20\n")
+    return path
+
+
+def draw(rng, count, share, **same):
+    """Rows of simulated trials, of which a share inserts."""
+    rows = []
+    for k in range(count):
+        row = {
+            "trial": k,
+            "time_s": round(float(rng.uniform(1.8, 3.5)), 3),
+            "peak_contact_n": round(float(rng.uniform(8, 40)), 1),
+            "peak_load_n": round(float(rng.uniform(8, 35)), 1),
+            "mean_load_n": round(float(rng.uniform(4, 9)), 2),
+            "seconds_above_20n": round(float(rng.exponential(0.1)), 3),
+            "wedged_s": round(float(rng.choice([0.0, 0.0, 0.0, 0.3])), 3),
+            "field_score": round(float(rng.uniform(97, 100)), 2),
+            "back_offs": int(rng.poisson(0.7)),
+            "lost_steps": int(rng.choice([0, 0, 0, 4])),
+            "trusted": bool(rng.random() > 0.1),
+            "cpu_s": round(float(rng.uniform(1, 3)), 3),
+        }
+        if rng.random() > share:
+            row |= FAILED
+            row |= rng.choice([{}, {"outcome": "jammed"}, {"outcome": "fault", "fault": "motor stalled"}])
+        rows.append({**row, **same})
+    return rows
+
+
+def write_results(folder, *, count=40, frictions=(0.1, 0.2, 0.3), engines=("drake",)):
+    """A folder with three policies, a factor with three values, and both arms; returns the folder."""
+    rng = np.random.default_rng(7)
+    write_sweep(folder)
+    for policy, share in ((LEARNT, 0.97), (OTHER, 0.8), (LAW, 0.4)):
+        learns = {} if policy == LAW else {"demonstrations": 30, "train_s": 12.5, "query_ms": 0.35}
+        for engine in engines:
+            for arm, loss in (("default", 0.0), ("stress", 0.2)):
+                rows = []
+                for friction in frictions if arm == "default" else ():
+                    factors = json.dumps({"contact.friction": friction})
+                    rows += draw(rng, count, share - friction / 2, factors=factors, **learns)
+                rows += draw(rng, count, share - loss, **learns)
+                if learns:
+                    rows = [{**row, "demonstration_set": row["trial"] % 4} for row in rows]
+                write_trials(folder, rows, policy=policy, arm=arm, engine=engine)
+    return folder
