@@ -20,7 +20,7 @@ from scripts import (
     train_skill,
 )
 from scripts.command_line import make_app, run_app
-from scripts.sweeps import run_sweep
+from scripts.sweeps import run_sweep, scoreboard
 from systems.runs.provenance import version_of
 
 EXIT_CODES = (
@@ -38,6 +38,7 @@ app.command("practise")(practise.main)
 app.command("replay")(replay.main)
 app.command("sweep")(run_sweep.main)
 app.command("states")(discover_states.main)
+app.command("scoreboard")(scoreboard.main)
 app.command("diagram")(block_diagram.main)
 
 

@@ -83,8 +83,8 @@ def test_scripts_hold_command_lines_only():
     assert sum(lines.values()) < MAX_SCRIPT_LINES, lines
 
 
-@pytest.mark.parametrize("room", ["reports", "outputs"])
-def test_reports_and_outputs_are_made_without_drake(room):
+@pytest.mark.parametrize("room", ["reports", "outputs", "scoreboard"])
+def test_reports_outputs_and_scoreboards_are_made_without_drake(room):
     reached, open_names = set(), {name for name in MODULES if name.startswith(f"systems.{room}.")}
     while open_names:
         name = open_names.pop()

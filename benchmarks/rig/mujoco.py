@@ -36,7 +36,6 @@ import numpy as np
 from pydrake.systems.framework import DiagramBuilder
 
 from benchmarks.command_line import argument_parser, run
-from systems.scoreboard.paired_statistics import wilson
 from benchmarks.recording import record_demonstrations
 from benchmarks.rig.comparison import BAD, GOOD
 from models.scenario import Scenario, load_scenario

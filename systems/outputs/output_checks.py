@@ -25,6 +25,7 @@ CONTENTS = {
     ".png": ("a PNG picture", rb"\x89PNG\r\n\x1a\n"),
     ".svg": ("an SVG picture", rb"<\?xml|<svg"),
     ".csv": ("a table of states", rb"trial,time,state,probability\r?\n"),
+    ".md": ("a scoreboard in Markdown", rb"# Scoreboard"),
     ".parquet": ("a recording or run (Parquet)", rb"PAR1"),
 }
 """How the kinds of file begin, by the suffix that they usually have. No command replaces a single Parquet file."""

@@ -8,21 +8,22 @@ from string import Template
 from typing import Any
 
 
-def fill_page(name: str, **values: str) -> str:
+def fill_page(name: str, *, room: str = "systems.reports", **values: str) -> str:
     """Returns the page ``name``.html with its style, its script and ``values`` inserted.
 
     The template holds placeholders ``$key``. ``$style`` and ``$script`` are the contents of ``name``.css and
     ``name``.js. Inserted text is not searched for placeholders, so a ``$`` in it is safe.
 
     Args:
-        name: name of the template in this folder, without its ending.
+        name: name of the template, without its ending.
+        room: package that holds the template.
         **values: HTML for the other placeholders; the caller escapes text that users can choose.
 
     Raises:
         KeyError: if the template has a placeholder without a value.
     """
-    template = Template(_read(f"{name}.html"))
-    return template.substitute(values, style=_read(f"{name}.css"), script=_read(f"{name}.js"))
+    page, style, script = (_read(room, f"{name}.{ending}") for ending in ("html", "css", "js"))
+    return Template(page).substitute(values, style=style, script=script)
 
 
 def script_value(value: Any) -> str:
@@ -33,5 +34,5 @@ def script_value(value: Any) -> str:
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _read(name: str) -> str:
-    return files("systems.reports").joinpath(name).read_text(encoding="utf-8")
+def _read(room: str, name: str) -> str:
+    return files(room).joinpath(name).read_text(encoding="utf-8")

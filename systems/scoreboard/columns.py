@@ -43,7 +43,7 @@ def shown(value: float, digits: int) -> str:
 
 def share(interval: tuple[float, float]) -> str:
     """An interval of a share as text."""
-    return f"{100 * interval[0]:.0f} to {100 * interval[1]:.0f} %"
+    return f"{100 * interval[0]:.0f}–{100 * interval[1]:.0f} %"
 
 
 def p_text(p: float) -> str:
@@ -68,7 +68,7 @@ def _against(row: Row) -> str:
 COLUMNS = (
     Column(
         "inserted",
-        "95 % interval",
+        "95 %",
         "trials that inserted, of all; below: Wilson's 95 % interval of the share",
         lambda r: r.summary.share,
         lambda r: f"{r.summary.inserted} of {r.summary.trials}",
@@ -79,7 +79,7 @@ COLUMNS = (
     ),
     Column(
         "over sets",
-        "95 % interval",
+        "95 %",
         "sets of demonstrations; below: 95 % interval of the share by a bootstrap over the sets",
         lambda r: float(r.summary.sets),
         lambda r: str(r.summary.sets) if r.summary.sets else "–",
@@ -90,7 +90,7 @@ COLUMNS = (
     ),
     Column(
         "against",
-        "pairs",
+        "+ / − pairs",
         "paired with the reference: + only this policy inserted, − only the reference did; below: exact McNemar test,"
         " Holm-corrected over the rows of the table",
         lambda r: math.nan if r.paired is None else float(r.paired.better - r.paired.worse),
@@ -153,7 +153,7 @@ COLUMNS = (
         "d.mean_load_n.median()",
     ),
     _number(
-        "> 20 N",
+        "above 20 N",
         "s a trial",
         "mean time with a load above 20 N",
         lambda s: s.above_20n,
@@ -187,10 +187,11 @@ COLUMNS = (
         lambda r: str(sum(r.summary.faults.values())),
         sql="count(*) FILTER (fault <> '')",
         pandas="(d.fault != '').sum()",
+        note=lambda r: ", ".join(f"{count} {name.split(':')[0]}" for name, count in r.summary.faults.items()),
     ),
     _number(
-        "lost",
-        "steps",
+        "lost steps",
+        "in all",
         "microsteps that the steppers lost, in all trials",
         lambda s: s.lost_steps,
         0,
@@ -199,7 +200,7 @@ COLUMNS = (
     ),
     _number(
         "back-offs",
-        "all trials",
+        "in all",
         "how often the controller backed the peg off",
         lambda s: s.back_offs,
         0,
@@ -207,13 +208,14 @@ COLUMNS = (
         "d.back_offs.sum()",
     ),
     Column(
-        "not trusted",
+        "physics",
         "trials",
         "trials whose bodies overlap by more than a quarter of the clearance: their forces say little about metal",
         lambda r: float(r.summary.untrusted),
         lambda r: f"{r.summary.untrusted} of {r.summary.trials}" if r.summary.untrusted else "0",
         sql="count(*) FILTER (NOT trusted)",
         pandas="(d.trusted == False).sum()",
+        note=lambda r: "not trusted" if r.summary.untrusted else "",
     ),
     _number(
         "shown",

@@ -34,6 +34,16 @@ def row_sql(board: Scoreboard, policy: str, cell: Cell) -> str:
     return f"SELECT count(*) AS trials, {chosen} FROM {_source(board, policy, cell)} WHERE {_conditions(board, cell)}"
 
 
+def table_sql(board: Scoreboard, cell: Cell) -> str:
+    """Returns the statement of DuckDB that recomputes all rows of a table; policies are named as their folders."""
+    chosen = ", ".join(f"{column.sql} AS {_name(column.name)}" for column in COLUMNS if column.sql)
+    pattern = str(board.folder / "trials" / "*" / f"arm={cell.arm}" / f"engine={cell.engine}" / "*.parquet")
+    return (
+        f"SELECT policy, count(*) AS trials, {chosen} FROM read_parquet({_text(pattern)}, hive_partitioning=true)"
+        f" WHERE {_conditions(board, cell)} GROUP BY policy ORDER BY policy"
+    )
+
+
 def paired_sql(board: Scoreboard, policy: str, cell: Cell) -> str:
     """Returns the statement of DuckDB that counts the pairs of a row and the reference, and their times."""
     chosen = (

@@ -22,6 +22,7 @@ MODULES = {  # subcommand of haptic-skill: module with the same command
     "replay": "scripts.replay",
     "sweep": "scripts.sweeps.run_sweep",
     "states": "scripts.discover_states",
+    "scoreboard": "scripts.sweeps.scoreboard",
     "diagram": "scripts.block_diagram",
 }
 HAPTIC_SKILL = ("-c", "from scripts.haptic_skill import main; main()")  # what the installed command does

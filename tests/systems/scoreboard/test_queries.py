@@ -4,12 +4,21 @@ import contextlib
 import io
 import math
 import shlex
+from urllib.parse import unquote
 
 import duckdb
 import pytest
 
 from systems.scoreboard.columns import COLUMNS
-from systems.scoreboard.queries import cell_commands, paired_sql, partition, row_pandas, row_sql, sweep_commands
+from systems.scoreboard.queries import (
+    cell_commands,
+    paired_sql,
+    partition,
+    row_pandas,
+    row_sql,
+    sweep_commands,
+    table_sql,
+)
 from systems.scoreboard.result_store import read_trials
 from systems.scoreboard.summary import make_scoreboard
 from tests.systems.scoreboard.simulated_trials import LAW, LEARNT, OTHER, write_results, write_trials
@@ -55,6 +64,15 @@ def test_python_gives_every_number_of_every_row(board):
         assert "back-offs" in text.getvalue()
         for name, expected in expected_of(row).items():
             assert same(space["r"][name], expected), (cell.title, row.summary.policy, name)
+
+
+def test_duckdb_gives_a_whole_table(board):
+    for table in board.tables:
+        found = duckdb.sql(table_sql(board, table.cell)).df()
+        trials = dict(zip(map(unquote, found["policy"]), found["trials"], strict=True))
+        assert trials == {row.summary.policy: row.summary.trials for row in table.rows}
+        back_offs = dict(zip(map(unquote, found["policy"]), found["back-offs"], strict=True))
+        assert back_offs == {row.summary.policy: row.summary.back_offs for row in table.rows}
 
 
 def test_duckdb_gives_the_pairs(board):
