@@ -67,8 +67,11 @@ def row_pandas(board: Scoreboard, policy: str, cell: Cell) -> str:
 
 
 def cell_commands(board: Scoreboard, policy: str, cell: Cell) -> list[tuple[str, str]]:
-    """Returns what a reader needs to check a row: (what it is, command or statement)."""
-    made = [("make the trials", command) for command in sweep_commands(board)]
+    """Returns what a reader needs to check a row: (what it is, command or statement).
+
+    The trials do not tell which of several sweeps they belong to: there is one command for each.
+    """
+    made = zip((f"make the trials of {sweep.title}" for sweep in board.sweeps), sweep_commands(board), strict=True)
     found = [
         *made,
         ("recompute with DuckDB", row_sql(board, policy, cell)),

@@ -9,7 +9,7 @@ import html
 import math
 import os
 from pathlib import Path
-from urllib.parse import quote
+from urllib.parse import quote, unquote
 
 from systems.reports.page_template import fill_page
 from systems.scoreboard.columns import COLUMNS, Column
@@ -158,14 +158,14 @@ def _cell(column: Column, row: Row, board: Scoreboard, address: str) -> str:
 
 def _how(how: str, row: Row, board: Scoreboard, out: Path) -> str:
     """The commands behind a row, folded."""
-    s = row.summary
+    s, address = row.summary, link(board, row, out)
     commands = "".join(
         f"<dt>{html.escape(name)}</dt><dd><pre>{html.escape(command)}</pre></dd>"
         for name, command in cell_commands(board, s.policy, s.cell)
     )
     return (
         f'<details class="row"><summary>{html.escape(s.policy)}</summary><dl id="{how}">'
-        f'<dt>trials</dt><dd><a href="{link(board, row, out)}">{html.escape(link(board, row, out))}</a></dd>'
+        f'<dt>trials</dt><dd><a href="{address}">{html.escape(unquote(address))}</a></dd>'
         f"{commands}</dl></details>"
     )
 

@@ -95,7 +95,7 @@ def test_all_aggregates_have_both_expressions():
 def test_the_commands_name_the_sweep_and_the_reference(board):
     cell = board.tables[0].cell
     commands = dict(cell_commands(board, OTHER, cell))
-    assert commands["make the trials"] == sweep_commands(board)[0]
+    assert commands["make the trials of Nominal trials"] == sweep_commands(board)[0]
     arguments = shlex.split(sweep_commands(board)[0])
     specification = board.folder / "sweeps" / "nominal.yaml"
     assert arguments == ["haptic-skill", "sweep", str(specification), "--out", str(board.folder)]
