@@ -9,8 +9,17 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from systems.scoreboard.result_store import read_trials
-from tests.systems.scoreboard.simulated_trials import FAILED, LAW, LEARNT, write_results, write_sweep, write_trials
+from systems.scoreboard.result_store import COLUMNS, NUMBERS, read_trials
+from tests.systems.scoreboard.simulated_trials import (
+    FAILED,
+    LAW,
+    LEARNT,
+    SCHEMA,
+    write_results,
+    write_sweep,
+    write_trials,
+)
+from tests.trial_results import PLAIN
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -50,6 +59,13 @@ def test_sweeps_are_listed_with_their_titles(tmp_path):
         ("a.yaml", "a"),
         ("b.yaml", "Friction: what it does"),
     ]
+
+
+def test_the_numbers_of_a_trial_are_those_of_its_record():
+    of_the_sweep = {"trial", "demonstration_set", "demonstrations", "train_s", "states", "query_ms"}
+    of_the_sweep |= {"time_limit_s", "cpu_s"}
+    assert set(NUMBERS) - of_the_sweep <= set(PLAIN.record())
+    assert set(COLUMNS) <= set(SCHEMA.names)
 
 
 def test_unfinished_files_are_not_read(tmp_path):
@@ -164,7 +180,7 @@ def test_ten_thousand_trials_need_little_memory(tmp_path):
     code = """
 import resource, sys
 from pathlib import Path
-from systems.scoreboard.result_store import read_trials
+from systems.scoreboard.result_store import COLUMNS, NUMBERS, read_trials
 from systems.scoreboard.summary import make_scoreboard
 import tests.systems.scoreboard.simulated_trials as simulated
 small, large = (Path(a) for a in sys.argv[1:])
