@@ -238,6 +238,3 @@ COLUMNS = (
     _number("query", "ms", "mean time of a decision", lambda s: s.query, 2, "avg(query_ms)", "d.query_ms.mean()"),
     _number("trial", "CPU s", "mean CPU time of a trial", lambda s: s.cpu, 1, "avg(cpu_s)", "d.cpu_s.mean()"),
 )
-
-PAIRED = {"against", "slower by"}
-"""Names of the columns that compare with the reference."""

@@ -32,7 +32,7 @@ def _sweeps(board: Scoreboard, out: Path) -> str:
         return ""
     specifications = []
     for sweep in board.sweeps:
-        relative = os.path.relpath(sweep.path.resolve(), out.resolve().parent)
+        relative = os.path.relpath(sweep.path.resolve(), out.parent.resolve())
         specifications.append(f"[{_plain(sweep.title)}]({quote(Path(relative).as_posix())})")
     commands = "\n".join(f"    {command}" for command in sweep_commands(board))
     return f"The trials are those of {', '.join(specifications)}:\n\n{commands}"

@@ -92,7 +92,7 @@ def warnings(board: Scoreboard) -> list[str]:
 def link(board: Scoreboard, row: Row, out: Path) -> str:
     """The address of the folder of a row's trials, relative to the page."""
     folder = partition(board.folder, row.summary.policy, row.summary.cell)
-    relative = os.path.relpath(folder.resolve(), out.resolve().parent)
+    relative = os.path.relpath(folder.resolve(), out.parent.resolve())
     return "/".join(quote(part) for part in Path(relative).parts) + "/"
 
 
@@ -176,7 +176,7 @@ def _sweeps(board: Scoreboard, out: Path) -> str:
         return "<p>none stored</p>"
     items = []
     for sweep, command in zip(board.sweeps, sweep_commands(board), strict=True):
-        relative = os.path.relpath(sweep.path.resolve(), out.resolve().parent)
+        relative = os.path.relpath(sweep.path.resolve(), out.parent.resolve())
         address = "/".join(quote(part) for part in Path(relative).parts)
         items.append(
             f'<dt><a href="{address}">{html.escape(sweep.title)}</a></dt><dd><pre>{html.escape(command)}</pre></dd>'
