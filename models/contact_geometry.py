@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from models.arrays import Array
+from models import Array
 from models.labelled_enum import LabelledEnum
 
 SAMPLES = 256

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from models.arrays import Array
+from models import Array
 
 
 def two_point_depth(tilt: ArrayLike, *, peg_radius: float, hole_radius: float) -> Array:

@@ -1,0 +1,138 @@
+"""Numerics and start of a scenario that follow its clearance C = R - r.
+
+The numerics of the nominal scenario, with C = 50 um and c = C/r = 0.005, were chosen by measurement (docs/physics.md,
+"Convergence"). A simulation adds three lengths to those of the bodies. The contact at a smaller clearance is as good as
+the nominal one if each length keeps its ratio to the clearance:
+
+- The sagitta of the polygons, s = R (1 - cos(pi/n)), about R pi^2 / (2 n^2). A peg on the axis of the bore has the play
+  of aligned polygons, which is wrong by the part s/R at any clearance. But the rim of a tilted peg crosses the mouth
+  while the centre of its tip is off the axis, by up to e = sqrt(R^2 - r^2), about r sqrt(2c): the distance between the
+  axis and a diameter of the peg that is a chord of the mouth. The corners are then apart by the angle e/R, and a corner
+  that is turned by a small angle a comes nearer to a side by R a tan(pi/n). The error over the clearance is up to about
+  sqrt(2/c) pi/n. It is constant if n is proportional to 1/sqrt(c), as is s/C.
+- The overlap of the compressed bodies, delta = k r (F / (E r^2))^m (`models.contact_checks`), under the largest load F
+  that the force guard permits. With m = 0.4 the modulus E is proportional to F C^-2.5.
+- The distance v dt that the peg moves in a step. Bodies that do not yet touch exert no force, so that the first overlap
+  is up to v dt. The speed v is that of the feed, which does not depend on the clearance: dt is proportional to C.
+
+A larger clearance would permit coarser numerics. They stay nominal, because other limits are near: 24 facets are worse
+in a slow slide, the haptic coupling is not stable with a step of 4 ms, and a softer contact adds to the compliance of
+the mount (docs/physics.md).
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+
+from models.bore import MAX_FACETS, facet_sagitta, minimum_facets
+from models.contact_checks import expected_overlap, softest_modulus
+from models.contact_theory import largest_entry_tilt
+from models.hardware_checks import is_multiple
+from models.scenario import FREE_FACETS, FREE_FIXTURE, Scenario
+from models.validation import LIMITS
+
+NOMINAL = Scenario()
+"""The scenario whose numerics were chosen by measurement."""
+
+SYMMETRY = 4
+"""The number of facets is a multiple of this, so that both axes of the gimbal go through corners."""
+
+TOLERANCE = 1e-9
+"""Relative difference of two lengths or times that counts as rounding."""
+
+
+def numerics_of_clearance(scenario: Scenario) -> Scenario:
+    """Returns a copy of a valid scenario with the facets, the modulus and the time step that its clearance requires.
+
+    The copy is valid. The nominal scenario is returned unchanged. At a clearance above the nominal one the numerics are
+    the nominal ones.
+
+    Args:
+        scenario: Scenario whose geometry, fixture, periods and force limit count; not modified.
+    """
+    chosen = copy.deepcopy(scenario)
+    g = chosen.geometry
+    g.facets = facets_of_clearance(
+        hole_radius=g.hole_radius, clearance=g.clearance, spins=scenario.fixture == FREE_FIXTURE
+    )
+    chosen.contact.modulus = modulus_of_clearance(
+        clearance=g.clearance, peg_radius=g.peg_radius, load=scenario.controller.force_limit
+    )
+    chosen.contact.time_step = _common_step(
+        scenario.controller.period, scenario.recorder.period, longest=step_of_clearance(g.clearance)
+    )
+    return chosen
+
+
+def facets_of_clearance(*, hole_radius: float, clearance: float, spins: bool) -> int:
+    """Returns the number of facets whose sagitta is at most the nominal part of the clearance.
+
+    Args:
+        hole_radius: R, m.
+        clearance: R - r, m.
+        spins: Whether the peg may rotate about its axis. Then a quarter of the clearance is the bound (see
+            `models.bore.minimum_facets`).
+    """
+    g = NOMINAL.geometry
+    if spins:
+        fewest, needed = FREE_FACETS, float(minimum_facets(hole_radius, clearance))
+    else:
+        part = facet_sagitta(g.hole_radius, g.facets) / g.clearance
+        ratio = min(clearance / hole_radius, g.clearance / g.hole_radius)
+        fewest, needed = g.facets, math.pi / math.acos(1.0 - part * ratio)
+    return min(MAX_FACETS, max(fewest, SYMMETRY * math.ceil(needed * (1.0 - TOLERANCE) / SYMMETRY)))
+
+
+def modulus_of_clearance(*, clearance: float, peg_radius: float, load: float) -> float:
+    """Returns the modulus (Pa) at which the overlap under a load is at most the nominal part of the clearance.
+
+    It has three significant digits, and is at least the nominal one.
+
+    Args:
+        clearance: R - r, m.
+        peg_radius: r, m.
+        load: Largest load of the contact, N; below the nominal force limit of the controller, that limit counts.
+    """
+    g, limit, nominal = NOMINAL.geometry, NOMINAL.controller.force_limit, NOMINAL.contact.modulus
+    part = expected_overlap(modulus=nominal, peg_radius=g.peg_radius, load=limit) / g.clearance
+    needed = softest_modulus(clearance=part * clearance, peg_radius=peg_radius, load=max(load, limit))
+    return max(nominal, float(f"{needed:.3g}"))
+
+
+def step_of_clearance(clearance: float) -> float:
+    """Returns the longest time step (s) in which the peg moves by at most the nominal part of the clearance (m)."""
+    shortest = LIMITS["contact.time_step"][0]
+    return max(shortest, NOMINAL.contact.time_step * min(1.0, clearance / NOMINAL.geometry.clearance))
+
+
+def _common_step(first: float, second: float, *, longest: float) -> float:
+    """Returns the longest step, up to ``longest``, of which both periods are multiples (all in s).
+
+    If there is none within the limits of a scenario, it is the shortest step within them.
+    """
+    shortest = LIMITS["contact.time_step"][0]
+    counts = range(1, math.floor(first / shortest * (1.0 + TOLERANCE)) + 1)
+    steps = [first / count for count in counts if is_multiple(second, first / count)]
+    return next((step for step in steps if step <= longest * (1.0 + TOLERANCE)), steps[-1])
+
+
+def start_of_clearance(scenario: Scenario) -> Scenario:
+    """Returns a copy whose ranges of the initial tilt are at most the nominal part of the largest tilt that enters.
+
+    This changes the task, not the numerics. The largest tilt at which the tip passes the mouth, arccos(r/R), is about
+    sqrt(2c). The nominal ranges are 0.59 of it in a trial and 0.70 in a demonstration, on each axis, so that a peg that
+    is tilted about both axes of a trial has at most 0.84 of it. The ranges shrink with it; they do not grow at a larger
+    clearance, where the turns of the controller and the demonstrated tilts are limited.
+
+    Args:
+        scenario: Scenario whose geometry counts; not modified. Ranges that are smaller stay, as does a given tilt.
+    """
+    chosen = copy.deepcopy(scenario)
+    g, nominal, start = NOMINAL.geometry, NOMINAL.start, chosen.start
+    largest = largest_entry_tilt(peg_radius=g.peg_radius, hole_radius=g.hole_radius)
+    own = largest_entry_tilt(peg_radius=chosen.geometry.peg_radius, hole_radius=chosen.geometry.hole_radius)
+    part = min(1.0, own / largest)
+    start.tilt_range = min(start.tilt_range, part * nominal.tilt_range)
+    start.demonstrated_tilt_range = min(start.demonstrated_tilt_range, part * nominal.demonstrated_tilt_range)
+    return chosen

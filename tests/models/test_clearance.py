@@ -1,0 +1,193 @@
+"""Numerics and start that follow the clearance."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from models.bore import MAX_FACETS, facet_sagitta, minimum_clearance
+from models.clearance import (
+    facets_of_clearance,
+    modulus_of_clearance,
+    numerics_of_clearance,
+    start_of_clearance,
+    step_of_clearance,
+)
+from models.contact_checks import expected_overlap
+from models.contact_theory import largest_entry_tilt
+from models.scenario import (
+    FIXTURES,
+    FREE_FACETS,
+    SCENARIO_FOLDER,
+    Scenario,
+    dump_scenario,
+    load_scenario,
+    validate_scenario,
+)
+
+NAMES = sorted(path.stem for path in SCENARIO_FOLDER.glob("*.yaml"))
+RADII = st.floats(1e-4, 0.015)
+RATIOS = st.floats(math.log(1e-4), math.log(0.5)).map(math.exp)  # C / r
+
+
+def scenario_of(ratio, *, radius=0.010, fixture="rig"):
+    scenario = Scenario()
+    scenario.geometry.peg_radius, scenario.geometry.hole_radius = radius, radius * (1.0 + ratio)
+    scenario.fixture = fixture
+    if fixture == "free":
+        scenario.geometry.facets = MAX_FACETS
+    return scenario
+
+
+def numbers(scenario):
+    return scenario.geometry.facets, scenario.contact.modulus, scenario.contact.time_step
+
+
+def test_the_nominal_scenario_is_unchanged():
+    assert numerics_of_clearance(Scenario()) == Scenario() == start_of_clearance(Scenario())
+    assert numbers(numerics_of_clearance(load_scenario())) == (32, 5.5e11, 2e-3)
+
+
+@pytest.mark.parametrize("radius", [0.010, 0.0099999999999, 0.0100000000001])
+def test_rounding_does_not_change_the_nominal_numerics(radius):
+    assert numbers(numerics_of_clearance(scenario_of(0.005, radius=radius))) == (32, 5.5e11, 2e-3)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "expected"),
+    [
+        *((ratio, (32, 5.5e11, 2e-3)) for ratio in (0.14, 0.038, 0.014, 0.005)),
+        # 32 sqrt(2) = 45.3 facets, the next multiple of 4; 5.5e11 Pa 2^2.5 = 3.11e12 Pa; half the step
+        (0.0025, (48, 3.11e12, 1e-3)),
+        # 32 sqrt(5) = 71.6; 5^2.5 = 55.9; a fifth of the step
+        (0.001, (72, 3.07e13, 4e-4)),
+    ],
+)
+def test_the_numerics_of_the_rig_by_hand(ratio, expected):
+    facets, modulus, step = numbers(numerics_of_clearance(scenario_of(ratio)))
+    assert (facets, modulus) == expected[:2]
+    assert step == pytest.approx(expected[2], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "facets"),
+    # A sagitta of a quarter of the clearance: n = pi / acos(1 - c/4), 62.9, 88.9 and 140.5 facets
+    [(0.14, FREE_FACETS), (0.005, FREE_FACETS), (0.0025, 92), (0.001, 144)],
+)
+def test_a_peg_that_may_rotate_has_facets_with_a_quarter_of_the_sagitta(ratio, facets):
+    scenario = numerics_of_clearance(scenario_of(ratio, fixture="free"))
+    g = scenario.geometry
+    assert g.facets == facets
+    assert facet_sagitta(g.hole_radius, g.facets) <= 0.25 * g.clearance
+
+
+def test_the_modulus_keeps_the_part_of_the_clearance_that_bodies_overlap_under_the_force_limit():
+    nominal = expected_overlap(modulus=5.5e11, peg_radius=0.01, load=40.0) / 50e-6
+    for clearance, radius, load in ((25e-6, 0.01, 40.0), (10e-6, 0.005, 40.0), (50e-6, 0.01, 55.0)):
+        modulus = modulus_of_clearance(clearance=clearance, peg_radius=radius, load=load)
+        overlap = expected_overlap(modulus=modulus, peg_radius=radius, load=load)
+        assert overlap / clearance == pytest.approx(nominal, rel=3e-3)
+    scenario = Scenario()
+    scenario.controller.force_limit = 80.0
+    assert numerics_of_clearance(scenario).contact.modulus == 1.1e12
+    scenario.controller.force_limit = 21.0  # no softer than nominal
+    assert numerics_of_clearance(scenario).contact.modulus == 5.5e11
+
+
+@pytest.mark.parametrize(
+    ("controller", "recorder", "step", "expected"),
+    [
+        (0.02, 0.02, 1e-3, 1e-3),
+        (0.025, 0.01, 1e-3, 1e-3),  # 5 ms divide both; 1 ms is the longest common step up to the limit
+        (0.003, 0.002, 1e-3, 1e-3),
+        (0.0021, 0.0014, 7e-4, 7e-4),
+        (0.0225, 0.015, 7.5e-4, 7.5e-3 / 8),
+    ],
+)
+def test_the_step_divides_both_periods(controller, recorder, step, expected):
+    scenario = scenario_of(0.0025)
+    scenario.controller.period, scenario.recorder.period, scenario.contact.time_step = controller, recorder, step
+    validate_scenario(scenario)
+    chosen = numerics_of_clearance(scenario)
+    validate_scenario(chosen)
+    assert chosen.contact.time_step == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_step_is_not_below_the_limit_of_a_scenario():
+    assert step_of_clearance(25e-6) == pytest.approx(1e-3, rel=1e-12)
+    assert step_of_clearance(1e-9) == 1e-5
+    scenario = scenario_of(1e-4, radius=1e-4)
+    scenario.controller.period = scenario.recorder.period = 7 * 1.5e-5
+    scenario.contact.time_step = 1.5e-5
+    chosen = numerics_of_clearance(scenario)
+    assert chosen.contact.time_step == pytest.approx(1.05e-5)  # a tenth of the period; 1e-5 does not divide it
+
+
+@given(radius=RADII, ratio=RATIOS, fixture=st.sampled_from(FIXTURES), divisor=st.integers(1, 40))
+@example(radius=0.01, ratio=1.0001 * minimum_clearance(0.01) / 0.01, fixture="free", divisor=10)
+@settings(deadline=None)
+def test_every_valid_scenario_gets_valid_numerics_no_coarser_than_nominal(radius, ratio, fixture, divisor):
+    scenario = scenario_of(ratio, radius=radius, fixture=fixture)
+    scenario.contact.modulus = 1e300
+    scenario.sensor.force_quantum = scenario.sensor.torque_quantum = 1e-6
+    scenario.controller.period, scenario.recorder.period = 0.02, 0.03
+    scenario.contact.time_step = 0.01 / divisor
+    validate_scenario(scenario)
+    before = dump_scenario(scenario)
+    chosen = start_of_clearance(numerics_of_clearance(scenario))
+    validate_scenario(chosen)
+    assert dump_scenario(scenario) == before
+    facets, modulus, step = numbers(chosen)
+    assert facets >= 32
+    assert facets % 4 == 0
+    assert modulus >= 5.5e11
+    assert step <= 2e-3 * (1 + 1e-9)
+    assert numerics_of_clearance(chosen) == chosen
+
+
+@given(radius=RADII, ratio=RATIOS, factor=st.floats(1.0, 10.0), spins=st.booleans(), load=st.floats(1.0, 1e3))
+def test_a_smaller_clearance_never_has_coarser_numerics(radius, ratio, factor, spins, load):
+    wide, narrow = ratio * radius, ratio * radius / factor
+    if narrow < minimum_clearance(radius):
+        return
+    facets = [facets_of_clearance(hole_radius=radius + c, clearance=c, spins=spins) for c in (narrow, wide)]
+    moduli = [modulus_of_clearance(clearance=c, peg_radius=radius, load=load) for c in (narrow, wide)]
+    assert facets[0] >= facets[1]
+    assert moduli[0] >= moduli[1]
+    assert step_of_clearance(narrow) <= step_of_clearance(wide)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_scenarios_of_the_project_get_valid_numerics(name):
+    validate_scenario(numerics_of_clearance(load_scenario(name)))
+
+
+# start
+
+
+@pytest.mark.parametrize(
+    ("ratio", "trial", "demonstrated"),
+    # arccos(1/1.0025) / arccos(1/1.005) = 4.0472 / 5.7177 deg = 0.70784
+    [(0.14, 3.4, 4.0), (0.014, 3.4, 4.0), (0.0025, 3.4 * 0.70784, 4.0 * 0.70784)],
+)
+def test_the_start_keeps_its_part_of_the_largest_tilt_that_enters(ratio, trial, demonstrated):
+    start = start_of_clearance(scenario_of(ratio)).start
+    assert np.degrees(start.tilt_range) == pytest.approx(trial, rel=1e-5)
+    assert np.degrees(start.demonstrated_tilt_range) == pytest.approx(demonstrated, rel=1e-5)
+
+
+@given(ratio=RATIOS)
+def test_every_start_of_a_trial_enters(ratio):
+    scenario = start_of_clearance(scenario_of(ratio))
+    g = scenario.geometry
+    largest = largest_entry_tilt(peg_radius=g.peg_radius, hole_radius=g.hole_radius)
+    assert math.sqrt(2.0) * scenario.start.tilt_range < 0.85 * largest
+    assert scenario.start.demonstrated_tilt_range < 0.71 * largest
+
+
+def test_smaller_ranges_and_given_tilts_stay():
+    scenario = load_scenario("tight")
+    scenario.start.tilt = [0.01, -0.02]
+    assert start_of_clearance(scenario) == scenario
