@@ -1,7 +1,7 @@
 """Numerics and start of a scenario that follow its clearance C = R - r.
 
 The numerics of the nominal scenario, with C = 50 um and c = C/r = 0.005, were chosen by measurement (docs/physics.md,
-"Convergence"). A simulation adds three lengths to those of the bodies. The contact at a smaller clearance is as good as
+"Convergence"). A simulation adds three lengths to those of the bodies. The contact at another clearance is as good as
 the nominal one if each length keeps its ratio to the clearance:
 
 - The sagitta of the polygons, s = R (1 - cos(pi/n)), about R pi^2 / (2 n^2). A peg on the axis of the bore has the play
@@ -10,14 +10,22 @@ the nominal one if each length keeps its ratio to the clearance:
   axis and a diameter of the peg that is a chord of the mouth. The corners are then apart by the angle e/R, and a corner
   that is turned by a small angle a comes nearer to a side by R a tan(pi/n). The error over the clearance is up to about
   sqrt(2/c) pi/n. It is constant if n is proportional to 1/sqrt(c), as is s/C.
-- The overlap of the compressed bodies, delta = k r (F / (E r^2))^m (`models.contact_checks`), under the largest load F
-  that the force guard permits. With m = 0.4 the modulus E is proportional to F C^-2.5.
 - The distance v dt that the peg moves in a step. Bodies that do not yet touch exert no force, so that the first overlap
   is up to v dt. The speed v is that of the feed, which does not depend on the clearance: dt is proportional to C.
+- The overlap of the compressed bodies, delta = k r (F / (E r^2))^m (`models.contact_checks`), under the largest load F
+  that the force guard permits. With m = 0.4 the modulus E is proportional to F C^-2.5.
 
-A larger clearance would permit coarser numerics. They stay nominal, because other limits are near: 24 facets are worse
-in a slow slide, the haptic coupling is not stable with a step of 4 ms, and a softer contact adds to the compliance of
-the mount (docs/physics.md).
+Three other quantities bound the modulus:
+
+- Drake extrapolates the pressure over a step, by about E v dt / r (`models.bore.BrokenEdge`). Where the area of contact
+  does not depend on C, as along a line, this is a force that grows with E dt and adds to friction and impacts. E dt is
+  at most the nominal one. Below the nominal clearance this leaves E proportional to 1/C, and delta/C to C^-0.6.
+- Trials are trusted up to an overlap of a quarter of the clearance. delta must be smaller under the load F. With the
+  nominal peg this counts below c = 0.0008.
+- The deflection F/K of the mount, with the stiffness K. The contact must add little to it. This counts above c = 0.024.
+
+A larger clearance would permit fewer facets and a longer step. They stay nominal, because other limits are near: 24
+facets are worse in a slow slide, and the haptic coupling is not stable with a step of 4 ms (docs/physics.md).
 """
 
 from __future__ import annotations
@@ -38,6 +46,12 @@ NOMINAL = Scenario()
 SYMMETRY = 4
 """The number of facets is a multiple of this, so that both axes of the gimbal go through corners."""
 
+TRUSTED_PART = 0.25
+"""Largest overlap over the clearance under the largest load; a trial with a deeper one is not trusted."""
+
+MOUNT_PART = 0.1
+"""Largest overlap over the deflection of the nominal mount, both under the largest load."""
+
 TOLERANCE = 1e-9
 """Relative difference of two lengths or times that counts as rounding."""
 
@@ -45,8 +59,8 @@ TOLERANCE = 1e-9
 def numerics_of_clearance(scenario: Scenario) -> Scenario:
     """Returns a copy of a valid scenario with the facets, the modulus and the time step that its clearance requires.
 
-    The copy is valid. The nominal scenario is returned unchanged. At a clearance above the nominal one the numerics are
-    the nominal ones.
+    The copy is valid. The nominal scenario is returned unchanged. At a clearance above the nominal one facets and step
+    are the nominal ones.
 
     Args:
         scenario: Scenario whose geometry, fixture, periods and force limit count; not modified.
@@ -85,19 +99,28 @@ def facets_of_clearance(*, hole_radius: float, clearance: float, spins: bool) ->
 
 
 def modulus_of_clearance(*, clearance: float, peg_radius: float, load: float) -> float:
-    """Returns the modulus (Pa) at which the overlap under a load is at most the nominal part of the clearance.
+    """Returns the modulus (Pa), to three significant digits.
 
-    It has three significant digits, and is at least the nominal one.
+    The overlap under the load is the nominal part of the clearance, if that needs no larger product of modulus and step
+    than the nominal one. It is at most `TRUSTED_PART` of the clearance, and `MOUNT_PART` of the deflection of the
+    nominal mount under that load.
 
     Args:
         clearance: R - r, m.
         peg_radius: r, m.
         load: Largest load of the contact, N; below the nominal force limit of the controller, that limit counts.
     """
-    g, limit, nominal = NOMINAL.geometry, NOMINAL.controller.force_limit, NOMINAL.contact.modulus
-    part = expected_overlap(modulus=nominal, peg_radius=g.peg_radius, load=limit) / g.clearance
-    needed = softest_modulus(clearance=part * clearance, peg_radius=peg_radius, load=max(load, limit))
-    return max(nominal, float(f"{needed:.3g}"))
+    g, contact, limit = NOMINAL.geometry, NOMINAL.contact, NOMINAL.controller.force_limit
+    largest = max(load, limit)
+
+    def softest(overlap: float) -> float:
+        return softest_modulus(clearance=overlap, peg_radius=peg_radius, load=largest)
+
+    part = expected_overlap(modulus=contact.modulus, peg_radius=g.peg_radius, load=limit) / g.clearance
+    stiffest = contact.modulus * contact.time_step / step_of_clearance(clearance)
+    needed = min(softest(part * clearance), stiffest)
+    allowed = min(TRUSTED_PART * clearance, MOUNT_PART * largest / NOMINAL.rig.mount_stiffness)
+    return float(f"{max(needed, softest(allowed)):.3g}")
 
 
 def step_of_clearance(clearance: float) -> float:

@@ -7,6 +7,7 @@ tip's centre below the mouth, the inner edge of the chamfer.
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +54,20 @@ def converged(scenario: Scenario, friction: float) -> Scenario:
     return finer
 
 
+def stiffer(scenario: Scenario, friction: float) -> Scenario:
+    """The scenario as `converged`, with the stiffer contact with which wedging is measured."""
+    finer = converged(scenario, friction)
+    finer.contact.modulus = 1e11
+    return finer
+
+
+def unchanged(scenario: Scenario, friction: float) -> Scenario:
+    """The scenario with its own numerics, and the friction replaced."""
+    own = copy.deepcopy(scenario)
+    own.contact.friction = friction
+    return own
+
+
 @dataclass(frozen=True)
 class PegTheory:
     """The sizes in the equations of the theory, m.
@@ -97,7 +112,7 @@ def _play(probe: ContactProbe, sizes: PegTheory, tilt: float, depth: float) -> f
     tip = sizes.r * np.cos(tilt) - sizes.R
     mouth = sizes.R - sizes.r / np.cos(tilt) - depth * np.tan(tilt)
     ends = []
-    for reach in (-3e-4, 3e-4):
+    for reach in (-6.0 * (sizes.R - sizes.r), 6.0 * (sizes.R - sizes.r)):
         free, touching = 0.5 * (tip + mouth), 0.5 * (tip + mouth) + reach
         while abs(touching - free) > 1e-9:
             middle = 0.5 * (free + touching)
@@ -145,7 +160,14 @@ class JammingTrials:
 
 
 def jamming_trials(
-    scenario: Scenario, friction: float, *, depth: float, count: int, seed: int, reach: float = 1.5
+    scenario: Scenario,
+    friction: float,
+    *,
+    depth: float,
+    count: int,
+    seed: int,
+    reach: float = 1.5,
+    numerics: Callable[[Scenario, float], Scenario] = converged,
 ) -> JammingTrials:
     """Trials with random loads, uniform over an area ``reach`` times the parallelogram in both directions.
 
@@ -156,6 +178,7 @@ def jamming_trials(
         count: number of trials.
         seed: seed of the loads.
         reach: size of the area over that of the parallelogram.
+        numerics: `converged`, or `unchanged` for those of the scenario.
     """
     sizes = PegTheory.of(scenario)
     lam = float(slenderness(depth, peg_radius=sizes.r, friction=friction))
@@ -163,7 +186,7 @@ def jamming_trials(
     edge, two_point = rng.uniform(-reach, reach, (2, count))
     x = edge / friction
     m = lam * two_point - friction * (1.0 + lam) * x
-    probe = ContactProbe(converged(scenario, friction), mass=0.15, inertia=3e-5, damping=(5.0, 0.0, 0.05))
+    probe = ContactProbe(numerics(scenario, friction), mass=0.15, inertia=3e-5, damping=(5.0, 0.0, 0.05))
     slid = np.array([_slides(probe, sizes, depth, a, b, np.sign(s)) for a, b, s in zip(x, m, two_point, strict=True)])
     return JammingTrials(x, m, jamming_load(x, m, slenderness=lam, friction=friction), slid, lam)
 
@@ -273,15 +296,16 @@ def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float, push: float
     return squeeze() / loaded
 
 
-def measured_wedging_tilt(scenario: Scenario, friction: float) -> tuple[float, Array]:
+def measured_wedging_tilt(
+    scenario: Scenario, friction: float, *, numerics: Callable[[Scenario, float], Scenario] = stiffer
+) -> tuple[float, Array]:
     """Minimum tilt at which a squeezed peg stays squeezed, rad, and tilt (rad) and kept part of every trial, (n, 2).
 
-    The tilt is NaN if the peg does not change from slipping to holding within the tilts that the bore allows.
+    ``numerics`` is `stiffer`, or `unchanged` for those of the scenario. The tilt is NaN if the peg does not change from
+    slipping to holding within the tilts that the bore allows.
     """
     sizes = PegTheory.of(scenario)
-    stiff = converged(scenario, friction)
-    stiff.contact.modulus = 1e11
-    probe = ContactProbe(stiff, mass=0.15, inertia=3e-5, damping=(0.0, 0.0, 0.002))
+    probe = ContactProbe(numerics(scenario, friction), mass=0.15, inertia=3e-5, damping=(0.0, 0.0, 0.002))
     law = wedging_tilt(peg_radius=sizes.r, hole_radius=sizes.R, friction=friction)
     # Two-point contact must begin above the floor of the bore, and at a tilt that still enters.
     deepest = 0.95 * (scenario.geometry.hole_depth - scenario.geometry.chamfer)
