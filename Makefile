@@ -46,7 +46,7 @@ campaign: environment
 fuzz: environment
 	$(RUN) tests.fuzz --jobs 2 --json out/fuzz.json
 
-PHYSICS := theory convergence engines realtime
+PHYSICS := theory convergence clearance engines realtime
 LEARNERS := clustering clustering_speed regression regression_intervals contact_states
 BENCHMARKS := $(PHYSICS:%=physics.%) $(LEARNERS:%=learners.%) rig.mujoco
 

@@ -11,6 +11,8 @@ largest that enters:
 
 - play: largest error of the depth of two-point contact, from the meshes, at 0.3, 0.55 and 0.8 of that tilt;
 - entry: error of the largest tilt that enters, from the meshes;
+- mouth: median gap of the round bodies, over the clearance C, where the meshes of a tilted peg that is off the axis
+  begin to touch at the mouth (200 poses);
 - depth: error of the depth at rest of a peg with 0.3 of that tilt under a push of 5 N;
 - overlap: depth of overlap of the round bodies there, over the clearance C, under 5 N and under 40 N;
 - light, firm: error of the axial force of a peg that slides at a depth of 15 mm under 4 mN m and 0.2 N m, to the
@@ -53,6 +55,7 @@ from benchmarks.physics.contact_measurements import (
     measured_entry_tilt,
     measured_two_point_depth,
     measured_wedging_tilt,
+    mouth_gaps,
     unchanged,
 )
 from benchmarks.physics.contact_probe import ContactProbe
@@ -78,8 +81,9 @@ TILTS = (0.3, 0.55, 0.8)
 
 PUSHES = (5.0, 40.0)  # N
 SLIDE_DEPTH, JAM_DEPTH = 0.015, 0.020  # m
+POSES = 200  # at the mouth
 SEED = 0
-"""Seed of the loads in the jamming diagram."""
+"""Seed of these poses and of the loads in the jamming diagram."""
 
 
 def clearances(text: str) -> list[float]:
@@ -143,6 +147,7 @@ def measure(scenario: Scenario, points: int) -> dict[str, Any]:
     return {
         "play": float(np.abs(depths / two_point_depth(tilts, **size) - 1.0).max()),
         "entry": measured_entry_tilt(probe, sizes) / largest - 1.0,
+        "mouth": float(np.median(mouth_gaps(scenario, count=POSES, seed=SEED))) / clearance,
         "depth": pressed[0]["depth_error"],
         **{
             f"overlap_{push:.0f}n": 1e-6 * row["overlap_um"] / clearance

@@ -13,10 +13,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydrake.math import RigidTransform, RotationMatrix
 
-from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe
+from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe, PosedMeshes
 from models.contact_theory import (
     jamming_load,
+    largest_entry_tilt,
     slenderness,
     two_point_axial_force,
     two_point_depth,
@@ -25,6 +27,7 @@ from models.contact_theory import (
 )
 from models.scenario import Scenario
 from skill.arrays import Array
+from systems.runs.penetration import round_bodies
 
 CRAWLING: dict[str, Any] = {"mass": 0.15, "inertia": 3e-5, "damping": (5.0, 400.0, 0.01)}
 """A probe whose large damping of z makes the peg slide slowly, so that inertia and the damping of the tilt are
@@ -321,3 +324,34 @@ def measured_wedging_tilt(
         trials.append((middle, squeeze_kept(probe, sizes, middle)))
         free, wedged = (free, middle) if trials[-1][1] >= MIN_KEPT_SQUEEZE else (middle, wedged)
     return 0.5 * (free + wedged), np.array(sorted(trials))
+
+
+def mouth_gaps(scenario: Scenario, *, count: int, seed: int) -> Array:
+    """Gaps of the round bodies at which the meshes begin to touch, (count,), m; negative where the bodies overlap.
+
+    The block is turned about both axes of the gimbal, each by up to 0.7 of the largest tilt that enters, and the centre
+    of the tip is off the axis of the bore by up to half of sqrt(R^2 - r^2) (see `models.clearance`). The peg comes down
+    until the meshes touch.
+
+    Args:
+        scenario: geometry of the bodies.
+        count: number of poses.
+        seed: seed of the poses.
+    """
+    sizes, g = PegTheory.of(scenario), scenario.geometry
+    meshes, rng = PosedMeshes(scenario), np.random.default_rng(seed)
+    largest, reach = largest_entry_tilt(peg_radius=sizes.r, hole_radius=sizes.R), np.sqrt(sizes.R**2 - sizes.r**2)
+    centres: list[Array] = []
+    axes: list[Array] = []
+    while len(centres) < count:
+        pitch, yaw = rng.uniform(-0.7 * largest, 0.7 * largest, 2)
+        R_HP = (RotationMatrix.MakeXRotation(pitch) @ RotationMatrix.MakeYRotation(yaw)).inverse()
+        direction, offset = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 0.5 * reach)
+        p = np.array([offset * np.cos(direction), offset * np.sin(direction), 0.0])
+        free, touching = 2.0 * sizes.r * np.sin(largest), -0.8 * g.hole_depth
+        while free - touching > 1e-9:
+            p[2] = 0.5 * (free + touching)
+            free, touching = (free, p[2]) if meshes.touch(RigidTransform(R_HP, p)) else (p[2], touching)
+        centres.append(np.array([p[0], p[1], free]))
+        axes.append(R_HP.matrix()[:, 2])
+    return round_bodies(g).gap(centres, axes)

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.geometry import HydroelasticContactRepresentation
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.analysis import Simulator
@@ -168,4 +169,29 @@ class ContactProbe:
     def touches(self) -> bool:
         """Whether the meshes overlap at the present pose."""
         query = self.plant.get_geometry_query_input_port().Eval(self._own)
+        return bool(query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon))
+
+
+class PosedMeshes:
+    """The meshes of peg and bore at any pose, without a simulation.
+
+    Args:
+        scenario: geometry of the bodies.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        builder = DiagramBuilder()
+        plant, scene_graph = add_hydroelastic_plant(builder, scenario)
+        inertia = SpatialInertia(1.0, np.zeros(3), UnitInertia.SolidSphere(0.01))
+        block, self._peg = (plant.AddRigidBody(name, inertia) for name in ("block", "peg"))
+        plant.WeldFrames(plant.world_frame(), block.body_frame())
+        self._plant = finish_contact_plant(plant, scene_graph, scenario, self._peg, block).plant
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._own = self._plant.GetMyMutableContextFromRoot(self._context)
+
+    def touch(self, X_HP: RigidTransform) -> bool:
+        """Whether the meshes overlap at a pose of the peg in H."""
+        self._plant.SetFreeBodyPose(self._own, self._peg, X_HP)
+        query = self._plant.get_geometry_query_input_port().Eval(self._own)
         return bool(query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon))

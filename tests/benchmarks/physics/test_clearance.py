@@ -20,8 +20,11 @@ from benchmarks.physics.clearance import (
     text,
 )
 from benchmarks.physics.contact_measurements import converged, stiffer, unchanged
+from benchmarks.physics.convergence import MOMENTS
 from models.clearance import numerics_of_clearance
 from models.scenario import Scenario, validate_scenario
+
+COLUMNS = ("play", "entry", "mouth", "depth", "overlap_5n", "overlap_40n", "light", "firm", "jam", "wedge", "cpu")
 
 
 def numbers(scenario):
@@ -78,10 +81,18 @@ def test_values_have_units(key, value, expected):
 @pytest.mark.slow
 def test_the_rule_is_better_than_the_nominal_numerics_at_half_the_clearance():
     nominal, rule = (measure(NUMERICS[name](scenario_of(0.0025)), 2) for name in ("nominal", "rule"))
-    for name in ("play", "depth", "overlap_5n", "overlap_40n"):
-        assert abs(rule[name]) < 0.7 * abs(nominal[name]), name
+    assert set(rule) == set(nominal) == set(COLUMNS)
+    for name, part in (("play", 0.5), ("entry", 0.5), ("mouth", 0.9), ("overlap_40n", 1.0)):
+        assert abs(rule[name]) < part * abs(nominal[name]), name
     assert abs(rule["light"]) < 0.03
-    assert rule["overlap_40n"] < 0.1
+    assert abs(rule["firm"]) < 0.15
+
+
+@pytest.mark.slow
+def test_the_rule_is_better_than_the_nominal_numerics_at_eight_times_the_clearance():
+    nominal, rule = (NUMERICS[name](scenario_of(0.038)) for name in ("nominal", "rule"))
+    for moment in MOMENTS.values():
+        assert abs(slide_error(rule, moment)) < 0.6 * abs(slide_error(nominal, moment))
 
 
 @pytest.mark.slow

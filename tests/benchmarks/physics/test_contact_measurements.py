@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform, RotationMatrix
 
 from benchmarks.physics.contact_measurements import (
     PegTheory,
@@ -9,8 +10,9 @@ from benchmarks.physics.contact_measurements import (
     jamming_trials,
     measured_entry_tilt,
     measured_two_point_depth,
+    mouth_gaps,
 )
-from benchmarks.physics.contact_probe import ContactProbe, PlanarPose
+from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PosedMeshes
 from models.contact_theory import largest_entry_tilt, two_point_depth
 from models.scenario import Scenario
 
@@ -56,3 +58,23 @@ def test_a_held_axis_does_not_move(probe):
     probe.hold()
     probe.step(5)
     assert probe.pose().z < -0.01
+
+
+def test_posed_meshes_touch_where_the_peg_is_wider_than_the_free_space():
+    """A corner of each polygon lies on the axis x; the clearance is 50 um."""
+    meshes = PosedMeshes(Scenario())
+    assert not meshes.touch(RigidTransform([49.9e-6, 0.0, -0.010]))
+    assert meshes.touch(RigidTransform([50.1e-6, 0.0, -0.010]))
+    # A turn about the own axis by half a side costs a sagitta of 48 um.
+    turned = RotationMatrix.MakeZRotation(np.pi / 32)
+    assert not meshes.touch(RigidTransform(turned, [0.0, 0.0, -0.010]))
+    assert meshes.touch(RigidTransform(turned, [4e-6, 0.0, -0.010]))
+
+
+def test_meshes_with_few_facets_touch_before_the_round_bodies_at_the_mouth():
+    coarse, fine = Scenario(), Scenario()
+    fine.geometry.facets = 128
+    gaps = [mouth_gaps(scenario, count=20, seed=0) / 50e-6 for scenario in (coarse, fine)]
+    assert gaps[0].shape == (20,)
+    assert 0.0 < np.median(gaps[1]) < 0.7 * np.median(gaps[0]) < 0.3
+    assert gaps[1].min() > -0.01
