@@ -33,7 +33,7 @@ from __future__ import annotations
 import copy
 import math
 
-from models.bore import MAX_FACETS, facet_sagitta, minimum_facets
+from models.bore import facet_sagitta, minimum_facets
 from models.contact_checks import expected_overlap, softest_modulus
 from models.contact_theory import largest_entry_tilt
 from models.hardware_checks import is_multiple
@@ -93,9 +93,8 @@ def facets_of_clearance(*, hole_radius: float, clearance: float, spins: bool) ->
         fewest, needed = FREE_FACETS, float(minimum_facets(hole_radius, clearance))
     else:
         part = facet_sagitta(g.hole_radius, g.facets) / g.clearance
-        ratio = min(clearance / hole_radius, g.clearance / g.hole_radius)
-        fewest, needed = g.facets, math.pi / math.acos(1.0 - part * ratio)
-    return min(MAX_FACETS, max(fewest, SYMMETRY * math.ceil(needed * (1.0 - TOLERANCE) / SYMMETRY)))
+        fewest, needed = g.facets, math.pi / math.acos(1.0 - part * clearance / hole_radius)
+    return max(fewest, SYMMETRY * math.ceil(needed * (1.0 - TOLERANCE) / SYMMETRY))
 
 
 def modulus_of_clearance(*, clearance: float, peg_radius: float, load: float) -> float:
@@ -136,7 +135,7 @@ def _common_step(first: float, second: float, *, longest: float) -> float:
     """
     shortest = LIMITS["contact.time_step"][0]
     counts = range(1, math.floor(first / shortest * (1.0 + TOLERANCE)) + 1)
-    steps = [first / count for count in counts if is_multiple(second, first / count)]
+    steps = [max(shortest, first / count) for count in counts if is_multiple(second, first / count)]
     return next((step for step in steps if step <= longest * (1.0 + TOLERANCE)), steps[-1])
 
 
@@ -145,17 +144,17 @@ def start_of_clearance(scenario: Scenario) -> Scenario:
 
     This changes the task, not the numerics. The largest tilt at which the tip passes the mouth, arccos(r/R), is about
     sqrt(2c). The nominal ranges are 0.59 of it in a trial and 0.70 in a demonstration, on each axis, so that a peg that
-    is tilted about both axes of a trial has at most 0.84 of it. The ranges shrink with it; they do not grow at a larger
-    clearance, where the turns of the controller and the demonstrated tilts are limited.
+    is tilted about both axes of a trial has at most 0.84 of it. Ranges that are smaller stay: at a larger clearance the
+    turns of the controller and the demonstrated tilts are limited.
 
     Args:
-        scenario: Scenario whose geometry counts; not modified. Ranges that are smaller stay, as does a given tilt.
+        scenario: Scenario whose geometry counts; not modified. A given tilt stays.
     """
     chosen = copy.deepcopy(scenario)
     g, nominal, start = NOMINAL.geometry, NOMINAL.start, chosen.start
     largest = largest_entry_tilt(peg_radius=g.peg_radius, hole_radius=g.hole_radius)
     own = largest_entry_tilt(peg_radius=chosen.geometry.peg_radius, hole_radius=chosen.geometry.hole_radius)
-    part = min(1.0, own / largest)
+    part = own / largest
     start.tilt_range = min(start.tilt_range, part * nominal.tilt_range)
     start.demonstrated_tilt_range = min(start.demonstrated_tilt_range, part * nominal.demonstrated_tilt_range)
     return chosen

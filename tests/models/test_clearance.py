@@ -129,6 +129,7 @@ def test_a_force_limit_below_the_nominal_one_does_not_count():
         (0.025, 0.01, 1e-3, 1e-3),  # 5 ms divide both; 1 ms is the longest common step up to the limit
         (0.003, 0.002, 1e-3, 1e-3),
         (0.0021, 0.0014, 7e-4, 7e-4),
+        (7e-5, 19e-5, 1e-5, 1e-5),  # no other step divides both
         (0.0225, 0.015, 7.5e-4, 7.5e-3 / 8),
     ],
 )
@@ -212,6 +213,16 @@ def test_every_start_of_a_trial_enters(ratio):
     largest = largest_entry_tilt(peg_radius=g.peg_radius, hole_radius=g.hole_radius)
     assert math.sqrt(2.0) * scenario.start.tilt_range < 0.85 * largest
     assert scenario.start.demonstrated_tilt_range < 0.71 * largest
+
+
+def test_a_range_beyond_the_tilts_that_enter_shrinks_in_the_copy_only():
+    scenario = scenario_of(0.014)
+    scenario.start.tilt_range = scenario.start.demonstrated_tilt_range = math.radians(20.0)
+    chosen = start_of_clearance(scenario).start
+    # arccos(1/1.014) = 9.532 deg
+    assert np.degrees(chosen.tilt_range) == pytest.approx(3.4 / 5.71768 * 9.53199, rel=1e-5)
+    assert np.degrees(chosen.demonstrated_tilt_range) == pytest.approx(4.0 / 5.71768 * 9.53199, rel=1e-5)
+    assert scenario.start.tilt_range == scenario.start.demonstrated_tilt_range == math.radians(20.0)
 
 
 def test_smaller_ranges_and_given_tilts_stay():
