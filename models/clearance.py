@@ -151,10 +151,16 @@ def start_of_clearance(scenario: Scenario) -> Scenario:
         scenario: Scenario whose geometry counts; not modified. A given tilt stays.
     """
     chosen = copy.deepcopy(scenario)
-    g, nominal, start = NOMINAL.geometry, NOMINAL.start, chosen.start
-    largest = largest_entry_tilt(peg_radius=g.peg_radius, hole_radius=g.hole_radius)
-    own = largest_entry_tilt(peg_radius=chosen.geometry.peg_radius, hole_radius=chosen.geometry.hole_radius)
-    part = own / largest
+    nominal, start, part = NOMINAL.start, chosen.start, relative_entry_tilt(chosen)
     start.tilt_range = min(start.tilt_range, part * nominal.tilt_range)
     start.demonstrated_tilt_range = min(start.demonstrated_tilt_range, part * nominal.demonstrated_tilt_range)
     return chosen
+
+
+def relative_entry_tilt(scenario: Scenario) -> float:
+    """Returns the largest tilt at which the tip passes the mouth, over that of the nominal scenario."""
+    own, nominal = (
+        largest_entry_tilt(peg_radius=g.peg_radius, hole_radius=g.hole_radius)
+        for g in (scenario.geometry, NOMINAL.geometry)
+    )
+    return own / nominal

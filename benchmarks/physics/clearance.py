@@ -71,8 +71,8 @@ from models.contact_theory import (
 )
 from models.scenario import Scenario, dump_scenario
 from skill.manipulation_skill import ManipulationSkill
+from systems.metrics.penetration import round_bodies
 from systems.reports.terminal import progress, write_json
-from systems.runs.penetration import round_bodies
 from systems.runs.trial import run_trials
 
 CLEARANCES = (0.14, 0.038, 0.014, 0.005, 0.0025)

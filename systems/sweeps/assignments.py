@@ -15,7 +15,7 @@ from skill.manipulation_skill import ManipulationSkill
 from systems.runs.demonstration_set import Request, requests
 from systems.runs.trial import Arm, trial_scenario
 from systems.sweeps.design.factors import Cell
-from systems.sweeps.design.specification import BASE, PolicyPlan, Specification, overridden, plan_in
+from systems.sweeps.design.specification import BASE, PolicyPlan, Specification, plan_in
 from systems.sweeps.policies import check_imports, policy_digest
 from systems.sweeps.result_blocks import Block, blocks_of
 from systems.sweeps.trial_rows import TrialSource, trial_code
@@ -106,7 +106,7 @@ def assignments(specification: Specification, results: Path, where: str) -> list
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from error
     for cell in specification.cells:
-        scenario = overridden(specification.scenario, cell.scenario_overrides(), where)
+        scenario = specification.scenario_with(cell.scenario_overrides(), where)
         for arm in specification.arms:
             trial_scenario(scenario, number=specification.first, arm=arm)
         for plan in specification.policies:
@@ -131,8 +131,8 @@ def _policies(
         _require_geometry(plan, scenario, None, where)
         yield PolicySource(plan, None, scenario, arm, policy_digest(plan, acting)), numbers
         return
-    place = specification.scenario if teaching.demonstrated_in == BASE else scenario
-    shown = overridden(place, teaching.scenario, where)
+    changed = {} if teaching.demonstrated_in == BASE else cell.scenario_overrides()
+    shown = specification.scenario_with({**changed, **teaching.scenario}, where)
     _require_geometry(plan, scenario, shown, where)
     for k, seed in enumerate(teaching.sets):
         source = DemonstrationSource(shown, teaching.good, teaching.bad, seed)

@@ -17,13 +17,14 @@ For example:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from models.clearance import numerics_of_clearance, start_of_clearance
 from models.document import brief, read_document, read_text
 from models.scenario import Scenario, dump_scenario, load_scenario, parse_scenario
 from systems.runs.demonstration_set import MAX_DEMONSTRATIONS
@@ -39,6 +40,13 @@ GOOD, BAD = 24, 6
 BASE, CELL = "base", "cell"
 PLACES = (BASE, CELL)
 """Where is demonstrated: in the scenario of the sweep, or in that of each cell."""
+
+
+RULES: dict[str, Callable[[Scenario], Scenario]] = {
+    "numerics": numerics_of_clearance,
+    "start": start_of_clearance,
+}
+"""What of a scenario can follow its clearance."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +105,7 @@ class Specification:
         policies: in the order of the file.
         arms: which trials.
         engines: names of the engines that simulate, of ``ENGINES``.
+        rules: names in ``RULES`` of what follows the clearance in every scenario.
         first, number: of the trials.
         text: of the file.
     """
@@ -107,9 +116,25 @@ class Specification:
     policies: list[PolicyPlan]
     arms: tuple[Arm, ...]
     engines: tuple[str, ...]
+    rules: tuple[str, ...]
     first: int
     number: int
     text: str
+
+    def scenario_with(self, overrides: Overrides, where: str) -> Scenario:
+        """Returns the scenario with some overrides, to which the rules are applied.
+
+        Args:
+            overrides: values by their dotted keys.
+            where: name of the file, for messages.
+
+        Raises:
+            ValueError: naming the key that is unknown, or the value that is not allowed.
+        """
+        chosen = overridden(self.scenario, overrides, where)
+        for rule in self.rules:
+            chosen = RULES[rule](chosen)
+        return chosen
 
 
 def read_specification(path: Path) -> Specification:
@@ -136,15 +161,17 @@ def read_specification(path: Path) -> Specification:
         policies=_policies(whole.section("policies"), dict(shared.values)),
         arms=tuple(Arm(name) for name in whole.choices("arms", list(Arm), Arm.DEFAULT)),
         engines=whole.choices("engines", ENGINES, ENGINES[0]),
+        rules=whole.choices("clearance_rules", RULES, "") if "clearance_rules" in whole.values else (),
         first=trials.count("first", 0, least=0, most=2**31 - 1),
         number=trials.count("number", 20, least=1, most=MAX_TRIALS),
         text=text,
     )
     trials.finish()
+    whole.optional("clearance_rules", list)
     whole.finish()
     read_plan(shared, {})
     for cell in cells:
-        overridden(scenario, cell.scenario_overrides(), where)
+        found.scenario_with(cell.scenario_overrides(), where)
         for policy in found.policies:
             plan_in(policy, cell, where)
     return found

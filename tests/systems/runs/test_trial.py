@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from models.clearance import start_of_clearance
 from models.scenario import Scenario, parse_scenario, resolve_scenario
 from skill.features.measurement import contact_loads
 from skill.manipulation_skill import ManipulationSkill
@@ -21,6 +22,7 @@ from systems.runs.trial import (
     Arm,
     run_trial,
     run_trials,
+    stress_tilt,
     trial_scenario,
 )
 
@@ -238,6 +240,16 @@ def test_a_trial_of_the_stress_arm_is_hard_and_one_of_the_scenario(number):
     assert STRESS_PIVOT <= abs(hard.rig.pivot_height) <= scenario.rig.pivot_range
     assert STRESS_FRICTION[0] <= hard.contact.friction <= STRESS_FRICTION[1]
     assert trial_scenario(scenario, number=number, arm=Arm.STRESS) == hard
+
+
+def test_the_tilts_of_the_stress_arm_follow_a_narrow_entrance():
+    narrow, wide = Scenario(), Scenario()
+    narrow.geometry.hole_radius, wide.geometry.hole_radius = 0.010025, 0.0102
+    ratio = math.acos(0.010 / 0.010025) / math.acos(0.010 / 0.01005)
+    assert stress_tilt(narrow) == pytest.approx(ratio * STRESS_TILT)
+    assert stress_tilt(Scenario()) == stress_tilt(wide) == STRESS_TILT
+    hard = trial_scenario(start_of_clearance(narrow), number=84001, arm=Arm.STRESS)
+    assert ratio * STRESS_TILT < math.hypot(*hard.start.tilt) < math.acos(0.010 / 0.010025)
 
 
 def test_the_stress_arm_has_pivots_on_both_sides_and_all_directions_of_tilt():

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from models.clearance import numerics_of_clearance, start_of_clearance
 from models.scenario import load_scenario
 from systems.runs.trial import Arm
 from systems.sweeps.design.checked_mapping import CheckedMapping
@@ -143,6 +144,7 @@ def test_a_factor_of_the_training_changes_the_demonstrations_of_every_policy_tha
         ("trials: {number: 0}\n" + PLAIN, "trials.number is 0, expected 1 to 1000000"),
         ("arms: [hard]\n" + PLAIN, "arms is ['hard'], expected a list of some of"),
         ("engines: [drake, drake]\n" + PLAIN, "expected each name once"),
+        ("clearance_rules: [facets]\n" + PLAIN, "expected a list of some of ['numerics', 'start']"),
         ("engines: [bullet]\n" + PLAIN, "expected a list of some of ['drake', 'mujoco']"),
         ("vary: {contact.frictoin: [0.1]}\n" + PLAIN, "unknown key 'contact.frictoin' of the scenario"),
         ("vary: {contact.friction: [-1]}\n" + PLAIN, "contact.friction is -1"),
@@ -178,3 +180,14 @@ def test_an_overridden_scenario_differs_in_these_keys_only():
     assert (changed.contact.friction, changed.sensor.force_bias) == (0.3, 0.25)
     back = {"contact.friction": nominal.contact.friction, "sensor.force_bias": nominal.sensor.force_bias}
     assert overridden(changed, back, "sweep") == nominal
+
+
+def test_numerics_and_start_follow_the_clearance_by_rule(tmp_path):
+    text = PLAIN + "vary: {geometry.hole_radius: [0.010025, 0.01005]}\n"
+    plain, ruled = read(tmp_path, text), read(tmp_path, text + "clearance_rules: [numerics, start]\n")
+    for cell in plain.cells:
+        own, followed = (s.scenario_with(cell.scenario_overrides(), "sweep") for s in (plain, ruled))
+        assert own == overridden(load_scenario(), cell.scenario_overrides(), "sweep")
+        assert followed == start_of_clearance(numerics_of_clearance(own))
+    assert followed == own  # the nominal clearance
+    assert ruled.scenario_with(ruled.cells[0].scenario_overrides(), "sweep").geometry.facets == 48
