@@ -164,8 +164,8 @@ def _stress_scenario(scenario: Scenario, number: int) -> Scenario:
     if not (math.sqrt(2.0) * largest > 1.05 * least and furthest > STRESS_PIVOT):
         raise ValueError(
             f"start.tilt_range is {math.degrees(largest):.3g} deg and rig.pivot_range {1e3 * furthest:.3g} mm; expected"
-            f" at least {math.degrees(0.75 * least):.2g} deg and more than {1e3 * STRESS_PIVOT:g} mm, or no trial is one of"
-            " the stress arm"
+            f" at least {math.degrees(0.75 * least):.2g} deg and more than {1e3 * STRESS_PIVOT:g} mm, or no trial is"
+            " one of the stress arm"
         )
     rng = np.random.default_rng([STRESS_STREAM, number])
     tilt = np.zeros(2)

@@ -105,11 +105,12 @@ class HeldBlock:
 
     Attributes:
         block: the block.
+        title: of its trials, for the person who waits.
         missing: numbers of the wanted trials that are not in the file yet.
     """
 
-    def __init__(self, block: Block, stack: ExitStack) -> None:
-        self.block = block
+    def __init__(self, block: Block, stack: ExitStack, title: str) -> None:
+        self.block, self.title = block, title
         self._stack = stack
         present = block.present()
         self._rows = [read_block(block.path)] if present else []
@@ -145,7 +146,7 @@ class HeldBlock:
         self._stack.close()
 
 
-def hold(block: Block) -> HeldBlock | None:
+def hold(block: Block, title: str = "") -> HeldBlock | None:
     """Holds a block for this process; returns None if another process holds it.
 
     Raises:
@@ -159,6 +160,6 @@ def hold(block: Block) -> HeldBlock | None:
         except BusyError:
             return None
         remove_unfinished(block.path.parent, [block.path.name])
-        held = HeldBlock(block, stack)
+        held = HeldBlock(block, stack, title)
         held._stack = stack.pop_all()
         return held

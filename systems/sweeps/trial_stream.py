@@ -172,7 +172,7 @@ class TrialStream:
         for block, held in list(self._held.items()):
             for _ in range(held.write()):
                 self.ended.written += 1
-                self._advance(block.path.parent.parent.parent.name)
+                self._advance(held.title)
             if all((block, number) in self._given_up for number in held.missing):
                 held.release()
                 del self._held[block]
@@ -182,7 +182,7 @@ class TrialStream:
         """Yields the missing trials of the blocks that no other sweep holds."""
         while self._todo:
             assignment, block = self._todo.pop(0)
-            held = hold(block)
+            held = hold(block, assignment.source.name)
             if held is None:
                 self._count_elsewhere(block, len(block.missing()))
                 self._busy.append((assignment, block))

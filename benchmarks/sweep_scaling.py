@@ -1,0 +1,98 @@
+"""How fast a sweep performs trials with one process and with two, and what it costs beside the trials.
+
+    python -m benchmarks.sweep_scaling [--trials 40] [--repeats 3] [--jobs 2] [--skill FILE] [--json FILE]
+
+The same trials of one skill are performed by one process and by --jobs, in turn, --repeats times, each time into a new
+folder. Columns: number of processes; trials per minute of wall-clock time, processes started and code read included;
+the ratio to one process; the CPU time of a trial in its worker; and the overhead, the part of the processes' wall-clock
+time in which no trial was performed, over the time of the trials. The first columns are medians over the repeats.
+The number of trials should be large: starting the processes takes some seconds and counts.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml")
+
+import numpy as np
+import pyarrow.dataset as ds
+import yaml
+
+from benchmarks.command_line import argument_parser, run
+from systems.reports.result_tables import plain_table
+from systems.reports.terminal import console, write_json
+from systems.sessions.sweep_session import sweep
+from systems.sweeps.result_blocks import TRIALS
+
+FIRST_TRIAL = 85000
+
+
+def timed(skill: Path, trials: int, jobs: int, folder: Path) -> dict[str, Any]:
+    """The figures of one sweep."""
+    specification = folder / "scaling.yaml"
+    keys = {"policies": {"skill": {"skill": str(skill)}}, "trials": {"first": FIRST_TRIAL, "number": trials}}
+    specification.write_text(yaml.safe_dump(keys))
+    begun = time.perf_counter()
+    sweep(path=specification, out=folder / "results", backend="local", address=None, jobs=jobs)
+    wall = time.perf_counter() - begun
+    rows = ds.dataset(folder / "results" / TRIALS, format="parquet").to_table(columns=["cpu_s"])
+    cpu = float(np.sum(rows["cpu_s"].to_numpy()))
+    return {"jobs": jobs, "trials": rows.num_rows, "wall_s": wall, "trial_cpu_s": cpu / rows.num_rows, "cpu_s": cpu}
+
+
+def summary(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row for each number of processes."""
+    rows = []
+    for jobs in sorted({run["jobs"] for run in runs}):
+        own = [run for run in runs if run["jobs"] == jobs]
+        rows.append(
+            {
+                "jobs": jobs,
+                "trials": own[0]["trials"],
+                "trials_per_min": float(np.median([60.0 * run["trials"] / run["wall_s"] for run in own])),
+                "trial_cpu_s": float(np.median([run["trial_cpu_s"] for run in own])),
+                "overhead": float(np.median([jobs * run["wall_s"] / run["cpu_s"] - 1.0 for run in own])),
+            }
+        )
+    for row in rows:
+        row["ratio"] = row["trials_per_min"] / rows[0]["trials_per_min"]
+    return rows
+
+
+def main() -> None:
+    parser = argument_parser(__doc__)
+    parser.add_argument("--skill", type=Path, default=Path("out/skill.npz"), metavar="FILE", help="of the policy")
+    parser.add_argument("--trials", type=int, default=40, help="trials of each sweep (default: 40)")
+    parser.add_argument("--repeats", type=int, default=3, help="sweeps with each number of processes (default: 3)")
+    parser.add_argument("--jobs", type=int, default=2, help="number of processes compared with one (default: 2)")
+    arguments = parser.parse_args()
+    if min(arguments.trials, arguments.repeats) < 1 or arguments.jobs < 2:
+        raise ValueError("expected --trials and --repeats of at least 1 and --jobs of at least 2")
+    runs = []
+    for _ in range(arguments.repeats):
+        for jobs in (1, arguments.jobs):
+            with tempfile.TemporaryDirectory() as folder:
+                runs.append(timed(arguments.skill, arguments.trials, jobs, Path(folder)))
+    rows = summary(runs)
+    table = plain_table("throughput of a sweep")
+    for title in ("processes", "trials", "per minute", "ratio", "CPU s a trial", "overhead"):
+        table.add_column(title, justify="right")
+    for row in rows:
+        table.add_row(
+            *(str(row["jobs"]), str(row["trials"]), f"{row['trials_per_min']:.1f}", f"{row['ratio']:.2f}"),
+            *(f"{row['trial_cpu_s']:.2f}", f"{100 * row['overhead']:.1f} %"),
+        )
+    console.print(table)
+    if arguments.json is not None:
+        write_json(arguments.json, {"rows": rows, "runs": runs})
+
+
+if __name__ == "__main__":
+    run(main)
