@@ -50,15 +50,15 @@ def timed(skill: Path, trials: int, jobs: int, folder: Path) -> dict[str, Any]:
 def summary(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """One row for each number of processes."""
     rows = []
-    for jobs in sorted({run["jobs"] for run in runs}):
-        own = [run for run in runs if run["jobs"] == jobs]
+    for jobs in sorted({one["jobs"] for one in runs}):
+        own = [one for one in runs if one["jobs"] == jobs]
         rows.append(
             {
                 "jobs": jobs,
                 "trials": own[0]["trials"],
-                "trials_per_min": float(np.median([60.0 * run["trials"] / run["wall_s"] for run in own])),
-                "trial_cpu_s": float(np.median([run["trial_cpu_s"] for run in own])),
-                "overhead": float(np.median([jobs * run["wall_s"] / run["cpu_s"] - 1.0 for run in own])),
+                "trials_per_min": float(np.median([60.0 * one["trials"] / one["wall_s"] for one in own])),
+                "trial_cpu_s": float(np.median([one["trial_cpu_s"] for one in own])),
+                "overhead": float(np.median([jobs * one["wall_s"] / one["cpu_s"] - 1.0 for one in own])),
             }
         )
     for row in rows:
