@@ -24,7 +24,6 @@ from __future__ import annotations
 import copy
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -47,29 +46,21 @@ from benchmarks.rig.comparison import (
     selected,
 )
 from benchmarks.rig.figures import draw_groups
-from benchmarks.rig.learners import Demonstrations, Extrapolating, one_context, one_state, skill_from
+from benchmarks.rig.learners import (
+    Extrapolating,
+    bad_imitated,
+    bad_left_out,
+    literal_competition,
+    one_context,
+    one_state,
+    skill_from,
+)
 from benchmarks.rig.trials import Entry
 from models.scenario import FREE_FACETS, FREE_FIXTURE, Scenario, load_scenario
-from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.features.wrench_features import NormalisedFeatures, RawFeatures
 
 FREE = "free demonstrations"
 EXTRAPOLATING = "turns neither pooled nor limited"
-
-
-def literal_competition() -> CompetitiveAgglomeration:
-    """Competitive Agglomeration as printed in the paper: one start, no merging."""
-    return CompetitiveAgglomeration(bias="literal", merge=None, n_init=1, random_state=0)
-
-
-def bad_left_out(demonstrations: Demonstrations) -> Demonstrations:
-    """Chooses the good demonstrations."""
-    return [d for d in demonstrations if d.good]
-
-
-def bad_imitated(demonstrations: Demonstrations) -> Demonstrations:
-    """Chooses all demonstrations and labels them good."""
-    return [replace(d, good=True) for d in demonstrations]
 
 
 def entries(free: Sequence[Path]) -> list[Entry]:

@@ -5,7 +5,7 @@ Each is a `ControlLaw` with the same limits, force guard and motors as a learnt 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
 from benchmarks.rig.trials import FIRST_TUNING, Record, Setting, attempts
+from models.scenario import Scenario
 from skill.arrays import Array
 from skill.features.measurement import contact_load
 from skill.policy import Action
@@ -183,27 +184,55 @@ ROUNDS = ((1, 2), (3, 4), (8, 8))
 FAILURE_COST = 3.0
 
 
-def cost(row: dict[str, Any], setting: Setting) -> float:
+def cost(row: Mapping[str, Any], scenario: Scenario) -> float:
     """The cost of a trial: its time over the time limit plus its peak load over the limit of the force guard.
 
     A failure costs 3.
     """
     if not row["inserted"]:
         return FAILURE_COST
-    controller = setting.scenario.controller
-    return float(row["time_s"] / setting.scenario.trial.time_limit + row["peak_load_n"] / controller.force_limit)
+    return float(row["time_s"] / scenario.trial.time_limit + row["peak_load_n"] / scenario.controller.force_limit)
 
 
 def tuning_trials(candidates: int) -> int:
-    """Number of trials that `tuned` performs for a number of candidates."""
+    """Number of trials that `tune` performs for a number of candidates."""
     return sum(max(1, candidates // share) * trials for share, trials in ROUNDS)
 
 
-def tuned(law: type[TunedLaw], setting: Setting, record: Record, advance: Callable[[str], None]) -> TunedLaw:
-    """Tunes a law by successive halving, on trials that no comparison uses.
+Perform = Callable[[int, TunedLaw, list[int]], Iterable[Mapping[str, Any]]]
+"""Performs the trials of these numbers with candidate k, and returns their results (`TrialResult.record`)."""
+
+
+def tune(law: type[TunedLaw], scenario: Scenario, candidates: int, perform: Perform) -> tuple[TunedLaw, float]:
+    """Tunes a law by successive halving, on trials that no comparison uses; returns it with its mean cost.
 
     The candidates are the default parameters and a Latin hypercube over the ranges of the law. After each round the
     candidates with the lowest mean `cost` over all their trials go on; the best of the last round is returned.
+
+    Args:
+        law: the class of the law.
+        scenario: unresolved.
+        candidates: their number.
+        perform: performs trials.
+    """
+    peg_radius = scenario.geometry.peg_radius
+    places = qmc.LatinHypercube(len(law.ranges), seed=0).random(candidates - 1)
+    laws = [law(peg_radius=peg_radius), *(law.at(place, peg_radius=peg_radius) for place in places)]
+    left = list(range(candidates))
+    costs: dict[int, list[float]] = {k: [] for k in left}
+    number = FIRST_TUNING
+    for share, trials in ROUNDS:
+        left = left[: max(1, candidates // share)]
+        numbers = list(range(number, number + trials))
+        number += trials
+        for k in left:
+            costs[k] += [cost(row, scenario) for row in perform(k, laws[k], numbers)]
+        left.sort(key=lambda k: float(np.mean(costs[k])))
+    return laws[left[0]], float(np.mean(costs[left[0]]))
+
+
+def tuned(law: type[TunedLaw], setting: Setting, record: Record, advance: Callable[[str], None]) -> TunedLaw:
+    """Tunes a law as `tune` does, in the processes of a setting.
 
     Args:
         law: the class of the law.
@@ -211,24 +240,15 @@ def tuned(law: type[TunedLaw], setting: Setting, record: Record, advance: Callab
         record: results of an interrupted tuning, which are not computed again; receives the new ones.
         advance: is called with a note after each trial.
     """
-    count = setting.candidates
-    peg_radius = setting.scenario.geometry.peg_radius
-    places = qmc.LatinHypercube(len(law.ranges), seed=0).random(count - 1)
-    laws = [law(peg_radius=peg_radius), *(law.at(place, peg_radius=peg_radius) for place in places)]
-    left = list(range(count))
-    costs: dict[int, list[float]] = {k: [] for k in left}
-    number = FIRST_TUNING
-    for share, trials in ROUNDS:
-        left = left[: max(1, count // share)]
-        numbers = list(range(number, number + trials))
-        number += trials
-        for k in left:
-            missing = [n for n in numbers if f"{k}:{n}" not in record.tuning]
-            for row in attempts(setting, laws[k], missing):
-                record.add_tuning(f"{k}:{row['seed']}", row)
-            for n in numbers:
-                costs[k].append(cost(record.tuning[f"{k}:{n}"], setting))
-                advance(f"tuning {law.__name__}, candidate {k}")
-        left.sort(key=lambda k: float(np.mean(costs[k])))
-    record.content["tuned"] = laws[left[0]].parameters() | {"mean_cost": float(np.mean(costs[left[0]]))}
-    return laws[left[0]]
+
+    def perform(k: int, candidate: TunedLaw, numbers: list[int]) -> list[Mapping[str, Any]]:
+        missing = [n for n in numbers if f"{k}:{n}" not in record.tuning]
+        for row in attempts(setting, candidate, missing):
+            record.add_tuning(f"{k}:{row['seed']}", row)
+        for _ in numbers:
+            advance(f"tuning {law.__name__}, candidate {k}")
+        return [record.tuning[f"{k}:{n}"] for n in numbers]
+
+    best, mean_cost = tune(law, setting.scenario, setting.candidates, perform)
+    record.content["tuned"] = best.parameters() | {"mean_cost": mean_cost}
+    return best

@@ -81,6 +81,21 @@ def one_state() -> CompetitiveAgglomeration:
     return CompetitiveAgglomeration(m_init=1)
 
 
+def literal_competition() -> CompetitiveAgglomeration:
+    """Competitive Agglomeration as printed in the paper: one start, no merging."""
+    return CompetitiveAgglomeration(bias="literal", merge=None, n_init=1, random_state=0)
+
+
+def bad_left_out(demonstrations: Demonstrations) -> Demonstrations:
+    """Chooses the good demonstrations."""
+    return [d for d in demonstrations if d.good]
+
+
+def bad_imitated(demonstrations: Demonstrations) -> Demonstrations:
+    """Chooses all demonstrations and labels them good."""
+    return [replace(d, good=True) for d in demonstrations]
+
+
 def one_context() -> ContextMixture:
     """A single context: the skill does not follow how the forces answer to its motions."""
     return ContextMixture(max_contexts=1)

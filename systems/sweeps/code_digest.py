@@ -25,10 +25,19 @@ def code_digest(modules: Iterable[str], packages: Iterable[str] = PACKAGES) -> s
     Raises:
         ValueError: if a module cannot be found.
     """
-    digest, roots = hashlib.sha256(), (*packages,)
-    for name, path in sorted(_closure(frozenset(modules), roots).items()):
-        digest.update(f"{name}\0".encode() + path.read_bytes() + b"\0")
-    for package in roots:
+    return source_digest(sorted(modules_of(modules, packages)), packages)
+
+
+def source_digest(modules: Iterable[str], packages: Iterable[str] = PACKAGES) -> str:
+    """Returns a digest of the source of some modules, without their imports, and of the data files of the packages.
+
+    Raises:
+        ValueError: if a module cannot be found.
+    """
+    digest = hashlib.sha256()
+    for name in modules:
+        digest.update(f"{name}\0".encode() + _source(name).read_bytes() + b"\0")
+    for package in packages:
         for pattern in DATA.get(package, ()):
             for path in sorted(_source(package).parent.glob(pattern)):
                 digest.update(f"{package}/{path.name}\0".encode() + path.read_bytes() + b"\0")

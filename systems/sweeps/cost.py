@@ -11,9 +11,9 @@ import numpy as np
 from systems.sweeps.result_blocks import read_block
 from systems.sweeps.trial_engines import DRAKE, MUJOCO
 
-TRIAL_CPU = {DRAKE: 1.5, MUJOCO: 1.3}  # in units of s; of the default skill, see docs/sweeps.md
-DEMONSTRATION_CPU = 4.0  # in units of s
-POLICY_CPU = 10.0  # in units of s
+TRIAL_CPU = {DRAKE: 1.8, MUJOCO: 1.6}  # in units of s; of the default skill
+DEMONSTRATION_CPU = 2.0  # in units of s
+POLICY_CPU = 6.0  # in units of s
 SAMPLED = 20
 """Number of blocks of an engine whose trials tell what a trial costs."""
 

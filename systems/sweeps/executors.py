@@ -95,9 +95,6 @@ class Executor:
             OSError: if the cluster does not answer.
             Exception: what a task raises.
         """
-        if self.backend == LOCAL and self.jobs == 1:
-            yield from (call(task) for task in tasks)
-            return
         self._connect()
         results: queue.Queue[tuple[R | None, BaseException | None] | None] = queue.Queue(WAITING)
         stopped = threading.Event()
@@ -133,7 +130,6 @@ class Executor:
                     return
                 result, error = item
                 if error is not None and _is_loss(error):
-                    self.disconnect()
                     raise LostWorkerError(str(error)) from error
                 if error is not None:
                     raise error
@@ -148,6 +144,8 @@ class Executor:
             ignore_replaced_workers()
             settings |= {"n_jobs": self.jobs, "max_nbytes": None}
             settings |= {"initializer": watch_parent, "initargs": (os.getpid(),)}
+            if self.jobs == 1:  # of two processes one works; joblib would run the tasks here, where nothing replaces it
+                settings |= {"n_jobs": 2, "pre_dispatch": 1}
         return settings
 
     def _configured(self) -> AbstractContextManager[Any]:

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import Action, RigPolicy, StateFollower
 from skill.states.context_filter import ContextFollower
+from systems.runs.provenance import version_of
 from systems.runs.trial import Arm
 from systems.sweeps.code_digest import PACKAGES, code_digest
 from systems.sweeps.design.specification import PolicyPlan
@@ -234,8 +236,12 @@ def skill_digest(path: Path) -> str:
 
 @lru_cache(maxsize=256)
 def _own_code(module: str) -> str:
-    """The digest of a module and what it imports, from its own package too."""
-    return code_digest([module], packages=sorted({*PACKAGES, module.split(".")[0]}))
+    """The digest of a module and what it imports, from its own package too; of an installed package its version."""
+    package = module.split(".")[0]
+    installed = packages_distributions().get(package)
+    if installed and package not in PACKAGES:
+        return ", ".join(f"{name} {version_of(name)}" for name in sorted(set(installed)))
+    return code_digest([module], packages=sorted({*PACKAGES, package}))
 
 
 def query_time(policy: RigPolicy, demonstrations: list[Demonstration]) -> float:

@@ -19,7 +19,7 @@ from skill.policy import RigPolicy
 from systems.runs.provenance import version_of, versions
 from systems.runs.trial import Arm, run_rig, trial_scenario
 from systems.runs.trial_result import LATER_NUMBERS, TrialResult
-from systems.sweeps.code_digest import code_digest
+from systems.sweeps.code_digest import modules_of, source_digest
 from systems.sweeps.trial_engines import MUJOCO, make_rig
 
 Row = dict[str, Any]
@@ -86,7 +86,19 @@ def row_key(source_digest: str, number: int) -> str:
 @cache
 def trial_code() -> str:
     """Returns the digest of the code that simulates trials and makes policies, as this process found it first."""
-    return code_digest([__name__, "systems.sweeps.policies", "systems.runs.demonstration_set"])
+    return source_digest(trial_modules())
+
+
+@cache
+def trial_modules() -> tuple[str, ...]:
+    """Returns the names of the modules that `trial_code` reads."""
+    return tuple(sorted(modules_of([__name__, "systems.sweeps.policies", "systems.runs.demonstration_set"])))
+
+
+@cache
+def _own_code(modules: tuple[str, ...]) -> str:
+    """The digest of modules in this process. It does not follow imports: equal modules have equal ones."""
+    return source_digest(modules)
 
 
 def engine_versions(engine: str) -> dict[str, str]:
@@ -94,7 +106,9 @@ def engine_versions(engine: str) -> dict[str, str]:
     return versions() | ({"mujoco": version_of("mujoco")} if engine == MUJOCO else {})
 
 
-def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[str, Any]) -> Row:
+def perform(
+    source: TrialSource, policy: RigPolicy, number: int, known: Mapping[str, Any], modules: tuple[str, ...]
+) -> Row:
     """Performs one trial and returns its row.
 
     Args:
@@ -103,12 +117,13 @@ def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[
         number: of the trial.
         known: further columns, the same for all trials of the policy; ``code`` and ``versions`` are those that must
             perform the trial.
+        modules: those whose source ``code`` is the digest of.
 
     Raises:
         ValueError: if the scenario has no such trial, the policy is made for another peg or hole, or this process has
             other code or packages.
     """
-    _require_same(known)
+    _require_same(known, modules)
     began, cpu = datetime.now(UTC), time.process_time()
     with threadpool_limits(1):
         scenario = trial_scenario(source.scenario, number=number, arm=source.arm)
@@ -124,9 +139,9 @@ def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[
     }
 
 
-def _require_same(known: Mapping[str, Any]) -> None:
+def _require_same(known: Mapping[str, Any], modules: tuple[str, ...]) -> None:
     """Checks that this process has the code and the packages that a row will name."""
-    if known["code"] != trial_code():
+    if known["code"] != _own_code(modules):
         raise ValueError("the worker has other code than the client; install the same revision, or start again")
     for name, version in json.loads(known["versions"]).items():
         if version_of(name) != version and name != "python":

@@ -16,7 +16,7 @@ from systems.sweeps.assignments import Assignment
 from systems.sweeps.executors import Executor, LostWorkerError
 from systems.sweeps.policy_store import WAIT, PolicyStore
 from systems.sweeps.result_blocks import Block, HeldBlock, hold
-from systems.sweeps.trial_rows import Row, TrialSource, engine_versions, perform, trial_code
+from systems.sweeps.trial_rows import Row, TrialSource, engine_versions, perform, trial_code, trial_modules
 
 WRITE_PERIOD = 1.0
 """Longest time that the row of a trial waits to be written, s."""
@@ -35,11 +35,12 @@ class TrialTask:
     source: TrialSource
     policy: RigPolicy
     known: dict[str, Any]
+    modules: tuple[str, ...]
 
     def __call__(self) -> tuple[Block, int, Row | str]:
         """Returns the row of the trial, or why there is none, and where it belongs."""
         try:
-            return self.block, self.number, perform(self.source, self.policy, self.number, self.known)
+            return self.block, self.number, perform(self.source, self.policy, self.number, self.known, self.modules)
         except Exception as error:  # the other trials go on
             return self.block, self.number, one_line(error)
 
@@ -104,9 +105,11 @@ class TrialStream:
                     time.sleep(WAIT)
             return self.ended
         finally:
-            self._write(now=True)
-            for held in self._held.values():
-                held.release()
+            try:
+                self._write(now=True)
+            finally:
+                for held in self._held.values():
+                    held.release()
 
     def _pass(self, tasks: Iterator[TrialTask]) -> None:
         """Performs tasks; those that were under way when a worker died are performed again, one at a time."""
@@ -201,7 +204,7 @@ class TrialStream:
             }
             self._held[block] = held
             for number in missing:
-                yield TrialTask(block, number, assignment.source, made.policy, known)
+                yield TrialTask(block, number, assignment.source, made.policy, known, trial_modules())
 
     def _count_elsewhere(self, block: Block, lacking: int) -> None:
         """Counts the trials of a block that another sweep has written."""

@@ -78,4 +78,4 @@ def test_a_failure_costs_more_than_any_insertion(setting):
     scenario = setting.scenario
     high = 1.2 * scenario.controller.force_limit
     slow = {"inserted": True, "time_s": scenario.trial.time_limit, "peak_load_n": high}
-    assert cost(slow, setting) < cost({"inserted": False}, setting)
+    assert cost(slow, setting.scenario) < cost({"inserted": False}, setting.scenario)

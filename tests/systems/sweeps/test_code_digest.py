@@ -67,7 +67,7 @@ def test_every_module_that_a_trial_and_its_training_load_is_in_the_digest(skill_
 import json, sys
 from pathlib import Path
 before = set(sys.modules)
-from systems.sweeps.trial_rows import TrialSource, engine_versions, perform, trial_code
+from systems.sweeps.trial_rows import TrialSource, engine_versions, perform, trial_code, trial_modules
 from systems.sweeps.policies import Lesson, make_policy
 from systems.sweeps.design.specification import DemonstrationPlan, PolicyPlan
 from skill.data.demonstration import read_demonstrations
@@ -78,7 +78,7 @@ shown = read_demonstrations(Path({str(demonstration_folder)!r}))
 plan = PolicyPlan("a", None, None, {{}}, DemonstrationPlan(), False)
 made = make_policy(plan, Lesson(scenario, Arm.DEFAULT, shown, 0))
 known = {{"code": trial_code(), "versions": json.dumps(engine_versions("drake"))}}
-row = perform(TrialSource(scenario, Arm.DEFAULT, "drake", "", "a", "{{}}"), made.policy, 84001, known)
+row = perform(TrialSource(scenario, Arm.DEFAULT, "drake", "", "a", "{{}}"), made.policy, 84001, known, trial_modules())
 loaded = [name for name in sys.modules if name.split(".")[0] in ("models", "skill", "systems")]
 print(json.dumps([loaded, row["trial"]]))
 """

@@ -16,6 +16,7 @@ from systems.sweeps.trial_rows import (
     row_key,
     scenario_columns,
     trial_code,
+    trial_modules,
 )
 from tests.systems.sweeps.made_up_rows import made_up_row
 from tests.systems.sweeps.pushes import Push
@@ -80,4 +81,4 @@ def test_the_columns_of_a_scenario_are_in_the_units_of_their_names():
 def test_a_worker_with_other_code_or_packages_performs_nothing(known, message):
     right = {"code": trial_code(), "versions": json.dumps(engine_versions("drake"))}
     with pytest.raises(ValueError, match=message):
-        perform(source(), Push(), 0, {**right, **known})
+        perform(source(), Push(), 0, {**right, **known}, trial_modules())

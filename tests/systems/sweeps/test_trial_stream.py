@@ -1,0 +1,63 @@
+"""The stream of trials: what it keeps in memory, and what it writes."""
+
+import itertools
+import tracemalloc
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from models.scenario import dump_scenario
+from systems.sweeps import trial_stream
+from systems.sweeps.assignments import assignments
+from systems.sweeps.design.specification import read_specification
+from systems.sweeps.policy_store import PolicyStore
+from systems.sweeps.trial_stream import TrialStream
+from tests.systems.sweeps.conftest import rows_in
+from tests.systems.sweeps.made_up_rows import made_up_row
+
+ROWS = 10_000
+
+
+def made_up(scenario, source, policy, number, known, modules):
+    return made_up_row(number, scenario=scenario)
+
+
+class InThisProcess:
+    """Runs tasks as an `Executor` does, but here."""
+
+    def run(self, tasks):
+        yield from (task() for task in tasks)
+
+
+@pytest.mark.slow
+def test_ten_thousand_rows_take_no_memory_that_grows(specification, skill_file, tmp_path, monkeypatch):
+    path = specification(policies={"mine": {"skill": str(skill_file)}}, trials={"number": ROWS})
+    wanted = read_specification(path)
+    todo = [(a, block, len(block.numbers)) for a in assignments(wanted, tmp_path, "sweep") for block in a.blocks]
+    text = dump_scenario(wanted.scenario)
+    monkeypatch.setattr(trial_stream, "perform", partial(made_up, text))
+    monkeypatch.setattr(trial_stream, "WRITE_PERIOD", 0.05)
+    count, early = itertools.count(1), []
+
+    def advance(note):
+        if next(count) == ROWS // 5:
+            early.append(tracemalloc.get_traced_memory()[0])
+
+    tracemalloc.start()
+    try:
+        ended = TrialStream(todo, PolicyStore(tmp_path), InThisProcess(), advance).run()
+        late = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert ended.written == ROWS
+    assert late - early[0] < 5e6  # bytes; all rows together have 35e6
+    rows = rows_in(tmp_path)
+    assert sorted(rows.trial) == list(range(ROWS))
+    assert rows.key.is_unique
+
+
+@pytest.mark.parametrize("path", sorted(Path("benchmarks/sweeps").glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_sweeps_of_this_project_can_be_planned(path, tmp_path):
+    found = assignments(read_specification(path), tmp_path, "sweep")
+    assert sum(len(block.numbers) for assignment in found for block in assignment.blocks) >= 100
