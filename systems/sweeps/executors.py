@@ -30,6 +30,10 @@ CONNECT_TIME = 20.0
 """Time to wait for a scheduler and its first worker, s."""
 
 
+END_TIME = 20.0
+"""Time to wait for the end of the tasks under way, s."""
+
+
 class LostWorkerError(RuntimeError):
     """Worker processes have ended, and with them the tasks that they had begun."""
 
@@ -105,10 +109,16 @@ class Executor:
                     results.put(item, timeout=LOOK_PERIOD)
                     return
 
+        def calls() -> Iterator[Any]:
+            for task in tasks:
+                if stopped.is_set():
+                    return
+                yield delayed(call)(task)
+
         def consume() -> None:
             try:
                 with self._configured():
-                    for result in Parallel(**self._settings())(delayed(call)(task) for task in tasks):
+                    for result in Parallel(**self._settings())(calls()):
                         put((result, None))
                         if stopped.is_set():
                             return
@@ -136,6 +146,8 @@ class Executor:
                 yield result
         finally:
             stopped.set()
+            if self.backend == LOCAL:  # joblib ends its processes after the next result
+                thread.join(END_TIME)
 
     def _settings(self) -> dict[str, Any]:
         """Arguments of `Parallel`."""
