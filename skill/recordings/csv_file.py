@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import stat
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +25,9 @@ MAX_LINE = 1_000_000
 """Largest number of bytes of a line."""
 
 SEPARATORS = (",", ";", "\t")
+DATE = re.compile(r"\d{4}-\d\d?-\d\d?")
+"""How a date begins."""
+
 NO_VALUES = ("", "nan", "NaN", "NAN", "NA", "null")
 """Texts that say that there is no value."""
 
@@ -201,7 +205,8 @@ def _fault(path: Path, layout: _Layout, numbers: set[str]) -> str:
             for name, field in zip(layout.names, row, strict=False):
                 text = field.strip()
                 if name in numbers and text not in NO_VALUES and not _is_number(text, layout.decimal):
-                    return f"line {number}: '{text[:60]}' in column '{name}', expected a number"
+                    hint = "; convert dates to seconds first" if DATE.match(text) else ""
+                    return f"line {number}: '{text[:60]}' in column '{name}', expected a number{hint}"
     except csv.Error as error:
         return f"damaged text ({error})"
     return ""

@@ -137,6 +137,10 @@ def test_variants_of_the_format_are_read(read, name):
 REFUSED = {
     "text": (HEADER + "\n# x\n0,1,2,3\n0.01,1,broken,3\n", "line 5: 'broken' in column 'fy', expected a number"),
     "units": (HEADER + "s,N,N,N\n0,1,2,3\n", "line 2: 's' in column 'time', expected a number"),
+    "date": (
+        HEADER + "2026-01-31T00:00:00,1,2,3\n",
+        "line 2: '2026-01-31T00:00:00' in column 'time', expected a number; convert dates to seconds first",
+    ),
     "underscore": (HEADER + "0,1_0,2,3\n", "line 2: '1_0' in column 'fx', expected a number"),
     "decimal comma": (HEADER + "0,01,1,5,2,1,3,5\n", "line 2 has 8 fields, expected 4"),
     "one field more": (HEADER + "0,1,2,3\n0.01,1,2,3,9\n", "line 3 has 5 fields, expected 4"),
