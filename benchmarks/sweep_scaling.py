@@ -7,12 +7,16 @@ folder. Columns: number of processes; trials per minute of wall-clock time, proc
 the ratio to one process; the CPU time of a trial in its worker; and the overhead, the part of the processes' wall-clock
 time in which no trial was performed, over the time of the trials. The first columns are medians over the repeats.
 The number of trials should be large: starting the processes takes some seconds and counts.
+
+Then the CPU time of the client for a trial is measured, with ROWS trials that nobody performs: to make and pickle the
+task with its policy, and to write the row.
 """
 
 from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,30 +25,68 @@ from benchmarks.extras import require_packages
 if __name__ == "__main__":
     require_packages("pydrake", "yaml")
 
+import cloudpickle
 import numpy as np
 import pyarrow.dataset as ds
 import yaml
 
 from benchmarks.command_line import argument_parser, run
 from systems.reports.result_tables import plain_table
-from systems.reports.terminal import console, write_json
+from systems.reports.terminal import console, say, write_json
 from systems.sessions.sweep_session import sweep
-from systems.sweeps.result_blocks import TRIALS
+from systems.sweeps.assignments import assignments
+from systems.sweeps.design.specification import read_specification
+from systems.sweeps.policy_store import PolicyStore
+from systems.sweeps.result_blocks import TRIALS, Block
+from systems.sweeps.trial_rows import Row
+from systems.sweeps.trial_stream import TrialStream, TrialTask
 
 FIRST_TRIAL = 85000
+ROWS = 5000
 
 
-def timed(skill: Path, trials: int, jobs: int, folder: Path) -> dict[str, Any]:
-    """The figures of one sweep."""
+class ReadyRows:
+    """An executor that pickles each task and returns a row that is there already.
+
+    Args:
+        row: of another trial.
+    """
+
+    def __init__(self, row: Row) -> None:
+        self._row = row
+        self.bytes = 0  # of the last task
+
+    def run(self, tasks: Iterable[TrialTask]) -> Iterator[tuple[Block, int, Row]]:
+        """Yields a row for each task."""
+        for task in tasks:
+            self.bytes = len(cloudpickle.dumps(task))
+            yield task.block, task.number, {**self._row, "trial": task.number}
+
+
+def client_cost(skill: Path, row: Row, folder: Path) -> dict[str, Any]:
+    """The CPU time of the client for a trial, ms, and the size of a task, bytes."""
+    path = folder / "client.yaml"
+    path.write_text(yaml.safe_dump({"policies": {"skill": {"skill": str(skill)}}, "trials": {"number": ROWS}}))
+    wanted = assignments(read_specification(path), folder, "client")
+    todo = [(assignment, block, len(block.numbers)) for assignment in wanted for block in assignment.blocks]
+    executor: Any = ReadyRows(row)
+    begun = time.process_time()
+    TrialStream(todo, PolicyStore(folder), executor, lambda note: None).run()
+    return {"client_ms": 1e3 * (time.process_time() - begun) / ROWS, "task_bytes": executor.bytes}
+
+
+def timed(skill: Path, trials: int, jobs: int, folder: Path) -> tuple[dict[str, Any], Row]:
+    """The figures of one sweep, and a row of it."""
     specification = folder / "scaling.yaml"
     keys = {"policies": {"skill": {"skill": str(skill)}}, "trials": {"first": FIRST_TRIAL, "number": trials}}
     specification.write_text(yaml.safe_dump(keys))
     begun = time.perf_counter()
     sweep(path=specification, out=folder / "results", backend="local", address=None, jobs=jobs)
     wall = time.perf_counter() - begun
-    rows = ds.dataset(folder / "results" / TRIALS, format="parquet").to_table(columns=["cpu_s"])
+    rows = ds.dataset(folder / "results" / TRIALS, format="parquet").to_table()
     cpu = float(np.sum(rows["cpu_s"].to_numpy()))
-    return {"jobs": jobs, "trials": rows.num_rows, "wall_s": wall, "trial_cpu_s": cpu / rows.num_rows, "cpu_s": cpu}
+    found = {"jobs": jobs, "trials": rows.num_rows, "wall_s": wall, "trial_cpu_s": cpu / rows.num_rows, "cpu_s": cpu}
+    return found, rows.slice(0, 1).to_pylist()[0]
 
 
 def summary(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -79,8 +121,11 @@ def main() -> None:
     for _ in range(arguments.repeats):
         for jobs in (1, arguments.jobs):
             with tempfile.TemporaryDirectory() as folder:
-                runs.append(timed(arguments.skill, arguments.trials, jobs, Path(folder)))
+                figures, row = timed(arguments.skill, arguments.trials, jobs, Path(folder))
+                runs.append(figures)
     rows = summary(runs)
+    with tempfile.TemporaryDirectory() as folder:
+        client = client_cost(arguments.skill, row, Path(folder))
     table = plain_table("throughput of a sweep")
     for title in ("processes", "trials", "per minute", "ratio", "CPU s a trial", "overhead"):
         table.add_column(title, justify="right")
@@ -90,8 +135,9 @@ def main() -> None:
             *(f"{row['trial_cpu_s']:.2f}", f"{100 * row['overhead']:.1f} %"),
         )
     console.print(table)
+    say(f"the client: {client['client_ms']:.2f} ms a trial; a task has {1e-6 * client['task_bytes']:.2f} MB")
     if arguments.json is not None:
-        write_json(arguments.json, {"rows": rows, "runs": runs})
+        write_json(arguments.json, {"rows": rows, "runs": runs, **client})
 
 
 if __name__ == "__main__":
