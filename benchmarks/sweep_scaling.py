@@ -66,7 +66,8 @@ class ReadyRows:
 def client_cost(skill: Path, row: Row, folder: Path) -> dict[str, Any]:
     """The CPU time of the client for a trial, ms, and the size of a task, bytes."""
     path = folder / "client.yaml"
-    path.write_text(yaml.safe_dump({"policies": {"skill": {"skill": str(skill)}}, "trials": {"number": ROWS}}))
+    policy = {"skill": str(skill), "carried_over": True}  # whatever it was made for: nothing is simulated
+    path.write_text(yaml.safe_dump({"policies": {"skill": policy}, "trials": {"number": ROWS}}))
     wanted = assignments(read_specification(path), folder, "client")
     todo = [(assignment, block, len(block.numbers)) for assignment in wanted for block in assignment.blocks]
     executor: Any = ReadyRows(row)
