@@ -28,7 +28,6 @@ if __name__ == "__main__":
 import cloudpickle
 import numpy as np
 import pyarrow.dataset as ds
-import yaml
 
 from benchmarks.command_line import argument_parser, run
 from systems.reports.result_tables import plain_table
@@ -65,9 +64,9 @@ class ReadyRows:
 
 def client_cost(skill: Path, row: Row, folder: Path) -> dict[str, Any]:
     """The CPU time of the client for a trial, ms, and the size of a task, bytes."""
-    path = folder / "client.yaml"
+    path = folder / "client.yaml"  # JSON is YAML
     policy = {"skill": str(skill), "carried_over": True}  # whatever it was made for: nothing is simulated
-    path.write_text(yaml.safe_dump({"policies": {"skill": policy}, "trials": {"number": ROWS}}))
+    write_json(path, {"policies": {"skill": policy}, "trials": {"number": ROWS}})
     wanted = assignments(read_specification(path), folder, "client")
     todo = [(assignment, block, len(block.numbers)) for assignment in wanted for block in assignment.blocks]
     executor: Any = ReadyRows(row)
@@ -80,7 +79,7 @@ def timed(skill: Path, trials: int, jobs: int, folder: Path) -> tuple[dict[str, 
     """The figures of one sweep, and a row of it."""
     specification = folder / "scaling.yaml"
     keys = {"policies": {"skill": {"skill": str(skill)}}, "trials": {"first": FIRST_TRIAL, "number": trials}}
-    specification.write_text(yaml.safe_dump(keys))
+    write_json(specification, keys)
     begun = time.perf_counter()
     sweep(path=specification, out=folder / "results", backend="local", address=None, jobs=jobs)
     wall = time.perf_counter() - begun

@@ -14,12 +14,13 @@ from pydrake.systems.framework import LeafSystem
 
 import systems
 from models.hardware import DEVICE_PRESETS
-from models.scenario import Scenario
+from models.scenario import TRIAL_STREAM, Scenario, resolve_scenario
 from systems.control.drive_monitor import Travel
 from systems.control.force_guard import StoppingModel
 from systems.control.self_check import MovingParts
 from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
+from systems.plant.mujoco_model import MujocoContact
 
 S = Scenario()
 X = RigidTransform()
@@ -64,6 +65,10 @@ ARGUMENTS = {
         **{"load_limit": 50.0, "peg_radius": 0.01},
     },
     "MeshcatOperator": lambda skill: {"meshcat": Meshcat(), "period": 0.02, "X_HD_start": X},
+    "MujocoPlant": lambda skill: {
+        "scenario": resolve_scenario(S, seed=0, stream=TRIAL_STREAM),
+        "contact": MujocoContact(),
+    },
     "PassivityObserver": lambda skill: {"period": 1e-3, "X_HD_start": X},
     "SimulatedOperator": lambda skill: {
         "operator": S.operator,
@@ -142,6 +147,7 @@ def test_only_the_listed_outputs_have_direct_feedthrough(dut, kind):
         "DeviceOperator": set(),
         "ForceGuard": set(),
         "DriveMonitor": set(),
+        "MujocoPlant": set(),
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
         "PolicyController": set(),
         "SelfCheck": set(),
