@@ -13,6 +13,7 @@ from models.scenario import Scenario, dump_scenario
 from skill.data.geometry import PegHoleGeometry
 from skill.manipulation_skill import ManipulationSkill
 from systems.runs.demonstration_set import Request, requests
+from systems.runs.provenance import versions
 from systems.runs.trial import Arm, trial_scenario
 from systems.sweeps.design.factors import Cell
 from systems.sweeps.design.specification import BASE, PolicyPlan, Specification, plan_in
@@ -51,7 +52,7 @@ class DemonstrationSource:
     def digest(self) -> str:
         """Returns the digest of what decides the set, the code included."""
         known = {"scenario": dump_scenario(self.scenario), "good": self.good, "bad": self.bad, "seed": self.seed}
-        return _digest({**known, "code": trial_code()})
+        return _digest({**known, "code": trial_code(), "versions": versions()})
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,10 @@ def assignments(specification: Specification, results: Path, where: str) -> list
     for cell in specification.cells:
         scenario = specification.scenario_with(cell.scenario_overrides(), where)
         for arm in specification.arms:
-            trial_scenario(scenario, number=specification.first, arm=arm)
+            try:
+                trial_scenario(scenario, number=specification.first, arm=arm)
+            except ValueError as error:
+                raise ValueError(f"{where}: the {arm} arm in the cell {cell.label}: {error}") from error
         for plan in specification.policies:
             for arm in specification.arms:
                 for policy, numbers in _policies(specification, plan, cell, scenario, arm, where):

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import sysconfig
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from importlib.util import find_spec
+from importlib.util import find_spec, resolve_name
 from pathlib import Path
 
 PACKAGES = ("models", "skill", "systems")
 """The packages of this project whose modules decide the result of a trial."""
 
-DATA = {"models": ("*.sdf", "*.xml", "scenarios/*.yaml")}
+DATA = {"models": ("*.sdf", "*.xml")}
 """Files of a package that are not imported, but read."""
+
+
+INSTALLED = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})
+"""Where Python and installed packages are."""
 
 
 def code_digest(modules: Iterable[str], packages: Iterable[str] = PACKAGES) -> str:
@@ -51,7 +56,11 @@ def modules_of(modules: Iterable[str], packages: Iterable[str] = PACKAGES) -> se
 
 @lru_cache(maxsize=64)
 def _closure(modules: frozenset[str], packages: tuple[str, ...]) -> dict[str, Path]:
-    """The source files of modules and of what they import from the packages, by the names of the modules."""
+    """The source files of modules and of what they import from the packages, by the names of the modules.
+
+    If one of the modules is a user's own, the other own modules that they import belong to them too.
+    """
+    own = any(is_local(name.split(".")[0]) for name in modules if name.split(".")[0] not in PACKAGES)
     found: dict[str, Path] = {}
     waiting = sorted(modules)
     while waiting:
@@ -59,19 +68,22 @@ def _closure(modules: frozenset[str], packages: tuple[str, ...]) -> dict[str, Pa
         if name in found:
             continue
         found[name] = _source(name)
-        for imported in _imports(found[name]):
-            if imported.split(".")[0] in packages and _is_module(imported):
+        for imported in _imports(found[name], name):
+            package = imported.split(".")[0]
+            if (package in packages or (own and is_local(package))) and _is_module(imported):
                 waiting.append(imported)
     return found
 
 
-def _imports(path: Path) -> Iterator[str]:
-    """The names of modules, or of what is in them, that a source file imports; and their parent packages."""
+def _imports(path: Path, module: str) -> Iterator[str]:
+    """The names of modules, or of what is in them, that the source file of a module imports; and their parents."""
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
     for node in ast.walk(ast.parse(path.read_bytes())):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.ImportFrom):
+            base = resolve_name("." * node.level + (node.module or ""), package) if node.level else str(node.module)
+            names = [base, *(f"{base}.{alias.name}" for alias in node.names)]
         else:
             continue
         for name in names:
@@ -81,10 +93,25 @@ def _imports(path: Path) -> Iterator[str]:
 
 @lru_cache(maxsize=4096)
 def _is_module(name: str) -> bool:
+    """Whether a name is that of a module with a source file; a folder without one has no source."""
     try:
-        return find_spec(name) is not None
+        spec = find_spec(name)
     except ModuleNotFoundError:  # its parent is a module, and this a name in it
         return False
+    return spec is not None and (spec.origin or "").endswith(".py")
+
+
+@lru_cache(maxsize=4096)
+def is_local(package: str) -> bool:
+    """Whether a top-level package or module is neither installed nor a part of Python, but a user's own."""
+    try:
+        spec = find_spec(package)
+    except (ModuleNotFoundError, ValueError):
+        return False
+    places = [*(spec.submodule_search_locations or ()), spec.origin or ""] if spec else []
+    if not places or not Path(places[0]).is_absolute():  # built in
+        return False
+    return not any(Path(places[0]).is_relative_to(folder) for folder in INSTALLED)
 
 
 def _source(name: str) -> Path:
@@ -92,6 +119,6 @@ def _source(name: str) -> Path:
         spec = find_spec(name)
     except ModuleNotFoundError:
         spec = None
-    if spec is None or spec.origin is None:
-        raise ValueError(f"module {name}: not found; expected one that can be imported from the current folder")
-    return Path(spec.origin)
+    if spec is None or not (spec.origin or "").endswith(".py"):
+        raise ValueError(f"module {name}: no source found; expected one that can be imported from the current folder")
+    return Path(str(spec.origin))

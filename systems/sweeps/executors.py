@@ -156,8 +156,9 @@ class Executor:
             ignore_replaced_workers()
             settings |= {"n_jobs": self.jobs, "max_nbytes": None}
             settings |= {"initializer": watch_parent, "initargs": (os.getpid(),)}
-            if self.jobs == 1:  # of two processes one works; joblib would run the tasks here, where nothing replaces it
-                settings |= {"n_jobs": 2, "pre_dispatch": 1}
+        # Joblib would run the tasks of a single process in this one, which nothing replaces: of two, one works.
+        if self.backend != DASK and self.jobs == 1:
+            settings |= {"n_jobs": 2, "pre_dispatch": 1}
         return settings
 
     def _configured(self) -> AbstractContextManager[Any]:
@@ -165,9 +166,9 @@ class Executor:
         if self.backend == LOCAL:
             return ExitStack()
         chosen: AbstractContextManager[Any] = (
-            parallel_config(backend="dask", client=self._client)
+            parallel_config(backend=_PLURAL_DASK, client=self._client)
             if self.backend == DASK
-            else parallel_config(backend=_STREAMING_RAY, n_jobs=self.jobs)
+            else parallel_config(backend=_STREAMING_RAY, n_jobs=max(2, self.jobs))
         )
         return chosen
 
@@ -176,13 +177,24 @@ class Executor:
 
         Joblib would wait for it for ever.
         """
-        if self.backend == DASK and any(f.status == "error" for f in list(self._client.futures.values())):
+        futures = list(self._client.futures.values()) if self.backend == DASK else []
+        if any(future.status == "error" for future in futures):
             self.disconnect()
             raise LostWorkerError("several workers died while they ran the same task")
 
     def _connect_dask(self) -> None:
         import distributed
+        from joblib import register_parallel_backend
+        from joblib._dask import DaskDistributedBackend
 
+        class PluralDask(DaskDistributedBackend):  # type: ignore[misc]
+            """Dask's back end; with a single worker joblib would run the tasks in this process."""
+
+            def effective_n_jobs(self, n_jobs: int) -> int:
+                """Number of tasks that are sent at first, over two."""
+                return max(2, super().effective_n_jobs(n_jobs))
+
+        register_parallel_backend(_PLURAL_DASK, PluralDask)
         make_client: Any = distributed.Client
         make_cluster: Any = distributed.LocalCluster
 
@@ -212,7 +224,12 @@ class Executor:
         register_parallel_backend(_STREAMING_RAY, StreamingRay)
         try:
             if self.address is None:
-                ray.init(num_cpus=self.jobs, include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR)
+                ray.init(
+                    num_cpus=max(2, self.jobs),
+                    include_dashboard=False,
+                    log_to_driver=False,
+                    logging_level=logging.ERROR,
+                )
             else:
                 ray.init(address=self.address, log_to_driver=False, logging_level=logging.ERROR)
         except (ConnectionError, OSError, ValueError, RuntimeError) as error:
@@ -223,7 +240,8 @@ class Executor:
             self.jobs = int(resources().get("CPU", 1))
 
 
-_STREAMING_RAY = "haptic-skill-ray"
+_STREAMING_RAY, _PLURAL_DASK = "haptic-skill-ray", "haptic-skill-dask"
+"""Names of back ends, for joblib."""
 
 LOSSES = {"TerminatedWorkerError", "BrokenProcessPool", "KilledWorker", "ActorDiedError", "WorkerCrashedError"}
 """Names of the exceptions by which joblib, Dask and Ray tell that a worker has died."""

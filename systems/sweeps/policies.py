@@ -6,6 +6,7 @@ import hashlib
 import importlib
 import inspect
 import json
+import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -26,10 +27,14 @@ from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import Action, RigPolicy, StateFollower
 from skill.states.context_filter import ContextFollower
-from systems.runs.provenance import version_of
+from systems.control.faults import one_line
+from systems.runs.provenance import version_of, versions
 from systems.runs.trial import Arm
-from systems.sweeps.code_digest import PACKAGES, code_digest
+from systems.sweeps.code_digest import PACKAGES, code_digest, is_local, modules_of
 from systems.sweeps.design.specification import PolicyPlan
+
+IMPORT_PATH = re.compile(r"[A-Za-z_][\w.]*:\w+")
+"""What names something in a module."""
 
 QUERIES = 300
 """Decisions over which the query time is measured."""
@@ -126,8 +131,8 @@ def imported(path: str) -> Any:
     module, _, name = path.partition(":")
     try:
         return getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
-        raise ValueError(f"{path}: cannot be imported ({error})") from error
+    except Exception as error:  # whatever a module raises
+        raise ValueError(f"{path}: cannot be imported ({one_line(error)})") from error
 
 
 def learn(lesson: Lesson, *, skill: str | None = None, **options: Any) -> RigPolicy:
@@ -154,12 +159,17 @@ def check_imports(plan: PolicyPlan) -> None:
     Raises:
         ValueError: naming the policy and what is wrong.
     """
-    select = plan.demonstrations.select if plan.demonstrations else None
-    known = {"skill", *inspect.signature(ManipulationSkill).parameters}
+    kind = plan.options.get("skill", "skill.manipulation_skill:ManipulationSkill") if plan.make is None else ""
+    try:
+        known = {"skill", *inspect.signature(imported(kind)).parameters} if kind else set()
+        if plan.make is not None:
+            inspect.signature(imported(plan.make)).bind(None, **plan.options)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"policies.{plan.name}: {error}") from error
     for name in plan.options if plan.make is None else ():
         if name not in known:
             raise ValueError(f"policies.{plan.name}.learn.{name}: unknown key, expected one of {sorted(known)}")
-    for path in import_paths(plan.make, select, *plan.options.values()):
+    for path in named_by(plan):
         try:
             imported(path)
         except ValueError as error:
@@ -168,15 +178,22 @@ def check_imports(plan: PolicyPlan) -> None:
 
 def import_paths(*values: Any) -> list[str]:
     """Returns the values that are import paths."""
-    return [value for value in values if isinstance(value, str) and ":" in value]
+    return [value for value in values if isinstance(value, str) and IMPORT_PATH.fullmatch(value)]
 
 
 def make_policy(plan: PolicyPlan, lesson: Lesson) -> MadePolicy:
     """Makes the policy of a plan from a lesson, on one thread.
 
     Raises:
-        ValueError: if the skill cannot be read, the function cannot be imported, or the policy cannot be made.
+        ValueError: naming the policy and why it cannot be made.
     """
+    try:
+        return _made(plan, lesson)
+    except Exception as error:  # whatever a part of the user raises
+        raise ValueError(f"policies.{plan.name}: cannot be made ({one_line(error)})") from error
+
+
+def _made(plan: PolicyPlan, lesson: Lesson) -> MadePolicy:
     if plan.skill is not None:
         policy: RigPolicy = ManipulationSkill.load(plan.skill)
         trained = None
@@ -195,13 +212,28 @@ def make_policy(plan: PolicyPlan, lesson: Lesson) -> MadePolicy:
     )
 
 
+def load_given(path: Path) -> ManipulationSkill:
+    """Loads a skill file whose digest is known.
+
+    Raises:
+        ValueError: if the file has changed since, or is damaged.
+    """
+    skill = ManipulationSkill.load(path)
+    if hashlib.sha256(path.read_bytes()).hexdigest()[:16] != skill_digest(path):
+        raise ValueError(f"{path}: changed since the sweep began; give the command again")
+    return skill
+
+
 def chosen(plan: PolicyPlan, paths: list[Path]) -> list[Demonstration]:
     """Reads the demonstrations of a set that a plan learns from, given the files of the good ones, then of the bad."""
     if plan.demonstrations is None:
         return []
     found = [read_demonstration(path) for path in paths]
     if plan.demonstrations.select is not None:
-        found = imported(plan.demonstrations.select)(found)
+        try:
+            found = imported(plan.demonstrations.select)(found)
+        except Exception as error:  # whatever a user's function raises
+            raise ValueError(f"policies.{plan.name}: {plan.demonstrations.select}: {one_line(error)}") from error
     return found
 
 
@@ -212,20 +244,19 @@ def policy_digest(plan: PolicyPlan, made_from: Mapping[str, Any]) -> str:
         plan: of the policy.
         made_from: what else decides it, as JSON values: the demonstrations, or the scenario.
     """
-    known: dict[str, Any] = {"carried_over": plan.carried_over}
+    known: dict[str, Any] = {"carried_over": plan.carried_over, "versions": versions()}
     if plan.skill is not None:
         known["skill"] = skill_digest(plan.skill)
     else:
         select = plan.demonstrations.select if plan.demonstrations else None
         known |= {"make": plan.make, "options": plan.options, "select": select, "from": dict(made_from)}
-        known["code"] = [
-            _own_code(path.partition(":")[0]) for path in import_paths(plan.make, select, *plan.options.values())
-        ]
+        known["code"] = [_own_code(path.partition(":")[0]) for path in named_by(plan)]
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]
 
 
+@lru_cache(maxsize=256)
 def skill_digest(path: Path) -> str:
-    """Returns the digest of a skill file, after checking that it is one.
+    """Returns the digest that a skill file had when it was asked for first, after checking that it is one.
 
     Raises:
         ValueError: if it is not.
@@ -234,14 +265,30 @@ def skill_digest(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
+def own_modules(plan: PolicyPlan) -> set[str]:
+    """Returns the names of the modules that a plan names and of what they import, without installed packages."""
+    found: set[str] = set()
+    for path in named_by(plan):
+        module = path.partition(":")[0]
+        package = module.split(".")[0]
+        if package in PACKAGES or is_local(package):
+            found |= modules_of([module])
+    return found
+
+
+def named_by(plan: PolicyPlan) -> list[str]:
+    """Returns the import paths of a plan."""
+    select = plan.demonstrations.select if plan.demonstrations else None
+    return import_paths(plan.make, select, *plan.options.values())
+
+
 @lru_cache(maxsize=256)
 def _own_code(module: str) -> str:
-    """The digest of a module and what it imports, from its own package too; of an installed package its version."""
+    """The digest of a module and what it imports; of an installed package its version."""
     package = module.split(".")[0]
-    installed = packages_distributions().get(package)
-    if installed and package not in PACKAGES:
-        return ", ".join(f"{name} {version_of(name)}" for name in sorted(set(installed)))
-    return code_digest([module], packages=sorted({*PACKAGES, package}))
+    if package in PACKAGES or is_local(package):
+        return code_digest([module])
+    return ", ".join(f"{name} {version_of(name)}" for name in sorted(packages_distributions().get(package, ())))
 
 
 def query_time(policy: RigPolicy, demonstrations: list[Demonstration]) -> float:

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from models.scenario import dump_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.strict_json import parse_object
 from skill.data.tables import write_atomically
 from skill.manipulation_skill import ManipulationSkill
+from systems.control.faults import one_line
 from systems.outputs.folder_lock import BusyError, locked_file
 from systems.outputs.output_set import OutputSet, open_set
 from systems.outputs.set_index import DEMONSTRATIONS, SetIndex
@@ -22,8 +24,10 @@ from systems.runs.demonstration_set import Request, demonstrate
 from systems.runs.provenance import versions
 from systems.sweeps.assignments import DemonstrationSource, PolicySource
 from systems.sweeps.design.specification import PolicyPlan
-from systems.sweeps.executors import Executor
-from systems.sweeps.policies import CarriedOver, Lesson, MadePolicy, chosen, make_policy
+from systems.sweeps.executors import Executor, LostWorkerError
+from systems.sweeps.policies import CarriedOver, Lesson, MadePolicy, chosen, load_given, make_policy, own_modules
+from systems.sweeps.requirements import Requirements
+from systems.sweeps.trial_engines import DRAKE
 from systems.sweeps.trial_rows import trial_code
 
 SETS, SKILLS = "demonstrations", "skills"
@@ -36,6 +40,7 @@ MAX_LOADED = 64
 """Skills that are kept in memory, beside their files."""
 
 Advance = Callable[[str], None]
+R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -44,9 +49,11 @@ class DemonstrationTask:
 
     source: DemonstrationSource
     request: Request
+    requirements: Requirements
 
     def __call__(self) -> tuple[DemonstrationSource, Request, Demonstration]:
         """Returns the demonstration and what it was made for."""
+        self.requirements.check()
         return self.source, self.request, demonstrate(self.source.scenario, self.request, seed=self.source.seed)
 
 
@@ -56,9 +63,11 @@ class PolicyTask:
 
     source: PolicySource
     demonstrations: list[Demonstration]
+    requirements: Requirements
 
     def __call__(self) -> tuple[PolicySource, MadePolicy]:
         """Returns the policy and what it was made for."""
+        self.requirements.check()
         of, seed = self.source, 0 if self.source.demonstrations is None else self.source.demonstrations.seed
         return of, make_policy(of.plan, Lesson(of.scenario, of.arm, self.demonstrations, seed))
 
@@ -109,18 +118,17 @@ class PolicyStore:
                     except BusyError:
                         busy.append(source)
                 tasks = [
-                    DemonstrationTask(source, request)
+                    DemonstrationTask(source, request, Requirements.of(DRAKE))
                     for source in waiting
                     if source.digest() in held
                     for request in source.requests()
                     if request.file_name not in held[source.digest()].finished
                 ]
-                for done in executor.run(tasks):
-                    if done is not None:
-                        source, request, demonstration = done
-                        files = held[source.digest()]
-                        files.write(request.file_name, partial(write_demonstration, demonstration))
-                        advance(f"set {source.seed}, {request.habit}: {demonstration.reason}")
+                for done in _results(executor, tasks, "a demonstration was recorded"):
+                    source, request, demonstration = done
+                    files = held[source.digest()]
+                    files.write(request.file_name, partial(write_demonstration, demonstration))
+                    advance(f"set {source.seed}, {request.habit}: {demonstration.reason}")
             waiting = busy
             if waiting:
                 time.sleep(WAIT)
@@ -140,12 +148,15 @@ class PolicyStore:
             ValueError: if a policy cannot be made.
             OSError: if a file cannot be written.
         """
-        tasks = (PolicyTask(source, self._lesson(source)) for source in sources if not self.is_made(source))
-        for done in executor.run(tasks):
-            if done is not None:
-                source, made = done
-                self._keep(source, made)
-                advance(f"{source.plan.name}: made")
+        tasks = (
+            PolicyTask(source, self._lesson(source), Requirements.of(DRAKE, own_modules(source.plan)))
+            for source in sources
+            if not self.is_made(source)
+        )
+        for done in _results(executor, tasks, "a policy was made"):
+            source, made = done
+            self._keep(source, made)
+            advance(f"{source.plan.name}: made")
 
     def policy(self, source: PolicySource) -> MadePolicy:
         """Returns a policy that is there."""
@@ -189,12 +200,23 @@ class PolicyStore:
     def _load(self, digest: str, plan: PolicyPlan) -> MadePolicy:
         """Reads a skill that was given or kept."""
         path = self._skill_file(digest) if plan.skill is None else plan.skill
-        skill = ManipulationSkill.load(path)
+        skill = ManipulationSkill.load(path) if plan.skill is None else load_given(plan.skill)
         policy = CarriedOver(skill) if plan.carried_over else skill
         if plan.skill is not None:
             return MadePolicy(policy, None, None, skill.metadata_.get("demonstrations"))
         notes = parse_object(path.with_suffix(".json").read_bytes())
         return MadePolicy(policy, notes["train_s"], notes["query_ms"], notes["demonstrations"])
+
+
+def _results(executor: Executor, tasks: Iterable[Callable[[], R]], work: str) -> Iterator[R]:
+    """Yields the results of tasks as they end; a worker that dies is an OSError."""
+    try:
+        for done in executor.run(tasks):
+            if done is not None:
+                yield done
+    except LostWorkerError as error:
+        reason = f"a process died while {work} ({one_line(error)}); what is finished is kept"
+        raise OSError(f"{reason}: give the command again, perhaps with fewer --jobs") from error
 
 
 def _set_index(source: DemonstrationSource) -> SetIndex:

@@ -118,7 +118,13 @@ class HeldBlock:
         self._new: list[Row] = []
 
     def add(self, row: Row) -> None:
-        """Adds the row of a missing trial; `write` writes it."""
+        """Adds the row of a missing trial; `write` writes it.
+
+        Raises:
+            ValueError: if the trial is not missing.
+        """
+        if row["trial"] not in self.missing or any(row["trial"] == new["trial"] for new in self._new):
+            raise ValueError(f"{self.block.path}: trial {row['trial']} is there already")
         self._new.append({**row, "key": row_key(self.block.source, row["trial"])})
 
     def write(self) -> int:

@@ -95,35 +95,23 @@ def trial_modules() -> tuple[str, ...]:
     return tuple(sorted(modules_of([__name__, "systems.sweeps.policies", "systems.runs.demonstration_set"])))
 
 
-@cache
-def _own_code(modules: tuple[str, ...]) -> str:
-    """The digest of modules in this process. It does not follow imports: equal modules have equal ones."""
-    return source_digest(modules)
-
-
 def engine_versions(engine: str) -> dict[str, str]:
     """Returns the versions of the packages that decide the result of a trial in an engine."""
     return versions() | ({"mujoco": version_of("mujoco")} if engine == MUJOCO else {})
 
 
-def perform(
-    source: TrialSource, policy: RigPolicy, number: int, known: Mapping[str, Any], modules: tuple[str, ...]
-) -> Row:
+def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[str, Any]) -> Row:
     """Performs one trial and returns its row.
 
     Args:
         source: of the trial.
         policy: that acts.
         number: of the trial.
-        known: further columns, the same for all trials of the policy; ``code`` and ``versions`` are those that must
-            perform the trial.
-        modules: those whose source ``code`` is the digest of.
+        known: further columns, the same for all trials of the policy.
 
     Raises:
-        ValueError: if the scenario has no such trial, the policy is made for another peg or hole, or this process has
-            other code or packages.
+        ValueError: if the scenario has no such trial, or the policy is made for another peg or hole.
     """
-    _require_same(known, modules)
     began, cpu = datetime.now(UTC), time.process_time()
     with threadpool_limits(1):
         scenario = trial_scenario(source.scenario, number=number, arm=source.arm)
@@ -137,17 +125,6 @@ def perform(
         "cpu_s": time.process_time() - cpu,
         "began": began.isoformat(timespec="seconds"),
     }
-
-
-def _require_same(known: Mapping[str, Any], modules: tuple[str, ...]) -> None:
-    """Checks that this process has the code and the packages that a row will name."""
-    if known["code"] != _own_code(modules):
-        raise ValueError("the worker has other code than the client; install the same revision, or start again")
-    for name, version in json.loads(known["versions"]).items():
-        if version_of(name) != version and name != "python":
-            raise ValueError(
-                f"the worker has {name} {version_of(name)}, the client {version}; install the same version"
-            )
 
 
 def result_columns(result: TrialResult) -> Row:

@@ -14,9 +14,11 @@ from skill.policy import RigPolicy
 from systems.control.faults import one_line
 from systems.sweeps.assignments import Assignment
 from systems.sweeps.executors import Executor, LostWorkerError
+from systems.sweeps.policies import own_modules
 from systems.sweeps.policy_store import WAIT, PolicyStore
+from systems.sweeps.requirements import Requirements
 from systems.sweeps.result_blocks import Block, HeldBlock, hold
-from systems.sweeps.trial_rows import Row, TrialSource, engine_versions, perform, trial_code, trial_modules
+from systems.sweeps.trial_rows import Row, TrialSource, engine_versions, perform, trial_code
 
 WRITE_PERIOD = 1.0
 """Longest time that the row of a trial waits to be written, s."""
@@ -35,12 +37,13 @@ class TrialTask:
     source: TrialSource
     policy: RigPolicy
     known: dict[str, Any]
-    modules: tuple[str, ...]
+    requirements: Requirements
 
     def __call__(self) -> tuple[Block, int, Row | str]:
         """Returns the row of the trial, or why there is none, and where it belongs."""
         try:
-            return self.block, self.number, perform(self.source, self.policy, self.number, self.known, self.modules)
+            self.requirements.check()
+            return self.block, self.number, perform(self.source, self.policy, self.number, self.known)
         except Exception as error:  # the other trials go on
             return self.block, self.number, one_line(error)
 
@@ -108,7 +111,7 @@ class TrialStream:
             try:
                 self._write(now=True)
             finally:
-                for held in self._held.values():
+                for held in list(self._held.values()):
                     held.release()
 
     def _pass(self, tasks: Iterator[TrialTask]) -> None:
@@ -121,9 +124,22 @@ class TrialStream:
                 self._repeat()
 
     def _repeat(self) -> None:
-        suspects = list(self._in_flight.values())
-        self._in_flight.clear()
-        for task in suspects:
+        """Performs the tasks again that were under way: all together, and if workers die again one at a time."""
+        try:
+            self._take(self._executor.run(self._begun(iter(self._lost()))))
+        except LostWorkerError:
+            self._repeat_singly()
+
+    def _lost(self) -> list[TrialTask]:
+        """Takes the tasks that were under way; no executor of an earlier pass gets another one."""
+        with self._lock:
+            self._pass_number += 1
+            lost = list(self._in_flight.values())
+            self._in_flight.clear()
+        return lost
+
+    def _repeat_singly(self) -> None:
+        for task in self._lost():
             try:
                 self._take(self._executor.run(self._begun(iter([task]))))
             except LostWorkerError as error:
@@ -196,6 +212,7 @@ class TrialStream:
                 held.release()
                 continue
             made, seed = self._store.policy(assignment.policy), assignment.policy.demonstrations
+            requirements = Requirements.of(assignment.source.engine, own_modules(assignment.policy.plan))
             stored_versions = json.dumps(engine_versions(assignment.source.engine))
             known = {
                 **{"skill": assignment.policy.digest, "demonstrations": made.demonstrations},
@@ -204,7 +221,7 @@ class TrialStream:
             }
             self._held[block] = held
             for number in missing:
-                yield TrialTask(block, number, assignment.source, made.policy, known, trial_modules())
+                yield TrialTask(block, number, assignment.source, made.policy, known, requirements)
 
     def _count_elsewhere(self, block: Block, lacking: int) -> None:
         """Counts the trials of a block that another sweep has written."""

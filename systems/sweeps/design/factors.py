@@ -115,7 +115,10 @@ def read_factors(section: CheckedMapping) -> list[Factor]:
 def _list_factor(section: CheckedMapping, name: str, values: list[Any]) -> Factor:
     if not values:
         raise section.error(name, "[]", "at least one value")
-    texts = [json.dumps(value) for value in values]
+    try:
+        texts = [json.dumps(value) for value in values]
+    except TypeError as error:
+        raise section.error(name, brief(values), "numbers, texts or lists of them") from error
     if len(set(texts)) < len(texts):
         raise section.error(name, brief(values), "each value once")
     return Factor(name, tuple(Level(value, {name: value}) for value in values))
@@ -146,7 +149,8 @@ def _mapping_factor(section: CheckedMapping, name: str) -> Factor:
 def read_cells(specification: CheckedMapping) -> list[Cell]:
     """Reads the sections ``vary`` and ``design`` and returns the cells of the design.
 
-    The random design is a scrambled Sobol sequence: a larger number of samples begins with the same ones.
+    The random design is a scrambled Sobol sequence: a larger number of samples begins with the same ones. Combinations
+    of listed levels that are drawn again count once.
 
     Raises:
         ValueError: naming the key and what is wrong.
@@ -162,7 +166,8 @@ def read_cells(specification: CheckedMapping) -> list[Cell]:
             raise specification.error("design", "random", "grid, because nothing is varied")
         shares = _sobol(len(factors), samples, seed)
         chosen = [[f.at(float(share)) for f, share in zip(factors, row, strict=True)] for row in shares]
-        return [_cell(factors, levels, specification) for levels in chosen]
+        cells = [_cell(factors, levels, specification) for levels in chosen]
+        return list({cell.label: cell for cell in cells}.values())  # lists of levels may be drawn alike
     if specification.take("design", str, "grid") != "grid":
         raise specification.error("design", brief(design), "grid, or {random: N, seed: S}")
     for factor in factors:

@@ -17,6 +17,7 @@ For example:
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -170,6 +171,9 @@ def read_specification(path: Path) -> Specification:
     whole.optional("clearance_rules", list)
     whole.finish()
     read_plan(shared, {})
+    varied = sorted({key for cell in cells for key in cell.training_overrides()})
+    if varied and not any(policy.demonstrations for policy in found.policies):
+        raise ValueError(f"{where}: training.{varied[0]} is varied, but no policy learns from demonstrations")
     for cell in cells:
         found.scenario_with(cell.scenario_overrides(), where)
         for policy in found.policies:
@@ -193,7 +197,9 @@ def _policy(name: str, own: CheckedMapping, shared: Mapping[str, Any]) -> Policy
     if len(kinds) != 1:
         raise ValueError(f"{own.where}: {own.path} has {kinds or 'none'}, expected one of learn, skill and make")
     learn, skill, make = own.section("learn"), own.optional("skill", str), own.optional("make", str)
-    options = dict(learn.values if kinds == ["learn"] else own.section("with").values)
+    options = dict(learn.values if kinds == ["learn"] else own.section("with").values if kinds == ["make"] else {})
+    if not all(isinstance(name, str) and _is_json(value) for name, value in options.items()):
+        raise ValueError(f"{own.where}: {own.path} has options {brief(options)}, expected names with plain values")
     if make is not None and make.count(":") != 1:
         raise own.error("make", brief(make), "an import path such as package.module:function")
     teaches = kinds == ["learn"] or (make is not None and "demonstrations" in own.values)
@@ -235,9 +241,22 @@ def read_plan(own: CheckedMapping, shared: Mapping[str, Any]) -> DemonstrationPl
         scenario=dict(section.section("scenario").values),
         select=section.optional("select", str),
     )
+    if plan.select is not None and plan.select.count(":") != 1:
+        raise section.error("select", brief(plan.select), "an import path such as package.module:function")
+    if not all(isinstance(key, str) for key in plan.scenario):
+        raise section.error("scenario", brief(plan.scenario), "dotted keys with values")
     section.optional("size", int)
     section.finish()
     return plan
+
+
+def _is_json(value: Any) -> bool:
+    """Whether a value can be written as JSON: dates cannot."""
+    try:
+        json.dumps(value)
+    except TypeError:
+        return False
+    return True
 
 
 def plan_in(policy: PolicyPlan, cell: Cell, where: str) -> DemonstrationPlan | None:

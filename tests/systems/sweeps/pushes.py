@@ -49,3 +49,8 @@ class Unwilling(ControlLaw):
 def unwilling(lesson):
     """A law with which no rig can be built."""
     return Unwilling()
+
+
+def fatal(lesson):
+    """Ends the process."""
+    os.kill(os.getpid(), signal.SIGKILL)

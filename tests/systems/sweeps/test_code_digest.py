@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from systems.sweeps.code_digest import _closure, _is_module, code_digest, modules_of
+from systems.sweeps.code_digest import _closure, _is_module, code_digest, is_local, modules_of
 from tests.scripts.commands import run_python
 
 PACKAGE = {
@@ -16,6 +16,7 @@ PACKAGE = {
     "late/__init__.py": "",
     "late/deep.py": "import json\n",
     "unused.py": "x = 1\n",
+    "late/near.py": "from . import deep\nfrom ..lazy import g\nimport beside\n",
 }
 
 
@@ -56,8 +57,22 @@ def test_a_changed_line_of_what_is_not_imported_does_not(package):
     assert digest() == before
 
 
+def test_relative_imports_and_modules_beside_the_package_are_followed(package):
+    (package.parent / "beside.py").write_text("import json, numpy\n")
+    is_local.cache_clear()
+    _closure.cache_clear()
+    found = modules_of(["own_package.late.near"])
+    names = {"own_package", "own_package.late", "own_package.late.near", "own_package.late.deep", "own_package.lazy"}
+    assert found == {*names, "beside"}  # and neither Python's nor installed ones
+
+
+def test_installed_and_built_in_modules_are_not_local():
+    assert [is_local(name) for name in ("numpy", "json", "math", "sys", "no_such_module")] == [False] * 5
+    assert is_local("tests")
+
+
 def test_a_module_that_is_not_there_is_named():
-    with pytest.raises(ValueError, match=r"module own_package\.nothing: not found"):
+    with pytest.raises(ValueError, match=r"module own_package\.nothing: no source found"):
         code_digest(["own_package.nothing"])
 
 
@@ -67,7 +82,7 @@ def test_every_module_that_a_trial_and_its_training_load_is_in_the_digest(skill_
 import json, sys
 from pathlib import Path
 before = set(sys.modules)
-from systems.sweeps.trial_rows import TrialSource, engine_versions, perform, trial_code, trial_modules
+from systems.sweeps.trial_rows import TrialSource, perform
 from systems.sweeps.policies import Lesson, make_policy
 from systems.sweeps.design.specification import DemonstrationPlan, PolicyPlan
 from skill.data.demonstration import read_demonstrations
@@ -77,8 +92,7 @@ scenario = make_quick_scenario()
 shown = read_demonstrations(Path({str(demonstration_folder)!r}))
 plan = PolicyPlan("a", None, None, {{}}, DemonstrationPlan(), False)
 made = make_policy(plan, Lesson(scenario, Arm.DEFAULT, shown, 0))
-known = {{"code": trial_code(), "versions": json.dumps(engine_versions("drake"))}}
-row = perform(TrialSource(scenario, Arm.DEFAULT, "drake", "", "a", "{{}}"), made.policy, 84001, known, trial_modules())
+row = perform(TrialSource(scenario, Arm.DEFAULT, "drake", "", "a", "{{}}"), made.policy, 84001, {{}})
 loaded = [name for name in sys.modules if name.split(".")[0] in ("models", "skill", "systems")]
 print(json.dumps([loaded, row["trial"]]))
 """

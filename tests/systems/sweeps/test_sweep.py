@@ -14,6 +14,7 @@ from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from systems.runs.trial import run_trials
 from systems.sweeps import trial_rows
+from systems.sweeps.policies import load_given
 from systems.sweeps.trial_rows import MEASURED_NUMBERS, result_columns
 from tests.scripts.commands import ROOT
 from tests.systems.sweeps.conftest import rows_in
@@ -85,6 +86,40 @@ def test_a_carried_over_policy_serves_another_hole(specification, perform, skill
     rows = perform(specification(**keys, policies={"mine": {"skill": str(skill_file), "carried_over": True}}))
     assert rows.hole_radius_mm.tolist() == [pytest.approx(10.2)]
     assert rows.outcome.tolist() != ["failed"]
+
+
+def test_a_skill_file_that_changes_while_the_sweep_runs_is_refused(specification, perform, skill_file, tmp_path):
+    own = tmp_path / "own.npz"
+    own.write_bytes(skill_file.read_bytes())
+    path = specification(policies={"mine": {"skill": str(own)}}, trials={"number": 1})
+    perform(path)
+    skill = ManipulationSkill.load(own)
+    skill.name_states([f"state {k}" for k in range(skill.n_states)])
+    skill.save(own)
+    with pytest.raises(ValueError, match="changed since the sweep began"):
+        load_given(own)
+
+
+@pytest.mark.parametrize(
+    ("policy", "message"),
+    [
+        ({"make": "tests.systems.sweeps.pushes:shove"}, "policies.push: .*pushes:shove: cannot be imported"),
+        ({"make": "no_such_package:push"}, "policies.push: no_such_package:push: cannot be imported"),
+        ({**PUSH, "with": {"speed": 3}}, r"policies.push: cannot be made \(TypeError: .*speed"),
+        ({"make": "tests.systems.sweeps.pushes:unwilling", "with": {"speed": 3}}, "policies.push: .*speed"),
+        ({"learn": {"regresor": "a:b"}}, "policies.push.learn.regresor: unknown key"),
+    ],
+)
+def test_a_policy_that_cannot_be_made_is_one_line(specification, perform, policy, message):
+    with pytest.raises(ValueError, match=message) as error:
+        perform(specification(policies={"push": policy}, trials={"number": 1}))
+    assert "\n" not in str(error.value)
+
+
+def test_a_process_that_dies_while_a_policy_is_made_is_one_line(specification, perform):
+    path = specification(policies={"push": {"make": "tests.systems.sweeps.pushes:fatal"}}, trials={"number": 1})
+    with pytest.raises(OSError, match=r"a process died while a policy was made .* give the command again"):
+        perform(path)
 
 
 def test_both_engines_perform_the_same_trials(specification, perform):

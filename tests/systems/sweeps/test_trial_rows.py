@@ -1,6 +1,5 @@
 """Rows of trials: what identifies them, and what must not perform them."""
 
-import json
 from dataclasses import replace
 
 import pytest
@@ -8,18 +7,8 @@ import pytest
 from models.scenario import load_scenario
 from systems.runs.trial import Arm
 from systems.sweeps import trial_rows
-from systems.sweeps.trial_rows import (
-    SCHEMA,
-    TrialSource,
-    engine_versions,
-    perform,
-    row_key,
-    scenario_columns,
-    trial_code,
-    trial_modules,
-)
+from systems.sweeps.trial_rows import SCHEMA, TrialSource, row_key, scenario_columns
 from tests.systems.sweeps.made_up_rows import made_up_row
-from tests.systems.sweeps.pushes import Push
 
 
 def source(**changes):
@@ -69,16 +58,3 @@ def test_the_columns_of_a_scenario_are_in_the_units_of_their_names():
     assert found["clearance"] == pytest.approx(0.005)  # 0.1 mm over 20 mm
     assert (found["peg_radius_mm"], found["hole_radius_mm"]) == pytest.approx((10.0, 10.05))
     assert found["force_limit_n"] == 40.0
-
-
-@pytest.mark.parametrize(
-    ("known", "message"),
-    [
-        ({"code": "another revision"}, "the worker has other code than the client"),
-        ({"versions": json.dumps({"drake": "0.1"})}, r"the worker has drake 1\.\d+.*, the client 0\.1"),
-    ],
-)
-def test_a_worker_with_other_code_or_packages_performs_nothing(known, message):
-    right = {"code": trial_code(), "versions": json.dumps(engine_versions("drake"))}
-    with pytest.raises(ValueError, match=message):
-        perform(source(), Push(), 0, {**right, **known}, trial_modules())

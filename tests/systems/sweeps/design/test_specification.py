@@ -69,6 +69,12 @@ def test_a_random_design_fills_ranges_evenly_and_a_logarithmic_one_in_its_logari
     assert np.bincount([factors["c"] for factors in found])[1:].tolist() == [64] * 4
 
 
+def test_combinations_of_listed_levels_that_are_drawn_again_count_once():
+    found = cells({"a": [1, 2, 3], "b": [1, 2]}, {"random": 64})
+    assert len(found) == 6
+    assert len({cell.label for cell in found}) == 6
+
+
 def test_other_seeds_give_other_cells():
     vary = {"contact.friction": {"uniform": [0.1, 0.3]}}
     assert cells(vary, {"random": 4, "seed": 0}) != cells(vary, {"random": 4, "seed": 1})
@@ -155,6 +161,10 @@ def test_a_factor_of_the_training_changes_the_demonstrations_of_every_policy_tha
         ("policies: {a: {learn: {}, skill: x.npz}}", "has ['learn', 'skill'], expected one of learn, skill and make"),
         ("policies: {a: {}}", "has none, expected one of learn, skill and make"),
         ("policies: {a: {make: push}}", "expected an import path such as package.module:function"),
+        ("policies: {a: {skill: x.npz, with: {b: 1}}}", "unknown key 'policies.a.with'"),
+        ("policies: {a: {make: 'b:c', with: {d: 2026-01-01}}}", "expected names with plain values"),
+        ("vary: {training.size: [3]}\npolicies: {a: {make: 'b:c'}}", "is varied, but no policy learns"),
+        ("demonstrations: {select: first}\n" + PLAIN, "demonstrations.select is 'first', expected an import path"),
         ("policies: {a: {skill: x.npz, demonstrations: {good: 3}}}", "a skill file has learnt already"),
         ("policies: {a: {learn: {}, sets: [1]}}", "unknown key 'policies.a.sets'"),
         ('policies: {"a\\nb": {learn: {}}}', "expected a printable name"),
