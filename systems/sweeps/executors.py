@@ -192,7 +192,7 @@ class Executor:
 
             def effective_n_jobs(self, n_jobs: int) -> int:
                 """Number of tasks that are sent at first, over two."""
-                return max(2, super().effective_n_jobs(n_jobs))
+                return max(2, int(super().effective_n_jobs(n_jobs)))
 
         register_parallel_backend(_PLURAL_DASK, PluralDask)
         make_client: Any = distributed.Client
@@ -200,7 +200,7 @@ class Executor:
 
         if self.address is None:
             # On this machine only, with one thread for each process: the simulation holds the interpreter.
-            cluster = make_cluster(n_workers=self.jobs, threads_per_worker=1, dashboard_address=None, host="127.0.0.1")
+            cluster = make_cluster(n_workers=self.jobs, threads_per_worker=1, dashboard_address=":0", host="127.0.0.1")
             self._client = self._stack.enter_context(make_client(self._stack.enter_context(cluster)))
             return
         try:
