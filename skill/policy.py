@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,3 +84,54 @@ class RigPolicy(Protocol):
         self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
     ) -> Action:
         """Returns the action for one measurement (7,) and the probabilities of the states (M,) and contexts (C,)."""
+
+
+PolicyT = TypeVar("PolicyT", bound=RigPolicy)
+
+
+@dataclass(frozen=True)
+class WrappedPolicy(Generic[PolicyT]):
+    """A `RigPolicy` that does what another one does; subclasses override what they change.
+
+    Attributes:
+        policy: the other policy; it is not changed.
+    """
+
+    policy: PolicyT
+
+    @property
+    def period_(self) -> float:
+        """Duration of an action, s."""
+        return self.policy.period_
+
+    @property
+    def n_states(self) -> int:
+        """Number of states."""
+        return self.policy.n_states
+
+    @property
+    def metadata_(self) -> Mapping[str, Any]:
+        """Metadata of the policy."""
+        return self.policy.metadata_
+
+    def state_names(self) -> list[str]:
+        """Returns the names of the states."""
+        return self.policy.state_names()
+
+    def state_filter(self) -> StateFollower:
+        """Returns the state estimator of the policy."""
+        return self.policy.state_filter()
+
+    def measured_features(self, measured: ArrayLike) -> Array:
+        """Returns the features of one measurement (7,) for the state estimator."""
+        return self.policy.measured_features(measured)
+
+    def context_filter(self) -> ContextFollower:
+        """Returns the context estimator of the policy."""
+        return self.policy.context_filter()
+
+    def act(
+        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
+    ) -> Action:
+        """Returns the action of the policy."""
+        return self.policy.act(measured, probabilities, contexts)

@@ -10,26 +10,23 @@ from __future__ import annotations
 import json
 import re
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration
-from skill.features.responses import observations
-from skill.features.wrench_features import MEASURED
 from skill.policy import RigPolicy
 from systems.reports.terminal import write_json
 from systems.runs.trial import Arm, run_trial, trial_scenario
 from systems.runs.worker_pool import run_in_processes
+from systems.sweeps.policies import query_time
 
 FIRST_TRIAL, FIRST_TUNING = 78000, 80000
-QUERIES = 300  # decisions over which the query time is measured
 
 Advance = Callable[[str], None]
 """Advances the progress bar by one and shows a note."""
@@ -163,23 +160,6 @@ def attempts(setting: Setting, policy: RigPolicy, numbers: list[int]) -> Iterato
     """Performs the trials and yields their results in order, as they end."""
     tasks = (partial(attempt, setting.scenario, setting.arm, policy, number) for number in numbers)
     yield from run_in_processes(tasks, jobs=setting.jobs)
-
-
-def query_time(policy: RigPolicy, demonstrations: Sequence[Demonstration]) -> float:
-    """Median time of one decision (features, state, context and action) over measurements of the demonstrations, ms."""
-    rows = np.vstack([d.samples[list(MEASURED)].to_numpy() for d in demonstrations])
-    rows = rows[np.linspace(0, len(rows) - 1, QUERIES).astype(int)]
-    state_filter, context_filter = policy.state_filter(), policy.context_filter()
-    belief, memory = state_filter.initial_log_belief(), context_filter.initial_memory()
-    times = []
-    for row in rows:
-        start = time.perf_counter()
-        estimate = state_filter.step(belief, policy.measured_features(row))
-        context = context_filter.step(memory, observations(row, np.zeros(2)))
-        policy.act(row, estimate.probabilities, context.probabilities)
-        times.append(time.perf_counter() - start)
-        belief, memory = estimate.log_belief, context.memory
-    return 1e3 * float(np.median(times))
 
 
 def perform(entry: Entry, setting: Setting, advance: Advance) -> Record:

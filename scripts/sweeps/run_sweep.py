@@ -24,7 +24,7 @@ def main(
         typer.Option(
             parser=parse_path,
             metavar="RESULTS",
-            help="Folder to write into: one of results.",
+            help="Folder to write into; results that are there are kept.",
             show_default="out/sweeps/SPEC",
         ),
     ] = None,

@@ -7,9 +7,7 @@ each trial and vary along the depth. The features, the factors and the cost of e
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,10 +19,8 @@ from skill.features.measurement import measurement
 from skill.features.responses import rig_observations
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy import Action, RigPolicy, StateFollower
-from skill.states.context_filter import ContextFollower, pair_probabilities
-
-PolicyT = TypeVar("PolicyT", bound=RigPolicy)
+from skill.policy import Action, PolicyT, RigPolicy, WrappedPolicy
+from skill.states.context_filter import pair_probabilities
 
 
 @dataclass(frozen=True)
@@ -78,47 +74,14 @@ class ExplorationNoise:
 
 
 @dataclass(frozen=True)
-class PerturbedPolicy(Generic[PolicyT]):
-    """A policy whose turn and feed are multiplied by the factors of a perturbation; itself a `RigPolicy`.
+class PerturbedPolicy(WrappedPolicy[PolicyT]):
+    """A policy whose turn and feed are multiplied by the factors of a perturbation.
 
     Attributes:
-        policy: the policy to perturb; it is not changed.
         perturbation: factors on its actions.
     """
 
-    policy: PolicyT
     perturbation: Perturbation
-
-    @property
-    def period_(self) -> float:
-        """Duration of an action, s."""
-        return self.policy.period_
-
-    @property
-    def n_states(self) -> int:
-        """Number of states."""
-        return self.policy.n_states
-
-    @property
-    def metadata_(self) -> Mapping[str, Any]:
-        """Metadata of the policy."""
-        return self.policy.metadata_
-
-    def state_names(self) -> list[str]:
-        """Returns the names of the states."""
-        return self.policy.state_names()
-
-    def state_filter(self) -> StateFollower:
-        """Returns the state estimator of the policy."""
-        return self.policy.state_filter()
-
-    def measured_features(self, measured: ArrayLike) -> Array:
-        """Returns the features of one measurement (7,) for the state estimator."""
-        return self.policy.measured_features(measured)
-
-    def context_filter(self) -> ContextFollower:
-        """Returns the context estimator of the policy."""
-        return self.policy.context_filter()
 
     def act(
         self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None

@@ -139,7 +139,7 @@ def _distinct(items: Iterable[Any]) -> list[Any]:
     """Returns the items whose digests differ, in order."""
     found: dict[str, Any] = {}
     for item in items:
-        found.setdefault(item.digest if isinstance(item.digest, str) else item.digest(), item)
+        found.setdefault(item.digest, item)
     return list(found.values())
 
 

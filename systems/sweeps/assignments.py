@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from models.scenario import Scenario, dump_scenario
+from models.scenario import Geometry, Scenario, dump_scenario
 from skill.data.geometry import PegHoleGeometry
-from skill.manipulation_skill import ManipulationSkill
 from systems.runs.demonstration_set import Request, requests
 from systems.runs.provenance import versions
 from systems.runs.trial import Arm, trial_scenario
+from systems.sweeps.code_digest import values_digest
 from systems.sweeps.design.factors import Cell
 from systems.sweeps.design.specification import BASE, PolicyPlan, Specification, plan_in
-from systems.sweeps.policies import check_imports, policy_digest
+from systems.sweeps.policies import GivenSkill, check_imports, policy_digest
 from systems.sweeps.result_blocks import Block, blocks_of
 from systems.sweeps.trial_rows import TrialSource, trial_code
 
@@ -49,10 +48,11 @@ class DemonstrationSource:
         bad = min(size - good, self.bad)
         return [*self.requests()[:good], *self.requests()[self.good : self.good + bad]]
 
+    @cached_property
     def digest(self) -> str:
-        """Returns the digest of what decides the set, the code included."""
+        """The digest of what decides the set, the code included."""
         known = {"scenario": dump_scenario(self.scenario), "good": self.good, "bad": self.bad, "seed": self.seed}
-        return _digest({**known, "code": trial_code(), "versions": versions()})
+        return values_digest({**known, "code": trial_code(), "versions": versions()})
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,7 @@ class PolicySource:
 
     Attributes:
         plan: how; with the demonstrations of its cell.
+        given: the skill file, or None.
         demonstrations: what it learns from, or None.
         scenario: unresolved, of the cell in which it acts; the one of its first cell if it does not depend on it.
         arm: which trials it performs; likewise.
@@ -68,6 +69,7 @@ class PolicySource:
     """
 
     plan: PolicyPlan
+    given: GivenSkill | None
     demonstrations: DemonstrationSource | None
     scenario: Scenario
     arm: Arm
@@ -100,12 +102,15 @@ def assignments(specification: Specification, results: Path, where: str) -> list
     Raises:
         ValueError: if a policy serves another peg or hole than that of a cell, or a cell has no trial of an arm.
     """
-    found = []
+    found: list[Assignment] = []
+    skills: dict[str, GivenSkill] = {}
     for plan in specification.policies:
         try:
             check_imports(plan)
         except ValueError as error:
             raise ValueError(f"{where}: {error}") from error
+        if plan.skill is not None:
+            skills[plan.name] = GivenSkill.read(plan.skill)
     for cell in specification.cells:
         scenario = specification.scenario_with(cell.scenario_overrides(), where)
         for arm in specification.arms:
@@ -115,7 +120,8 @@ def assignments(specification: Specification, results: Path, where: str) -> list
                 raise ValueError(f"{where}: the {arm} arm in the cell {cell.label}: {error}") from error
         for plan in specification.policies:
             for arm in specification.arms:
-                for policy, numbers in _policies(specification, plan, cell, scenario, arm, where):
+                given = skills.get(plan.name)
+                for policy, numbers in _policies(specification, plan, given, cell, scenario, arm, where):
                     for engine in specification.engines:
                         source = TrialSource(scenario, arm, engine, policy.digest, plan.name, cell.label)
                         folders = {"policy": plan.name, "arm": arm.value, "engine": engine}
@@ -125,48 +131,48 @@ def assignments(specification: Specification, results: Path, where: str) -> list
 
 
 def _policies(
-    specification: Specification, plan: PolicyPlan, cell: Cell, scenario: Scenario, arm: Arm, where: str
+    specification: Specification,
+    plan: PolicyPlan,
+    given: GivenSkill | None,
+    cell: Cell,
+    scenario: Scenario,
+    arm: Arm,
+    where: str,
 ) -> Iterator[tuple[PolicySource, list[int]]]:
     """Yields the policies of a plan in a cell, one for each set of demonstrations, and the numbers of their trials."""
     numbers = list(range(specification.first, specification.first + specification.number))
     teaching = plan_in(plan, cell, where)
     if teaching is None:
         acting = {"scenario": dump_scenario(scenario), "arm": arm.value}
-        _require_geometry(plan, scenario, None, where)
-        yield PolicySource(plan, None, scenario, arm, policy_digest(plan, acting)), numbers
+        if given is not None:
+            acting = {"skill": given.digest}
+            _require_geometry(plan, scenario, given.geometry, where)
+        yield PolicySource(plan, given, None, scenario, arm, policy_digest(plan, acting)), numbers
         return
     changed = {} if teaching.demonstrated_in == BASE else cell.scenario_overrides()
     shown = specification.scenario_with({**changed, **teaching.scenario}, where)
-    _require_geometry(plan, scenario, shown, where)
+    _require_geometry(plan, scenario, shown.geometry, where)
     for k, seed in enumerate(teaching.sets):
         source = DemonstrationSource(shown, teaching.good, teaching.bad, seed)
-        made_from: dict[str, Any] = {"demonstrations": source.digest(), "size": teaching.size}
+        made_from: dict[str, Any] = {"demonstrations": source.digest, "size": teaching.size}
         if plan.make is not None:
             made_from |= {"scenario": dump_scenario(scenario), "arm": arm.value}
         own = [n for n in numbers if n % len(teaching.sets) == k] if teaching.divided else numbers
         taught = replace(plan, demonstrations=teaching)
         if own:
-            yield PolicySource(taught, source, scenario, arm, policy_digest(taught, made_from)), own
+            yield PolicySource(taught, None, source, scenario, arm, policy_digest(taught, made_from)), own
 
 
-def _require_geometry(plan: PolicyPlan, scenario: Scenario, shown: Scenario | None, where: str) -> None:
-    """Checks that a policy that is not carried over learns for the peg and hole of its cell."""
-    if plan.carried_over:
-        return
-    if shown is not None:
-        learnt: Any = shown.geometry
-    elif plan.skill is not None:
-        learnt = PegHoleGeometry.find(ManipulationSkill.load(plan.skill).metadata_, "the skill")
-    else:
+def _require_geometry(
+    plan: PolicyPlan, scenario: Scenario, learnt: Geometry | PegHoleGeometry | None, where: str
+) -> None:
+    """Checks that a policy that is not carried over learns for the peg and hole of its cell; None: it does not say."""
+    if plan.carried_over or learnt is None:
         return
     for name in ("peg_radius", "hole_radius", "hole_depth", "chamfer"):
-        own, needed = getattr(learnt, name, None), getattr(scenario.geometry, name)
-        if own is not None and own != needed:
+        own, needed = getattr(learnt, name), getattr(scenario.geometry, name)
+        if own != needed:
             raise ValueError(
                 f"{where}: policies.{plan.name} learns for geometry.{name} {own} m, a cell has {needed} m; set"
                 " carried_over: true, or demonstrations.demonstrated_in: cell"
             )
-
-
-def _digest(known: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]

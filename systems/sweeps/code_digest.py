@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import json
 import sysconfig
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
+from typing import Any
 
 PACKAGES = ("models", "skill", "systems")
 """The packages of this project whose modules decide the result of a trial."""
@@ -16,9 +18,13 @@ PACKAGES = ("models", "skill", "systems")
 DATA = {"models": ("*.sdf", "*.xml")}
 """Files of a package that are not imported, but read."""
 
-
 INSTALLED = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})
 """Where Python and installed packages are."""
+
+
+def values_digest(values: Mapping[str, Any]) -> str:
+    """Returns a digest of JSON values, whatever the order of their keys."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def code_digest(modules: Iterable[str], packages: Iterable[str] = PACKAGES) -> str:

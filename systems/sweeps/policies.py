@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import importlib
 import inspect
-import json
 import re
 import time
 from collections.abc import Callable, Mapping
@@ -16,21 +15,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from models.scenario import Scenario
-from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstration
+from skill.data.geometry import PegHoleGeometry
 from skill.features.responses import observations
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy import Action, RigPolicy, StateFollower
-from skill.states.context_filter import ContextFollower
+from skill.policy import RigPolicy, WrappedPolicy
 from systems.control.faults import one_line
 from systems.runs.provenance import version_of, versions
 from systems.runs.trial import Arm
-from systems.sweeps.code_digest import PACKAGES, code_digest, is_local, modules_of
+from systems.sweeps.code_digest import PACKAGES, code_digest, is_local, modules_of, values_digest
 from systems.sweeps.design.specification import PolicyPlan
 
 IMPORT_PATH = re.compile(r"[A-Za-z_][\w.]*:\w+")
@@ -74,52 +71,53 @@ class MadePolicy:
     demonstrations: int | None
 
 
-class CarriedOver:
-    """A policy that serves other pegs and holes than the one it was made for.
+class CarriedOver(WrappedPolicy[RigPolicy]):
+    """A policy that serves other pegs and holes than the one it was made for."""
 
-    Args:
-        policy: that acts.
+    @property
+    def metadata_(self) -> Mapping[str, Any]:
+        """Empty: the policy is not tied to a peg and hole."""
+        return {}
+
+
+@dataclass(frozen=True)
+class GivenSkill:
+    """What is known of a skill file that a specification names.
 
     Attributes:
-        carried: the policy that acts.
+        path: of the file.
+        digest: of its content when the sweep was planned.
+        geometry: of the peg and hole that it serves; None if it does not say.
     """
 
-    metadata_: Mapping[str, Any] = {}
+    path: Path
+    digest: str
+    geometry: PegHoleGeometry | None
 
-    def __init__(self, policy: RigPolicy) -> None:
-        self.carried = policy
+    @classmethod
+    def read(cls, path: Path) -> GivenSkill:
+        """Reads a skill file.
 
-    @property
-    def period_(self) -> float:
-        """See `RigPolicy`, as for all that follows."""
-        return self.carried.period_
+        Raises:
+            ValueError: if it is none.
+        """
+        return cls(path, file_digest(path), PegHoleGeometry.find(ManipulationSkill.load(path).metadata_, "the skill"))
 
-    @property
-    def n_states(self) -> int:
-        """Number of states."""
-        return self.carried.n_states
+    def load(self) -> ManipulationSkill:
+        """Loads the skill.
 
-    def state_names(self) -> list[str]:
-        """Names of the states."""
-        return self.carried.state_names()
+        Raises:
+            ValueError: if the file has changed since it was read, or is damaged.
+        """
+        skill = ManipulationSkill.load(self.path)
+        if file_digest(self.path) != self.digest:
+            raise ValueError(f"{self.path}: changed since the sweep began; give the command again")
+        return skill
 
-    def state_filter(self) -> StateFollower:
-        """The estimator of the state."""
-        return self.carried.state_filter()
 
-    def measured_features(self, measured: ArrayLike) -> Array:
-        """Features of the filter."""
-        return self.carried.measured_features(measured)
-
-    def context_filter(self) -> ContextFollower:
-        """The estimator of the context."""
-        return self.carried.context_filter()
-
-    def act(
-        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
-    ) -> Action:
-        """The action for one measurement."""
-        return self.carried.act(measured, probabilities, contexts)
+def file_digest(path: Path) -> str:
+    """Returns a digest of the content of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def imported(path: str) -> Any:
@@ -194,15 +192,11 @@ def make_policy(plan: PolicyPlan, lesson: Lesson) -> MadePolicy:
 
 
 def _made(plan: PolicyPlan, lesson: Lesson) -> MadePolicy:
-    if plan.skill is not None:
-        policy: RigPolicy = ManipulationSkill.load(plan.skill)
-        trained = None
-    else:
-        make: Callable[..., RigPolicy] = learn if plan.make is None else imported(plan.make)
-        begun = time.process_time()
-        with threadpool_limits(1):
-            policy = make(lesson, **plan.options)
-        trained = time.process_time() - begun
+    make: Callable[..., RigPolicy] = learn if plan.make is None else imported(plan.make)
+    begun = time.process_time()
+    with threadpool_limits(1):
+        policy = make(lesson, **plan.options)
+    trained = time.process_time() - begun
     found = policy.metadata_.get("demonstrations")
     return MadePolicy(
         policy=CarriedOver(policy) if plan.carried_over else policy,
@@ -210,18 +204,6 @@ def _made(plan: PolicyPlan, lesson: Lesson) -> MadePolicy:
         query_ms=query_time(policy, lesson.demonstrations) if lesson.demonstrations else None,
         demonstrations=found if isinstance(found, int) else None,
     )
-
-
-def load_given(path: Path) -> ManipulationSkill:
-    """Loads a skill file whose digest is known.
-
-    Raises:
-        ValueError: if the file has changed since, or is damaged.
-    """
-    skill = ManipulationSkill.load(path)
-    if hashlib.sha256(path.read_bytes()).hexdigest()[:16] != skill_digest(path):
-        raise ValueError(f"{path}: changed since the sweep began; give the command again")
-    return skill
 
 
 def chosen(plan: PolicyPlan, paths: list[Path]) -> list[Demonstration]:
@@ -242,27 +224,16 @@ def policy_digest(plan: PolicyPlan, made_from: Mapping[str, Any]) -> str:
 
     Args:
         plan: of the policy.
-        made_from: what else decides it, as JSON values: the demonstrations, or the scenario.
+        made_from: what else decides it, as JSON values: the skill file, the demonstrations, or the scenario.
     """
-    known: dict[str, Any] = {"carried_over": plan.carried_over, "versions": versions()}
-    if plan.skill is not None:
-        known["skill"] = skill_digest(plan.skill)
-    else:
-        select = plan.demonstrations.select if plan.demonstrations else None
-        known |= {"make": plan.make, "options": plan.options, "select": select, "from": dict(made_from)}
-        known["code"] = [_own_code(path.partition(":")[0]) for path in named_by(plan)]
-    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]
-
-
-@lru_cache(maxsize=256)
-def skill_digest(path: Path) -> str:
-    """Returns the digest that a skill file had when it was asked for first, after checking that it is one.
-
-    Raises:
-        ValueError: if it is not.
-    """
-    ManipulationSkill.load(path)
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    select = plan.demonstrations.select if plan.demonstrations else None
+    return values_digest(
+        {
+            **{"carried_over": plan.carried_over, "make": plan.make, "options": plan.options, "select": select},
+            **{"from": dict(made_from), "versions": versions()},
+            "code": [_own_code(path.partition(":")[0]) for path in named_by(plan)],
+        }
+    )
 
 
 def own_modules(plan: PolicyPlan) -> set[str]:

@@ -23,9 +23,8 @@ from systems.outputs.set_index import DEMONSTRATIONS, SetIndex
 from systems.runs.demonstration_set import Request, demonstrate
 from systems.runs.provenance import versions
 from systems.sweeps.assignments import DemonstrationSource, PolicySource
-from systems.sweeps.design.specification import PolicyPlan
 from systems.sweeps.executors import Executor, LostWorkerError
-from systems.sweeps.policies import CarriedOver, Lesson, MadePolicy, chosen, load_given, make_policy, own_modules
+from systems.sweeps.policies import CarriedOver, Lesson, MadePolicy, chosen, make_policy, own_modules
 from systems.sweeps.requirements import Requirements
 from systems.sweeps.trial_engines import DRAKE
 from systems.sweeps.trial_rows import trial_code
@@ -88,7 +87,7 @@ class PolicyStore:
 
     def folder(self, source: DemonstrationSource) -> Path:
         """Returns the folder of a set of demonstrations."""
-        return self._results / SETS / source.digest()
+        return self._results / SETS / source.digest
 
     def unrecorded(self, sources: Iterable[DemonstrationSource]) -> int:
         """Returns how many demonstrations of some sets have no file."""
@@ -112,21 +111,22 @@ class PolicyStore:
                 busy = []
                 for source in waiting:
                     try:
-                        held[source.digest()] = stack.enter_context(
+                        held[source.digest] = stack.enter_context(
                             open_set(self.folder(source), _set_index(source), overwrite=False)
                         )
                     except BusyError:
                         busy.append(source)
+                requirements = Requirements.of(DRAKE)
                 tasks = [
-                    DemonstrationTask(source, request, Requirements.of(DRAKE))
+                    DemonstrationTask(source, request, requirements)
                     for source in waiting
-                    if source.digest() in held
+                    if source.digest in held
                     for request in source.requests()
-                    if request.file_name not in held[source.digest()].finished
+                    if request.file_name not in held[source.digest].finished
                 ]
                 for done in _results(executor, tasks, "a demonstration was recorded"):
                     source, request, demonstration = done
-                    files = held[source.digest()]
+                    files = held[source.digest]
                     files.write(request.file_name, partial(write_demonstration, demonstration))
                     advance(f"set {source.seed}, {request.habit}: {demonstration.reason}")
             waiting = busy
@@ -137,7 +137,7 @@ class PolicyStore:
 
     def is_made(self, source: PolicySource) -> bool:
         """Whether a policy is there: a skill file that was given or kept, or one in memory."""
-        return source.plan.skill is not None or source.digest in self._made or self._notes(source).is_file()
+        return source.given is not None or source.digest in self._made or self._notes(source).is_file()
 
     def make(self, sources: Iterable[PolicySource], executor: Executor, advance: Advance) -> None:
         """Makes the policies that are not there, and keeps the skills; their demonstrations must be there.
@@ -166,7 +166,7 @@ class PolicyStore:
         if digest not in self._loaded:
             while len(self._loaded) >= MAX_LOADED:
                 self._loaded.pop(next(iter(self._loaded)))
-            self._loaded[digest] = self._load(digest, source.plan)
+            self._loaded[digest] = self._load(source)
         return self._loaded[digest]
 
     def _lesson(self, source: PolicySource) -> list[Demonstration]:
@@ -183,7 +183,7 @@ class PolicyStore:
 
     def _keep(self, source: PolicySource, made: MadePolicy) -> None:
         """Writes a skill that can be written, then the notes on its making; keeps any other policy in memory."""
-        policy = made.policy.carried if isinstance(made.policy, CarriedOver) else made.policy
+        policy = made.policy.policy if isinstance(made.policy, CarriedOver) else made.policy
         path = self._skill_file(source.digest)
         if type(policy) is ManipulationSkill:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -197,14 +197,15 @@ class PolicyStore:
                 pass
         self._made[source.digest] = made
 
-    def _load(self, digest: str, plan: PolicyPlan) -> MadePolicy:
+    def _load(self, source: PolicySource) -> MadePolicy:
         """Reads a skill that was given or kept."""
-        path = self._skill_file(digest) if plan.skill is None else plan.skill
-        skill = ManipulationSkill.load(path) if plan.skill is None else load_given(plan.skill)
-        policy = CarriedOver(skill) if plan.carried_over else skill
-        if plan.skill is not None:
-            return MadePolicy(policy, None, None, skill.metadata_.get("demonstrations"))
-        notes = parse_object(path.with_suffix(".json").read_bytes())
+        if source.given is not None:
+            skill = source.given.load()
+            notes = {"train_s": None, "query_ms": None, "demonstrations": skill.metadata_.get("demonstrations")}
+        else:
+            skill = ManipulationSkill.load(self._skill_file(source.digest))
+            notes = parse_object(self._notes(source).read_bytes())
+        policy = CarriedOver(skill) if source.plan.carried_over else skill
         return MadePolicy(policy, notes["train_s"], notes["query_ms"], notes["demonstrations"])
 
 

@@ -17,7 +17,7 @@ from urllib.parse import quote
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from skill.data.tables import write_atomically
+from skill.data.tables import named_parquet_errors, write_atomically
 from systems.outputs.folder_lock import BusyError, locked_file
 from systems.outputs.own_folder import remove_unfinished
 from systems.sweeps.trial_rows import SCHEMA, Row, row_key
@@ -94,10 +94,8 @@ def read_block(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     Raises:
         ValueError: if the file is damaged or no block. The message names it.
     """
-    try:
+    with named_parquet_errors(path, "file of trials"):
         return pq.read_table(path, columns=columns, partitioning=None, memory_map=False)
-    except (pa.ArrowInvalid, pa.ArrowKeyError, OSError, KeyError) as error:
-        raise ValueError(f"{path}: not a file of trials ({' '.join(str(error).split())}); move it away") from error
 
 
 class HeldBlock:

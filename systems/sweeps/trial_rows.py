@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from skill.policy import RigPolicy
 from systems.runs.provenance import version_of, versions
 from systems.runs.trial import Arm, run_rig, trial_scenario
 from systems.runs.trial_result import LATER_NUMBERS, TrialResult
-from systems.sweeps.code_digest import modules_of, source_digest
+from systems.sweeps.code_digest import modules_of, source_digest, values_digest
 from systems.sweeps.trial_engines import MUJOCO, make_rig
 
 Row = dict[str, Any]
@@ -75,7 +74,7 @@ class TrialSource:
             **{"policy": self.policy, "name": self.name, "factors": self.factors, "code": trial_code()},
             "versions": engine_versions(self.engine),
         }
-        return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:16]
+        return values_digest(known)
 
 
 def row_key(source_digest: str, number: int) -> str:
@@ -135,7 +134,7 @@ def result_columns(result: TrialResult) -> Row:
         **{"trial": result.seed, "inserted": result.inserted, "outcome": result.outcome.value},
         **{"fault": result.fault.name.lower() if result.fault else "", "reason": result.reason},
         **{"trusted": result.trusted, "tilt_x_deg": pitch, "tilt_y_deg": yaw},
-        **{name: record.get(name) for name in (*MEASURED_NUMBERS, *COUNTS) if name in record},
+        **{name: record[name] for name in (*MEASURED_NUMBERS, *COUNTS) if name in record},
     }
 
 

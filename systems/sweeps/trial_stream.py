@@ -115,7 +115,7 @@ class TrialStream:
                     held.release()
 
     def _pass(self, tasks: Iterator[TrialTask]) -> None:
-        """Performs tasks; those that were under way when a worker died are performed again, one at a time."""
+        """Performs tasks; those that were under way when a worker died are performed again."""
         while True:
             try:
                 self._take(self._executor.run(self._begun(tasks)))

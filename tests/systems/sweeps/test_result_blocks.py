@@ -115,7 +115,7 @@ def test_a_file_that_is_no_block_is_named(tmp_path):
     block = one_block(tmp_path, [7])
     block.path.parent.mkdir(parents=True)
     block.path.write_bytes(b"PAR1 but no Parquet")
-    with pytest.raises(ValueError, match="not a file of trials") as error:
+    with pytest.raises(ValueError, match="not a complete Parquet file") as error:
         block.missing()
     assert str(block.path) in str(error.value)
 

@@ -14,7 +14,7 @@ from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from systems.runs.trial import run_trials
 from systems.sweeps import trial_rows
-from systems.sweeps.policies import load_given
+from systems.sweeps.policies import GivenSkill
 from systems.sweeps.trial_rows import MEASURED_NUMBERS, result_columns
 from tests.scripts.commands import ROOT
 from tests.systems.sweeps.conftest import rows_in
@@ -93,11 +93,12 @@ def test_a_skill_file_that_changes_while_the_sweep_runs_is_refused(specification
     own.write_bytes(skill_file.read_bytes())
     path = specification(policies={"mine": {"skill": str(own)}}, trials={"number": 1})
     perform(path)
+    given = GivenSkill.read(own)
     skill = ManipulationSkill.load(own)
     skill.name_states([f"state {k}" for k in range(skill.n_states)])
     skill.save(own)
     with pytest.raises(ValueError, match="changed since the sweep began"):
-        load_given(own)
+        given.load()
 
 
 @pytest.mark.parametrize(
