@@ -1,4 +1,4 @@
-"""Reads the YAML text of a scenario into plain values, within limits, and refuses what would be lost."""
+"""Reads YAML text, such as a scenario, into plain values, within limits, and refuses what would be lost."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class _Loader(yaml.SafeLoader):
             raise _problem(f"found {found}, expected at most {MAX_SCALAR}", event)
         self._values += 1
         if self._values > MAX_VALUES:
-            raise _problem(f"found more than {MAX_VALUES} keys and values, expected a scenario of a few hundred", event)
+            raise _problem(f"found more than {MAX_VALUES} keys and values, expected a document of a few hundred", event)
         if self._levels == MAX_NESTING:
             raise _problem(f"found more than {MAX_NESTING} levels of nesting, expected sections with keys", event)
         self._levels += 1
@@ -156,4 +156,4 @@ def _explained(problem: str) -> str:
 
 def _check_size(size: int, unit: str, where: str) -> None:
     if size > MAX_SIZE:
-        raise ValueError(f"{where}: found more than {MAX_SIZE} {unit}, expected a scenario of a few thousand")
+        raise ValueError(f"{where}: found more than {MAX_SIZE} {unit}, expected a document of a few thousand")
