@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
-from benchmarks.rig.trials import FIRST_TUNING, Record, Setting, attempts
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.features.measurement import contact_load
@@ -178,6 +177,9 @@ class SpiralSearch(TunedLaw):
         return Action(turn=turn, feed=self.feed(measured), probabilities=phase)
 
 
+FIRST_TUNING = 80000
+"""Number of the first trial that is used for tuning; no comparison uses it or the next thousand."""
+
 ROUNDS = ((1, 2), (3, 4), (8, 8))
 """Rounds of the tuning, as (share, trials): the best 1/share of the candidates perform so many further trials each."""
 
@@ -192,11 +194,6 @@ def cost(row: Mapping[str, Any], scenario: Scenario) -> float:
     if not row["inserted"]:
         return FAILURE_COST
     return float(row["time_s"] / scenario.trial.time_limit + row["peak_load_n"] / scenario.controller.force_limit)
-
-
-def tuning_trials(candidates: int) -> int:
-    """Number of trials that `tune` performs for a number of candidates."""
-    return sum(max(1, candidates // share) * trials for share, trials in ROUNDS)
 
 
 Perform = Callable[[int, TunedLaw, list[int]], Iterable[Mapping[str, Any]]]
@@ -229,26 +226,3 @@ def tune(law: type[TunedLaw], scenario: Scenario, candidates: int, perform: Perf
             costs[k] += [cost(row, scenario) for row in perform(k, laws[k], numbers)]
         left.sort(key=lambda k: float(np.mean(costs[k])))
     return laws[left[0]], float(np.mean(costs[left[0]]))
-
-
-def tuned(law: type[TunedLaw], setting: Setting, record: Record, advance: Callable[[str], None]) -> TunedLaw:
-    """Tunes a law as `tune` does, in the processes of a setting.
-
-    Args:
-        law: the class of the law.
-        setting: scenario, number of candidates and processes.
-        record: results of an interrupted tuning, which are not computed again; receives the new ones.
-        advance: is called with a note after each trial.
-    """
-
-    def perform(k: int, candidate: TunedLaw, numbers: list[int]) -> list[Mapping[str, Any]]:
-        missing = [n for n in numbers if f"{k}:{n}" not in record.tuning]
-        for row in attempts(setting, candidate, missing):
-            record.add_tuning(f"{k}:{row['seed']}", row)
-        for _ in numbers:
-            advance(f"tuning {law.__name__}, candidate {k}")
-        return [record.tuning[f"{k}:{n}"] for n in numbers]
-
-    best, mean_cost = tune(law, setting.scenario, setting.candidates, perform)
-    record.content["tuned"] = best.parameters() | {"mean_cost": mean_cost}
-    return best

@@ -1,4 +1,4 @@
-"""Skills to compare on the rig: the product with other regressors, other states, or other demonstrations.
+"""Parts of skills to compare in sweeps: other regressors and states, and other choices of demonstrations.
 
 All get the same features and samples. The samples are ordered by demonstration, so that folds without shuffling hold
 out whole demonstrations, except for those at the edges of a fold; every regressor chooses its parameters by
@@ -8,9 +8,7 @@ cross-validation over such folds. Features and outputs are standardised where th
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -28,15 +26,14 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from benchmarks.learners.gaussian_mixture_regression import best_mixture, gmr_predict
-from benchmarks.rig.trials import Advance, Record, Setting, Train
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_states import GaussianStates
-from skill.data.demonstration import Demonstration, read_demonstrations
+from skill.data.demonstration import Demonstration
 from skill.imitation import Imitation
 from skill.manipulation_skill import ManipulationSkill
 from skill.mixtures.gaussian_components import GaussianComponents
-from skill.policy import Action, RigPolicy
+from skill.policy import Action
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.context_mixture import ContextMixture
 
@@ -45,35 +42,6 @@ MAX_GP_SAMPLES = 1500  # the cost of a Gaussian process grows with their cube
 MAX_COMPONENTS = 30  # of the mixtures from which BIC chooses
 
 Demonstrations = list[Demonstration]
-Choose = Callable[[Demonstrations], Demonstrations]
-"""The demonstrations to learn from, given a set of them."""
-
-
-def all_demonstrations(demonstrations: Demonstrations) -> Demonstrations:
-    """Chooses all demonstrations."""
-    return demonstrations
-
-
-def skill_from(
-    choose: Choose = all_demonstrations,
-    folders: Sequence[Path] | None = None,
-    policy: type[ManipulationSkill] = ManipulationSkill,
-    **parts: Callable[[], Any],
-) -> Train:
-    """The training of a skill.
-
-    Args:
-        choose: chooses demonstrations of a set.
-        folders: of other sets; None for those of the setting.
-        policy: class of the skill.
-        **parts: constructors of the parts of `ManipulationSkill` that are not the default ones.
-    """
-
-    def train(setting: Setting, record: Record, advance: Advance, number: int) -> RigPolicy:
-        demonstrations = setting.sets[number] if folders is None else read_demonstrations(folders[number])
-        return policy(**{name: part() for name, part in parts.items()}).fit(choose(demonstrations))
-
-    return train
 
 
 def one_state() -> CompetitiveAgglomeration:

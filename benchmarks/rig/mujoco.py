@@ -37,7 +37,6 @@ from pydrake.systems.framework import DiagramBuilder
 
 from benchmarks.command_line import argument_parser, run
 from benchmarks.recording import record_demonstrations
-from benchmarks.rig.comparison import BAD, GOOD
 from models.scenario import Scenario, load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from systems.plant.mujoco_model import MujocoContact
@@ -147,7 +146,7 @@ def summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
 
 def learn(scenario: Scenario) -> ManipulationSkill:
     """A skill learnt from thirty new demonstrations."""
-    demonstrations = [d for _, d in record_demonstrations(scenario, requests(GOOD, BAD), seed=0)]
+    demonstrations = [d for _, d in record_demonstrations(scenario, requests(24, 6), seed=0)]
     return ManipulationSkill(random_state=0).fit(demonstrations)
 
 
