@@ -17,7 +17,7 @@ FAST := not slow and not browser
 # Types are checked with one set of stubs: those of NumPy 2.5, for newer Pythons, report errors in correct calls.
 MYPY := $(if $(filter 3.11,$(VERSION)),$(RUN) mypy,@echo "types: checked with Python 3.11 only")
 
-.PHONY: demo test test-fast lint mutants fuzz campaign bench bench-rig clean environment .venv system-packages
+.PHONY: demo test test-fast lint mutants fuzz campaign bench sweeps clean environment .venv system-packages
 
 demo: environment
 	$(RUN) scripts.demo $(ARGS)
@@ -54,11 +54,12 @@ bench: environment
 	$(RUN) pip install --quiet --editable ".[peers]" $(CONSTRAINTS:%=--constraint %)
 	for name in $(BENCHMARKS); do $(RUN) benchmarks.$$name --json out/benchmarks/$$name.json || exit 1; done
 
-# Thousands of insertions: hours. An interrupted run continues where it stopped.
-bench-rig: environment
-	$(RUN) benchmarks.rig.peers --jobs 2 --json out/benchmarks/rig_peers.json --figure out/benchmarks/rig_peers.svg
-	$(RUN) benchmarks.rig.ablations --jobs 2 --json out/benchmarks/rig_ablations.json --figure out/benchmarks/ablations.svg
-	$(RUN) benchmarks.learning_curve --jobs 2 --json out/benchmarks/curve.json --figure out/benchmarks/learning_curve.svg
+SWEEPS := $(basename $(notdir $(wildcard benchmarks/sweeps/*.yaml)))
+
+# Tens of thousands of insertions: about ten hours on two cores. An interrupted sweep continues where it stopped.
+sweeps: environment
+	$(RUN) pip install --quiet --editable ".[mujoco]" $(CONSTRAINTS:%=--constraint %)
+	for name in $(SWEEPS); do "$(VENV)/bin/haptic-skill" sweep benchmarks/sweeps/$$name.yaml || exit 1; done
 
 # A stamp in the environment says that it is complete and newer than what it was made from.
 environment .venv:

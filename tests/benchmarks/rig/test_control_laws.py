@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.stats import qmc
 
-from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, cost, tuned, tuning_trials
-from benchmarks.rig.trials import FIRST_TRIAL, FIRST_TUNING, Entry, Setting, perform
+from benchmarks.rig.control_laws import FIRST_TUNING, ROUNDS, MomentCompliance, SpiralSearch, cost, tune
 
 PERIOD = 0.02
 
@@ -57,25 +57,24 @@ def test_the_search_pauses_without_resistance():
     np.testing.assert_allclose(angles[40], search(law, [5.0] * 21)[-1])
 
 
-def test_tuning_chooses_the_lowest_cost_on_its_own_trials_and_resumes(setting, performed, no_progress):
-    entry = Entry("tuned", lambda s, record, advance, number: tuned(MomentCompliance, s, record, advance), learns=False)
-    record = perform(entry, setting, no_progress)
-    own = [n for n in performed if n >= FIRST_TUNING]
-    assert len(own) == len(record.tuning) == tuning_trials(8)
-    assert set(performed) - set(own) == set(setting.numbers)
+def test_tuning_halves_the_candidates_and_chooses_the_lowest_cost_on_its_own_trials(quick_scenario):
+    performed = []
+
+    def perform(k, law, numbers):
+        performed.extend((k, number) for number in numbers)
+        return [{"inserted": True, "time_s": 0.05 / law.speed, "peak_load_n": 10.0} for _ in numbers]
+
+    best, mean_cost = tune(MomentCompliance, quick_scenario, 8, perform)
     # Every trial inserts with the same force, so that the fastest of eight candidates has the lowest cost.
-    candidates = [k for k in range(8) if f"{k}:{FIRST_TUNING}" in record.tuning]
-    times = {k: record.tuning[f"{k}:{FIRST_TUNING}"]["time_s"] for k in candidates}
-    assert record.content["tuned"]["speed"] == pytest.approx(0.05 / min(times.values()))
-    assert record.content["train_s"]["0"] == 0.5 * tuning_trials(8)
-    more = Setting(**(vars(setting) | {"trials": 5}))
-    perform(entry, more, no_progress)
-    assert performed[-1] == FIRST_TRIAL + 4
-    assert [n for n in performed if n >= FIRST_TUNING] == own
+    by_round = [sum(1 for _, n in performed if n == number) for number in range(FIRST_TUNING, FIRST_TUNING + 14)]
+    assert by_round == [8, 8, 2, 2, 2, 2, *[1] * 8]
+    assert len(performed) == sum(max(1, 8 // share) * trials for share, trials in ROUNDS)
+    places = qmc.LatinHypercube(len(MomentCompliance.ranges), seed=0).random(7)
+    assert best.speed == max(MomentCompliance.at(place).speed for place in places)
+    assert mean_cost == pytest.approx(0.05 / best.speed / quick_scenario.trial.time_limit + 10.0 / 40.0)
 
 
-def test_a_failure_costs_more_than_any_insertion(setting):
-    scenario = setting.scenario
-    high = 1.2 * scenario.controller.force_limit
-    slow = {"inserted": True, "time_s": scenario.trial.time_limit, "peak_load_n": high}
-    assert cost(slow, setting.scenario) < cost({"inserted": False}, setting.scenario)
+def test_a_failure_costs_more_than_any_insertion(quick_scenario):
+    high = 1.2 * quick_scenario.controller.force_limit
+    slow = {"inserted": True, "time_s": quick_scenario.trial.time_limit, "peak_load_n": high}
+    assert cost(slow, quick_scenario) < cost({"inserted": False}, quick_scenario)

@@ -1,12 +1,9 @@
 """The controls among the compared skills."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from benchmarks.rig.learners import Extrapolating, RandomSign, ShuffledNeighbour, skill_from
-from skill.data.demonstration import write_demonstration
+from benchmarks.rig.learners import Extrapolating, RandomSign, ShuffledNeighbour, bad_imitated, bad_left_out
 from skill.features.wrench_features import MEASURED
 from skill.states.context_filter import pair_probabilities
 
@@ -19,35 +16,18 @@ def test_shuffled_actions_are_the_demonstrated_ones_in_another_order():
     assert abs(np.corrcoef(predicted[:, 0], y[:, 0])[0, 1]) < 0.2
 
 
-class Counting:
-    """A policy class that keeps what it was fitted to."""
-
-    def fit(self, demonstrations):
-        self.demonstrations = demonstrations
-        return self
-
-
-def test_a_skill_learns_from_the_set_of_its_number(setting, demonstrations):
-    other = demonstrations[:2]
-    two = replace(setting, sets=[demonstrations, other])
-    train = skill_from(policy=Counting)
-    assert [train(two, None, None, number).demonstrations for number in (0, 1)] == [demonstrations, other]
-    first = skill_from(lambda found: found[:1], policy=Counting)
-    assert first(two, None, None, 1).demonstrations == other[:1]
-
-
-def test_a_skill_learns_from_the_folder_of_its_number(setting, demonstrations, tmp_path):
-    for k, shown in enumerate(demonstrations[:2]):
-        write_demonstration(shown, tmp_path / str(k) / "shown.parquet")
-    train = skill_from(folders=[tmp_path / "0", tmp_path / "1"], policy=Counting)
-    found = [train(setting, None, None, number).demonstrations for number in (0, 1)]
-    assert [[d.duration for d in one] for one in found] == [[d.duration] for d in demonstrations[:2]]
+def test_bad_demonstrations_are_left_out_or_called_good(demonstrations):
+    good = [d for d in demonstrations if d.good]
+    assert 0 < len(good) < len(demonstrations)
+    assert bad_left_out(demonstrations) == good
+    imitated = bad_imitated(demonstrations)
+    assert len(imitated) == len(demonstrations)
+    assert all(d.good for d in imitated)
 
 
 @pytest.mark.slow
-def test_an_extrapolating_skill_acts_as_its_regressor_says(skill, demonstrations, setting):
-    dut = skill_from(policy=Extrapolating)(setting, None, None, 0)
-    assert isinstance(dut, Extrapolating)
+def test_an_extrapolating_skill_acts_as_its_regressor_says(skill, demonstrations):
+    dut = Extrapolating().fit(demonstrations)
     differs = 0
     for row in demonstrations[0].samples[list(MEASURED)].to_numpy()[::10]:
         P = dut.state_probabilities(row[None])
@@ -61,9 +41,8 @@ def test_an_extrapolating_skill_acts_as_its_regressor_says(skill, demonstrations
 
 
 @pytest.mark.slow
-def test_a_random_sign_changes_nothing_but_the_direction_of_the_turn(skill, demonstrations, setting):
-    random = skill_from(policy=RandomSign)(setting, None, None, 0)
-    assert isinstance(random, RandomSign)
+def test_a_random_sign_changes_nothing_but_the_direction_of_the_turn(skill, demonstrations):
+    random = RandomSign().fit(demonstrations)
     rows = np.vstack([d.samples[["fx", "fy", "fz", "mx", "my", "mz", "z"]].to_numpy() for d in demonstrations])[::40]
     signs = []
     for row in rows:
