@@ -6,16 +6,17 @@ import json
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from models.scenario import dump_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.strict_json import parse_object
 from skill.data.tables import write_atomically
 from skill.manipulation_skill import ManipulationSkill
+from skill.policy import RigPolicy
 from systems.control.faults import one_line
 from systems.outputs.folder_lock import BusyError, locked_file
 from systems.outputs.output_set import OutputSet, open_set
@@ -24,7 +25,7 @@ from systems.runs.demonstration_set import Request, demonstrate
 from systems.runs.provenance import versions
 from systems.sweeps.assignments import DemonstrationSource, PolicySource
 from systems.sweeps.executors import Executor, LostWorkerError
-from systems.sweeps.policies import CarriedOver, Lesson, MadePolicy, chosen, make_policy, own_modules
+from systems.sweeps.policies import CarriedOver, Lesson, MadePolicy, chosen, imported, make_policy, own_modules
 from systems.sweeps.requirements import Requirements
 from systems.sweeps.trial_engines import DRAKE
 from systems.sweeps.trial_rows import trial_code
@@ -182,31 +183,63 @@ class PolicyStore:
         return self._results / SKILLS / f"{digest}.npz"
 
     def _keep(self, source: PolicySource, made: MadePolicy) -> None:
-        """Writes a skill that can be written, then the notes on its making; keeps any other policy in memory."""
+        """Writes a skill or the parameters of a law, and notes on its making; keeps any other policy in memory."""
         policy = made.policy.policy if isinstance(made.policy, CarriedOver) else made.policy
-        path = self._skill_file(source.digest)
-        if type(policy) is ManipulationSkill:
+        path, law = self._skill_file(source.digest), _law(policy)
+        if type(policy) is ManipulationSkill or law is not None:
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
                 with locked_file(path):
-                    policy.save(path)
-                    notes = {"train_s": made.train_s, "query_ms": made.query_ms, "demonstrations": made.demonstrations}
-                    write_atomically(self._notes(source), json.dumps({"policy": source.plan.name, **notes}).encode())
+                    if isinstance(policy, ManipulationSkill):
+                        policy.save(path)
+                    notes = {
+                        **{"policy": source.plan.name, "law": law, "train_s": made.train_s},
+                        **{"query_ms": made.query_ms, "demonstrations": made.demonstrations},
+                    }
+                    write_atomically(self._notes(source), json.dumps(notes).encode())
                 return
             except (TypeError, BusyError):  # no file can hold one of its parts, or another sweep writes the same skill
                 pass
         self._made[source.digest] = made
 
     def _load(self, source: PolicySource) -> MadePolicy:
-        """Reads a skill that was given or kept."""
+        """Reads a skill that was given or kept, or makes a law again from its parameters."""
+        policy: RigPolicy
         if source.given is not None:
-            skill = source.given.load()
-            notes = {"train_s": None, "query_ms": None, "demonstrations": skill.metadata_.get("demonstrations")}
+            policy = source.given.load()
+            notes = {"train_s": None, "query_ms": None, "demonstrations": policy.metadata_.get("demonstrations")}
         else:
-            skill = ManipulationSkill.load(self._skill_file(source.digest))
             notes = parse_object(self._notes(source).read_bytes())
-        policy = CarriedOver(skill) if source.plan.carried_over else skill
+            law = notes.get("law")
+            policy = ManipulationSkill.load(self._skill_file(source.digest)) if law is None else _remade(law, source)
+        policy = CarriedOver(policy) if source.plan.carried_over else policy
         return MadePolicy(policy, notes["train_s"], notes["query_ms"], notes["demonstrations"])
+
+
+def _law(policy: RigPolicy) -> dict[str, Any] | None:
+    """The class and the parameters of a dataclass of numbers and texts; None for any other policy."""
+    if not is_dataclass(policy) or any(not known.init for known in fields(policy)):
+        return None
+    values = {known.name: getattr(policy, known.name) for known in fields(policy)}
+    if not all(value is None or isinstance(value, str | int | float) for value in values.values()):
+        return None
+    return {"class": f"{type(policy).__module__}:{type(policy).__qualname__}", "parameters": values}
+
+
+def _remade(law: dict[str, Any], source: PolicySource) -> RigPolicy:
+    """Makes a law again; its class must be in the modules of its policy.
+
+    Raises:
+        ValueError: if it is not, or the parameters are not those of the class.
+    """
+    module = law["class"].partition(":")[0]
+    if module not in own_modules(source.plan):
+        raise ValueError(f"policies.{source.plan.name}: its notes name {module}, which the policy does not import")
+    try:
+        remade: RigPolicy = imported(law["class"])(**law["parameters"])
+    except TypeError as error:
+        raise ValueError(f"policies.{source.plan.name}: its notes do not fit its class ({error})") from error
+    return remade
 
 
 def _results(executor: Executor, tasks: Iterable[Callable[[], R]], work: str) -> Iterator[R]:

@@ -1,5 +1,6 @@
 """Whole sweeps: what is performed, what is repeated, and what is lost when processes die."""
 
+import json
 import os
 import re
 import signal
@@ -15,6 +16,7 @@ from skill.manipulation_skill import ManipulationSkill
 from systems.runs.trial import run_trials
 from systems.sweeps import trial_rows
 from systems.sweeps.policies import GivenSkill
+from systems.sweeps.policy_store import PolicyStore
 from systems.sweeps.trial_rows import MEASURED_NUMBERS, result_columns
 from tests.scripts.commands import ROOT
 from tests.systems.sweeps.conftest import rows_in
@@ -77,6 +79,25 @@ def test_policies_that_learn_are_taught_once_and_kept(specification, perform, tm
     assert len(kept) == 4
     monkeypatch.setattr(ManipulationSkill, "fit", None)  # nothing is learnt again
     assert len(perform(specification(**keys, trials={"first": 10, "number": 6}), jobs=1)) == 12
+
+
+def test_a_law_is_made_once_and_kept_as_its_parameters(specification, perform, tmp_path, monkeypatch):
+    keys = {"policies": {"push": {**PUSH, "with": {"depth": 0.003}, "carried_over": True}}}
+    perform(specification(**keys, trials={"number": 1}))
+    (notes,) = (tmp_path / "results" / "skills").glob("*.json")
+    kept = json.loads(notes.read_text())
+    parameters = {"deaths": "", "times": 0, "depth": 0.003}
+    assert kept["law"] == {"class": "tests.systems.sweeps.pushes:Push", "parameters": parameters}
+    with monkeypatch.context() as patched:
+        patched.setattr(PolicyStore, "make", None)  # nothing is made again
+        assert len(perform(specification(**keys, trials={"number": 2}), jobs=1)) == 2
+    for law, message in (
+        ({"class": "os:system", "parameters": {"command": "true"}}, "its notes name os, which the policy does not"),
+        ({"class": "tests.systems.sweeps.pushes:Push", "parameters": {"speed": 1}}, "its notes do not fit its class"),
+    ):
+        notes.write_text(json.dumps(kept | {"law": law}))
+        with pytest.raises(ValueError, match=f"policies.push: {message}"):
+            perform(specification(**keys, trials={"number": 3}), jobs=1)
 
 
 def test_a_carried_over_policy_serves_another_hole(specification, perform, skill_file):
