@@ -69,6 +69,7 @@ def plan_sweep(path: Path, out: Path, store: PolicyStore) -> SweepPlan:
         trials=[(assignment.source.engine, lacking) for assignment, _, lacking in todo],
         demonstrations=store.unrecorded(sets),
         policies=len(unmade),
+        unknown=sum(policy.plan.make is not None for policy in unmade),
     )
     return SweepPlan(specification, sum(len(block.numbers) for _, block in blocks), todo, unmade, sets, cost)
 

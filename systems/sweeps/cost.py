@@ -24,13 +24,15 @@ class Cost:
 
     Attributes:
         trials, demonstrations, policies: numbers that are missing.
-        cpu: of all, s.
+        unknown: number of these policies that functions make, which may tune them for long.
+        cpu: of all but those, s.
         measured: whether the cost of a trial was measured in these results.
     """
 
     trials: int
     demonstrations: int
     policies: int
+    unknown: int
     cpu: float
     measured: bool
 
@@ -41,10 +43,13 @@ class Cost:
         parts += [f"{self.policies:,} policies"] if self.policies else []
         source = "measured in these results" if self.measured else "a guess from other machines"
         time = f"{duration(self.cpu)} of CPU, {duration(self.cpu / workers)} with {workers} processes"
-        return f"to do: {', '.join(parts)}; about {time} ({source})"
+        rest = f", without the making of {self.unknown:,} policies by functions" if self.unknown else ""
+        return f"to do: {', '.join(parts)}; about {time} ({source}){rest}"
 
 
-def cost_of(data: Path, *, trials: Sequence[tuple[str, int]], demonstrations: int, policies: int) -> Cost:
+def cost_of(
+    data: Path, *, trials: Sequence[tuple[str, int]], demonstrations: int, policies: int, unknown: int = 0
+) -> Cost:
     """Estimates a cost.
 
     Args:
@@ -52,6 +57,7 @@ def cost_of(data: Path, *, trials: Sequence[tuple[str, int]], demonstrations: in
         trials: engines and the numbers of trials that are missing.
         demonstrations: number that has to be recorded.
         policies: number that has to be made.
+        unknown: number of them that functions make.
 
     Raises:
         ValueError: if a file of the data set is damaged.
@@ -62,7 +68,8 @@ def cost_of(data: Path, *, trials: Sequence[tuple[str, int]], demonstrations: in
         trials=sum(number for _, number in trials),
         demonstrations=demonstrations,
         policies=policies,
-        cpu=cpu + demonstrations * DEMONSTRATION_CPU + policies * POLICY_CPU,
+        unknown=unknown,
+        cpu=cpu + demonstrations * DEMONSTRATION_CPU + (policies - unknown) * POLICY_CPU,
         measured=all(measured.values()),
     )
 

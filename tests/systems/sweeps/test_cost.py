@@ -15,6 +15,14 @@ def test_without_results_the_cost_is_a_guess(tmp_path):
     assert "a guess from other machines" in cost.text(2)
 
 
+def test_what_functions_make_is_not_estimated(tmp_path):
+    known = {"trials": [("drake", 10)], "demonstrations": 0}
+    cost = cost_of(tmp_path / TRIALS, **known, policies=3, unknown=2)
+    assert cost.cpu == pytest.approx(10 * TRIAL_CPU["drake"] + POLICY_CPU)
+    assert cost.text(1).endswith(", without the making of 2 policies by functions")
+    assert "by functions" not in cost_of(tmp_path / TRIALS, **known, policies=3).text(1)
+
+
 def test_with_results_a_trial_costs_what_trials_of_this_engine_have_cost(tmp_path):
     for engine, cpu in (("drake", 3.0), ("mujoco", 100.0)):
         (block,) = blocks_of(tmp_path, "a" * 16, range(4), policy="p", arm="default", engine=engine)
