@@ -17,7 +17,7 @@ FAST := not slow and not browser
 # Types are checked with one set of stubs: those of NumPy 2.5, for newer Pythons, report errors in correct calls.
 MYPY := $(if $(filter 3.11,$(VERSION)),$(RUN) mypy,@echo "types: checked with Python 3.11 only")
 
-.PHONY: demo test test-fast lint mutants fuzz campaign bench sweeps clean environment .venv system-packages
+.PHONY: demo test test-fast lint mutants fuzz campaign bench sweeps docs clean environment .venv system-packages
 
 demo: environment
 	$(RUN) scripts.demo $(ARGS)
@@ -60,6 +60,11 @@ SWEEPS := $(basename $(notdir $(wildcard benchmarks/sweeps/*.yaml)))
 sweeps: environment
 	$(RUN) pip install --quiet --editable ".[mujoco]" $(CONSTRAINTS:%=--constraint %)
 	for name in $(SWEEPS); do "$(VENV)/bin/haptic-skill" sweep benchmarks/sweeps/$$name.yaml || exit 1; done
+
+# The site, in out/docs; runs the tutorials and the notebooks. Five minutes on a quiet core.
+docs: environment
+	$(RUN) pip install --quiet --editable ".[docs]" $(CONSTRAINTS:%=--constraint %)
+	$(RUN) sphinx --fail-on-warning --keep-going --quiet --doctree-dir out/doctrees docs out/docs
 
 # A stamp in the environment says that it is complete and newer than what it was made from.
 environment .venv:
