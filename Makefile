@@ -17,7 +17,7 @@ FAST := not slow and not browser
 # Types are checked with one set of stubs: those of NumPy 2.5, for newer Pythons, report errors in correct calls.
 MYPY := $(if $(filter 3.11,$(VERSION)),$(RUN) mypy,@echo "types: checked with Python 3.11 only")
 
-.PHONY: demo test test-fast lint mutants fuzz campaign bench sweeps docs clean environment .venv system-packages
+.PHONY: demo test test-fast lint mutants fuzz campaign bench sweeps docs release clean environment .venv system-packages
 
 demo: environment
 	$(RUN) scripts.demo $(ARGS)
@@ -60,6 +60,20 @@ SWEEPS := $(basename $(notdir $(wildcard benchmarks/sweeps/*.yaml)))
 sweeps: environment
 	$(RUN) pip install --quiet --editable ".[mujoco]" $(CONSTRAINTS:%=--constraint %)
 	for name in $(SWEEPS); do "$(VENV)/bin/haptic-skill" sweep benchmarks/sweeps/$$name.yaml || exit 1; done
+
+RELEASE := out/release/files
+NAME = haptic-skill-$(shell "$(VENV)/bin/python" -c 'from importlib.metadata import version; print(version("haptic-skill"))')
+
+# Wheel, sources, the default skill, its demonstrations and checksums, in out/release/files.
+release: environment
+	rm -rf out/release && mkdir -p $(RELEASE)
+	"$(VENV)/bin/haptic-skill" demo --out out/release/demo
+	cp out/release/demo/skill.npz systems/default_skill.npz
+	$(RUN) pip install --quiet build
+	$(RUN) build --outdir $(RELEASE) . > out/release/build.log 2>&1 || { rm systems/default_skill.npz; tail out/release/build.log; exit 1; }
+	mv systems/default_skill.npz $(RELEASE)/$(NAME)-skill.npz
+	tar -C out/release/demo -czf $(RELEASE)/$(NAME)-demonstrations.tar.gz demonstrations recoveries
+	cd $(RELEASE) && sha256sum -- * > SHA256SUMS && cat SHA256SUMS
 
 # The site, in out/docs; runs the tutorials and the notebooks. Five minutes on a quiet core.
 docs: environment

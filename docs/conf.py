@@ -58,5 +58,11 @@ suppress_warnings = ["ref.python"]  # a name such as Array has a home in `models
 
 html_theme = "pydata_sphinx_theme"
 html_title = "haptic-skill"
+html_theme_options = {
+    "header_links_before_dropdown": 7,
+    "show_toc_level": 2,
+    "use_edit_page_button": False,
+}
+html_show_sourcelink = False
 html_static_path = ["_static"]
 html_css_files = ["site.css"]

@@ -45,6 +45,16 @@ ScenarioName = Annotated[str, SCENARIO]
 OptionalScenarioName = Annotated[str | None, SCENARIO]
 SkillFile = Annotated[Path, SKILL]
 OptionalSkillFile = Annotated[Path | None, SKILL]
+DefaultSkillFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--skill",
+        parser=parse_path,
+        metavar="FILE.npz",
+        help="Skill to read, a file that `haptic-skill train` wrote.",
+        show_default="out/skill.npz, or the one that a release ships",
+    ),
+]
 OutFolder = Annotated[Path, typer.Option("--out", parser=parse_path, metavar="FOLDER", help="Folder to write into.")]
 OptionalOutFolder = Annotated[
     Path | None,

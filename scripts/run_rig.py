@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from scripts.command_line import command, make_app, run_app
-from scripts.options import Jobs, OutFolder, Overwrite, ScenarioName, Seed, SkillFile, Trials, parse_path
+from scripts.options import DefaultSkillFile, Jobs, OutFolder, Overwrite, ScenarioName, Seed, Trials, parse_path
 
 app = make_app()
 
@@ -16,7 +16,7 @@ app = make_app()
 @app.command()
 @command
 def main(
-    skill: SkillFile = Path("out/skill.npz"),
+    skill: DefaultSkillFile = None,
     trials: Trials = 10,
     seed: Seed = 0,
     tilt_deg: Annotated[
@@ -59,11 +59,12 @@ def main(
 
         haptic-skill rig --trials 20 --seed 100 --tilt-deg 2 --friction 0.3 --out out/mine
     """
+    from systems.outputs.default_skill import find_skill
     from systems.runs.trial import Arm
     from systems.sessions.rig_session import run
 
     run(
-        skill=skill,
+        skill=find_skill(skill),
         trials=trials,
         seed=seed,
         tilt_deg=tilt_deg,
