@@ -22,12 +22,12 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from tests.browser import Page, open_page  # noqa: E402
-from tests.systems.live.live_session import live  # noqa: E402
+from tests.systems.live.live_session import live, press, text_of, wait_for_text  # noqa: E402
 
-SIZE, WIDTH = (960, 600), 720
+SIZE, WIDTH = (960, 820), 640
 RATE = 12  # pictures per second
 SLOW = 3  # times slower than it was
-LIVE_SECONDS = 14.0
+LIVE_SECONDS = 40.0
 
 
 def insertion(replay: Path) -> Iterator[Image.Image]:
@@ -42,19 +42,17 @@ def insertion(replay: Path) -> Iterator[Image.Image]:
 
 
 def live_session() -> Iterator[Image.Image]:
-    """Yields the pictures of a demonstration whose keys are pressed by a script."""
-    from selenium.webdriver.common.action_chains import ActionChains
-    from selenium.webdriver.common.keys import Keys
-
-    with tempfile.TemporaryDirectory() as folder, live(Path(folder), scenario={}) as session, session.page() as page:
-        page.driver.set_window_size(*SIZE)
-        page.wait("document.querySelector('#start') && !document.querySelector('#start').disabled", timeout=60.0)
-        page.run("document.querySelector('#start').click()")
-        ActionChains(page.driver).key_down(Keys.PAGE_DOWN).perform()
-        begun = time.monotonic()
-        while time.monotonic() - begun < LIVE_SECONDS:
+    """Yields the pictures of a demonstration from a small tilt; this script presses the keys."""
+    scenario = {"start": {"tilt": [0.006, -0.004]}}
+    with tempfile.TemporaryDirectory() as folder, live(Path(folder), scenario=scenario) as session:
+        with session.page() as page:
+            wait_for_text(page, "status", "ready")
+            press(page, " ")
+            begun = time.monotonic()
+            while time.monotonic() - begun < LIVE_SECONDS and "inserted" not in text_of(page, "status"):
+                press(page, "w")
+                yield shot(page)
             yield shot(page)
-            time.sleep(1.0 / RATE)
 
 
 def shot(page: Page) -> Image.Image:
