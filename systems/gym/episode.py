@@ -73,22 +73,20 @@ class Episode:
             self._monitor.outcome, self._monitor.detail = Outcome.FAILED, one_line(error)
 
     def observation(self) -> Observation:
-        """Returns what the rig measures and commands now; `observation_space` has the parts and their units."""
-        rig, context = self._rig, self._context
-        controller = rig.controller.GetMyContextFromRoot(context)
-        inputs = {
-            name: rig.controller.GetInputPort(name).Eval(controller)
-            for name in ("wrench", "depth", "target_pitch", "target_yaw")
+        """Returns what the rig measures, estimates and commands now.
+
+        `observation_space` has the parts and their units; here are always ``probabilities`` and ``contexts`` too.
+        """
+        rig = self._rig
+        context = rig.controller.GetMyContextFromRoot(self._context)
+        found = {
+            name: np.array(rig.controller.GetInputPort(name).Eval(context))
+            for name in ("wrench", "depth", "probabilities", "contexts")
         }
-        outputs = [rig.controller.GetOutputPort(name).Eval(controller)[0] for name in ("turning", "guard")]
-        feed = rig.guard.GetOutputPort("feed_speed").Eval(rig.guard.GetMyContextFromRoot(context))
-        return {
-            "wrench": np.array(inputs["wrench"]),
-            "depth": np.array(inputs["depth"]),
-            "angles": np.array([inputs["target_pitch"][0], inputs["target_yaw"][0]]),
-            "feed": np.array(feed),
-            "control": np.array(outputs),
-        }
+        targets = [rig.controller.GetInputPort(name).Eval(context)[0] for name in ("target_pitch", "target_yaw")]
+        modes = [rig.controller.GetOutputPort(name).Eval(context)[0] for name in ("turning", "guard")]
+        feed = rig.guard.GetOutputPort("feed_speed").Eval(rig.guard.GetMyContextFromRoot(self._context))
+        return {**found, "angles": np.array(targets), "feed": np.array(feed), "control": np.array(modes)}
 
     def contact(self) -> ContactLabel | None:
         """Returns the exact contact state of the true pose, or None where it is not defined.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -61,9 +61,9 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
         arm: which trials, "default" or "stress" (`Arm`).
         observation: "dict" or "flat".
         reward: "dense" or "sparse".
-        policy: whose contact states and contexts the estimators on the rig follow, as in a trial of this policy; the
-            back-off uses them. The action then has a fourth number, the support. None is one state that is always
-            known, and a support of 1.
+        policy: whose contact states and contexts the estimators on the rig follow, as in a trial of this policy. The
+            back-off uses them, and the observation has them. The action then has a fourth number, the support. None is
+            one state that is always known, and a support of 1.
         labels: whether ``info`` has the contact label, which takes as long as the simulation of a step.
         render_mode: "human" draws into a Meshcat at ``url`` in real time, "rgb_array" lets `render` return a picture.
 
@@ -71,7 +71,7 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
         ValueError: for an unknown scenario, arm, observation, reward or render mode.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [HUMAN, RGB_ARRAY], "render_fps": 50}
+    metadata: dict[str, Any] = {"render_modes": [HUMAN, RGB_ARRAY], "render_fps": 50}
 
     def __init__(
         self,
@@ -95,10 +95,11 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
         self._policy = CommandedPolicy(policy or Resting())
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self._scenario.controller.period)}
         self.render_mode = render_mode
-        self._parts = observation_space(self._scenario)
+        self._parts = observation_space(self._scenario, policy)
+        self._boxes = {name: box for name, box in self._parts.items() if isinstance(box, spaces.Box)}
         self._flat = observation == "flat"
-        self.observation_space = spaces.flatten_space(self._parts) if self._flat else self._parts
-        self.action_space = action_space(self._scenario, supported=policy is not None)
+        self.observation_space = spaces.flatten_space(self._parts) if self._flat else self._parts  # type: ignore[assignment]
+        self.action_space: spaces.Box = action_space(self._scenario, supported=policy is not None)
         self._meshcat: Meshcat | None = None
         self._picture: Picture | None = None
         self._episode: Episode | None = None
@@ -145,7 +146,7 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
         episode = self._episode
         if episode is None or self._over:
             raise gymnasium.error.ResetNeeded("the episode is over, or none has begun: call reset() before step()")
-        self._policy.command[:] = checked_action(action, self.action_space.shape[0])
+        self._policy.command[:] = checked_action(action, len(self.action_space.low))
         before, began = self._last, episode.time
         episode.advance()
         terminated = episode.outcome is not Outcome.TIME_OVER
@@ -189,11 +190,7 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
     def _observe(self, episode: Episode) -> Observation:
         """Returns the present observation within the bounds, which only a simulation that has broken down leaves."""
         found = episode.observation()
-        for name, value in found.items():
-            box = self._parts[name]
-            assert isinstance(box, spaces.Box)
-            found[name] = np.clip(value, box.low, box.high)
-        return found
+        return {name: np.clip(found[name], box.low, box.high) for name, box in self._boxes.items()}
 
     def _shown(self, parts: Observation) -> Observation | Array:
         """Returns a copy of an observation in the form that was asked for."""

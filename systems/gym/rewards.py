@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -92,5 +93,5 @@ class DenseReward:
         return reward
 
 
-REWARDS = {"dense": DenseReward, "sparse": SparseReward}
+REWARDS: dict[str, Callable[[Scenario], Reward]] = {"dense": DenseReward, "sparse": SparseReward}
 """The rewards by their names."""

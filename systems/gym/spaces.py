@@ -7,13 +7,18 @@ from gymnasium import spaces
 
 from models.scenario import Scenario
 from skill.arrays import Array
+from skill.policy import RigPolicy
 from systems.gym.commanded_policy import SUPPORT
 
 DEPTH_MARGIN = 0.05
 """Distance (m) from the travel limits of the feed to the bounds of the depth: no sound trial gets there."""
 
 
-def observation_space(scenario: Scenario) -> spaces.Dict:
+ROUNDING = 1e-9
+"""A probability may exceed 1 by rounding."""
+
+
+def observation_space(scenario: Scenario, policy: RigPolicy | None) -> spaces.Dict:
     """Returns the space of the observations.
 
     * ``wrench`` (6,): measured force (N), then moment (N m), on the peg about its tip, in P;
@@ -21,7 +26,12 @@ def observation_space(scenario: Scenario) -> spaces.Dict:
     * ``angles`` (2,): commanded pitch and yaw of the hole, relative to the start, as the force guard permits, rad;
     * ``feed`` (1,): commanded feed speed, as the force guard permits, m/s, negative into the hole;
     * ``control`` (2,): 1 where the controller applies the agent's turns, -1 where it reverses them, 0 where it does not
-      apply them; then 1 while it backs the peg off, else 0.
+      apply them; then 1 while it backs the peg off, else 0;
+
+    and with a policy, what its estimators on the rig find,
+
+    * ``probabilities`` (K,) of its contact states;
+    * ``contexts`` (C,), probabilities of its contexts.
 
     The bounds follow from the range of the sensor and from the limits of the controller.
     """
@@ -32,8 +42,14 @@ def observation_space(scenario: Scenario) -> spaces.Dict:
     deepest = scenario.geometry.hole_depth + controller.travel_below + DEPTH_MARGIN
     highest = start.height + controller.travel_above + DEPTH_MARGIN
     fastest = controller.max_feed_speed + controller.retract_speed
+    parts = (
+        {}
+        if policy is None
+        else {"probabilities": _shares(policy.n_states), "contexts": _shares(policy.context_filter().n_contexts)}
+    )
     return spaces.Dict(
         {
+            **parts,
             "wrench": symmetric(np.concatenate([force, moment])),
             "depth": spaces.Box(np.array([-highest]), np.array([deepest]), dtype=np.float64),
             "angles": symmetric(np.full(2, controller.max_turn)),
@@ -59,6 +75,11 @@ def action_space(scenario: Scenario, *, supported: bool) -> spaces.Box:
 def symmetric(largest: Array) -> spaces.Box:
     """Returns the box from -``largest`` to ``largest``."""
     return spaces.Box(-largest, largest, dtype=np.float64)
+
+
+def _shares(number: int) -> spaces.Box:
+    """Returns the box of ``number`` probabilities."""
+    return spaces.Box(np.zeros(number), np.full(number, 1.0 + ROUNDING), dtype=np.float64)
 
 
 def checked_action(action: object, size: int) -> Array:
