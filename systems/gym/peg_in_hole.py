@@ -99,7 +99,8 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
         self._boxes = {name: box for name, box in self._parts.items() if isinstance(box, spaces.Box)}
         self._flat = observation == "flat"
         self.observation_space = spaces.flatten_space(self._parts) if self._flat else self._parts  # type: ignore[assignment]
-        self.action_space: spaces.Box = action_space(self._scenario, supported=policy is not None)
+        actions = action_space(self._scenario, supported=policy is not None)
+        self.action_space, self._action_size = actions, len(actions.low)
         self._meshcat: Meshcat | None = None
         self._picture: Picture | None = None
         self._episode: Episode | None = None
@@ -146,7 +147,7 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
         episode = self._episode
         if episode is None or self._over:
             raise gymnasium.error.ResetNeeded("the episode is over, or none has begun: call reset() before step()")
-        self._policy.command[:] = checked_action(action, len(self.action_space.low))
+        self._policy.command[:] = checked_action(action, self._action_size)
         before, began = self._last, episode.time
         episode.advance()
         terminated = episode.outcome is not Outcome.TIME_OVER
