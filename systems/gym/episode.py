@@ -108,7 +108,12 @@ class Episode:
         return X_WP, X_WP @ self._rig.contact.peg_in_hole(self._context).inverse()
 
     def true_load(self) -> float:
-        """Returns the load sqrt(|f|^2 + |m/r|^2) of the true wrench on the peg about its tip, N."""
+        """Returns the load sqrt(|f|^2 + |m/r|^2) of the true wrench on the peg about its tip, N.
+
+        It is NaN after the simulation has diverged or failed.
+        """
+        if self.outcome in UNPHYSICAL:
+            return math.nan
         fx, fy, fz, mx, my, mz = self._rig.contact_wrench(self._context).tolist()
         r = self._scenario.geometry.peg_radius
         return math.hypot(fx, fy, fz, mx / r, my / r, mz / r)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from pydrake.geometry import Meshcat, MeshcatParams
 from models.contact_geometry import ContactLabel
 from models.scenario import Scenario, load_scenario, validate_scenario
 from skill.arrays import Array
-from skill.data.outcome import Outcome
+from skill.data.outcome import UNPHYSICAL, Outcome
 from skill.features.measurement import contact_load
 from skill.policy import RigPolicy
 from systems.gym.commanded_policy import CommandedPolicy, Resting
@@ -50,10 +51,12 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
     *Reward.* `DenseReward` or `SparseReward` of `systems.gym.rewards`.
 
     *End.* ``terminated``: the peg is inserted, jammed (the controller has nothing new to try), or the rig has stopped
-    after a fault; or the simulation diverges or fails. ``truncated``: the time limit of the trial is reached.
+    after a fault; or the simulation diverges or fails, and the last observation is repeated. ``truncated``: the time
+    limit of the trial is reached.
 
     *Info.* At each reset and step: ``trial_number``; ``time``, s; ``contact_label`` and ``contact``, number and name of
-    the exact `ContactLabel` of the true pose, -1 and "" where there is none; ``load``, the true load on the peg, N.
+    the exact `ContactLabel` of the true pose, -1 and "" where there is none; ``load``, the true load on the peg, N (NaN
+    if the simulation has broken down).
     After the last step also ``is_success``, and ``trial``, the record of the `TrialResult`.
 
     Args:
@@ -88,7 +91,7 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
         _check_choice("observation", observation, list(OBSERVATIONS))
         _check_choice("reward", reward, list(REWARDS))
         _check_choice("render_mode", render_mode, [None, HUMAN, RGB_ARRAY])
-        self._scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+        self._scenario = copy.deepcopy(scenario) if isinstance(scenario, Scenario) else load_scenario(scenario)
         validate_scenario(self._scenario)
         self._arm, self._labels = Arm(arm), labels
         self._reward: Reward = REWARDS[reward](self._scenario)
@@ -153,7 +156,8 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
         terminated = episode.outcome is not Outcome.TIME_OVER
         truncated = not terminated and episode.time_is_over
         self._over = terminated or truncated
-        self._last = self._observe(episode)
+        if episode.outcome not in UNPHYSICAL:  # a broken simulation shows nothing more
+            self._last = self._observe(episode)
         reward = self._reward(
             Transition(
                 depth_before=float(before["depth"][0]),
@@ -189,7 +193,7 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
         self._meshcat = self._picture = None
 
     def _observe(self, episode: Episode) -> Observation:
-        """Returns the present observation within the bounds, which only a simulation that has broken down leaves."""
+        """Returns the present observation within the bounds, which a sound trial does not leave."""
         found = episode.observation()
         return {name: np.clip(found[name], box.low, box.high) for name, box in self._boxes.items()}
 
