@@ -13,13 +13,13 @@ Columns: steps of training (a step is 20 ms), hours of simulated time, inserted 
 episode, median time of a trial (s), median of the largest measured load (N).
 
 Keys of the file: one row for each evaluation (``curve``), the skill and the push (``references``), with the reason of
-every trial; the settings; and the CPU time of the training, s.
+every trial, and the CPU time of the training so far, s; and the settings. It is written after every evaluation.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -112,25 +112,27 @@ def reference(scenario: str, policy: RigPolicy, trials: int) -> dict[str, Any]:
     return evaluate(env, PolicyAgent(policy), trials)
 
 
-def learn(scenario: str, *, steps: int, every: int, trials: int, seed: int) -> tuple[list[dict[str, Any]], float]:
-    """Trains, and returns the rows of the learning curve and the CPU time of the training, s."""
+def learn(scenario: str, *, steps: int, every: int, trials: int, seed: int) -> Iterator[dict[str, Any]]:
+    """Trains, and yields the rows of the learning curve; ``train_cpu_s`` is the CPU time of the training so far."""
     import torch
     from stable_baselines3 import SAC
 
     torch.set_num_threads(1)
     env, judged = learning_environment(scenario), learning_environment(scenario)
     model = SAC("MlpPolicy", env, seed=seed, device="cpu", **SETTINGS)
-    curve, cpu = [{"steps": 0, **evaluate(judged, Learnt(model), trials)}], 0.0
+    done, cpu = 0, 0.0
     with progress("reinforcement", steps) as advance:
-        while curve[-1]["steps"] < steps:
+        while True:
+            row = {"steps": done, "train_cpu_s": cpu, **evaluate(judged, Learnt(model), trials)}
+            yield row
+            if done >= steps:
+                return
             began = time.process_time()
             model.learn(every, reset_num_timesteps=False)
             cpu += time.process_time() - began
-            row = {"steps": int(model.num_timesteps), **evaluate(judged, Learnt(model), trials)}
-            curve.append(row)
-            for _ in range(every):
+            for _ in range(model.num_timesteps - done):
                 advance(f"{row['inserted']} of {trials} inserted")
-    return curve, cpu
+            done = int(model.num_timesteps)
 
 
 def show(curve: Sequence[Mapping[str, Any]], references: Mapping[str, Mapping[str, Any]], period: float) -> None:
@@ -186,12 +188,15 @@ def main() -> None:
         "skill": reference(scenario, skill, trials),
         "straight push": reference(scenario, StraightPush(PUSH), trials),
     }
-    curve, cpu = learn(scenario, steps=arguments.steps, every=arguments.every, trials=trials, seed=arguments.seed)
+    settings = {"algorithm": "SAC", "seed": arguments.seed, "first_trial": FIRST_TRIAL, **SETTINGS}
+    curve = []
+    for row in learn(scenario, steps=arguments.steps, every=arguments.every, trials=trials, seed=arguments.seed):
+        curve.append(row)
+        if arguments.json is not None:
+            write_json(arguments.json, {"curve": curve, "references": references, "settings": settings})
     show(curve, references, skill.period_)
-    console.print(f"{cpu:.0f} s of CPU for {curve[-1]['steps']} steps of training", highlight=False)
-    if arguments.json is not None:
-        settings = {"algorithm": "SAC", "seed": arguments.seed, "first_trial": FIRST_TRIAL, **SETTINGS}
-        write_json(arguments.json, {"curve": curve, "references": references, "settings": settings, "train_cpu_s": cpu})
+    last = curve[-1]
+    console.print(f"{last['train_cpu_s']:.0f} s of CPU for {last['steps']} steps of training", highlight=False)
     if arguments.figure is not None:
         draw(curve, references, arguments.figure)
 
