@@ -14,10 +14,12 @@ reset; ``picture_ms``, median of a picture; ``run_trial_s``, mean CPU time of a 
 
 from __future__ import annotations
 
+import math
 import resource
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import mean, median
 from typing import Any
@@ -41,6 +43,7 @@ from systems.runs.trial import run_trial, trial_scenario
 ENVIRONMENT = "systems.gym:PegInHole-v0"
 FIRST_TRIAL = 88000
 PICTURES = 20
+WARM_UP = 5  # resets that are not counted
 
 
 def cpu_time(call: Callable[[], Any]) -> float:
@@ -59,9 +62,10 @@ def peak_memory() -> float:
 def reset_figures(resets: int) -> dict[str, float]:
     """Returns the figures of resets alone."""
     env = gymnasium.make(ENVIRONMENT, labels=False)
-    times = [cpu_time(lambda: env.reset(options={"trial": FIRST_TRIAL})) for _ in range(5)]
+    for _ in range(WARM_UP):
+        env.reset(options={"trial": FIRST_TRIAL})
     before = peak_memory()
-    times = [cpu_time(lambda k=k: env.reset(options={"trial": FIRST_TRIAL + k})) for k in range(resets)]
+    times = [cpu_time(partial(env.reset, options={"trial": FIRST_TRIAL + k})) for k in range(resets)]
     return {"reset_ms": 1e3 * median(times), "kept_mb": (peak_memory() - before) / resets}
 
 
@@ -92,18 +96,16 @@ def trial_figures(skill: RigPolicy, trials: int, reset: float) -> dict[str, floa
         for number in range(FIRST_TRIAL, FIRST_TRIAL + trials):
             records = []
             resolved = trial_scenario(scenario, number=number)
-            period = resolved.controller.period
-            for name, perform in (
-                ("run_trial", lambda n=number, s=resolved: run_trial(s, skill, seed=n)[0].record()),
-                ("plain", lambda n=number: run_episode(plain, agent, trial=n)[1]["trial"]),
-                ("labelled", lambda n=number: run_episode(labelled, agent, trial=n)[1]["trial"]),
-            ):
+            for name, env in (("run_trial", None), ("plain", plain), ("labelled", labelled)):
                 began = time.process_time()
-                records.append(perform())
+                if env is None:
+                    records.append(run_trial(resolved, skill, seed=number)[0].record())
+                else:
+                    records.append(run_episode(env, agent, trial=number)[1]["trial"])
                 times[name].append(time.process_time() - began)
             if any(record != records[0] for record in records):
                 raise ValueError(f"trial {number}: {records}; expected the same record three times")
-            steps += -int(-records[0]["time_s"] // period)
+            steps += math.ceil(records[0]["time_s"] / resolved.controller.period)
             advance(records[0]["reason"])
     alone = sum(times["run_trial"])
     return {

@@ -64,10 +64,11 @@ def learning_environment(scenario: str) -> gymnasium.Env[Any, Any]:
     env = gymnasium.make(ENVIRONMENT, scenario=scenario, labels=False)
     parts = env.observation_space
     assert isinstance(parts, spaces.Dict)
-    scales = np.concatenate([np.ravel(SCALES.get(name, np.ones(box.shape))) for name, box in parts.items()])
+    scales = np.concatenate([SCALES.get(name, (1.0,) * spaces.flatdim(box)) for name, box in parts.items()])
 
     def scaled(observation: Any) -> Array:
-        return (np.asarray(spaces.flatten(parts, observation)) / scales).astype(np.float32)
+        numbers: Array = spaces.flatten(parts, observation) / scales
+        return numbers.astype(np.float32)
 
     flat = spaces.flatten_space(parts)
     assert isinstance(flat, spaces.Box)

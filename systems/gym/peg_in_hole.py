@@ -34,7 +34,7 @@ OBSERVATIONS = ("dict", "flat")
 HUMAN, RGB_ARRAY = "human", "rgb_array"
 
 
-class PegInHole(gymnasium.Env[Observation | Array, Array]):
+class PegInHole(gymnasium.Env[Any, Any]):
     """Insertion of a peg on the 3-DOF rig. An episode is a trial, and a step is a period of the controller (20 ms).
 
     Between the action and the motors are all systems that stand between a policy and the motors in a trial: the
@@ -101,9 +101,9 @@ class PegInHole(gymnasium.Env[Observation | Array, Array]):
         self._parts = observation_space(self._scenario, policy)
         self._boxes = {name: box for name, box in self._parts.items() if isinstance(box, spaces.Box)}
         self._flat = observation == "flat"
-        self.observation_space = spaces.flatten_space(self._parts) if self._flat else self._parts  # type: ignore[assignment]
-        actions = action_space(self._scenario, supported=policy is not None)
-        self.action_space, self._action_size = actions, len(actions.low)
+        self.observation_space = spaces.flatten_space(self._parts) if self._flat else self._parts
+        self.action_space = action_space(self._scenario, supported=policy is not None)
+        self._action_size = spaces.flatdim(self.action_space)
         self._meshcat: Meshcat | None = None
         self._picture: Picture | None = None
         self._episode: Episode | None = None
