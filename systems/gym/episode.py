@@ -118,6 +118,16 @@ class Episode:
         r = self._scenario.geometry.peg_radius
         return math.hypot(fx, fy, fz, mx / r, my / r, mz / r)
 
+    def release(self) -> None:
+        """Frees the diagram; the episode, and its rig, cannot be used any more.
+
+        A system that is written in Python is referred to by the functions of its ports, which Drake holds where Python
+        does not see them. Such a system, and with it its diagram, is never freed, unless its attributes are removed.
+        """
+        diagram = self._rig.diagram
+        for owner in (self._monitor, self, *diagram.GetSystems()):
+            vars(owner).clear()
+
     def result(self) -> TrialResult:
         """Returns the result of the trial up to now."""
         samples = self._rig.recorder.samples(self._context)

@@ -134,6 +134,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         if self.render_mode == HUMAN and self._meshcat is None:
             self._meshcat = Meshcat(MeshcatParams(host=LOCAL_HOST))
             aim_camera(self._meshcat)
+        self._release()
         rig = MakeRig(scenario, self._policy, meshcat=self._meshcat)
         self._episode = Episode(rig, scenario, number, realtime=self._meshcat is not None)
         self._number, self._over = number, False
@@ -189,8 +190,14 @@ class PegInHole(gymnasium.Env[Any, Any]):
 
     def close(self) -> None:
         """Ends the episode and closes Meshcat."""
-        self._episode, self._over = None, True
+        self._release()
         self._meshcat = self._picture = None
+
+    def _release(self) -> None:
+        """Ends the episode, if there is one, and frees its diagram."""
+        if self._episode is not None:
+            self._episode.release()
+        self._episode, self._over = None, True
 
     def _observe(self, episode: Episode) -> Observation:
         """Returns the present observation within the bounds, which a sound trial does not leave."""

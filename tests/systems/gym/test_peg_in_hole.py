@@ -1,8 +1,10 @@
 """The environment against the interface of Gymnasium, and against itself."""
 
 import copy
+import gc
 import time
 import warnings
+import weakref
 
 import gymnasium
 import numpy as np
@@ -180,6 +182,18 @@ def test_a_wrong_action_is_named(make, action):
 def test_a_wrong_option_is_named(make, options):
     with pytest.raises(ValueError, match="options of reset"):
         make().unwrapped.reset(options=options)
+
+
+def test_a_reset_frees_the_diagram_before(make):
+    env = make().unwrapped
+    env.reset(seed=TRIAL)
+    parts = env._episode._rig
+    freed = [weakref.ref(parts.diagram), weakref.ref(parts.contact.plant)]
+    env.step(PUSH)
+    del parts
+    env.reset(seed=TRIAL)
+    gc.collect()
+    assert [reference() for reference in freed] == [None, None]
 
 
 def test_a_step_needs_an_episode(make):
