@@ -36,6 +36,7 @@ from gymnasium.wrappers import RescaleAction, TransformObservation
 
 from benchmarks.command_line import argument_parser, run
 from benchmarks.rig.control_laws import StraightPush
+from models.scenario import Scenario
 from skill.arrays import Array
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
@@ -59,7 +60,7 @@ SETTINGS: dict[str, Any] = {
 }
 
 
-def learning_environment(scenario: str) -> gymnasium.Env[Any, Any]:
+def learning_environment(scenario: str | Scenario) -> gymnasium.Env[Any, Any]:
     """Returns the environment as the networks need it: scaled flat observations, actions within 1."""
     env = gymnasium.make(ENVIRONMENT, scenario=scenario, labels=False)
     parts = env.observation_space
@@ -107,13 +108,13 @@ def evaluate(env: gymnasium.Env[Any, Any], agent: Agent, trials: int) -> dict[st
     }
 
 
-def reference(scenario: str, policy: RigPolicy, trials: int) -> dict[str, Any]:
+def reference(scenario: str | Scenario, policy: RigPolicy, trials: int) -> dict[str, Any]:
     """Evaluates a policy of the rig."""
     env = gymnasium.make(ENVIRONMENT, scenario=scenario, labels=False, policy=policy)
     return evaluate(env, PolicyAgent(policy), trials)
 
 
-def learn(scenario: str, *, steps: int, every: int, trials: int, seed: int) -> Iterator[dict[str, Any]]:
+def learn(scenario: str | Scenario, *, steps: int, every: int, trials: int, seed: int) -> Iterator[dict[str, Any]]:
     """Trains, and yields the rows of the learning curve; ``train_cpu_s`` is the CPU time of the training so far."""
     import torch
     from stable_baselines3 import SAC
