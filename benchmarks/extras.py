@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-EXTRAS = {"pydrake": "sim", "yaml": "sim", "hmmlearn": "peers", "mujoco": "peers", "ruptures": "peers"}
+EXTRAS = {
+    **{"pydrake": "sim", "yaml": "sim", "gymnasium": "gym", "stable_baselines3": "rl"},
+    **{"hmmlearn": "peers", "mujoco": "peers", "ruptures": "peers"},
+}
 """The extra of this project that installs each optional package."""
 
 
