@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-EXTRAS = {"pydrake": "sim", "yaml": "sim", "hmmlearn": "peers", "mujoco": "peers", "ruptures": "peers"}
+EXTRAS = {
+    **dict.fromkeys(("pydrake", "yaml"), "sim"),
+    **dict.fromkeys(("hmmlearn", "mujoco", "ruptures"), "peers"),
+    "lerobot": "lerobot",
+}
 """The extra of this project that installs each optional package."""
 
 
