@@ -99,11 +99,11 @@ def import_lerobot(folder: Path, out: Path) -> None:
     check_new_folder(out)
     with busy(f"reading {folder.name}"):
         found = read_dataset(folder)
-    with new_folder(out) as staged, named_errors(out, "the data set is unchanged"):
-        with progress(found.kind, len(found.recordings)) as advance:
-            for stored in found.recordings:
-                write_recording(stored, found.kind, staged / stored.name)
-                advance(stored.name)
+    unchanged = named_errors(out, "the data set is unchanged")
+    with new_folder(out) as staged, unchanged, progress(found.kind, len(found.recordings)) as advance:
+        for stored in found.recordings:
+            write_recording(stored, found.kind, staged / stored.name)
+            advance(stored.name)
     say(f"{out}: {len(found.recordings)} {found.kind}")
 
 
