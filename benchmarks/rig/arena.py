@@ -1,7 +1,7 @@
 """Imitation policies of LeRobot and the skill of this project: the same demonstrations, the same trials.
 
     python -m benchmarks.rig.arena [--demonstrations FOLDER] [--policies act diffusion] [--minutes 10]
-        [--trials 50] [--copies 8] [--seed 0] [--json FILE]
+        [--trials 50] [--arms default stress] [--copies 8] [--seed 0] [--json FILE]
 
 All learn from the good demonstrations; the skill discovers its states in the bad ones too.
 `benchmarks.rig.lerobot_policy` says what the policies of LeRobot see and do. Both arms (`Arm`) perform trials from
@@ -134,6 +134,7 @@ def main() -> None:
         "--minutes", type=float, default=10.0, help="CPU time of training each policy of LeRobot (default: 10)"
     )
     parser.add_argument("--trials", type=int, default=50, help="trials of each arm (default: 50)")
+    parser.add_argument("--arms", nargs="+", type=Arm, choices=list(Arm), default=list(Arm), help="(default: both)")
     parser.add_argument("--copies", type=int, default=8, help="turned copies of each demonstration (default: 8)")
     parser.add_argument("--seed", type=int, default=0, help="of training")
     arguments = parser.parse_args()
@@ -157,7 +158,7 @@ def main() -> None:
             say(f"{name}: {cost}")
         with threadpool_limits(1):
             policies[name] = policy, cost | query_times(policy, good)
-    for arm in Arm:
+    for arm in arguments.arms:
         for name, (policy, cost) in policies.items():
             rows.append(summary(name, arm.value, perform(policy, arm, numbers, name), cost))
             if arguments.json is not None:

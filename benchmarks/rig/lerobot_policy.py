@@ -59,6 +59,7 @@ def policy_config(name: str) -> Any:
     Raises:
         ValueError: if there is no such policy.
     """
+    size: dict[str, Any]
     if name == "act":
         layers = {"n_encoder_layers": 2, "n_vae_encoder_layers": 2}
         small = {"dim_model": 64, "n_heads": 4, "dim_feedforward": 256, "latent_dim": 8, **layers}

@@ -83,8 +83,8 @@ def recording_log(recording: Demonstration | RigRun) -> Log:
     writer.start(library=f"haptic-skill {version_of('haptic-skill')}")
     schemas: dict[str, int] = {}
     channels: dict[str, int] = {}
-    is_run = isinstance(recording, RigRun)
-    for time, message in _run_messages(recording) if is_run else _demonstration_messages(recording):
+    messages = _run_messages(recording) if isinstance(recording, RigRun) else _demonstration_messages(recording)
+    for time, message in messages:
         kind, topic = message.kind, message.topic
         if kind not in schemas:
             definition = SCHEMAS.get(kind)
@@ -98,7 +98,7 @@ def recording_log(recording: Demonstration | RigRun) -> Log:
         writer.add_message(channels[topic], log_time=time, publish_time=time, data=data)
         counts[topic] += 1
     writer.add_metadata("haptic_skill", _header(recording))
-    writer.finish()
+    writer.finish()  # type: ignore[no-untyped-call]
     return Log(stream.getvalue(), counts)
 
 
@@ -137,13 +137,14 @@ def _demonstration_messages(demonstration: Demonstration) -> Iterator[tuple[int,
     motion = motion_of_demonstration(demonstration)
     times = _nanoseconds(samples["time"].to_numpy())
     labels = contact_labels(demonstration)
-    for k, (time, row) in enumerate(zip(times, samples[list(ACTIONS)].to_dict("records"), strict=True)):
+    motions = samples[list(ACTIONS)].to_numpy().tolist()
+    for k, (time, moved) in enumerate(zip(times, motions, strict=True)):
         yield time, _wrench(time, motion, k)
         yield time, _pose(time, motion, k, "peg", "hole")
         label = int(labels[k])
         name = "not known" if label == UNKNOWN else ContactLabel(label).label
         yield time, _state("/exact_contact", label, name, known=label != UNKNOWN)
-        yield time, _Message("/command", "haptic_skill.HandMotion", row)
+        yield time, _Message("/command", "haptic_skill.HandMotion", dict(zip(ACTIONS, moved, strict=True)))
     yield times[-1], _outcome(demonstration.reason, success=demonstration.good, result={})
 
 

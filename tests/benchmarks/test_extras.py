@@ -24,6 +24,7 @@ WITHOUT_EXTRAS = {
 }  # in benchmarks.learners
 WITHOUT_EXTRAS_AT_THE_TOP = {"benchmarks.forward_models", "benchmarks.rig_cost"}
 WITH_PEERS_ONLY = {"benchmarks.recordings"}
+WITH_LEROBOT = {"benchmarks.rig.arena"}
 WITH_PEERS = {"benchmarks.learners.contact_states", "benchmarks.physics.engines", "benchmarks.rig.mujoco"}
 
 RUN_WITHOUT = """
@@ -60,7 +61,8 @@ def test_a_benchmark_without_its_extras_names_them_in_one_line(module):
     if module in WITHOUT_EXTRAS_AT_THE_TOP or module.removeprefix("benchmarks.learners.") in WITHOUT_EXTRAS:
         assert done.returncode == 0, done.stderr
         return
-    names = "peers,sim" if module in WITH_PEERS else "peers" if module in WITH_PEERS_ONLY else "sim"
+    extra = "peers" if module in WITH_PEERS | WITH_PEERS_ONLY else "lerobot" if module in WITH_LEROBOT else ""
+    names = extra if module in WITH_PEERS_ONLY else f"{extra},sim".lstrip(",")
     assert done.returncode == 1
     assert done.stdout == ""
     assert re.fullmatch(r"error: this benchmark needs the extras? \[(.+)\]: pip install -e '\.\[\1\]'\n", done.stderr)
