@@ -7,7 +7,7 @@ All learn from the good demonstrations; the skill discovers its states in the ba
 `benchmarks.rig.lerobot_policy` says what the policies of LeRobot see and do. Both arms (`Arm`) perform trials from
 `FIRST_TRIAL` on, which were used for no choice. Columns: insertions with Wilson's 95 % interval; medians of the time of
 an insertion, s, and of the largest load of a trial, N; the 90th percentile of that load, N; trials that ended in a jam;
-CPU time of training, s; mean and 99th percentile of the time of a decision, ms, of which there is one every 20 ms.
+CPU time of training, s; mean and 99th percentile of that of a decision, ms, of which there is one every 20 ms.
 Training and decisions use one thread.
 """
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +25,9 @@ if __name__ == "__main__":
     require_packages("lerobot", "pydrake", "yaml")
 
 import numpy as np
-import torch
 from threadpoolctl import threadpool_limits
 
 from benchmarks.command_line import add_demonstrations, argument_parser, run
-from benchmarks.rig.lerobot_policy import LeRobotLaw, train, write_training_set
 from models.scenario import load_scenario
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.outcome import Outcome
@@ -61,7 +59,7 @@ def trained_skill(demonstrations: Sequence[Demonstration], seed: int) -> tuple[M
 
 
 def query_times(policy: RigPolicy, demonstrations: Sequence[Demonstration]) -> dict[str, float]:
-    """Returns mean and 99th percentile of the time of a decision, ms: features, state, context and action.
+    """Returns mean and 99th percentile of the CPU time of a decision, ms: features, state, context and action.
 
     A policy that predicts several actions at once is fast until it has performed them; hence not the median.
     """
@@ -70,23 +68,23 @@ def query_times(policy: RigPolicy, demonstrations: Sequence[Demonstration]) -> d
     belief, memory = state_filter.initial_log_belief(), context_filter.initial_memory()
     times = []
     for row in series:
-        begun = time.perf_counter()
+        begun = time.thread_time()
         state = state_filter.step(belief, policy.measured_features(row[:7]))
         context = context_filter.step(memory, row)
         policy.act(row[:7], state.probabilities, context.probabilities)
-        times.append(1e3 * (time.perf_counter() - begun))
+        times.append(1e3 * (time.thread_time() - begun))
         belief, memory = state.log_belief, context.memory
     return {"query_ms": float(np.mean(times)), "query_p99_ms": float(np.percentile(times, 99))}
 
 
 def perform(policy: RigPolicy, arm: Arm, numbers: Sequence[int], title: str) -> list[TrialResult]:
-    """Performs trials one after the other, each of them with a policy that remembers nothing."""
+    """Performs trials one after the other; a policy that remembers a trial has a method ``begin`` that forgets it."""
     results = []
     scenario = load_scenario()
+    begin: Callable[[], None] = getattr(policy, "begin", lambda: None)
     with progress(f"{title}, {arm}", len(numbers)) as advance, threadpool_limits(1):
         for number in numbers:
-            if isinstance(policy, LeRobotLaw):
-                policy.begin()
+            begin()
             result, _ = run_trial(trial_scenario(scenario, number=number, arm=arm), policy, seed=number)
             results.append(result)
             advance(result.reason)
@@ -140,7 +138,6 @@ def main() -> None:
     arguments = parser.parse_args()
     if not (arguments.trials >= 1 and arguments.copies >= 1 and arguments.minutes > 0):
         raise ValueError("--trials, --copies and --minutes: expected at least 1, 1 and more than 0")
-    torch.set_num_threads(1)
     demonstrations = [read_demonstration(p) for f in arguments.demonstrations for p in find_recordings(f).paths]
     good = [demonstration for demonstration in demonstrations if demonstration.good]
     numbers = range(FIRST_TRIAL, FIRST_TRIAL + arguments.trials)
@@ -152,6 +149,8 @@ def main() -> None:
         if name == SKILL:
             policy, cost = trained_skill(demonstrations, arguments.seed)
         else:
+            from benchmarks.rig.lerobot_policy import train, write_training_set  # needs PyTorch and lerobot
+
             with tempfile.TemporaryDirectory() as folder:
                 write_training_set(good, Path(folder), copies=arguments.copies, seed=arguments.seed)
                 policy, cost = train(name, Path(folder), seconds=60.0 * arguments.minutes, seed=arguments.seed)

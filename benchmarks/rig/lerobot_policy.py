@@ -120,6 +120,7 @@ def train(name: str, folder: Path, *, seconds: float, seed: int) -> tuple[LeRobo
         seconds: of CPU time of the training, without the reading of the data.
         seed: of the weights and the batches.
     """
+    torch.set_num_threads(1)
     torch.manual_seed(seed)
     config = policy_config(name)
     data = LeRobotDataset("local/demonstrations", root=folder)

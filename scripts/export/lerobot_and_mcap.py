@@ -8,18 +8,19 @@ from typing import Annotated
 import typer
 
 from scripts.command_line import command, make_app, run_app
-from scripts.options import OptionalSkillFile, Overwrite, parse_path
+from scripts.options import OptionalSkillFile, parse_path
 
 app, import_app = make_app(no_args_is_help=True), make_app(no_args_is_help=True)
 Folder = Annotated[Path, typer.Argument(parser=parse_path, metavar="FOLDER", help="Folder to read.")]
 Out = Annotated[Path, typer.Argument(parser=parse_path, metavar="OUT", help="Folder to write.")]
+Replace = Annotated[bool, typer.Option("--overwrite", help="Replace a data set that this program wrote into OUT.")]
 Run = Annotated[Path, typer.Argument(parser=parse_path, metavar="RUN", help="Demonstration or rig run (.parquet).")]
 Log = Annotated[Path | None, typer.Argument(parser=parse_path, metavar="[OUT.mcap]", show_default="RUN, as .mcap")]
 
 
 @app.command("lerobot")
 @command
-def export_lerobot(folder: Folder, out: Out, skill: OptionalSkillFile = None, overwrite: Overwrite = False) -> None:
+def export_lerobot(folder: Folder, out: Out, skill: OptionalSkillFile = None, overwrite: Replace = False) -> None:
     """Writes demonstrations or rig runs, failures too, as a LeRobot data set: `export lerobot out/rig out/dataset`."""
     from systems.sessions.export_session import export_lerobot
 
