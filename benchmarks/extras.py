@@ -5,8 +5,9 @@ from __future__ import annotations
 from importlib.util import find_spec
 
 EXTRAS = {
-    **{"pydrake": "sim", "yaml": "sim", "gymnasium": "gym", "stable_baselines3": "rl"},
-    **{"hmmlearn": "peers", "mujoco": "peers", "ruptures": "peers"},
+    **dict.fromkeys(("pydrake", "yaml"), "sim"),
+    **dict.fromkeys(("hmmlearn", "mujoco", "ruptures"), "peers"),
+    **{"gymnasium": "gym", "lerobot": "lerobot", "stable_baselines3": "rl"},
 }
 """The extra of this project that installs each optional package."""
 

@@ -20,6 +20,7 @@ from scripts import (
     train_skill,
 )
 from scripts.command_line import make_app, run_app
+from scripts.export import lerobot_and_mcap
 from scripts.sweeps import run_sweep, scoreboard
 from systems.runs.provenance import version_of
 
@@ -40,6 +41,8 @@ app.command("sweep")(run_sweep.main)
 app.command("states")(discover_states.main)
 app.command("scoreboard")(scoreboard.main)
 app.command("diagram")(block_diagram.main)
+app.add_typer(lerobot_and_mcap.app, name="export", help="Writes recordings for other programs: LeRobot, MCAP.")
+app.add_typer(lerobot_and_mcap.import_app, name="import", help="Reads exported recordings back.")
 
 
 def print_versions(requested: bool) -> None:

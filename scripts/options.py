@@ -36,6 +36,7 @@ SCENARIO = typer.Option(
 SKILL = typer.Option(
     "--skill", parser=parse_path, metavar="FILE.npz", help="Skill to read, a file that `haptic-skill train` wrote."
 )
+DEFAULT_SKILL = "out/skill.npz, or the one that a release ships"
 SEED_HELP = "Seeds the random draws; trial k of the rig uses seed + k."
 GOOD_HELP = "Number of good demonstrations: they insert gently."
 
@@ -47,13 +48,7 @@ SkillFile = Annotated[Path, SKILL]
 OptionalSkillFile = Annotated[Path | None, SKILL]
 DefaultSkillFile = Annotated[
     Path | None,
-    typer.Option(
-        "--skill",
-        parser=parse_path,
-        metavar="FILE.npz",
-        help="Skill to read, a file that `haptic-skill train` wrote.",
-        show_default="out/skill.npz, or the one that a release ships",
-    ),
+    typer.Option("--skill", parser=parse_path, metavar="FILE.npz", help="Skill to read.", show_default=DEFAULT_SKILL),
 ]
 OutFolder = Annotated[Path, typer.Option("--out", parser=parse_path, metavar="FOLDER", help="Folder to write into.")]
 OptionalOutFolder = Annotated[

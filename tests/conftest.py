@@ -2,7 +2,8 @@
 
 The tests that open a page get the marker ``browser``, and tests that draw a diagram have the marker ``graphviz``. Where
 the programs that they need are missing, these tests are skipped and the terminal summary says so in one line. With
-REQUIRE_BROWSER=1 in the environment they fail instead.
+REQUIRE_BROWSER=1 in the environment they fail instead. Tests with the marker ``lerobot`` are skipped where its packages
+are not installed.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import types
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +42,7 @@ PROGRAMS = {  # marker: (alternative names of a program, Debian package) of ever
     ],
     "graphviz": [(("dot",), "graphviz")],
 }
+PACKAGES = {"lerobot": ("lerobot", "lerobot_doctor")}  # marker, which is an extra too: Python packages
 
 # ------------------------------------------------------- missing programs
 
@@ -81,7 +84,10 @@ def names_in(code: types.CodeType) -> set[str]:
 
 
 def missing_programs(marker: str) -> str:
-    """Names the programs that the tests with ``marker`` need and that are not on the PATH, and their packages."""
+    """Names what the tests with ``marker`` need: programs that are not on the PATH, or packages; and how to get it."""
+    absent = [name for name in PACKAGES.get(marker, ()) if find_spec(name) is None]
+    if marker in PACKAGES:
+        return f"{' and '.join(absent)} not installed (pip install -e '.[{marker}]')" if absent else ""
     missing = [(names[0], package) for names, package in PROGRAMS[marker] if not any(map(shutil.which, names))]
     if not missing:
         return ""
@@ -91,16 +97,16 @@ def missing_programs(marker: str) -> str:
 
 @pytest.hookimpl(tryfirst=True)  # before the fixtures
 def pytest_runtest_setup(item: pytest.Item) -> None:
-    for marker in PROGRAMS:
+    for marker in (*PROGRAMS, *PACKAGES):
         if item.get_closest_marker(marker) and (missing := missing_programs(marker)):
-            if os.environ.get("REQUIRE_BROWSER") == "1":
+            if marker in PROGRAMS and os.environ.get("REQUIRE_BROWSER") == "1":
                 pytest.fail(f"REQUIRE_BROWSER=1, but {missing}", pytrace=False)
             pytest.skip(f"{marker} test: {missing}")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     reasons = [report.longrepr[2] for report in terminalreporter.stats.get("skipped", []) if report.longrepr]
-    counts = Counter({m: sum(f"{m} test:" in reason for reason in reasons) for m in PROGRAMS})
+    counts = Counter({m: sum(f"{m} test:" in reason for reason in reasons) for m in (*PROGRAMS, *PACKAGES)})
     skipped = [f"{n} {m} tests: {missing_programs(m)}" for m, n in counts.items() if n]
     if skipped:
         terminalreporter.write_line(f"skipped {'; '.join(skipped)}")

@@ -26,6 +26,7 @@ CONTENTS = {
     ".svg": ("an SVG picture", rb"<\?xml|<svg"),
     ".csv": ("a table of states", rb"trial,time,state,probability\r?\n"),
     ".md": ("a scoreboard in Markdown", rb"# Scoreboard"),
+    ".mcap": ("a log (MCAP)", rb"\x89MCAP0\r\n"),
     ".parquet": ("a recording or run (Parquet)", rb"PAR1"),
 }
 """How the kinds of file begin, by the suffix that they usually have. No command replaces a single Parquet file."""

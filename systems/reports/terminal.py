@@ -43,7 +43,7 @@ RESEND_TIME = 0.01
 
 EXTRAS = {
     **dict.fromkeys(("pydrake", "joblib", "yaml", "tornado"), "sim"),
-    **{"distributed": "dask", "mujoco": "mujoco", "ray": "ray"},
+    **{"distributed": "dask", "mcap": "recordings", "mujoco": "mujoco", "ray": "ray"},
 }
 """The extra that installs a package, by the name of the package."""
 

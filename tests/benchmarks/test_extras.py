@@ -24,7 +24,10 @@ WITHOUT_EXTRAS = {
 }  # in benchmarks.learners
 WITHOUT_EXTRAS_AT_THE_TOP = {"benchmarks.forward_models", "benchmarks.rig_cost"}
 WITH_PEERS_ONLY = {"benchmarks.recordings"}
-WITH_GYM = {"benchmarks.rig.gym_cost": "gym,sim", "benchmarks.rig.reinforcement": "gym,rl,sim"}
+OTHERS = {
+    **{"benchmarks.rig.gym_cost": "gym,sim", "benchmarks.rig.reinforcement": "gym,rl,sim"},
+    "benchmarks.rig.arena": "lerobot,sim",
+}
 WITH_PEERS = {"benchmarks.learners.contact_states", "benchmarks.physics.engines", "benchmarks.rig.mujoco"}
 
 RUN_WITHOUT = """
@@ -62,7 +65,7 @@ def test_a_benchmark_without_its_extras_names_them_in_one_line(module):
         assert done.returncode == 0, done.stderr
         return
     names = "peers,sim" if module in WITH_PEERS else "peers" if module in WITH_PEERS_ONLY else "sim"
-    names = WITH_GYM.get(module, names)
+    names = OTHERS.get(module, names)
     assert done.returncode == 1
     assert done.stdout == ""
     assert re.fullmatch(r"error: this benchmark needs the extras? \[(.+)\]: pip install -e '\.\[\1\]'\n", done.stderr)

@@ -1,0 +1,169 @@
+"""Imitation policies of LeRobot and the skill of this project: the same demonstrations, the same trials.
+
+    python -m benchmarks.rig.arena [--demonstrations FOLDER] [--policies act diffusion] [--minutes 10]
+        [--trials 50] [--arms default stress] [--copies 8] [--seed 0] [--json FILE]
+
+All learn from the good demonstrations; the skill discovers its states in the bad ones too.
+`benchmarks.rig.lerobot_policy` says what the policies of LeRobot see and do. Both arms (`Arm`) perform trials from
+`FIRST_TRIAL` on, which were used for no choice. Columns: insertions with Wilson's 95 % interval; medians of the time of
+an insertion, s, and of the largest load of a trial, N; the 90th percentile of that load, N; trials that ended in a jam;
+CPU time of training, s; mean and 99th percentile of that of a decision, ms, of which there is one every 20 ms.
+Training and decisions use one thread.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("lerobot", "pydrake", "yaml")
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from benchmarks.command_line import add_demonstrations, argument_parser, run
+from models.scenario import load_scenario
+from skill.data.demonstration import Demonstration, read_demonstration
+from skill.data.outcome import Outcome
+from skill.manipulation_skill import ManipulationSkill
+from skill.policy import RigPolicy
+from skill.states.context_mixture import ContextMixture
+from skill.training_samples import observed_series
+from systems.outputs.recordings import find_recordings
+from systems.reports.result_tables import plain_table
+from systems.reports.terminal import console, progress, say, write_json
+from systems.runs.trial import Arm, run_trial, trial_scenario
+from systems.runs.trial_result import TrialResult
+from systems.scoreboard.paired_statistics import wilson
+
+FIRST_TRIAL = 90000
+QUERIES = 600
+"""Decisions over which their time is measured."""
+
+SKILL = "CA+LWR"
+
+
+def trained_skill(demonstrations: Sequence[Demonstration], seed: int) -> tuple[ManipulationSkill, dict[str, Any]]:
+    """Learns a skill as `haptic-skill train` does, and returns what it cost."""
+    begun, cpu = time.perf_counter(), time.process_time()
+    with threadpool_limits(1):
+        skill = ManipulationSkill(contexts=ContextMixture(random_state=seed), random_state=seed).fit(demonstrations)
+    cost = {"train_s": time.perf_counter() - begun, "train_cpu_s": time.process_time() - cpu}
+    return skill, {**cost, "frames": len(skill.sources_)}
+
+
+def query_times(policy: RigPolicy, demonstrations: Sequence[Demonstration]) -> dict[str, float]:
+    """Returns mean and 99th percentile of the CPU time of a decision, ms: features, state, context and action.
+
+    A policy that predicts several actions at once is fast until it has performed them; hence not the median.
+    """
+    series = np.vstack([observed_series(demonstration.samples) for demonstration in demonstrations])[:QUERIES]
+    state_filter, context_filter = policy.state_filter(), policy.context_filter()
+    belief, memory = state_filter.initial_log_belief(), context_filter.initial_memory()
+    times = []
+    for row in series:
+        begun = time.thread_time()
+        state = state_filter.step(belief, policy.measured_features(row[:7]))
+        context = context_filter.step(memory, row)
+        policy.act(row[:7], state.probabilities, context.probabilities)
+        times.append(1e3 * (time.thread_time() - begun))
+        belief, memory = state.log_belief, context.memory
+    return {"query_ms": float(np.mean(times)), "query_p99_ms": float(np.percentile(times, 99))}
+
+
+def perform(policy: RigPolicy, arm: Arm, numbers: Sequence[int], title: str) -> list[TrialResult]:
+    """Performs trials one after the other; a policy that remembers a trial has a method ``begin`` that forgets it."""
+    results = []
+    scenario = load_scenario()
+    begin: Callable[[], None] = getattr(policy, "begin", lambda: None)
+    with progress(f"{title}, {arm}", len(numbers)) as advance, threadpool_limits(1):
+        for number in numbers:
+            begin()
+            result, _ = run_trial(trial_scenario(scenario, number=number, arm=arm), policy, seed=number)
+            results.append(result)
+            advance(result.reason)
+    return results
+
+
+def summary(policy: str, arm: str, results: Sequence[TrialResult], cost: dict[str, Any]) -> dict[str, Any]:
+    """Returns a row of the table."""
+    inserted = [result for result in results if result.inserted]
+    loads = np.array([result.peak_load for result in results], dtype=float)
+    return {
+        **{"policy": policy, "arm": arm, "trials": len(results), "inserted": len(inserted)},
+        "time_s": float(np.median([result.time for result in inserted])) if inserted else None,
+        "load_n": float(np.median(loads)),
+        "load_p90_n": float(np.percentile(loads, 90)),
+        "jammed": sum(result.outcome is Outcome.JAMMED for result in results),
+        "reasons": [result.reason for result in results],
+        **cost,
+    }
+
+
+def show(rows: Sequence[dict[str, Any]]) -> None:
+    """Prints the table."""
+    table = plain_table("imitation policies on the rig")
+    for name in ("policy", "arm"):
+        table.add_column(name)
+    for name in ("inserted", "95 %", "time", "load", "p90", "jams", "training", "query", "p99"):
+        table.add_column(name, justify="right")
+    for row in rows:
+        low, high = wilson(row["inserted"], row["trials"])
+        table.add_row(
+            *(row["policy"], row["arm"], f"{row['inserted']}/{row['trials']}", f"{100 * low:.0f}-{100 * high:.0f} %"),
+            *("-" if row["time_s"] is None else f"{row['time_s']:.2f}", f"{row['load_n']:.1f}"),
+            *(f"{row['load_p90_n']:.1f}", str(row["jammed"]), f"{row['train_cpu_s']:.0f}"),
+            *(f"{row['query_ms']:.2f}", f"{row['query_p99_ms']:.2f}"),
+        )
+    console.print(table)
+
+
+def main() -> None:
+    parser = argument_parser(__doc__)
+    add_demonstrations(parser)
+    parser.add_argument("--policies", nargs="*", choices=["act", "diffusion"], default=["act", "diffusion"])
+    parser.add_argument(
+        "--minutes", type=float, default=10.0, help="CPU time of training each policy of LeRobot (default: 10)"
+    )
+    parser.add_argument("--trials", type=int, default=50, help="trials of each arm (default: 50)")
+    parser.add_argument("--arms", nargs="+", type=Arm, choices=list(Arm), default=list(Arm), help="(default: both)")
+    parser.add_argument("--copies", type=int, default=8, help="turned copies of each demonstration (default: 8)")
+    parser.add_argument("--seed", type=int, default=0, help="of training")
+    arguments = parser.parse_args()
+    if not (arguments.trials >= 1 and arguments.copies >= 1 and arguments.minutes > 0):
+        raise ValueError("--trials, --copies and --minutes: expected at least 1, 1 and more than 0")
+    demonstrations = [read_demonstration(p) for f in arguments.demonstrations for p in find_recordings(f).paths]
+    good = [demonstration for demonstration in demonstrations if demonstration.good]
+    numbers = range(FIRST_TRIAL, FIRST_TRIAL + arguments.trials)
+    policies: dict[str, tuple[RigPolicy, dict[str, Any]]] = {}
+    rows = []
+    for name in [SKILL, *arguments.policies]:
+        policy: RigPolicy
+        say(f"training {name}")
+        if name == SKILL:
+            policy, cost = trained_skill(demonstrations, arguments.seed)
+        else:
+            from benchmarks.rig.lerobot_policy import train, write_training_set  # needs PyTorch and lerobot
+
+            with tempfile.TemporaryDirectory() as folder:
+                write_training_set(good, Path(folder), copies=arguments.copies, seed=arguments.seed)
+                policy, cost = train(name, Path(folder), seconds=60.0 * arguments.minutes, seed=arguments.seed)
+            say(f"{name}: {cost}")
+        with threadpool_limits(1):
+            policies[name] = policy, cost | query_times(policy, good)
+    for arm in arguments.arms:
+        for name, (policy, cost) in policies.items():
+            rows.append(summary(name, arm.value, perform(policy, arm, numbers, name), cost))
+            if arguments.json is not None:
+                write_json(arguments.json, {"demonstrations": len(good), "rows": rows})
+    show(rows)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,1 @@
+"""Command lines that write recordings for other programs, and read them back."""

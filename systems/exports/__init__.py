@@ -1,0 +1,1 @@
+"""Recordings and runs in the formats of other programs, and back: data sets of LeRobot, logs in MCAP; without Drake."""
