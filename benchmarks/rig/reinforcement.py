@@ -9,8 +9,8 @@ states of the skill. Its training trials are drawn (`FIRST_DRAWN` and above). Be
 ``--every`` steps it performs ``--trials`` trials of the default arm from `FIRST_TRIAL` on without exploring. So do the
 skill and a law that pushes straight on with 10 mm/s. No setting was tuned on these trials.
 
-Columns: steps of training (a step is 20 ms), hours of simulated time, inserted trials, faults, mean reward of an
-episode, median time of a trial (s), median of the largest measured load (N).
+Columns: steps of training (a step is 20 ms), hours of simulated time, inserted trials, mean reward of an episode, and
+medians of the time of a trial (s), of the depth at its end (mm) and of its largest measured load (N).
 
 Keys of the file: one row for each evaluation (``curve``), the skill and the push (``references``), with the reason of
 every trial, and the CPU time of the training so far, s; and the settings. It is written after every evaluation.

@@ -67,7 +67,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         policy: whose contact states and contexts the estimators on the rig follow, as in a trial of this policy. The
             back-off uses them, and the observation has them. The action then has a fourth number, the support. None is
             one state that is always known, and a support of 1.
-        labels: whether ``info`` has the contact label, which takes as long as the simulation of a step.
+        labels: whether ``info`` has the contact label, which adds half to the time of a step.
         render_mode: "human" draws into a Meshcat at ``url`` in real time, "rgb_array" lets `render` return a picture.
 
     Raises:
