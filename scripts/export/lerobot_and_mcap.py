@@ -15,7 +15,7 @@ Folder = Annotated[Path, typer.Argument(parser=parse_path, metavar="FOLDER", hel
 Out = Annotated[Path, typer.Argument(parser=parse_path, metavar="OUT", help="Folder to write.")]
 Replace = Annotated[bool, typer.Option("--overwrite", help="Replace a data set that this program wrote into OUT.")]
 Run = Annotated[Path, typer.Argument(parser=parse_path, metavar="RUN", help="Demonstration or rig run (.parquet).")]
-Log = Annotated[Path | None, typer.Argument(parser=parse_path, metavar="[OUT.mcap]", show_default="RUN, as .mcap")]
+Log = Annotated[Path | None, typer.Argument(parser=parse_path, metavar="OUT.mcap", show_default="RUN, as .mcap")]
 
 
 @app.command("lerobot")
