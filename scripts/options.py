@@ -33,9 +33,8 @@ SCENARIO = typer.Option(
     metavar="TEXT",
     help="Name of a scenario in models/scenarios, or path of a YAML file.",
 )
-SKILL = typer.Option(
-    "--skill", parser=parse_path, metavar="FILE.npz", help="Skill to read, a file that `haptic-skill train` wrote."
-)
+SKILL_HELP = "Skill to read, a file that `haptic-skill train` wrote."
+SKILL = typer.Option("--skill", parser=parse_path, metavar="FILE.npz", help=SKILL_HELP)
 DEFAULT_SKILL = "out/skill.npz, or the one that a release ships"
 SEED_HELP = "Seeds the random draws; trial k of the rig uses seed + k."
 GOOD_HELP = "Number of good demonstrations: they insert gently."
@@ -48,7 +47,7 @@ SkillFile = Annotated[Path, SKILL]
 OptionalSkillFile = Annotated[Path | None, SKILL]
 DefaultSkillFile = Annotated[
     Path | None,
-    typer.Option("--skill", parser=parse_path, metavar="FILE.npz", help="Skill to read.", show_default=DEFAULT_SKILL),
+    typer.Option("--skill", parser=parse_path, metavar="FILE.npz", help=SKILL_HELP, show_default=DEFAULT_SKILL),
 ]
 OutFolder = Annotated[Path, typer.Option("--out", parser=parse_path, metavar="FOLDER", help="Folder to write into.")]
 OptionalOutFolder = Annotated[
