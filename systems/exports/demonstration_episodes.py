@@ -5,16 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.contact_geometry import ContactLabel, axes_of_rotation_vectors
+from models.contact_geometry import ContactLabel
 from skill.data.demonstration import ACTIONS, COLUMNS, Demonstration
 from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import Outcome
 from skill.data.refinement import with_following_actions
 from skill.manipulation_skill import ManipulationSkill
 from skill.training_samples import observed_series
-from systems.exports.episodes import ENDINGS, UNKNOWN, WRENCH, Episode, Feature, endings, wrench_features
-from systems.metrics.penetration import MIN_UPRIGHT
-from systems.runs.exact_states import exact_bodies
+from systems.exports.episodes import ENDINGS, WRENCH, Episode, Feature, endings, wrench_features
+from systems.runs.exact_states import UNKNOWN, exact_labels
 
 KIND = "demonstrations"
 ROBOT = "haptic device in a virtual environment"
@@ -79,19 +78,10 @@ def demonstration_episode(demonstration: Demonstration, name: str, skill: Manipu
 
 
 def contact_labels(demonstration: Demonstration) -> NDArray[np.int64]:
-    """Returns the exact contact labels (n,) of the true poses.
-
-    They are `UNKNOWN` without a geometry, and where a diverged simulation tilts the peg beyond 45 degrees.
-    """
-    samples = demonstration.samples
-    labels = np.full(len(samples), UNKNOWN, dtype=np.int64)
+    """Returns the labels (n,) of `exact_labels`; without a geometry they are `UNKNOWN`."""
     if demonstration.metadata.get("geometry") is None:
-        return labels
-    axis = axes_of_rotation_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
-    upright = axis[:, 2] > MIN_UPRIGHT
-    position = samples[["x", "y", "z"]].to_numpy()
-    labels[upright] = exact_bodies(demonstration).label(position[upright], axis[upright])
-    return labels
+        return np.full(len(demonstration.samples), UNKNOWN, dtype=np.int64)
+    return exact_labels(demonstration).astype(np.int64)
 
 
 def estimates(demonstration: Demonstration, skill: ManipulationSkill) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -100,8 +100,6 @@ def with_units(names: Sequence[str], units: Sequence[str]) -> tuple[str, ...]:
 
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 WRENCH_UNITS = ("N", "N", "N", "N m", "N m", "N m")
-UNKNOWN = -1
-"""Number of a contact label that is not known."""
 
 ENDINGS = {"next.done": Feature("bool"), "next.success": Feature("bool")}
 

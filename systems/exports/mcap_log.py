@@ -22,9 +22,9 @@ from skill.data.demonstration import ACTIONS, Demonstration
 from skill.data.rig_run import CONTEXT_COLUMNS, CONTROL_COLUMNS, RigRun
 from systems.control.faults import Fault
 from systems.exports.demonstration_episodes import contact_labels
-from systems.exports.episodes import UNKNOWN
 from systems.exports.ros_messages import BILLION, POSE, SCHEMAS, WRENCH, stamped
 from systems.reports.motion import Motion, motion_of_demonstration, motion_of_run
+from systems.runs.exact_states import UNKNOWN
 from systems.runs.provenance import version_of
 
 FRAMES = {"peg": "peg_tip", "hole": "hole", "world": "world"}

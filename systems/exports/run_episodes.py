@@ -13,7 +13,8 @@ from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import Outcome
 from skill.data.rig_run import CONTACT_COLUMNS, CONTEXT_COLUMNS, ContactPlace, RigRun
 from skill.data.run_result import outcome_of
-from systems.exports.episodes import ENDINGS, UNKNOWN, WRENCH, Episode, Feature, endings, wrench_features
+from systems.exports.episodes import ENDINGS, WRENCH, Episode, Feature, endings, wrench_features
+from systems.runs.exact_states import UNKNOWN
 
 KIND = "rig runs"
 ROBOT = "3-DOF rig"

@@ -16,7 +16,10 @@ from skill.data.geometry import PegHoleGeometry
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.states.state_naming import name_states
-from systems.metrics.penetration import round_bodies
+from systems.metrics.penetration import MIN_UPRIGHT, round_bodies
+
+UNKNOWN = -1
+"""Number of a contact label that is not known."""
 
 
 def exact_bodies(demonstration: Demonstration) -> PegInHole:
@@ -29,10 +32,19 @@ def exact_bodies(demonstration: Demonstration) -> PegInHole:
 
 
 def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:
-    """Returns the exact contact state (`ContactLabel`) of each sample, (n,), from the true pose."""
+    """Returns the exact contact state (`ContactLabel`) of each sample, (n,), from the true pose.
+
+    It is `UNKNOWN` where a diverged simulation tilts the peg by more than 44.9 degrees.
+
+    Raises:
+        ValueError: if the metadata of the demonstration hold no complete geometry.
+    """
     samples = demonstration.samples
     axis = axes_of_rotation_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
-    return exact_bodies(demonstration).label(samples[["x", "y", "z"]].to_numpy(), axis)
+    upright = axis[:, 2] > MIN_UPRIGHT
+    labels = np.full(len(samples), UNKNOWN, dtype=np.intp)
+    labels[upright] = exact_bodies(demonstration).label(samples[["x", "y", "z"]].to_numpy()[upright], axis[upright])
+    return labels
 
 
 def give_names(skill: ManipulationSkill, demonstrations: Sequence[Demonstration]) -> None:
