@@ -6,18 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
 
 from models.scenario import Scenario
-from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import CONTEXT_COLUMNS, CONTROL_COLUMNS
 from skill.policy import RigPolicy
 from systems.control.contact_state_estimator import ContactStateEstimator
 from systems.control.context_estimator import ContextEstimator
 from systems.control.drive_monitor import DriveMonitor, Travel
-from systems.control.faults import Fault
 from systems.control.force_guard import ForceGuard, StoppingModel
 from systems.control.policy_controller import PolicyController
 from systems.control.self_check import MovingParts, SelfCheck
@@ -30,67 +28,9 @@ from systems.hardware.wrench_sensor import WrenchSensor
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.rig_plant import RigPlant
 from systems.recording.run_recorder import AddRunRecorder, RunRecorder
+from systems.rig_diagram import RigDiagram, start_angles
 from systems.visualization.scene import CAMERA, FRAME, TARGET, AddVisualization
 from systems.visualization.state_display import StateDisplay, plate_pose
-
-
-@dataclass(frozen=True)
-class RigDiagram:
-    """A built diagram and the parts that a run reads.
-
-    Attributes:
-        diagram: the diagram, for a Simulator.
-        contact: the plant and its bodies.
-        recorder: recorder of measurements, commands and motions.
-        controller: the system that runs the policy.
-        watchdog: the system between controller and motors.
-        start: position of the carriage, m, and angles of pitch and yaw, rad, at the start.
-        guard: the system that limits the load, before the motors.
-        sensor: the force/torque sensor.
-    """
-
-    diagram: Diagram
-    contact: RigPlant
-    recorder: RunRecorder
-    controller: PolicyController
-    watchdog: Watchdog
-    start: tuple[float, float, float]
-    guard: ForceGuard
-    sensor: WrenchSensor
-
-    def set_start(self, context: Context) -> None:
-        """Moves carriage and gimbal to the start of the scenario; ``context`` is the diagram's."""
-        carriage, pitch, yaw = self.start
-        self.contact.set_start(context, carriage=carriage, pitch=pitch, yaw=yaw)
-
-    def contact_wrench(self, context: Context) -> Array:
-        """Returns the true wrench (6,) on the peg about its tip, in P: force (N), then moment (N m).
-
-        It serves the evaluation of a run. It includes the inertial force of the peg, which is a small part of a newton
-        at the speeds of the rig.
-        """
-        return self.sensor.contact_wrench(self.sensor.GetMyContextFromRoot(context))
-
-    def peak_measured_load(self, context: Context) -> float:
-        """Returns the largest load (N) that the sensor has measured; ``context`` is the diagram's."""
-        return self.guard.peak_load(self.guard.GetMyContextFromRoot(context))
-
-    def fault(self, context: Context) -> Fault:
-        """Returns the fault that the rig has detected; ``context`` is the diagram's."""
-        own = self.watchdog.GetMyContextFromRoot(context)
-        return Fault(int(self.watchdog.GetOutputPort("fault").Eval(own)[0]))
-
-    def failure(self, context: Context) -> str:
-        """Returns why the policy failed, or "" if it has not; ``context`` is the diagram's."""
-        return self.controller.failure(self.controller.GetMyContextFromRoot(context))
-
-    def tried(self, context: Context) -> str:
-        """Returns what the policy has tried if it has nothing new to try, else ""; ``context`` is the diagram's."""
-        return self.controller.tried(self.controller.GetMyContextFromRoot(context))
-
-    def stopped(self, context: Context) -> bool:
-        """Returns whether the watchdog has retracted the peg after a fault and stopped."""
-        return bool(self.watchdog.GetOutputPort("stopped").Eval(self.watchdog.GetMyContextFromRoot(context))[0])
 
 
 def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = None) -> RigDiagram:
@@ -128,8 +68,7 @@ def WireRig(
             " free air before the first touch"
         )
     _check_geometry(scenario, skill)
-    # Tilting the peg by theta relative to the hole is the same as turning the hole by -theta.
-    pitch, yaw = -scenario.start.tilt[0], -scenario.start.tilt[1]
+    pitch, yaw = start_angles(scenario)
     parts = _add_parts(builder, scenario, skill, contact, angles={"pitch": pitch, "yaw": yaw})
     _connect_sensors(builder, contact, parts)
     _connect_controller(builder, parts)
@@ -145,9 +84,10 @@ def WireRig(
         recorder,
         parts.controller,
         parts.watchdog,
-        start=(scenario.sensor.height + scenario.start.height, pitch, yaw),
         guard=parts.guard,
         sensor=parts.sensor,
+        steppers=(parts.steppers["pitch"], parts.steppers["yaw"]),
+        scenario=scenario,
     )
 
 

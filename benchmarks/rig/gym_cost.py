@@ -3,8 +3,8 @@
     python -m benchmarks.rig.gym_cost [--skill FILE] [--trials 4] [--resets 40] [--json FILE]
 
 The skill performs trials of the default arm from `FIRST_TRIAL` on: by `run_trial`, as an agent in the environment
-without labels, and with labels. They alternate, and the environment repeats every record of `run_trial`. A reset builds
-the diagram of its trial. Times are CPU times of one process with one thread.
+without labels, and with labels. They alternate, and the environment repeats every record of `run_trial`. The
+first reset builds the diagram and is not counted. Times are CPU times of one process with one thread.
 
 Keys of the file: ``reset_ms``, the median of a reset; ``kept_mb``, by how much the process has grown with each further
 reset; ``reset_share``, a reset over a trial; ``ratio`` and ``ratio_labels``, CPU time of all trials in the environment

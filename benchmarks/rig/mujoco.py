@@ -42,7 +42,8 @@ from skill.manipulation_skill import ManipulationSkill
 from systems.plant.mujoco_model import MujocoContact
 from systems.plant.mujoco_plant import MujocoPlant
 from systems.reports.terminal import progress, write_json
-from systems.rig import MakeRig, RigDiagram, WireRig
+from systems.rig import MakeRig, WireRig
+from systems.rig_diagram import RigDiagram
 from systems.runs.demonstration_set import requests
 from systems.runs.trial import run_rig, trial_scenario
 from systems.scoreboard.paired_statistics import wilson

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
+from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from models.scenario import ForceGuardParameters, Scenario
@@ -119,9 +120,6 @@ class ForceGuard(LeafSystem):
 
     Rates are in rad/s, speeds in m/s, angles in rad relative to the start. The wrench (N, N m) acts on the peg about
     its tip, in P.
-
-    Attributes:
-        stopping: how the rig stops.
     """
 
     def __init__(
@@ -135,9 +133,9 @@ class ForceGuard(LeafSystem):
         retract_speed: float,
     ) -> None:
         super().__init__()
-        self._parameters, self.stopping, self._radius = parameters, stopping, peg_radius
+        self._parameters, self._radius = parameters, peg_radius
         self._max_turn_rate, self._max_turn, self._retract_speed = max_turn_rate, max_turn, retract_speed
-        self._largest_rate = min(max_turn_rate, parameters.force_limit / stopping.turn_impact)
+        self._stopping = self.DeclareAbstractParameter(Value[object](stopping))
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._commands = [
@@ -149,6 +147,15 @@ class ForceGuard(LeafSystem):
         state = {self.discrete_state_ticket(self._state)}
         for name, index in (("target_pitch", PITCH), ("target_yaw", YAW), ("feed_speed", FEED_SPEED)):
             self.DeclareVectorOutputPort(name, 1, self._reader(index), state)
+
+    def stopping(self, context: Context) -> StoppingModel:
+        """Returns how the rig stops; ``context`` is this system's."""
+        model: StoppingModel = context.get_abstract_parameter(self._stopping).get_value()
+        return model
+
+    def set_stopping(self, context: Context, stopping: StoppingModel) -> None:
+        """Replaces how the rig stops in ``context``, which is this system's; the period must be the same."""
+        context.get_mutable_abstract_parameter(self._stopping).set_value(stopping)
 
     def peak_load(self, context: Context) -> float:
         """Returns the largest measured load so far, N; ``context`` is this system's."""
@@ -162,7 +169,7 @@ class ForceGuard(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         # Plain floats: this runs at 1 kHz, and NumPy is slower for so few numbers.
-        p, stopping = self._parameters, self.stopping
+        p, stopping = self._parameters, self.stopping(context)
         T = stopping.period
         blind = self._blind.Eval(context)[0] > 0.0
         wrench = [0.0] * 6 if blind else self._wrench.Eval(context).tolist()
@@ -188,7 +195,8 @@ class ForceGuard(LeafSystem):
         if unwinding:
             pitch_rate, yaw_rate = (light_pitch - pitch) / T, (light_yaw - yaw) / T
         # Limited before it is scaled: the scale of a rate far above the limit would have no effect.
-        pitch_rate, yaw_rate = _limited(pitch_rate, yaw_rate, self._largest_rate)
+        largest_rate = min(self._max_turn_rate, p.force_limit / stopping.turn_impact)
+        pitch_rate, yaw_rate = _limited(pitch_rate, yaw_rate, largest_rate)
         impact = stopping.turn_impact * math.hypot(pitch_rate, yaw_rate) + stopping.feed_impact * max(-speed, 0.0)
         if impact > 0.0:
             stoppable = max(0.0, p.force_limit - ahead) / impact

@@ -6,16 +6,14 @@ import math
 
 import numpy as np
 from pydrake.math import RigidTransform
-from pydrake.systems.analysis import Simulator
 
 from models.contact_geometry import ContactLabel
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Outcome
-from systems.control.faults import one_line
 from systems.metrics.penetration import MIN_UPRIGHT, round_bodies
-from systems.rig import RigDiagram
-from systems.runs.trial import TrialMonitor, _result
+from systems.rig_diagram import RigDiagram
+from systems.runs.trial import TrialRun
 from systems.runs.trial_result import TrialResult
 
 Observation = dict[str, Array]
@@ -28,22 +26,19 @@ class Episode:
     policy is called at the start of a step, with what `observation` returns before the step.
 
     Args:
-        rig: built from ``scenario``.
-        scenario: resolved.
+        rig: built from the same scenario, resolved with any seed.
+        scenario: resolved with the seed of the trial.
         number: number of the trial.
         realtime: whether a simulated second takes at least a second.
     """
 
     def __init__(self, rig: RigDiagram, scenario: Scenario, number: int, *, realtime: bool = False) -> None:
-        self._rig, self._scenario, self._number = rig, scenario, number
+        self._rig, self._scenario = rig, scenario
         self._bodies = round_bodies(scenario.geometry)
-        self._simulator = Simulator(rig.diagram)
-        self._simulator.set_target_realtime_rate(float(realtime))
-        self._context = self._simulator.get_mutable_context()
-        rig.set_start(self._context)
-        self._monitor = TrialMonitor(rig, scenario)
-        self._simulator.set_monitor(self._monitor)
-        self._simulator.Initialize()
+        self._run = TrialRun(rig, scenario, number=number)
+        self._context = self._run.context
+        self._run.simulator.set_target_realtime_rate(float(realtime))
+        self._run.simulator.Initialize()
         self._steps = 0
 
     @property
@@ -54,7 +49,7 @@ class Episode:
     @property
     def outcome(self) -> Outcome:
         """How the trial has ended; ``TIME_OVER`` as long as nothing else has ended it."""
-        return self._monitor.outcome
+        return self._run.monitor.outcome
 
     @property
     def time_is_over(self) -> bool:
@@ -64,13 +59,7 @@ class Episode:
     def advance(self) -> None:
         """Simulates one controller period, or less if the trial ends; errors become outcomes as in `run_rig`."""
         self._steps += 1
-        end = min(self._steps * self._scenario.controller.period, self._scenario.trial.time_limit)
-        try:
-            self._simulator.AdvanceTo(end)
-        except RuntimeError as error:  # Drake's solver failed
-            self._monitor.outcome, self._monitor.detail = Outcome.DIVERGED, one_line(error)
-        except (Exception, SystemExit) as error:  # as in `run_rig`
-            self._monitor.outcome, self._monitor.detail = Outcome.FAILED, one_line(error)
+        self._run.advance(min(self._steps * self._scenario.controller.period, self._scenario.trial.time_limit))
 
     def observation(self) -> Observation:
         """Returns what the rig measures, estimates and commands now.
@@ -118,17 +107,6 @@ class Episode:
         r = self._scenario.geometry.peg_radius
         return math.hypot(fx, fy, fz, mx / r, my / r, mz / r)
 
-    def release(self) -> None:
-        """Frees the diagram; the episode, and its rig, cannot be used any more.
-
-        A system that is written in Python is referred to by the functions of its ports, which Drake holds where Python
-        does not see them. Such a system, and with it its diagram, is never freed, unless its attributes are removed.
-        """
-        diagram = self._rig.diagram
-        for owner in (self._monitor, self, *diagram.GetSystems()):
-            vars(owner).clear()
-
     def result(self) -> TrialResult:
         """Returns the result of the trial up to now."""
-        samples = self._rig.recorder.samples(self._context)
-        return _result(self._rig, self._scenario, self._monitor, self._context, samples, seed=self._number)
+        return self._run.result()

@@ -24,6 +24,7 @@ from systems.gym.picture import Picture
 from systems.gym.rewards import REWARDS, Reward, Transition
 from systems.gym.spaces import action_space, checked_action, observation_space
 from systems.rig import MakeRig
+from systems.rig_diagram import RigDiagram
 from systems.runs.trial import Arm, trial_scenario
 from systems.visualization.scene import LOCAL_HOST, aim_camera
 
@@ -43,7 +44,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
 
     *Trials.* ``reset(seed=n)`` and ``reset(options={"trial": n})`` start trial n of the arm, as `trial_scenario` draws
     it; the option prevails. A reset without either draws a number from `FIRST_DRAWN` on with the generator that the
-    last seed has started.
+    last seed has started. The first reset builds the diagram; the others replace its Context.
 
     *Spaces.* `observation_space` and `action_space` of `systems.gym.spaces` have their units and frames. The flat
     observation is that of `gymnasium.spaces.flatten`.
@@ -106,6 +107,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         self._action_size = spaces.flatdim(self.action_space)
         self._meshcat: Meshcat | None = None
         self._picture: Picture | None = None
+        self._rig: RigDiagram | None = None
         self._episode: Episode | None = None
         self._number = 0
         self._last: Observation = {}
@@ -134,9 +136,8 @@ class PegInHole(gymnasium.Env[Any, Any]):
         if self.render_mode == HUMAN and self._meshcat is None:
             self._meshcat = Meshcat(MeshcatParams(host=LOCAL_HOST))
             aim_camera(self._meshcat)
-        self._release()
-        rig = MakeRig(scenario, self._policy, meshcat=self._meshcat)
-        self._episode = Episode(rig, scenario, number, realtime=self._meshcat is not None)
+        self._rig = self._rig or MakeRig(scenario, self._policy, meshcat=self._meshcat)
+        self._episode = Episode(self._rig, scenario, number, realtime=self._meshcat is not None)
         self._number, self._over = number, False
         self._last = self._observe(self._episode)
         return self._shown(self._last), self._info(self._episode)
@@ -190,14 +191,8 @@ class PegInHole(gymnasium.Env[Any, Any]):
 
     def close(self) -> None:
         """Ends the episode and closes Meshcat."""
-        self._release()
-        self._meshcat = self._picture = None
-
-    def _release(self) -> None:
-        """Ends the episode, if there is one, and frees its diagram."""
-        if self._episode is not None:
-            self._episode.release()
-        self._episode, self._over = None, True
+        self._rig = self._episode = self._meshcat = self._picture = None
+        self._over = True
 
     def _observe(self, episode: Episode) -> Observation:
         """Returns the present observation within the bounds, which a sound trial does not leave."""

@@ -45,23 +45,31 @@ class StepperMotor(LeafSystem):
     Args:
         parameters: Parameters of the motor and its driver.
         period: Update period of the driver, s.
-        start_angle: Angle theta_start of the axis at time 0, rad.
+        start_angle: Angle theta_start of the axis at time 0, rad; `set_start_angle` replaces it in a context.
     """
 
     def __init__(self, *, parameters: StepperMotorParameters, period: float, start_angle: float) -> None:
         super().__init__()
         self._parameters = parameters
         self._period = period
-        self._start_angle = start_angle
+        self._start = self.DeclareNumericParameter(BasicVector([start_angle]))
         self._target = self.DeclareVectorInputPort("target_angle", 1)
         self._measured = self.DeclareVectorInputPort("measured_angle", 1)
         # Ramp position and speed and slip of the rotor, in full steps, and the counts of microsteps taken and lost.
         self._state = self.DeclareDiscreteState(np.zeros(5))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
-        state_only = {self.discrete_state_ticket(self._state)}
-        self.DeclareVectorOutputPort("equilibrium_angle", 1, self._calc_equilibrium, state_only)
-        self.DeclareVectorOutputPort("step_counts", 2, self._calc_counts, state_only)
-        self.DeclareVectorOutputPort("shaft", 2, self._calc_shaft, {*state_only, self._measured.ticket()})
+        state = self.discrete_state_ticket(self._state)
+        start = self.pn_ticket()
+        self.DeclareVectorOutputPort("equilibrium_angle", 1, self._calc_equilibrium, {state, start})
+        self.DeclareVectorOutputPort("step_counts", 2, self._calc_counts, {state})
+        self.DeclareVectorOutputPort("shaft", 2, self._calc_shaft, {state, start, self._measured.ticket()})
+
+    def set_start_angle(self, context: Context, angle: float) -> None:
+        """Replaces theta_start, rad, in ``context``, which is this system's."""
+        context.get_mutable_numeric_parameter(self._start).SetFromVector([angle])
+
+    def _start_angle(self, context: Context) -> float:
+        return float(context.get_numeric_parameter(self._start).value()[0])
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         # Plain floats: this runs at every step of the plant, and NumPy is slower for so few numbers.
@@ -80,7 +88,7 @@ class StepperMotor(LeafSystem):
             position += speed * self._period
         commanded = round(position * microsteps)
         taken += abs(commanded - previous)
-        angle = (float(self._measured.Eval(context)[0]) - self._start_angle) / p.step_angle
+        angle = (float(self._measured.Eval(context)[0]) - self._start_angle(context)) / p.step_angle
         lag = angle - (commanded / microsteps + shift)
         if abs(lag) > PERIOD_STEPS / 2:
             shift += math.copysign(PERIOD_STEPS, lag)
@@ -90,7 +98,7 @@ class StepperMotor(LeafSystem):
     def _calc_equilibrium(self, context: Context, output: BasicVector) -> None:
         position, _, shift, _, _ = context.get_discrete_state(self._state).value().tolist()
         p = self._parameters
-        output[0] = self._start_angle + p.step_angle * (round(position * p.microsteps) / p.microsteps + shift)
+        output[0] = self._start_angle(context) + p.step_angle * (round(position * p.microsteps) / p.microsteps + shift)
 
     def _calc_counts(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(context.get_discrete_state(self._state).value()[3:])
@@ -98,7 +106,7 @@ class StepperMotor(LeafSystem):
     def _calc_shaft(self, context: Context, output: BasicVector) -> None:
         position = context.get_discrete_state(self._state).value()[0]
         resolution, microsteps = self._parameters.encoder_resolution, self._parameters.microsteps
-        measured = round((self._measured.Eval(context)[0] - self._start_angle) / resolution) * resolution
+        measured = round((self._measured.Eval(context)[0] - self._start_angle(context)) / resolution) * resolution
         output.SetFromVector([self._parameters.step_angle * round(position * microsteps) / microsteps, measured])
 
 

@@ -51,7 +51,7 @@ class WrenchSensor(LeafSystem):
 
     Args:
         parameters: Parameters of the sensor.
-        seed: Seed of the scenario.
+        seed: Seed of the scenario; `set_seed` replaces it in a context.
         weld: Index of the weld joint in ``reaction_forces``.
         tare: Wrench F_tare (6,): force (N), then moment (N m), about S, in P.
     """
@@ -59,14 +59,14 @@ class WrenchSensor(LeafSystem):
     def __init__(self, *, parameters: WrenchSensorParameters, seed: int, weld: int, tare: NDArray[np.float64]) -> None:
         super().__init__()
         p = self._parameters = parameters
-        self._seed = seed
         self._weld = weld
         self._tare = tare
         self._sigma = np.array([*p.force_noise, *p.torque_noise])
         self._range = np.array([*p.force_range, *p.torque_range])
         self._quantum = np.repeat([p.force_quantum, p.torque_quantum], 3)
         self._drift_step = np.repeat([p.force_drift, p.torque_drift], 3) * math.sqrt(p.period)
-        self._bias = np.repeat([p.force_bias, p.torque_bias], 3) * standard_normal(seed, "sensor bias", 0, 6)
+        # The seed, then the bias (6).
+        self._trial = self.DeclareNumericParameter(BasicVector([float(seed), *self._drawn_bias(seed)]))
         self._blend = p.blend
         self._reaction = self.DeclareAbstractInputPort("reaction_forces", AbstractValue.Make([SpatialForce.Zero()]))
         # The plant may step less often than the sensor samples; to read its list of forces takes long.
@@ -79,9 +79,17 @@ class WrenchSensor(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(p.period, 0.0, self._update)
         self.DeclareVectorOutputPort("wrench", 6, self._calc_wrench, {self.discrete_state_ticket(self._state)})
 
+    def set_seed(self, context: Context, seed: int) -> None:
+        """Replaces the seed and the bias drawn from it in ``context``, which is this system's."""
+        context.get_mutable_numeric_parameter(self._trial).SetFromVector([float(seed), *self._drawn_bias(seed)])
+
     def contact_wrench(self, context: Context) -> NDArray[np.float64]:
         """Returns the true contact wrench (6,) about the tip; ``context`` is this system's."""
         return wrench_at_tip(-self._held.Eval(context), self._parameters.height)
+
+    def _drawn_bias(self, seed: int) -> NDArray[np.float64]:
+        p = self._parameters
+        return np.repeat([p.force_bias, p.torque_bias], 3) * standard_normal(seed, "sensor bias", 0, 6)
 
     def _calc_held(self, context: Context, held: AbstractValue) -> None:
         """Evaluates F_S - F_tare (6,): force (N), then moment (N m)."""
@@ -90,12 +98,13 @@ class WrenchSensor(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         tick = round(context.get_time() / self._parameters.period)
-        noise = standard_normal(self._seed, "sensor noise", tick, 12)
+        trial = context.get_numeric_parameter(self._trial).value()
+        noise = standard_normal(int(trial[0]), "sensor noise", tick, 12)
         state = discrete_state.get_mutable_vector(self._state).get_mutable_value()
         filtered, drift = state[:6], state[6:12]
         filtered -= self._blend * (self._held.Eval(context) + filtered)
         drift += self._drift_step * noise[6:]
-        noisy = filtered + self._bias + drift + self._sigma * noise[:6]
+        noisy = filtered + trial[1:] + drift + self._sigma * noise[:6]
         clipped = np.minimum(np.maximum(noisy, -self._range), self._range)
         state[18:] = state[12:-6].copy()
         state[12:18] = np.rint(clipped / self._quantum) * self._quantum

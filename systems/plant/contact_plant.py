@@ -17,6 +17,7 @@ from pydrake.geometry import (
     InMemoryMesh,
     Mesh,
     ProximityProperties,
+    RoleAssign,
     SceneGraph,
 )
 from pydrake.math import RigidTransform
@@ -121,8 +122,35 @@ class HydroelasticRig(ContactPlant):
     @property
     def turning_inertia(self) -> float:
         """See `RigPlant`."""
+        return self._turning_inertia(self.plant.CreateDefaultContext())
+
+    def set_trial(self, context: Context, trial: Scenario) -> float:
+        """Sets the height of the pivot and the friction of another resolved scenario.
+
+        Args:
+            context: of the diagram.
+            trial: as `scenario`, but for pivot and friction.
+
+        Returns:
+            `turning_inertia` with this pivot, kg m^2.
+        """
+        pivot = _pivot_pose(trial)
+        home = self.plant.CreateDefaultContext()
+        for own in (home, self.plant.GetMyMutableContextFromRoot(context)):
+            self.plant.GetFrameByName("pivot").SetPoseInParentFrame(own, pivot)
+            self.plant.GetFrameByName("mouth").SetPoseInParentFrame(own, pivot.inverse())
+        scene = self.scene_graph.GetMyMutableContextFromRoot(context)
+        source, inspector = self.plant.get_source_id(), self.scene_graph.model_inspector()
+        for body in (self.peg, self.block):
+            for geometry in self.plant.GetCollisionGeometriesForBody(body):
+                properties = ProximityProperties(inspector.GetProximityProperties(geometry))
+                properties.UpdateProperty("material", "coulomb_friction", _friction(trial))
+                self.scene_graph.AssignRole(scene, source, geometry, properties, RoleAssign.kReplace)
+        return self._turning_inertia(home)
+
+    def _turning_inertia(self, context: Context) -> float:
         axis = self.plant.GetJointByName("pitch").velocity_start()
-        return float(self.plant.CalcMassMatrix(self.plant.CreateDefaultContext())[axis, axis])
+        return float(self.plant.CalcMassMatrix(context)[axis, axis])
 
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """See `RigPlant`."""
@@ -201,10 +229,12 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
     # The force/torque sensor measures the reaction force of this weld.
     plant.AddJoint(WeldJoint("sensor", slide.body_frame(), sensor_frame, RigidTransform()))
 
-    pivot = RigidTransform([0.0, 0.0, scenario.rig.pivot_height])
-    plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base", gimbal), pivot)
+    pivot = _pivot_pose(scenario)
+    above = plant.AddFrame(FixedOffsetFrame("pivot", plant.world_frame(), pivot))
+    plant.WeldFrames(above, plant.GetFrameByName("base", gimbal))
     block = plant.AddRigidBody("block", gimbal, _block_inertia(g))
-    plant.WeldFrames(plant.GetFrameByName("yaw_ring", gimbal), block.body_frame(), pivot.inverse())
+    mouth = plant.AddFrame(FixedOffsetFrame("mouth", plant.GetFrameByName("yaw_ring", gimbal), pivot.inverse()))
+    plant.WeldFrames(mouth, block.body_frame())
 
     _add_drives(plant, scenario)
     finish_contact_plant(plant, scene_graph, scenario, peg, block)
@@ -212,6 +242,14 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
     mount = plant.get_desired_state_input_port(plant.GetModelInstanceByName("mount"))
     builder.Connect(centred.get_output_port(), mount)
     return HydroelasticRig(plant, scene_graph, peg, block, scenario)
+
+
+def _pivot_pose(scenario: Scenario) -> RigidTransform:
+    return RigidTransform([0.0, 0.0, scenario.rig.pivot_height])
+
+
+def _friction(scenario: Scenario) -> CoulombFriction:
+    return CoulombFriction(scenario.contact.friction, scenario.contact.friction)
 
 
 def _add_drives(plant: MultibodyPlant, scenario: Scenario) -> None:
@@ -293,7 +331,7 @@ def finish_contact_plant(
         sharp: Whether the chamfer begins at the mouth, without a `BrokenEdge`; for measurements of its effect.
     """
     g, contact = scenario.geometry, scenario.contact
-    friction = CoulombFriction(contact.friction, contact.friction)
+    friction = _friction(scenario)
 
     edge = None if sharp else BrokenEdge.of(radius=g.hole_radius, clearance=g.clearance, chamfer=g.chamfer)
     rigid = ProximityProperties()

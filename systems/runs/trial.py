@@ -29,7 +29,8 @@ from systems.metrics.motion_metrics import MotionMetrics
 from systems.metrics.penetration import deepest_overlap
 from systems.metrics.wedging import WedgeMetrics
 from systems.plant.contact_plant import DIVERGENCE_FORCE
-from systems.rig import MakeRig, RigDiagram
+from systems.rig import MakeRig
+from systems.rig_diagram import RigDiagram
 from systems.runs.provenance import versions
 from systems.runs.trial_result import TRUSTED_OVERLAP, TrialResult
 from systems.runs.worker_pool import run_in_processes
@@ -202,20 +203,10 @@ def run_trial(
 
 def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int) -> tuple[TrialResult, RigRun]:
     """Simulates a rig that was built from this scenario and policy; see `run_trial`."""
-    simulator = Simulator(rig.diagram)
-    context = simulator.get_mutable_context()
-    rig.set_start(context)
-    monitor = TrialMonitor(rig, scenario)
-    simulator.set_monitor(monitor)
-    try:
-        simulator.AdvanceTo(scenario.trial.time_limit)
-    except RuntimeError as error:  # Drake's solver failed
-        monitor.outcome, monitor.detail = Outcome.DIVERGED, one_line(error)
-    except (Exception, SystemExit) as error:  # a failed trial must not end the others; Drake's asserts raise SystemExit
-        monitor.outcome, monitor.detail = Outcome.FAILED, one_line(error)
-    samples = rig.recorder.samples(context)
-    samples[list(CONTACT_COLUMNS)] = monitor.forces.contact_rows(len(samples))
-    result = _result(rig, scenario, monitor, context, samples, seed=seed)
+    run = TrialRun(rig, scenario, number=seed)
+    run.advance(scenario.trial.time_limit)
+    result, samples = run.result(), run.samples()
+    samples[list(CONTACT_COLUMNS)] = run.monitor.forces.contact_rows(len(samples))
     metadata = {
         "geometry": asdict(scenario.geometry),
         "rig": asdict(scenario.rig),
@@ -225,6 +216,49 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
         "versions": versions(),
     }
     return result, RigRun(samples=samples, result=result.record(), metadata=metadata)
+
+
+class TrialRun:
+    """The simulation of one trial.
+
+    Attributes:
+        simulator: the simulator of the rig's diagram.
+        context: the diagram's.
+        monitor: what ends and records the trial.
+
+    Args:
+        rig: built from ``scenario``, or from one that `RigDiagram.set_trial` can replace by it.
+        scenario: resolved.
+        number: of the trial.
+    """
+
+    def __init__(self, rig: RigDiagram, scenario: Scenario, *, number: int) -> None:
+        self._rig, self._scenario, self._number = rig, scenario, number
+        self.simulator = Simulator(rig.diagram)
+        self.context = self.simulator.get_mutable_context()
+        if scenario == rig.scenario:
+            rig.set_start(self.context)
+        else:
+            rig.set_trial(self.context, scenario)
+        self.monitor = TrialMonitor(rig, scenario)
+        self.simulator.set_monitor(self.monitor)
+
+    def advance(self, time: float) -> None:
+        """Simulates until a time, s, or until the trial ends; errors become outcomes."""
+        try:
+            self.simulator.AdvanceTo(time)
+        except RuntimeError as error:  # Drake's solver failed
+            self.monitor.outcome, self.monitor.detail = Outcome.DIVERGED, one_line(error)
+        except (Exception, SystemExit) as error:  # one trial must not end the others; Drake's asserts raise SystemExit
+            self.monitor.outcome, self.monitor.detail = Outcome.FAILED, one_line(error)
+
+    def samples(self) -> pd.DataFrame:
+        """Returns what the recorder of the rig has recorded so far."""
+        return self._rig.recorder.samples(self.context)
+
+    def result(self) -> TrialResult:
+        """Returns the result of the trial up to now."""
+        return _result(self._rig, self._scenario, self.monitor, self.context, self.samples(), seed=self._number)
 
 
 def _result(

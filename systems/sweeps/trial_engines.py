@@ -8,7 +8,8 @@ from pydrake.systems.framework import DiagramBuilder
 
 from models.scenario import Scenario
 from skill.policy import RigPolicy
-from systems.rig import MakeRig, RigDiagram, WireRig
+from systems.rig import MakeRig, WireRig
+from systems.rig_diagram import RigDiagram
 
 DRAKE, MUJOCO = "drake", "mujoco"
 ENGINES = (DRAKE, MUJOCO)

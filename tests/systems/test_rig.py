@@ -2,6 +2,7 @@ import copy
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
@@ -10,6 +11,7 @@ from models.scenario import FREE_FACETS, TRIAL_STREAM, load_scenario, resolve_sc
 from skill.data.rig_run import CONTEXT_COLUMNS, CONTROL_COLUMNS, RUN_COLUMNS
 from systems.control.force_guard import StoppingModel
 from systems.rig import MakeRig
+from systems.runs.trial import run_rig
 from tests.diagrams import graph_names, state_of, unconnected_inputs
 
 NOT_CONNECTED = {  # inputs of the plant that the motors do not use
@@ -56,7 +58,8 @@ def test_the_diagrams_graph_names_every_system(resolved, skill):
 def test_the_force_guard_knows_the_masses_of_the_rig(resolved, skill):
     rig = MakeRig(resolved, skill)
     mass, inertia = rig.contact.moving_mass, rig.contact.turning_inertia
-    assert rig.guard.stopping == StoppingModel.of(resolved, mass=mass, inertia=inertia)
+    stopping = rig.guard.stopping(rig.guard.CreateDefaultContext())
+    assert stopping == StoppingModel.of(resolved, mass=mass, inertia=inertia)
 
 
 def test_an_unresolved_scenario_is_an_error(quick_scenario, skill):
@@ -190,3 +193,42 @@ def test_a_skill_for_another_geometry_is_an_error(skill, quick_scenario):
     resolved = resolve_scenario(quick_scenario, seed=0, stream=TRIAL_STREAM)
     with pytest.raises(ValueError, match=r"trained for geometry.hole_radius = 0.01005 m, the scenario has 0.01006 m"):
         MakeRig(resolved, skill)
+
+
+def test_another_trial_in_the_same_diagram_is_that_of_a_new_diagram_bit_for_bit(resolved, quick_scenario, skill):
+    quick_scenario.start.tilt, quick_scenario.rig.pivot_height = [-0.05, 0.02], -0.0015
+    quick_scenario.contact.friction = 0.31
+    other = resolve_scenario(quick_scenario, seed=2, stream=TRIAL_STREAM)
+    (_, used), (_, fresh) = (run_rig(MakeRig(scenario, skill), other, skill, seed=2) for scenario in (resolved, other))
+    pd.testing.assert_frame_equal(used.samples, fresh.samples, check_exact=True)
+    assert used.result == fresh.result
+    assert used.result["peak_load_n"] > 1.0
+
+
+def test_the_guard_and_the_stopping_model_follow_the_pivot_of_the_trial(resolved, skill):
+    other = copy.deepcopy(resolved)
+    other.rig.pivot_height = -0.004
+    rig = MakeRig(resolved, skill)
+    context = rig.diagram.CreateDefaultContext()
+    rig.set_trial(context, other)
+    expected = MakeRig(other, skill).guard
+    stopping = rig.guard.stopping(rig.guard.GetMyContextFromRoot(context))
+    assert stopping == expected.stopping(expected.CreateDefaultContext())
+    assert stopping != rig.guard.stopping(rig.guard.CreateDefaultContext())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda s: setattr(s.geometry, "hole_radius", 0.0102),
+        lambda s: setattr(s.start, "tilt", None),
+        lambda s: setattr(s.rig, "pivot_height", None),
+        lambda s: setattr(s.contact, "dissipation", 9.0),
+    ],
+)
+def test_a_scenario_of_another_rig_is_refused(resolved, skill, change):
+    other = copy.deepcopy(resolved)
+    change(other)
+    rig = MakeRig(resolved, skill)
+    with pytest.raises(ValueError, match="expected one that differs only in what resolve_scenario draws"):
+        rig.set_trial(rig.diagram.CreateDefaultContext(), other)

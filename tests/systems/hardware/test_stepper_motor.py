@@ -185,3 +185,13 @@ def test_the_shaft_shows_the_commanded_and_the_measured_angle(start):
     assert commanded == pytest.approx(5 * P.step_angle)
     assert abs(measured - 3.7 * P.step_angle) <= 0.5 * P.encoder_resolution + 1e-15
     assert measured / P.encoder_resolution == pytest.approx(round(measured / P.encoder_resolution))
+
+
+def test_another_start_angle_moves_the_equilibrium_and_the_zero_of_the_shaft():
+    dut, context = motor(0.0, measured=0.05, start=0.01)
+    shaft = dut.GetOutputPort("shaft")
+    assert equilibrium(dut, context) == 0.01
+    assert shaft.Eval(context)[1] == pytest.approx(0.04, abs=P.encoder_resolution)
+    dut.set_start_angle(context, -0.02)
+    assert equilibrium(dut, context) == -0.02
+    assert shaft.Eval(context)[1] == pytest.approx(0.07, abs=P.encoder_resolution)

@@ -16,6 +16,7 @@ from systems.plant.mujoco_model import MujocoContact
 from systems.plant.mujoco_plant import MujocoPlant
 from systems.rig import WireRig
 from systems.runs.trial import run_rig, trial_scenario
+from systems.sweeps.trial_engines import make_rig
 from tests.diagrams import unconnected_inputs
 from tests.systems.plant.mujoco_bench import Bench, G, hanging_weight
 
@@ -142,3 +143,10 @@ def test_the_block_that_leans_on_the_peg_has_the_moment_of_its_contacts(scenario
     assert mouth.point[2] > end.point[2] > tip - 1e-3
     # The mount balances the contact. What is missing of the lateral force is friction around the peg.
     np.testing.assert_allclose(force[:2], -held[:2], atol=0.1 * mouth.force)
+
+
+def test_a_rig_of_mujoco_cannot_change_its_trial(quick_scenario, skill):
+    resolved = trial_scenario(quick_scenario, number=1000)
+    rig = make_rig("mujoco", resolved, skill)
+    with pytest.raises(TypeError, match="MujocoPlant cannot change its trial"):
+        rig.set_trial(rig.diagram.CreateDefaultContext(), resolved)

@@ -1,0 +1,131 @@
+"""A built diagram of the rig, its parts, and what one trial changes in it."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+from pydrake.systems.framework import Context, Diagram
+
+from models.scenario import Scenario
+from skill.arrays import Array
+from systems.control.faults import Fault
+from systems.control.force_guard import ForceGuard, StoppingModel
+from systems.control.policy_controller import PolicyController
+from systems.control.watchdog import Watchdog
+from systems.hardware.stepper_motor import StepperMotor
+from systems.hardware.wrench_sensor import WrenchSensor
+from systems.plant.contact_plant import HydroelasticRig
+from systems.plant.rig_plant import RigPlant
+from systems.recording.run_recorder import RunRecorder
+
+
+@dataclass(frozen=True)
+class RigDiagram:
+    """A built diagram and the parts that a run reads.
+
+    Attributes:
+        diagram: the diagram, for a Simulator.
+        contact: the plant and its bodies.
+        recorder: recorder of measurements, commands and motions.
+        controller: the system that runs the policy.
+        watchdog: the system between controller and motors.
+        guard: the system that limits the load, before the motors.
+        sensor: the force/torque sensor.
+        steppers: the axes of pitch and yaw.
+        scenario: of which the diagram was built.
+    """
+
+    diagram: Diagram
+    contact: RigPlant
+    recorder: RunRecorder
+    controller: PolicyController
+    watchdog: Watchdog
+    guard: ForceGuard
+    sensor: WrenchSensor
+    steppers: tuple[StepperMotor, StepperMotor]
+    scenario: Scenario
+
+    def set_start(self, context: Context) -> None:
+        """Moves carriage and gimbal to the start of the scenario; ``context`` is the diagram's."""
+        carriage, (pitch, yaw) = _home(self.scenario), start_angles(self.scenario)
+        self.contact.set_start(context, carriage=carriage, pitch=pitch, yaw=yaw)
+
+    def set_trial(self, context: Context, trial: Scenario) -> None:
+        """Replaces in a new context all that one trial has of its own, and moves carriage and gimbal to its start.
+
+        The diagram then simulates the same, bit for bit, as one that is built from ``trial``.
+
+        Args:
+            context: of the diagram, as Drake has created it.
+            trial: the scenario of this diagram, resolved with another seed.
+
+        Raises:
+            ValueError: if the scenario differs in more than `resolve_scenario` draws.
+            TypeError: if the bodies are not those of `AddRigPlant`.
+        """
+        if not isinstance(self.contact, HydroelasticRig):
+            raise TypeError(f"a {type(self.contact).__name__} cannot change its trial; expected a HydroelasticRig")
+        _check_same_rig(self.scenario, trial)
+        inertia = self.contact.set_trial(context, trial)
+        stopping = StoppingModel.of(trial, mass=self.contact.moving_mass, inertia=inertia)
+        self.guard.set_stopping(self.guard.GetMyMutableContextFromRoot(context), stopping)
+        self.sensor.set_seed(self.sensor.GetMyMutableContextFromRoot(context), trial.seed)
+        angles = start_angles(trial)
+        for stepper, angle in zip(self.steppers, angles, strict=True):
+            stepper.set_start_angle(stepper.GetMyMutableContextFromRoot(context), angle)
+        self.contact.set_start(context, carriage=_home(trial), pitch=angles[0], yaw=angles[1])
+
+    def contact_wrench(self, context: Context) -> Array:
+        """Returns the true wrench (6,) on the peg about its tip, in P: force (N), then moment (N m).
+
+        It serves the evaluation of a run. It includes the inertial force of the peg, which is a small part of a newton
+        at the speeds of the rig.
+        """
+        return self.sensor.contact_wrench(self.sensor.GetMyContextFromRoot(context))
+
+    def peak_measured_load(self, context: Context) -> float:
+        """Returns the largest load (N) that the sensor has measured; ``context`` is the diagram's."""
+        return self.guard.peak_load(self.guard.GetMyContextFromRoot(context))
+
+    def fault(self, context: Context) -> Fault:
+        """Returns the fault that the rig has detected; ``context`` is the diagram's."""
+        own = self.watchdog.GetMyContextFromRoot(context)
+        return Fault(int(self.watchdog.GetOutputPort("fault").Eval(own)[0]))
+
+    def failure(self, context: Context) -> str:
+        """Returns why the policy failed, or "" if it has not; ``context`` is the diagram's."""
+        return self.controller.failure(self.controller.GetMyContextFromRoot(context))
+
+    def tried(self, context: Context) -> str:
+        """Returns what the policy has tried if it has nothing new to try, else ""; ``context`` is the diagram's."""
+        return self.controller.tried(self.controller.GetMyContextFromRoot(context))
+
+    def stopped(self, context: Context) -> bool:
+        """Returns whether the watchdog has retracted the peg after a fault and stopped."""
+        return bool(self.watchdog.GetOutputPort("stopped").Eval(self.watchdog.GetMyContextFromRoot(context))[0])
+
+
+def start_angles(scenario: Scenario) -> tuple[float, float]:
+    """Returns the angles of pitch and yaw at the start of a resolved scenario, rad."""
+    assert scenario.start.tilt is not None
+    # Tilting the peg by theta relative to the hole is the same as turning the hole by -theta.
+    return -scenario.start.tilt[0], -scenario.start.tilt[1]
+
+
+def _home(scenario: Scenario) -> float:
+    """Position of the carriage at the start, m."""
+    return scenario.sensor.height + scenario.start.height
+
+
+def _check_same_rig(built: Scenario, trial: Scenario) -> None:
+    """Refuses a scenario that differs in more than `resolve_scenario` draws."""
+    same = copy.deepcopy(trial)
+    same.seed, same.operator = built.seed, built.operator
+    same.start.tilt, same.start.offset = built.start.tilt, built.start.offset
+    same.rig.pivot_height, same.contact.friction = built.rig.pivot_height, built.contact.friction
+    if trial.start.tilt is None or trial.rig.pivot_height is None or same != built:
+        raise ValueError(
+            "the scenario is not resolved, or not that of the diagram; expected one that differs only in what"
+            " resolve_scenario draws"
+        )
