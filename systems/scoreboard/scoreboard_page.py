@@ -90,10 +90,11 @@ def warnings(board: Scoreboard) -> list[str]:
 
 
 def link(board: Scoreboard, row: Row, out: Path) -> str:
-    """The address of the folder of a row's trials, relative to the page."""
+    """The address of the file of a row's trials, or of their folder if there are several, relative to the page."""
     folder = partition(board.folder, row.summary.policy, row.summary.cell)
-    relative = os.path.relpath(folder.resolve(), out.parent.resolve())
-    return "/".join(quote(part) for part in Path(relative).parts) + "/"
+    files = list(folder.glob("*.parquet"))
+    relative = os.path.relpath((files[0] if len(files) == 1 else folder).resolve(), out.parent.resolve())
+    return "/".join(quote(part) for part in Path(relative).parts) + ("" if len(files) == 1 else "/")
 
 
 def _contents(tables: list[Table]) -> str:

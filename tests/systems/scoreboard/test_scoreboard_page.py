@@ -94,9 +94,18 @@ def test_every_cell_links_its_files_and_tells_its_command(results):
     for address in {address for address, _ in links}:
         linked = (path.parent / unquote(address)).resolve()
         assert linked.is_relative_to(folder.resolve())
-        assert list(linked.glob("*.parquet"))
+        assert linked.is_dir() == address.endswith("/")
+        assert list(linked.glob("*.parquet")) if linked.is_dir() else linked.suffix == ".parquet"
     for _, title in links:
         assert "made by: haptic-skill sweep" in title
+
+
+def test_a_single_file_is_linked_itself(tmp_path):
+    write_sweep(tmp_path)
+    write_trials(tmp_path, [{}])
+    assert '/engine%3Ddrake/0000.parquet"' in page_of(tmp_path)
+    write_trials(tmp_path, [{"trial": 7}], block="0001")
+    assert '/engine%3Ddrake/"' in page_of(tmp_path)
 
 
 def test_the_statements_on_the_page_give_the_cells(results):
