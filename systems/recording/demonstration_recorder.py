@@ -105,6 +105,11 @@ class DemonstrationRecorder(LeafSystem):
         )
 
 
+UPRIGHT = 1e-12
+"""Angle below which the peg counts as upright, rad: the squares of a far smaller turn underflow, and with them the
+length of its axis."""
+
+
 def demonstration_sample(
     *,
     X_HP: RigidTransform,
@@ -126,7 +131,10 @@ def demonstration_sample(
     torque, force = np.split(contact_wrench_W, 2)
     turn = rotation_vector(X_HP.rotation())
     angle = float(np.linalg.norm(turn))
-    axis = turn / angle if angle > 0 else np.array([0.0, 0.0, 1.0])
+    if angle < UPRIGHT:
+        angle, axis = 0.0, np.array([0.0, 0.0, 1.0])
+    else:
+        axis = turn / angle
     dangle = np.linalg.norm(rotation_vector(R_HP_previous.inverse() @ X_HP.rotation()))
     moved = X_HD.translation() - X_HD_previous.translation()
     turned = rotation_vector(X_HD.rotation() @ X_HD_previous.rotation().inverse())

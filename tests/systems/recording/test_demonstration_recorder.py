@@ -1,5 +1,8 @@
+import math
+
 import numpy as np
 import pytest
+from pydrake.common.eigen_geometry import Quaternion
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
@@ -84,6 +87,22 @@ def test_an_upright_peg_has_the_z_axis_and_angle_zero():
         )
     )
     assert (row["ax"], row["ay"], row["az"], row["angle"], row["dangle"]) == (0.0, 0.0, 1.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("turn", [1e-11, 1e-13, 1e-100, 1e-155, 3e-162, 1e-162, 1e-310])
+def test_the_axis_of_a_peg_that_is_all_but_upright_has_unit_length(turn):
+    """A person who levels the peg comes as near to zero as the numbers reach; the row must not spoil the recording."""
+    X_HP = RigidTransform(Quaternion([1.0, 0.6 * turn, -0.7 * turn, 0.2 * turn]), [0.0, 0.0, -0.01])
+    still = RigidTransform()
+    row = demonstration_sample(
+        X_HP=X_HP,
+        contact_wrench_W=np.zeros(6),
+        X_HD=still,
+        R_HP_previous=X_HP.rotation(),
+        X_HD_previous=still,
+    )
+    assert np.linalg.norm(row[9:12]) == pytest.approx(1.0, abs=1e-9)
+    assert row[12] == pytest.approx(2.0 * turn * math.sqrt(0.89) if turn > 1e-12 else 0.0)
 
 
 def test_the_first_row_is_the_motion_since_the_start():
