@@ -19,9 +19,12 @@ from systems.runs.provenance import version_of, versions
 from systems.runs.trial import Arm, run_rig, trial_scenario
 from systems.runs.trial_result import LATER_NUMBERS, TrialResult
 from systems.sweeps.code_digest import modules_of, source_digest, values_digest
-from systems.sweeps.trial_engines import MUJOCO, make_rig
+from systems.sweeps.trial_engines import MUJOCO, RigBench
 
 Row = dict[str, Any]
+
+_bench = RigBench()
+"""The rig of this process."""
 
 MEASURED_NUMBERS = (
     *("tilt_x_deg", "tilt_y_deg", "time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "peak_moment_nm"),
@@ -114,7 +117,8 @@ def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[
     began, cpu = datetime.now(UTC), time.process_time()
     with threadpool_limits(1):
         scenario = trial_scenario(source.scenario, number=number, arm=source.arm)
-        result, _ = run_rig(make_rig(source.engine, scenario, policy), scenario, policy, seed=number)
+        rig = _bench.rig(source, source.engine, scenario, policy)
+        result, _ = run_rig(rig, scenario, policy, seed=number)
     return {
         **result_columns(result),
         **scenario_columns(scenario),
