@@ -59,7 +59,8 @@ def record_live(
 
     for number in range(max(1, len(situations))):  # all are checked before the page opens
         start_of(number)
-    device = find_device(driver) if driver is not None else None
+    if driver is not None:
+        find_device(driver)
     page = open_live_page(host=host or LOCAL_HOST, port=port)
     try:
         print_margins(margins)
@@ -67,7 +68,7 @@ def record_live(
             say(line)
         if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             webbrowser.open(page.address)  # without a desktop this could start a text browser in the terminal
-        kept = LiveSession(start_of=start_of, out=out, page=page, tell=say, open_device=device).run()
+        kept = LiveSession(start_of=start_of, out=out, page=page, tell=say, driver=driver).run()
     finally:
         page.close()
     say(f"{len(kept)} demonstrations kept in {out}")

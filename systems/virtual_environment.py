@@ -52,8 +52,8 @@ class ProbeEnergy(NamedTuple):
 
 
 @dataclass(frozen=True)
-class VirtualEnvironment:
-    """A built diagram and the parts that a run reads.
+class PegEnvironment:
+    """A built diagram in which a probe pulls the peg, and the parts that a run reads.
 
     The ``context`` of all methods is a context of the diagram.
 
@@ -61,18 +61,12 @@ class VirtualEnvironment:
         diagram: the whole diagram.
         contact: the plant with peg and hole.
         log: log of the recorded channels.
-        energy_log: log of [total, minimum] of the `PassivityObserver`.
-        device: the haptic device.
-        observer: the passivity observer at the probe.
         X_HP_start: pose of the peg at the start.
     """
 
     diagram: Diagram
     contact: ContactPlant
     log: VectorLogSink
-    energy_log: VectorLogSink
-    device: HapticDevice
-    observer: PassivityObserver
     X_HP_start: RigidTransform
 
     def set_start(self, context: Context) -> None:
@@ -85,10 +79,9 @@ class VirtualEnvironment:
         plant = self.contact.plant
         return self.contact.peg.EvalPoseInWorld(plant.GetMyContextFromRoot(context))
 
-    def energy(self, context: Context) -> ProbeEnergy:
-        """Returns the energy at the probe."""
-        energy = self.observer.GetOutputPort("energy").Eval(self.observer.GetMyContextFromRoot(context))
-        return ProbeEnergy(*(float(value) for value in energy))
+    def min_energy(self, context: Context) -> float:
+        """Returns the minimum, so far, of the energy that the hand has put in, J."""
+        raise NotImplementedError
 
     def contact_force(self, context: Context) -> tuple[Array, Array] | None:
         """Returns the centroid of the contact surface (m) and the contact force on the peg (N), in W.
@@ -103,6 +96,30 @@ class VirtualEnvironment:
         centroid = results.hydroelastic_contact_info(0).contact_surface().centroid()
         forces_port = plant.get_generalized_contact_forces_output_port(self.contact.peg.model_instance())
         return np.asarray(centroid), np.asarray(forces_port.Eval(plant_context)[3:])
+
+
+@dataclass(frozen=True)
+class VirtualEnvironment(PegEnvironment):
+    """The environment with operator and device in one diagram.
+
+    Attributes:
+        energy_log: log of [total, minimum] of the `PassivityObserver`.
+        device: the haptic device.
+        observer: the passivity observer at the probe.
+    """
+
+    energy_log: VectorLogSink
+    device: HapticDevice
+    observer: PassivityObserver
+
+    def min_energy(self, context: Context) -> float:
+        """See `PegEnvironment`."""
+        return float(self.energy_log.FindLog(context).data()[1].min())
+
+    def energy(self, context: Context) -> ProbeEnergy:
+        """Returns the energy at the probe."""
+        energy = self.observer.GetOutputPort("energy").Eval(self.observer.GetMyContextFromRoot(context))
+        return ProbeEnergy(*(float(value) for value in energy))
 
     def rendered_wrench(self, context: Context) -> RenderedWrench:
         """Returns the wrench that the device renders, and the load of the device."""
@@ -156,24 +173,14 @@ def MakeVirtualEnvironment(
     X_HP_start = start_pose(scenario)
     if operator is None:
         operator = _make_operator(scenario)
-    if fixture is None:
-        fixture = MakeFixture(scenario.fixture, pivot_height=scenario.rig.pivot_height or 0.0)
     parameters = DEVICE_PRESETS[scenario.device]
     builder.AddNamedSystem("operator", operator)
     device = builder.AddNamedSystem("haptic_device", HapticDevice(parameters=parameters, X_HD_start=X_HP_start))
-    proxy = builder.AddNamedSystem(
-        "haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture, peg=contact.peg.index())
-    )
-    period = scenario.recorder.period
-    recorder = builder.AddNamedSystem(
-        "demonstration_recorder", DemonstrationRecorder(period=period, X_HP_start=X_HP_start)
-    )
-    log = LogVectorOutput(recorder.GetOutputPort("sample"), builder, period)
-    log.set_name("demonstration_log")
+    proxy, recorder, log = add_coupling(builder, scenario, contact, fixture=fixture)
     observer = builder.AddNamedSystem(
         "passivity_observer", PassivityObserver(period=parameters.servo_period, X_HD_start=X_HP_start)
     )
-    energy_log = LogVectorOutput(observer.GetOutputPort("energy"), builder, period)
+    energy_log = LogVectorOutput(observer.GetOutputPort("energy"), builder, scenario.recorder.period)
     energy_log.set_name("energy_log")
     sight = builder.AddNamedSystem("sight", BodyPose(contact.peg.index()))
     _connect(
@@ -190,7 +197,35 @@ def MakeVirtualEnvironment(
         AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
     diagram = builder.Build()
     diagram.set_name("virtual_environment")
-    return VirtualEnvironment(diagram, contact, log, energy_log, device, observer, X_HP_start)
+    return VirtualEnvironment(diagram, contact, log, X_HP_start, energy_log, device, observer)
+
+
+def add_coupling(
+    builder: DiagramBuilder, scenario: Scenario, contact: ContactPlant, *, fixture: VirtualFixture | None = None
+) -> tuple[HapticProxy, DemonstrationRecorder, VectorLogSink]:
+    """Adds the coupling of the peg to a probe, and the recorder with its log, and connects them to the plant.
+
+    Their ports of the probe remain to be connected.
+    """
+    if fixture is None:
+        fixture = MakeFixture(scenario.fixture, pivot_height=scenario.rig.pivot_height or 0.0)
+    plant, peg = contact.plant, contact.peg
+    proxy = builder.AddNamedSystem(
+        "haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture, peg=peg.index())
+    )
+    period = scenario.recorder.period
+    recorder = builder.AddNamedSystem(
+        "demonstration_recorder", DemonstrationRecorder(period=period, X_HP_start=start_pose(scenario))
+    )
+    log = LogVectorOutput(recorder.GetOutputPort("sample"), builder, period)
+    log.set_name("demonstration_log")
+    peg_state = plant.get_state_output_port(peg.model_instance())
+    contact_wrench = plant.get_generalized_contact_forces_output_port(peg.model_instance())
+    builder.Connect(peg_state, proxy.GetInputPort("peg_state"))
+    builder.Connect(proxy.GetOutputPort("peg_forces"), plant.get_applied_spatial_force_input_port())
+    builder.Connect(peg_state, recorder.GetInputPort("peg_state"))
+    builder.Connect(contact_wrench, recorder.GetInputPort("contact_wrench"))
+    return proxy, recorder, log
 
 
 def _make_operator(scenario: Scenario) -> SimulatedOperator:
@@ -216,9 +251,7 @@ def _connect(
     observer: PassivityObserver,
 ) -> None:
     """Connects the systems of the virtual environment."""
-    plant, peg = contact.plant, contact.peg
-    peg_state = plant.get_state_output_port(peg.model_instance())
-    contact_wrench = plant.get_generalized_contact_forces_output_port(peg.model_instance())
+    plant = contact.plant
     probe_pose, rendered_wrench = device.GetOutputPort("probe_pose"), device.GetOutputPort("rendered_wrench")
 
     builder.Connect(plant.get_body_poses_output_port(), sight.GetInputPort("body_poses"))
@@ -229,10 +262,6 @@ def _connect(
     builder.Connect(proxy.GetOutputPort("probe_wrench"), device.GetInputPort("virtual_wrench"))
     builder.Connect(probe_pose, proxy.GetInputPort("probe_pose"))
     builder.Connect(device.GetOutputPort("probe_velocity"), proxy.GetInputPort("probe_velocity"))
-    builder.Connect(peg_state, proxy.GetInputPort("peg_state"))
-    builder.Connect(proxy.GetOutputPort("peg_forces"), plant.get_applied_spatial_force_input_port())
-    builder.Connect(peg_state, recorder.GetInputPort("peg_state"))
-    builder.Connect(contact_wrench, recorder.GetInputPort("contact_wrench"))
     builder.Connect(probe_pose, recorder.GetInputPort("probe_pose"))
     builder.Connect(probe_pose, observer.GetInputPort("probe_pose"))
     builder.Connect(rendered_wrench, observer.GetInputPort("rendered_wrench"))

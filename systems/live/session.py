@@ -9,22 +9,22 @@ from pathlib import Path
 
 import numpy as np
 
-from models.hardware import DEVICE_PRESETS
 from models.scenario import LIVE_STREAM, Scenario, resolve_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.outcome import Ending, Outcome
 from skill.data.tables import TooShortError
 from skill.practice.situation import Situation
 from systems.live.buttons import BAD, DISCARD, GOOD, MOTION_HELP, QUIT, SESSION_HELP, START, Buttons
-from systems.live.clock import Clock, Deadlines
+from systems.live.clock import Deadlines
 from systems.live.display import LiveDisplay, Readings
+from systems.live.live_run import InProcessRun, LiveRun, ServoRun
 from systems.live.page import LivePage
-from systems.operators.device_operator import DeviceOperator, LiveDevice
 from systems.operators.meshcat_operator import MeshcatOperator, add_sliders, hand_coordinates
 from systems.runs.demonstration_run import DemonstrationRun
 from systems.runs.demonstration_set import attempt_seed
 from systems.runs.recovery import recovery_scenario
-from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment, start_pose
+from systems.servo.servo_client import ServoClient
+from systems.virtual_environment import MakeVirtualEnvironment, start_pose
 from systems.visualization.scene import FRAME
 
 IDLE_PERIOD = 0.03  # in units of s, between two checks of the buttons
@@ -41,7 +41,8 @@ class LiveSession:
         out: folder for the recordings; existing recordings stay, and the numbering continues after them.
         page: page that the person opens.
         tell: receives the messages that the page shows too, for example a console.
-        open_device: opens the person's haptic device; None uses sliders, keys and gamepad of the page.
+        driver: name of the driver of the person's haptic device (see `find_device`), which runs in the servo's process;
+            None uses sliders, keys and gamepad of the page.
         absence_limit: time without an open page after which the session ends, s.
     """
 
@@ -52,19 +53,19 @@ class LiveSession:
         out: Path,
         page: LivePage,
         tell: Callable[[str], None] = print,
-        open_device: Callable[[], LiveDevice] | None = None,
+        driver: str | None = None,
         absence_limit: float = 120.0,
     ) -> None:
         self._start_of, self._out, self._page = start_of, out, page
-        self._tell, self._open_device, self._absence_limit = tell, open_device, absence_limit
+        self._tell, self._driver, self._absence_limit = tell, driver, absence_limit
         self._buttons = Buttons(page.controls)
-        if open_device is None:
+        if driver is None:
             add_sliders(page.controls, np.zeros(5))
-        help_lines = SESSION_HELP if open_device is not None else MOTION_HELP + SESSION_HELP
+        help_lines = SESSION_HELP if driver is not None else MOTION_HELP + SESSION_HELP
         self._display = LiveDisplay(page, help_lines=help_lines)
         for keys, action in help_lines:
             tell(f"  {' '.join(keys):10s} {action}")
-        self._device: LiveDevice | None = None
+        self._servo: ServoClient | None = None
         self._has_gamepad = False
         self._absent_since: float | None = None
         self._absence_noticed = False
@@ -85,7 +86,7 @@ class LiveSession:
                 self._display.follow_view_buttons()
                 time.sleep(IDLE_PERIOD)
         finally:
-            self._close_device()
+            self._close_servo()
             refusals = self._page.refusals()
             if refusals is not None:
                 self._tell(refusals)
@@ -123,7 +124,7 @@ class LiveSession:
         self._display.draw_start(resolved)
         self._display.reset_camera()
         X_HP = start_pose(resolved)
-        if self._open_device is None:
+        if self._driver is None:
             add_sliders(self._page.controls, hand_coordinates(X_HP))
         tip = X_HP.translation()
         self._display.draw_forces(tip, np.zeros(3), load=0.0, contact=None)
@@ -146,50 +147,43 @@ class LiveSession:
         """Records one demonstration and asks for the verdict; returns whether the person quits."""
         number, resolved = self._next()
         try:
-            environment = self._build(resolved)
-            run = DemonstrationRun(resolved, environment)
-            ending = self._simulate(run, environment, resolved)
+            live = self._begin(resolved)
+            ending = self._simulate(live, resolved)
+            live.end()
         except OSError as error:  # from the device
-            self._close_device()
+            self._close_servo()
             self._say(f"device lost ({error}): demonstration discarded, Space starts another")
             return False
         if ending is None:
             self._say("the page was closed: demonstration discarded, Space starts another")
             return False
-        return self._judge(run, ending, number)
+        return self._judge(live.run, ending, number)
 
-    def _build(self, resolved: Scenario) -> VirtualEnvironment:
-        X_HP_start = start_pose(resolved)
-        operator: DeviceOperator | MeshcatOperator
-        if self._open_device is not None:
-            if self._device is None:
-                self._device = self._open_device()
-            operator = DeviceOperator(
-                device=self._device,
-                period=DEVICE_PRESETS[resolved.device].servo_period,
-                X_HD_start=X_HP_start,
-                moved_before=self._device.read_pose(),  # the peg starts where the handle is now
+    def _begin(self, resolved: Scenario) -> LiveRun:
+        if self._driver is None:
+            operator = MeshcatOperator(
+                meshcat=self._page.controls, period=SLIDER_PERIOD, X_HD_start=start_pose(resolved)
             )
-        else:
-            operator = MeshcatOperator(meshcat=self._page.controls, period=SLIDER_PERIOD, X_HD_start=X_HP_start)
-        return MakeVirtualEnvironment(resolved, operator=operator)
+            environment = MakeVirtualEnvironment(resolved, operator=operator)
+            return InProcessRun(resolved, environment, DemonstrationRun(resolved, environment))
+        if self._servo is None:
+            self._say(f"opening the device '{self._driver}'")
+            self._servo = ServoClient(self._driver)
+        return ServoRun(resolved, self._servo)
 
-    def _simulate(self, run: DemonstrationRun, environment: VirtualEnvironment, resolved: Scenario) -> Ending | None:
+    def _simulate(self, live: LiveRun, resolved: Scenario) -> Ending | None:
         """Returns how the demonstration ended, or None if the page was closed."""
-        servo_period = DEVICE_PRESETS[resolved.device].servo_period
-        ticks_per_step = max(1, round(resolved.contact.time_step / servo_period))
-        clock = Clock(period=servo_period, ticks_per_step=ticks_per_step, start=time.monotonic())
         last_drawn, last_reading, last_reading_time = 0.0, time.monotonic(), 0.0
         self._say("recording: G keep as good, B keep as bad, X discard")
         while True:
-            ending = self._advance(run, clock, ticks=round(resolved.recorder.period / servo_period))
+            ending = live.advance()
             if ending is not None or time.monotonic() - last_drawn > FRAME:
                 last_drawn = time.monotonic()
-                self._draw(run, environment)
+                self._draw(live)
             if ending is not None or time.monotonic() - last_reading > READING_PERIOD:
-                rate = (clock.time - last_reading_time) / (time.monotonic() - last_reading)
-                last_reading, last_reading_time = time.monotonic(), clock.time
-                self._show_readings(run, environment, resolved, rate=rate, deadlines=clock.deadlines)
+                rate = (live.time - last_reading_time) / (time.monotonic() - last_reading)
+                last_reading, last_reading_time = time.monotonic(), live.time
+                self._show_readings(live, resolved, rate=rate)
                 self._display.follow_view_buttons()
                 self._watch_gamepad()
                 if not self._page.is_shown:
@@ -198,15 +192,6 @@ class LiveSession:
                 return ending
             if self._buttons.any_waiting(GOOD, BAD, DISCARD, QUIT):
                 return Ending(Outcome.STOPPED)
-
-    def _advance(self, run: DemonstrationRun, clock: Clock, *, ticks: int) -> Ending | None:
-        """Simulates ``ticks`` servo ticks at the pace of the clock; returns how the demonstration ended, if it did."""
-        for _ in range(ticks):
-            ending = run.advance(clock.next_time)
-            clock.end_tick()
-            if ending is not None:
-                return ending
-        return None
 
     def _judge(self, run: DemonstrationRun, ending: Ending, number: int) -> bool:
         """Waits for the person's verdict on the demonstration; returns whether the person quits."""
@@ -252,26 +237,17 @@ class LiveSession:
 
     # ------------------------------------------------------------- page and device
 
-    def _draw(self, run: DemonstrationRun, environment: VirtualEnvironment) -> None:
-        context = run.simulator.get_context()
-        rendered = environment.rendered_wrench(context)
-        X_HP = environment.peg_pose(context)
-        contact = environment.contact_force(context)
+    def _draw(self, live: LiveRun) -> None:
+        context = live.run.simulator.get_context()
+        rendered = live.rendered()
+        X_HP = live.environment.peg_pose(context)
+        contact = live.environment.contact_force(context)
         self._display.move_peg(X_HP)
         self._display.draw_forces(X_HP.translation(), rendered.wrench[3:], load=rendered.load, contact=contact)
 
-    def _show_readings(
-        self,
-        run: DemonstrationRun,
-        environment: VirtualEnvironment,
-        resolved: Scenario,
-        *,
-        rate: float,
-        deadlines: Deadlines,
-    ) -> None:
-        context = run.simulator.get_context()
-        X_HP = environment.peg_pose(context)
-        rendered, energy = environment.rendered_wrench(context), environment.energy(context)
+    def _show_readings(self, live: LiveRun, resolved: Scenario, *, rate: float) -> None:
+        X_HP = live.environment.peg_pose(live.run.simulator.get_context())
+        rendered, energy = live.rendered(), live.energy()
         self._display.show_readings(
             Readings(
                 X_HP=X_HP,
@@ -280,7 +256,7 @@ class LiveSession:
                 depth=-float(X_HP.translation()[2]),
                 full_depth=resolved.full_depth,
                 rate=rate,
-                deadlines=deadlines,
+                deadlines=live.deadlines,
                 energy=energy.total,
                 min_energy=energy.minimum,
                 kept=len(self.kept),
@@ -301,13 +277,10 @@ class LiveSession:
         self._display.show_message(message)
         self._tell(message)
 
-    def _close_device(self) -> None:
-        if self._device is not None:
-            try:
-                self._device.close()
-            except OSError as error:
-                self._tell(f"the device did not close: {error}")
-            self._device = None
+    def _close_servo(self) -> None:
+        if self._servo is not None:
+            self._servo.close()
+            self._servo = None
 
 
 def live_scenario(scenario: Scenario, *, seed: int, number: int) -> Scenario:

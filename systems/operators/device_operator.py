@@ -5,12 +5,14 @@ A package that provides a device declares in its pyproject.toml
     [project.entry-points."haptic_skill.devices"]
     mine = "my_package.my_module:open_device"
 
-and `--driver mine` selects it. `open_device()` takes no argument and returns a `LiveDevice`.
+and `--driver mine` selects it; `--driver my_package.my_module:open_device` does without the declaration.
+`open_device()` takes no argument and returns a `LiveDevice`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from importlib.metadata import entry_points
 from typing import Protocol
 
@@ -23,7 +25,7 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from systems.math.rotation import from_rotation_vector, rotation_vector
 
 GROUP = "haptic_skill.devices"
-SPACE_MOUSE = "spacemouse"  # name of the driver that this project provides
+SPACE_MOUSE, LOOPBACK = "spacemouse", "loopback"  # names of the drivers that this project provides
 
 
 class LiveDevice(Protocol):
@@ -46,9 +48,18 @@ class LiveDevice(Protocol):
 def find_device(name: str) -> Callable[[], LiveDevice]:
     """Returns the factory of the device that an installed package provides under ``name``.
 
+    Args:
+        name: Of an entry point, or ``module:factory``.
+
     Raises:
         ValueError: If there is none; the message lists the available names.
     """
+    if name == LOOPBACK:
+        from systems.operators.loopback_device import LoopbackDevice
+
+        return LoopbackDevice
+    if ":" in name:
+        return _imported(name)
     if name == SPACE_MOUSE:
         from systems.operators.space_mouse import SpaceMouse
 
@@ -56,10 +67,19 @@ def find_device(name: str) -> Callable[[], LiveDevice]:
     drivers = {point.name: point for point in entry_points(group=GROUP)}
     if name not in drivers:
         raise ValueError(
-            f"device driver '{name}' is not installed; found {sorted([*drivers, SPACE_MOUSE])}; a package provides a"
-            f" driver through the entry point group '{GROUP}'"
+            f"device driver '{name}' is not installed; found {sorted([*drivers, LOOPBACK, SPACE_MOUSE])}; a package"
+            f" provides a driver through the entry point group '{GROUP}'"
         )
     factory: Callable[[], LiveDevice] = drivers[name].load()
+    return factory
+
+
+def _imported(path: str) -> Callable[[], LiveDevice]:
+    module, _, name = path.partition(":")
+    try:
+        factory: Callable[[], LiveDevice] = getattr(import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ValueError(f"device driver '{path}': cannot be imported ({error})") from error
     return factory
 
 

@@ -59,6 +59,25 @@ class NormalForces:
     forces: Array
 
 
+@dataclass(frozen=True)
+class FaceSprings:
+    """The faces of the contact surfaces as springs, n of them, at the end of the plant's last step.
+
+    Attributes:
+        points: (n, 3), centroids in W, m.
+        normals: (n, 3), unit vectors in W, in which the block pushes the peg.
+        stiffnesses: (n,), N/m.
+        forces: (n,), elastic forces, N; negative where the faces have separated.
+        speeds: (n,), separation speeds, m/s.
+    """
+
+    points: Array
+    normals: Array
+    stiffnesses: Array
+    forces: Array
+    speeds: Array
+
+
 def single_contacts(
     parts: NormalForces, X_WH: RigidTransform, X_HP: RigidTransform, *, chamfer: float
 ) -> list[Contact]:
@@ -137,16 +156,27 @@ def hydroelastic_forces(
         block: the rigid body.
         dissipation: d, of the peg's material, s/m.
     """
+    springs = face_springs(plant, context, peg=peg, block=block)
+    forces = np.maximum(0.0, springs.forces) * np.maximum(0.0, 1.0 - dissipation * springs.speeds)
+    return NormalForces(springs.points, springs.normals, forces)
+
+
+def face_springs(plant: MultibodyPlant, context: Context, *, peg: RigidBody, block: RigidBody) -> FaceSprings:
+    """Returns the faces of the contact surfaces as springs; see `hydroelastic_forces`.
+
+    A face has the stiffness A g and, at the end of the step, the elastic force A p - dt A g v_n. A face without a
+    gradient has neither.
+    """
     results = plant.get_contact_results_output_port().Eval(context)
     surfaces = [results.hydroelastic_contact_info(k) for k in range(results.num_hydroelastic_contacts())]
     if not surfaces:
-        return NormalForces(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+        return FaceSprings(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
     faces = np.concatenate([_faces(info) for info in surfaces])
     points, normals, areas, pressures, gradients = faces[:, :3], faces[:, 3:6], faces[:, 6], faces[:, 7], faces[:, 8]
     speeds = _separation_speeds(context, peg, block, points, normals, step=plant.time_step())
-    elastic = np.maximum(0.0, areas * (pressures - plant.time_step() * gradients * speeds))
-    forces = np.where(gradients > MIN_GRADIENT, elastic * np.maximum(0.0, 1.0 - dissipation * speeds), 0.0)
-    return NormalForces(points, normals, forces)
+    known = gradients > MIN_GRADIENT
+    forces = np.where(known, areas * (pressures - plant.time_step() * gradients * speeds), 0.0)
+    return FaceSprings(points, normals, np.where(known, areas * gradients, 0.0), forces, speeds)
 
 
 def _faces(info: HydroelasticContactInfo) -> Array:

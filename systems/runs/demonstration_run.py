@@ -20,7 +20,7 @@ from systems.metrics.penetration import deepest_overlap
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.runs.provenance import versions
-from systems.virtual_environment import MakeVirtualEnvironment, VirtualEnvironment
+from systems.virtual_environment import MakeVirtualEnvironment, PegEnvironment
 
 
 class DemonstrationRun:
@@ -31,9 +31,9 @@ class DemonstrationRun:
         environment: environment of that scenario; by default with the simulated operator and without a display.
     """
 
-    def __init__(self, scenario: Scenario, environment: VirtualEnvironment | None = None) -> None:
+    def __init__(self, scenario: Scenario, environment: PegEnvironment | None = None) -> None:
         self._scenario = scenario
-        self._environment = environment if environment is not None else MakeVirtualEnvironment(scenario)
+        self._environment: PegEnvironment = environment or MakeVirtualEnvironment(scenario)
         self.simulator = Simulator(self._environment.diagram)
         self._environment.set_start(self.simulator.get_mutable_context())
         self.simulator.set_monitor(self._monitor)
@@ -90,7 +90,7 @@ class DemonstrationRun:
             metadata={
                 "seed": scenario.seed,
                 "habit": scenario.operator.habit,
-                "lowest_probe_energy_J": float(self._environment.energy_log.FindLog(context).data()[1].min()),
+                "lowest_probe_energy_J": self._environment.min_energy(context),
                 "penetration_um": round(1e6 * overlap, 1),
                 "geometry": asdict(scenario.geometry),
                 "scenario": dump_scenario(scenario),

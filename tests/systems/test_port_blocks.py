@@ -33,6 +33,9 @@ ARGUMENTS = {
     "DemonstrationRecorder": lambda skill: {"period": 0.02, "X_HP_start": X},
     "DepthEncoder": lambda skill: {"home": 0.08, "resolution": 5e-6},
     "DeviceOperator": lambda skill: {"device": None, "period": 1e-3, "X_HD_start": X},
+    "LocalPeg": lambda skill: {"scenario": S, "period": 1e-3, "X_HP_start": X},
+    "ServedProbe": lambda skill: {"X_HD_start": X},
+    "StaleContactFade": lambda skill: {"period": 1e-3},
     "HapticDevice": lambda skill: {"parameters": DEVICE_PRESETS["paper"], "X_HD_start": X},
     "HapticProxy": lambda skill: {
         "coupling": S.coupling,
@@ -149,6 +152,8 @@ def test_only_the_listed_outputs_have_direct_feedthrough(dut, kind):
         "DriveMonitor": set(),
         "MujocoPlant": set(),
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
+        "LocalPeg": set(),
+        "StaleContactFade": {("virtual_wrench", "faded_wrench")},
         "PolicyController": set(),
         "SelfCheck": set(),
         "SensorMonitor": {("raw_wrench", "wrench"), ("raw_depth", "depth")},

@@ -15,7 +15,9 @@ import yaml
 from pydrake.math import RigidTransform
 
 import systems.live.clock
+import systems.live.live_run
 import systems.live.session
+from models.hardware import DEVICE_PRESETS
 from models.scenario import load_scenario
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.outcome import Ending, Outcome
@@ -23,6 +25,7 @@ from skill.data.tables import TooShortError
 from systems.live.buttons import BAD, DISCARD, GOOD, QUIT, START, Buttons
 from systems.live.controls import LiveControls
 from systems.live.display import SATURATED
+from systems.live.live_run import InProcessRun
 from systems.live.messages import Outbox
 from systems.live.page import LivePage, open_live_page
 from systems.live.scene import LiveScene
@@ -95,28 +98,10 @@ def test_session_without_an_open_page_gives_its_address_and_ends(session, monkey
     assert dut.messages[-1] == "the page stayed closed: session over"
 
 
-def test_lost_device_is_reported_closed_and_opened_again(session, monkeypatch):
-    class Handle:
-        """A device that fails after 61 servo ticks."""
-
-        opened = []
-
-        def __init__(self):
-            self.written, self.closed = [], False
-            self.opened.append(self)
-
-        def read_pose(self):
-            if len(self.written) > 60:
-                raise OSError("unplugged")
-            return RigidTransform([0.0, 0.0, -1e-5 * len(self.written)])
-
-        def write_wrench(self, wrench):
-            self.written.append(wrench)
-
-        def close(self):
-            self.closed = True
-
-    dut = session(open_device=Handle)
+def test_lost_device_is_reported_closed_and_opened_again(session, monkeypatch, tmp_path):
+    monkeypatch.setenv("CLOSED", str(tmp_path / "closed.txt"))
+    driver = "tests.systems.servo.drivers:Raising"
+    dut = session(driver=driver)
     presses = iter([START, START, QUIT])
     next_press = {"button": next(presses)}
 
@@ -130,9 +115,27 @@ def test_lost_device_is_reported_closed_and_opened_again(session, monkeypatch):
     monkeypatch.setattr(Buttons, "clicked", clicked)
     monkeypatch.setattr(Buttons, "forget_clicks", lambda _: None)
     assert dut.run() == []
-    assert dut.messages.count("device lost (unplugged): demonstration discarded, Space starts another") == 2
+    lost = f"device lost (device driver '{driver}': unplugged): demonstration discarded, Space starts another"
+    assert dut.messages.count(lost) == 2
+    assert dut.messages.count(f"opening the device '{driver}'") == 2
     assert dut.messages[-1] == "session over"
-    assert [(len(handle.written), handle.closed) for handle in Handle.opened] == [(61, True)] * 2  # one per tick
+
+
+@pytest.mark.slow
+def test_a_demonstration_with_a_device_is_kept(session, monkeypatch):
+    """The loopback device inserts the peg; the verdict is good."""
+    dut = session(driver="loopback")
+    clicks = [START, GOOD, QUIT]
+    monkeypatch.setattr(LivePage, "is_shown", True)
+    monkeypatch.setattr(Buttons, "clicked", lambda _, label: clicks[:1] == [label] and bool(clicks.pop(0)))
+    monkeypatch.setattr(Buttons, "any_waiting", lambda _, *labels: False)
+    monkeypatch.setattr(Buttons, "forget_clicks", lambda _: None)
+    (path,) = dut.run()
+    found = read_demonstration(path)
+    assert found.good
+    assert found.outcome == Outcome.INSERTED
+    assert found.metadata["lowest_probe_energy_J"] < 0.0  # of the servo's observer
+    assert len(found.samples) >= 10
 
 
 @pytest.fixture
@@ -147,6 +150,7 @@ def wall(monkeypatch):
     clock = SimpleNamespace(monotonic=lambda: wall.now, sleep=sleep)
     monkeypatch.setattr(systems.live.session, "time", clock)
     monkeypatch.setattr(systems.live.clock, "time", clock)
+    monkeypatch.setattr(systems.live.live_run, "time", clock)
     return wall
 
 
@@ -278,12 +282,12 @@ class Environment:
 
 def simulate(session, run):
     resolved = SimpleNamespace(
-        device=next(iter(systems.live.session.DEVICE_PRESETS)),
+        device=next(iter(DEVICE_PRESETS)),
         contact=SimpleNamespace(time_step=0.004),
         recorder=SimpleNamespace(period=0.01),
         full_depth=0.02,
     )
-    return session._simulate(run, Environment(), resolved)
+    return session._simulate(InProcessRun(resolved, Environment(), run), resolved)
 
 
 def test_a_demonstration_runs_in_real_time_and_shows_forces_32_and_readings_10_times_a_second(quiet, wall, monkeypatch):
@@ -433,16 +437,9 @@ def test_a_gamepad_is_announced_once_when_it_comes_and_once_when_it_goes(quiet):
     ]
 
 
-def test_the_hand_follows_the_sliders_50_times_a_second(quiet, monkeypatch):
-    made = []
-
-    def make(resolved, *, operator):
-        made.append(operator)
-
-    monkeypatch.setattr(systems.live.session, "MakeVirtualEnvironment", make)
+def test_the_hand_follows_the_sliders_50_times_a_second(quiet):
     _, resolved = quiet._next()
-    quiet._build(resolved)
-    (operator,) = made
+    operator = quiet._begin(resolved).environment.diagram.GetSubsystemByName("operator")
     timing = operator.GetUniquePeriodicDiscreteUpdateAttribute()
     assert (timing.period_sec(), timing.offset_sec()) == (0.02, 0.0)
 

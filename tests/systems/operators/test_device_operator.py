@@ -48,19 +48,29 @@ def installed(tmp_path, monkeypatch):
     info = tmp_path / "my_loopback-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: my-loopback\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(f"[{GROUP}]\nloopback = my_loopback:Loopback\n")
+    (info / "entry_points.txt").write_text(f"[{GROUP}]\nmine = my_loopback:Loopback\n")
     monkeypatch.syspath_prepend(str(tmp_path))
     yield
     sys.modules.pop("my_loopback", None)
 
 
 def test_an_installed_device_is_found_by_name(installed):
-    device = find_device("loopback")()
+    device = find_device("mine")()
     assert device.read_pose().translation()[2] < 0.0
 
 
+def test_a_device_is_found_by_an_import_path(installed):
+    assert find_device("my_loopback:Loopback")().read_pose().translation()[2] < 0.0
+    with pytest.raises(ValueError, match="'my_loopback:Nothing': cannot be imported"):
+        find_device("my_loopback:Nothing")
+    with pytest.raises(ValueError, match="'no_module:Device': cannot be imported"):
+        find_device("no_module:Device")
+
+
 def test_the_error_for_an_unknown_device_lists_the_known_ones(installed):
-    with pytest.raises(ValueError, match=r"'joystick' is not installed; found \['loopback', 'spacemouse'\].*" + GROUP):
+    with pytest.raises(
+        ValueError, match=r"'joystick' is not installed; found \['loopback', 'mine', 'spacemouse'\].*" + GROUP
+    ):
         find_device("joystick")
 
 
@@ -69,7 +79,7 @@ def test_a_device_is_read_and_written_once_per_millisecond_and_receives_the_cont
     quick_scenario.start.tilt = [0.05, 0.0]
     quick_scenario.start.height = 2e-4
     resolved = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
-    device = find_device("loopback")()
+    device = find_device("mine")()
     operator = DeviceOperator(device=device, period=1e-3, X_HD_start=start_pose(resolved))
     run = DemonstrationRun(resolved, MakeVirtualEnvironment(resolved, operator=operator))
     assert run.advance(0.3) is None
@@ -103,7 +113,7 @@ def test_the_pose_of_the_handle_at_the_start_has_no_effect(installed):
 
 def test_a_disconnected_device_ends_the_run_with_an_oserror(installed, quick_scenario):
     resolved = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
-    device = find_device("loopback")()
+    device = find_device("mine")()
     operator = DeviceOperator(device=device, period=1e-3, X_HD_start=start_pose(resolved))
     run = DemonstrationRun(resolved, MakeVirtualEnvironment(resolved, operator=operator))
     run.advance(0.01)

@@ -1,0 +1,214 @@
+"""The process of the servo: opens the device, ticks at the wall's pace, and is stopped from outside."""
+
+from __future__ import annotations
+
+import gc
+import os
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection
+from typing import Any
+
+import numpy as np
+
+from models.hardware import DEVICE_PRESETS
+from models.scenario import Scenario
+from skill.arrays import Array
+from systems.control.faults import one_line
+from systems.operators.device_operator import DeviceOperator, LiveDevice, find_device
+from systems.servo.local_contact import LocalContact
+from systems.servo.servo_diagram import MakeServo, Servo
+from systems.servo.shared_value import SharedValue
+from systems.virtual_environment import start_pose
+
+STALL = 0.05
+"""Time without a tick, s, after which the force is taken away; it returns slowly (see `StaleContactFade`)."""
+
+SPIN = 3e-4
+"""Last part of a wait, s, in which the process does not sleep: a sleep ends up to so much late."""
+
+PRIORITY = 10
+"""Real-time priority of the process, where the system grants one."""
+
+PARENT_PERIOD = 100
+"""Ticks between two looks at the parent process."""
+
+WATCH_PERIOD = 0.01
+"""Time between two looks of the watchdog, s."""
+
+Message = tuple[str, Any]
+
+
+@dataclass(frozen=True)
+class ServoLink:
+    """What the two processes share.
+
+    Attributes:
+        contact: the local model of the contact, written by the simulation.
+        probe: the probe, written by the servo.
+    """
+
+    contact: SharedValue
+    probe: SharedValue
+
+
+class Watchdog:
+    """Switches the motors off when a driver does not return: a thread beside the ticks.
+
+    It counts its own looks, so that a process that was stopped as a whole and goes on is not taken for a driver that
+    blocks. A driver that holds the interpreter's lock stops the watchdog too; the session then ends the process.
+
+    Args:
+        device: is closed.
+    """
+
+    def __init__(self, device: LiveDevice) -> None:
+        self._device = device
+        self._calls = 0  # odd while the servo is inside a tick
+        self.opened = False
+        threading.Thread(target=self._watch, name="watchdog", daemon=True).start()
+
+    def enter(self) -> None:
+        """Says that a tick begins."""
+        self._calls += 1
+
+    def leave(self) -> None:
+        """Says that a tick has ended."""
+        self._calls += 1
+
+    def _watch(self) -> None:
+        seen, looks = 0, 0
+        while not self.opened:
+            time.sleep(WATCH_PERIOD)
+            calls = self._calls
+            looks = looks + 1 if calls % 2 and calls == seen else 0
+            seen = calls
+            if looks >= STALL / WATCH_PERIOD:
+                self.opened = True
+                self._device.close()
+
+
+class Pace:
+    """Waits for the next tick, and counts.
+
+    Args:
+        period: of a tick, s.
+        clock: time in s.
+    """
+
+    def __init__(self, period: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self.period, self._clock = period, clock
+        self._next = clock() + period
+        self.ticks = self.late = self.stalls = 0
+
+    def wait(self) -> bool:
+        """Waits until the tick's time has passed; returns False after a stall, for which the ticks start anew."""
+        self.ticks += 1
+        now = self._clock()
+        behind = now - self._next
+        if behind > STALL:
+            self.late, self.stalls = self.late + 1, self.stalls + 1
+            self._next = now + self.period
+            return False
+        if behind > 0.0:
+            self.late += 1
+        elif -behind > SPIN:
+            time.sleep(-behind - SPIN)
+        while self._clock() < self._next:
+            pass
+        self._next += self.period
+        return True
+
+
+def serve(driver: str, link: ServoLink, connection: Connection, parent: int) -> None:
+    """Runs the servo until the parent closes the connection or dies; the function of the process.
+
+    Messages from the parent are ``("begin", scenario)``, ``("end", None)`` and ``("close", None)``; the answers are
+    ``("ready", None)``, ``("ended", periods)`` and, as the last one, ``("error", text)``.
+
+    Args:
+        driver: name of the device's driver.
+        link: to the simulation.
+        connection: to the parent.
+        parent: process number of the parent.
+    """
+    gc.disable()  # a collection would be a late tick
+    ask_for_priority()
+    device: LiveDevice | None = None
+    try:
+        device = find_device(driver)()
+        connection.send(("ready", None))
+        while True:
+            if not connection.poll(1.0):
+                if os.getppid() != parent:
+                    return
+                continue
+            kind, content = connection.recv()
+            if kind == "close":
+                return
+            if kind == "begin":
+                connection.send(("ended", run_ticks(content, device, link, connection, parent)))
+            gc.collect()
+    except (EOFError, BrokenPipeError):  # the parent has gone
+        return
+    except BaseException as error:  # whatever a driver raises; SystemExit too
+        connection.send(("error", str(error) if isinstance(error, OSError) else one_line(error)))
+    finally:
+        if device is not None:
+            device.close()
+
+
+def ask_for_priority() -> bool:
+    """Asks the system to run this process before others; returns whether it does. Most users may not ask."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except (AttributeError, OSError):  # not on macOS; not permitted
+        return False
+    return True
+
+
+def run_ticks(scenario: Scenario, device: LiveDevice, link: ServoLink, connection: Connection, parent: int) -> Array:
+    """Ticks until the parent says something; returns the wall-clock time of each tick, s.
+
+    Raises:
+        OSError: if the driver has blocked, or from the device.
+    """
+    X_HP_start = start_pose(scenario)
+    period = DEVICE_PRESETS[scenario.device].servo_period
+    before = device.read_pose()  # the peg starts where the handle is now
+    operator = DeviceOperator(device=device, period=period, X_HD_start=X_HP_start, moved_before=before)
+    servo = MakeServo(scenario, operator=operator, X_HP_start=X_HP_start)
+    servo.start(X_HP_start)
+    servo.tick()  # the first one is slow
+    watchdog = Watchdog(device)
+    times = np.zeros(round(scenario.recorder.time_limit / period) + 1)
+    link.contact.read_new()  # of the demonstration before
+    connection.send(("ready", None))
+    pace = Pace(period)
+    try:
+        while not connection.poll():
+            _tick(servo, pace, watchdog, link)
+            if pace.ticks < len(times):
+                times[pace.ticks] = time.monotonic()
+            if pace.ticks % PARENT_PERIOD == 0 and os.getppid() != parent:
+                raise EOFError
+    finally:
+        device.write_wrench(np.zeros(6))
+    return times[1 : pace.ticks + 1]
+
+
+def _tick(servo: Servo, pace: Pace, watchdog: Watchdog, link: ServoLink) -> None:
+    """One tick: the newest model of the contact, the device, and the probe for the simulation."""
+    model = link.contact.read_new()
+    if model is not None:
+        servo.set_contact(LocalContact.from_vector(model))
+    watchdog.enter()
+    servo.tick()
+    watchdog.leave()
+    if watchdog.opened:
+        raise OSError(f"it did not return for {1e3 * STALL:.0f} ms")
+    probe = replace(servo.probe(), ticks=pace.ticks, late=pace.late, stalls=pace.stalls, beat=time.monotonic())
+    link.probe.write(probe.as_vector())
+    servo.set_closed(pace.wait())

@@ -1,0 +1,70 @@
+"""Drivers that only tests use: each fails in its own way, a while after its demonstration has begun."""
+
+import os
+import time
+from pathlib import Path
+
+from systems.operators.loopback_device import LoopbackDevice
+
+TICKS = 300
+
+
+class _Failing(LoopbackDevice):
+    reads = 0
+
+    def read_pose(self):
+        self.reads += 1
+        if self.reads == TICKS:
+            self.fail()
+        return super().read_pose()
+
+
+class Raising(_Failing):
+    """Is unplugged."""
+
+    def fail(self):
+        raise OSError("unplugged")
+
+
+class Wrong(_Failing):
+    """Has a mistake in it."""
+
+    def fail(self):
+        raise KeyError("axis")
+
+
+class Blocking(_Failing):
+    """Does not return, and notes when it is closed."""
+
+    def fail(self):
+        time.sleep(2.0)
+
+    def close(self):
+        Path(os.environ["CLOSED"]).write_text("closed")
+
+
+class Dying(_Failing):
+    """Ends its process."""
+
+    def fail(self):
+        os._exit(7)
+
+
+class Absent:
+    """Cannot be opened."""
+
+    def __init__(self):
+        raise OSError("no device on the bus")
+
+
+class Noted(LoopbackDevice):
+    """Notes the last wrench that it got when it is closed."""
+
+    last = None
+
+    def write_wrench(self, wrench):
+        super().write_wrench(wrench)
+        self.last = wrench.tolist()
+
+    def close(self):
+        Path(os.environ["CLOSED"]).write_text(str(self.last))

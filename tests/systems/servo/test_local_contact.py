@@ -1,0 +1,93 @@
+"""The local model of the contact: its vector, its joined springs, and that they carry the contact's force."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pydrake.math import RigidTransform
+
+from models.scenario import DEMONSTRATION_STREAM, load_scenario, resolve_scenario
+from systems.math.rotation import from_rotation_vector
+from systems.runs.demonstration_run import DemonstrationRun
+from systems.servo.local_contact import MAX_SPRINGS, LocalContact, Springs
+from systems.servo.probe import Probe
+from systems.servo.served_environment import MakeServedEnvironment
+from systems.virtual_environment import start_pose
+
+
+def random_springs(n, seed=0):
+    rng = np.random.default_rng(seed)
+    normals = rng.normal(size=(n, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return Springs(rng.normal(size=(n, 3)), normals, rng.uniform(1.0, 2.0, n), rng.normal(size=n))
+
+
+@given(st.integers(0, MAX_SPRINGS), st.integers(0, 1000))
+def test_a_model_survives_its_vector(n, seed):
+    rng = np.random.default_rng(seed)
+    X_HP = RigidTransform(from_rotation_vector(rng.uniform(-1.0, 1.0, 3)), rng.normal(size=3))
+    model = LocalContact(rng.uniform(), X_HP, rng.normal(size=6), random_springs(n, seed))
+    vector = model.as_vector()
+    again = LocalContact.from_vector(vector)
+    assert vector.shape == (LocalContact.SIZE,)
+    assert again.time == model.time
+    assert again.X_HP.IsNearlyEqualTo(X_HP, 1e-12)
+    for name in ("points", "normals", "stiffnesses", "forces"):
+        np.testing.assert_array_equal(getattr(again.springs, name), getattr(model.springs, name))
+    np.testing.assert_array_equal(again.V_HP, model.V_HP)
+
+
+@given(st.integers(0, 200), st.integers(0, 1000))
+def test_joined_springs_are_few_and_keep_stiffness_and_force(n, seed):
+    springs = random_springs(n, seed)
+    joined = springs.joined()
+    assert len(joined.forces) <= min(n, MAX_SPRINGS)
+    assert joined.stiffnesses.sum() == pytest.approx(springs.stiffnesses.sum())
+    assert joined.forces.sum() == pytest.approx(springs.forces.sum())
+    np.testing.assert_allclose(np.linalg.norm(joined.normals, axis=1), 1.0)
+
+
+def test_opposite_sides_are_not_joined():
+    points = np.array([[0.01, 0.0, -0.01], [-0.01, 0.0, -0.01], [0.01, 0.0, -0.0101]])
+    normals = np.array([[-1.0, 0.02, 0.0], [1.0, 0.02, 0.0], [-1.0, 0.03, 0.0]])
+    joined = Springs(points, normals, np.ones(3), np.array([2.0, 3.0, 4.0])).joined()
+    assert sorted(joined.forces) == [3.0, 6.0] or sorted(joined.forces) == [2.0, 3.0, 4.0]
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """An environment whose probe has pressed the tilted peg against the mouth, and the end of a step."""
+    scenario = load_scenario("live")
+    scenario.start.tilt, scenario.start.offset = [0.04, 0.0], [0.0, 0.0]
+    scenario = resolve_scenario(scenario, seed=3, stream=DEMONSTRATION_STREAM)
+    environment = MakeServedEnvironment(scenario)
+    run = DemonstrationRun(scenario, environment)
+    X = start_pose(scenario)
+    below = RigidTransform(X.rotation(), X.translation() - [0.0, 0.0, 0.012])
+    still = Probe(0.0, below, np.zeros(6), np.zeros(6), 0.0, 0.0, -2.5e-3, 1.0, 0.0)
+    context = run.simulator.get_mutable_context()
+    environment.set_probe(context, still)
+    run.advance(0.6)
+    return scenario, environment, context
+
+
+def test_the_springs_carry_the_normal_force_of_the_simulation(pressed):
+    scenario, environment, context = pressed
+    model = environment.local_contact(context, 0.6)
+    springs = model.springs
+    plant = environment.contact.plant
+    port = plant.get_generalized_contact_forces_output_port(environment.contact.peg.model_instance())
+    wrench = port.Eval(plant.GetMyContextFromRoot(context))
+    force = springs.forces @ springs.normals
+    assert 0 < len(springs.forces) <= MAX_SPRINGS
+    assert np.linalg.norm(wrench[3:]) > 5.0
+    # The rest is friction, which is bounded by that of all springs.
+    pressing = np.maximum(springs.forces, 0.0).sum()
+    assert np.linalg.norm(force - wrench[3:]) < 1.01 * scenario.contact.friction * pressing
+    assert model.X_HP.IsExactlyEqualTo(environment.peg_pose(context))
+    np.testing.assert_allclose(model.V_HP, 0.0, atol=2e-3)
+
+
+def test_the_environment_knows_the_least_energy_of_the_servo(pressed):
+    _, environment, context = pressed
+    assert environment.min_energy(context) == -2.5e-3

@@ -1,0 +1,199 @@
+"""The servo in a process of its own, with a loopback device and with drivers that fail."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
+from skill.data.outcome import Outcome
+from systems.servo.served_run import ServedRun
+from systems.servo.servo_client import ServoClient
+from systems.servo.servo_process import STALL, Pace
+from systems.servo.shared_value import SharedValue
+
+ROOT = Path(__file__).resolve().parents[3]
+DRIVERS = "tests.systems.servo.drivers"
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    found = load_scenario("live")
+    found.recorder.time_limit = 20.0
+    return resolve_scenario(found, seed=1, stream=LIVE_STREAM)
+
+
+def steps(run, number):
+    """Simulates up to a number of contact steps; returns how the demonstration ended, if it did."""
+    for _ in range(number):
+        ending = run.step()
+        if ending is not None:
+            return ending
+    return None
+
+
+def test_a_demonstration_through_the_servo_is_recorded_and_felt(scenario):
+    with ServoClient("loopback") as servo:
+        run = ServedRun(scenario, servo)
+        ending, loads = None, []
+        while ending is None:
+            ending = run.step()
+            loads.append(np.linalg.norm(run.probe.wrench[3:]))
+        times = servo.end()
+        demonstration = run.run.demonstration(ending, habit="live", number=0)
+        again = ServedRun(scenario, servo)  # the same process serves the next demonstration
+        assert steps(again, 20) is None
+        assert again.probe.ticks >= 60
+    assert ending.outcome is Outcome.INSERTED
+    assert max(loads) > 0.5
+    assert demonstration.samples["z"].iloc[-1] == pytest.approx(-scenario.full_depth, abs=1e-3)
+    assert demonstration.metadata["lowest_probe_energy_J"] == pytest.approx(run.probe.min_energy, abs=2e-3)
+    assert len(times) == pytest.approx(run.probe.ticks, abs=20)
+    assert np.median(np.diff(times)) < 2e-3
+    assert run.probe.time == pytest.approx(run.time, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("driver", "reason"),
+    [
+        ("Raising", "unplugged"),
+        ("Wrong", "KeyError: 'axis'"),
+        ("Blocking", "it did not "),  # return for 50 ms, or tick, whichever the session notices first
+        ("Dying", "its process ended with code 7"),
+    ],
+)
+def test_a_driver_that_fails_ends_the_demonstration_with_its_name(scenario, driver, reason, tmp_path, monkeypatch):
+    monkeypatch.setenv("CLOSED", str(tmp_path / "closed.txt"))
+    name = f"{DRIVERS}:{driver}"
+    servo = ServoClient(name)
+    run = ServedRun(scenario, servo)
+    with pytest.raises(OSError, match=f"^device driver '{name}': {reason}"):
+        steps(run, 2000)
+    servo.close()
+    assert driver != "Blocking" or (tmp_path / "closed.txt").read_text() == "closed"
+
+
+def test_a_device_that_cannot_be_opened_is_an_error_with_its_name():
+    with pytest.raises(OSError, match="drivers:Absent': no device on the bus"):
+        ServoClient(f"{DRIVERS}:Absent")
+
+
+def test_a_killed_servo_is_noticed(scenario):
+    with ServoClient("loopback") as servo:
+        run = ServedRun(scenario, servo)
+        assert steps(run, 20) is None
+        os.kill(servo.process, signal.SIGKILL)
+        with pytest.raises(OSError, match="'loopback': its process ended with code -9"):
+            steps(run, 2000)
+
+
+def test_a_servo_that_sleeps_and_wakes_takes_its_force_away_and_goes_on(scenario):
+    with ServoClient("loopback") as servo:
+        run = ServedRun(scenario, servo)
+        assert steps(run, 50) is None
+        os.kill(servo.process, signal.SIGSTOP)
+        time.sleep(4 * STALL)
+        os.kill(servo.process, signal.SIGCONT)
+        gains = []
+        for _ in range(100):
+            assert run.step() is None
+            gains.append(run.probe.gain)
+        assert run.probe.stalls >= 1
+        assert min(gains) < 0.9
+        assert gains[-1] > min(gains)
+
+
+def test_the_device_is_let_go_without_force(scenario, tmp_path, monkeypatch):
+    monkeypatch.setenv("CLOSED", str(tmp_path / "closed.txt"))
+    with ServoClient(f"{DRIVERS}:Noted") as servo:
+        run = ServedRun(scenario, servo)
+        steps(run, 20)
+    assert (tmp_path / "closed.txt").read_text() == str([0.0] * 6)
+
+
+ORPHAN = f"""
+import os
+from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
+from systems.servo.served_run import ServedRun
+from systems.servo.servo_client import ServoClient
+
+if __name__ == "__main__":
+    servo = ServoClient("{DRIVERS}:Noted")
+    run = ServedRun(resolve_scenario(load_scenario("live"), seed=1, stream=LIVE_STREAM), servo)
+    for _ in range(20):
+        run.step()
+    print(servo.process, flush=True)
+    os._exit(1)
+"""
+
+
+def test_a_servo_whose_session_has_died_lets_the_device_go_and_ends(tmp_path):
+    script = tmp_path / "orphan.py"
+    script.write_text(ORPHAN)
+    closed = tmp_path / "closed.txt"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "CLOSED": str(closed)}
+    found = subprocess.run([sys.executable, str(script)], env=environment, capture_output=True, text=True, timeout=120)
+    assert found.stdout.strip().isdigit(), found.stderr
+    end = time.monotonic() + 20.0
+    while not closed.exists() and time.monotonic() < end:
+        time.sleep(0.05)
+    assert closed.read_text() == str([0.0] * 6)
+
+
+class Clock:
+    """A clock that a test sets."""
+
+    now = 0.0
+
+    def __call__(self):
+        self.now += 1e-5
+        return self.now
+
+
+def test_the_pace_counts_late_ticks_and_starts_anew_after_a_stall():
+    clock = Clock()
+    pace = Pace(1e-3, clock)
+    assert pace.wait()
+    assert (pace.ticks, pace.late) == (1, 0)
+    assert clock.now == pytest.approx(1e-3, abs=1e-4)
+    clock.now += 2.5e-3  # two late ticks, made up for by the third
+    assert [pace.wait() for _ in range(3)] == [True] * 3
+    assert (pace.ticks, pace.late, pace.stalls) == (4, 2, 0)
+    assert clock.now == pytest.approx(4e-3, abs=1e-4)
+    clock.now += 2 * STALL
+    assert not pace.wait()
+    assert (pace.late, pace.stalls) == (3, 1)
+    begun = clock.now
+    assert pace.wait()
+    assert clock.now - begun == pytest.approx(1e-3, abs=1e-4)
+
+
+def write_squares(value, number):
+    for k in range(number):
+        value.write(np.full(64, float(k)))
+
+
+def test_a_reader_never_sees_half_of_a_value():
+    context = get_context("spawn")
+    value = SharedValue(context, 64)
+    assert value.read_new() is None
+    writer = context.Process(target=write_squares, args=(value, 100_000))
+    writer.start()
+    found = []
+    while writer.is_alive() or not found:
+        row = value.read_new()
+        if row is not None:
+            assert (row == row[0]).all()
+            found.append(row[0])
+    writer.join()
+    last = value.read_new()
+    assert len(found) > 100
+    assert found == sorted(set(found))
+    assert (last if last is not None else np.array([found[-1]]))[0] == 99_999.0
+    assert value.read_new() is None
