@@ -127,9 +127,8 @@ def main(
 
         folder = out or Path("out/live")
         with open_live_folder(folder):
-            record_live(
-                out=folder, seed=seed, scenario=scenario or "live", driver=driver, host=host, port=port, asked=asked
-            )
+            chosen = scenario or ("device" if driver else "live")
+            record_live(out=folder, seed=seed, scenario=chosen, driver=driver, host=host, port=port, asked=asked)
     elif (driver, host, port, asked) != (None, None, None, None):
         raise typer.BadParameter("--driver, --host, --port and --asked need --live")
     else:

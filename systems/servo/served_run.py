@@ -9,7 +9,9 @@ from systems.servo.probe import Probe
 from systems.servo.served_environment import MakeServedEnvironment
 from systems.servo.servo_client import ServoClient
 
-MAX_DELAY = 0.04  # in units of s; a longer delay of the simulation is not made up for
+MAX_DELAY = 0.008
+"""Longest delay of the simulation, s, that is made up for. After a longer one the simulation goes on from the present,
+so that the servo's model of the contact stays younger than `systems.servo.stale_contact_fade.HOLD`."""
 
 
 class ServedRun:

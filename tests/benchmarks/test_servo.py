@@ -1,0 +1,32 @@
+"""The benchmark of the servo, shortened: its keys, and that the parts without a clock meet their targets."""
+
+import json
+
+import pytest
+
+from benchmarks import servo
+
+KEYS = {"tick_ms_p50", "tick_ms_p99", "tick_ms_p999", "tick_ms_max", "late_share", "force_rms_error_n"}
+
+
+@pytest.mark.slow
+def test_the_servo_is_measured(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(servo, "CONDITIONS", ("alone",))
+    monkeypatch.setattr(servo, "HANDS", range(774, 775))
+    monkeypatch.setattr(servo, "FREQUENCIES", (10.0,))
+    monkeypatch.setattr(servo, "RANDOM_HANDS", range(783, 784))
+    path = tmp_path / "servo.json"
+    monkeypatch.setattr("sys.argv", ["servo", "--seconds", "1", "--json", str(path)])
+    servo.main()
+    found = json.loads(path.read_text())
+    assert found.keys() >= KEYS
+    assert found["conditions"]["alone"]["ticks"] >= 1000
+    assert found["force_rms_error_share"] < 0.1
+    assert 0.0 <= found["energy_generated_mj"] < 0.1
+    assert "busy cores" not in capsys.readouterr().out
+
+
+def test_too_short_a_time_is_refused(monkeypatch):
+    monkeypatch.setattr("sys.argv", ["servo", "--seconds", "0.1"])
+    with pytest.raises(ValueError, match="expected --seconds"):
+        servo.main()
