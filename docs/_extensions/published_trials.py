@@ -1,4 +1,4 @@
-"""Links the files of the published trials in the scoreboard as downloads.
+"""Links the files of the published trials in the scoreboard and the ladder as downloads.
 
 The names of their folders contain percent signs, which MyST cannot follow in a link.
 """
@@ -11,7 +11,8 @@ from urllib.parse import unquote
 
 from sphinx.application import Sphinx
 
-LINK = re.compile(r"\[((?:\\.|[^\]\\])*)\]\((scoreboard/trials/[^)]*)\)")
+PAGES = ("scoreboard", "ladder")
+LINK = re.compile(rf"\[((?:\\.|[^\]\\])*)\]\(((?:{'|'.join(PAGES)})/trials/[^)]*)\)")
 ESCAPED = re.compile(r"\\(.)")
 
 
@@ -26,7 +27,7 @@ def with_downloads(text: str) -> str:
 
 
 def _read(app: Sphinx, name: str, source: list[str]) -> None:
-    if name == "scoreboard":
+    if name in PAGES:
         source[0] = with_downloads(source[0])
 
 

@@ -1,14 +1,17 @@
-"""The published scoreboard is what the command makes of the published trials."""
+"""The published scoreboard and ladder are what the command makes of the published trials."""
 
 import shutil
+
+import pytest
 
 from tests.scripts.commands import ROOT, invoke
 
 
-def test_the_tables_are_those_of_the_published_trials(tmp_path, monkeypatch):
-    shutil.copytree(ROOT / "docs" / "scoreboard", tmp_path / "docs" / "scoreboard")
+@pytest.mark.parametrize("name", ["scoreboard", "ladder"])
+def test_the_tables_are_those_of_the_published_trials(name, tmp_path, monkeypatch):
+    shutil.copytree(ROOT / "docs" / name, tmp_path / "docs" / name)
     monkeypatch.chdir(tmp_path)
-    done = invoke("scoreboard", "docs/scoreboard", "--out", "page.html", "--markdown", "docs/scoreboard.md")
+    done = invoke("scoreboard", f"docs/{name}", "--out", "page.html", "--markdown", f"docs/{name}.md")
     assert done.exit_code == 0, done.output
-    made = (tmp_path / "docs" / "scoreboard.md").read_text()
-    assert made == (ROOT / "docs" / "scoreboard.md").read_text()
+    made = (tmp_path / "docs" / f"{name}.md").read_text()
+    assert made == (ROOT / "docs" / f"{name}.md").read_text()
