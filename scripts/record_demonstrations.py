@@ -46,10 +46,11 @@ def record_live(
     from systems.live.session import LiveSession, asked_scenario, live_scenario
     from systems.operators.device_operator import find_device
     from systems.reports.terminal import say
+    from systems.servo.multirate_margins import require_multirate_margins
     from systems.sessions.margin_table import print_margins
 
     chosen = load_scenario(scenario)
-    margins = require_margins(chosen)
+    margins = require_margins(chosen) if driver is None else require_multirate_margins(chosen)
     situations = read_situations(asked) if asked is not None else []
 
     def start_of(number: int) -> Scenario:

@@ -99,7 +99,15 @@ def require_margins(scenario: Scenario) -> list[Margin]:
     Raises:
         ValueError: Naming every violated condition with its value and limit.
     """
-    margins = coupling_margins(scenario)
+    return require_hold(scenario, coupling_margins(scenario))
+
+
+def require_hold(scenario: Scenario, margins: list[Margin]) -> list[Margin]:
+    """Returns the conditions of a scenario, and requires that they hold.
+
+    Raises:
+        ValueError: Naming every violated condition with its value and limit.
+    """
     violated = [m for m in margins if m.required and not m.holds]
     if violated:
         conditions = "; ".join(

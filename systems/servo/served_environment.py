@@ -12,11 +12,11 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Leaf
 
 from models.scenario import Scenario
 from skill.arrays import Array
-from systems.haptics.coupling_margins import require_margins
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.plant.contact_forces import face_springs
 from systems.plant.contact_plant import AddVirtualPlant
 from systems.servo.local_contact import LocalContact, Springs
+from systems.servo.multirate_margins import require_multirate_margins
 from systems.servo.probe import Probe
 from systems.virtual_environment import PegEnvironment, add_coupling, start_pose
 from systems.visualization.scene import AddVisualization
@@ -112,9 +112,9 @@ def MakeServedEnvironment(scenario: Scenario, *, meshcat: Meshcat | None = None)
         meshcat: Meshcat to draw into; None draws nothing.
 
     Raises:
-        ValueError: if the scenario is not resolved, or its coupling is not stable (see `coupling_margins`).
+        ValueError: if the scenario is not resolved, or its coupling is not stable (see `multirate_margins`).
     """
-    require_margins(scenario)
+    require_multirate_margins(scenario)
     builder = DiagramBuilder()
     contact = AddVirtualPlant(builder, scenario)
     X_HP_start = start_pose(scenario)

@@ -11,13 +11,13 @@ from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSyst
 
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
-from systems.haptics.coupling_margins import require_margins
 from systems.haptics.haptic_device import HapticDevice
 from systems.haptics.haptic_proxy import HapticProxy
 from systems.haptics.passivity_observer import PassivityObserver
 from systems.haptics.virtual_fixture import MakeFixture
 from systems.servo.local_contact import LocalContact, Springs
 from systems.servo.local_peg import LocalPeg
+from systems.servo.multirate_margins import require_multirate_margins
 from systems.servo.probe import Probe
 from systems.servo.stale_contact_fade import StaleContactFade
 
@@ -104,9 +104,9 @@ def MakeServo(scenario: Scenario, *, operator: LeafSystem, X_HP_start: RigidTran
         X_HP_start: pose of the peg, and of the probe, at the start.
 
     Raises:
-        ValueError: if the coupling of the scenario is not stable (see `coupling_margins`).
+        ValueError: if the coupling of the scenario is not stable (see `multirate_margins`).
     """
-    require_margins(scenario)
+    require_multirate_margins(scenario)
     parameters = DEVICE_PRESETS[scenario.device]
     period = parameters.servo_period
     builder = DiagramBuilder()
