@@ -90,7 +90,7 @@ def main() -> None:
                 out=arguments.out,
                 page=page,
                 tell=say,
-                open_device=PushingDevice,
+                driver="tests.scripted_live:PushingDevice",
             )
             session._buttons = ScriptedButtons(arguments.number)
             say(f"{len(session.run())} demonstrations kept")

@@ -25,6 +25,7 @@ RENDERED_SCALE, CONTACT_SCALE = 250.0, 1500.0  # in units of N/m of arrow; panel
 HEAD_LENGTH = 0.004  # in units of m
 LOW, HIGH, SATURATED = Rgba(0.10, 0.55, 0.20), Rgba(0.93, 0.62, 0.05), Rgba(0.85, 0.05, 0.08)
 CONTACT = Rgba(0.16, 0.38, 0.88)
+HAND = Rgba(0.12, 0.14, 0.16, 0.22)
 HIGH_LOAD = 0.5  # load of the device above which the rendered force has the colour HIGH
 # Key and camera position of each view, in m in the frame V of the person (x right, y away from the person).
 VIEWS = {
@@ -141,11 +142,19 @@ class LiveDisplay:
         """Draws peg and hole as they are at the start of a resolved scenario."""
         contact = AddVirtualPlant(DiagramBuilder(), scenario)
         self._page.scene.draw_plant(contact)
+        g = scenario.geometry
+        self._page.scene.SetObject("live/hand/ghost", Cylinder(g.peg_radius, g.peg_length), HAND)
+        self._page.scene.SetTransform("live/hand/ghost", RigidTransform([0.0, 0.0, 0.5 * g.peg_length]))
         self.move_peg(start_pose(scenario))
+        self.move_hand(start_pose(scenario))
 
     def move_peg(self, X_HP: RigidTransform) -> None:
         """Draws the peg at a pose."""
         self._page.scene.SetTransform("plant/peg", X_HP)
+
+    def move_hand(self, X_HD: RigidTransform) -> None:
+        """Draws the ghost: the peg where the hand would have it."""
+        self._page.scene.SetTransform("live/hand", X_HD)
 
     def draw_forces(
         self,

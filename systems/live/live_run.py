@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
+from pydrake.math import RigidTransform
+
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
 from skill.data.outcome import Ending
@@ -42,6 +44,9 @@ class LiveRun(Protocol):
 
     def energy(self) -> ProbeEnergy:
         """Returns the energy that the hand has put in."""
+
+    def hand(self) -> RigidTransform:
+        """Returns the pose X_HD of the probe."""
 
     def end(self) -> None:
         """Ends the demonstration."""
@@ -93,6 +98,10 @@ class InProcessRun:
         """See `LiveRun`."""
         return self.environment.energy(self.run.simulator.get_context())
 
+    def hand(self) -> RigidTransform:
+        """See `LiveRun`."""
+        return self.environment.probe_pose(self.run.simulator.get_context())
+
     def end(self) -> None:
         """Does nothing."""
 
@@ -142,6 +151,10 @@ class ServoRun:
     def energy(self) -> ProbeEnergy:
         """See `LiveRun`."""
         return ProbeEnergy(self._served.probe.energy, self._served.probe.min_energy)
+
+    def hand(self) -> RigidTransform:
+        """See `LiveRun`."""
+        return self._served.probe.X_HD
 
     def end(self) -> None:
         """Ends the ticks: the device is without force until the next demonstration."""

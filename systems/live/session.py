@@ -243,6 +243,7 @@ class LiveSession:
         X_HP = live.environment.peg_pose(context)
         contact = live.environment.contact_force(context)
         self._display.move_peg(X_HP)
+        self._display.move_hand(live.hand())
         self._display.draw_forces(X_HP.translation(), rendered.wrench[3:], load=rendered.load, contact=contact)
 
     def _show_readings(self, live: LiveRun, resolved: Scenario, *, rate: float) -> None:

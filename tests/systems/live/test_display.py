@@ -3,7 +3,9 @@ import re
 import numpy as np
 import pytest
 from pydrake.geometry import Cylinder, Rgba
+from pydrake.math import RigidTransform
 
+from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
 from systems.live.clock import Deadlines
 from systems.live.display import CONTACT, HIGH, LOW, SATURATED, VIEWS, Arrow, LiveDisplay, Readings, load_colour
 from systems.live.page import PANEL
@@ -21,11 +23,14 @@ class Recorder:
         self.clicks, self.keys, self.values = {}, {}, {}
         self.scene = self.controls = self
 
-    def SetObject(self, path, shape):
+    def SetObject(self, path, shape, rgba=None):
         self.shapes[path] = shape
 
-    def SetTransform(self, path, matrix):
-        self.transforms[path] = np.array(matrix)
+    def draw_plant(self, contact):
+        self.plant = contact
+
+    def SetTransform(self, path, pose):
+        self.transforms[path] = pose.GetAsMatrix4() if isinstance(pose, RigidTransform) else np.array(pose)
 
     def SetProperty(self, path, name, value):
         self.properties[path, name] = value
@@ -172,6 +177,17 @@ def test_the_rendered_force_is_the_next_layer_above_the_contact_force(browser, d
     )
     assert rendered == contact + 1.0
     assert contact > 0.0  # the order of all other objects
+
+
+def test_the_ghost_of_the_hand_has_the_shape_of_the_peg_and_covers_it_at_the_start(browser, display):
+    scenario = resolve_scenario(load_scenario("live"), seed=1, stream=LIVE_STREAM)
+    display.draw_start(scenario)
+    ghost = browser.shapes["live/hand/ghost"]
+    assert (ghost.radius(), ghost.length()) == (scenario.geometry.peg_radius, scenario.geometry.peg_length)
+    assert browser.transforms["live/hand/ghost"][2, 3] == 0.5 * ghost.length()  # its tip is the hand's
+    np.testing.assert_array_equal(browser.transforms["live/hand"], browser.transforms["plant/peg"])
+    display.move_hand(RigidTransform([0.0, 0.0, -0.002]))
+    assert browser.transforms["live/hand"][2, 3] == -0.002
 
 
 def test_the_readings_are_in_si_units_and_the_tilt_in_degrees_as_the_person_sees_it(browser, display):

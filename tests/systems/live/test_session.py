@@ -279,6 +279,9 @@ class Environment:
     def energy(self, context):
         return SimpleNamespace(total=0.5, minimum=-0.25)
 
+    def probe_pose(self, context):
+        return RigidTransform([0.0, 0.0, -0.004])
+
 
 def simulate(session, run):
     resolved = SimpleNamespace(

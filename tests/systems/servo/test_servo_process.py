@@ -54,7 +54,7 @@ def test_a_demonstration_through_the_servo_is_recorded_and_felt(scenario):
     assert max(loads) > 0.2
     assert demonstration.samples["z"].iloc[-1] == pytest.approx(-scenario.full_depth, abs=1e-3)
     assert demonstration.metadata["lowest_probe_energy_J"] == pytest.approx(run.probe.min_energy, abs=2e-3)
-    assert len(times) == pytest.approx(run.probe.ticks, abs=20)
+    assert len(times) >= run.probe.ticks
     assert (np.diff(times) > 0.0).all()
     assert run.time <= run.probe.time + 0.01  # the simulation does not run ahead
 
