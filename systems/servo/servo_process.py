@@ -7,6 +7,7 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from typing import Any
@@ -195,7 +196,8 @@ def run_ticks(scenario: Scenario, device: LiveDevice, link: ServoLink, connectio
             if pace.ticks % PARENT_PERIOD == 0 and os.getppid() != parent:
                 raise EOFError
     finally:
-        device.write_wrench(np.zeros(6))
+        with suppress(OSError):  # of a device that is lost; the first error is the one to tell
+            device.write_wrench(np.zeros(6))
     return times[1 : pace.ticks + 1]
 
 

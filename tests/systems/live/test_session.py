@@ -135,7 +135,6 @@ def test_a_demonstration_with_a_device_is_kept(session, monkeypatch):
     assert found.good
     assert found.outcome == Outcome.INSERTED
     assert found.metadata["lowest_probe_energy_J"] < 0.0  # of the servo's observer
-    assert len(found.samples) >= 10
 
 
 @pytest.fixture

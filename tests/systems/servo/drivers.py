@@ -20,10 +20,14 @@ class _Failing(LoopbackDevice):
 
 
 class Raising(_Failing):
-    """Is unplugged."""
+    """Is unplugged; then it takes no wrench either."""
 
     def fail(self):
         raise OSError("unplugged")
+
+    def write_wrench(self, wrench):
+        if self.reads >= TICKS:
+            raise OSError("not there")
 
 
 class Wrong(_Failing):
