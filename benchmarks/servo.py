@@ -15,7 +15,7 @@
 Keys of the file: ``tick_ms_p50`` to ``tick_ms_max``, ``late_share``, ``late_steps_share`` and ``model_age_ms_p99``, of
 the servo alone; ``conditions``, the same for each condition; ``force_rms_error_n``, ``force_rms_error_share`` and
 ``torque_rms_error_share``, over the hands; ``hands``, the same for each; ``energy_generated_mj``, the largest;
-``priority``, whether the system grants a real-time priority.
+``priority``, whether the system grants the servo a real-time priority.
 """
 
 from __future__ import annotations
@@ -52,7 +52,6 @@ from systems.servo.served_environment import MakeServedEnvironment
 from systems.servo.served_run import ServedRun
 from systems.servo.servo_client import ServoClient
 from systems.servo.servo_diagram import MakeServo
-from systems.servo.servo_process import ask_for_priority
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose
 from systems.visualization.scene import FRAME
 
@@ -150,7 +149,7 @@ def timing(scenario: Scenario, seconds: float, draw: Callable[[ServedRun], None]
     return {
         **{"ticks": ticks, "tick_ms_p50": float(p50), "tick_ms_p99": float(p99), "tick_ms_p999": float(p999)},
         **{"tick_ms_max": float(found.max()), "late_share": late / ticks, "late_steps_share": late_steps / steps},
-        "model_age_ms_p99": float(np.percentile(ages, 99.0)),
+        **{"model_age_ms_p99": float(np.percentile(ages, 99.0)), "priority": servo.has_priority},
     }
 
 
@@ -298,7 +297,7 @@ def main() -> None:
             {
                 **conditions["alone"],
                 **mean,
-                **{"energy_generated_mj": max(energies.values()), "priority": ask_for_priority()},
+                "energy_generated_mj": max(energies.values()),
                 **{"conditions": conditions, "hands": hands, "energies_mj": energies},
             },
         )

@@ -28,7 +28,6 @@ class Probe:
         ticks: number of ticks so far.
         late: number of them that ended late.
         stalls: how often the servo stood still for so long that its force was taken away.
-        beat: wall-clock time of the tick, s, as of `time.monotonic`.
     """
 
     time: float
@@ -43,16 +42,15 @@ class Probe:
     ticks: int = 0
     late: int = 0
     stalls: int = 0
-    beat: float = 0.0
 
-    SIZE = 28
+    SIZE = 27
     """Length of `as_vector`."""
 
     def as_vector(self) -> Array:
         """Returns (SIZE,), the numbers of the probe; `from_vector` inverts it."""
         pose = [*self.X_HD.translation(), *rotation_vector(self.X_HD.rotation())]
         numbers = [self.load, self.energy, self.min_energy, self.gain, self.age]
-        counts = [self.ticks, self.late, self.stalls, self.beat]
+        counts = [self.ticks, self.late, self.stalls]
         return np.array([self.time, *pose, *self.V_HD, *self.wrench, *numbers, *counts])
 
     @classmethod
@@ -74,5 +72,4 @@ class Probe:
             ticks=ticks,
             late=late,
             stalls=stalls,
-            beat=float(v[27]),
         )

@@ -20,6 +20,7 @@ START_TIME = 60.0  # in units of s; a process imports Drake and opens the device
 ANSWER_TIME = 10.0  # in units of s
 SILENCE = 0.5  # in units of s without a tick, after which the process is ended
 LOOK_PERIOD = 2e-4  # in units of s, between two looks at the probe
+LONGEST_LOOK = 0.01  # in units of s that one look counts for at most: this process may have been stopped meanwhile
 
 
 class ServoClient:
@@ -30,6 +31,10 @@ class ServoClient:
 
     Args:
         driver: name of the device's driver (see `find_device`).
+
+    Attributes:
+        driver: name of the driver.
+        has_priority: whether the system lets the process run before others.
     """
 
     def __init__(self, driver: str) -> None:
@@ -44,7 +49,7 @@ class ServoClient:
         theirs.close()
         self._last: Probe | None = None
         try:
-            self._expect("ready", START_TIME)
+            self.has_priority: bool = self._expect("opened", START_TIME)
         except OSError:
             self.close()
             raise
@@ -69,7 +74,7 @@ class ServoClient:
         self._link.probe.read_new()
         self._last = None
         self._send(("begin", scenario))
-        self._expect("ready", ANSWER_TIME)
+        self._expect("begun", ANSWER_TIME)
 
     def end(self) -> Array:
         """Ends the ticks; returns the wall-clock times of them, s."""
@@ -83,20 +88,20 @@ class ServoClient:
 
     def probe_at(self, servo_time: float) -> Probe:
         """Waits until the servo's time has come; returns its newest probe."""
-        waiting_since = time.monotonic()
+        silent, now = 0.0, time.monotonic()
         while True:
             values = self._link.probe.read_new()
             if values is not None:
-                self._last = Probe.from_vector(values)
-                waiting_since = time.monotonic()
+                self._last, silent = Probe.from_vector(values), 0.0
             if self._last is not None and self._last.time >= servo_time - 1e-9:
                 return self._last
             if self._connection.poll():
-                self._expect("nothing", 0.0)
-            silent = time.monotonic() - waiting_since
+                self._raise_report()
             if silent > SILENCE:
                 raise self._lost(f"it did not tick for {silent:.1f} s")
             time.sleep(LOOK_PERIOD)
+            before, now = now, time.monotonic()
+            silent += min(now - before, LONGEST_LOOK)
 
     def close(self) -> None:
         """Ends the process, which closes the device."""
@@ -112,10 +117,14 @@ class ServoClient:
         try:
             self._connection.send(message)
         except OSError:
-            self._expect("nothing", 0.0)
+            self._raise_report()
+
+    def _raise_report(self) -> None:
+        """Raises what the process has reported, or that it has ended."""
+        self._expect("error", ANSWER_TIME)
 
     def _expect(self, kind: str, timeout: float) -> Any:
-        """Returns the content of the next message, which must be of a kind."""
+        """Returns the content of the next message, which must be of a kind; raises an OSError if it is an error."""
         try:
             if not self._connection.poll(timeout):
                 raise self._lost(f"no answer in {timeout:.0f} s")

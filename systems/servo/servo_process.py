@@ -10,7 +10,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
-from typing import Any
 
 import numpy as np
 
@@ -38,8 +37,6 @@ PARENT_PERIOD = 100
 
 WATCH_PERIOD = 0.01
 """Time between two looks of the watchdog, s."""
-
-Message = tuple[str, Any]
 
 
 @dataclass(frozen=True)
@@ -126,8 +123,9 @@ class Pace:
 def serve(driver: str, link: ServoLink, connection: Connection, parent: int) -> None:
     """Runs the servo until the parent closes the connection or dies; the function of the process.
 
-    Messages from the parent are ``("begin", scenario)``, ``("end", None)`` and ``("close", None)``; the answers are
-    ``("ready", None)``, ``("ended", periods)`` and, as the last one, ``("error", text)``.
+    Messages from the parent are ``("begin", scenario)``, ``("end", None)`` and ``("close", None)``. The answers are
+    ``("opened", has_priority)``, ``("begun", None)``, ``("ended", times)`` with the wall-clock time of each tick in s,
+    and, as the last one, ``("error", text)``.
 
     Args:
         driver: name of the device's driver.
@@ -136,11 +134,11 @@ def serve(driver: str, link: ServoLink, connection: Connection, parent: int) -> 
         parent: process number of the parent.
     """
     gc.disable()  # a collection would be a late tick
-    ask_for_priority()
+    has_priority = ask_for_priority()
     device: LiveDevice | None = None
     try:
         device = find_device(driver)()
-        connection.send(("ready", None))
+        connection.send(("opened", has_priority))
         while True:
             if not connection.poll(1.0):
                 if os.getppid() != parent:
@@ -162,9 +160,12 @@ def serve(driver: str, link: ServoLink, connection: Connection, parent: int) -> 
 
 
 def ask_for_priority() -> bool:
-    """Asks the system to run this process before others; returns whether it does. Most users may not ask."""
+    """Asks the system to run this process before others; returns whether it does. Most users may not ask.
+
+    What a driver starts does not inherit the priority: it could keep the simulation from running.
+    """
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+        os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
     except (AttributeError, OSError):  # not on macOS; not permitted
         return False
     return True
@@ -186,7 +187,7 @@ def run_ticks(scenario: Scenario, device: LiveDevice, link: ServoLink, connectio
     watchdog = Watchdog(device)
     times = np.zeros(round(scenario.recorder.time_limit / period) + 1)
     link.contact.read_new()  # of the demonstration before
-    connection.send(("ready", None))
+    connection.send(("begun", None))
     pace = Pace(period)
     try:
         while not connection.poll():
@@ -211,6 +212,6 @@ def _tick(servo: Servo, pace: Pace, watchdog: Watchdog, link: ServoLink) -> None
     watchdog.leave()
     if watchdog.opened:
         raise OSError(f"it did not return for {1e3 * STALL:.0f} ms")
-    probe = replace(servo.probe(), ticks=pace.ticks, late=pace.late, stalls=pace.stalls, beat=time.monotonic())
+    probe = replace(servo.probe(), ticks=pace.ticks, late=pace.late, stalls=pace.stalls)
     link.probe.write(probe.as_vector())
     servo.set_closed(pace.wait())

@@ -1,6 +1,7 @@
 """The benchmark of the servo, shortened: its keys, and that the parts without a clock meet their targets."""
 
 import json
+import os
 
 import pytest
 
@@ -24,6 +25,8 @@ def test_the_servo_is_measured(tmp_path, monkeypatch, capsys):
     assert found["force_rms_error_share"] < 0.1
     assert 0.0 <= found["energy_generated_mj"] < 0.1
     assert "busy cores" not in capsys.readouterr().out
+    assert isinstance(found["priority"], bool)
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER  # this process and what it starts stay as they were
 
 
 def test_too_short_a_time_is_refused(monkeypatch):

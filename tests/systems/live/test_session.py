@@ -88,6 +88,24 @@ def session(tmp_path):
     page.close()
 
 
+def press_in_turn(monkeypatch, session, buttons, wait=60.0):
+    """A person with an open page, who presses a button when the session asks for it.
+
+    An AssertionError ends a session that asks for another button for too long.
+    """
+    waiting, end = list(buttons), time.monotonic() + wait
+
+    def clicked(_, button):
+        if time.monotonic() > end:
+            raise AssertionError(f"{waiting} were not asked for after: {session.messages}")
+        return waiting[:1] == [button] and bool(waiting.pop(0))
+
+    monkeypatch.setattr(LivePage, "is_shown", True)
+    monkeypatch.setattr(Buttons, "clicked", clicked)
+    monkeypatch.setattr(Buttons, "any_waiting", lambda _, *labels: False)
+    monkeypatch.setattr(Buttons, "forget_clicks", lambda _: None)
+
+
 def test_session_without_an_open_page_gives_its_address_and_ends(session, monkeypatch):
     monkeypatch.setattr(systems.live.session, "ABSENCE_NOTICE", 0.1)
     dut = session(absence_limit=0.3)
@@ -102,18 +120,7 @@ def test_lost_device_is_reported_closed_and_opened_again(session, monkeypatch, t
     monkeypatch.setenv("CLOSED", str(tmp_path / "closed.txt"))
     driver = "tests.systems.servo.drivers:Raising"
     dut = session(driver=driver)
-    presses = iter([START, START, QUIT])
-    next_press = {"button": next(presses)}
-
-    def clicked(_, button):
-        if button != next_press["button"]:
-            return False
-        next_press["button"] = next(presses, None)
-        return True
-
-    monkeypatch.setattr(LivePage, "is_shown", True)
-    monkeypatch.setattr(Buttons, "clicked", clicked)
-    monkeypatch.setattr(Buttons, "forget_clicks", lambda _: None)
+    press_in_turn(monkeypatch, dut, [START, START, QUIT])
     assert dut.run() == []
     lost = f"device lost (device driver '{driver}': unplugged): demonstration discarded, Space starts another"
     assert dut.messages.count(lost) == 2
@@ -125,11 +132,7 @@ def test_lost_device_is_reported_closed_and_opened_again(session, monkeypatch, t
 def test_a_demonstration_with_a_device_is_kept(session, monkeypatch):
     """The loopback device inserts the peg; the verdict is good."""
     dut = session(driver="loopback")
-    clicks = [START, GOOD, QUIT]
-    monkeypatch.setattr(LivePage, "is_shown", True)
-    monkeypatch.setattr(Buttons, "clicked", lambda _, label: clicks[:1] == [label] and bool(clicks.pop(0)))
-    monkeypatch.setattr(Buttons, "any_waiting", lambda _, *labels: False)
-    monkeypatch.setattr(Buttons, "forget_clicks", lambda _: None)
+    press_in_turn(monkeypatch, dut, [START, GOOD, QUIT])
     (path,) = dut.run()
     found = read_demonstration(path)
     assert found.good

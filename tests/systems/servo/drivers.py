@@ -4,13 +4,20 @@ import os
 import time
 from pathlib import Path
 
+import numpy as np
+
 from systems.operators.loopback_device import LoopbackDevice
 
 TICKS = 300
 
 
 class _Failing(LoopbackDevice):
+    """Its hand stays where it is: a demonstration on a busy machine does not end before the driver fails."""
+
     reads = 0
+
+    def __init__(self):
+        super().__init__(lambda t: np.zeros(6))
 
     def read_pose(self):
         self.reads += 1
