@@ -25,7 +25,12 @@ from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 from systems.math.rotation import from_rotation_vector, rotation_vector
 
 GROUP = "haptic_skill.devices"
-SPACE_MOUSE, LOOPBACK = "spacemouse", "loopback"  # names of the drivers that this project provides
+SPACE_MOUSE, LOOPBACK = "spacemouse", "loopback"
+PROVIDED = {
+    LOOPBACK: "systems.operators.loopback_device:LoopbackDevice",
+    SPACE_MOUSE: "systems.operators.space_mouse:SpaceMouse",
+}
+"""Import paths of the drivers of this project, by their names."""
 
 
 class LiveDevice(Protocol):
@@ -54,20 +59,13 @@ def find_device(name: str) -> Callable[[], LiveDevice]:
     Raises:
         ValueError: If there is none; the message lists the available names.
     """
-    if name == LOOPBACK:
-        from systems.operators.loopback_device import LoopbackDevice
-
-        return LoopbackDevice
-    if ":" in name:
-        return _imported(name)
-    if name == SPACE_MOUSE:
-        from systems.operators.space_mouse import SpaceMouse
-
-        return SpaceMouse
+    path = PROVIDED.get(name, name)
+    if ":" in path:
+        return _imported(path)
     drivers = {point.name: point for point in entry_points(group=GROUP)}
     if name not in drivers:
         raise ValueError(
-            f"device driver '{name}' is not installed; found {sorted([*drivers, LOOPBACK, SPACE_MOUSE])}; a package"
+            f"device driver '{name}' is not installed; found {sorted([*drivers, *PROVIDED])}; a package"
             f" provides a driver through the entry point group '{GROUP}'"
         )
     factory: Callable[[], LiveDevice] = drivers[name].load()

@@ -14,15 +14,13 @@ from pydrake.math import RigidTransform
 
 from skill.arrays import Array
 from systems.math.rotation import from_rotation_vector, rotation_vector
+from systems.plant.contact_forces import FACE_NORMAL
 
 SECTORS, LAYERS = 8, 2
 """Faces are joined that push in the same of eight directions, in the same of two halves of the contact's height."""
 
 QUADRANTS = 4
 """Faces that push along the axis are joined in each quadrant."""
-
-UPRIGHT = math.cos(math.radians(30.0))
-"""Part of a normal along the axis of the hole above which a face pushes along the axis."""
 
 MAX_SPRINGS = SECTORS * LAYERS + 2 * QUADRANTS
 """Springs of a model at most."""
@@ -63,7 +61,7 @@ class Springs:
         layer = np.minimum(LAYERS * (z - z.min()) / (np.ptp(z) + 1e-9), LAYERS - 1).astype(int)
         sector = _part(self.normals[:, 0], self.normals[:, 1], SECTORS)
         quadrant = _part(x, y, QUADRANTS)
-        axial = np.abs(self.normals[:, 2]) > UPRIGHT
+        axial = np.abs(self.normals[:, 2]) > FACE_NORMAL
         upward = (self.normals[:, 2] > 0).astype(int)
         keys = np.where(axial, SECTORS * LAYERS + upward * QUADRANTS + quadrant, layer * SECTORS + sector)
         _, group = np.unique(keys, return_inverse=True)

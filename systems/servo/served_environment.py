@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.common.value import Value
-from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 
@@ -19,7 +18,6 @@ from systems.servo.local_contact import LocalContact, Springs
 from systems.servo.multirate_margins import require_multirate_margins
 from systems.servo.probe import Probe
 from systems.virtual_environment import PegEnvironment, add_coupling, start_pose
-from systems.visualization.scene import AddVisualization
 
 
 class ServedProbe(LeafSystem):
@@ -104,12 +102,11 @@ class ServedEnvironment(PegEnvironment):
         return LocalContact(time, peg.EvalPoseInWorld(own), V_HP, springs.joined())
 
 
-def MakeServedEnvironment(scenario: Scenario, *, meshcat: Meshcat | None = None) -> ServedEnvironment:
+def MakeServedEnvironment(scenario: Scenario) -> ServedEnvironment:
     """Builds the environment of a resolved scenario for a probe that a servo moves.
 
     Args:
         scenario: resolved (see `resolve_scenario`).
-        meshcat: Meshcat to draw into; None draws nothing.
 
     Raises:
         ValueError: if the scenario is not resolved, or its coupling is not stable (see `multirate_margins`).
@@ -123,8 +120,6 @@ def MakeServedEnvironment(scenario: Scenario, *, meshcat: Meshcat | None = None)
     for receiver in (proxy, recorder):
         builder.Connect(probe.GetOutputPort("probe_pose"), receiver.GetInputPort("probe_pose"))
     builder.Connect(probe.GetOutputPort("probe_velocity"), proxy.GetInputPort("probe_velocity"))
-    if meshcat is not None:
-        AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
     diagram = builder.Build()
     diagram.set_name("served_environment")
     return ServedEnvironment(diagram, contact, log, X_HP_start, probe)

@@ -53,9 +53,9 @@ class Servo:
         """Time at the end of the last tick, s."""
         return self._ticks * self.period
 
-    def start(self, X_HP: RigidTransform) -> None:
+    def start(self, X_HP_start: RigidTransform) -> None:
         """Starts with a free peg at rest."""
-        self.set_contact(LocalContact(0.0, X_HP, np.zeros(6), Springs.none()))
+        self.set_contact(LocalContact(0.0, X_HP_start, np.zeros(6), Springs.none()))
         self.set_closed(True)
         self._simulator.Initialize()
 
