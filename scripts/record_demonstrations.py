@@ -2,78 +2,15 @@
 
 from __future__ import annotations
 
-import os
-import sys
-import webbrowser
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from scripts.command_line import command, make_app, run_app
 from scripts.options import Bad, Good, Jobs, OptionalOutFolder, OptionalScenarioName, Overwrite, Seed, parse_path
 
-if TYPE_CHECKING:
-    from models.scenario import Scenario
-
 app = make_app()
-
-
-def record_live(
-    *,
-    out: Path,
-    seed: int,
-    scenario: str,
-    driver: str | None,
-    port: int | None,
-    host: str | None = None,
-    asked: Path | None = None,
-) -> list[Path]:
-    """Runs a session in the browser with a person at the controls, and returns the recordings that they kept.
-
-    With ``asked``, a file of situations, each demonstration begins in one of them.
-
-    Raises:
-        ValueError: if the scenario is not valid or not stable, no device driver has the name ``driver``, or the file
-            of situations is not valid.
-        OSError: if the folder ``out`` cannot be written, or the page cannot listen at ``host`` and ``port``.
-    """
-    from models.scenario import load_scenario
-    from skill.practice.situation import read_situations
-    from systems.haptics.coupling_margins import require_margins
-    from systems.live.access import LOCAL_HOST
-    from systems.live.page import open_live_page
-    from systems.live.session import LiveSession, asked_scenario, live_scenario
-    from systems.operators.device_operator import find_device
-    from systems.reports.terminal import say
-    from systems.servo.multirate_margins import require_multirate_margins
-    from systems.sessions.margin_table import print_margins
-
-    chosen = load_scenario(scenario)
-    margins = require_margins(chosen) if driver is None else require_multirate_margins(chosen)
-    situations = read_situations(asked) if asked is not None else []
-
-    def start_of(number: int) -> Scenario:
-        if situations:
-            return asked_scenario(chosen, situations, seed=seed, number=number)
-        return live_scenario(chosen, seed=seed, number=number)
-
-    for number in range(max(1, len(situations))):  # all are checked before the page opens
-        start_of(number)
-    if driver is not None:
-        find_device(driver)
-    page = open_live_page(host=host or LOCAL_HOST, port=port)
-    try:
-        print_margins(margins)
-        for line in page.announcement():
-            say(line)
-        if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-            webbrowser.open(page.address)  # without a desktop this could start a text browser in the terminal
-        kept = LiveSession(start_of=start_of, out=out, page=page, tell=say, driver=driver).run()
-    finally:
-        page.close()
-    say(f"{len(kept)} demonstrations kept in {out}")
-    return kept
 
 
 @app.command()
@@ -96,6 +33,14 @@ def main(
             parser=parse_path,
             metavar="FILE",
             help="With --live: begin in the situations of this file, by `haptic-skill recover --ask --json FILE`.",
+        ),
+    ] = None,
+    skill: Annotated[
+        Path | None,
+        typer.Option(
+            parser=parse_path,
+            metavar="FILE",
+            help="With --live: skill that names the contact states while you demonstrate, and shows what it would do.",
         ),
     ] = None,
     host: Annotated[
@@ -125,13 +70,16 @@ def main(
         raise typer.BadParameter("--overwrite is not for --live: live recordings are never deleted")
     if live:
         from systems.outputs.live_folder import open_live_folder
+        from systems.sessions.live_session import record_live
 
         folder = out or Path("out/live")
         with open_live_folder(folder):
             chosen = scenario or ("device" if driver else "live")
-            record_live(out=folder, seed=seed, scenario=chosen, driver=driver, host=host, port=port, asked=asked)
-    elif (driver, host, port, asked) != (None, None, None, None):
-        raise typer.BadParameter("--driver, --host, --port and --asked need --live")
+            record_live(
+                out=folder, seed=seed, scenario=chosen, driver=driver, host=host, port=port, asked=asked, skill=skill
+            )
+    elif {driver, host, port, asked, skill} != {None}:
+        raise typer.BadParameter("--driver, --host, --port, --asked and --skill need --live")
     else:
         from systems.sessions.record_session import record
 

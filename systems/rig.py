@@ -67,7 +67,7 @@ def WireRig(
             f"scenario.start.depth is {scenario.start.depth:g} m; expected 0 on the rig, which checks its sensor in"
             " free air before the first touch"
         )
-    _check_geometry(scenario, skill)
+    check_geometry(scenario, skill)
     pitch, yaw = start_angles(scenario)
     parts = _add_parts(builder, scenario, skill, contact, angles={"pitch": pitch, "yaw": yaw})
     _connect_sensors(builder, contact, parts)
@@ -296,7 +296,12 @@ def _add_recorder(builder: DiagramBuilder, scenario: Scenario, contact: RigPlant
     )
 
 
-def _check_geometry(scenario: Scenario, policy: RigPolicy) -> None:
+def check_geometry(scenario: Scenario, policy: RigPolicy) -> None:
+    """Checks that a policy was made for the peg and hole of a scenario, if it says for which.
+
+    Raises:
+        ValueError: if it was made for another peg or hole.
+    """
     trained = PegHoleGeometry.find(policy.metadata_, "the skill")
     if trained is None:
         return  # foreign demonstrations need not state their geometry

@@ -14,6 +14,7 @@ from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 from models.hardware import DEVICE_PRESETS
 from models.scenario import RIG_FIXTURE, Scenario
 from skill.arrays import Array
+from skill.data.demonstration import COLUMNS
 from systems.haptics.coupling_margins import require_margins
 from systems.haptics.haptic_device import HapticDevice
 from systems.haptics.haptic_proxy import HapticProxy
@@ -82,6 +83,17 @@ class PegEnvironment:
     def min_energy(self, context: Context) -> float:
         """Returns the minimum, so far, of the energy that the hand has put in, J."""
         raise NotImplementedError
+
+    def last_sample(self, context: Context) -> dict[str, float]:
+        """Returns the newest row of the recording by its columns (`COLUMNS`).
+
+        Raises:
+            ValueError: if nothing has been recorded.
+        """
+        log = self.log.FindLog(context)
+        if not log.num_samples():
+            raise ValueError("nothing has been recorded yet")
+        return dict(zip(COLUMNS, [log.sample_times()[-1], *log.data()[:, -1]], strict=True))
 
     def contact_force(self, context: Context) -> tuple[Array, Array] | None:
         """Returns the centroid of the contact surface (m) and the contact force on the peg (N), in W.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ from pydrake.systems.framework import DiagramBuilder
 
 from models.scenario import Scenario
 from skill.arrays import Array
+from skill.practice.policy_observer import Judgement
+from skill.states.state_style import state_colours
 from systems.live.clock import Deadlines
 from systems.live.page import LivePage
 from systems.live.scene import LiveScene
@@ -26,6 +29,11 @@ HEAD_LENGTH = 0.004  # in units of m
 LOW, HIGH, SATURATED = Rgba(0.10, 0.55, 0.20), Rgba(0.93, 0.62, 0.05), Rgba(0.85, 0.05, 0.08)
 CONTACT = Rgba(0.16, 0.38, 0.88)
 HAND = Rgba(0.12, 0.14, 0.16, 0.22)
+FEED = Rgba(0.55, 0.16, 0.62)
+FEED_SCALE = 1.0  # in units of m/s per m of arrow
+FEED_HEIGHT = 0.022  # in units of m, of the start of the arrow over the tip
+LOOK_AHEAD = 0.5  # in units of s, over which the dial shows the skill's turn
+GHOST = 0.98  # of the peg's size: surfaces at the same place would flicker
 HIGH_LOAD = 0.5  # load of the device above which the rendered force has the colour HIGH
 # Key and camera position of each view, in m in the frame V of the person (x right, y away from the person).
 VIEWS = {
@@ -37,12 +45,12 @@ CAMERA_TARGET = np.array([0.0, 0.0, 0.004])  # in units of m, in W
 
 
 class Arrow:
-    """An arrow of a force, drawn over the other objects so that the peg does not hide it.
+    """An arrow of a force or a velocity, drawn over the other objects so that the peg does not hide it.
 
     Args:
         scene: scene to draw into.
         name: name of the arrow, whose path is ``live/name``.
-        scale: force per length of the arrow, N/m.
+        scale: force or velocity per length of the arrow, N/m or (m/s)/m.
         order: drawing order; the arrow with the highest order is on top.
     """
 
@@ -61,7 +69,7 @@ class Arrow:
 
         Args:
             start: (3,), start of the arrow in W, m.
-            force: (3,), force in W, N.
+            force: (3,), force or velocity in W, N or m/s.
             colour: colour of the arrow.
         """
         magnitude = float(np.linalg.norm(force))
@@ -127,6 +135,7 @@ class LiveDisplay:
         self._page = page
         self._rendered = Arrow(page.scene, "rendered_force", scale=RENDERED_SCALE, order=11.0)
         self._contact = Arrow(page.scene, "contact_force", scale=CONTACT_SCALE, order=10.0)
+        self._feed = Arrow(page.scene, "skill_feed", scale=FEED_SCALE, order=12.0)
         for label, (key, _) in VIEWS.items():
             page.controls.AddButton(label, key)
         self._view_clicks = dict.fromkeys(VIEWS, 0)
@@ -143,10 +152,13 @@ class LiveDisplay:
         contact = AddVirtualPlant(DiagramBuilder(), scenario)
         self._page.scene.draw_plant(contact)
         g = scenario.geometry
-        self._page.scene.SetObject("live/hand/ghost", Cylinder(g.peg_radius, g.peg_length), HAND)
+        self._page.scene.SetObject("live/hand/ghost", Cylinder(GHOST * g.peg_radius, GHOST * g.peg_length), HAND)
         self._page.scene.SetTransform("live/hand/ghost", RigidTransform([0.0, 0.0, 0.5 * g.peg_length]))
-        self.move_peg(start_pose(scenario))
-        self.move_hand(start_pose(scenario))
+        X_HP = start_pose(scenario)
+        self.move_peg(X_HP)
+        self.move_hand(X_HP)
+        self._feed.draw(X_HP.translation(), np.zeros(3), FEED)
+        self._page.show(skill=None)
 
     def move_peg(self, X_HP: RigidTransform) -> None:
         """Draws the peg at a pose."""
@@ -176,16 +188,42 @@ class LiveDisplay:
         point, contact_force = contact if contact is not None else (tip, np.zeros(3))
         self._contact.draw(point, contact_force, CONTACT)
 
+    def show_judgement(
+        self, judgement: Judgement, *, names: Sequence[str], X_HP: RigidTransform, period: float
+    ) -> None:
+        """Shows the state that a policy sees, and what it would do: its feed as an arrow, its turn in the dial.
+
+        Args:
+            judgement: of the policy.
+            names: of its states.
+            X_HP: pose of the peg.
+            period: of the policy, s.
+        """
+        feed, turn = judgement.action.feed / period, judgement.action.turn / period
+        axis = X_HP.rotation().col(2)
+        self._feed.draw(X_HP.translation() + FEED_HEIGHT * axis, feed * axis, FEED)
+        turned = X_HP.rotation() @ from_rotation_vector(np.array([*(LOOK_AHEAD * turn), 0.0]))
+        self._page.show(
+            skill={
+                "state": names[judgement.state],
+                "colour": state_colours(len(names))[judgement.state],
+                "known": judgement.known,
+                "feed": feed,
+                "turn": float(np.linalg.norm(turn)),
+                "tilt": _seen_tilt(axis),
+                "turned": _seen_tilt(turned.col(2)),
+            }
+        )
+
     def show_readings(self, readings: Readings) -> None:
         """Shows readings in the panel; panel.html lists their names and units."""
         colour = load_colour(readings.load)
-        tilt = np.degrees(R_HV.inverse() @ readings.X_HP.rotation().col(2))
         self._page.show(
             force=float(np.linalg.norm(readings.wrench[3:])),
             moment=float(np.linalg.norm(readings.wrench[:3])),
             load=readings.load,
             colour=f"rgb({255 * colour.r():.0f}, {255 * colour.g():.0f}, {255 * colour.b():.0f})",
-            tilt={"right": float(tilt[0]), "away": float(tilt[1])},
+            tilt=_seen_tilt(readings.X_HP.rotation().col(2)),
             depth={"tip": readings.depth, "full": readings.full_depth},
             rate=readings.rate,
             deadlines=asdict(readings.deadlines),
@@ -205,6 +243,12 @@ class LiveDisplay:
             if clicks != self._view_clicks[label]:
                 self._view_clicks[label], self._view = clicks, label
                 self.reset_camera()
+
+
+def _seen_tilt(axis: Array) -> dict[str, float]:
+    """Returns the tilt of an axis (3,) as the person sees it, degrees."""
+    tilt = np.degrees(R_HV.inverse() @ axis)
+    return {"right": float(tilt[0]), "away": float(tilt[1])}
 
 
 def load_colour(load: float) -> Rgba:

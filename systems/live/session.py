@@ -13,6 +13,9 @@ from models.scenario import LIVE_STREAM, Scenario, resolve_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.outcome import Ending, Outcome
 from skill.data.tables import TooShortError
+from skill.features.wrench_features import MEASURED
+from skill.policy import RigPolicy
+from skill.practice.policy_observer import PolicyObserver
 from skill.practice.situation import Situation
 from systems.live.buttons import BAD, DISCARD, GOOD, MOTION_HELP, QUIT, SESSION_HELP, START, Buttons
 from systems.live.clock import Deadlines
@@ -43,6 +46,7 @@ class LiveSession:
         tell: receives the messages that the page shows too, for example a console.
         driver: name of the driver of the person's haptic device (see `find_device`), which runs in the servo's process;
             None uses sliders, keys and gamepad of the page.
+        policy: names the contact states while the person demonstrates, and shows what it would do; None shows nothing.
         absence_limit: time without an open page after which the session ends, s.
     """
 
@@ -54,10 +58,12 @@ class LiveSession:
         page: LivePage,
         tell: Callable[[str], None] = print,
         driver: str | None = None,
+        policy: RigPolicy | None = None,
         absence_limit: float = 120.0,
     ) -> None:
         self._start_of, self._out, self._page = start_of, out, page
         self._tell, self._driver, self._absence_limit = tell, driver, absence_limit
+        self._policy = policy
         self._buttons = Buttons(page.controls)
         if driver is None:
             add_sliders(page.controls, np.zeros(5))
@@ -174,9 +180,12 @@ class LiveSession:
     def _simulate(self, live: LiveRun, resolved: Scenario) -> Ending | None:
         """Returns how the demonstration ended, or None if the page was closed."""
         last_drawn, last_reading, last_reading_time = 0.0, time.monotonic(), 0.0
+        observer = PolicyObserver(self._policy) if self._policy is not None else None
         self._say("recording: G keep as good, B keep as bad, X discard")
         while True:
             ending = live.advance()
+            if observer is not None:
+                self._show_judgement(observer, live)
             if ending is not None or time.monotonic() - last_drawn > FRAME:
                 last_drawn = time.monotonic()
                 self._draw(live)
@@ -245,6 +254,22 @@ class LiveSession:
         self._display.move_peg(X_HP)
         self._display.move_hand(live.hand())
         self._display.draw_forces(X_HP.translation(), rendered.wrench[3:], load=rendered.load, contact=contact)
+
+    def _show_judgement(self, observer: PolicyObserver, live: LiveRun) -> None:
+        """Shows what the policy thinks of the newest sample."""
+        assert self._policy is not None
+        context = live.run.simulator.get_context()
+        sample = live.environment.last_sample(context)
+        try:
+            judgement = observer.watch([sample[name] for name in MEASURED], [sample["rx"], sample["ry"]])
+        except ValueError:
+            return  # a run that diverges has samples that are not finite
+        self._display.show_judgement(
+            judgement,
+            names=self._policy.state_names(),
+            X_HP=live.environment.peg_pose(context),
+            period=self._policy.period_,
+        )
 
     def _show_readings(self, live: LiveRun, resolved: Scenario, *, rate: float) -> None:
         X_HP = live.environment.peg_pose(live.run.simulator.get_context())

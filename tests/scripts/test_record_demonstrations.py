@@ -12,10 +12,11 @@ import pytest
 import yaml
 
 import skill.figures.paper_figures  # noqa: F401  imports write_atomically before a test replaces it
-from models.scenario import load_scenario
+from models.scenario import dump_scenario, load_scenario
 from skill.data.demonstration import read_demonstration
 from skill.data.tables import write_atomically
 from systems.runs.demonstration_set import OPERATORS, requests
+from systems.sessions.live_session import record_live
 from systems.sessions.record_session import record
 from tests.scripts.commands import ROOT, error_line, invoke
 
@@ -139,7 +140,7 @@ def test_the_margins_are_printed_and_an_unstable_scenario_is_refused(tmp_path, q
 
 
 def test_the_functions_behind_the_commands_raise_their_errors(tmp_path):
-    from scripts import demo, record_demonstrations
+    from scripts import demo
     from systems.runs.practice_rounds import Practice
     from systems.runs.trial import Arm
     from systems.sessions import practice_session
@@ -150,7 +151,7 @@ def test_the_functions_behind_the_commands_raise_their_errors(tmp_path):
     with pytest.raises(ValueError, match="nominel"):
         demo.demo(out=nowhere, good=1, bad=0, trials=1, seed=0, scenario="nominel", jobs=1)
     with pytest.raises(ValueError, match="nominel"):
-        record_demonstrations.record_live(out=nowhere, seed=0, scenario="nominel", driver=None, port=None)
+        record_live(out=nowhere, seed=0, scenario="nominel", driver=None, port=None)
     with pytest.raises(ValueError, match="no demonstrations"):
         train(demonstrations=[nowhere], out=nowhere / "skill.npz", seed=0)
     rig = {"trials": 1, "seed": 0, "tilt_deg": None, "friction": None, "out": nowhere, "json": None, "jobs": 1}
@@ -162,3 +163,14 @@ def test_the_functions_behind_the_commands_raise_their_errors(tmp_path):
             **{"skill": nowhere, "out": nowhere, "practice": Practice(), "held_out": 2, "held_out_seed": 0},
             **{"scenario": "nominal", "jobs": 1},
         )
+
+
+def test_a_skill_of_another_hole_or_period_cannot_watch(tmp_path, quick_scenario, skill_file):
+    page = {"out": tmp_path, "seed": 0, "driver": None, "port": None, "skill": skill_file}
+    with pytest.raises(ValueError, match="the skill was trained for geometry"):
+        record_live(scenario="nominal", **page)
+    quick_scenario.recorder.period = 0.01
+    path = tmp_path / "fast.yaml"
+    path.write_text(dump_scenario(quick_scenario))
+    with pytest.raises(ValueError, match=r"the skill acts every 0.02 s, the scenario records every 0.01 s"):
+        record_live(scenario=str(path), **page)

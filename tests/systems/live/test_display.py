@@ -6,9 +6,12 @@ from pydrake.geometry import Cylinder, Rgba
 from pydrake.math import RigidTransform
 
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
+from skill.policy import Action
+from skill.practice.policy_observer import Judgement
 from systems.live.clock import Deadlines
-from systems.live.display import CONTACT, HIGH, LOW, SATURATED, VIEWS, Arrow, LiveDisplay, Readings, load_colour
+from systems.live.display import CONTACT, FEED, HIGH, LOW, SATURATED, VIEWS, Arrow, LiveDisplay, Readings, load_colour
 from systems.live.page import PANEL
+from systems.math.rotation import from_rotation_vector
 from systems.operators.meshcat_operator import R_HV, hand_pose
 
 START = np.array([0.01, 0.02, 0.03])
@@ -82,9 +85,9 @@ def test_colour_changes_at_half_the_limit_of_the_device_and_at_the_limit():
 def test_the_colours_are_green_orange_red_and_the_blue_of_the_panel():
     shade = lambda c: [round(255 * v) for v in (c.r(), c.g(), c.b())]  # noqa: E731
     assert [shade(c) for c in (LOW, HIGH, SATURATED)] == [[26, 140, 51], [237, 158, 13], [217, 13, 20]]
-    assert (
-        "#{:02x}{:02x}{:02x}".format(*shade(CONTACT)) in re.search(r"\.contact \{ color: (.*?);", PANEL.read_text())[1]
-    )
+    for name, colour in (("contact", CONTACT), ("skill", FEED)):
+        stated = re.search(rf"\.{name} \{{ color: (.*?);", PANEL.read_text())[1]
+        assert stated == "#{:02x}{:02x}{:02x}".format(*shade(colour))
 
 
 @pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, -0.6, 0.8], [0.0, 0.0, 1.0], [0.6, 0.0, -0.8]])
@@ -179,12 +182,13 @@ def test_the_rendered_force_is_the_next_layer_above_the_contact_force(browser, d
     assert contact > 0.0  # the order of all other objects
 
 
-def test_the_ghost_of_the_hand_has_the_shape_of_the_peg_and_covers_it_at_the_start(browser, display):
+def test_the_ghost_of_the_hand_lies_just_inside_the_peg_at_the_start(browser, display):
     scenario = resolve_scenario(load_scenario("live"), seed=1, stream=LIVE_STREAM)
     display.draw_start(scenario)
     ghost = browser.shapes["live/hand/ghost"]
-    assert (ghost.radius(), ghost.length()) == (scenario.geometry.peg_radius, scenario.geometry.peg_length)
-    assert browser.transforms["live/hand/ghost"][2, 3] == 0.5 * ghost.length()  # its tip is the hand's
+    radius, length = scenario.geometry.peg_radius, scenario.geometry.peg_length
+    assert (ghost.radius(), ghost.length()) == pytest.approx((0.98 * radius, 0.98 * length))
+    assert browser.transforms["live/hand/ghost"][2, 3] == 0.5 * length  # its centre is the hand's
     np.testing.assert_array_equal(browser.transforms["live/hand"], browser.transforms["plant/peg"])
     display.move_hand(RigidTransform([0.0, 0.0, -0.002]))
     assert browser.transforms["live/hand"][2, 3] == -0.002
@@ -262,3 +266,32 @@ def test_the_camera_only_moves_when_a_button_of_a_view_is_clicked(browser, displ
     browser.clicks[cut] += 1
     display.follow_view_buttons()
     assert view(browser)[1] < 30.0
+
+
+def judgement(turn, feed, *, state=1, known=True):
+    return Judgement(state, known, Action(np.array(turn), feed, np.array([0.2, 0.8])))
+
+
+def test_what_the_skill_would_do_is_an_arrow_along_the_axis_and_a_line_in_the_dial(browser, display):
+    """In 20 ms it feeds 0.2 mm and turns by 1 mrad: 10 mm/s, and 50 mrad/s."""
+    X_HP = RigidTransform(from_rotation_vector(np.array([0.03, 0.0, 0.0])), START)
+    axis = np.array([0.0, -np.sin(0.03), np.cos(0.03)])
+    display.show_judgement(judgement([1e-3, 0.0], -2e-4), names=["free", "chamfer"], X_HP=X_HP, period=0.02)
+    _, head = browser.arrow("skill_feed")
+    np.testing.assert_allclose(at(head, 0, 0, 0), START + (0.022 - 0.010) * axis, atol=1e-12)
+    shown = browser.values["skill"]
+    assert (shown["state"], shown["colour"], shown["known"]) == ("chamfer", "#E69F00", True)
+    assert shown["feed"] == pytest.approx(-0.01)
+    assert shown["turn"] == pytest.approx(0.05)
+    for name, angle in (("tilt", 0.03), ("turned", 0.03 + 0.5 * 0.05)):
+        seen = np.degrees(R_HV.inverse() @ np.array([0.0, -np.sin(angle), np.cos(angle)]))
+        assert [shown[name]["right"], shown[name]["away"]] == pytest.approx(seen[:2])
+
+
+def test_before_a_demonstration_nothing_is_shown_of_the_skill(browser, display):
+    scenario = resolve_scenario(load_scenario("live"), seed=0, stream=LIVE_STREAM)
+    display.show_judgement(judgement([0.0, 0.0], -2e-4), names=["a", "b"], X_HP=RigidTransform(), period=0.02)
+    display.draw_start(scenario)
+    assert browser.values["skill"] is None
+    _, head = browser.arrow("skill_feed")
+    np.testing.assert_allclose(np.linalg.norm(head[:3, :3], axis=0), 1e-6)

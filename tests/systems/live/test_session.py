@@ -18,7 +18,7 @@ import systems.live.clock
 import systems.live.live_run
 import systems.live.session
 from models.hardware import DEVICE_PRESETS
-from models.scenario import load_scenario
+from models.scenario import dump_scenario, load_scenario
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.outcome import Ending, Outcome
 from skill.data.tables import TooShortError
@@ -545,6 +545,34 @@ def test_a_person_begins_in_the_pose_that_a_skill_asked_to_be_shown(tmp_path):
     first = read_demonstration(tmp_path / "out" / "000_bad_live.parquet").samples.iloc[0]
     assert first["z"] == pytest.approx(-0.0015, abs=1e-4)
     assert first["angle"] == pytest.approx(0.02, abs=2e-3)
+
+
+@pytest.mark.slow
+def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, quick_scenario, skill, skill_file):
+    """The script pushes a tilted peg onto the chamfer: the skill sees another contact state than in free motion."""
+    quick_scenario.start.tilt = [0.035, 0.0]
+    scenario = yaml.safe_load(dump_scenario(quick_scenario)) | {"recorder": {"time_limit": 60.0}}
+    with live(tmp_path, scenario, options=("--skill", str(skill_file))) as session, session.page() as page:
+        wait_for_text(page, "status", "ready: press Space")
+        assert page.run("return document.getElementById('skill').hidden")
+        press(page, " ")
+        session.wait_for("recording:")
+        seen, turns = set(), []
+        for _ in range(15):
+            press(page, "w", times=2, pause=0.1)
+            seen.add(text_of(page, "skill-state").removesuffix(" (unlike any demonstration)"))
+            turns.append(float(text_of(page, "skill-rate").removesuffix(" °/s")))
+        keep_picture(page, "skill")
+        assert not page.run("return document.getElementById('skill').hidden")
+        assert page.run("return document.getElementById('skill-turn').getAttribute('visibility')") == "visible"
+        press(page, "x")
+        session.wait_for("discarded: Space starts another")
+        wait_for_text(page, "status", "discarded")
+        assert page.run("return document.getElementById('skill').hidden")
+        press(page, "q")
+    assert seen <= set(skill.state_names())
+    assert len(seen) > 1
+    assert max(turns) > 1.0  # it would level the peg
 
 
 @pytest.mark.slow
