@@ -79,6 +79,7 @@ release: environment
 docs: environment
 	$(RUN) pip install --quiet --editable ".[docs]" $(CONSTRAINTS:%=--constraint %)
 	$(RUN) sphinx --fail-on-warning --keep-going --quiet --doctree-dir out/doctrees docs out/docs
+	! grep --recursive --files-with-matches "&lt;Figure size" out/docs/notebooks  # a figure that is only named
 
 # A stamp in the environment says that it is complete and newer than what it was made from.
 environment .venv:

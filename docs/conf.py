@@ -42,9 +42,11 @@ sphinx_gallery_conf = {
     "examples_dirs": "tutorials",
     "gallery_dirs": "gallery",
     "abort_on_example_error": True,
+    "capture_repr": ("_repr_html_",),  # not "<Legend object at ...>"
     "remove_config_comments": True,
     "show_memory": False,
     "show_signature": False,
+    "write_computation_times": False,  # its pages load scripts from other sites
     "within_subsection_order": "FileNameSortKey",
 }
 
