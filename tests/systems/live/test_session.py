@@ -547,6 +547,22 @@ def test_a_person_begins_in_the_pose_that_a_skill_asked_to_be_shown(tmp_path):
     assert first["angle"] == pytest.approx(0.02, abs=2e-3)
 
 
+HIDDEN_PARTS = """
+  // Parts of the page that lie over each other, and readings that are cut off.
+  const box = e => e.getBoundingClientRect();
+  const parts = ["#status", "#card", "#strip", ".dg.main"].map(name => document.querySelector(name));
+  const name = e => e.id || e.className;
+  const over = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+  const found = [];
+  parts.forEach((a, i) => parts.slice(i + 1).forEach(b => over(box(a), box(b)) && found.push([name(a), name(b)])));
+  for (const id of ["depth", "skill-state", "skill-rate"]) {
+    const reading = box(document.getElementById(id));
+    if (reading.height === 0 || reading.bottom > box(document.getElementById("card")).bottom) found.push([id]);
+  }
+  return found;
+"""
+
+
 @pytest.mark.slow
 def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, quick_scenario, skill, skill_file):
     """The script pushes a tilted peg onto the chamfer: the skill sees another contact state than in free motion."""
@@ -565,6 +581,12 @@ def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, q
         keep_picture(page, "skill")
         assert not page.run("return document.getElementById('skill').hidden")
         assert page.run("return document.getElementById('skill-turn').getAttribute('visibility')") == "visible"
+        for width, height, mobile in ((1280, 720, False), (844, 390, True)):  # of a laptop, of a phone
+            metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile}
+            page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+            time.sleep(0.5)
+            keep_picture(page, f"skill_{width}")
+            assert page.run(HIDDEN_PARTS) == []
         press(page, "x")
         session.wait_for("discarded: Space starts another")
         wait_for_text(page, "status", "discarded")
