@@ -35,7 +35,7 @@ def main(
             help="With --live: begin in the situations of this file, by `haptic-skill recover --ask --json FILE`.",
         ),
     ] = None,
-    skill: Annotated[
+    observer: Annotated[
         Path | None,
         typer.Option(
             parser=parse_path,
@@ -76,10 +76,10 @@ def main(
         with open_live_folder(folder):
             chosen = scenario or ("device" if driver else "live")
             record_live(
-                out=folder, seed=seed, scenario=chosen, driver=driver, host=host, port=port, asked=asked, skill=skill
+                out=folder, seed=seed, scenario=chosen, driver=driver, host=host, port=port, asked=asked, skill=observer
             )
-    elif {driver, host, port, asked, skill} != {None}:
-        raise typer.BadParameter("--driver, --host, --port, --asked and --skill need --live")
+    elif {driver, host, port, asked, observer} != {None}:
+        raise typer.BadParameter("--driver, --host, --port, --asked and --observer need --live")
     else:
         from systems.sessions.record_session import record
 
