@@ -178,12 +178,12 @@ def test_a_host_that_is_not_this_machine_is_one_line_before_anything_starts(tmp_
 
 
 @pytest.mark.parametrize(
-    "option", [("--host", "127.0.0.1"), ("--port", 7100), ("--asked", "asked.json"), ("--skill", "s.npz")]
+    "option", [("--host", "127.0.0.1"), ("--port", 7100), ("--asked", "asked.json"), ("--observer", "s.npz")]
 )
 def test_options_of_the_live_session_need_it(tmp_path, option):
     result = invoke("record", "--out", tmp_path / "out", *option)
     assert result.exit_code == 2
-    assert "--driver, --host, --port, --asked and --skill need --live" in result.stderr
+    assert "--driver, --host, --port, --asked and --observer need --live" in result.stderr
 
 
 def test_an_unstable_scenario_leaves_no_page_and_no_folder_behind(tmp_path, arguments):

@@ -568,7 +568,7 @@ def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, q
     """The script pushes a tilted peg onto the chamfer: the skill sees another contact state than in free motion."""
     quick_scenario.start.tilt = [0.035, 0.0]
     scenario = yaml.safe_load(dump_scenario(quick_scenario)) | {"recorder": {"time_limit": 60.0}}
-    with live(tmp_path, scenario, options=("--skill", str(skill_file))) as session, session.page() as page:
+    with live(tmp_path, scenario, options=("--observer", str(skill_file))) as session, session.page() as page:
         wait_for_text(page, "status", "ready: press Space")
         assert page.run("return document.getElementById('skill').hidden")
         press(page, " ")
