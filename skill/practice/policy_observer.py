@@ -33,10 +33,13 @@ class PolicyObserver:
 
     Args:
         policy: that is asked; it is not changed.
+
+    Attributes:
+        policy: the same.
     """
 
     def __init__(self, policy: RigPolicy) -> None:
-        self._policy = policy
+        self.policy = policy
         self._states, self._contexts = policy.state_filter(), policy.context_filter()
         self._belief, self._memory = self._states.initial_log_belief(), self._contexts.initial_memory()
         self._turned = np.zeros(2)
@@ -53,8 +56,8 @@ class PolicyObserver:
         """
         row = np.asarray(measured, dtype=float)
         self._turned = self._turned + np.asarray(turn, dtype=float)
-        estimate = self._states.step(self._belief, self._policy.measured_features(row))
+        estimate = self._states.step(self._belief, self.policy.measured_features(row))
         context = self._contexts.step(self._memory, observations(row, self._turned))
         self._belief, self._memory = estimate.log_belief, context.memory
-        action = self._policy.act(row, estimate.probabilities, context.probabilities)
+        action = self.policy.act(row, estimate.probabilities, context.probabilities)
         return Judgement(int(np.argmax(estimate.probabilities)), estimate.known, action)

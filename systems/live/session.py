@@ -257,18 +257,16 @@ class LiveSession:
 
     def _show_judgement(self, observer: PolicyObserver, live: LiveRun) -> None:
         """Shows what the policy thinks of the newest sample."""
-        assert self._policy is not None
         context = live.run.simulator.get_context()
         sample = live.environment.last_sample(context)
-        try:
-            judgement = observer.watch([sample[name] for name in MEASURED], [sample["rx"], sample["ry"]])
-        except ValueError:
-            return  # a run that diverges has samples that are not finite
+        if not np.isfinite(list(sample.values())).all():
+            return  # the run has diverged
+        judgement = observer.watch([sample[name] for name in MEASURED], [sample["rx"], sample["ry"]])
         self._display.show_judgement(
             judgement,
-            names=self._policy.state_names(),
+            names=observer.policy.state_names(),
             X_HP=live.environment.peg_pose(context),
-            period=self._policy.period_,
+            period=observer.policy.period_,
         )
 
     def _show_readings(self, live: LiveRun, resolved: Scenario, *, rate: float) -> None:

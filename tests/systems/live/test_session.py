@@ -19,9 +19,10 @@ import systems.live.live_run
 import systems.live.session
 from models.hardware import DEVICE_PRESETS
 from models.scenario import dump_scenario, load_scenario
-from skill.data.demonstration import Demonstration, read_demonstration
+from skill.data.demonstration import COLUMNS, Demonstration, read_demonstration
 from skill.data.outcome import Ending, Outcome
 from skill.data.tables import TooShortError
+from skill.practice.policy_observer import PolicyObserver
 from systems.live.buttons import BAD, DISCARD, GOOD, QUIT, START, Buttons
 from systems.live.controls import LiveControls
 from systems.live.display import SATURATED
@@ -545,6 +546,20 @@ def test_a_person_begins_in_the_pose_that_a_skill_asked_to_be_shown(tmp_path):
     first = read_demonstration(tmp_path / "out" / "000_bad_live.parquet").samples.iloc[0]
     assert first["z"] == pytest.approx(-0.0015, abs=1e-4)
     assert first["angle"] == pytest.approx(0.02, abs=2e-3)
+
+
+def test_a_sample_of_a_run_that_has_diverged_is_not_judged(quiet, skill):
+    sample = dict.fromkeys(COLUMNS, 0.0)
+    environment = SimpleNamespace(last_sample=lambda _: sample, peg_pose=lambda _: RigidTransform())
+    run = SimpleNamespace(simulator=SimpleNamespace(get_context=lambda: "context"))
+    live_run = SimpleNamespace(environment=environment, run=run)
+    observer = PolicyObserver(skill)
+    sample["fz"] = np.nan
+    quiet._show_judgement(observer, live_run)
+    assert "skill" not in quiet.values
+    sample["fz"] = 0.0
+    quiet._show_judgement(observer, live_run)
+    assert quiet.values["skill"]["state"] in skill.state_names()
 
 
 HIDDEN_PARTS = """
