@@ -133,11 +133,6 @@ class VirtualEnvironment(PegEnvironment):
         energy = self.observer.GetOutputPort("energy").Eval(self.observer.GetMyContextFromRoot(context))
         return ProbeEnergy(*(float(value) for value in energy))
 
-    def probe_pose(self, context: Context) -> RigidTransform:
-        """Returns X_HD."""
-        pose = self.device.GetOutputPort("probe_pose").Eval(self.device.GetMyContextFromRoot(context))
-        return RigidTransform(pose)
-
     def rendered_wrench(self, context: Context) -> RenderedWrench:
         """Returns the wrench that the device renders, and the load of the device."""
         device_context = self.device.GetMyContextFromRoot(context)

@@ -16,7 +16,7 @@ from forcedimension_core import dhd
 from numpy.typing import NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 
-from systems.operators.meshcat_operator import R_HV
+from systems.operators.person_frame import R_HV
 
 R_VF = RotationMatrix(np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
 R_HF = R_HV @ R_VF

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeGuard
 
@@ -24,12 +25,13 @@ SLIDER = "value => this.connection.send(msgpack.encode({'type': 'slider', 'name'
 
 @dataclass
 class Slider:
-    """Range, step and value of a slider."""
+    """Range, step and value of a slider, and how often a person has moved it."""
 
     low: float
     high: float
     step: float
     value: float
+    moves: int = 0
 
     def set(self, value: float) -> None:
         """Changes the value to the nearest step within the range."""
@@ -62,6 +64,11 @@ class LiveControls:
         self._sliders: dict[str, Slider] = {}
         self._gamepad = Gamepad()
         self._gamepad_browser: int | None = None
+        self._after_motion: Callable[[], None] = lambda: None
+
+    def call_after_motion(self, callback: Callable[[], None]) -> None:
+        """Has a function called after each event of a slider or gamepad, in the thread that receives it."""
+        self._after_motion = callback
 
     def AddButton(self, name: str, keycode: str) -> None:
         """Adds a button and its key."""
@@ -80,13 +87,13 @@ class LiveControls:
         limits = {"min": low, "max": high, "step": step, "value": value}
         self._show(name, callback=SLIDER % json.dumps(name), keycode1=decrement_key, keycode2=increment_key, **limits)
 
-    def GetSliderNames(self) -> list[str]:
-        """Returns the names of the sliders."""
-        return list(self._sliders)
-
     def GetSliderValue(self, name: str) -> float:
         """Returns the value of a slider."""
         return self._sliders[name].value
+
+    def slider_moves(self, name: str) -> int:
+        """Returns how often a person has moved a slider; `SetSliderValue` does not count."""
+        return self._sliders[name].moves
 
     def SetSliderValue(self, name: str, value: float, *, source: int | None = None) -> None:
         """Moves a slider to the step nearest to ``value``, in all browsers but ``source``."""
@@ -116,6 +123,8 @@ class LiveControls:
                 return True
             case "slider" if isinstance(name, str) and name in self._sliders and _is_number(value):
                 self.SetSliderValue(name, value, source=browser)
+                self._sliders[name].moves += 1  # after the value: who sees the move sees the value too
+                self._after_motion()
                 return True
             case "gamepad":
                 return self._receive_gamepad(event.get("gamepad"), browser)
@@ -125,6 +134,7 @@ class LiveControls:
         """Removes the gamepad of a browser that has gone: nobody holds its sticks any more."""
         if self._gamepad_browser == browser:
             self._gamepad, self._gamepad_browser = Gamepad(), None
+            self._after_motion()
 
     def _receive_gamepad(self, pad: Any, browser: int) -> bool:
         if pad == {}:  # disconnected
@@ -138,6 +148,7 @@ class LiveControls:
         if not all(_is_number(axis) and abs(axis) <= 1.0 for axis in axes):
             return False
         self._gamepad, self._gamepad_browser = Gamepad(index, tuple(float(axis) for axis in axes)), browser
+        self._after_motion()
         return True
 
     def _show(self, name: str, **properties: Any) -> None:

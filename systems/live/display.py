@@ -15,12 +15,13 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from skill.practice.policy_observer import Judgement
 from skill.states.state_style import state_colours
-from systems.live.clock import Deadlines
+from systems.live.contact_load import ContactLoad
 from systems.live.page import LivePage
 from systems.live.scene import LiveScene
 from systems.math.rotation import from_rotation_vector, rotation_between
-from systems.operators.meshcat_operator import R_HV
+from systems.operators.person_frame import R_HV
 from systems.plant.contact_plant import AddVirtualPlant
+from systems.servo.served_run import Deadlines
 from systems.virtual_environment import start_pose
 from systems.visualization.scene import aim_camera
 
@@ -143,9 +144,13 @@ class LiveDisplay:
         page.show(keys=help_lines)
         self.reset_camera()
 
-    def show_message(self, message: str) -> None:
-        """Shows a line of text over the scene."""
-        self._page.show(status=message)
+    def show_message(self, message: str, phase: str | None = None) -> None:
+        """Shows a line of text over the scene; a phase of the session begins with it, if one is given."""
+        self._page.show(status=message, **({} if phase is None else {"phase": phase}))
+
+    def show_contact_load(self, load: ContactLoad) -> None:
+        """Shows the contact load beside the limit of the rig's guard."""
+        self._page.show(contact=load.values())
 
     def draw_start(self, scenario: Scenario) -> None:
         """Draws peg and hole as they are at the start of a resolved scenario."""

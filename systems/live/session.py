@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from models.scenario import LIVE_STREAM, Scenario, resolve_scenario
+from skill.arrays import Array
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.outcome import Ending, Outcome
 from skill.data.tables import TooShortError
@@ -18,22 +19,24 @@ from skill.policy import RigPolicy
 from skill.practice.policy_observer import PolicyObserver
 from skill.practice.situation import Situation
 from systems.live.buttons import BAD, DISCARD, GOOD, MOTION_HELP, QUIT, SESSION_HELP, START, Buttons
-from systems.live.clock import Deadlines
+from systems.live.contact_load import ContactLoad
 from systems.live.display import LiveDisplay, Readings
-from systems.live.live_run import InProcessRun, LiveRun, ServoRun
 from systems.live.page import LivePage
-from systems.operators.meshcat_operator import MeshcatOperator, add_sliders, hand_coordinates
+from systems.operators.page_hand import PAGE, PageInput
 from systems.runs.demonstration_run import DemonstrationRun
 from systems.runs.demonstration_set import attempt_seed
 from systems.runs.recovery import recovery_scenario
+from systems.servo.served_run import Deadlines, ServedRun
 from systems.servo.servo_client import ServoClient
-from systems.virtual_environment import MakeVirtualEnvironment, start_pose
-from systems.visualization.scene import FRAME
+from systems.virtual_environment import start_pose
 
 IDLE_PERIOD = 0.03  # in units of s, between two checks of the buttons
 ABSENCE_NOTICE = 5.0  # in units of s without an open page, after which the console says so
+PICTURE_PERIOD = 1 / 60  # in units of s, between two pictures
 READING_PERIOD = 0.1  # in units of s, between two updates of the panel
-SLIDER_PERIOD = 0.02  # in units of s, between two readings of the sliders
+
+READY, RECORDING, VERDICT, OVER = "ready", "recording", "verdict", "over"
+"""The phases of a session, which the page knows."""
 
 
 class LiveSession:
@@ -44,8 +47,8 @@ class LiveSession:
         out: folder for the recordings; existing recordings stay, and the numbering continues after them.
         page: page that the person opens.
         tell: receives the messages that the page shows too, for example a console.
-        driver: name of the driver of the person's haptic device (see `find_device`), which runs in the servo's process;
-            None uses sliders, keys and gamepad of the page.
+        driver: name of the driver of the person's haptic device (see `find_device`); None uses sliders, keys and
+            gamepad of the page. Either runs in the servo's process.
         policy: names the contact states while the person demonstrates, and shows what it would do; None shows nothing.
         absence_limit: time without an open page after which the session ends, s.
     """
@@ -65,8 +68,7 @@ class LiveSession:
         self._tell, self._driver, self._absence_limit = tell, driver, absence_limit
         self._policy = policy
         self._buttons = Buttons(page.controls)
-        if driver is None:
-            add_sliders(page.controls, np.zeros(5))
+        self._input = PageInput(page.controls, self._move_hand) if driver is None else None
         help_lines = SESSION_HELP if driver is not None else MOTION_HELP + SESSION_HELP
         self._display = LiveDisplay(page, help_lines=help_lines)
         for keys, action in help_lines:
@@ -80,13 +82,15 @@ class LiveSession:
     def run(self) -> list[Path]:
         """Records until the person quits or stays away; returns the paths of the kept demonstrations."""
         self._prepare_next()
-        self._say("ready: press Space to start")
         try:
+            if self._input is not None:
+                self._open_servo()
+            self._say("ready: press Space to start", READY)
             while not self._is_over():
                 if self._buttons.clicked(START):
                     self._buttons.forget_clicks()
                     if self._record_one():
-                        self._say("session over")
+                        self._say("session over", OVER)
                         break
                     self._prepare_next()
                 self._display.follow_view_buttons()
@@ -101,7 +105,7 @@ class LiveSession:
     def _is_over(self) -> bool:
         """Whether the person has quit or the page stayed closed."""
         if self._buttons.clicked(QUIT):
-            self._say("session over")
+            self._say("session over", OVER)
             return True
         if self._page.is_shown:
             self._absent_since, self._absence_noticed = None, False
@@ -130,10 +134,11 @@ class LiveSession:
         self._display.draw_start(resolved)
         self._display.reset_camera()
         X_HP = start_pose(resolved)
-        if self._driver is None:
-            add_sliders(self._page.controls, hand_coordinates(X_HP))
+        if self._input is not None:
+            self._input.start(X_HP)
         tip = X_HP.translation()
         self._display.draw_forces(tip, np.zeros(3), load=0.0, contact=None)
+        self._display.show_contact_load(ContactLoad(resolved))
         self._display.show_readings(
             Readings(
                 X_HP=X_HP,
@@ -153,40 +158,45 @@ class LiveSession:
         """Records one demonstration and asks for the verdict; returns whether the person quits."""
         number, resolved = self._next()
         try:
-            live = self._begin(resolved)
+            servo = self._open_servo()
+            if self._input is not None:
+                self._input.start(start_pose(resolved))
+            live = ServedRun(resolved, servo)
             ending = self._simulate(live, resolved)
-            live.end()
+            servo.end()
         except OSError as error:  # from the device
             self._close_servo()
-            self._say(f"device lost ({error}): demonstration discarded, Space starts another")
+            self._say(f"device lost ({error}): demonstration discarded, Space starts another", READY)
             return False
         if ending is None:
-            self._say("the page was closed: demonstration discarded, Space starts another")
+            self._say("the page was closed: demonstration discarded, Space starts another", READY)
             return False
         return self._judge(live.run, ending, number)
 
-    def _begin(self, resolved: Scenario) -> LiveRun:
-        if self._driver is None:
-            operator = MeshcatOperator(
-                meshcat=self._page.controls, period=SLIDER_PERIOD, X_HD_start=start_pose(resolved)
-            )
-            environment = MakeVirtualEnvironment(resolved, operator=operator)
-            return InProcessRun(resolved, environment, DemonstrationRun(resolved, environment))
+    def _open_servo(self) -> ServoClient:
         if self._servo is None:
-            self._say(f"opening the device '{self._driver}'")
-            self._servo = ServoClient(self._driver)
-        return ServoRun(resolved, self._servo)
+            if self._driver is not None:
+                self._say(f"opening the device '{self._driver}'")
+            self._servo = ServoClient(self._driver or PAGE)
+        return self._servo
 
-    def _simulate(self, live: LiveRun, resolved: Scenario) -> Ending | None:
+    def _move_hand(self, wanted: Array) -> None:
+        """Tells the servo what the person at the page wants; called in the page's thread too."""
+        servo = self._servo
+        if servo is not None:
+            servo.move_hand(wanted)
+
+    def _simulate(self, live: ServedRun, resolved: Scenario) -> Ending | None:
         """Returns how the demonstration ended, or None if the page was closed."""
         last_drawn, last_reading, last_reading_time = 0.0, time.monotonic(), 0.0
         observer = PolicyObserver(self._policy) if self._policy is not None else None
-        self._say("recording: G keep as good, B keep as bad, X discard")
+        load, steps_per_sample = ContactLoad(resolved), round(resolved.recorder.period / resolved.contact.time_step)
+        self._say("recording: G keep as good, B keep as bad, X discard", RECORDING)
         while True:
-            ending = live.advance()
-            if observer is not None:
-                self._show_judgement(observer, live)
-            if ending is not None or time.monotonic() - last_drawn > FRAME:
+            ending = live.step()
+            if live.steps % steps_per_sample == 0:
+                self._show_sample(live, load, observer)
+            if ending is not None or time.monotonic() - last_drawn > PICTURE_PERIOD:
                 last_drawn = time.monotonic()
                 self._draw(live)
             if ending is not None or time.monotonic() - last_reading > READING_PERIOD:
@@ -208,12 +218,11 @@ class LiveSession:
             reason = run.demonstration(ending, habit="live", number=number).reason
         except ValueError as error:
             short = isinstance(error, TooShortError)
-            self._say(
-                "too short to keep; Space starts another" if short else f"discarded: {error}; Space starts another"
-            )
+            reason = "too short to keep" if short else f"discarded: {error}"
+            self._say(f"{reason}; Space starts another", READY)
             self._buttons.forget_clicks()
             return False
-        self._say(f"{reason}: G keep as good, B keep as bad, X discard")
+        self._say(f"{reason}: G keep as good, B keep as bad, X discard", VERDICT)
         while True:
             for button, good in ((GOOD, True), (BAD, False)):
                 if self._buttons.clicked(button) and self._keep(
@@ -221,12 +230,12 @@ class LiveSession:
                 ):
                     return False
             if self._buttons.clicked(DISCARD):
-                self._say("discarded: Space starts another")
+                self._say("discarded: Space starts another", READY)
                 return False
             if self._buttons.clicked(QUIT):
                 return True
             if not self._page.is_shown:
-                self._tell("the page was closed before a verdict: demonstration discarded")
+                self._say("the page was closed before a verdict: demonstration discarded", READY)
                 return False
             self._display.follow_view_buttons()
             time.sleep(IDLE_PERIOD)
@@ -241,26 +250,29 @@ class LiveSession:
             self._say(f"not kept, {error.strerror or error}: make room and press again, or X to discard")
             return False
         self.kept.append(path)
-        self._say(f"kept {path.name}: Space starts another")
+        self._say(f"kept {path.name}: Space starts another", READY)
         return True
 
     # ------------------------------------------------------------- page and device
 
-    def _draw(self, live: LiveRun) -> None:
-        context = live.run.simulator.get_context()
-        rendered = live.rendered()
+    def _draw(self, live: ServedRun) -> None:
+        context, probe = live.run.simulator.get_context(), live.probe
         X_HP = live.environment.peg_pose(context)
         contact = live.environment.contact_force(context)
         self._display.move_peg(X_HP)
-        self._display.move_hand(live.hand())
-        self._display.draw_forces(X_HP.translation(), rendered.wrench[3:], load=rendered.load, contact=contact)
+        self._display.move_hand(probe.X_HD)
+        self._display.draw_forces(X_HP.translation(), probe.wrench[3:], load=probe.load, contact=contact)
+        if self._input is not None:
+            self._input.follow(probe.X_HD)
 
-    def _show_judgement(self, observer: PolicyObserver, live: LiveRun) -> None:
-        """Shows what the policy thinks of the newest sample."""
+    def _show_sample(self, live: ServedRun, load: ContactLoad, observer: PolicyObserver | None) -> None:
+        """Shows the contact load of the newest sample, and what the policy thinks of it."""
         context = live.run.simulator.get_context()
         sample = live.environment.last_sample(context)
-        if not np.isfinite(list(sample.values())).all():
-            return  # the run has diverged
+        load.take(sample)
+        self._display.show_contact_load(load)
+        if observer is None or not np.isfinite(list(sample.values())).all():
+            return  # nobody watches, or the run has diverged
         judgement = observer.watch([sample[name] for name in MEASURED], [sample["rx"], sample["ry"]])
         self._display.show_judgement(
             judgement,
@@ -269,20 +281,19 @@ class LiveSession:
             period=observer.policy.period_,
         )
 
-    def _show_readings(self, live: LiveRun, resolved: Scenario, *, rate: float) -> None:
-        X_HP = live.environment.peg_pose(live.run.simulator.get_context())
-        rendered, energy = live.rendered(), live.energy()
+    def _show_readings(self, live: ServedRun, resolved: Scenario, *, rate: float) -> None:
+        X_HP, probe = live.environment.peg_pose(live.run.simulator.get_context()), live.probe
         self._display.show_readings(
             Readings(
                 X_HP=X_HP,
-                wrench=rendered.wrench,
-                load=rendered.load,
+                wrench=probe.wrench,
+                load=probe.load,
                 depth=-float(X_HP.translation()[2]),
                 full_depth=resolved.full_depth,
                 rate=rate,
                 deadlines=live.deadlines,
-                energy=energy.total,
-                min_energy=energy.minimum,
+                energy=probe.energy,
+                min_energy=probe.min_energy,
                 kept=len(self.kept),
             )
         )
@@ -296,9 +307,9 @@ class LiveSession:
             self._say("gamepad: left stick tilts, right stick feeds")
         self._has_gamepad = has_gamepad
 
-    def _say(self, message: str) -> None:
-        """Shows a message on the page and on the console."""
-        self._display.show_message(message)
+    def _say(self, message: str, phase: str | None = None) -> None:
+        """Shows a message on the page and on the console; a phase begins, if one is given."""
+        self._display.show_message(message, phase)
         self._tell(message)
 
     def _close_servo(self) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from systems.math.rotation import from_rotation_vector
-from systems.operators.meshcat_operator import R_HV
+from systems.operators.person_frame import R_HV
 
 SPEED = 0.030  # in units of m/s, at full deflection
 TURN_RATE = math.radians(8.0)  # in units of rad/s, at full deflection

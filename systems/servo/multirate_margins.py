@@ -32,10 +32,13 @@ DURATION = 4.0  # in units of s; whole cycles of the second half count
 
 
 @lru_cache(maxsize=64)
+@np.errstate(over="ignore", invalid="ignore")  # of a coupling that is not stable at all
 def multirate_damping(
     *, stiffness: float, damping: float, inertia: float, period: float, step: int, correction: int
 ) -> float:
     """Returns the damping of hand and device, per unit of the scale, that a wall needs which only the simulation knows.
+
+    It is infinite if the loop diverges whatever the probe does.
 
     Args:
         stiffness: of the coupling, N/m or N m/rad.
@@ -67,7 +70,8 @@ def multirate_damping(
             drawn, drawn_speed = -peg / correction, -peg_speed / correction
         if k % step < correction:
             peg, peg_speed = peg + drawn, peg_speed + drawn_speed
-    return float(np.max(-energy / squares))
+    found = float(np.max(-energy / squares))
+    return found if np.isfinite(found) else float("inf")
 
 
 def multirate_margins(scenario: Scenario) -> list[Margin]:

@@ -11,6 +11,7 @@ from typing import Any, Self
 
 from models.scenario import Scenario
 from skill.arrays import Array
+from systems.operators.page_hand import HandInput
 from systems.servo.local_contact import LocalContact
 from systems.servo.probe import Probe
 from systems.servo.servo_process import ServoLink, serve
@@ -30,7 +31,7 @@ class ServoClient:
     `SILENCE`. The process is then ended; a new client may be made.
 
     Args:
-        driver: name of the device's driver (see `find_device`).
+        driver: name of the device's driver (see `find_device`); `PAGE` is the hand of the page.
 
     Attributes:
         driver: name of the driver.
@@ -40,7 +41,8 @@ class ServoClient:
     def __init__(self, driver: str) -> None:
         self.driver = driver
         spawn = get_context("spawn")  # a fork would inherit Drake's and the page's threads
-        self._link = ServoLink(SharedValue(spawn, LocalContact.SIZE), SharedValue(spawn, Probe.SIZE))
+        sizes = (LocalContact.SIZE, Probe.SIZE, HandInput.SIZE)
+        self._link = ServoLink(*(SharedValue(spawn, size) for size in sizes))
         self._connection, theirs = spawn.Pipe()
         self._process: Any = spawn.Process(
             target=serve, args=(driver, self._link, theirs, os.getpid()), name=f"servo of {driver}", daemon=True
@@ -85,6 +87,10 @@ class ServoClient:
     def publish(self, contact: LocalContact) -> None:
         """Gives the servo a new local model of the contact."""
         self._link.contact.write(contact.as_vector())
+
+    def move_hand(self, wanted: Array) -> None:
+        """Tells the hand of the page what the person wants, a vector of `HandInput`."""
+        self._link.hand.write(wanted)
 
     def probe_at(self, servo_time: float) -> Probe:
         """Waits until the servo's time has come; returns its newest probe."""

@@ -18,6 +18,7 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from systems.control.faults import one_line
 from systems.operators.device_operator import DeviceOperator, LiveDevice, find_device
+from systems.operators.page_hand import PAGE, PageHand
 from systems.servo.local_contact import LocalContact
 from systems.servo.servo_diagram import MakeServo, Servo
 from systems.servo.shared_value import SharedValue
@@ -46,10 +47,12 @@ class ServoLink:
     Attributes:
         contact: the local model of the contact, written by the simulation.
         probe: the probe, written by the servo.
+        hand: what a person at the page wants of the hand (`HandInput`), written by the page.
     """
 
     contact: SharedValue
     probe: SharedValue
+    hand: SharedValue
 
 
 class Watchdog:
@@ -128,7 +131,7 @@ def serve(driver: str, link: ServoLink, connection: Connection, parent: int) -> 
     and, as the last one, ``("error", text)``.
 
     Args:
-        driver: name of the device's driver.
+        driver: name of the device's driver; `PAGE` is the hand of the page.
         link: to the simulation.
         connection: to the parent.
         parent: process number of the parent.
@@ -137,7 +140,7 @@ def serve(driver: str, link: ServoLink, connection: Connection, parent: int) -> 
     has_priority = ask_for_priority()
     device: LiveDevice | None = None
     try:
-        device = find_device(driver)()
+        device = PageHand(link.hand.read_new) if driver == PAGE else find_device(driver)()
         connection.send(("opened", has_priority))
         while True:
             if not connection.poll(1.0):

@@ -11,7 +11,6 @@ from pathlib import Path
 from models.scenario import Scenario, load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from skill.practice.situation import read_situations
-from systems.haptics.coupling_margins import require_margins
 from systems.live.access import LOCAL_HOST
 from systems.live.page import open_live_page
 from systems.live.session import LiveSession, asked_scenario, live_scenario
@@ -44,7 +43,7 @@ def record_live(
         OSError: if the folder ``out`` cannot be written, or the page cannot listen at ``host`` and ``port``.
     """
     chosen = load_scenario(scenario)
-    margins = require_margins(chosen) if driver is None else require_multirate_margins(chosen)
+    margins = require_multirate_margins(chosen)
     situations = read_situations(asked) if asked is not None else []
     watching = None if skill is None else _load_watching(skill, chosen)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pydrake.math import RotationMatrix
 
-from systems.operators.meshcat_operator import R_HV
+from systems.operators.person_frame import R_HV
 from tests.scripts.commands import ROOT
 
 

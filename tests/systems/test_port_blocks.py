@@ -67,7 +67,6 @@ ARGUMENTS = {
         **{"sensor": S.sensor, "top_speed": 0.4, "resolution": 5e-6, "depth_period": 1e-3},
         **{"load_limit": 50.0, "peg_radius": 0.01},
     },
-    "MeshcatOperator": lambda skill: {"meshcat": Meshcat(), "period": 0.02, "X_HD_start": X},
     "MujocoPlant": lambda skill: {
         "scenario": resolve_scenario(S, seed=0, stream=TRIAL_STREAM),
         "contact": MujocoContact(),

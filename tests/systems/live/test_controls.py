@@ -39,13 +39,30 @@ def pad(index=0, axes=(0.5, -1.0), **others):
 
 
 def test_events_of_the_page_are_handled(dut):
-    assert dut.GetSliderNames() == ["depth"]
     assert dut.receive(pack(type="button", name="keep"), PAGE)
     assert dut.receive(pack(type="slider", name="depth", value=3), PAGE)
     assert dut.receive(pack(type="gamepad", name="", gamepad=pad()), PAGE)
     assert state(dut) == (1, 3.0, Gamepad(0, (0.5, -1.0)))
     assert dut.receive(pack(type="gamepad", name="", gamepad={}), PAGE)  # disconnected
     assert state(dut) == (1, 3.0, Gamepad())
+
+
+def test_motions_are_told_and_counted_but_not_what_the_session_sets(dut):
+    told = []
+    dut.call_after_motion(lambda: told.append((dut.GetSliderValue("depth"), dut.slider_moves("depth"))))
+    dut.SetSliderValue("depth", 7.0)
+    assert (told, dut.slider_moves("depth")) == ([], 0)
+    dut.receive(pack(type="slider", name="depth", value=3), PAGE)
+    dut.receive(pack(type="slider", name="depth", value=3), PAGE)
+    assert told == [(3.0, 1), (3.0, 2)]
+    dut.receive(pack(type="button", name="keep"), PAGE)
+    assert len(told) == 2
+    dut.receive(pack(type="gamepad", name="", gamepad=pad()), PAGE)
+    assert len(told) == 3
+    dut.forget(PAGE)  # its sticks are released
+    assert len(told) == 4
+    dut.forget(PAGE)
+    assert len(told) == 4
 
 
 NESTED = b"\x91" * (MAX_FRAME - 1) + b"\x00"

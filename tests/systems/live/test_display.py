@@ -8,11 +8,11 @@ from pydrake.math import RigidTransform
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
 from skill.policy import Action
 from skill.practice.policy_observer import Judgement
-from systems.live.clock import Deadlines
 from systems.live.display import CONTACT, FEED, HIGH, LOW, SATURATED, VIEWS, Arrow, LiveDisplay, Readings, load_colour
 from systems.live.page import PANEL
 from systems.math.rotation import from_rotation_vector
-from systems.operators.meshcat_operator import R_HV, hand_pose
+from systems.operators.person_frame import R_HV, hand_pose
+from systems.servo.served_run import Deadlines
 
 START = np.array([0.01, 0.02, 0.03])
 BLACK = Rgba(0.0, 0.0, 0.0)

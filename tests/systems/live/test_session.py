@@ -14,56 +14,32 @@ import umsgpack
 import yaml
 from pydrake.math import RigidTransform
 
-import systems.live.clock
-import systems.live.live_run
 import systems.live.session
-from models.hardware import DEVICE_PRESETS
 from models.scenario import dump_scenario, load_scenario
 from skill.data.demonstration import COLUMNS, Demonstration, read_demonstration
 from skill.data.outcome import Ending, Outcome
 from skill.data.tables import TooShortError
 from skill.practice.policy_observer import PolicyObserver
 from systems.live.buttons import BAD, DISCARD, GOOD, QUIT, START, Buttons
+from systems.live.contact_load import ContactLoad
 from systems.live.controls import LiveControls
 from systems.live.display import SATURATED
-from systems.live.live_run import InProcessRun
 from systems.live.messages import Outbox
 from systems.live.page import LivePage, open_live_page
 from systems.live.scene import LiveScene
-from systems.live.session import LiveSession, live_scenario, next_number
+from systems.live.session import READY, RECORDING, VERDICT, LiveSession, live_scenario, next_number
 from systems.math.rotation import from_rotation_vector
-from systems.operators.meshcat_operator import R_HV, hand_coordinates, hand_pose
+from systems.operators.person_frame import R_HV
 from systems.outputs.folder_lock import LOCK_NAME
 from systems.reports.terminal import write_json
 from systems.runs.demonstration_run import DemonstrationRun
+from systems.servo.served_run import Deadlines
 from tests.browser import blankness
 from tests.systems.live.live_session import QUICK, drag, live, press, row, text_of, wait_for_text
 from tests.trajectories import make_demonstration
 
 PICTURES = os.environ.get("LIVE_PICTURES")  # folder in which the screenshots are kept, if set
 JAMS = {**QUICK, "geometry": {**QUICK["geometry"], "hole_depth": 0.01}, "start": {"height": 5e-4, "tilt": [0.055, 0.0]}}
-
-
-def test_hand_coordinates_inverts_hand_pose():
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        coordinates = rng.uniform(-1, 1, 5) * [0.02, 0.08, 0.08, 0.003, 0.003]
-        np.testing.assert_allclose(hand_coordinates(hand_pose(coordinates)), coordinates, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("coordinates", "axis", "tip"),
-    [
-        ([0.01, 0, 0, 0, 0], [0, 0, 1], [0, 0, -0.01]),
-        ([0, 0.05, 0, 0, 0], [np.sin(0.05), 0, np.cos(0.05)], [0, 0, 0]),  # to the right
-        ([0, 0, 0.05, 0, 0], [0, np.sin(0.05), np.cos(0.05)], [0, 0, 0]),  # away
-        ([0, 0, 0, 0.002, 0.001], [0, 0, 1], [0.002, 0.001, 0]),
-    ],
-)
-def test_hand_moves_in_the_directions_that_the_person_sees(coordinates, axis, tip):
-    X_HD = hand_pose(np.array(coordinates, dtype=float))
-    np.testing.assert_allclose(R_HV.inverse() @ X_HD.rotation().col(2), axis, atol=1e-12)
-    np.testing.assert_allclose(R_HV.inverse() @ X_HD.translation(), tip, atol=1e-12)
 
 
 @pytest.fixture
@@ -152,8 +128,6 @@ def wall(monkeypatch):
 
     clock = SimpleNamespace(monotonic=lambda: wall.now, sleep=sleep)
     monkeypatch.setattr(systems.live.session, "time", clock)
-    monkeypatch.setattr(systems.live.clock, "time", clock)
-    monkeypatch.setattr(systems.live.live_run, "time", clock)
     return wall
 
 
@@ -188,6 +162,8 @@ def quiet(tmp_path, monkeypatch):
     dut.messages, dut.values, dut.clicks, dut.page = messages, page.values, clicks, page
     monkeypatch.setattr(Buttons, "clicked", lambda _, label: clicks[:1] == [label] and bool(clicks.pop(0)))
     monkeypatch.setattr(Buttons, "any_waiting", lambda _, *labels: clicks[:1] != [] and clicks[0] in labels)
+    servo = SimpleNamespace(close=lambda: None, move_hand=lambda wanted: None)
+    monkeypatch.setattr(systems.live.session, "ServoClient", lambda driver: servo)
     monkeypatch.setattr(Buttons, "forget_clicks", lambda _: clicks.clear())
     return dut
 
@@ -245,21 +221,15 @@ def test_what_was_refused_is_told_at_the_end(quiet, refused):
 
 
 class Run:
-    """Replaces a demonstration: it ends after a number of ticks, each of which costs wall-clock time."""
+    """Replaces a demonstration of which so many samples are recorded."""
 
-    def __init__(self, wall, *, ticks=10**9, cost=0.0):
-        self.wall, self.ticks, self.cost, self.times = wall, ticks, cost, []
+    def __init__(self, *, samples=1):
+        self.samples, self.asked = samples, []
         self.simulator = SimpleNamespace(get_context=lambda: "context")
-        self.asked = []
-
-    def advance(self, time):
-        self.times.append(time)
-        self.wall.now += self.cost
-        return Ending(Outcome.INSERTED) if len(self.times) >= self.ticks else None
 
     def demonstration(self, ending, **options):
         self.asked.append(options)
-        if not self.times:
+        if self.samples < 1:
             raise TooShortError("demonstration: found 1 samples, expected at least 2")
         return SimpleNamespace(
             reason=ending.outcome.value, good=options.get("good"), metadata={"number": options["number"]}
@@ -267,52 +237,78 @@ class Run:
 
 
 class Environment:
-    """Replaces a virtual environment in which a peg pushes at a depth of 3 mm."""
+    """Replaces a virtual environment in which a peg of 10 mm pushes at a depth of 3 mm."""
 
-    def rendered_wrench(self, context):
-        assert context == "context"
-        return SimpleNamespace(wrench=np.array([1.0, 2.0, 2.0, 3.0, 4.0, 12.0]), load=0.25)
+    load = 12.0  # N
 
     def peg_pose(self, context):
+        assert context == "context"
         return RigidTransform([0.0, 0.0, -0.003])
 
     def contact_force(self, context):
         return np.array([0.0, 0.0, -0.001]), np.array([0.0, 0.0, 1.0])
 
-    def energy(self, context):
-        return SimpleNamespace(total=0.5, minimum=-0.25)
-
-    def probe_pose(self, context):
-        return RigidTransform([0.0, 0.0, -0.004])
+    def last_sample(self, context):
+        return dict.fromkeys(COLUMNS, 0.0) | {"fz": self.load}
 
 
-def simulate(session, run):
+PROBE = SimpleNamespace(
+    X_HD=RigidTransform([0.0, 0.0, -0.004]),
+    wrench=np.array([1.0, 2.0, 2.0, 3.0, 4.0, 12.0]),
+    load=0.25,
+    energy=0.5,
+    min_energy=-0.25,
+)
+
+
+class Live:
+    """Replaces a served demonstration: it ends after a number of contact steps of 4 ms, which cost wall-clock time."""
+
+    def __init__(self, wall, *, steps=10**9, cost=0.004):
+        self.wall, self.number, self.cost, self.steps = wall, steps, cost, 0
+        self.run, self.environment, self.probe = Run(), Environment(), PROBE
+
+    @property
+    def time(self):
+        return 0.004 * self.steps
+
+    @property
+    def deadlines(self):
+        return Deadlines(1, self.steps, 2, 4 * self.steps)
+
+    def step(self):
+        self.steps += 1
+        self.wall.now += self.cost
+        return Ending(Outcome.INSERTED) if self.steps >= self.number else None
+
+
+def simulate(session, live):
     resolved = SimpleNamespace(
-        device=next(iter(DEVICE_PRESETS)),
         contact=SimpleNamespace(time_step=0.004),
-        recorder=SimpleNamespace(period=0.01),
+        recorder=SimpleNamespace(period=0.02),
+        geometry=SimpleNamespace(peg_radius=0.01),
+        controller=SimpleNamespace(force_limit=40.0, soft_force=10.0),
         full_depth=0.02,
     )
-    return session._simulate(InProcessRun(resolved, Environment(), run), resolved)
+    return session._simulate(live, resolved)
 
 
-def test_a_demonstration_runs_in_real_time_and_shows_forces_32_and_readings_10_times_a_second(quiet, wall, monkeypatch):
+def test_pictures_are_drawn_at_most_60_and_readings_10_times_a_second(quiet, wall, monkeypatch):
     drawn, read = [], []
     monkeypatch.setattr(quiet._display, "draw_forces", lambda *args, **options: drawn.append((wall.now, args, options)))
     monkeypatch.setattr(quiet._display, "show_readings", lambda readings: read.append((wall.now, readings)))
-    run = Run(wall, ticks=1005)
-    assert simulate(quiet, run) == Ending(Outcome.INSERTED)
-    np.testing.assert_allclose(run.times, np.arange(1, 1006) * 1e-3)
-    assert wall.now == pytest.approx(1001.005)
-    # Forces and readings are looked at every 10 ms: drawn every 40 ms, read every 100 or 110 ms, and at the end.
-    assert np.diff([now for now, *_ in drawn][:-1]) == pytest.approx(0.04)
+    live = Live(wall, steps=251)
+    assert simulate(quiet, live) == Ending(Outcome.INSERTED)
+    assert wall.now == pytest.approx(1001.004)
+    # Both are looked at every 4 ms: drawn every 20 ms, read every 100 or 104 ms, and at the end.
+    assert np.diff([now for now, *_ in drawn][:-1]) == pytest.approx(0.02)
     gaps = np.diff([1000.0, *[now for now, _ in read][:-1]])
-    assert ((gaps > 0.0999) & (gaps < 0.1101)).all()
+    assert ((gaps > 0.0999) & (gaps < 0.1041)).all()
     for now, readings in read:
         assert readings.rate == pytest.approx(1.0)
-        ticks = round((now - 1000.0) * 1000)
-        assert astuple(readings.deadlines) == (0, ticks // 4, 0, ticks)
-    assert [drawn[-1][0], read[-1][0]] == pytest.approx([1001.005] * 2)
+        steps = round((now - 1000.0) * 250)
+        assert astuple(readings.deadlines) == (1, steps, 2, 4 * steps)
+    assert [drawn[-1][0], read[-1][0]] == pytest.approx([1001.004] * 2)
     _, (tip, force), options = drawn[-1]
     np.testing.assert_array_equal([tip, force], [[0.0, 0.0, -0.003], [3.0, 4.0, 12.0]])
     assert options["load"] == 0.25
@@ -320,34 +316,52 @@ def test_a_demonstration_runs_in_real_time_and_shows_forces_32_and_readings_10_t
 
 
 def test_the_panel_shows_the_depth_and_the_energy_and_half_speed_as_one_half(quiet, wall):
-    """Ticks of 1 ms that cost 2 ms run at half the speed, and all are late."""
-    run = Run(wall, ticks=300, cost=0.002)
-    simulate(quiet, run)
+    """Steps of 4 ms that cost 8 ms run at half the speed."""
+    simulate(quiet, Live(wall, steps=75, cost=0.008))
     assert quiet.values["rate"] == pytest.approx(0.5)
-    assert quiet.values["deadlines"] == {"late_steps": 75, "steps": 75, "late_ticks": 300, "ticks": 300}
+    assert quiet.values["deadlines"] == {"late_steps": 1, "steps": 75, "late_ticks": 2, "ticks": 300}
     assert quiet.values["depth"] == {"tip": 0.003, "full": 0.02}
     assert [quiet.values[k] for k in ("force", "moment", "load")] == pytest.approx([13.0, 3.0, 0.25])
     assert [quiet.values[k] for k in ("energy", "min_energy", "kept")] == [0.5, -0.25, 0]
 
 
+def test_the_contact_load_is_shown_for_every_sample(quiet, wall, monkeypatch):
+    shown = []
+    monkeypatch.setattr(quiet._display, "show_contact_load", lambda load: shown.append((wall.now, load.values())))
+    simulate(quiet, Live(wall, steps=50))
+    assert np.diff([now for now, _ in shown]) == pytest.approx(0.02)
+    assert shown[-1][1] == {"load": 12.0, "limit": 40.0, "peak": 12.0, "held": True}
+
+
+def test_the_phases_of_a_demonstration_are_shown(quiet, wall):
+    quiet._say("ready", READY)
+    assert quiet.values["phase"] == READY
+    simulate(quiet, Live(wall, steps=5))
+    assert quiet.values["phase"] == RECORDING
+    quiet.clicks[:] = [QUIT]
+    quiet._judge(Run(), Ending(Outcome.INSERTED), 3)
+    assert quiet.values["phase"] == VERDICT
+    verdict(quiet, DISCARD)
+    assert quiet.values["phase"] == READY
+
+
 def test_a_button_or_a_closed_page_ends_a_demonstration(quiet, wall):
     quiet.clicks.append(START)  # has no meaning now
-    assert simulate(quiet, Run(wall, ticks=30)) == Ending(Outcome.INSERTED)
+    assert simulate(quiet, Live(wall, steps=30)) == Ending(Outcome.INSERTED)
     quiet.clicks[:] = [GOOD]
-    run = Run(wall)
-    assert simulate(quiet, run) == Ending(Outcome.STOPPED)
-    assert len(run.times) == 10  # one recorder period
+    live = Live(wall)
+    assert simulate(quiet, live) == Ending(Outcome.STOPPED)
+    assert live.steps == 1
     assert quiet.clicks == [GOOD]  # it is also the verdict
     quiet.clicks.clear()
     quiet.page.is_shown = False
-    assert simulate(quiet, Run(wall)) is None
+    assert simulate(quiet, Live(wall)) is None
     assert wall.now < 1000.5
 
 
-def verdict(session, wall, *clicks, ticks=1):
+def verdict(session, *clicks, samples=1):
     """Whether the person quits, and the demonstrations that are asked for."""
-    run = Run(wall)
-    run.times = [0.0] * ticks
+    run = Run(samples=samples)
     session.clicks[:] = clicks
     return session._judge(run, Ending(Outcome.INSERTED), 3), [options.get("good") for options in run.asked[1:]]
 
@@ -357,17 +371,17 @@ def test_the_person_judges_a_demonstration(quiet, wall, monkeypatch):
     monkeypatch.setattr(
         systems.live.session, "write_demonstration", lambda d, path: written.append((d.good, path.name))
     )
-    assert verdict(quiet, wall, GOOD) == (False, [True])
-    assert verdict(quiet, wall, BAD) == (False, [False])
+    assert verdict(quiet, GOOD) == (False, [True])
+    assert verdict(quiet, BAD) == (False, [False])
     assert written == [(True, "003_good_live.parquet"), (False, "003_bad_live.parquet")]
     assert [path.name for path in quiet.kept] == [name for _, name in written]
-    assert verdict(quiet, wall, DISCARD) == (False, [])
+    assert verdict(quiet, DISCARD) == (False, [])
     assert quiet.messages[-1] == "discarded: Space starts another"
-    assert verdict(quiet, wall, QUIT) == (True, [])
+    assert verdict(quiet, QUIT) == (True, [])
     quiet.page.is_shown = False
-    assert verdict(quiet, wall) == (False, [])
+    assert verdict(quiet) == (False, [])
     assert quiet.messages[-1] == "the page was closed before a verdict: demonstration discarded"
-    assert verdict(quiet, wall, GOOD, ticks=0) == (False, [])
+    assert verdict(quiet, GOOD, samples=0) == (False, [])
     assert quiet.messages[-1] == "too short to keep; Space starts another"
     assert quiet.clicks == []
     assert len(written) == 2
@@ -379,7 +393,7 @@ def test_a_demonstration_that_is_refused_is_discarded_with_its_reason(quiet, wal
             return Demonstration(make_demonstration().samples * 1e3, True, "inserted")
 
     quiet.clicks[:] = [GOOD]
-    assert quiet._judge(Refused(wall), Ending(Outcome.INSERTED), 3) is False
+    assert quiet._judge(Refused(), Ending(Outcome.INSERTED), 3) is False
     assert quiet.messages[-1].startswith("discarded: demonstration: column")
     assert quiet.messages[-1].endswith("; Space starts another")
     assert (quiet.clicks, quiet.kept) == ([], [])
@@ -402,9 +416,9 @@ def test_a_demonstration_that_cannot_be_written_can_be_kept_again_or_discarded(q
             raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(systems.live.session, "write_demonstration", write)
-    assert verdict(quiet, wall, GOOD, BAD) == (False, [True, False])
+    assert verdict(quiet, GOOD, BAD) == (False, [True, False])
     assert [path.name for path in quiet.kept] == ["003_bad_live.parquet"]
-    assert verdict(quiet, wall, GOOD, DISCARD) == (False, [True])
+    assert verdict(quiet, GOOD, DISCARD) == (False, [True])
     assert "not kept, No space left on device: make room and press again, or X to discard" in quiet.messages
     assert len(quiet.kept) == 1
 
@@ -426,7 +440,7 @@ def test_the_session_looks_at_the_buttons_about_thirty_times_a_second(quiet, wal
     assert all(1 / 50 < seconds < 1 / 25 for seconds in wall.sleeps)
     wall.sleeps.clear()
     wall.now = 1000.0
-    assert verdict(quiet, wall) == (True, [])
+    assert verdict(quiet) == (True, [])
     assert all(1 / 50 < seconds < 1 / 25 for seconds in wall.sleeps)
     assert wall.now == pytest.approx(1001.0, abs=0.1)
 
@@ -441,13 +455,6 @@ def test_a_gamepad_is_announced_once_when_it_comes_and_once_when_it_goes(quiet):
         "gamepad: left stick tilts, right stick feeds",
         "gamepad disconnected: use sliders and keys",
     ]
-
-
-def test_the_hand_follows_the_sliders_50_times_a_second(quiet):
-    _, resolved = quiet._next()
-    operator = quiet._begin(resolved).environment.diagram.GetSubsystemByName("operator")
-    timing = operator.GetUniquePeriodicDiscreteUpdateAttribute()
-    assert (timing.period_sec(), timing.offset_sec()) == (0.02, 0.0)
 
 
 def test_recordings_are_numbered_after_the_largest_number(tmp_path):
@@ -501,8 +508,9 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         wait_for_text(page, "depth", "^3.[7-9]")
         keep_picture(page, "inserted")
         late_steps, steps, late_ticks, ticks = map(int, re.findall(r"\d+", text_of(page, "deadlines")))
-        assert 0 <= late_steps <= steps == ticks // 4 > 0
-        assert late_steps <= late_ticks <= ticks
+        assert 0 <= late_steps <= steps
+        assert 0 <= late_ticks <= ticks
+        assert ticks >= 4 * (steps - 1) > 0
         assert float(text_of(page, "rate").split()[0]) > 0
         assert float(text_of(page, "energy").split()[0]) > 0
         assert float(text_of(page, "min_energy").split()[0]) <= 0
@@ -553,12 +561,12 @@ def test_a_sample_of_a_run_that_has_diverged_is_not_judged(quiet, skill):
     environment = SimpleNamespace(last_sample=lambda _: sample, peg_pose=lambda _: RigidTransform())
     run = SimpleNamespace(simulator=SimpleNamespace(get_context=lambda: "context"))
     live_run = SimpleNamespace(environment=environment, run=run)
-    observer = PolicyObserver(skill)
+    observer, load = PolicyObserver(skill), ContactLoad(load_scenario("live"))
     sample["fz"] = np.nan
-    quiet._show_judgement(observer, live_run)
+    quiet._show_sample(live_run, load, observer)
     assert "skill" not in quiet.values
     sample["fz"] = 0.0
-    quiet._show_judgement(observer, live_run)
+    quiet._show_sample(live_run, load, observer)
     assert quiet.values["skill"]["state"] in skill.state_names()
 
 

@@ -9,7 +9,7 @@ from pydrake.math import RigidTransform
 
 import systems.operators.space_mouse
 from systems.math.rotation import rotation_vector
-from systems.operators.meshcat_operator import R_HV
+from systems.operators.person_frame import R_HV
 from systems.operators.space_mouse import SPEED, TURN_RATE, SpaceMouse
 
 pyspacemouse = pytest.importorskip("pyspacemouse", reason="needs the extra 'teleop'")

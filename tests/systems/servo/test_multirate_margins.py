@@ -89,3 +89,9 @@ def test_a_contact_step_as_long_as_the_hold_is_refused():
     scenario = resolve_scenario(scenario, seed=0, stream=LIVE_STREAM)
     with pytest.raises(ValueError, match=r"contact step, twice, against the hold of its model is 0\.02 s"):
         MakeServedEnvironment(scenario)
+
+
+def test_a_coupling_that_diverges_by_itself_needs_infinite_damping():
+    """A spring so stiff that the local peg swings more and more whatever the probe does."""
+    stiff = {"stiffness": 1e9, "damping": 36.0, "inertia": 2.0, "period": 1e-3, "step": 2, "correction": 12}
+    assert dut.multirate_damping(**stiff) == np.inf

@@ -13,10 +13,13 @@ import pytest
 
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
 from skill.data.outcome import Outcome
+from systems.operators.page_hand import PAGE, HandInput
+from systems.operators.person_frame import hand_coordinates
 from systems.servo.served_run import ServedRun
 from systems.servo.servo_client import SILENCE, ServoClient
 from systems.servo.servo_process import STALL, Pace
 from systems.servo.shared_value import SharedValue
+from systems.virtual_environment import start_pose
 
 ROOT = Path(__file__).resolve().parents[3]
 DRIVERS = "tests.systems.servo.drivers"
@@ -59,6 +62,20 @@ def test_a_demonstration_through_the_servo_is_recorded_and_felt(scenario):
     assert len(times) >= run.probe.ticks
     assert (np.diff(times) > 0.0).all()
     assert run.time <= run.probe.time + 0.01  # the simulation does not run ahead
+
+
+def test_the_hand_of_the_page_moves_in_the_servo(scenario):
+    nothing = np.zeros(5)
+    with ServoClient(PAGE) as servo:
+        start = hand_coordinates(start_pose(scenario))
+        servo.move_hand(HandInput(nothing, nothing, nothing, start, starts=1).as_vector())
+        run = ServedRun(scenario, servo)
+        np.testing.assert_allclose(hand_coordinates(run.probe.X_HD), start, atol=1e-4)
+        sliders = start + np.array([0.004, 0.0, 0.0, 0.0, 0.0])
+        moves = np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+        servo.move_hand(HandInput(sliders, moves, nothing, start, starts=1).as_vector())
+        assert steps(run, 150) is None  # 0.6 s; the hand needs 0.2 s
+        np.testing.assert_allclose(hand_coordinates(run.probe.X_HD), sliders, atol=1e-4)
 
 
 @pytest.mark.parametrize(
