@@ -39,9 +39,13 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, LeafSystem
 
 from benchmarks.command_line import argument_parser, run
+from benchmarks.haptics.headless_browser import headless_browser
 from models.hardware import DEVICE_PRESETS
 from models.scenario import DEMONSTRATION_STREAM, LIVE_STREAM, Scenario, load_scenario, resolve_scenario
 from skill.arrays import Array
+from systems.live.display import LiveDisplay
+from systems.live.page import open_live_page
+from systems.live.session import PICTURE_PERIOD
 from systems.operators.device_operator import LOOPBACK, DeviceOperator
 from systems.operators.loopback_device import Hand, LoopbackDevice
 from systems.reports.result_tables import plain_table
@@ -53,7 +57,6 @@ from systems.servo.served_run import ServedRun
 from systems.servo.servo_client import ServoClient
 from systems.servo.servo_diagram import MakeServo
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose
-from systems.visualization.scene import FRAME
 
 CONDITIONS = ("alone", "page open", "busy cores")
 HANDS = range(774, 780)
@@ -97,22 +100,13 @@ def shown_page() -> Iterator[Callable[[ServedRun], None]]:
     Raises:
         ModuleNotFoundError: if selenium is not installed.
     """
-    from selenium import webdriver
-
-    from systems.live.display import LiveDisplay
-    from systems.live.page import open_live_page
-
     page = open_live_page()
-    options = webdriver.ChromeOptions()
-    for argument in ("--headless=new", "--no-sandbox", "--window-size=1280,720", "--enable-unsafe-swiftshader"):
-        options.add_argument(argument)
-    browser = webdriver.Chrome(options=options)
     display = LiveDisplay(page, help_lines=[])
     drawn = 0.0
 
     def draw(served: ServedRun) -> None:
         nonlocal drawn
-        if time.monotonic() - drawn > FRAME:
+        if time.monotonic() - drawn > PICTURE_PERIOD:
             drawn = time.monotonic()
             context = served.run.simulator.get_context()
             X_HP = served.environment.peg_pose(context)
@@ -122,11 +116,10 @@ def shown_page() -> Iterator[Callable[[ServedRun], None]]:
             display.draw_forces(X_HP.translation(), wrench[3:], load=load, contact=contact)
 
     try:
-        browser.get(page.address)
-        time.sleep(3.0)
-        yield draw
+        with headless_browser(page.address):
+            time.sleep(3.0)
+            yield draw
     finally:
-        browser.quit()
         page.close()
 
 
