@@ -34,6 +34,8 @@ FEED_SCALE = 1.0  # in units of m/s per m of arrow
 FEED_HEIGHT = 0.022  # in units of m, of the start of the arrow over the tip
 LOOK_AHEAD = 0.5  # in units of s, over which the dial shows the skill's turn
 GHOST = 0.98  # of the peg's size: surfaces at the same place would flicker
+HAND_SOURCE = {"name": "force on the hand", "limit": "device limit"}  # heading and limit of the shown load
+RIG_SOURCE = {"name": "load on the peg, as the rig measures it", "limit": "rig's limit"}
 HIGH_LOAD = 0.5  # load of the device above which the rendered force has the colour HIGH
 # Key and camera position of each view, in m in the frame V of the person (x right, y away from the person).
 VIEWS = {
@@ -156,13 +158,18 @@ class LiveDisplay:
         self._page.scene.SetTransform("live/hand/ghost", RigidTransform([0.0, 0.0, 0.5 * g.peg_length]))
         X_HP = start_pose(scenario)
         self.move_peg(X_HP)
+        self.move_hole(RigidTransform())
         self.move_hand(X_HP)
         self._feed.draw(X_HP.translation(), np.zeros(3), FEED)
-        self._page.show(skill=None)
+        self._page.show(skill=None, source=HAND_SOURCE)
 
     def move_peg(self, X_HP: RigidTransform) -> None:
         """Draws the peg at a pose."""
         self._page.scene.SetTransform("plant/peg", X_HP)
+
+    def move_hole(self, X_WH: RigidTransform) -> None:
+        """Draws the block at a pose; only the rig turns it."""
+        self._page.scene.SetTransform("plant/hole", X_WH)
 
     def move_hand(self, X_HD: RigidTransform) -> None:
         """Draws the ghost: the peg where the hand would have it."""
@@ -189,7 +196,13 @@ class LiveDisplay:
         self._contact.draw(point, contact_force, CONTACT)
 
     def show_judgement(
-        self, judgement: Judgement, *, names: Sequence[str], X_HP: RigidTransform, period: float
+        self,
+        judgement: Judgement,
+        *,
+        names: Sequence[str],
+        X_HP: RigidTransform,
+        period: float,
+        X_WH: RigidTransform | None = None,
     ) -> None:
         """Shows the state that a policy sees, and what it would do: its feed as an arrow, its turn in the dial.
 
@@ -198,10 +211,12 @@ class LiveDisplay:
             names: of its states.
             X_HP: pose of the peg.
             period: of the policy, s.
+            X_WH: pose of the block; None is that of the virtual environment, in which W is H.
         """
         feed, turn = judgement.action.feed / period, judgement.action.turn / period
-        axis = X_HP.rotation().col(2)
-        self._feed.draw(X_HP.translation() + FEED_HEIGHT * axis, feed * axis, FEED)
+        axis, X_WP = X_HP.rotation().col(2), X_HP if X_WH is None else X_WH @ X_HP
+        axis_W = X_WP.rotation().col(2)
+        self._feed.draw(X_WP.translation() + FEED_HEIGHT * axis_W, feed * axis_W, FEED)
         turned = X_HP.rotation() @ from_rotation_vector(np.array([*(LOOK_AHEAD * turn), 0.0]))
         self._page.show(
             skill={
