@@ -35,7 +35,7 @@ FEED_HEIGHT = 0.022  # in units of m, of the start of the arrow over the tip
 LOOK_AHEAD = 0.5  # in units of s, over which the dial shows the skill's turn
 GHOST = 0.98  # of the peg's size: surfaces at the same place would flicker
 HAND_SOURCE = {"name": "force on the hand", "limit": "device limit"}  # heading and limit of the shown load
-RIG_SOURCE = {"name": "load on the peg, as the rig measures it", "limit": "rig's limit"}
+RIG_SOURCE = {"name": "load that the rig measures", "limit": "rig's limit"}
 HIGH_LOAD = 0.5  # load of the device above which the rendered force has the colour HIGH
 # Key and camera position of each view, in m in the frame V of the person (x right, y away from the person).
 VIEWS = {

@@ -177,8 +177,8 @@ class Rounds:
         """Shows the rig in the trials in which the old skill was stuck; after the last round again and again."""
         while True:
             for k, trial in enumerate(stuck, start=1):
-                then = "next trial" if k < len(stuck) else "from the first again" if is_last else "next round"
-                title = f"rig, trial {k} of {len(stuck)}"
+                then = "next" if k < len(stuck) else "again" if is_last else "next round"
+                title = f"rig {k} of {len(stuck)}"
                 self._sitting.perform(trial, self._scenario, skill, title=title, then=then)
             if not is_last:
                 return

@@ -14,6 +14,7 @@ import numpy as np
 
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration
+from skill.data.outcome import Outcome
 from skill.policy import RigPolicy
 from skill.practice.situation import Situation
 from systems.live.buttons import MOTION_HELP, SESSION_HELP, START
@@ -204,7 +205,7 @@ class RecoverySitting(LiveSession):
             nonlocal told
             if time.monotonic() - told > READING_PERIOD:
                 told = time.monotonic()
-                self.show_note(f"{title}: {now:.1f} s, load {load:.0f} N (before: {before})")
+                self.show_note(f"{title}: {now:.1f} s, load {load:.0f} N; before: {before}")
 
         self._tell(f"{title}: practice trial {number} with the new skill")
         trial = self._rig.perform(
@@ -224,14 +225,16 @@ class RecoverySitting(LiveSession):
 
 
 def describe(situation: Situation) -> str:
-    """Returns where a skill was stuck, for the page: depth, tilt, load and contact state."""
+    """Returns where a skill was stuck, for the page: depth, tilt and contact state."""
     tilt = math.degrees(np.hypot(*situation.tilt))
-    return f"{1e3 * situation.depth:.1f} mm deep, {tilt:.1f}° tilted, {situation.state}, {situation.load:.0f} N"
+    return f"stuck at {1e3 * situation.depth:.1f} mm, {tilt:.1f}°, {situation.state}"
 
 
 def course(result: TrialResult, stuck: Situation | None) -> str:
-    """Returns how a trial went, for the page: where it was stuck first, if it was, and whether it inserted."""
-    inserted = f"inserted in {result.time:.1f} s"
-    if stuck is None:
-        return inserted
-    return f"stuck at {1e3 * stuck.depth:.1f} mm, " + (inserted if result.inserted else result.reason)
+    """Returns how a trial went, for the page: where it was stuck first, if it was, and how it ended, if not there."""
+    parts = [] if stuck is None else [f"stuck at {1e3 * stuck.depth:.1f} mm"]
+    if result.inserted:
+        parts.append(f"inserted in {result.time:.1f} s")
+    elif result.outcome not in (Outcome.JAMMED, Outcome.TIME_OVER):
+        parts.append(result.reason)
+    return ", ".join(parts)

@@ -2,13 +2,19 @@
 
 import time
 
+from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.keys import Keys
 
-from tests.systems.live.live_session import press, text_of
+from tests.systems.live.live_session import text_of, wait_for_text
 
-UPRIGHT = 0.15  # tilt that the person leaves, degrees
+UPRIGHT = 0.2  # tilt that the person leaves, degrees
 STEP = 0.1  # of a press of an arrow, degrees
 DEADLINE = 40.0  # in units of s, for a demonstration
+
+
+def tap(page, keys):
+    """Presses keys one after another, as fast as the browser takes them."""
+    ActionChains(page.driver).send_keys(keys).perform()
 
 
 def tilt(page):
@@ -19,14 +25,17 @@ def tilt(page):
 
 def insert(page):
     """Starts a demonstration, draws the peg back a little, levels it, and feeds it to the floor."""
-    press(page, " ", "s")
+    right, away = tilt(page)
+    tap(page, " ")
+    wait_for_text(page, "status", "recording")
+    tap(page, "ss")
     end = time.monotonic() + DEADLINE
-    while "recording" in text_of(page, "status") or "show me" in text_of(page, "status"):
+    while "recording" in text_of(page, "status"):
         assert time.monotonic() < end, text_of(page, "status")
-        right, away = tilt(page)
-        if abs(right) < UPRIGHT and abs(away) < UPRIGHT:
-            press(page, "w", times=2)
-            continue
         for angle, less, more in ((right, Keys.ARROW_RIGHT, Keys.ARROW_LEFT), (away, Keys.ARROW_UP, Keys.ARROW_DOWN)):
-            press(page, less if angle < 0 else more, times=min(5, int(abs(angle) / STEP)))
-        time.sleep(0.1)
+            tap(page, (less if angle < 0 else more) * round(abs(angle) / STEP))
+        time.sleep(0.6)  # the hand follows at 8 degrees a second
+        right, away = tilt(page)
+        if max(abs(right), abs(away)) < UPRIGHT:
+            right = away = 0.0
+            tap(page, "w" * 6)
