@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from models.scenario import load_scenario
+from models.scenario import dump_scenario, load_scenario
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
 from systems.outputs.folder_lock import LOCK_NAME
@@ -13,9 +13,11 @@ from systems.runs.recovery import ask, demonstrate_recovery
 from systems.sessions.live_recovery_session import begins_in
 from systems.sessions.recovery_session import RecoveryPlan
 from tests.campaign import children, process_key
+from tests.quick_scenario import make_quick_scenario
 from tests.situations import write_stuck_skill
 from tests.systems.live.live_session import press, served, text_of, wait_for_text
 from tests.systems.live.recovery.people import insert
+from tests.systems.live.test_session import keep_picture
 
 pytestmark = pytest.mark.slow
 
@@ -62,6 +64,7 @@ def test_a_skill_practises_is_shown_learns_and_performs_on_one_page(place, tmp_p
             assert [path.name for path in out.glob("*.parquet")] == ["000_good_live.parquet"]
             wait_for_text(page, "status", "the skill learns from what you have shown: [0-9]+ s")
             wait_for_text(page, "status", "rig 1 of 1: [0-9.]+ s, load [0-9]+ N; before: stuck at")
+            keep_picture(page, "recovery")
             assert text_of(page, "source") == "load that the rig measures"
             assert text_of(page, "skill-state")
             wait_for_text(
@@ -107,3 +110,17 @@ def test_a_recording_begins_in_the_situation_that_it_was_made_for(place, demonst
     assert begins_in(shown, one, scenario)
     assert not begins_in(shown, other, scenario)
     assert not begins_in(read_demonstrations(demonstration_folder)[0], one, scenario)
+
+
+def test_a_skill_that_is_never_stuck_is_saved_as_it_is(tmp_path, demonstration_folder, skill_file):
+    scenario = make_quick_scenario()
+    scenario.start.tilt = [0.0, 0.0]
+    (tmp_path / "easy.yaml").write_text(dump_scenario(scenario))
+    command = ("scripts.recover", "--live", "--skill", skill_file, "--demonstrations", demonstration_folder)
+    files = ("--out", tmp_path / "same.npz", "--recoveries", tmp_path / "live", "--scenario", tmp_path / "easy.yaml")
+    with served(tmp_path, *command, *files, "--practice", 1, "--jobs", 1) as session:
+        session.wait_for("never stuck in 1 practice trials: nothing has to be shown")
+        assert session.process.wait(30) == 0
+    first, same = ManipulationSkill.load(skill_file), ManipulationSkill.load(tmp_path / "same.npz")
+    np.testing.assert_array_equal(same.regressor_.y_, first.regressor_.y_)
+    assert not (tmp_path / "live").exists()
