@@ -210,11 +210,12 @@ class Scenario:
         return self.geometry.hole_depth - self.trial.full_depth_margin
 
 
-def load_scenario(name: str | Path = "nominal") -> Scenario:
+def load_scenario(name: str | Path = "nominal", *, defaults: Scenario | None = None) -> Scenario:
     """Reads a scenario from a file.
 
     Args:
         name: Name of a scenario in ``models/scenarios``, or path of a YAML file.
+        defaults: Values of the keys that are missing in the file; it is not changed. None: those of `Scenario`.
 
     Raises:
         ValueError: Naming the file and the problem, e.g. an unknown key, a wrong type or an impossible geometry.
@@ -227,7 +228,7 @@ def load_scenario(name: str | Path = "nominal") -> Scenario:
         known = sorted(p.stem for p in SCENARIO_FOLDER.glob("*.yaml"))
         raise ValueError(f"scenario {path}: no such file; expected a YAML file or one of {known}")
     where = f"scenario {path}"
-    return parse_scenario(read_text(path, where), where)
+    return parse_scenario(read_text(path, where), where, defaults=defaults)
 
 
 def dump_scenario(scenario: Scenario) -> str:
@@ -235,12 +236,13 @@ def dump_scenario(scenario: Scenario) -> str:
     return str(yaml_dump_typed(scenario, schema=Scenario))
 
 
-def parse_scenario(text: str, where: str) -> Scenario:
+def parse_scenario(text: str, where: str, *, defaults: Scenario | None = None) -> Scenario:
     """Reads a scenario from YAML text; keys that are missing keep their defaults.
 
     Args:
         text: YAML text.
         where: Name of the source in error messages.
+        defaults: See `load_scenario`.
 
     Raises:
         ValueError: Naming ``where`` and the problem.
@@ -249,9 +251,8 @@ def parse_scenario(text: str, where: str) -> Scenario:
     document = {} if document is None else document
     check_document(document, Scenario, where)
     # Drake gets the values as they were read, not the text: it takes 1e10 for a string.
-    defaults = Scenario()
-    if document.get("fixture") == FREE_FIXTURE:
-        defaults.geometry.facets = FREE_FACETS
+    facets = FREE_FACETS if document.get("fixture") == FREE_FIXTURE else Geometry.facets
+    defaults = defaults or Scenario(geometry=Geometry(facets=facets))
     scenario: Scenario = yaml_load_typed(schema=Scenario, data=yaml.safe_dump(document), defaults=defaults)
     validate_scenario(scenario, where)
     return scenario

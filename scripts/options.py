@@ -73,3 +73,11 @@ Overwrite = Annotated[
     typer.Option("--overwrite", help="Replace what this program wrote into the folder of --out, once all is complete."),
 ]
 Trials = Annotated[int, typer.Option("--trials", min=1, max=MAX_TRIALS, help="Number of insertions on the rig.")]
+Driver = Annotated[
+    str | None, typer.Option(help="With --live: name of your device driver, or 'spacemouse' (see docs/haptics.md).")
+]
+Host = Annotated[
+    str | None,
+    typer.Option(help="With --live: address at which the page listens.", show_default="127.0.0.1: this machine"),
+]
+Port = Annotated[int | None, typer.Option(help="With --live: port of the page.", show_default="a free one")]

@@ -8,7 +8,19 @@ from typing import Annotated
 import typer
 
 from scripts.command_line import command, make_app, run_app
-from scripts.options import Bad, Good, Jobs, OptionalOutFolder, OptionalScenarioName, Overwrite, Seed, parse_path
+from scripts.options import (
+    Bad,
+    Driver,
+    Good,
+    Host,
+    Jobs,
+    OptionalOutFolder,
+    OptionalScenarioName,
+    Overwrite,
+    Port,
+    Seed,
+    parse_path,
+)
 
 app = make_app()
 
@@ -24,9 +36,7 @@ def main(
     jobs: Jobs = 2,
     overwrite: Overwrite = False,
     live: Annotated[bool, typer.Option("--live", help="Demonstrate yourself, in the browser.")] = False,
-    driver: Annotated[
-        str | None, typer.Option(help="With --live: name of your device driver, or 'spacemouse' (see docs/haptics.md).")
-    ] = None,
+    driver: Driver = None,
     asked: Annotated[
         Path | None,
         typer.Option(
@@ -43,14 +53,8 @@ def main(
             help="With --live: skill that names the contact states while you demonstrate, and shows what it would do.",
         ),
     ] = None,
-    host: Annotated[
-        str | None,
-        typer.Option(help="With --live: address at which the page listens.", show_default="127.0.0.1: this machine"),
-    ] = None,
-    port: Annotated[
-        int | None,
-        typer.Option(help="With --live: port of the page.", show_default="a free one"),
-    ] = None,
+    host: Host = None,
+    port: Port = None,
 ) -> None:
     """Records demonstrations of peg-in-hole insertion in the virtual environment.
 

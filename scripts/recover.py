@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from scripts.command_line import command, make_app, run_app
-from scripts.options import Jobs, OutFile, Overwrite, ScenarioName, Seed, SkillFile, parse_path
+from scripts.options import Driver, Host, Jobs, OutFile, Overwrite, Port, ScenarioName, Seed, SkillFile, parse_path
 
 app = make_app()
 
@@ -21,12 +23,29 @@ def main(
         Path, typer.Option(parser=parse_path, metavar="FOLDER", help="Recordings that the skill was trained with.")
     ] = Path("out/demonstrations"),
     recoveries: Annotated[
-        Path, typer.Option(parser=parse_path, metavar="FOLDER", help="Folder to write the recoveries into.")
-    ] = Path("out/recoveries"),
+        Path | None,
+        typer.Option(
+            parser=parse_path,
+            metavar="FOLDER",
+            help="Folder to write the recoveries into.",
+            show_default="out/recoveries, with --live out/live_recoveries",
+        ),
+    ] = None,
     out: OutFile = Path("out/recovered.npz"),
-    rounds: Annotated[int, typer.Option(min=1, max=100, help="Rounds of practice, recoveries and training.")] = 2,
+    rounds: Annotated[
+        int | None,
+        typer.Option(
+            min=1, max=100, help="Rounds of practice, recoveries and training.", show_default="2, with --live 1"
+        ),
+    ] = None,
     practice: Annotated[int, typer.Option(min=1, max=10_000, help="Practice trials in each round.")] = 24,
-    most: Annotated[int, typer.Option(min=1, max=1000, help="Recoveries in each round, at most.")] = 10,
+    most: Annotated[
+        int | None,
+        typer.Option(min=1, max=1000, help="Recoveries in each round, at most.", show_default="10, with --live 3"),
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the recoveries yourself, in the browser, and see the rig do it.")
+    ] = False,
     ask: Annotated[
         bool, typer.Option("--ask", help="Only say which situations the skill wants shown; write nothing.")
     ] = False,
@@ -42,6 +61,9 @@ def main(
     scenario: ScenarioName = "nominal",
     jobs: Jobs = 2,
     overwrite: Overwrite = False,
+    driver: Driver = None,
+    host: Host = None,
+    port: Port = None,
 ) -> None:
     """Lets a skill practise, has shown what it could not do, and trains it again.
 
@@ -55,28 +77,38 @@ def main(
     `--recoveries`, and the skill to the file of `--out` after each round. Given again after an interruption, it repeats
     the practice trials and keeps the recoveries.
 
+    With `--live` all happens on one page in the browser: the skill practises; you demonstrate from each pose in which
+    it was stuck (Space starts, G/B/X, N skips, Q quits); it is trained again; and the rig performs those trials with
+    the new skill. Live recoveries have a folder of their own, which no command replaces; the skill learns from all.
+
     For example:
 
         haptic-skill recover --rounds 1 --practice 12 --out out/quick.npz
+
+        haptic-skill recover --live --out out/better.npz
     """
     from systems.sessions.recovery_session import RecoveryPlan, ask_only, recover
 
-    plan = RecoveryPlan(rounds=rounds, trials=practice, most=most, seed=seed)
+    if live and (ask or overwrite):
+        raise typer.BadParameter("--ask and --overwrite are not for --live: live recordings are never deleted")
+    if not live and {driver, host, port} != {None}:
+        raise typer.BadParameter("--driver, --host and --port need --live")
+    if json is not None and not ask:
+        raise typer.BadParameter("--json needs --ask")
+    plan = RecoveryPlan(
+        rounds=rounds or (1 if live else 2), trials=practice, most=most or (3 if live else 10), seed=seed
+    )
     if ask:
         ask_only(skill=skill, plan=plan, scenario=scenario, json=json, jobs=jobs)
         return
-    if json is not None:
-        raise typer.BadParameter("--json needs --ask")
-    recover(
-        skill=skill,
-        demonstrations=demonstrations,
-        recoveries=recoveries,
-        out=out,
-        plan=plan,
-        scenario=scenario,
-        jobs=jobs,
-        overwrite=overwrite,
-    )
+    run: Callable[..., object] = partial(recover, overwrite=overwrite)
+    if live:
+        from systems.sessions.live_recovery_session import recover_live
+
+        run = partial(recover_live, driver=driver, host=host, port=port)
+    folder = recoveries or Path("out/live_recoveries" if live else "out/recoveries")
+    files = {"skill": skill, "demonstrations": demonstrations, "recoveries": folder, "out": out}
+    run(**files, plan=plan, scenario=scenario, jobs=jobs)
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from dataclasses import dataclass
 
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, Diagram
 
 from models.scenario import Scenario
@@ -75,6 +76,14 @@ class RigDiagram:
         for stepper, angle in zip(self.steppers, angles, strict=True):
             stepper.set_start_angle(stepper.GetMyMutableContextFromRoot(context), angle)
         self.contact.set_start(context, carriage=_home(trial), pitch=angles[0], yaw=angles[1])
+
+    def poses(self, context: Context) -> tuple[RigidTransform, RigidTransform]:
+        """Returns the poses X_WP of the peg and X_WH of the block for a picture; ``context`` is the diagram's.
+
+        Their relative pose is exact. The mount lets both move sideways by micrometres, which is left out.
+        """
+        X_WP = RigidTransform([0.0, 0.0, self.contact.tip_height(context)])
+        return X_WP, X_WP @ self.contact.peg_in_hole(context).inverse()
 
     def contact_wrench(self, context: Context) -> Array:
         """Returns the true wrench (6,) on the peg about its tip, in P: force (N), then moment (N m).

@@ -89,12 +89,8 @@ class Episode:
         return ContactLabel(int(self._bodies.label(p_HP[None], axis_H[None])[0]))
 
     def poses(self) -> tuple[RigidTransform, RigidTransform]:
-        """Returns the poses X_WP of the peg and X_WH of the block for a picture.
-
-        Their relative pose is exact. The mount lets both move sideways by micrometres, which is left out.
-        """
-        X_WP = RigidTransform([0.0, 0.0, self._rig.contact.tip_height(self._context)])
-        return X_WP, X_WP @ self._rig.contact.peg_in_hole(self._context).inverse()
+        """Returns the poses X_WP of the peg and X_WH of the block for a picture; see `RigDiagram.poses`."""
+        return self._rig.poses(self._context)
 
     def true_load(self) -> float:
         """Returns the load sqrt(|f|^2 + |m/r|^2) of the true wrench on the peg about its tip, N.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 from models.scenario import Scenario
 from skill.features.measurement import load_of_components
@@ -26,7 +27,7 @@ class ContactLoad:
         self._radius, self._guard = scenario.geometry.peg_radius, scenario.controller
         self.load = self.peak = 0.0
 
-    def take(self, sample: Mapping[str, float]) -> None:
+    def take(self, sample: Mapping[Any, float]) -> None:
         """Takes a sample of the recorder; ignores one that is not finite, of a run that has diverged."""
         load = load_of_components([sample[name] for name in WRENCH], self._radius)
         if math.isfinite(load):

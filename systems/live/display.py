@@ -161,6 +161,7 @@ class LiveDisplay:
         self._page.scene.SetTransform("live/hand/ghost", RigidTransform([0.0, 0.0, 0.5 * g.peg_length]))
         X_HP = start_pose(scenario)
         self.move_peg(X_HP)
+        self.move_hole(RigidTransform())
         self.move_hand(X_HP)
         self._feed.draw(X_HP.translation(), np.zeros(3), FEED)
         self._page.show(skill=None)
@@ -168,6 +169,10 @@ class LiveDisplay:
     def move_peg(self, X_HP: RigidTransform) -> None:
         """Draws the peg at a pose."""
         self._page.scene.SetTransform("plant/peg", X_HP)
+
+    def move_hole(self, X_WH: RigidTransform) -> None:
+        """Draws the block at a pose; only the rig turns it."""
+        self._page.scene.SetTransform("plant/hole", X_WH)
 
     def move_hand(self, X_HD: RigidTransform) -> None:
         """Draws the ghost: the peg where the hand would have it."""
@@ -194,7 +199,13 @@ class LiveDisplay:
         self._contact.draw(point, contact_force, CONTACT)
 
     def show_judgement(
-        self, judgement: Judgement, *, names: Sequence[str], X_HP: RigidTransform, period: float
+        self,
+        judgement: Judgement,
+        *,
+        names: Sequence[str],
+        X_HP: RigidTransform,
+        period: float,
+        X_WH: RigidTransform | None = None,
     ) -> None:
         """Shows the state that a policy sees, and what it would do: its feed as an arrow, its turn in the dial.
 
@@ -203,10 +214,12 @@ class LiveDisplay:
             names: of its states.
             X_HP: pose of the peg.
             period: of the policy, s.
+            X_WH: pose of the block; None is that of the virtual environment, in which W is H.
         """
         feed, turn = judgement.action.feed / period, judgement.action.turn / period
-        axis = X_HP.rotation().col(2)
-        self._feed.draw(X_HP.translation() + FEED_HEIGHT * axis, feed * axis, FEED)
+        axis, X_WP = X_HP.rotation().col(2), X_HP if X_WH is None else X_WH @ X_HP
+        axis_W = X_WP.rotation().col(2)
+        self._feed.draw(X_WP.translation() + FEED_HEIGHT * axis_W, feed * axis_W, FEED)
         turned = X_HP.rotation() @ from_rotation_vector(np.array([*(LOOK_AHEAD * turn), 0.0]))
         self._page.show(
             skill={

@@ -86,7 +86,7 @@ class LiveSession:
             if self._input is not None:
                 self._open_servo()
             self._say("ready: press Space to start", READY)
-            while not self._is_over():
+            while not (self._is_over() or self._is_complete()):
                 if self._buttons.clicked(START):
                     self._buttons.forget_clicks()
                     if self._record_one():
@@ -119,6 +119,10 @@ class LiveSession:
         elif absence > self._absence_limit:
             self._tell("the page stayed closed: session over")
             return True
+        return False
+
+    def _is_complete(self) -> bool:
+        """Whether nothing is left to record; asked between two demonstrations. Here the person decides."""
         return False
 
     # ------------------------------------------------------- one demonstration

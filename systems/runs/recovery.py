@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -31,6 +32,19 @@ LIFT = 3e-4
 
 ATTEMPTS = 5
 """Attempts of an operator at one recovery."""
+
+
+@dataclass(frozen=True)
+class StuckTrial:
+    """A practice trial in which a policy was stuck.
+
+    Attributes:
+        situation: in which it was stuck first.
+        result: of the whole trial.
+    """
+
+    situation: Situation
+    result: TrialResult
 
 
 def practice_trial(scenario: Scenario, number: int) -> Scenario:

@@ -205,17 +205,7 @@ def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int)
     """Simulates a rig that was built from this scenario and policy; see `run_trial`."""
     run = TrialRun(rig, scenario, number=seed)
     run.advance(scenario.trial.time_limit)
-    result, samples = run.result(), run.samples()
-    samples[list(CONTACT_COLUMNS)] = run.monitor.forces.contact_rows(len(samples))
-    metadata = {
-        "geometry": asdict(scenario.geometry),
-        "rig": asdict(scenario.rig),
-        "force_limit": scenario.controller.force_limit,
-        "state_names": skill.state_names(),
-        "scenario": dump_scenario(scenario),
-        "versions": versions(),
-    }
-    return result, RigRun(samples=samples, result=result.record(), metadata=metadata)
+    return run.record(skill)
 
 
 class TrialRun:
@@ -252,6 +242,12 @@ class TrialRun:
         except (Exception, SystemExit) as error:  # one trial must not end the others; Drake's asserts raise SystemExit
             self.monitor.outcome, self.monitor.detail = Outcome.FAILED, one_line(error)
 
+    @property
+    def is_over(self) -> bool:
+        """Whether something has ended the trial, or its time limit is reached."""
+        has_ended = self.monitor.outcome is not Outcome.TIME_OVER
+        return has_ended or self.context.get_time() >= self._scenario.trial.time_limit
+
     def samples(self) -> pd.DataFrame:
         """Returns what the recorder of the rig has recorded so far."""
         return self._rig.recorder.samples(self.context)
@@ -259,6 +255,20 @@ class TrialRun:
     def result(self) -> TrialResult:
         """Returns the result of the trial up to now."""
         return _result(self._rig, self._scenario, self.monitor, self.context, self.samples(), seed=self._number)
+
+    def record(self, skill: RigPolicy) -> tuple[TrialResult, RigRun]:
+        """Returns the result of the trial up to now, and its record; ``skill`` controls the rig."""
+        result, samples, scenario = self.result(), self.samples(), self._scenario
+        samples[list(CONTACT_COLUMNS)] = self.monitor.forces.contact_rows(len(samples))
+        metadata = {
+            "geometry": asdict(scenario.geometry),
+            "rig": asdict(scenario.rig),
+            "force_limit": scenario.controller.force_limit,
+            "state_names": skill.state_names(),
+            "scenario": dump_scenario(scenario),
+            "versions": versions(),
+        }
+        return result, RigRun(samples=samples, result=result.record(), metadata=metadata)
 
 
 def _result(

@@ -6,13 +6,16 @@ import math
 import os
 import sys
 import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from models.scenario import Scenario, load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from skill.practice.situation import read_situations
+from systems.haptics.coupling_margins import Margin
 from systems.live.access import LOCAL_HOST
-from systems.live.page import open_live_page
+from systems.live.page import LivePage, open_live_page
 from systems.live.session import LiveSession, asked_scenario, live_scenario
 from systems.operators.device_operator import find_device
 from systems.reports.terminal import say
@@ -43,7 +46,7 @@ def record_live(
         OSError: if the folder ``out`` cannot be written, or the page cannot listen at ``host`` and ``port``.
     """
     chosen = load_scenario(scenario)
-    margins = require_multirate_margins(chosen)
+    margins = live_margins(chosen, driver)
     situations = read_situations(asked) if asked is not None else []
     watching = None if skill is None else _load_watching(skill, chosen)
 
@@ -54,20 +57,40 @@ def record_live(
 
     for number in range(max(1, len(situations))):  # all are checked before the page opens
         start_of(number)
+    print_margins(margins)
+    with announced_page(host=host, port=port) as page:
+        kept = LiveSession(start_of=start_of, out=out, page=page, tell=say, driver=driver, policy=watching).run()
+    say(f"{len(kept)} demonstrations kept in {out}")
+    return kept
+
+
+def live_margins(scenario: Scenario, driver: str | None) -> list[Margin]:
+    """Returns the margins of stability of a live session.
+
+    Raises:
+        ValueError: if the scenario is not stable, or no device driver has the name ``driver``.
+    """
     if driver is not None:
         find_device(driver)
+    return require_multirate_margins(scenario)
+
+
+@contextmanager
+def announced_page(*, host: str | None, port: int | None) -> Iterator[LivePage]:
+    """Opens the page of a live session, prints its address, and opens it in the browser of a desktop.
+
+    Raises:
+        OSError: if the page cannot listen at ``host`` and ``port``.
+    """
     page = open_live_page(host=host or LOCAL_HOST, port=port)
     try:
-        print_margins(margins)
         for line in page.announcement():
             say(line)
         if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             webbrowser.open(page.address)  # without a desktop this could start a text browser in the terminal
-        kept = LiveSession(start_of=start_of, out=out, page=page, tell=say, driver=driver, policy=watching).run()
+        yield page
     finally:
         page.close()
-    say(f"{len(kept)} demonstrations kept in {out}")
-    return kept
 
 
 def _load_watching(path: Path, scenario: Scenario) -> ManipulationSkill:

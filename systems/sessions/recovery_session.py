@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -30,7 +30,7 @@ from systems.outputs.set_index import DEMONSTRATIONS, SetIndex, find_set
 from systems.reports.result_tables import situation_table
 from systems.reports.terminal import console, progress, say, write_json
 from systems.runs.provenance import versions
-from systems.runs.recovery import ask, demonstrate_recoveries, habit_of
+from systems.runs.recovery import StuckTrial, ask, demonstrate_recoveries, habit_of
 from systems.sessions.train_session import train
 
 MAX_ROUNDS, MAX_TRIALS = 100, 10_000  # so that the number of a practice trial is unique
@@ -75,7 +75,8 @@ def ask_only(*, skill: Path, plan: RecoveryPlan, scenario: str, json: Path | Non
     if json is not None:
         require_distinct({"--skill": skill, "--json": json})
         check_file(json, ".json", option="--json")
-    situations = _ask(load_scenario(scenario), ManipulationSkill.load(skill), plan, 1, jobs)
+    found = practise(load_scenario(scenario), ManipulationSkill.load(skill), plan, 1, jobs=jobs)
+    situations = [stuck.situation for stuck in found]
     if json is not None:
         with named_errors(json, "the skill is unchanged"):
             write_json(json, [situation.record() for situation in situations])
@@ -117,17 +118,15 @@ def recover(
     contexts = learnt.metadata_.get("max_contexts", MAX_CONTEXTS)
     folders = [demonstrations]
     for number in range(1, plan.rounds + 1):
-        situations = _ask(chosen, learnt, plan, number, jobs)
-        if not situations:
+        found = practise(chosen, learnt, plan, number, jobs=jobs)
+        if not found:
             break
         folder = _folder_of(recoveries, number)
-        _show(chosen, situations, folder, plan, jobs=jobs, overwrite=overwrite)
+        _show(chosen, [stuck.situation for stuck in found], folder, plan, jobs=jobs, overwrite=overwrite)
         folders.append(folder)
         learnt = train(demonstrations=folders, out=out, seed=plan.seed, max_contexts=contexts, policy=learnt.policy)
     if len(folders) == 1:
-        with locked_file(out), named_errors(out, "the skill is unchanged"):
-            learnt.save(out)
-        say(f"nothing has to be shown; the same skill is in {out}")
+        save_unchanged(learnt, out)
     for number in range(len(folders), MAX_ROUNDS + 1):
         if (folder := _folder_of(recoveries, number)).exists():
             say(f"{folder} is of an earlier call; this skill has not learnt from it")
@@ -139,14 +138,35 @@ def file_name(number: int) -> str:
     return f"{number:03d}_recovery_{habit_of(number)}.parquet"
 
 
-def _ask(scenario: Scenario, skill: ManipulationSkill, plan: RecoveryPlan, number: int, jobs: int) -> list[Situation]:
-    """Performs the practice trials of a round; returns the first situations in which the skill was stuck."""
+def practise(
+    scenario: Scenario,
+    skill: ManipulationSkill,
+    plan: RecoveryPlan,
+    number: int,
+    *,
+    jobs: int,
+    tell: Callable[[int, int], None] = lambda performed, stuck: None,
+) -> list[StuckTrial]:
+    """Performs the practice trials of a round and prints where the skill was stuck.
+
+    Args:
+        scenario: with ranges.
+        skill: that practises.
+        plan: of the practice.
+        number: of the round, from 1.
+        jobs: number of processes.
+        tell: receives after each trial how many have been performed, and in how many the skill was stuck.
+
+    Returns:
+        The first trials in which the skill was stuck, at most ``plan.most``.
+    """
     results, found = [], []
     with progress(f"round {number}: practice", plan.trials) as advance:
         for result, situation in ask(scenario, skill, plan.numbers(number), jobs=jobs):
             results.append(result)
-            found += [situation] if situation is not None else []
+            found += [StuckTrial(situation, result)] if situation is not None else []
             advance(result.reason)
+            tell(len(results), len(found))
     inserted, time = sum(r.inserted for r in results), np.median([r.time for r in results])
     say(
         f"round {number}: {inserted} of {len(results)} practice trials inserted, median {time:.2f} s;"
@@ -154,8 +174,19 @@ def _ask(scenario: Scenario, skill: ManipulationSkill, plan: RecoveryPlan, numbe
     )
     asked = found[: plan.most]
     if asked:
-        console.print(situation_table(asked))
+        console.print(situation_table([stuck.situation for stuck in asked]))
     return asked
+
+
+def save_unchanged(skill: ManipulationSkill, out: Path) -> None:
+    """Writes a skill that was never stuck to the file ``out``, and says so.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    with locked_file(out), named_errors(out, "the skill is unchanged"):
+        skill.save(out)
+    say(f"nothing has to be shown; the same skill is in {out}")
 
 
 def _folder_of(recoveries: Path, number: int) -> Path:

@@ -487,3 +487,13 @@ def test_the_error_for_a_drawn_tilt_that_is_too_large_names_the_seed():
     scenario.start.tilt_range = scenario.start.demonstrated_tilt_range = math.radians(60.0)
     with pytest.raises(ValueError, match=r"seed 4.*start\.tilt"):
         resolve_scenario(scenario, seed=4, stream=TRIAL_STREAM)
+
+
+def test_a_file_over_another_scenario_changes_what_it_states():
+    mine = Scenario()
+    mine.geometry.hole_depth, mine.contact.time_step = 0.012, 1e-3
+    live = load_scenario("live", defaults=mine)
+    assert live.geometry == mine.geometry
+    assert live.contact.time_step == load_scenario("live").contact.time_step == 0.004
+    assert mine.contact.time_step == 1e-3
+    assert load_scenario("nominal", defaults=live).contact.modulus == live.contact.modulus

@@ -1,18 +1,18 @@
 """The command recover: what it asks for, its files, and how it goes on."""
 
 import json
-import math
 import shutil
 
 import numpy as np
 import pytest
 
 from models.scenario import dump_scenario
-from skill.data.demonstration import read_demonstrations
+from skill.data.demonstration import read_demonstrations, write_demonstration
 from skill.manipulation_skill import ManipulationSkill
 from skill.practice.situation import read_situations
 from tests.quick_scenario import make_quick_scenario
 from tests.scripts.commands import error_line, files, invoke
+from tests.situations import write_stuck_skill
 
 pytestmark = pytest.mark.slow
 
@@ -21,14 +21,7 @@ pytestmark = pytest.mark.slow
 def place(tmp_path_factory, demonstration_folder):
     """A folder with a scenario, and a skill that gets stuck: it has learnt feeds, but no turns."""
     folder = tmp_path_factory.mktemp("recover")
-    scenario = make_quick_scenario()
-    scenario.start.tilt_range = math.radians(3.0)
-    scenario.trial.time_limit = 1.2
-    scenario.controller.stall_time = 0.2
-    (folder / "quick.yaml").write_text(dump_scenario(scenario))
-    skill = ManipulationSkill().fit(read_demonstrations(demonstration_folder))
-    skill.regressor_.y_[:, :2] = 0.0
-    skill.save(folder / "straight.npz")
+    write_stuck_skill(folder, demonstration_folder)
     return folder
 
 
@@ -166,3 +159,27 @@ def test_a_file_of_situations_needs_the_question(place, demonstration_folder):
     done = recover(place, demonstration_folder, "--json", place / "asked.json")
     assert done.exit_code == 2
     assert "--json needs --ask" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--port", 7123), "--driver, --host and --port need --live"),
+        (("--live", "--ask"), "--ask and --overwrite are not for --live"),
+        (("--live", "--overwrite"), "--ask and --overwrite are not for --live"),
+    ],
+)
+def test_options_that_do_not_fit_together_are_refused(place, demonstration_folder, options, message):
+    done = recover(place, demonstration_folder, *options)
+    assert done.exit_code == 2
+    assert message in done.stderr
+
+
+def test_recoveries_of_another_peg_are_refused_before_the_page_opens(place, demonstration_folder, tmp_path):
+    shown = read_demonstrations(demonstration_folder)[0]
+    other = shown.metadata["geometry"] | {"hole_radius": 0.0102}
+    shown.metadata["geometry"] = other
+    write_demonstration(shown, tmp_path / "000_good_live.parquet")
+    done = recover(place, demonstration_folder, "--live", "--recoveries", tmp_path)
+    assert "expected one geometry" in error_line(done)
+    assert "in a browser" not in done.output

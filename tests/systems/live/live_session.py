@@ -52,15 +52,23 @@ class Session:
 
 @contextmanager
 def live(tmp_path, scenario=QUICK, file_size=resource.RLIM_INFINITY, options=()):
-    path, log = tmp_path / "quick.yaml", tmp_path / "log.txt"
+    path = tmp_path / "quick.yaml"
     path.write_text(yaml.safe_dump(scenario))
+    command = ("scripts.record_demonstrations", "--live", "--out", tmp_path / "out", "--scenario", path, *options)
+    with served(tmp_path, *command, file_size=file_size) as session:
+        yield session
+
+
+@contextmanager
+def served(tmp_path, *command, file_size=resource.RLIM_INFINITY):
+    """Runs a command that opens a live page; its output is in the folder."""
+    log = tmp_path / "log.txt"
     browser = tmp_path / "browser.sh"  # stands for the desktop's
     browser.write_text(f'#!/bin/sh\necho "$1" > {tmp_path / "opened.txt"}\n')
     browser.chmod(0o755)
-    command = [sys.executable, "-m", "scripts.record_demonstrations", "--live", "--out", str(tmp_path / "out")]
     with log.open("w") as stream:
         process = subprocess.Popen(
-            [*command, "--scenario", str(path), *options],
+            [sys.executable, "-m", *map(str, command)],
             cwd=ROOT,
             stdout=stream,
             stderr=subprocess.STDOUT,

@@ -8,7 +8,18 @@ from pydrake.math import RigidTransform
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
 from skill.policy import Action
 from skill.practice.policy_observer import Judgement
-from systems.live.display import CONTACT, FEED, HIGH, LOW, SATURATED, VIEWS, Arrow, LiveDisplay, Readings, load_colour
+from systems.live.display import (
+    CONTACT,
+    FEED,
+    HIGH,
+    LOW,
+    SATURATED,
+    VIEWS,
+    Arrow,
+    LiveDisplay,
+    Readings,
+    load_colour,
+)
 from systems.live.page import PANEL
 from systems.math.rotation import from_rotation_vector
 from systems.operators.person_frame import R_HV, hand_pose
@@ -295,3 +306,19 @@ def test_before_a_demonstration_nothing_is_shown_of_the_skill(browser, display):
     assert browser.values["skill"] is None
     _, head = browser.arrow("skill_feed")
     np.testing.assert_allclose(np.linalg.norm(head[:3, :3], axis=0), 1e-6)
+
+
+def test_on_the_rig_the_arrow_of_the_skill_follows_the_turned_block_and_the_dial_does_not(browser, display):
+    X_HP, X_WH = RigidTransform([0.0, 0.0, -0.004]), hand_pose(np.array([0.0, 0.05, 0.0, 0.0, 0.0]))
+    judgement = Judgement(0, True, Action(turn=np.zeros(2), feed=-1e-4, probabilities=np.ones(1)))
+    display.show_judgement(judgement, names=["free"], X_HP=X_HP, X_WH=X_WH, period=0.02)
+    shaft, _ = browser.arrow("skill_feed")
+    direction = shaft[:3, 2] / np.linalg.norm(shaft[:3, 2])
+    np.testing.assert_allclose(direction, -X_WH.rotation().col(2), atol=1e-9)
+    assert browser.values["skill"]["tilt"] == {"right": 0.0, "away": 0.0}
+
+
+def test_before_a_demonstration_the_block_is_upright(browser, display):
+    display.move_hole(hand_pose(np.array([0.0, 0.05, 0.0, 0.0, 0.0])))
+    display.draw_start(resolve_scenario(load_scenario("live"), seed=1, stream=LIVE_STREAM))
+    np.testing.assert_array_equal(browser.transforms["plant/hole"], np.eye(4))
