@@ -216,7 +216,7 @@ class LiveDisplay:
         )
 
     def show_readings(self, readings: Readings) -> None:
-        """Shows readings in the panel; panel.html lists their names and units."""
+        """Shows readings in the panel; panel/readings.js lists their names and units."""
         colour = load_colour(readings.load)
         self._page.show(
             force=float(np.linalg.norm(readings.wrench[3:])),
