@@ -4,7 +4,7 @@
   const SLOW = 26, TARGET = 21, FAST = 18;  // ms from a picture to the next frame of the browser
   const COARSEST = 0.4;  // of the screen's resolution
   const PAUSE = 250;  // ms; a longer gap is no slow picture, but a hidden page
-  const REFINEMENT = 1.25, FIRST_PATIENCE = 5000;  // ms without a slow picture, before a finer one is tried
+  const REFINEMENT = 1.25, FIRST_PATIENCE = 2000;  // ms without a slow picture, before a finer one is tried
   const {byId} = livePanel;
   let drawn = 0, drawnBefore = 0, last = null;
   let times = [];

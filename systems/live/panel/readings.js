@@ -37,13 +37,14 @@
     byId("contact").hidden = !contact;
     if (!contact) return;
     const place = load => 100 * Math.min(SCALE * load / contact.limit, 1) + "%";
+    const newtons = load => formatNumber(load, load < 99.95 ? 1 : 0) + " N";
     const state = contact.load > contact.limit ? "above" : contact.held ? "held" : "below";
     byId("contact").dataset.state = state;
     byId("contact-fill").style.width = place(contact.load);
     byId("contact-peak-mark").style.left = place(contact.peak);
     byId("contact-limit-mark").style.left = place(contact.limit);
-    byId("contact-load").textContent = formatNumber(contact.load, 1) + " N";
-    byId("contact-peak").textContent = formatNumber(contact.peak, 1) + " N";
+    byId("contact-load").textContent = newtons(contact.load);
+    byId("contact-peak").textContent = newtons(contact.peak);
     byId("contact-peak").classList.toggle("bad", contact.peak > contact.limit);
     byId("contact-limit").textContent = formatNumber(contact.limit, 0) + " N";
     const notes = {above: "the rig would stop here", held: "the rig would slow the feed", below: "\u00a0"};

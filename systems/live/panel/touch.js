@@ -1,7 +1,7 @@
 // Buttons and pads for fingers. They press the same keys as a keyboard; what is held repeats.
 (function () {
   const {byId, press, onValues} = livePanel;
-  const PERIOD = 40;  // ms between two looks at what is held
+  const DELAY = 150, PERIOD = 40;  // ms until what is held repeats, and between two looks at it
   const BUTTON_RATE = 15;  // presses per second of a held button
   const PAD_RATE = 25;  // presses per second at the rim of a pad
   const CENTRE = 0.15;  // share of a pad's radius that does nothing
@@ -15,7 +15,7 @@
 
     function repeat() {
       for (const code in held) {
-        due[code] = (due[code] ?? 1) + held[code] * PERIOD / 1000;
+        due[code] = code in due ? due[code] + held[code] * PERIOD / 1000 : 1;
         for (; due[code] >= 1; due[code] -= 1) press(code);
       }
     }
@@ -24,7 +24,7 @@
       clearInterval(timer);
       [held, due] = [rates(event), {}];
       repeat();
-      timer = setInterval(repeat, PERIOD);
+      timer = setTimeout(() => timer = setInterval(repeat, PERIOD), DELAY);
     });
     element.addEventListener("pointermove", event => {
       if (timer !== null) held = rates(event);
