@@ -1,7 +1,7 @@
 // Guides a first demonstration in three steps. Each step is recognised from the values of the session.
 (function () {
   const {byId, onButton, onValues, formatNumber, contactLoad, isInserted, TOUCH_LOAD} = livePanel;
-  const LEVEL = 0.6;  // degrees; a smaller tilt is level
+  const LEVEL = 0.3;  // degrees; a smaller tilt is level, and goes in without a high load
   const ENTERED = 5e-4;  // m; a peg this deep has found the mouth without a touch
   const HIGH = 0.6;  // share of the limit above which the load is high
   const SEEN = "live-guide-seen";  // kept by the browser
@@ -52,7 +52,7 @@
     }
     const {contact, depth} = values;
     const isHigh = contact && contact.load > HIGH * contact.limit;
-    if (contact && (isHigh || contact.held) && tiltOf(values) > LEVEL) {
+    if (contact && (isHigh || contact.held) && tiltOf(values) > LEVEL / 2) {
       return ["The load is high: level the peg first, or retract a little.", [...levelling(values), "KeyS"]];
     }
     if (isHigh) return ["The load is high: retract a little, then feed in slowly.", ["KeyS"]];

@@ -69,7 +69,8 @@ FLAWS = """
     if (!inside(box(text), box(panel))) found.push(id + " is cut off");
   }
   for (const element of document.querySelectorAll("#overlay .touch button, #card td, .spread")) {
-    if (shown(element) && element.scrollWidth > element.clientWidth + 1) found.push(element.textContent + " is cut off");
+    const isCut = element.scrollWidth > element.clientWidth + 1;
+    if (shown(element) && isCut) found.push(element.textContent + " is cut off");
   }
   return found;
 """

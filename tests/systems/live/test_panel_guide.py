@@ -62,7 +62,7 @@ def test_the_guide_recognises_each_step_and_says_how_to_keep_the_demonstration(p
     assert panel.hints() == ["↑"]
     say(panel, phase="recording", load=0.0, depth=0.001, tilt=(0.1, 0.2))
     assert panel.text("guide-text") == "Feed in to the full depth: 23.7 mm to go."
-    say(panel, phase="recording", load=0.9 * LIMIT, depth=0.01, tilt=(1.0, 0.2))
+    say(panel, phase="recording", load=0.9 * LIMIT, depth=0.01, tilt=(1.0, 0.1))
     assert "level the peg first, or retract a little" in panel.text("guide-text")
     assert panel.hints() == ["←", "S"]
     say(panel, phase="recording", load=0.9 * LIMIT, depth=0.01)
@@ -206,4 +206,3 @@ def insert(panel, resolved, deadline):
         held = load > resolved.controller.soft_force
         panel.live.show(phase=phase, contact=contact(load, peak=peak, held=held))
     return ending
-
