@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from pathlib import Path
 
 import pytest
 
@@ -32,6 +33,9 @@ def test_a_wheel_installs_and_inserts_with_the_skill_that_it_ships(skill_file, q
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
     assert {"systems/default_skill.npz", "models/rig.sdf", "systems/reports/replay.js", "haptic_skill.py"} <= set(names)
+    panel = [path.relative_to(ROOT).as_posix() for path in (ROOT / "systems" / "live" / "panel").iterdir()]
+    assert {Path(name).suffix for name in panel} == {".html", ".css", ".js"}
+    assert set(panel) <= set(names)
     assert not [name for name in names if name.startswith(("tests", "benchmarks", "docs"))]
 
     run(sys.executable, "-m", "venv", tmp_path / "clean", cwd=outside)

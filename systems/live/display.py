@@ -164,7 +164,7 @@ class LiveDisplay:
         self.move_hole(RigidTransform())
         self.move_hand(X_HP)
         self._feed.draw(X_HP.translation(), np.zeros(3), FEED)
-        self._page.show(skill=None)
+        self._page.show(skill=None, hand=True)
 
     def move_peg(self, X_HP: RigidTransform) -> None:
         """Draws the peg at a pose."""
@@ -234,7 +234,7 @@ class LiveDisplay:
         )
 
     def show_readings(self, readings: Readings) -> None:
-        """Shows readings in the panel; panel.html lists their names and units."""
+        """Shows readings in the panel; panel/readings.js lists their names and units."""
         colour = load_colour(readings.load)
         self._page.show(
             force=float(np.linalg.norm(readings.wrench[3:])),

@@ -17,8 +17,13 @@ from systems.live.messages import Outbox
 from systems.live.scene import LiveScene
 from systems.live.server import LiveServer, Site
 
-PANEL = Path(__file__).with_name("panel.html")
-ICON = '<link rel="icon" href="data:,">'  # without it a browser asks for one, at an address without the token
+PANEL = Path(__file__).with_name("panel")
+STYLES = ("panel.css", "small.css")
+SCRIPTS = ("panel.js", "readings.js", "pictures.js", "sound.js", "touch.js", "guide.js")  # the first serves the others
+HEAD = (
+    '<link rel="icon" href="data:,">'  # without it a browser asks for one, at an address without the token
+    '<meta name="viewport" content="width=device-width, initial-scale=1">'  # a phone would show it as a desktop
+)
 PORTS = range(7100, 7200)  # tried one after another if no port is given
 MAX_PORT = 65535
 
@@ -75,7 +80,7 @@ class LivePage:
         return "refused or ignored: " + ", ".join(f"{kind} {number}" for kind, number in counts) if counts else None
 
     def show(self, **values: Any) -> None:
-        """Changes the given values of the panel; panel.html lists their names and units."""
+        """Changes the given values of the panel; panel/readings.js lists their names and units."""
         if not values.items() <= self._values.items():
             self._values |= values
             self._panel.put("values", json.dumps(self._values))
@@ -94,14 +99,22 @@ def page_source() -> bytes:
     """
     path = Path(FindResourceOrThrow("drake/geometry/meshcat.html"))
     text = path.read_text(encoding="utf-8")
-    panel = PANEL.read_text(encoding="utf-8")
-    for mark, replacement in (("<head>", f"<head>{ICON}"), ("</body>", f"{panel}</body>")):
+    for mark, replacement in (("<head>", f"<head>{HEAD}"), ("</body>", f"{_panel_source()}</body>")):
         if text.count(mark) != 1:
             raise ValueError(
                 f"{path}: unsupported version of Drake: '{mark}' occurs {text.count(mark)} times, expected 1"
             )
         text = text.replace(mark, replacement)
     return text.encode()
+
+
+def _panel_source() -> str:
+    """Returns the panel with its styles and scripts."""
+    style, script = (
+        "\n".join((PANEL / name).read_text(encoding="utf-8") for name in names) for names in (STYLES, SCRIPTS)
+    )
+    body = (PANEL / "panel.html").read_text(encoding="utf-8")
+    return f"<style>\n{style}</style>\n{body}<script>\n{script}</script>\n"
 
 
 def open_live_page(*, host: str = LOCAL_HOST, port: int | None = None) -> LivePage:

@@ -28,7 +28,7 @@ MAX_BODY = 1  # in units of bytes; no request of the page has a body, and 0 mean
 MAX_INPUT = 65536  # in units of bytes; a larger frame closes its connection
 REQUEST_TIME = 10.0  # in units of s, for a whole request
 PING_PERIOD, PING_TIME = 10.0, 10.0  # in units of s; a page that does not answer is closed
-SCENE_PERIOD, PANEL_PERIOD = 0.015, 0.05  # in units of s, between two looks for changes to send
+SCENE_PERIOD, PANEL_PERIOD = 0.008, 0.05  # in units of s, between two looks for changes; 60 pictures a second pass
 KEEP_ALIVE_PERIOD = 1.0  # in units of s; values that do not change are sent again after this time
 CLOSING_TIME = 2.0  # in units of s, in which the last values are sent
 

@@ -22,7 +22,6 @@ from systems.reports.terminal import say
 from systems.rig import check_geometry
 from systems.runs.recovery import StuckTrial, recovery_scenario
 from systems.sessions.live_session import announced_page, live_margins
-from systems.sessions.margin_table import print_margins
 from systems.sessions.recovery_session import RecoveryPlan, practise, save_unchanged
 from systems.sessions.train_session import train
 
@@ -77,8 +76,7 @@ def recover_live(
         if earlier:
             good = sum(d.good for d in earlier)
             say(f"{recoveries} holds {len(earlier)} recoveries, {good} good; the skill learns from them too")
-        print_margins(margins)
-        with announced_page(host=host, port=port) as page:
+        with announced_page(margins, host=host, port=port) as page:
             sitting = RecoverySitting(
                 scenario=shown_in, seed=plan.seed, out=recoveries, page=page, tell=say, driver=driver
             )

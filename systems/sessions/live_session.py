@@ -57,8 +57,7 @@ def record_live(
 
     for number in range(max(1, len(situations))):  # all are checked before the page opens
         start_of(number)
-    print_margins(margins)
-    with announced_page(host=host, port=port) as page:
+    with announced_page(margins, host=host, port=port) as page:
         kept = LiveSession(start_of=start_of, out=out, page=page, tell=say, driver=driver, policy=watching).run()
     say(f"{len(kept)} demonstrations kept in {out}")
     return kept
@@ -76,14 +75,15 @@ def live_margins(scenario: Scenario, driver: str | None) -> list[Margin]:
 
 
 @contextmanager
-def announced_page(*, host: str | None, port: int | None) -> Iterator[LivePage]:
-    """Opens the page of a live session, prints its address, and opens it in the browser of a desktop.
+def announced_page(margins: list[Margin], *, host: str | None, port: int | None) -> Iterator[LivePage]:
+    """Opens the page of a live session, prints the margins and its address, and shows it in the desktop's browser.
 
     Raises:
         OSError: if the page cannot listen at ``host`` and ``port``.
     """
     page = open_live_page(host=host or LOCAL_HOST, port=port)
     try:
+        print_margins(margins)
         for line in page.announcement():
             say(line)
         if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):

@@ -69,6 +69,7 @@ class RigView:
         rig = MakeRig(scenario, policy)
         run = TrialRun(rig, scenario, number=number)
         self._display.draw_start(scenario)
+        self._page.show(hand=False)
         load, pace = ContactLoad(scenario), Pace(scenario.controller.period)
         drawn, taken, rate, rated, rated_time = -math.inf, 0, 1.0, time.monotonic(), 0.0
         while not run.is_over:

@@ -97,7 +97,7 @@ def test_the_colours_are_green_orange_red_and_the_blue_of_the_panel():
     shade = lambda c: [round(255 * v) for v in (c.r(), c.g(), c.b())]  # noqa: E731
     assert [shade(c) for c in (LOW, HIGH, SATURATED)] == [[26, 140, 51], [237, 158, 13], [217, 13, 20]]
     for name, colour in (("contact", CONTACT), ("skill", FEED)):
-        stated = re.search(rf"\.{name} \{{ color: (.*?);", PANEL.read_text())[1]
+        stated = re.search(rf"\.{name} \{{ color: (.*?);", (PANEL / "panel.css").read_text())[1]
         assert stated == "#{:02x}{:02x}{:02x}".format(*shade(colour))
 
 
@@ -168,7 +168,7 @@ def test_the_colour_is_sent_as_linear_light_and_only_when_it_changes(browser):
 
 
 def test_the_arrows_have_the_scales_that_the_panel_states(browser, display):
-    hand, contact = (float(n) for n in re.findall(r"([\d.]+) N/cm", PANEL.read_text()))
+    hand, contact = (float(n) for n in re.findall(r"([\d.]+) N/cm", (PANEL / "panel.html").read_text()))
     point = np.array([0.0, 0.001, 0.0])
     display.draw_forces(START, np.array([0.0, 0.0, 2 * hand]), load=0.6, contact=(point, np.array([contact, 0.0, 0.0])))
     np.testing.assert_allclose(
@@ -322,3 +322,4 @@ def test_before_a_demonstration_the_block_is_upright(browser, display):
     display.move_hole(hand_pose(np.array([0.0, 0.05, 0.0, 0.0, 0.0])))
     display.draw_start(resolve_scenario(load_scenario("live"), seed=1, stream=LIVE_STREAM))
     np.testing.assert_array_equal(browser.transforms["plant/hole"], np.eye(4))
+    assert browser.values["hand"] is True

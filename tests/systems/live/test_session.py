@@ -36,6 +36,7 @@ from systems.runs.demonstration_run import DemonstrationRun
 from systems.servo.served_run import Deadlines
 from tests.browser import blankness
 from tests.systems.live.live_session import QUICK, drag, live, press, row, text_of, wait_for_text
+from tests.systems.live.panel_page import FLAWS
 from tests.trajectories import make_demonstration
 
 PICTURES = os.environ.get("LIVE_PICTURES")  # folder in which the screenshots are kept, if set
@@ -570,22 +571,6 @@ def test_a_sample_of_a_run_that_has_diverged_is_not_judged(quiet, skill):
     assert quiet.values["skill"]["state"] in skill.state_names()
 
 
-HIDDEN_PARTS = """
-  // Parts of the page that lie over each other, and readings that are cut off.
-  const box = e => e.getBoundingClientRect();
-  const parts = ["#status", "#card", "#strip", ".dg.main"].map(name => document.querySelector(name));
-  const name = e => e.id || e.className;
-  const over = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
-  const found = [];
-  parts.forEach((a, i) => parts.slice(i + 1).forEach(b => over(box(a), box(b)) && found.push([name(a), name(b)])));
-  for (const id of ["depth", "skill-state", "skill-rate"]) {
-    const reading = box(document.getElementById(id));
-    if (reading.height === 0 || reading.bottom > box(document.getElementById("card")).bottom) found.push([id]);
-  }
-  return found;
-"""
-
-
 @pytest.mark.slow
 def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, quick_scenario, skill, skill_file):
     """The script pushes a tilted peg onto the chamfer: the skill sees another contact state than in free motion."""
@@ -609,7 +594,7 @@ def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, q
             page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
             time.sleep(0.5)
             keep_picture(page, f"skill_{width}")
-            assert page.run(HIDDEN_PARTS) == []
+            assert page.run(FLAWS) == []
         press(page, "x")
         session.wait_for("discarded: Space starts another")
         wait_for_text(page, "status", "discarded")

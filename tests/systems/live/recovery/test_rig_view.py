@@ -72,7 +72,7 @@ def test_the_page_shows_the_bodies_the_load_and_the_motion_of_the_rig(trial):
         assert values["force"] == values["moment"] == 0.0  # nobody's hand feels it
         assert values["depth"]["tip"] == row["depth"]
         assert values["skill"]["feed"] == pytest.approx(row["feed_speed"])
-        assert values["kept"] == 3
+        assert (values["hand"], values["kept"]) == (False, 3)
         peg, hole = transforms["plant/peg"], transforms["plant/hole"]
         np.testing.assert_array_equal(peg[:3, :3], np.eye(3))  # the rig turns the block, not the peg
         assert peg[2, 3] == pytest.approx(row["tip_z"], abs=5e-4)

@@ -1,0 +1,109 @@
+// Guides a first demonstration in three steps. Each step is recognised from the values of the session.
+(function () {
+  const {byId, onButton, onValues, formatNumber, contactLoad, isInserted, TOUCH_LOAD} = livePanel;
+  const LEVEL = 0.3;  // degrees; a smaller tilt is level, and goes in without a high load
+  const ENTERED = 5e-4;  // m; a peg this deep has found the mouth without a touch
+  const HIGH = 0.6;  // share of the limit above which the load is high
+  const SEEN = "live-guide-seen";  // kept by the browser
+  const STEPS = ["touch", "level", "insert"];
+  // Each hint: the key's code, its cap, and what has its place on a touch screen.
+  const HINTS = {
+    Space: ["Space", "start"], KeyW: ["W", "feed in"], KeyS: ["S", "retract"],
+    ArrowLeft: ["←", "tilt: left"], ArrowRight: ["→", "tilt: right"],
+    ArrowUp: ["↑", "tilt: up"], ArrowDown: ["↓", "tilt: down"],
+    KeyG: ["G", "keep good"], KeyB: ["B", "keep bad"], KeyX: ["X", "discard"],
+  };
+  const isTouch = matchMedia("(pointer: coarse)");
+  let step = null;  // one of STEPS, "keep", or null while the guide is hidden
+  let values = {};
+
+  const tiltOf = ({tilt}) => tilt ? Math.hypot(tilt.right, tilt.away) : 0;
+
+  /** The keys that tilt the peg back to the centre of the dial. */
+  function levelling({tilt}) {
+    const codes = [];
+    if (Math.abs(tilt.right) > LEVEL / 2) codes.push(tilt.right > 0 ? "ArrowLeft" : "ArrowRight");
+    if (Math.abs(tilt.away) > LEVEL / 2) codes.push(tilt.away > 0 ? "ArrowDown" : "ArrowUp");
+    return codes;
+  }
+
+  /** The step after `step`, given the values. */
+  function next() {
+    if (values.phase === "over") return null;
+    if (values.phase === "ready") return step === "keep" ? null : "touch";
+    if (values.phase === "verdict") return "keep";
+    if (values.phase !== "recording") return step;
+    if (step === "keep") return "touch";
+    if (step === "touch" && (contactLoad(values) > TOUCH_LOAD || values.depth.tip > ENTERED)) return "level";
+    if (step === "level" && tiltOf(values) < LEVEL) return "insert";
+    return step;
+  }
+
+  /** What to do now: [text, codes of the keys that do it]. */
+  function advice() {
+    if (step === "keep") {
+      if (isInserted(values)) return ["Inserted. Keep it as good or as bad, or discard it.", ["KeyG", "KeyB", "KeyX"]];
+      return ["Not inserted. Discard it, and start again.", ["KeyX"]];
+    }
+    if (values.phase !== "recording") return ["Start a demonstration.", ["Space"]];
+    if (step === "touch") return ["Feed down until the tip of the peg touches.", ["KeyW"]];
+    if (step === "level") {
+      return ["Level the peg: bring the orange line of the dial to the centre.", levelling(values)];
+    }
+    const {contact, depth} = values;
+    const isHigh = contact && contact.load > HIGH * contact.limit;
+    if (contact && (isHigh || contact.held) && tiltOf(values) > LEVEL / 2) {
+      return ["The load is high: level the peg first, or retract a little.", [...levelling(values), "KeyS"]];
+    }
+    if (isHigh) return ["The load is high: retract a little, then feed in slowly.", ["KeyS"]];
+    const left = formatNumber(1e3 * Math.max(depth.full - depth.tip, 0), 1);
+    return [`Feed in to the full depth: ${left} mm to go.`, ["KeyW"]];
+  }
+
+  /** Shows the keys, and marks their places on a touch screen. */
+  function showHints(codes) {
+    byId("guide-keys").replaceChildren(...codes.map(code => {
+      const cap = document.createElement(isTouch.matches ? "b" : "kbd");
+      cap.textContent = HINTS[code][isTouch.matches ? 1 : 0];
+      return cap;
+    }));
+    for (const element of document.querySelectorAll("[data-key], [data-keys]")) {
+      const own = (element.dataset.key || element.dataset.keys).split(" ");
+      element.classList.toggle("hinted", own.some(code => codes.includes(code)));
+    }
+  }
+
+  function show() {
+    byId("guide").hidden = step === null;
+    if (step === null) return showHints([]);
+    const number = STEPS.includes(step) ? STEPS.indexOf(step) : STEPS.length;
+    byId("guide").querySelectorAll("li").forEach((item, k) => {
+      item.className = k < number ? "done" : k === number ? "current" : "";
+    });
+    const [text, codes] = advice();
+    byId("guide-text").textContent = text;
+    showHints(codes);
+  }
+
+  function begin() {
+    step = "touch";
+    show();
+  }
+
+  function end() {
+    step = null;
+    localStorage.setItem(SEEN, "yes");
+    show();
+  }
+
+  onButton("guide-show", "KeyH", begin);
+  onButton("guide-skip", "Escape", end);
+  isTouch.addEventListener("change", show);
+  onValues(received => {
+    values = received;
+    if (step === null || !values.depth) return;
+    step = next();
+    if (step === null) end(); else show();
+  });
+  if (!localStorage.getItem(SEEN)) begin();
+})();
