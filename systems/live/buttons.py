@@ -48,7 +48,7 @@ class Buttons:
         """Whether one of the buttons has been clicked; the click still counts for `clicked`."""
         return any(self._controls.GetButtonClicks(label) != self._handled[label] for label in labels)
 
-    def forget_clicks(self) -> None:
-        """Ignores all clicks so far."""
-        for label in KEYS:
+    def forget_clicks(self, *labels: str) -> None:
+        """Ignores all clicks so far: on the given buttons, or on all if none is given."""
+        for label in labels or KEYS:
             self.clicked(label)

@@ -92,6 +92,7 @@ class LiveSession:
                     if self._record_one():
                         self._say("session over", OVER)
                         break
+                    self._buttons.forget_clicks(START)  # of a person who pressed twice
                     self._prepare_next()
                 self._display.follow_view_buttons()
                 time.sleep(IDLE_PERIOD)

@@ -49,3 +49,12 @@ def test_forgotten_clicks_do_not_count(browser):
     browser.counts[QUIT] += 3
     dut.forget_clicks()
     assert not any(dut.clicked(label) for label in KEYS)
+
+
+def test_clicks_of_one_button_can_be_forgotten(browser):
+    dut = Buttons(browser)
+    browser.counts[START] += 1
+    browser.counts[QUIT] += 1
+    dut.forget_clicks(START)
+    assert dut.clicked(START) is False
+    assert dut.clicked(QUIT) is True

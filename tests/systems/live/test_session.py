@@ -81,7 +81,7 @@ def press_in_turn(monkeypatch, session, buttons, wait=60.0):
     monkeypatch.setattr(LivePage, "is_shown", True)
     monkeypatch.setattr(Buttons, "clicked", clicked)
     monkeypatch.setattr(Buttons, "any_waiting", lambda _, *labels: False)
-    monkeypatch.setattr(Buttons, "forget_clicks", lambda _: None)
+    monkeypatch.setattr(Buttons, "forget_clicks", lambda _, *labels: None)
 
 
 def test_session_without_an_open_page_gives_its_address_and_ends(session, monkeypatch):
@@ -165,7 +165,7 @@ def quiet(tmp_path, monkeypatch):
     monkeypatch.setattr(Buttons, "any_waiting", lambda _, *labels: clicks[:1] != [] and clicks[0] in labels)
     servo = SimpleNamespace(close=lambda: None, move_hand=lambda wanted: None)
     monkeypatch.setattr(systems.live.session, "ServoClient", lambda driver: servo)
-    monkeypatch.setattr(Buttons, "forget_clicks", lambda _: clicks.clear())
+    monkeypatch.setattr(Buttons, "forget_clicks", lambda _, *labels: clicks.clear())
     return dut
 
 
@@ -521,8 +521,10 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         wait_for_text(page, "depth", "^-0.50")  # the next start
         press(page, " ")
         session.wait_for("kept.*[\\s\\S]*recording:")
-        press(page, "x")
+        press(page, " ", "x")  # a second press of Space starts nothing
         session.wait_for("discarded|too short")
+        time.sleep(0.5)
+        assert not text_of(page, "status").startswith("recording")
         press(page, "x", "q")
         wait_for_text(page, "status", "session over")
         assert session.process.wait(30) == 0
