@@ -183,6 +183,7 @@ def test_without_a_graphics_card_pictures_are_coarser_and_20_a_second_and_fine_a
         assert 0 < int(panel.text("pictures")) < 70
         ratio, width = panel.page.run("return [viewer.renderer.getPixelRatio(), viewer.renderer.domElement.width]")
     assert width == pytest.approx(1280 * ratio, abs=1.0)
+    panel.page.wait("viewer.renderer.domElement.width === 1280")  # a still scene has all pixels
     panel.page.run("viewer.renderer.render = () => {}")  # as quick as a graphics card
     panel.page.run("window.dirt = setInterval(() => viewer.set_dirty(), 10)")
     panel.page.wait("viewer.renderer.getPixelRatio() === 1", timeout=60.0)
