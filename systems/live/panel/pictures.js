@@ -6,7 +6,7 @@
   const COARSEST = 0.4;  // of the screen's resolution
   const PAUSE = 250;  // ms; a longer gap is no slow picture, but a hidden page
   const REFINEMENT = 1.25, FIRST_PATIENCE = 2000;  // ms without a slow picture, before a finer one is tried
-  const STILL = 300;  // ms without a picture
+  const STILL = 200;  // ms without a picture
   const {byId} = livePanel;
   let drawn = 0, drawnBefore = 0, last = null;
   let times = [], drawnAt = 0, isStill = false;
