@@ -160,6 +160,7 @@ def open_panel(*, flags=()):
         PageInput(live.controls, lambda wanted: None).start(RigidTransform([0.0, 0.0, scenario.start.height]))
         display = LiveDisplay(live, help_lines=MOTION_HELP + SESSION_HELP)
         display.draw_start(scenario)
+        display.draw_forces(np.zeros(3), np.zeros(3), load=0.0, contact=None)
         with open_page(live.address, size=SIZE, flags=flags) as page:
             page.wait("Object.keys(viewer.keydown_callbacks).length > 15 && document.readyState === 'complete'")
             yield Panel(live, display, page)

@@ -3,10 +3,12 @@
 import os
 import threading
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
+from selenium.webdriver.common.keys import Keys
 
 from systems.live.buttons import BAD, DISCARD, GOOD, START
 from systems.operators.person_frame import hand_pose
@@ -79,8 +81,6 @@ def test_no_part_lies_over_another_and_no_reading_is_cut_off(panel, screen):
             assert panel.page.run(FLAWS) == [], (guided, values)
             assert panel.is_shown("controls") is not screen[2]
             assert panel.is_shown("pads") is panel.is_shown("feed") is panel.is_shown("choices") is screen[2]
-        from selenium.webdriver.common.keys import Keys
-
         press(panel.page, Keys.ESCAPE)
     panel.feed(skill=None, contact=None)
 
@@ -151,7 +151,7 @@ def test_a_session_with_a_device_has_no_touch_controls_that_move_the_peg(panel):
     assert panel.is_shown("pads")
 
 
-@pytest.fixture
+@contextmanager
 def moving_peg(panel):
     """Moves the peg and the arrows 60 times a second."""
     stop = threading.Event()
@@ -176,23 +176,17 @@ def moving_peg(panel):
     thread.join()
 
 
-def test_the_page_draws_at_least_20_pictures_a_second_without_a_graphics_card(panel, moving_peg):
+def test_without_a_graphics_card_pictures_are_coarser_and_20_a_second_and_fine_again_where_they_are_quick(panel):
     panel.screen(*DESKTOP)
-    panel.page.wait("livePanel.picturesPerSecond > 20", timeout=15.0)
-    assert 0 < int(panel.text("pictures")) < 70
-    ratio = panel.page.run("return viewer.renderer.getPixelRatio()")
-    assert 0.39 < ratio < 1.0  # coarser than the screen, as this browser draws slowly
-    width = panel.page.run("return viewer.renderer.domElement.width")
+    with moving_peg(panel):
+        panel.page.wait("livePanel.picturesPerSecond > 20 && viewer.renderer.getPixelRatio() < 0.9", timeout=40.0)
+        assert 0 < int(panel.text("pictures")) < 70
+        ratio, width = panel.page.run("return [viewer.renderer.getPixelRatio(), viewer.renderer.domElement.width]")
     assert width == pytest.approx(1280 * ratio, abs=1.0)
-
-
-def test_a_fast_browser_draws_with_all_pixels_again_and_a_still_scene_costs_nothing(panel):
-    """Nothing but a small picture is quick here."""
-    panel.screen(320, 200, False)
-    ratio = panel.page.run("return viewer.renderer.getPixelRatio()")
+    panel.page.wait("viewer.renderer.domElement.width === 1280")  # a still scene has all pixels
+    panel.page.run("viewer.renderer.render = () => {}")  # as quick as a graphics card
     panel.page.run("window.dirt = setInterval(() => viewer.set_dirty(), 10)")
-    panel.page.wait("viewer.renderer.getPixelRatio() === 1", timeout=40.0)
-    assert ratio < 1.0
+    panel.page.wait("viewer.renderer.getPixelRatio() === 1", timeout=60.0)
     panel.page.run("clearInterval(window.dirt)")
     panel.page.wait("livePanel.picturesPerSecond === 0", timeout=5.0)
     assert panel.text("pictures") == "–"

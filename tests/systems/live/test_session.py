@@ -495,7 +495,7 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         pictures = [ready]
         for key in "231":
             press(page, key)
-            time.sleep(0.4)
+            time.sleep(1.0)  # a scene that stands still is drawn with all pixels
             pictures.append(keep_picture(page, f"view_{key}"))
         for one, other in ((0, 1), (1, 2), (2, 3)):
             assert np.abs(pictures[one].astype(int) - pictures[other]).mean() > 1.0  # the camera moved
