@@ -1,0 +1,33 @@
+"""A published copy of results: it has one file for each policy, and a sweep goes on from what is restored of it."""
+
+import pyarrow.parquet as pq
+import pytest
+
+from docs._tools.published_results import publish, restore
+from tests.systems.sweeps.conftest import rows_in
+
+pytestmark = pytest.mark.slow
+PUSH = {"make": "tests.systems.sweeps.pushes:push"}
+
+
+def test_a_sweep_goes_on_from_restored_rows(specification, perform, tmp_path, capsys):
+    keys = {"policies": {"push": PUSH}, "vary": {"contact.friction": [0.1, 0.3]}}
+    rows = perform(specification(**keys, trials={"first": 84099, "number": 2}))  # in two blocks of each cell
+    publish(tmp_path / "results", tmp_path / "published")
+    (file,) = (tmp_path / "published" / "trials").rglob("*.parquet")
+    assert "scenario" not in pq.read_schema(file).names
+    assert restore(tmp_path / "published", tmp_path / "restored") == (4, 4)
+    assert rows_in(tmp_path / "restored").equals(rows)  # the scenarios too
+    assert restore(tmp_path / "published", tmp_path / "restored") == (0, 4)  # they are there
+    capsys.readouterr()
+    more = perform(specification(**keys, trials={"first": 84099, "number": 3}), results="restored")
+    assert "6 trials, 4 of them done already" in capsys.readouterr().out
+    assert more[more.key.isin(rows.key)].reset_index(drop=True).equals(rows)
+
+
+def test_rows_of_other_code_are_not_restored(specification, perform, tmp_path, monkeypatch):
+    perform(specification(policies={"push": PUSH}, trials={"first": 84000, "number": 1}))
+    publish(tmp_path / "results", tmp_path / "published")
+    monkeypatch.setattr("systems.sweeps.trial_rows.trial_code", lambda: "other")
+    assert restore(tmp_path / "published", tmp_path / "restored") == (0, 1)
+    assert not (tmp_path / "restored").exists()
