@@ -48,6 +48,7 @@ LONGEST = 90.0  # s; then the person gives up
 SLEEP = 3.0  # s
 KEPT = r"kept [0-9]+_\w+"
 
+CONNECTED = "return typeof livePanel === 'object' && viewer.connection?.readyState === 1"
 STATE = """
   const text = id => document.getElementById(id).textContent, tilt = document.getElementById("tilt");
   return {right: tilt.getAttribute("x2") / 10, away: -tilt.getAttribute("y2") / 10, status: text("status"),
@@ -211,7 +212,7 @@ def open_page(session: Session, address: str) -> None:
     """Opens the page and waits until it is connected."""
     session.driver.get(address)
     end = time.monotonic() + 30.0
-    while not session.driver.execute_script("return window.livePanel && viewer.connection?.readyState === 1"):
+    while not session.driver.execute_script(CONNECTED):
         if time.monotonic() > end:
             raise RuntimeError("the page does not connect")
         time.sleep(0.1)
