@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,14 +30,22 @@ def headless_browser(address: str, *, size: tuple[int, int] = (1280, 720)) -> It
 
     Raises:
         ModuleNotFoundError: if selenium is not installed.
+        OSError: if Chromium or its driver is not installed.
     """
     from selenium import webdriver
+    from selenium.webdriver.chrome.service import Service
 
+    chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    chromedriver = shutil.which("chromedriver")
+    if chromium is None or chromedriver is None:
+        missing = "chromium" if chromium is None else "chromedriver"
+        raise OSError(f"'{missing}' is not on the PATH; on Debian and Ubuntu: apt-get install chromium chromium-driver")
     with tempfile.TemporaryDirectory(prefix="browser-", ignore_cleanup_errors=True) as profile:
         options = webdriver.ChromeOptions()
+        options.binary_location = chromium
         for flag in (*FLAGS, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"):
             options.add_argument(flag)
-        driver = webdriver.Chrome(options=options)
+        driver = webdriver.Chrome(options=options, service=Service(chromedriver))
         try:
             driver.get(address)
             yield driver

@@ -263,7 +263,7 @@ def summary(rows: list[dict[str, Any]], said: dict[str, str]) -> dict[str, Any]:
 
 def show(results: dict[str, Any]) -> None:
     """Prints the results."""
-    table = plain_table("ten demonstrations in a browser")
+    table = plain_table("demonstrations in a browser")
     for title in ("ending", "time, s", "rate", "late ticks", "late contact steps", "pictures/s", "memory, MB"):
         table.add_column(title, justify="left" if title == "ending" else "right")
     for row in results["demonstrations"]:
