@@ -61,7 +61,7 @@ class ScriptedButtons:
         """Whether a running demonstration is to be stopped: never."""
         return False
 
-    def forget_clicks(self) -> None:
+    def forget_clicks(self, *labels: str) -> None:
         """Forgets nothing, because the script waits."""
 
 

@@ -4,7 +4,7 @@
 
 The script starts the real command, opens its page, presses the keys of the page and looks only at what the page shows:
 it levels the peg by the dial, feeds it, and retracts it a little where the contact load is high. For each
-demonstration it reports how it ended, its duration, the real-time rate, late ticks of the servo and late contact steps
+demonstration it reports how it ended, its duration, the simulated over the wall-clock time, late ticks of the servo and late contact steps
 of all, pictures a second, and the memory of the session and of the servo. Then, each in the middle of a demonstration:
 
 * the tab is closed: the session waits, and a new tab goes on;
@@ -33,8 +33,14 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from benchmarks.extras import require_packages
+
+if __name__ == "__main__":
+    require_packages("pydrake", "yaml")
+
 from benchmarks.command_line import argument_parser, run
 from benchmarks.haptics.headless_browser import headless_browser
+from models.scenario import load_scenario
 from skill.data.demonstration import read_demonstration
 from systems.reports.result_tables import plain_table
 from systems.reports.terminal import console, progress, write_json
@@ -46,13 +52,14 @@ LEVEL = 0.12  # degrees that the person takes for level
 HIGH_LOAD = 12.0  # N of contact load at which the person stops to feed, and retracts
 LONGEST = 90.0  # s; then the person gives up
 SLEEP = 3.0  # s
+CONTACT_STEP = load_scenario("live").contact.time_step
 KEPT = r"kept [0-9]+_\w+"
 
 CONNECTED = "return typeof livePanel === 'object' && viewer.connection?.readyState === 1"
 STATE = """
   const text = id => document.getElementById(id).textContent, tilt = document.getElementById("tilt");
   return {right: tilt.getAttribute("x2") / 10, away: -tilt.getAttribute("y2") / 10, status: text("status"),
-    depth: parseFloat(text("depth")), load: parseFloat(text("contact-load")), rate: parseFloat(text("rate")),
+    depth: parseFloat(text("depth")), load: parseFloat(text("contact-load")),
     deadlines: (text("deadlines").match(/[0-9]+/g) || []).map(Number), pictures: livePanel.picturesPerSecond};
 """
 
@@ -155,7 +162,7 @@ class Session:
         self.keep(seen)
         late_steps, steps, late_ticks, ticks = seen["deadlines"]
         return {
-            **{"ending": seen["status"].split(":")[0], "seconds": seconds, "rate": seen["rate"] / 100.0},
+            **{"ending": seen["status"].split(":")[0], "seconds": seconds, "rate": steps * CONTACT_STEP / seconds},
             **{"late_ticks": late_ticks, "ticks": ticks, "late_steps": late_steps, "steps": steps},
             **{"pictures": seen["pictures"], "memory_mb": self.memory()},
         }

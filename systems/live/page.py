@@ -110,11 +110,10 @@ def page_source() -> bytes:
 
 def _panel_source() -> str:
     """Returns the panel with its styles and scripts."""
-    style, script = (
-        "\n".join((PANEL / name).read_text(encoding="utf-8") for name in names) for names in (STYLES, SCRIPTS)
-    )
-    body = (PANEL / "panel.html").read_text(encoding="utf-8")
-    return f"<style>\n{style}</style>\n{body}<script>\n{script}</script>\n"
+    text = (PANEL / "panel.html").read_text(encoding="utf-8")
+    for mark, names in (("{{styles}}", STYLES), ("{{scripts}}", SCRIPTS)):
+        text = text.replace(mark, "\n".join((PANEL / name).read_text(encoding="utf-8") for name in names))
+    return text
 
 
 def open_live_page(*, host: str = LOCAL_HOST, port: int | None = None) -> LivePage:

@@ -15,7 +15,7 @@
   };
   const isTouch = matchMedia("(pointer: coarse)");
   let step = null;  // one of STEPS, "keep", or null while the guide is hidden
-  let values = {};
+  let values = {}, wasInserted = false;
 
   const tiltOf = ({tilt}) => tilt ? Math.hypot(tilt.right, tilt.away) : 0;
 
@@ -30,8 +30,11 @@
   /** The step after `step`, given the values. */
   function next() {
     if (values.phase === "over") return null;
-    if (values.phase === "ready") return step === "keep" ? null : "touch";
-    if (values.phase === "verdict") return "keep";
+    if (values.phase === "ready") return step === "keep" && wasInserted ? null : "touch";
+    if (values.phase === "verdict") {
+      wasInserted = isInserted(values);
+      return "keep";
+    }
     if (values.phase !== "recording") return step;
     if (step === "keep") return "touch";
     if (step === "touch" && (contactLoad(values) > TOUCH_LOAD || values.depth.tip > ENTERED)) return "level";

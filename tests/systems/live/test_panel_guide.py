@@ -89,6 +89,9 @@ def test_a_demonstration_that_was_not_inserted_begins_the_guide_again(panel):
     say(panel, phase="verdict", depth=0.001)
     assert panel.text("guide-text").startswith("Not inserted")
     assert panel.hints() == ["X"]
+    say(panel, phase="ready", depth=-0.002, tilt=(2.0, 0.0))
+    assert panel.is_shown("guide")
+    assert panel.hints() == ["Space"]
     say(panel, phase="recording", depth=-0.002, tilt=(2.0, 0.0))
     assert panel.hints() == ["W"]
     press(panel.page, Keys.ESCAPE)
