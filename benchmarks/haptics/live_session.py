@@ -4,8 +4,9 @@
 
 The script starts the real command, opens its page, presses the keys of the page and looks only at what the page shows:
 it levels the peg by the dial, feeds it, and retracts it a little where the contact load is high. For each
-demonstration it reports how it ended, its duration, the simulated over the wall-clock time, late ticks of the servo and late contact steps
-of all, pictures a second, and the memory of the session and of the servo. Then, each in the middle of a demonstration:
+demonstration it reports how it ended, its duration, the simulated over the wall-clock time, late ticks of the servo and
+late contact steps of all, pictures a second, and the memory of the session and of the servo. Then, each in the middle
+of a demonstration:
 
 * the tab is closed: the session waits, and a new tab goes on;
 * session and servo stand still for three seconds (SIGSTOP, SIGCONT), as on a machine that sleeps;

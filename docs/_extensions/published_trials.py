@@ -1,4 +1,4 @@
-"""Links the files of the published trials in the scoreboard and the ladder as downloads.
+"""Links the files of the published trials in the scoreboard, the ladder and the curves as downloads.
 
 The names of their folders contain percent signs, which MyST cannot follow in a link.
 """
@@ -11,7 +11,7 @@ from urllib.parse import unquote
 
 from sphinx.application import Sphinx
 
-PAGES = ("scoreboard", "ladder")
+PAGES = ("scoreboard", "ladder", "curves")
 LINK = re.compile(rf"\[((?:\\.|[^\]\\])*)\]\(((?:{'|'.join(PAGES)})/trials/[^)]*)\)")
 ESCAPED = re.compile(r"\\(.)")
 

@@ -6,6 +6,7 @@ import pytest
 import yaml
 from selenium.webdriver.common.keys import Keys
 
+from skill.data.demonstration import read_demonstration
 from tests.systems.live.live_session import ROOT, live, press, text_of, wait_for_text
 from tests.systems.live.panel_page import DESKTOP, LIMIT, PHONE, contact, open_panel, readings
 
@@ -148,19 +149,23 @@ def test_the_contact_load_is_heard_on_request_while_a_demonstration_is_recorded(
 
 
 def test_whoever_follows_the_guide_inserts_a_tilted_peg_within_two_minutes(tmp_path):
-    """A person who only does what the guide of a real session says, one press at a time."""
+    """A person who only does what the guide of a real session says, one press at a time.
+
+    The two minutes are those of the demonstration: on a busy machine its time runs slower than the wall clock.
+    """
     scenario = {**yaml.safe_load(SCENARIO.read_text()), "start": {"tilt": [0.0, 0.035]}}
     hints = "return [...document.getElementById('guide-keys').children].map(e => e.textContent)"
     with live(tmp_path, scenario) as session, session.page() as page:
         wait_for_text(page, "status", "ready: press Space")
-        begun = time.monotonic()
+        end = time.monotonic() + 500.0
         while not text_of(page, "guide-text").startswith("Inserted"):
-            assert time.monotonic() - begun < 120.0, (text_of(page, "guide-text"), text_of(page, "status"))
+            assert time.monotonic() < end, (text_of(page, "guide-text"), text_of(page, "status"))
             for cap in page.run(hints):
                 press(page, CAPS.get(cap, cap.lower()))
         assert text_of(page, "status").startswith("inserted")
         assert 0.0 < float(text_of(page, "contact-peak").removesuffix(" N")) < 2 * LIMIT
         press(page, "g")
         session.wait_for("kept 000_good_live.parquet")
-        wait_for_text(page, "status", "kept", 10)
+        wait_for_text(page, "status", "kept")
         assert page.run("return document.getElementById('guide').hidden")
+    assert read_demonstration(tmp_path / "out" / "000_good_live.parquet").duration < 120.0
