@@ -13,6 +13,7 @@ FLAGS = (
     "--no-sandbox",
     "--disable-dev-shm-usage",
     "--disable-background-networking",
+    "--disable-gpu",  # as Chromium does without a graphics card: only the scene needs OpenGL, which is emulated
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",

@@ -61,7 +61,8 @@ STATE = """
   const text = id => document.getElementById(id).textContent, tilt = document.getElementById("tilt");
   return {right: tilt.getAttribute("x2") / 10, away: -tilt.getAttribute("y2") / 10, status: text("status"),
     depth: parseFloat(text("depth")), load: parseFloat(text("contact-load")),
-    deadlines: (text("deadlines").match(/[0-9]+/g) || []).map(Number), pictures: livePanel.picturesPerSecond};
+    deadlines: (text("deadlines").match(/[0-9]+/g) || []).map(Number),
+    drawn: viewer.renderer.info.render.frame, now: performance.now() / 1000};
 """
 
 
@@ -157,15 +158,16 @@ class Session:
     def demonstrate(self) -> dict[str, Any]:
         """Performs and keeps one demonstration; returns a row of the table."""
         self.start()
-        began = time.monotonic()
+        began, before = time.monotonic(), self.state()
         seen = self.insert()
         seconds = time.monotonic() - began
+        pictures = (seen["drawn"] - before["drawn"]) / (seen["now"] - before["now"])
         self.keep(seen)
         late_steps, steps, late_ticks, ticks = seen["deadlines"]
         return {
             **{"ending": seen["status"].split(":")[0], "seconds": seconds, "rate": steps * CONTACT_STEP / seconds},
             **{"late_ticks": late_ticks, "ticks": ticks, "late_steps": late_steps, "steps": steps},
-            **{"pictures": seen["pictures"], "memory_mb": self.memory()},
+            **{"pictures": pictures, "memory_mb": self.memory()},
         }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -36,19 +37,9 @@ class DemonstrationRun:
         self._environment: PegEnvironment = environment or MakeVirtualEnvironment(scenario)
         self.simulator = Simulator(self._environment.diagram)
         self._environment.set_start(self.simulator.get_mutable_context())
-        self.simulator.set_monitor(self._monitor)
+        # Without a reference to this run: Drake would keep both, with the record, for ever.
+        self.simulator.set_monitor(partial(_monitor, scenario, self._environment))
         self.simulator.Initialize()
-
-    def _monitor(self, context: Context) -> EventStatus:
-        height = self._environment.peg_pose(context).translation()[2]
-        diagram = self._environment.diagram
-        if not np.isfinite(height):
-            return EventStatus.ReachedTermination(diagram, Outcome.DIVERGED)
-        if -height >= self._scenario.full_depth:
-            return EventStatus.ReachedTermination(diagram, Outcome.INSERTED)
-        if height > 2.0 * self._scenario.start.height:
-            return EventStatus.ReachedTermination(diagram, Outcome.GIVEN_UP)
-        return EventStatus.DidNothing()
 
     def advance(self, time: float) -> Ending | None:
         """Simulates until ``time`` (s) or the end of the demonstration; returns how it ended, or None."""
@@ -98,6 +89,18 @@ class DemonstrationRun:
                 **metadata,
             },
         )
+
+
+def _monitor(scenario: Scenario, environment: PegEnvironment, context: Context) -> EventStatus:
+    """Ends a simulation that has diverged, succeeded, or given up."""
+    height = environment.peg_pose(context).translation()[2]
+    if not np.isfinite(height):
+        return EventStatus.ReachedTermination(environment.diagram, Outcome.DIVERGED)
+    if -height >= scenario.full_depth:
+        return EventStatus.ReachedTermination(environment.diagram, Outcome.INSERTED)
+    if height > 2.0 * scenario.start.height:
+        return EventStatus.ReachedTermination(environment.diagram, Outcome.GIVEN_UP)
+    return EventStatus.DidNothing()
 
 
 def run_demonstration(scenario: Scenario, *, meshcat: Meshcat | None = None) -> Demonstration:

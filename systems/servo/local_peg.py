@@ -147,10 +147,11 @@ class LocalPeg(LeafSystem):
         if not len(f):
             return impulse / self._mass.diagonal()
         r, n = springs.points - origin, springs.normals
-        J = np.hstack([np.cross(r, n), n])
+        (x, y, z), (nx, ny, nz) = r.T, n.T
+        J = np.column_stack([y * nz - z * ny, z * nx - x * nz, x * ny - y * nx, n])
         f = f - k * (J @ moved)
         normal_forces = np.maximum(0.0, f - h * k * (J @ V_HP))
-        matrix = self._mass + h * self._friction_damping(V_HP, r, n, normal_forces)
+        matrix = self._mass + h * self._friction_damping(V_HP, r, J, normal_forces)
         pushing = f > 0.0
         for _ in range(ROUNDS):
             Jp = J[pushing]
@@ -161,17 +162,30 @@ class LocalPeg(LeafSystem):
                 break
         return np.asarray(V)
 
-    def _friction_damping(self, V_HP: Array, r: Array, n: Array, forces: Array) -> Array:
-        """(6, 6), damping matrix of the friction at points r from the tip, with normals n and normal forces."""
-        x, y, z = r.T
-        zero = np.zeros(len(r))
-        G = np.array([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)  # w -> w x r
-        G = np.concatenate([G, np.broadcast_to(np.eye(3), G.shape)], axis=2)  # (k, 3, 6), V -> velocity at r
-        G = G - n[:, :, None] * (n[:, None, :] @ G)  # its tangential part
-        slip: Array = np.linalg.norm(G @ V_HP, axis=1)
+    def _friction_damping(self, V_HP: Array, r: Array, J: Array, forces: Array) -> Array:
+        """(6, 6), damping matrix of the friction at points r from the tip.
+
+        Sum of w (G^T G - J_i^T J_i), in which G = [-[r]x, 1] gives the velocity at r, J_i V is its part along the
+        normal, and w is the weight of the point, friction coefficient times normal force over the slip speed.
+
+        Args:
+            V_HP: (6,), [angular velocity; velocity], in H.
+            r: (n, 3), points, in H, m.
+            J: (n, 6), rows of the normals.
+            forces: (n,), normal forces, N.
+        """
+        (x, y, z), (wx, wy, wz) = r.T, V_HP[:3]
+        velocity = V_HP[3:] + np.column_stack([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x])
+        slip = np.sqrt(np.maximum(0.0, (velocity * velocity).sum(axis=1) - (J @ V_HP) ** 2))
         weights = self._friction * forces / np.maximum(slip, SLIP_SPEED)
-        found: Array = np.einsum("k,kij,kil->jl", weights, G, G)
-        return found
+        second = r.T @ (weights[:, None] * r)
+        sx, sy, sz = weights @ r
+        found = np.zeros((6, 6))
+        found[:3, :3] = second.trace() * np.eye(3) - second
+        found[:3, 3:] = [[0.0, -sz, sy], [sz, 0.0, -sx], [-sy, sx, 0.0]]
+        found[3:, :3] = found[:3, 3:].T
+        found[3:, 3:] = weights.sum() * np.eye(3)
+        return found - J.T @ (weights[:, None] * J)
 
     def _calc_state(self, context: Context, output: BasicVector) -> None:
         state = PegState.from_vector(context.get_discrete_state(self._state).value())

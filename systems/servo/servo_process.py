@@ -97,10 +97,11 @@ class Pace:
     Args:
         period: of a tick, s.
         clock: time in s.
+        spin: last part of a wait, s, in which it does not sleep.
     """
 
-    def __init__(self, period: float, clock: Callable[[], float] = time.monotonic) -> None:
-        self.period, self._clock = period, clock
+    def __init__(self, period: float, clock: Callable[[], float] = time.monotonic, *, spin: float = SPIN) -> None:
+        self.period, self._clock, self._spin = period, clock, spin
         self._next = clock() + period
         self.ticks = self.late = self.stalls = 0
 
@@ -115,8 +116,8 @@ class Pace:
             return False
         if behind > 0.0:
             self.late += 1
-        elif -behind > SPIN:
-            time.sleep(-behind - SPIN)
+        elif -behind > self._spin:
+            time.sleep(-behind - self._spin)
         while self._clock() < self._next:
             pass
         self._next += self.period
@@ -191,7 +192,9 @@ def run_ticks(scenario: Scenario, device: LiveDevice, link: ServoLink, connectio
     times = np.zeros(round(scenario.recorder.time_limit / period) + 1)
     link.contact.read_new()  # of the demonstration before
     connection.send(("begun", None))
-    pace = Pace(period)
+    pace = Pace(
+        period, spin=0.0 if isinstance(device, PageHand) else SPIN
+    )  # no motor waits; the browser needs the time
     try:
         while not connection.poll():
             _tick(servo, pace, watchdog, link)

@@ -5,7 +5,7 @@
 //   contact {load N, limit N, peak N, held} or null: the load that the rig's guard would see, its limit, the largest of
 //     this demonstration, and whether the guard would already slow the feed,
 //   phase "ready", "recording", "verdict" or "over",
-//   hand whether a hand moves the peg; on the rig none does, and no force on a hand is shown,
+//   hand whether a hand moves the peg; on the rig none does, and what belongs to one is not shown,
 //   skill {state, colour, known, feed m/s, turn rad/s, tilt, turned} or null, over: the session has ended.
 (function () {
   const {byId, formatNumber, onValues} = livePanel;
@@ -93,7 +93,7 @@
   onValues(values => {
     for (const id in formats) if (id in values) byId(id).textContent = formats[id](values[id]);
     if ("load" in values) showLoad(values);
-    if ("hand" in values) byId("hand").hidden = !values.hand;
+    if ("hand" in values) byId("overlay").classList.toggle("no-hand", !values.hand);
     if ("contact" in values) showContact(values.contact);
     if ("tilt" in values) showTilt(values.tilt);
     if ("skill" in values) showSkill(values.skill);

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import _thread
 import math
+import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 
 import numpy as np
 
@@ -92,7 +94,13 @@ class RecoverySitting(LiveSession):
                 there, as Ctrl-C does.
         """
         is_asked, is_done = threading.Event(), threading.Event()
-        start = time.monotonic()
+        start, handler = time.monotonic(), signal.getsignal(signal.SIGINT)
+
+        def interrupt(number: int, frame: FrameType | None) -> None:
+            if is_asked.is_set():
+                raise KeyboardInterrupt
+            if callable(handler):  # the shell has a command in its background ignore Ctrl-C
+                handler(number, frame)
 
         def watch() -> None:
             shown = -1
@@ -109,6 +117,7 @@ class RecoverySitting(LiveSession):
 
         watcher = threading.Thread(target=watch, daemon=True)
         self.prepare()
+        signal.signal(signal.SIGINT, interrupt)
         watcher.start()
         try:
             try:
@@ -116,6 +125,7 @@ class RecoverySitting(LiveSession):
             finally:
                 is_done.set()
                 watcher.join()
+                signal.signal(signal.SIGINT, handler)
         except KeyboardInterrupt as reason:
             if is_asked.is_set() and not isinstance(reason, Terminated):
                 raise PersonLeftError from None

@@ -190,3 +190,14 @@ def test_without_a_graphics_card_pictures_are_coarser_and_20_a_second_and_fine_a
     panel.page.run("clearInterval(window.dirt)")
     panel.page.wait("livePanel.picturesPerSecond === 0", timeout=5.0)
     assert panel.text("pictures") == "–"
+
+
+def test_a_trial_on_the_rig_shows_nothing_of_a_hand(panel):
+    panel.screen(*DESKTOP)
+    parts = "[...document.querySelectorAll('.of-hand, #controls .cr.number')]"
+    shown = f"return {parts}.filter(e => e.getClientRects().length).length"
+    assert panel.page.run(shown) == panel.page.run(f"return {parts}.length") >= 10  # five are sliders
+    panel.feed(hand=False)
+    assert panel.page.run(shown) == 0
+    panel.feed(hand=True)
+    assert panel.page.run(shown) >= 10

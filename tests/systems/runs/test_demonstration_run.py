@@ -1,3 +1,5 @@
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -78,10 +80,20 @@ def test_the_height_of_the_tip_ends_a_demonstration(started, monkeypatch, height
     """The peg starts 1 mm above the mouth and gives up at twice that; 11.7 of the hole's 12 mm are full depth."""
     _, environment, run = started
     pose = RigidTransform([0.0, 0.0, height])
-    monkeypatch.setattr(run, "_environment", replace(environment, contact=Placed(environment.contact.plant, pose)))
-    status = run._monitor(run.simulator.get_context())
+    placed = replace(environment, contact=Placed(environment.contact.plant, pose))
+    status = demonstration_run._monitor(run._scenario, placed, run.simulator.get_context())
     assert (status.message() or None) == outcome
     assert (status.system() is None) == (outcome is None)
+
+
+def test_a_run_that_nobody_needs_frees_its_simulation(quick_scenario):
+    """Drake keeps the diagram, but the record and the state of the simulation are the larger part."""
+    run = DemonstrationRun(resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM))
+    run.advance(0.02)
+    simulator = weakref.ref(run.simulator)
+    del run
+    gc.collect()
+    assert simulator() is None
 
 
 def test_the_time_limit_ends_a_demonstration(quick_scenario):

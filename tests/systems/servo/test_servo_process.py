@@ -222,6 +222,23 @@ def test_the_pace_counts_late_ticks_and_starts_anew_after_a_stall():
     assert clock.now - begun == pytest.approx(1e-3, abs=1e-4)
 
 
+@pytest.mark.parametrize(("spin", "looks"), [(0.0, 3), (5e-4, 52)])
+def test_the_pace_sleeps_until_its_last_part(monkeypatch, spin, looks):
+    """A look at this clock takes 0.01 ms: the last 0.5 ms are 50 of them."""
+    clock, slept = Clock(), []
+
+    def sleep(seconds):
+        slept.append(seconds)
+        clock.now += seconds
+
+    monkeypatch.setattr(time, "sleep", sleep)
+    pace = Pace(1e-3, clock, spin=spin)
+    begun = clock.now
+    assert pace.wait()
+    assert slept == [pytest.approx(1e-3 - spin, abs=2e-5)]
+    assert (clock.now - begun - slept[0]) / 1e-5 == pytest.approx(looks, abs=1.5)
+
+
 def count_up(value, stop):
     k = 0.0
     while not stop.is_set():

@@ -120,6 +120,18 @@ def test_a_computation_ends_when_the_person_quits_or_stays_away(dut, page, leave
     assert time.monotonic() - began < 5.0
 
 
+def test_quitting_ends_a_computation_of_a_command_that_ignores_interrupts(dut, page):
+    """A shell without job control starts the commands of its background so."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with dut.watched():
+            signal.raise_signal(signal.SIGINT)  # not of the page
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        test_a_computation_ends_when_the_person_quits_or_stays_away(dut, page, lambda page: page.click(QUIT))
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 def test_a_computation_shows_its_time_and_goes_through(dut, page):
     with dut.watched(lambda elapsed: f"learning: {elapsed:.0f} s"):
         time.sleep(1.2)
