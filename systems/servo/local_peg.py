@@ -180,12 +180,13 @@ class LocalPeg(LeafSystem):
         weights = self._friction * forces / np.maximum(slip, SLIP_SPEED)
         second = r.T @ (weights[:, None] * r)
         sx, sy, sz = weights @ r
-        found = np.zeros((6, 6))
+        found: Array = np.zeros((6, 6))
         found[:3, :3] = second.trace() * np.eye(3) - second
         found[:3, 3:] = [[0.0, -sz, sy], [sz, 0.0, -sx], [-sy, sx, 0.0]]
         found[3:, :3] = found[:3, 3:].T
         found[3:, 3:] = weights.sum() * np.eye(3)
-        return found - J.T @ (weights[:, None] * J)
+        found -= J.T @ (weights[:, None] * J)
+        return found
 
     def _calc_state(self, context: Context, output: BasicVector) -> None:
         state = PegState.from_vector(context.get_discrete_state(self._state).value())
