@@ -35,8 +35,8 @@ ABSENCE_NOTICE = 5.0  # in units of s without an open page, after which the cons
 PICTURE_PERIOD = 1 / 60  # in units of s, between two pictures
 READING_PERIOD = 0.1  # in units of s, between two updates of the panel
 
-READY, RECORDING, VERDICT, OVER = "ready", "recording", "verdict", "over"
-"""The phases of a session, which the page knows."""
+READY, RECORDING, VERDICT, BUSY, OVER = "ready", "recording", "verdict", "busy", "over"
+"""The phases of a session, which the page knows. While it is busy, the person can do nothing but quit."""
 
 
 class LiveSession:

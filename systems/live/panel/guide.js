@@ -77,8 +77,9 @@
   }
 
   function show() {
-    byId("guide").hidden = step === null;
-    if (step === null) return showHints([]);
+    const isHidden = step === null || values.phase === "busy";
+    byId("guide").hidden = isHidden;
+    if (isHidden) return showHints([]);
     const number = STEPS.includes(step) ? STEPS.indexOf(step) : STEPS.length;
     byId("guide").querySelectorAll("li").forEach((item, k) => {
       item.className = k < number ? "done" : k === number ? "current" : "";

@@ -4,7 +4,7 @@
 //   energy J, min_energy J, kept (a count), status (a line of text), keys ([keys, what they do] for each item),
 //   contact {load N, limit N, peak N, held} or null: the load that the rig's guard would see, its limit, the largest of
 //     this demonstration, and whether the guard would already slow the feed,
-//   phase "ready", "recording", "verdict" or "over",
+//   phase "ready", "recording", "verdict", "busy" or "over",
 //   hand whether a hand moves the peg; on the rig none does, and what belongs to one is not shown,
 //   skill {state, colour, known, feed m/s, turn rad/s, tilt, turned} or null, over: the session has ended.
 (function () {
@@ -34,7 +34,7 @@
   }
 
   /** Shows the contact load beside the limit of the rig's guard; null shows nothing. */
-  function showContact(contact) {
+  function showContact(contact, isHand) {
     byId("contact").hidden = !contact;
     if (!contact) return;
     const place = load => 100 * Math.min(SCALE * load / contact.limit, 1) + "%";
@@ -48,7 +48,8 @@
     byId("contact-peak").textContent = newtons(contact.peak);
     byId("contact-peak").classList.toggle("bad", contact.peak > contact.limit);
     byId("contact-limit").textContent = formatNumber(contact.limit, 0) + " N";
-    const notes = {above: "the rig would stop here", held: "the rig would slow the feed", below: "\u00a0"};
+    const would = isHand ? "would " : "", s = isHand ? "" : "s";
+    const notes = {above: `the rig ${would}stop${s} here`, held: `the rig ${would}slow${s} the feed`, below: "\u00a0"};
     byId("contact-note").textContent = notes[state];
   }
 
@@ -94,7 +95,7 @@
     for (const id in formats) if (id in values) byId(id).textContent = formats[id](values[id]);
     if ("load" in values) showLoad(values);
     if ("hand" in values) byId("overlay").classList.toggle("no-hand", !values.hand);
-    if ("contact" in values) showContact(values.contact);
+    if ("contact" in values) showContact(values.contact, values.hand !== false);
     if ("tilt" in values) showTilt(values.tilt);
     if ("skill" in values) showSkill(values.skill);
     if ("keys" in values && JSON.stringify(values.keys) !== shownKeys) {

@@ -22,7 +22,7 @@ from skill.practice.situation import Situation
 from systems.live.buttons import MOTION_HELP, SESSION_HELP, START
 from systems.live.page import LivePage
 from systems.live.recovery.rig_view import RigView
-from systems.live.session import IDLE_PERIOD, READING_PERIOD, READY, LiveSession, asked_scenario, live_scenario
+from systems.live.session import BUSY, IDLE_PERIOD, READING_PERIOD, READY, LiveSession, asked_scenario, live_scenario
 from systems.reports.terminal import Terminated
 from systems.runs.recovery import StuckTrial, find_situation, practice_trial
 from systems.runs.trial_result import TrialResult
@@ -77,8 +77,8 @@ class RecoverySitting(LiveSession):
         self._say(message)
 
     def show_note(self, message: str) -> None:
-        """Shows a message on the page only."""
-        self._display.show_message(message)
+        """Shows on the page only what the session is busy with."""
+        self._display.show_message(message, BUSY)
 
     # ------------------------------------------------------- practice, training
 

@@ -44,6 +44,9 @@ def test_the_guide_recognises_each_step_and_says_how_to_keep_the_demonstration(p
     panel.screen(*DESKTOP)
     say(panel, phase="ready", depth=-0.002, tilt=(2.0, -1.0))
     assert panel.is_shown("guide")  # at the first visit
+    say(panel, phase="busy", depth=-0.002, tilt=(2.0, -1.0))
+    assert not panel.is_shown("guide")
+    say(panel, phase="ready", depth=-0.002, tilt=(2.0, -1.0))
     assert panel.hints() == ["Space"]
     say(panel, phase="recording", depth=-0.002, tilt=(2.0, -1.0))
     assert panel.hints() == ["W"]

@@ -196,8 +196,13 @@ def test_a_trial_on_the_rig_shows_nothing_of_a_hand(panel):
     panel.screen(*DESKTOP)
     parts = "[...document.querySelectorAll('.of-hand, #controls .cr.number')]"
     shown = f"return {parts}.filter(e => e.getClientRects().length).length"
-    assert panel.page.run(shown) == panel.page.run(f"return {parts}.length") >= 10  # five are sliders
+    panel.feed(contact=contact(16.0, held=True), skill=SKILL)
+    assert panel.page.run(shown) == panel.page.run(f"return {parts}.length") >= 11  # five are sliders
+    title = "return document.querySelector('#skill h2').innerText"
+    assert panel.page.run(title) == "the skill sees, and would do"
     panel.feed(hand=False)
     assert panel.page.run(shown) == 0
+    assert panel.page.run(title) == "the skill sees, and does"
+    assert panel.text("contact-note") == "the rig slows the feed"
     panel.feed(hand=True)
     assert panel.page.run(shown) >= 10

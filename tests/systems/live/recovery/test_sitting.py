@@ -136,6 +136,7 @@ def test_a_computation_shows_its_time_and_goes_through(dut, page):
     with dut.watched(lambda elapsed: f"learning: {elapsed:.0f} s"):
         time.sleep(1.2)
     assert [m for m in page.messages if "learning" in m] == ["learning: 0 s", "learning: 1 s"]
+    assert page.values["phase"] == "busy"
 
 
 def test_an_interrupt_that_the_page_did_not_ask_for_stays_one(dut):
