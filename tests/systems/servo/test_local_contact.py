@@ -1,5 +1,7 @@
 """The local model of the contact: its vector, its joined springs, and that they carry the contact's force."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -52,6 +54,23 @@ def test_opposite_sides_are_not_joined():
     normals = np.array([[-1.0, 0.02, 0.0], [1.0, 0.02, 0.0], [-1.0, 0.03, 0.0]])
     joined = Springs(points, normals, np.ones(3), np.array([2.0, 3.0, 4.0])).joined()
     assert sorted(joined.forces) == [3.0, 6.0] or sorted(joined.forces) == [2.0, 3.0, 4.0]
+
+
+def test_faces_are_joined_by_the_direction_in_which_they_push():
+    """Forces are powers of two, so that a sum names its parts."""
+    up, down, inward = [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [-0.9, 0.0, math.sqrt(1.0 - 0.9**2)]
+    faces = [
+        ([0.010, 0.001, 0.0], up),
+        ([0.001, 0.010, 0.0], up),  # in the same quadrant
+        ([-0.010, 0.001, 0.0], up),
+        ([0.010, 0.001, 0.0], down),  # at the same place
+        ([0.010, 0.001, -0.001], inward),  # 26 degrees above the plane: the bore's
+        ([0.010, 0.001, -0.002], [-1.0, 0.0, 0.0]),  # in the same half of the height
+        ([0.010, 0.001, -0.012], [-1.0, 0.0, 0.0]),  # in the lower half
+    ]
+    points, normals = (np.array([face[k] for face in faces]) for k in (0, 1))
+    joined = Springs(points, normals, np.ones(len(faces)), 2.0 ** np.arange(len(faces))).joined()
+    assert sorted(joined.forces) == [1 + 2, 4, 8, 16 + 32, 64]
 
 
 @pytest.fixture(scope="module")
