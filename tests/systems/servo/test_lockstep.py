@@ -1,6 +1,9 @@
 """Servo and simulation together, without a clock."""
 
 import copy
+import gc
+import resource
+import sys
 from itertools import islice
 
 import numpy as np
@@ -131,3 +134,29 @@ def test_a_model_cannot_come_before_its_step():
     _, ticks = served(scenario, pushed(scenario, 0.1), delay=-5)
     with pytest.raises(ValueError, match="delay is -5, expected at least -4"):
         next(ticks)
+
+
+@pytest.mark.skipif(not hasattr(resource, "RUSAGE_THREAD"), reason="Linux counts the page faults of a thread")
+def test_ticks_in_contact_ask_the_system_for_no_memory():
+    """Python makes objects in each tick, in memory that it has: without growth, and without a page fault."""
+    scenario = scenario_of(3, 4e-3)
+    poses = pushed(scenario, 0.6)
+    servo, ticks = served(scenario, poses)
+    *_, (probe, _) = islice(ticks, len(poses))
+    assert np.linalg.norm(probe.wrench[3:]) > 0.5  # in contact
+
+    def tick(number):
+        for _ in range(number):
+            servo.tick()
+            servo.probe().as_vector()
+
+    gc.collect()
+    gc.disable()  # as in the process of the servo
+    try:
+        tick(500)
+        faults, objects = resource.getrusage(resource.RUSAGE_THREAD).ru_minflt, sys.getallocatedblocks()
+        tick(1000)
+        assert resource.getrusage(resource.RUSAGE_THREAD).ru_minflt == faults
+        assert sys.getallocatedblocks() - objects < 100
+    finally:
+        gc.enable()
