@@ -38,7 +38,10 @@ SIZE = (1280, 860)
 HOLD = """  // a key that is held repeats
   const [code, presses] = arguments;
   window.held = presses;
-  const repeat = setInterval(() => held-- > 0 ? livePanel.press(code) : clearInterval(repeat), 150);
+  const repeat = setInterval(() => {
+    livePanel.press(code);
+    if (--held <= 0) clearInterval(repeat);
+  }, 150);
 """
 
 

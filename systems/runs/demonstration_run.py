@@ -37,7 +37,7 @@ class DemonstrationRun:
         self._environment: PegEnvironment = environment or MakeVirtualEnvironment(scenario)
         self.simulator = Simulator(self._environment.diagram)
         self._environment.set_start(self.simulator.get_mutable_context())
-        # Without a reference to this run: Drake would keep both, with the record, for ever.
+        # The monitor must not refer to this run: Drake would then keep both, with the record, for ever.
         self.simulator.set_monitor(partial(_monitor, scenario, self._environment))
         self.simulator.Initialize()
 

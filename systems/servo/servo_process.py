@@ -192,9 +192,8 @@ def run_ticks(scenario: Scenario, device: LiveDevice, link: ServoLink, connectio
     times = np.zeros(round(scenario.recorder.time_limit / period) + 1)
     link.contact.read_new()  # of the demonstration before
     connection.send(("begun", None))
-    pace = Pace(
-        period, spin=0.0 if isinstance(device, PageHand) else SPIN
-    )  # no motor waits; the browser needs the time
+    spin = 0.0 if isinstance(device, PageHand) else SPIN  # a hand without motors leaves that time to the browser
+    pace = Pace(period, spin=spin)
     try:
         while not connection.poll():
             _tick(servo, pace, watchdog, link)

@@ -99,7 +99,7 @@ class RecoverySitting(LiveSession):
         def interrupt(number: int, frame: FrameType | None) -> None:
             if is_asked.is_set():
                 raise KeyboardInterrupt
-            if callable(handler):  # the shell has a command in its background ignore Ctrl-C
+            if callable(handler):  # a shell lets the commands in its background ignore Ctrl-C
                 handler(number, frame)
 
         def watch() -> None:
