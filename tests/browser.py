@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import io
 import json
-import shutil
-import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,24 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-dev-shm-usage",
-    "--disable-gpu",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",  # WebGL without a graphics card
-    "--enable-unsafe-swiftshader",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--disable-default-apps",
-    "--disable-extensions",
-    "--hide-scrollbars",
-    "--force-device-scale-factor=1",
-)
+from benchmarks.haptics.headless_browser import headless_browser
 
 
 @dataclass
@@ -104,34 +85,13 @@ def open_page(
     Raises:
         AssertionError: if selenium, the browser or its driver is not installed.
     """
-    try:
-        from selenium import webdriver
-        from selenium.webdriver.chrome.service import Service
-    except ImportError:
-        raise AssertionError("the browser tests need the Python package selenium: pip install selenium") from None
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-    driver_path = shutil.which("chromedriver")
-    if chromium is None or driver_path is None:
-        missing = "chromium" if chromium is None else "chromedriver"
-        raise AssertionError(
-            f"the browser tests need '{missing}', which is not on the PATH;"
-            " on Debian and Ubuntu: apt-get install chromium chromium-driver"
-        )
-    with tempfile.TemporaryDirectory(prefix="browser-", ignore_cleanup_errors=True) as profile:
-        options = webdriver.ChromeOptions()
-        options.binary_location = chromium
-        for flag in (*FLAGS, *flags, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"):
-            options.add_argument(flag)
-        options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-        driver = webdriver.Chrome(options=options, service=Service(driver_path))
+    address = path if isinstance(path, str) else Path(path).resolve().as_uri()
+    with ExitStack() as stack:
         try:
-            driver.set_page_load_timeout(60)
-            driver.set_script_timeout(30)
-            address = path if isinstance(path, str) else Path(path).resolve().as_uri()
-            driver.get(address + fragment)
-            yield Page(driver)
-        finally:
-            driver.quit()
+            driver = stack.enter_context(headless_browser(address + fragment, size=size, flags=flags, logs=True))
+        except (ModuleNotFoundError, OSError) as error:
+            raise AssertionError(f"the browser tests need selenium and Chromium: {error}") from None
+        yield Page(driver)
 
 
 @dataclass(frozen=True)

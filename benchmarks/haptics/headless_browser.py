@@ -12,22 +12,34 @@ FLAGS = (
     "--headless=new",
     "--no-sandbox",
     "--disable-dev-shm-usage",
-    "--disable-background-networking",
     "--disable-gpu",  # as Chromium does without a graphics card: only the scene needs OpenGL, which is emulated
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-default-apps",
+    "--disable-extensions",
+    "--hide-scrollbars",
     "--force-device-scale-factor=1",
 )
+LOGS = {"browser": "ALL", "performance": "ALL"}
 
 
 @contextmanager
-def headless_browser(address: str, *, size: tuple[int, int] = (1280, 720)) -> Iterator[Any]:
+def headless_browser(
+    address: str, *, size: tuple[int, int] = (1280, 720), flags: tuple[str, ...] = (), logs: bool = False
+) -> Iterator[Any]:
     """Yields selenium's driver of a browser that shows a page.
 
     Args:
         address: of the page.
         size: width and height of the window, pixels.
+        flags: more flags of the browser's command line.
+        logs: whether the driver keeps the messages of the console and the requests of the page.
 
     Raises:
         ModuleNotFoundError: if selenium is not installed.
@@ -44,10 +56,14 @@ def headless_browser(address: str, *, size: tuple[int, int] = (1280, 720)) -> It
     with tempfile.TemporaryDirectory(prefix="browser-", ignore_cleanup_errors=True) as profile:
         options = webdriver.ChromeOptions()
         options.binary_location = chromium
-        for flag in (*FLAGS, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"):
+        for flag in (*FLAGS, *flags, f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}"):
             options.add_argument(flag)
+        if logs:
+            options.set_capability("goog:loggingPrefs", LOGS)
         driver = webdriver.Chrome(options=options, service=Service(chromedriver))
         try:
+            driver.set_page_load_timeout(60)
+            driver.set_script_timeout(30)
             driver.get(address)
             yield driver
         finally:
