@@ -20,7 +20,7 @@ LOGARITHMIC = 25.0
 
 WIDTH, HEIGHT = 380, 236  # in units of the drawing
 LEFT, RIGHT, TOP, BOTTOM = 40, 14, 30, 40  # margins, in units of the drawing
-LABEL_WIDTH = 34  # least distance of labels, in units of the drawing
+CHARACTER, GAP = 6.5, 8.0  # width of a character of a label, least gap between two; in units of the drawing
 DODGE = 2.5  # sideways distance of the intervals of neighbouring policies, in units of the drawing
 COLOURS = 6  # of the style sheet
 
@@ -207,11 +207,13 @@ def _axis(values: Sequence[float]) -> Callable[[float], float]:
 
 def _ticks(values: Sequence[float], x: Callable[[float], float], bottom: float) -> str:
     """The values of the factor below the axis, as far as there is room for them."""
-    parts, last = [], -math.inf
+    parts, end = [], -math.inf
     for value in values:
         px = x(value)
         parts.append(f'<line class="axis" x1="{px:.1f}" x2="{px:.1f}" y1="{bottom:.1f}" y2="{bottom + 4:.1f}"/>')
-        if px - last >= LABEL_WIDTH:
-            parts.append(f'<text x="{px:.1f}" y="{bottom + 16:.1f}" text-anchor="middle">{value:g}</text>')
-            last = px
+        label = f"{value:g}"
+        half = 0.5 * CHARACTER * len(label)
+        if px - half >= end + GAP:
+            parts.append(f'<text x="{px:.1f}" y="{bottom + 16:.1f}" text-anchor="middle">{label}</text>')
+            end = px + half
     return "".join(parts)

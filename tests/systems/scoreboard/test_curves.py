@@ -87,6 +87,16 @@ def test_a_wide_range_has_a_logarithmic_axis_and_crowded_labels_are_left_out(tmp
     assert "1.01" not in labels
 
 
+def test_long_labels_do_not_touch(tmp_path):
+    write_trials(tmp_path, rows([0.0, 0.0015, 0.003, 0.006, 0.012]))
+    [curve] = curves(tmp_path)
+    texts = [t for t in svgs(curve)[0][0].findall("text") if t.text in ("0", "0.0015", "0.003", "0.006", "0.012")]
+    below = [t for t in texts if t.get("text-anchor") == "middle"]
+    edges = [(float(t.get("x")) - 3 * len(t.text), float(t.get("x")) + 3 * len(t.text)) for t in below]
+    assert all(a[1] < b[0] for a, b in itertools.pairwise(edges))
+    assert len(edges) == 4
+
+
 def test_policies_differ_without_colour():
     styles = {(k % len(DASHES), k % len(MARKERS)) for k in range(30)}
     assert len(styles) == 30
