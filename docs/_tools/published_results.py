@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+import tempfile
 from pathlib import Path
 
 import pyarrow as pa
@@ -20,6 +21,8 @@ import pyarrow.parquet as pq
 
 from models.scenario import dump_scenario
 from systems.runs.trial import trial_scenario
+from systems.scoreboard.result_store import PUBLISHED
+from systems.sessions.sweep_session import SWEEPS
 from systems.sweeps.assignments import assignments
 from systems.sweeps.design.specification import read_specification
 from systems.sweeps.result_blocks import hold
@@ -27,21 +30,30 @@ from systems.sweeps.trial_rows import row_key
 
 
 def publish(results: Path, out: Path) -> None:
-    """Copies ``results`` to ``out``, which is replaced."""
+    """Copies ``results`` to ``out``, which is replaced at once when the copy is complete.
+
+    Raises:
+        ValueError: if ``results`` has no trials or no specification.
+    """
     groups: dict[Path, list[pa.Table]] = {}
     for path in sorted((results / "trials").rglob("*.parquet")):
         table = pq.ParquetFile(path).read().drop_columns(["scenario"])
         groups.setdefault(path.parent.relative_to(results), []).append(table)
-    if out.exists():
-        shutil.rmtree(out)
-    for folder, tables in groups.items():
-        (out / folder).mkdir(parents=True)
-        rows = pa.concat_tables(tables).sort_by("trial")
-        kept = rows.replace_schema_metadata(None)
-        pq.write_table(
-            kept, out / folder / "trials.parquet", compression="zstd", compression_level=19, write_statistics=False
-        )
-    shutil.copytree(results / "sweeps", out / "sweeps")
+    if not groups or not (results / SWEEPS).is_dir():
+        raise ValueError(f"{results}: no trials or no sweeps in it; expected a folder that haptic-skill sweep wrote")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=out.parent) as beside:
+        copy = Path(beside) / out.name
+        for folder, tables in groups.items():
+            (copy / folder).mkdir(parents=True)
+            kept = pa.concat_tables(tables).sort_by("trial").replace_schema_metadata(None)
+            pq.write_table(
+                kept, copy / folder / PUBLISHED, compression="zstd", compression_level=19, write_statistics=False
+            )
+        shutil.copytree(results / SWEEPS, copy / SWEEPS)
+        if out.exists():
+            out.rename(Path(beside) / "before")
+        copy.rename(out)
 
 
 def restore(published: Path, results: Path) -> tuple[int, int]:

@@ -145,7 +145,11 @@ def _panel(curve: Curve, quantity: Quantity, styles: dict[str, int]) -> str:
         shift = DODGE * (number - 0.5 * (len(points) - 1)) if quantity.interval else 0.0
         places = [x(value) + shift for value, _ in found]
         style = styles[policy]
-        path = "M" + "L".join(f"{px:.1f},{y(quantity.value(s)):.1f}" for px, (_, s) in zip(places, found, strict=True))
+        joined = [k > 0 and _are_neighbours(curve, found[k - 1][0], value) for k, (value, _) in enumerate(found)]
+        path = "".join(
+            f"{'L' if join else 'M'}{px:.1f},{y(quantity.value(s)):.1f}"
+            for join, px, (_, s) in zip(joined, places, found, strict=True)
+        )
         dashes = DASHES[style % len(DASHES)]
         line = f'<path class="line" d="{path}" stroke-dasharray="{dashes}"/>' if found else ""
         marks = [_mark(curve.factor, quantity, px, *point, y, style) for px, point in zip(places, found, strict=True)]
@@ -164,6 +168,11 @@ def _points(curve: Curve, quantity: Quantity, policy: str) -> list[tuple[float, 
     """The values of the factor at which a policy has the quantity, with its summaries."""
     pairs = zip(curve.values, curve.summaries[policy], strict=True)
     return [(value, s) for value, s in pairs if s is not None and not math.isnan(quantity.value(s))]
+
+
+def _are_neighbours(curve: Curve, first: float, second: float) -> bool:
+    """Whether no value of the factor lies between two."""
+    return curve.values.index(second) - curve.values.index(first) == 1
 
 
 def _mark(

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import shlex
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 from systems.scoreboard.columns import COLUMNS
+from systems.scoreboard.result_store import PUBLISHED
 from systems.scoreboard.summary import Cell, Scoreboard
 
 BOTH = (
@@ -23,9 +25,14 @@ def partition(folder: Path, policy: str, cell: Cell) -> Path:
 
 
 def sweep_commands(board: Scoreboard) -> list[str]:
-    """Returns the commands that make the trials of a folder of results, one for each stored sweep."""
-    folder = shlex.quote(str(board.folder))
-    return [f"haptic-skill sweep {shlex.quote(str(sweep.path))} --out {folder}" for sweep in board.sweeps]
+    """Returns the commands that make the trials of a folder of results, one for each stored sweep.
+
+    No sweep goes on in a published copy: its trials are made in another folder.
+    """
+    published = any((board.folder / "trials").rglob(PUBLISHED))
+    folder = Path("out", "sweeps", board.folder.resolve().name) if published else board.folder
+    out = shlex.quote(str(folder))
+    return [f"haptic-skill sweep {shlex.quote(str(sweep.path))} --out {out}" for sweep in board.sweeps]
 
 
 def row_sql(board: Scoreboard, policy: str, cell: Cell) -> str:
@@ -57,7 +64,9 @@ def paired_sql(board: Scoreboard, policy: str, cell: Cell) -> str:
 
 def row_pandas(board: Scoreboard, policy: str, cell: Cell) -> str:
     """Returns a line of Python that recomputes the same as `row_sql`, as a Series."""
-    filters = [("code", "==", board.code), ("factors", "==", cell.factors)]
+    filters: list[tuple[str, str, Any]] = [("code", "==", board.code), ("factors", "==", cell.factors)]
+    if board.skills:
+        filters.append(("skill", "in", list(board.skills)))
     values = ", ".join(f"{column.name!r}: {column.pandas}" for column in COLUMNS if column.pandas)
     folder = str(partition(board.folder, policy, cell))
     return (
@@ -88,7 +97,8 @@ def _source(board: Scoreboard, policy: str, cell: Cell) -> str:
 
 
 def _conditions(board: Scoreboard, cell: Cell, prefix: str = "") -> str:
-    return f"{prefix}code = {_text(board.code)} AND {prefix}factors = {_text(cell.factors)}"
+    skills = f" AND {prefix}skill IN ({', '.join(map(_text, board.skills))})" if board.skills else ""
+    return f"{prefix}code = {_text(board.code)} AND {prefix}factors = {_text(cell.factors)}{skills}"
 
 
 def _text(value: str) -> str:

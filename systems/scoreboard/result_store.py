@@ -9,7 +9,6 @@ trial stay in memory.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -21,12 +20,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from pandas.api.types import union_categoricals
 
+from models.document import read_document, read_text
 from skill.data.tables import TEMPORARY_MARK, named_parquet_errors
 
 PARTITIONS = ("policy", "arm", "engine")
 """Columns that the names of the folders hold, from the outermost on."""
 
-TEXTS = ("factors", "outcome", "fault", "code")
+TEXTS = ("factors", "outcome", "fault", "code", "skill")
 """Columns with few different texts."""
 
 FLAGS = ("inserted", "trusted")
@@ -42,6 +42,12 @@ NUMBERS = (
 REQUIRED_NUMBERS = ("trial", "time_s", "time_limit_s")
 
 COLUMNS = ("key", "began", *TEXTS, *FLAGS, *NUMBERS)
+
+MADE_FOR = (*PARTITIONS, "factors", "demonstration_set")
+"""What a policy is made for: among the trials that agree in these columns, those of the newest policy count."""
+
+PUBLISHED = "trials.parquet"
+"""The name of the files of a published copy, one for each policy, arm and engine."""
 
 BATCH = 4096
 """Rows that are read at once."""
@@ -62,7 +68,9 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Trials:
-    """The trials of the newest code in a folder of results.
+    """The trials of the newest code in a folder of results, and of the newest of each policy.
+
+    The policy of a name is made anew where its specification, demonstrations or modules, or a version have changed.
 
     Attributes:
         folder: the folder of results.
@@ -70,6 +78,8 @@ class Trials:
             nothing (true is 1), but ``inserted`` as bool.
         code: digest of the code that made them.
         left_out: number of trials of other code, by its digest.
+        replaced: number of trials of that code whose policy has been made anew since.
+        skills: digests of the policies in the table, if there are others; else empty.
         sweeps: the stored specifications.
     """
 
@@ -77,6 +87,8 @@ class Trials:
     table: pd.DataFrame
     code: str
     left_out: dict[str, int]
+    replaced: int
+    skills: tuple[str, ...]
     sweeps: list[Sweep]
 
 
@@ -93,25 +105,29 @@ def read_trials(folder: Path, advance: Callable[[str], None] = lambda _: None) -
     """
     paths = trial_files(folder)
     parts: list[pd.DataFrame] = []
-    newest: dict[str, datetime] = {}
+    made: list[pd.DataFrame] = []
     for number, path in enumerate(paths):
         part, began = _read_file(path, folder / "trials")
         part["file"] = number
         parts.append(part)
-        for code, time in began.items():
-            newest[code] = max(time, newest.get(code, time))
+        made.append(began)
         advance(path.name)
-    if not newest:
+    policies = pd.concat(made, ignore_index=True)
+    if policies.empty:
         raise ValueError(f"{folder}: no trials yet; expected at least one row in the files of {folder / 'trials'}")
     table = _joined(parts)
     _check_keys(table, paths)
-    code = max(newest, key=lambda digest: (newest[digest], digest))
+    code = str(policies.sort_values(["began", "code"])["code"].iloc[-1])
     counts = table["code"].value_counts()
-    kept = table[table["code"] == code].drop(columns=["key", "file"]).reset_index(drop=True)
+    left_out = {str(digest): int(count) for digest, count in counts.items() if digest != code}
+    of_code = table[table["code"] == code]
+    newest = policies[policies["code"] == code].sort_values("began").drop_duplicates([*MADE_FOR], keep="last")
+    skills = tuple(sorted(newest["skill"].unique()))
+    kept = of_code[of_code["skill"].isin(skills)].drop(columns=["key", "file"]).reset_index(drop=True)
     for name in (*PARTITIONS, *TEXTS):
         kept[name] = kept[name].cat.remove_unused_categories()
-    left_out = {str(digest): int(count) for digest, count in counts.items() if digest != code}
-    return Trials(folder, kept, code, left_out, read_sweeps(folder))
+    replaced = len(of_code) - len(kept)
+    return Trials(folder, kept, code, left_out, replaced, skills if replaced else (), read_sweeps(folder))
 
 
 def trial_files(folder: Path) -> list[Path]:
@@ -149,14 +165,18 @@ def partition_of(path: Path, root: Path) -> dict[str, str]:
 
 
 def read_sweeps(folder: Path) -> list[Sweep]:
-    """Returns the stored specifications, sorted by name. The title is the line ``title: ...``, without quotes."""
+    """Returns the stored specifications, sorted by name.
+
+    Raises:
+        ValueError: if one is no specification. The message names it.
+    """
     sweeps = []
     for path in sorted((folder / "sweeps").glob("*.yaml")):
-        try:
-            found = re.search(r"^title:[ \t]*(['\"]?)(.+?)\1[ \t]*$", path.read_text(encoding="utf-8"), re.MULTILINE)
-        except (OSError, UnicodeDecodeError) as error:
-            raise ValueError(f"{path}: not readable as text ({error})") from error
-        sweeps.append(Sweep(path, found[2] if found else path.stem))
+        specification = read_document(read_text(path, str(path)), str(path))
+        title = specification.get("title", path.stem) if isinstance(specification, dict) else None
+        if not isinstance(title, str):
+            raise ValueError(f"{path}: not a specification of a sweep; expected keys with values, and a text as title")
+        sweeps.append(Sweep(path, title.strip()))
     return sweeps
 
 
@@ -164,8 +184,8 @@ def _pattern() -> list[str]:
     return [*(f"{name}=..." for name in PARTITIONS), "*.parquet"]
 
 
-def _read_file(path: Path, root: Path) -> tuple[pd.DataFrame, dict[str, datetime]]:
-    """Returns the rows of a file, and when the newest row of each code began."""
+def _read_file(path: Path, root: Path) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Returns the rows of a file, and when the newest trial of each of its policies began: `MADE_FOR`, code, skill."""
     with named_parquet_errors(path, "file of trials"):
         file = pq.ParquetFile(path)
     _check_schema(file.schema_arrow, path)
@@ -175,13 +195,16 @@ def _read_file(path: Path, root: Path) -> tuple[pd.DataFrame, dict[str, datetime
     for name in ("key", "began", "inserted", *TEXTS, *REQUIRED_NUMBERS):
         if rows[name].isna().any():
             raise ValueError(f"{path}: column '{name}' is empty in row {int(rows[name].isna().argmax())}")
-    latest = rows.groupby("code")["began"].max()
+    partition = partition_of(path, root)
+    groups = rows.groupby(["factors", "demonstration_set", "code", "skill"], dropna=False)
+    policies = groups["began"].max().reset_index().assign(**partition)
+    policies["began"] = [_time(text, path) for text in policies["began"]]
     rows["inserted"] = rows["inserted"].astype(bool)
-    for name, value in partition_of(path, root).items():
+    for name, value in partition.items():
         rows[name] = pd.Categorical([value] * len(rows), categories=[value])
     for name in TEXTS:
         rows[name] = rows[name].astype("category")
-    return rows.drop(columns="began"), {str(code): _time(text, path) for code, text in latest.items()}
+    return rows.drop(columns="began"), policies
 
 
 def _check_schema(schema: pa.Schema, path: Path) -> None:

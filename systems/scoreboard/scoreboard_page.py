@@ -78,6 +78,11 @@ def warnings(board: Scoreboard) -> list[str]:
             f"{total:,} trial{' is' if total == 1 else 's are'} left out, because other code made"
             f" {'it' if total == 1 else 'them'}: {other}. The tables hold the newest code only, {board.code[:DIGEST]}."
         )
+    if board.replaced:
+        found.append(
+            f"{board.replaced:,} trial{' is' if board.replaced == 1 else 's are'} left out, because the policy has been"
+            " made anew since: its specification, its demonstrations, its own modules, or a version has changed."
+        )
     untrusted = sum(row.summary.untrusted for table in board.tables for row in table.rows)
     if untrusted:
         found.append(

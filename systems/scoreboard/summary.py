@@ -164,6 +164,8 @@ class Scoreboard:
         trials: number of trials.
         code: digest of the code that made them.
         left_out: number of trials of other code, by its digest.
+        replaced: number of trials that are left out because their policy has been made anew.
+        skills: digests of the policies that performed the trials, if trials of others are left out; else empty.
         sweeps: the stored specifications.
     """
 
@@ -173,6 +175,8 @@ class Scoreboard:
     trials: int
     code: str
     left_out: dict[str, int]
+    replaced: int
+    skills: tuple[str, ...]
     sweeps: list[Sweep]
 
 
@@ -195,7 +199,8 @@ def make_scoreboard(found: Trials, against: str | None = None) -> Scoreboard:
         _check_factors(cell.factors, found.folder)
         tables.append(_table(cell, rows, reference))
     tables.sort(key=lambda item: item.cell.order())
-    return Scoreboard(found.folder, tables, reference, len(table), found.code, found.left_out, found.sweeps)
+    left_out = found.left_out, found.replaced, found.skills
+    return Scoreboard(found.folder, tables, reference, len(table), found.code, *left_out, found.sweeps)
 
 
 def summarise(cell: Cell, policy: str, rows: pd.DataFrame) -> Summary:

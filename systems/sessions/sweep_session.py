@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from skill.data.tables import write_atomically
+from systems.outputs.folder_lock import BusyError, locked_file
 from systems.outputs.output_checks import check_folder
 from systems.reports.terminal import progress, say
+from systems.scoreboard.result_store import PUBLISHED
 from systems.sweeps.assignments import Assignment, DemonstrationSource, PolicySource, assignments
 from systems.sweeps.cost import Cost, cost_of
 from systems.sweeps.design.specification import Specification, read_specification
@@ -95,9 +99,11 @@ def sweep(
     with Executor(backend, jobs=jobs, address=address) as executor:
         if missing:
             say(plan.cost.text(executor.workers))
-        if plan_only or not missing:
+        if plan_only:
             return None
         name = keep_specification(path, plan.specification.text, out)
+        if not missing:
+            return None
         unrecorded = store.unrecorded(plan.sets)
         if unrecorded:
             with progress("demonstrations", unrecorded) as advance:
@@ -115,12 +121,25 @@ def keep_specification(path: Path, text: str, out: Path) -> Path:
     """Writes a copy of a specification into the results, and returns its path."""
     for k in range(1, 1000):
         copy = out / SWEEPS / (path.stem + ("" if k == 1 else f"_{k}") + ".yaml")
-        if not copy.exists():
-            write_atomically(copy, text.encode())
-            return copy
-        if copy.read_text() == text:
-            return copy
+        with _held(copy):
+            if not copy.exists():
+                write_atomically(copy, text.encode())
+            if copy.read_bytes() == text.encode():
+                return copy
     raise ValueError(f"{out / SWEEPS}: holds a thousand sweeps named {path.stem}; choose another --out")
+
+
+@contextmanager
+def _held(path: Path) -> Iterator[None]:
+    """Holds a file; waits while another sweep does."""
+    with ExitStack() as stack:
+        while True:
+            try:
+                stack.enter_context(locked_file(path))
+                break
+            except BusyError:
+                time.sleep(0.05)
+        yield
 
 
 def _check_results(out: Path) -> None:
@@ -134,6 +153,11 @@ def _check_results(out: Path) -> None:
     )
     if others and not (out / TRIALS).is_dir():
         raise ValueError(f"--out {out}: holds {others[0]}, but no results of sweeps; choose another --out")
+    if any((out / TRIALS).rglob(PUBLISHED)):
+        raise ValueError(
+            f"--out {out}: holds a published copy of results, with which no sweep goes on; choose another --out, or"
+            " restore it with docs/_tools/published_results.py"
+        )
 
 
 def _distinct(items: Iterable[Any]) -> list[Any]:

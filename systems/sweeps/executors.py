@@ -233,7 +233,8 @@ class Executor:
             else:
                 ray.init(address=self.address, log_to_driver=False, logging_level=logging.ERROR)
         except (ConnectionError, OSError, ValueError, RuntimeError) as error:
-            raise OSError(f"--address {self.address}: no Ray cluster answers there ({error})") from error
+            what = "Ray does not start" if self.address is None else f"--address {self.address}: no Ray cluster answers"
+            raise OSError(f"{what} ({error})") from error
         self._stack.callback(ray.shutdown)
         if self.address is not None:
             resources: Any = ray.cluster_resources

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from models.document import brief
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.geometry import PegHoleGeometry
@@ -158,6 +159,10 @@ def check_imports(plan: PolicyPlan) -> None:
         ValueError: naming the policy and what is wrong.
     """
     kind = plan.options.get("skill", "skill.manipulation_skill:ManipulationSkill") if plan.make is None else ""
+    if not isinstance(kind, str):
+        raise ValueError(
+            f"policies.{plan.name}.learn.skill is {brief(kind)}, expected an import path package.module:name"
+        )
     try:
         known = {"skill", *inspect.signature(imported(kind)).parameters} if kind else set()
         if plan.make is not None:

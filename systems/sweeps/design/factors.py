@@ -130,6 +130,8 @@ def _mapping_factor(section: CheckedMapping, name: str) -> Factor:
     if kind is None:
         levels = []
         for level, overrides in own.values.items():
+            if not isinstance(level, str | int | float):
+                raise section.error(name, f"a mapping with the level {brief(level)}", "texts or numbers as levels")
             if not isinstance(overrides, Mapping) or not overrides or not all(isinstance(k, str) for k in overrides):
                 raise own.error(str(level), brief(overrides), "keys with values, which this level sets together")
             levels.append(Level(level, dict(overrides)))

@@ -22,6 +22,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import yaml
 
@@ -35,6 +36,9 @@ from systems.sweeps.design.factors import Cell, Overrides, read_cells
 from systems.sweeps.trial_engines import ENGINES
 
 MAX_TRIALS = 1_000_000
+MAX_FOLDER_NAME = (
+    200  # bytes of the percent-encoded name of a policy; file systems allow 255 with what stands before it
+)
 GOOD, BAD = 24, 6
 """Numbers of good and bad demonstrations of a set, if the specification gives none."""
 
@@ -152,7 +156,6 @@ def read_specification(path: Path) -> Specification:
     whole = CheckedMapping(read_document(text, where), where)
     scenario = load_scenario(whole.take("scenario", str, "nominal"))
     cells = read_cells(whole)
-    whole.optional("design", object)
     shared = whole.section("demonstrations")
     trials = whole.section("trials")
     found = Specification(
@@ -186,6 +189,9 @@ def _policies(section: CheckedMapping, shared: Mapping[str, Any]) -> list[Policy
     for name in section.values:
         if not isinstance(name, str) or not name.strip() or not name.isprintable() or len(name) > 80:
             raise section.error(brief(name), "no name", "a printable name of at most 80 characters")
+        if len(quote(name, safe="")) > MAX_FOLDER_NAME:
+            limit = f"at most {MAX_FOLDER_NAME} bytes, percent-encoded: it is the name of a folder"
+            raise section.error(brief(name), "too long a name", limit)
         found.append(_policy(name, section.section(name), shared))
     if not found:
         raise ValueError(f"{section.where}: policies is empty, expected at least one, such as skill: {{learn: {{}}}}")

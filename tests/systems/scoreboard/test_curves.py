@@ -61,6 +61,16 @@ def test_a_policy_without_a_value_has_a_gap(tmp_path):
     assert marks == [5, 3, 5]  # without insertions there is no time
 
 
+def test_a_line_does_not_cross_a_missing_value(tmp_path):
+    trials = rows([1, 2, 3, 4, 5], wins=2)
+    never = {"inserted": False, "time_s": 10.0}  # so that there is no median time
+    write_trials(tmp_path, [row | (never if json.loads(row["factors"])["mu"] == 3 else {}) for row in trials])
+    [curve] = curves(tmp_path)
+    inserted, time, _ = (svg.find("g/path[@class='line']").get("d") for svg in svgs(curve)[0])
+    assert re.sub(r"[\d., -]+", "", inserted) == "MLLLL"
+    assert re.sub(r"[\d., -]+", "", time) == "MLML"
+
+
 def test_points_and_intervals_lie_where_the_axes_say(tmp_path):
     """One of two inserts: 50 %, Wilson 9.5 to 90.5 %; the middle value lies in the middle."""
     write_trials(tmp_path, rows([1, 2, 3]))

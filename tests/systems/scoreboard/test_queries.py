@@ -29,6 +29,9 @@ def board(tmp_path_factory):
     folder = write_results(tmp_path_factory.mktemp("it's a <folder>"), engines=("drake", "mujoco"))
     old = [{"trial": k, "code": "0ld", "began": "2025-01-01T00:00:00+00:00"} for k in range(5)]
     write_trials(folder, old, policy=LEARNT, block="0001")
+    before = {"skill": "before", "began": "2026-01-01T00:00:00+00:00"}  # the policy has been made anew since
+    replaced = [{"trial": k, "demonstration_set": k % 4, "key": f"before/{k}", **before} for k in range(9)]
+    write_trials(folder, replaced, policy=LEARNT, block="0002")
     return make_scoreboard(read_trials(folder))
 
 

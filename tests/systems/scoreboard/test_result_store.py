@@ -51,14 +51,46 @@ def test_only_the_newest_code_counts_and_the_others_are_counted(tmp_path):
     assert found.left_out == {"a": 3, "c": 2}
 
 
+def test_of_a_policy_that_was_made_anew_only_the_newest_counts(tmp_path):
+    def trials(skill, began, numbers, **same):
+        when = {"began": f"2026-02-0{began}T00:00:00+00:00"}
+        return [{"trial": k, "key": f"{skill}/{k}", "skill": skill, **when, **same} for k in numbers]
+
+    first, again = trials("old", 1, range(3), demonstration_set=1), trials("new", 2, range(2), demonstration_set=1)
+    write_trials(tmp_path, [*first, *again])
+    write_trials(tmp_path, trials("same", 1, range(4), demonstration_set=2), block="0001")
+    write_trials(tmp_path, trials("alone", 1, range(5)), policy=LAW)
+    found = read_trials(tmp_path)
+    assert found.table["skill"].value_counts().to_dict() == {"alone": 5, "same": 4, "new": 2}
+    assert (found.replaced, found.skills) == (3, ("alone", "new", "same"))
+    assert found.left_out == {}
+
+
+def test_where_no_policy_was_made_anew_all_trials_count(tmp_path):
+    write_results(tmp_path)
+    found = read_trials(tmp_path)
+    assert (found.replaced, found.skills) == (0, ())
+
+
 def test_sweeps_are_listed_with_their_titles(tmp_path):
     write_trials(tmp_path, [{}])
     write_sweep(tmp_path, "b", "'Friction: what it does'")
     (tmp_path / "sweeps" / "a.yaml").write_text("trials: 3\n")
+    (tmp_path / "sweeps" / "c.yaml").write_text("title: >\n  over\n  two lines\n")
+    (tmp_path / "sweeps" / "d.yaml").write_text("title: friction # a draft\n")
     assert [(s.path.name, s.title) for s in read_trials(tmp_path).sweeps] == [
         ("a.yaml", "a"),
         ("b.yaml", "Friction: what it does"),
+        ("c.yaml", "over two lines"),
+        ("d.yaml", "friction"),
     ]
+
+
+@pytest.mark.parametrize("text", ["- a\n", "title: 3\n", "title: [\n", "'"])
+def test_a_stored_sweep_that_is_none_is_named(tmp_path, text):
+    write_trials(tmp_path, [{}])
+    write_sweep(tmp_path, "b").write_text(text)
+    refused(tmp_path, tmp_path / "sweeps" / "b.yaml")
 
 
 def test_the_numbers_of_a_trial_are_those_of_its_record():

@@ -4,6 +4,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from docs._tools.published_results import publish, restore
+from systems.scoreboard.queries import sweep_commands
+from systems.scoreboard.result_store import read_trials
+from systems.scoreboard.summary import make_scoreboard
 from tests.systems.sweeps.conftest import rows_in
 
 pytestmark = pytest.mark.slow
@@ -23,6 +26,29 @@ def test_a_sweep_goes_on_from_restored_rows(specification, perform, tmp_path, ca
     more = perform(specification(**keys, trials={"first": 84099, "number": 3}), results="restored")
     assert "6 trials, 4 of them done already" in capsys.readouterr().out
     assert more[more.key.isin(rows.key)].reset_index(drop=True).equals(rows)
+
+
+def test_no_sweep_goes_on_in_a_published_copy(specification, perform, tmp_path):
+    path = specification(policies={"push": PUSH}, trials={"first": 84000, "number": 1})
+    perform(path)
+    publish(tmp_path / "results", tmp_path / "copy")
+    with pytest.raises(ValueError, match="holds a published copy of results, with which no sweep goes on"):
+        perform(path, results="copy")
+    (command,) = sweep_commands(make_scoreboard(read_trials(tmp_path / "copy")))
+    assert command == f"haptic-skill sweep {tmp_path}/copy/sweeps/sweep.yaml --out out/sweeps/copy"
+
+
+def test_a_published_copy_is_not_replaced_by_nothing(specification, perform, tmp_path):
+    path = specification(policies={"push": PUSH}, trials={"first": 84000, "number": 1})
+    perform(path)
+    publish(tmp_path / "results", tmp_path / "copy")
+    before = sorted(tmp_path.rglob("copy/**/*"))
+    for source in (tmp_path / "none", path.parent / "copy" / "sweeps"):
+        with pytest.raises(ValueError, match="expected a folder that haptic-skill sweep wrote"):
+            publish(source, tmp_path / "copy")
+    assert sorted(tmp_path.rglob("copy/**/*")) == before
+    publish(tmp_path / "results", tmp_path / "copy")
+    assert sorted(tmp_path.rglob("copy/**/*")) == before
 
 
 def test_rows_of_other_code_are_not_restored(specification, perform, tmp_path, monkeypatch):

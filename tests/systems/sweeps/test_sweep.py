@@ -57,6 +57,19 @@ def test_a_sweep_that_is_given_again_performs_only_what_is_missing(specification
     assert len(other) == 6
 
 
+def test_a_specification_is_stored_once_also_if_nothing_is_missing(specification, perform, tmp_path):
+    stored = tmp_path / "results" / "sweeps"
+    keys = {"policies": {"push": PUSH}, "trials": {"first": 84000, "number": 2}}
+    path = specification(**keys)
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    for _ in range(2):
+        perform(path)
+    assert [p.name for p in stored.glob("*.yaml")] == ["sweep.yaml"]
+    assert (stored / "sweep.yaml").read_bytes() == path.read_bytes()
+    perform(specification("part", **keys | {"trials": {"first": 84000, "number": 1}}))
+    assert sorted(p.name for p in stored.glob("*.yaml")) == ["part.yaml", "sweep.yaml"]
+
+
 def test_another_line_of_code_makes_other_rows(specification, perform, monkeypatch):
     path = specification(policies={"push": PUSH}, trials={"number": 1})
     perform(path)
@@ -130,6 +143,7 @@ def test_a_skill_file_that_changes_while_the_sweep_runs_is_refused(specification
         ({**PUSH, "with": {"speed": 3}}, r"policies.push: cannot be made \(TypeError: .*speed"),
         ({"make": "tests.systems.sweeps.pushes:unwilling", "with": {"speed": 3}}, "policies.push: .*speed"),
         ({"learn": {"regresor": "a:b"}}, "policies.push.learn.regresor: unknown key"),
+        ({"learn": {"skill": 5}}, "policies.push.learn.skill is 5, expected an import path"),
     ],
 )
 def test_a_policy_that_cannot_be_made_is_one_line(specification, perform, policy, message):

@@ -1,6 +1,7 @@
 """Specifications of sweeps: what they ask for, and the messages about what is wrong in them."""
 
 import json
+from datetime import date
 
 import numpy as np
 import pytest
@@ -75,6 +76,12 @@ def test_combinations_of_listed_levels_that_are_drawn_again_count_once():
     assert len({cell.label for cell in found}) == 6
 
 
+@pytest.mark.parametrize("design", ["grid", "{random: 4}"])
+def test_a_specification_may_name_its_design(tmp_path, design):
+    found = read(tmp_path, PLAIN + f"design: {design}\nvary: {{contact.friction: [0.1, 0.3]}}\n")
+    assert [cell.factors["contact.friction"] for cell in found.cells] in ([0.1, 0.3], [0.3, 0.1])
+
+
 def test_other_seeds_give_other_cells():
     vary = {"contact.friction": {"uniform": [0.1, 0.3]}}
     assert cells(vary, {"random": 4, "seed": 0}) != cells(vary, {"random": 4, "seed": 1})
@@ -99,6 +106,7 @@ def test_other_seeds_give_other_cells():
             "grid",
             "k in two factors, the second b, expected each key",
         ),
+        ({"a": {date(2026, 1, 1): {"k": 1}}}, "grid", "the level datetime.date(2026, 1, 1), expected texts or numbers"),
         ({"a": [1]}, "random", "design is 'random', expected grid, or {random: N, seed: S}"),
         ({"a": [1]}, {"random": 0}, "design.random is 0, expected 1 to 100000"),
         ({}, {"random": 4}, "design is random, expected grid, because nothing is varied"),
@@ -168,6 +176,7 @@ def test_a_factor_of_the_training_changes_the_demonstrations_of_every_policy_tha
         ("policies: {a: {skill: x.npz, demonstrations: {good: 3}}}", "a skill file has learnt already"),
         ("policies: {a: {learn: {}, sets: [1]}}", "unknown key 'policies.a.sets'"),
         ('policies: {"a\\nb": {learn: {}}}', "expected a printable name"),
+        (f"policies: {{{70 * 'ä'}: {{learn: {{}}}}}}", "is too long a name, expected at most 200 bytes"),
         ("- a\n- b\n", "the file is ['a', 'b'], expected keys with values"),
         ("policies: [\n", "line"),
     ],
