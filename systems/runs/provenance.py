@@ -5,9 +5,13 @@ from __future__ import annotations
 import importlib.metadata
 import sys
 
+PYTHON = "python"
+
 
 def version_of(distribution: str) -> str:
-    """Returns the version of an installed distribution, or "of unknown version"."""
+    """Returns the version of Python or of an installed distribution, or "of unknown version"."""
+    if distribution == PYTHON:
+        return sys.version.split()[0]
     try:
         return importlib.metadata.version(distribution)
     except importlib.metadata.PackageNotFoundError:
@@ -17,4 +21,4 @@ def version_of(distribution: str) -> str:
 def versions() -> dict[str, str]:
     """Returns the versions of the interpreter, of this project and of the packages that affect results."""
     names = ("haptic-skill", "drake", "numpy", "scipy", "scikit-learn")
-    return {"python": sys.version.split()[0], **{name: importlib.metadata.version(name) for name in names}}
+    return {PYTHON: version_of(PYTHON), **{name: importlib.metadata.version(name) for name in names}}

@@ -6,8 +6,8 @@ import ast
 import hashlib
 import json
 import sysconfig
-from collections.abc import Iterable, Iterator, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache, lru_cache
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from typing import Any
@@ -36,23 +36,48 @@ def code_digest(modules: Iterable[str], packages: Iterable[str] = PACKAGES) -> s
     Raises:
         ValueError: if a module cannot be found.
     """
-    return source_digest(sorted(modules_of(modules, packages)), packages)
+    return _digest_of(sorted(modules_of(modules, packages)), packages, _module_source, _package_data)
 
 
-def source_digest(modules: Iterable[str], packages: Iterable[str] = PACKAGES) -> str:
-    """Returns a digest of the source of some modules, without their imports, and of the data files of the packages.
+def first_digest(modules: Iterable[str]) -> str:
+    """Returns a digest of the source of some modules, without their imports, and of the data files of `PACKAGES`.
+
+    Each module counts as this process found it first: a line that changes later is not in what the process has loaded.
 
     Raises:
         ValueError: if a module cannot be found.
     """
+    return _digest_of(modules, PACKAGES, _first_module_source, _first_package_data)
+
+
+def _digest_of(
+    modules: Iterable[str],
+    packages: Iterable[str],
+    module_source: Callable[[str], bytes],
+    package_data: Callable[[str], bytes],
+) -> str:
     digest = hashlib.sha256()
     for name in modules:
-        digest.update(f"{name}\0".encode() + _source(name).read_bytes() + b"\0")
+        digest.update(module_source(name))
     for package in packages:
-        for pattern in DATA.get(package, ()):
-            for path in sorted(_source(package).parent.glob(pattern)):
-                digest.update(f"{package}/{path.name}\0".encode() + path.read_bytes() + b"\0")
+        digest.update(package_data(package))
     return digest.hexdigest()[:16]
+
+
+def _module_source(name: str) -> bytes:
+    """Name and digest of the source of a module."""
+    return f"{name} {hashlib.sha256(_source(name).read_bytes()).hexdigest()}\n".encode()
+
+
+def _package_data(package: str) -> bytes:
+    """Names and digests of the data files of a package."""
+    patterns = DATA.get(package, ())
+    paths = [path for pattern in patterns for path in sorted(_source(package).parent.glob(pattern))]
+    lines = [f"{package}/{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n" for path in paths]
+    return "".join(lines).encode()
+
+
+_first_module_source, _first_package_data = cache(_module_source), cache(_package_data)
 
 
 def modules_of(modules: Iterable[str], packages: Iterable[str] = PACKAGES) -> set[str]:

@@ -206,10 +206,14 @@ class Executor:
         try:
             self._client = self._stack.enter_context(make_client(self.address, timeout=CONNECT_TIME))
             self._client.wait_for_workers(1, timeout=CONNECT_TIME)
+            threads = max(self._client.nthreads().values())
         except TimeoutError as error:
             raise OSError(f"--address {self.address}: the Dask scheduler has no worker") from error
         except (OSError, ValueError) as error:
             raise OSError(f"--address {self.address}: no Dask scheduler answers there ({error})") from error
+        if threads > 1:  # they would share the interpreter, which the simulation holds
+            reason = f"a Dask worker has {threads} threads; start workers with --nthreads 1, one for each core"
+            raise OSError(f"--address {self.address}: {reason}")
 
     def _connect_ray(self) -> None:
         import ray

@@ -252,6 +252,12 @@ def own_modules(plan: PolicyPlan) -> set[str]:
     return found
 
 
+def named_packages(plan: PolicyPlan) -> set[str]:
+    """Returns the names of the installed distributions that hold what a plan names."""
+    modules = {path.partition(":")[0] for path in named_by(plan)} - own_modules(plan)
+    return {name for module in modules for name in _distributions(module)}
+
+
 def named_by(plan: PolicyPlan) -> list[str]:
     """Returns the import paths of a plan."""
     select = plan.demonstrations.select if plan.demonstrations else None
@@ -264,7 +270,13 @@ def _own_code(module: str) -> str:
     package = module.split(".")[0]
     if package in PACKAGES or is_local(package):
         return code_digest([module])
-    return ", ".join(f"{name} {version_of(name)}" for name in sorted(packages_distributions().get(package, ())))
+    return ", ".join(f"{name} {version_of(name)}" for name in _distributions(module))
+
+
+@lru_cache(maxsize=256)
+def _distributions(module: str) -> list[str]:
+    """The names of the installed distributions that hold a module."""
+    return sorted({*packages_distributions().get(module.split(".")[0], ())})
 
 
 def query_time(policy: RigPolicy, demonstrations: list[Demonstration]) -> float:

@@ -25,7 +25,16 @@ from systems.runs.demonstration_set import Request, demonstrate
 from systems.runs.provenance import versions
 from systems.sweeps.assignments import DemonstrationSource, PolicySource
 from systems.sweeps.executors import Executor, LostWorkerError
-from systems.sweeps.policies import CarriedOver, Lesson, MadePolicy, chosen, imported, make_policy, own_modules
+from systems.sweeps.policies import (
+    CarriedOver,
+    Lesson,
+    MadePolicy,
+    chosen,
+    imported,
+    make_policy,
+    named_packages,
+    own_modules,
+)
 from systems.sweeps.requirements import Requirements
 from systems.sweeps.trial_engines import DRAKE
 from systems.sweeps.trial_rows import trial_code
@@ -38,6 +47,9 @@ WAIT = 1.0
 
 MAX_LOADED = 64
 """Skills that are kept in memory, beside their files."""
+
+TASKS_HELD, SETS_HELD = 16, 200
+"""Demonstrations for each worker, and sets, from which on no further set is held; each takes a file descriptor."""
 
 Advance = Callable[[str], None]
 R = TypeVar("R")
@@ -101,6 +113,8 @@ class PolicyStore:
     def record(self, sources: Iterable[DemonstrationSource], executor: Executor, advance: Advance) -> None:
         """Records the demonstrations of some sets that are not there yet; waits for sets that another sweep records.
 
+        It holds as many sets at once as give its workers enough to do, so that another sweep finds others.
+
         Raises:
             ValueError: if a habit gives no demonstration of the outcome.
             OSError: if a file cannot be written.
@@ -109,29 +123,28 @@ class PolicyStore:
         while waiting:
             with ExitStack() as stack:
                 held: dict[str, OutputSet] = {}
-                busy = []
+                tasks: list[DemonstrationTask] = []
+                later, busy = [], []
+                requirements = Requirements.of(DRAKE)
                 for source in waiting:
+                    if len(tasks) >= TASKS_HELD * executor.workers or len(held) >= SETS_HELD:
+                        later.append(source)
+                        continue
                     try:
-                        held[source.digest] = stack.enter_context(
-                            open_set(self.folder(source), _set_index(source), overwrite=False)
-                        )
+                        files = stack.enter_context(open_set(self.folder(source), _set_index(source), overwrite=False))
                     except BusyError:
                         busy.append(source)
-                requirements = Requirements.of(DRAKE)
-                tasks = [
-                    DemonstrationTask(source, request, requirements)
-                    for source in waiting
-                    if source.digest in held
-                    for request in source.requests()
-                    if request.file_name not in held[source.digest].finished
-                ]
+                        continue
+                    held[source.digest] = files
+                    missing = [request for request in source.requests() if request.file_name not in files.finished]
+                    tasks += [DemonstrationTask(source, request, requirements) for request in missing]
                 for done in _results(executor, tasks, "a demonstration was recorded"):
                     source, request, demonstration = done
                     files = held[source.digest]
                     files.write(request.file_name, partial(write_demonstration, demonstration))
                     advance(f"set {source.seed}, {request.habit}: {demonstration.reason}")
-            waiting = busy
-            if waiting:
+            waiting = [*later, *busy]
+            if busy and not held:
                 time.sleep(WAIT)
 
     # ----------------------------------------------------------------- policies
@@ -150,7 +163,11 @@ class PolicyStore:
             OSError: if a file cannot be written.
         """
         tasks = (
-            PolicyTask(source, self._lesson(source), Requirements.of(DRAKE, own_modules(source.plan)))
+            PolicyTask(
+                source,
+                self._lesson(source),
+                Requirements.of(DRAKE, own_modules(source.plan), named_packages(source.plan)),
+            )
             for source in sources
             if not self.is_made(source)
         )

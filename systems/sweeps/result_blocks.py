@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 
 from skill.data.tables import named_parquet_errors, write_atomically
 from systems.outputs.folder_lock import BusyError, locked_file
+from systems.outputs.output_checks import named_errors
 from systems.outputs.own_folder import remove_unfinished
 from systems.sweeps.trial_rows import SCHEMA, Row, row_key
 
@@ -137,7 +138,8 @@ class HeldBlock:
         table = table.sort_by("trial")
         sink = pa.BufferOutputStream()
         pq.write_table(table, sink, compression="zstd")
-        write_atomically(self.block.path, sink.getvalue().to_pybytes())
+        with named_errors(self.block.path, "the rows that were written before stay"):
+            write_atomically(self.block.path, sink.getvalue().to_pybytes())
         count = len(self._new)
         self.missing -= {row["trial"] for row in self._new}
         self._rows, self._new = [table], []

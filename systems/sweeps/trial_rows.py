@@ -18,7 +18,7 @@ from skill.policy import RigPolicy
 from systems.runs.provenance import version_of, versions
 from systems.runs.trial import Arm, run_rig, trial_scenario
 from systems.runs.trial_result import LATER_NUMBERS, TrialResult
-from systems.sweeps.code_digest import modules_of, source_digest, values_digest
+from systems.sweeps.code_digest import first_digest, modules_of, values_digest
 from systems.sweeps.trial_engines import MUJOCO, RigBench
 
 Row = dict[str, Any]
@@ -88,7 +88,7 @@ def row_key(source_digest: str, number: int) -> str:
 @cache
 def trial_code() -> str:
     """Returns the digest of the code that simulates trials and makes policies, as this process found it first."""
-    return source_digest(trial_modules())
+    return first_digest(trial_modules())
 
 
 @cache

@@ -14,7 +14,7 @@ from skill.policy import RigPolicy
 from systems.control.faults import one_line
 from systems.sweeps.assignments import Assignment
 from systems.sweeps.executors import Executor, LostWorkerError
-from systems.sweeps.policies import own_modules
+from systems.sweeps.policies import named_packages, own_modules
 from systems.sweeps.policy_store import WAIT, PolicyStore
 from systems.sweeps.requirements import Requirements
 from systems.sweeps.result_blocks import Block, HeldBlock, hold
@@ -185,17 +185,25 @@ class TrialStream:
         self._advance(f"trial {number}: {reason}")
 
     def _write(self, *, now: bool = False) -> None:
-        """Writes the rows that wait, if it is time."""
+        """Writes the rows that wait, if it is time; an error with one block keeps no other from being written."""
         if not now and time.monotonic() - self._written_at < WRITE_PERIOD:
             return
+        errors: list[OSError] = []
         for block, held in list(self._held.items()):
-            for _ in range(held.write()):
+            try:
+                count = held.write()
+            except OSError as error:
+                errors.append(error)
+                continue
+            for _ in range(count):
                 self.ended.written += 1
                 self._advance(held.title)
             if all((block, number) in self._given_up for number in held.missing):
                 held.release()
                 del self._held[block]
         self._written_at = time.monotonic()
+        if errors:
+            raise errors[0]
 
     def _tasks(self) -> Iterator[TrialTask]:
         """Yields the missing trials of the blocks that no other sweep holds."""
@@ -212,7 +220,8 @@ class TrialStream:
                 held.release()
                 continue
             made, seed = self._store.policy(assignment.policy), assignment.policy.demonstrations
-            requirements = Requirements.of(assignment.source.engine, own_modules(assignment.policy.plan))
+            plan = assignment.policy.plan
+            requirements = Requirements.of(assignment.source.engine, own_modules(plan), named_packages(plan))
             stored_versions = json.dumps(engine_versions(assignment.source.engine))
             known = {
                 **{"skill": assignment.policy.digest, "demonstrations": made.demonstrations},

@@ -1,10 +1,14 @@
 """A worker with other code or packages than the client does nothing."""
 
 from dataclasses import replace
+from importlib.metadata import version
 
 import pytest
 
+from systems.sweeps.design.specification import DemonstrationPlan, PolicyPlan
+from systems.sweeps.policies import named_packages
 from systems.sweeps.requirements import Requirements
+from tests.scripts.commands import run_python
 
 
 def test_the_process_that_asks_meets_its_own_requirements():
@@ -15,10 +19,37 @@ def test_the_process_that_asks_meets_its_own_requirements():
     assert own.code != Requirements.of("drake").code
 
 
+def test_the_versions_of_the_packages_that_a_policy_names_are_required(tmp_path):
+    learn = {"regressor": "sklearn.linear_model:Ridge", "states": "benchmarks.rig.learners:one_state"}
+    plan = PolicyPlan("a", None, None, learn, DemonstrationPlan(), False)
+    assert named_packages(plan) == {"scikit-learn"}
+    found = dict(Requirements.of("drake", packages=["joblib"]).versions)
+    assert found["joblib"] == version("joblib")
+
+
+def test_a_module_counts_as_this_process_found_it_first(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("first_module", "second_module"):
+        (tmp_path / f"{name}.py").write_text("x = 1\n")
+    before = Requirements.of("drake", ["first_module"])
+    (tmp_path / "first_module.py").write_text("x = 2\n")  # too late: it may have been imported
+    assert Requirements.of("drake", ["first_module"]) == before
+    both = Requirements.of("drake", ["first_module", "second_module"])
+    (tmp_path / "first_module.py").write_text("x = 1\n")
+    done = run_python(
+        "-c",
+        "from systems.sweeps.requirements import Requirements; import sys; sys.path.append(sys.argv[1])\n"
+        "print(Requirements.of('drake', ['first_module', 'second_module']).code)",
+        str(tmp_path),
+    )
+    assert done.stdout.strip() == both.code
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"code": "another revision"}, "other code than the client"),
+        ({"versions": (("python", "2.7"),)}, r"a worker has python 3\.\d+.*, the client 2\.7"),
         ({"versions": (("drake", "0.1"),)}, r"a worker has drake 1\.\d+.*, the client 0\.1"),
     ],
 )

@@ -250,7 +250,7 @@ def test_a_full_disk_ends_the_sweep_with_one_line_and_keeps_what_was_written(
 
     with monkeypatch.context() as patched:
         patched.setattr(os, "fsync", full)
-        with pytest.raises(OSError, match="No space left"):
+        with pytest.raises(OSError, match=r"parquet: not written \(No space left on device\); the rows that were"):
             perform(path, jobs=1)
     assert rows_in(tmp_path / "results").trial.tolist() == [0]
     assert sorted(perform(path, jobs=1).trial) == [0, 1, 2]
@@ -294,6 +294,15 @@ def test_a_dask_cluster_gives_the_same_rows_though_one_worker_is_killed_in_mid_t
     assert sorted(rows.trial) == [0, 1, 2, 3, 4, 5]
     local = perform(path, results="local")
     assert without_times(rows).equals(without_times(local))
+
+
+def test_a_dask_worker_with_more_than_one_thread_is_refused(specification, perform):
+    distributed = pytest.importorskip("distributed", reason="needs the extra [dask]")
+    settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**settings, host="127.0.0.1", protocol="tcp://") as cluster:
+        address = cluster.scheduler_address
+        with pytest.raises(OSError, match=f"{address}: a Dask worker has 2 threads; start workers with --nthreads 1"):
+            perform(specification(policies={"push": PUSH}, trials={"number": 1}), backend="dask", address=address)
 
 
 def test_a_dask_cluster_of_its_own_gives_up_the_trial_that_kills_every_worker(specification, perform, tmp_path):

@@ -7,15 +7,17 @@ from pathlib import Path
 import pytest
 
 from models.scenario import dump_scenario
-from systems.sweeps import trial_stream
+from systems.sweeps import result_blocks, trial_stream
 from systems.sweeps.assignments import assignments
 from systems.sweeps.design.specification import read_specification
+from systems.sweeps.executors import Executor
 from systems.sweeps.policy_store import PolicyStore
 from systems.sweeps.trial_stream import TrialStream
 from tests.systems.sweeps.conftest import rows_in
 from tests.systems.sweeps.made_up_rows import made_up_row
 
 ROWS = 10_000
+PUSH = {"make": "tests.systems.sweeps.pushes:push"}
 
 
 class ReadyRows:
@@ -53,6 +55,29 @@ def test_ten_thousand_rows_take_no_memory_that_grows(specification, skill_file, 
     rows = rows_in(tmp_path)
     assert sorted(rows.trial) == list(range(ROWS))
     assert rows.key.is_unique
+
+
+def test_a_block_that_cannot_be_written_costs_no_rows_of_others(specification, tmp_path, monkeypatch):
+    path = specification(policies={"push": PUSH}, vary={"contact.friction": [0.1, 0.2, 0.3]}, trials={"number": 2})
+    wanted = read_specification(path)
+    todo = [(a, block, len(block.numbers)) for a in assignments(wanted, tmp_path, "sweep") for block in a.blocks]
+    unwritable = todo[0][1].path
+    monkeypatch.setattr(trial_stream, "WRITE_PERIOD", 1000.0)  # all rows are written at the end
+    real = result_blocks.write_atomically
+
+    def write(path, data):
+        if path == unwritable:
+            raise OSError(28, "No space left on device")
+        real(path, data)
+
+    monkeypatch.setattr(result_blocks, "write_atomically", write)
+    store = PolicyStore(tmp_path)
+    with Executor("local", jobs=1) as executor:
+        store.make([assignment.policy for assignment, _, _ in todo], executor, lambda note: None)
+    stream = TrialStream(todo, store, ReadyRows(dump_scenario(wanted.scenario)), lambda note: None)
+    with pytest.raises(OSError, match=rf"{unwritable}: not written \(No space left"):
+        stream.run()
+    assert len(rows_in(tmp_path)) == stream.ended.written == 4
 
 
 @pytest.mark.parametrize("path", sorted(Path("benchmarks/sweeps").glob("*.yaml")), ids=lambda path: path.stem)
