@@ -49,8 +49,9 @@ def main(
 
     Reads a specification. Writes one row for each trial into a Parquet data set in RESULTS/trials, which pandas and
     DuckDB read, and keeps the demonstrations and skills that it makes beside it. A row is identified by all that
-    decides it: scenario, skill, seed, versions and code. So a sweep that is given again performs only what is missing:
-    after an interruption, an extension or a changed line of code. Two sweeps may fill the same folder at the same time.
+    decides it: scenario, skill, seed, versions and code. So a sweep that is given again performs only what is missing,
+    after an interruption or an extension; after a changed line of code all trials are, and old rows stay beside the
+    new ones. Two sweeps may fill the same folder at the same time.
 
     For example:
 

@@ -53,8 +53,8 @@ def main(
 
     Insertions have 95 % intervals. Each policy is compared with one reference in the trials that both performed: by
     the exact McNemar test for the insertions and a sign-flip test for the times, corrected by Holm's method over the
-    rows of a table. Only trials of the newest code are shown; the page says how many others there are. The results
-    are never changed.
+    rows of a table. Only trials of the newest code are shown, and of a policy that was made anew only the newest; the
+    page says how many others there are. The results are never changed.
 
     For example (in a checkout also `python -m scripts.sweeps.scoreboard`):
 

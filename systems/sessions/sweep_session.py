@@ -89,7 +89,7 @@ def sweep(
     """
     _check_results(out)
     if str(Path.cwd()) not in sys.path:
-        sys.path.append(str(Path.cwd()))  # import paths of a specification may name modules beside it
+        sys.path.append(str(Path.cwd()))  # import paths of a specification may name modules in the current folder
     store = PolicyStore(out)
     plan = plan_sweep(path, out, store)
     missing = sum(lacking for _, _, lacking in plan.todo)

@@ -57,6 +57,15 @@ def test_a_sweep_that_is_given_again_performs_only_what_is_missing(specification
     assert len(other) == 6
 
 
+def test_a_random_design_is_performed_and_a_larger_one_goes_on_with_it(specification, perform):
+    keys = {"policies": {"push": PUSH}, "vary": {"contact.friction": {"uniform": [0.1, 0.3]}}, "trials": {"number": 1}}
+    first = perform(specification(**keys, design={"random": 2}))
+    assert first.friction.between(0.1, 0.3).all()
+    more = perform(specification(**keys, design={"random": 3}))
+    assert more.friction.nunique() == len(more) == 3
+    assert more[more.key.isin(first.key)].reset_index(drop=True).equals(first)
+
+
 def test_a_specification_is_stored_once_also_if_nothing_is_missing(specification, perform, tmp_path):
     stored = tmp_path / "results" / "sweeps"
     keys = {"policies": {"push": PUSH}, "trials": {"first": 84000, "number": 2}}
