@@ -20,6 +20,7 @@ from PIL import Image
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from benchmarks.command_line import run  # noqa: E402
 from docs._tools.moving_picture import PICTURES  # noqa: E402
 from tests.browser import open_page  # noqa: E402
 
@@ -76,4 +77,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -9,7 +9,6 @@ from typing import Any
 from urllib.parse import quote
 
 from systems.scoreboard.columns import COLUMNS
-from systems.scoreboard.result_store import PUBLISHED
 from systems.scoreboard.summary import Cell, Scoreboard
 
 BOTH = (
@@ -29,8 +28,7 @@ def sweep_commands(board: Scoreboard) -> list[str]:
 
     No sweep goes on in a published copy: its trials are made in another folder.
     """
-    published = any((board.folder / "trials").rglob(PUBLISHED))
-    folder = Path("out", "sweeps", board.folder.resolve().name) if published else board.folder
+    folder = Path("out", "sweeps", board.folder.resolve().name) if board.published else board.folder
     out = shlex.quote(str(folder))
     return [f"haptic-skill sweep {shlex.quote(str(sweep.path))} --out {out}" for sweep in board.sweeps]
 

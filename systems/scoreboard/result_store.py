@@ -67,29 +67,40 @@ class Sweep:
 
 
 @dataclass(frozen=True)
-class Trials:
-    """The trials of the newest code in a folder of results, and of the newest of each policy.
+class Origin:
+    """Which trials of a folder of results count: those of the newest code, and of them those of the newest policies.
 
     The policy of a name is made anew where its specification, demonstrations or modules, or a version have changed.
 
     Attributes:
         folder: the folder of results.
-        table: one row a trial: `PARTITIONS` and `TEXTS` as categories, `NUMBERS` and `FLAGS` as floats with NaN for
-            nothing (true is 1), but ``inserted`` as bool.
         code: digest of the code that made them.
         left_out: number of trials of other code, by its digest.
         replaced: number of trials of that code whose policy has been made anew since.
         skills: digests of the policies in the table, if there are others; else empty.
+        published: whether the folder is a published copy, in which no sweep goes on.
         sweeps: the stored specifications.
     """
 
     folder: Path
-    table: pd.DataFrame
     code: str
     left_out: dict[str, int]
     replaced: int
     skills: tuple[str, ...]
+    published: bool
     sweeps: list[Sweep]
+
+
+@dataclass(frozen=True)
+class Trials(Origin):
+    """The trials that count in a folder of results.
+
+    Attributes:
+        table: one row a trial: `PARTITIONS` and `TEXTS` as categories, `NUMBERS` and `FLAGS` as floats with NaN for
+            nothing (true is 1), but ``inserted`` as bool.
+    """
+
+    table: pd.DataFrame
 
 
 def read_trials(folder: Path, advance: Callable[[str], None] = lambda _: None) -> Trials:
@@ -112,22 +123,31 @@ def read_trials(folder: Path, advance: Callable[[str], None] = lambda _: None) -
         parts.append(part)
         made.append(began)
         advance(path.name)
-    policies = pd.concat(made, ignore_index=True)
+    policies = pd.concat(made, ignore_index=True).sort_values(["began", "code", "skill"])
     if policies.empty:
         raise ValueError(f"{folder}: no trials yet; expected at least one row in the files of {folder / 'trials'}")
     table = _joined(parts)
     _check_keys(table, paths)
-    code = str(policies.sort_values(["began", "code"])["code"].iloc[-1])
+    code = str(policies["code"].iloc[-1])
     counts = table["code"].value_counts()
     left_out = {str(digest): int(count) for digest, count in counts.items() if digest != code}
     of_code = table[table["code"] == code]
-    newest = policies[policies["code"] == code].sort_values("began").drop_duplicates([*MADE_FOR], keep="last")
+    newest = policies[policies["code"] == code].drop_duplicates([*MADE_FOR], keep="last")
     skills = tuple(sorted(newest["skill"].unique()))
     kept = of_code[of_code["skill"].isin(skills)].drop(columns=["key", "file"]).reset_index(drop=True)
     for name in (*PARTITIONS, *TEXTS):
         kept[name] = kept[name].cat.remove_unused_categories()
     replaced = len(of_code) - len(kept)
-    return Trials(folder, kept, code, left_out, replaced, skills if replaced else (), read_sweeps(folder))
+    return Trials(
+        folder=folder,
+        code=code,
+        left_out=left_out,
+        replaced=replaced,
+        skills=skills if replaced else (),
+        published=any(path.name == PUBLISHED for path in paths),
+        sweeps=read_sweeps(folder),
+        table=kept,
+    )
 
 
 def trial_files(folder: Path) -> list[Path]:

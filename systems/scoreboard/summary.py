@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import pandas as pd
 
 from skill.data.outcome import Outcome
 from systems.scoreboard.paired_statistics import holm, mcnemar_of_counts, over_sets, sign_flip_test, wilson
-from systems.scoreboard.result_store import Sweep, Trials
+from systems.scoreboard.result_store import Origin, Trials
 
 PRODUCT = "CA states, contexts + LWR"
 """The policy with which the others are compared by default, if it is there."""
@@ -154,30 +154,18 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Scoreboard:
+class Scoreboard(Origin):
     """All tables of a folder of results.
 
     Attributes:
-        folder: of the results.
         tables: in the order of their cells.
         reference: name of the policy with which the others are compared.
         trials: number of trials.
-        code: digest of the code that made them.
-        left_out: number of trials of other code, by its digest.
-        replaced: number of trials that are left out because their policy has been made anew.
-        skills: digests of the policies that performed the trials, if trials of others are left out; else empty.
-        sweeps: the stored specifications.
     """
 
-    folder: Path
     tables: list[Table]
     reference: str
     trials: int
-    code: str
-    left_out: dict[str, int]
-    replaced: int
-    skills: tuple[str, ...]
-    sweeps: list[Sweep]
 
 
 def make_scoreboard(found: Trials, against: str | None = None) -> Scoreboard:
@@ -199,8 +187,8 @@ def make_scoreboard(found: Trials, against: str | None = None) -> Scoreboard:
         _check_factors(cell.factors, found.folder)
         tables.append(_table(cell, rows, reference))
     tables.sort(key=lambda item: item.cell.order())
-    left_out = found.left_out, found.replaced, found.skills
-    return Scoreboard(found.folder, tables, reference, len(table), found.code, *left_out, found.sweeps)
+    origin = {known.name: getattr(found, known.name) for known in fields(Origin)}
+    return Scoreboard(**origin, tables=tables, reference=reference, trials=len(table))
 
 
 def summarise(cell: Cell, policy: str, rows: pd.DataFrame) -> Summary:

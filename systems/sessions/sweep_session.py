@@ -156,7 +156,7 @@ def _check_results(out: Path) -> None:
     if any((out / TRIALS).rglob(PUBLISHED)):
         raise ValueError(
             f"--out {out}: holds a published copy of results, with which no sweep goes on; choose another --out, or"
-            " restore it with docs/_tools/published_results.py"
+            " restore it with docs/_tools/restored_results.py"
         )
 
 

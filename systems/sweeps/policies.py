@@ -254,8 +254,7 @@ def own_modules(plan: PolicyPlan) -> set[str]:
 
 def named_packages(plan: PolicyPlan) -> set[str]:
     """Returns the names of the installed distributions that hold what a plan names."""
-    modules = {path.partition(":")[0] for path in named_by(plan)} - own_modules(plan)
-    return {name for module in modules for name in _distributions(module)}
+    return {name for path in named_by(plan) for name in _distributions(path.partition(":")[0])}
 
 
 def named_by(plan: PolicyPlan) -> list[str]:

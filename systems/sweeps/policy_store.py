@@ -25,16 +25,7 @@ from systems.runs.demonstration_set import Request, demonstrate
 from systems.runs.provenance import versions
 from systems.sweeps.assignments import DemonstrationSource, PolicySource
 from systems.sweeps.executors import Executor, LostWorkerError
-from systems.sweeps.policies import (
-    CarriedOver,
-    Lesson,
-    MadePolicy,
-    chosen,
-    imported,
-    make_policy,
-    named_packages,
-    own_modules,
-)
+from systems.sweeps.policies import CarriedOver, Lesson, MadePolicy, chosen, imported, make_policy, own_modules
 from systems.sweeps.requirements import Requirements
 from systems.sweeps.trial_engines import DRAKE
 from systems.sweeps.trial_rows import trial_code
@@ -163,11 +154,7 @@ class PolicyStore:
             OSError: if a file cannot be written.
         """
         tasks = (
-            PolicyTask(
-                source,
-                self._lesson(source),
-                Requirements.of(DRAKE, own_modules(source.plan), named_packages(source.plan)),
-            )
+            PolicyTask(source, self._lesson(source), Requirements.of_policy(DRAKE, source.plan))
             for source in sources
             if not self.is_made(source)
         )

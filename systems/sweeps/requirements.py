@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 from systems.runs.provenance import version_of
 from systems.sweeps.code_digest import first_digest
+from systems.sweeps.design.specification import PolicyPlan
+from systems.sweeps.policies import named_packages, own_modules
 from systems.sweeps.trial_rows import engine_versions, trial_modules
 
 
@@ -30,6 +32,11 @@ class Requirements:
         modules = tuple(sorted({*trial_modules(), *own}))
         versions = engine_versions(engine) | {name: version_of(name) for name in packages}
         return cls(modules, first_digest(modules), tuple(versions.items()))
+
+    @classmethod
+    def of_policy(cls, engine: str, plan: PolicyPlan) -> Requirements:
+        """Returns what making or running a policy with an engine requires."""
+        return cls.of(engine, own_modules(plan), named_packages(plan))
 
     def check(self) -> None:
         """Checks that this process has the same.

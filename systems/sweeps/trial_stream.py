@@ -14,7 +14,6 @@ from skill.policy import RigPolicy
 from systems.control.faults import one_line
 from systems.sweeps.assignments import Assignment
 from systems.sweeps.executors import Executor, LostWorkerError
-from systems.sweeps.policies import named_packages, own_modules
 from systems.sweeps.policy_store import WAIT, PolicyStore
 from systems.sweeps.requirements import Requirements
 from systems.sweeps.result_blocks import Block, HeldBlock, hold
@@ -220,8 +219,7 @@ class TrialStream:
                 held.release()
                 continue
             made, seed = self._store.policy(assignment.policy), assignment.policy.demonstrations
-            plan = assignment.policy.plan
-            requirements = Requirements.of(assignment.source.engine, own_modules(plan), named_packages(plan))
+            requirements = Requirements.of_policy(assignment.source.engine, assignment.policy.plan)
             stored_versions = json.dumps(engine_versions(assignment.source.engine))
             known = {
                 **{"skill": assignment.policy.digest, "demonstrations": made.demonstrations},

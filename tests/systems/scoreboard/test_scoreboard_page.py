@@ -86,6 +86,12 @@ def test_the_page_says_what_is_left_out_and_not_trusted(results, tmp_path):
     assert "<nav" not in alone
 
 
+def test_the_page_says_how_many_trials_of_a_replaced_policy_are_left_out(tmp_path):
+    old = {"skill": "old", "key": "old", "began": "2026-01-01T00:00:00+00:00"}
+    write_trials(tmp_path, [old, {"trial": 0, "skill": "new"}])
+    assert "1 trial is left out, because the policy has been made anew since" in html.unescape(page_of(tmp_path))
+
+
 def test_every_cell_links_its_files_and_tells_its_command(results):
     folder, path = results
     page = path.read_text()

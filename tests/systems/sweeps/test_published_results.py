@@ -3,7 +3,8 @@
 import pyarrow.parquet as pq
 import pytest
 
-from docs._tools.published_results import publish, restore
+from docs._tools.published_results import publish
+from docs._tools.restored_results import restore
 from systems.scoreboard.queries import sweep_commands
 from systems.scoreboard.result_store import read_trials
 from systems.scoreboard.summary import make_scoreboard
@@ -49,6 +50,8 @@ def test_a_published_copy_is_not_replaced_by_nothing(specification, perform, tmp
     assert sorted(tmp_path.rglob("copy/**/*")) == before
     publish(tmp_path / "results", tmp_path / "copy")
     assert sorted(tmp_path.rglob("copy/**/*")) == before
+    with pytest.raises(ValueError, match=r"results: holds .* more files, which is not replaced"):
+        publish(tmp_path / "results", tmp_path / "results")  # results are no published copy
 
 
 def test_rows_of_other_code_are_not_restored(specification, perform, tmp_path, monkeypatch):

@@ -27,6 +27,13 @@ def test_the_versions_of_the_packages_that_a_policy_names_are_required(tmp_path)
     assert found["joblib"] == version("joblib")
 
 
+def test_a_policy_requires_the_modules_and_packages_that_it_names():
+    make = PolicyPlan("a", None, "joblib:Memory", {"states": "benchmarks.rig.learners:one_state"}, None, False)
+    found = Requirements.of_policy("drake", make)
+    assert "benchmarks.rig.learners" in found.modules
+    assert dict(found.versions)["joblib"] == version("joblib")
+
+
 def test_a_module_counts_as_this_process_found_it_first(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     for name in ("first_module", "second_module"):
