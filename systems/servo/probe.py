@@ -25,7 +25,7 @@ class Probe:
         min_energy: minimum of it so far, J.
         gain: of the wrench; below 1 if the model of the contact is old.
         age: of the model of the contact, s.
-        ticks: number of ticks so far.
+        ticks: number of ticks before this one, without the first, which is slow.
         late: number of them that ended late.
         stalls: how often the servo stood still for so long that its force was taken away.
     """

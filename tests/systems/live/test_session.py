@@ -511,7 +511,8 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         late_steps, steps, late_ticks, ticks = map(int, re.findall(r"\d+", text_of(page, "deadlines")))
         assert 0 <= late_steps <= steps
         assert 0 <= late_ticks <= ticks
-        assert ticks >= 4 * (steps - 1) > 0
+        # the last step waited for the end of tick 4 (steps - 1); neither the first tick nor that one counts
+        assert ticks >= 4 * (steps - 1) - 2 > 0
         assert float(text_of(page, "rate").split()[0]) > 0
         assert float(text_of(page, "energy").split()[0]) > 0
         assert float(text_of(page, "min_energy").split()[0]) <= 0
