@@ -96,7 +96,7 @@ def sweep(
     check_folder(out, size=missing * ROW_SIZE)
 
     say(f"{plan.specification.title}: {plan.wanted:,} trials, {plan.wanted - missing:,} of them done already")
-    with Executor(backend, jobs=jobs, address=address) as executor:
+    with Executor(backend, jobs=jobs, address=address, tell=say) as executor:
         if missing:
             say(plan.cost.text(executor.workers))
         if plan_only:

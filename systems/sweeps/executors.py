@@ -6,7 +6,9 @@ import logging
 import os
 import queue
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import AbstractContextManager, ExitStack, suppress
 from typing import Any, TypeVar
 
@@ -33,6 +35,9 @@ CONNECT_TIME = 20.0
 END_TIME = 20.0
 """Time to wait for the end of the tasks under way, s."""
 
+PATIENCE = 10.0
+"""Time without a worker after which the user is told, s."""
+
 
 class LostWorkerError(RuntimeError):
     """Worker processes have ended, and with them the tasks that they had begun."""
@@ -45,10 +50,15 @@ class Executor:
         backend: one of ``BACKENDS``.
         jobs: number of processes that are started; a cluster that runs already has its own.
         address: of a running cluster; None starts one on this machine.
+        tell: is called with what the user should know while the tasks wait.
     """
 
-    def __init__(self, backend: str, *, jobs: int, address: str | None = None) -> None:
-        self.backend, self.jobs, self.address = backend, jobs, address
+    def __init__(
+        self, backend: str, *, jobs: int, address: str | None = None, tell: Callable[[str], None] = lambda _: None
+    ) -> None:
+        self.backend, self.jobs, self.address, self._tell = backend, jobs, address, tell
+        self._without_worker: float | None = None  # since when
+        self._is_told = False
         self._stack = ExitStack()
         self._client: Any = None
         self._is_connected = False
@@ -96,7 +106,7 @@ class Executor:
         Raises:
             LostWorkerError: if workers have died. The tasks that had not ended may be run again.
             ModuleNotFoundError: if the back end is not installed.
-            OSError: if the cluster does not answer.
+            OSError: if the cluster does not answer, or its scheduler is lost.
             Exception: what a task raises.
         """
         self._connect()
@@ -141,6 +151,9 @@ class Executor:
                 result, error = item
                 if error is not None and _is_loss(error):
                     raise LostWorkerError(str(error)) from error
+                if isinstance(error, CancelledError):  # so Dask tells it
+                    reason = "the connection to the Dask scheduler is lost; the same command goes on"
+                    raise OSError(f"{self._place}: {reason}") from error
                 if error is not None:
                     raise error
                 yield result
@@ -172,15 +185,37 @@ class Executor:
         )
         return chosen
 
-    def _check_cluster(self) -> None:
-        """Raises `LostWorkerError` if a task has killed its workers so often that Dask has given it up.
+    @property
+    def _place(self) -> str:
+        return "--engine dask" if self.address is None else f"--address {self.address}"
 
-        Joblib would wait for it for ever.
+    def _check_cluster(self) -> None:
+        """Tells when a Dask cluster has no worker, and raises if one of its tasks has killed several of them.
+
+        Raises:
+            LostWorkerError: if Dask has given up a task; joblib would wait for it for ever.
         """
-        futures = list(self._client.futures.values()) if self.backend == DASK else []
-        if any(future.status == "error" for future in futures):
+        if self.backend != DASK:
+            return
+        if any(future.status == "error" for future in list(self._client.futures.values())):
             self.disconnect()
             raise LostWorkerError("several workers died while they ran the same task")
+        with suppress(OSError):  # if the scheduler is lost, the tasks end
+            self._note_workers(len(self._client.ncores()))
+
+    def _note_workers(self, number: int) -> None:
+        """Tells once when there has been no worker for a while, and when there is one again."""
+        if number:
+            if self._is_told:
+                self._tell(f"{self._place}: workers: {number}")
+            self._without_worker, self._is_told = None, False
+            return
+        now = time.monotonic()
+        if self._without_worker is None:
+            self._without_worker = now
+        if not self._is_told and now - self._without_worker >= PATIENCE:
+            self._tell(f"{self._place}: the Dask scheduler has no worker; the sweep waits for one (Ctrl-C ends it)")
+            self._is_told = True
 
     def _connect_dask(self) -> None:
         import distributed
@@ -195,6 +230,7 @@ class Executor:
                 return max(2, int(super().effective_n_jobs(n_jobs)))
 
         register_parallel_backend(_PLURAL_DASK, PluralDask)
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # the errors that it logs are raised too
         make_client: Any = distributed.Client
         make_cluster: Any = distributed.LocalCluster
 
@@ -208,12 +244,12 @@ class Executor:
             self._client.wait_for_workers(1, timeout=CONNECT_TIME)
             threads = max(self._client.nthreads().values())
         except TimeoutError as error:
-            raise OSError(f"--address {self.address}: the Dask scheduler has no worker") from error
+            raise OSError(f"{self._place}: the Dask scheduler has no worker") from error
         except (OSError, ValueError) as error:
-            raise OSError(f"--address {self.address}: no Dask scheduler answers there ({error})") from error
+            raise OSError(f"{self._place}: no Dask scheduler answers there ({error})") from error
         if threads > 1:  # they would share the interpreter, which the simulation holds
             reason = f"a Dask worker has {threads} threads; start workers with --nthreads 1, one for each core"
-            raise OSError(f"--address {self.address}: {reason}")
+            raise OSError(f"{self._place}: {reason}")
 
     def _connect_ray(self) -> None:
         import ray

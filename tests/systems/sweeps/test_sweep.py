@@ -6,6 +6,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -14,7 +15,8 @@ import pytest
 from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from systems.runs.trial import run_trials
-from systems.sweeps import trial_rows
+from systems.sessions import sweep_session
+from systems.sweeps import executors, trial_rows
 from systems.sweeps.policies import GivenSkill
 from systems.sweeps.policy_store import PolicyStore
 from systems.sweeps.trial_rows import MEASURED_NUMBERS, result_columns
@@ -272,37 +274,96 @@ def wait_for(condition, seconds=120.0):
         time.sleep(0.05)
 
 
+class DaskCluster:
+    """A Dask scheduler and two workers, as processes of their own."""
+
+    def __init__(self, folder):
+        self._file = folder / "scheduler.json"
+        scheduler = ["dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self._file)]
+        self.scheduler = self._start(*scheduler)
+        wait_for(self._file.exists)
+        self.address = re.search(r"tcp://[^\"]+", self._file.read_text())[0]
+        self.workers = []
+        for _ in range(2):
+            self.add_worker()
+
+    def add_worker(self):
+        options = ["--scheduler-file", str(self._file), "--nthreads", "1", "--no-nanny"]
+        self.workers.append(self._start("dask_worker", *options))
+
+    def kill(self, *processes):
+        for process in processes or (self.scheduler, *self.workers):
+            process.kill()
+            process.wait()
+
+    def _start(self, name, *options):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
+        places = {"cwd": ROOT, "env": environment, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        return subprocess.Popen([sys.executable, "-m", f"distributed.cli.{name}", *options, "--no-dashboard"], **places)
+
+
 @pytest.fixture
 def dask_cluster(tmp_path):
-    """A Dask scheduler and two workers, as processes of their own; yields its address and the workers."""
+    """A cluster that ends with the test."""
     pytest.importorskip("distributed", reason="needs the extra [dask]")
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
-    file = tmp_path / "scheduler.json"
-    places = {"cwd": ROOT, "env": environment, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    scheduler = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
-    processes = [subprocess.Popen([*scheduler, "--no-dashboard", "--scheduler-file", str(file)], **places)]
-    wait_for(file.exists)
-    worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--scheduler-file", str(file), "--nthreads", "1"]
-    for _ in range(2):
-        processes.append(subprocess.Popen([*worker, "--no-nanny", "--no-dashboard"], **places))
-    address = re.search(r"tcp://[^\"]+", file.read_text())[0]
-    yield address, processes[1:]
-    for process in processes:
-        process.kill()
-        process.wait()
+    cluster = DaskCluster(tmp_path)
+    yield cluster
+    cluster.kill()
 
 
 def test_a_dask_cluster_gives_the_same_rows_though_one_worker_is_killed_in_mid_trial(
     specification, perform, dask_cluster, tmp_path
 ):
-    address, workers = dask_cluster
     deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 1}}
     path = specification(policies={"push": deadly}, trials={"number": 6})
-    rows = perform(path, backend="dask", address=address)
-    assert sum(worker.poll() is not None for worker in workers) == 1
+    rows = perform(path, backend="dask", address=dask_cluster.address)
+    assert sum(worker.poll() is not None for worker in dask_cluster.workers) == 1
     assert sorted(rows.trial) == [0, 1, 2, 3, 4, 5]
     local = perform(path, results="local")
     assert without_times(rows).equals(without_times(local))
+
+
+def test_a_sweep_whose_dask_workers_are_all_killed_says_so_and_goes_on_with_a_new_one(
+    specification, perform, dask_cluster, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(executors, "PATIENCE", 1.0)
+    path, told = specification(policies={"push": PUSH}, trials={"number": 8}), []
+
+    def tell(text):
+        told.append(text)
+        if "no worker" in text:
+            dask_cluster.add_worker()
+
+    monkeypatch.setattr(sweep_session, "say", tell)
+    timer = threading.Thread(target=kill_after_a_row, args=(dask_cluster, dask_cluster.workers, tmp_path))
+    timer.start()
+    rows = perform(path, backend="dask", address=dask_cluster.address)
+    timer.join()
+    assert sorted(rows.trial) == list(range(8))
+    said = [text for text in told if text.startswith("--address")]
+    assert re.fullmatch(rf"--address {dask_cluster.address}: the Dask scheduler has no worker; .*waits.*", said[0])
+    assert said[1:] in ([], [f"--address {dask_cluster.address}: workers: 1"])
+
+
+def test_a_sweep_whose_dask_scheduler_is_killed_keeps_its_rows_and_says_so(
+    specification, perform, dask_cluster, tmp_path
+):
+    path = specification(policies={"push": PUSH}, trials={"number": 30})
+    timer = threading.Thread(target=kill_after_a_row, args=(dask_cluster, [dask_cluster.scheduler], tmp_path))
+    timer.start()
+    with pytest.raises(
+        OSError, match=f"--address {dask_cluster.address}: the connection to the Dask scheduler is lost"
+    ):
+        perform(path, backend="dask", address=dask_cluster.address)
+    timer.join()
+    assert 0 < len(rows_in(tmp_path / "results")) < 30
+    assert len(perform(path)) == 30
+
+
+def kill_after_a_row(cluster, processes, folder):
+    """Kills processes of a cluster when a row of the sweep is written."""
+    wait_for(lambda: any((folder / "results" / "trials").rglob("*.parquet")))
+    cluster.kill(*processes)
 
 
 def test_a_dask_worker_with_more_than_one_thread_is_refused(specification, perform):
