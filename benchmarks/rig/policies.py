@@ -33,8 +33,12 @@ def tuned_spiral(lesson: Lesson, candidates: int = 24) -> RigPolicy:
 
 
 def _tuned(law: type[TunedLaw], lesson: Lesson, candidates: int) -> RigPolicy:
+    arm = lesson.arm
+    if arm is None:
+        raise ValueError(f"{law.__name__} is tuned for the trials of one arm, so that it cannot have for_all_arms")
+
     def perform(k: int, candidate: TunedLaw, numbers: list[int]) -> list[Mapping[str, Any]]:
-        results = run_trials(lesson.scenario, candidate, numbers, jobs=1, arm=lesson.arm)
+        results = run_trials(lesson.scenario, candidate, numbers, jobs=1, arm=arm)
         return [result.record() for result, _ in results]
 
     return tune(law, lesson.scenario, candidates, perform)[0]

@@ -143,7 +143,7 @@ def _policies(
     numbers = list(range(specification.first, specification.first + specification.number))
     teaching = plan_in(plan, cell, where)
     if teaching is None:
-        acting = {"scenario": dump_scenario(scenario), "arm": arm.value}
+        acting = _acting(plan, scenario, arm)
         if given is not None:
             acting = {"skill": given.digest}
             _require_geometry(plan, scenario, given.geometry, where)
@@ -156,11 +156,16 @@ def _policies(
         source = DemonstrationSource(shown, teaching.good, teaching.bad, seed)
         made_from: dict[str, Any] = {"demonstrations": source.digest, "size": teaching.size}
         if plan.make is not None:
-            made_from |= {"scenario": dump_scenario(scenario), "arm": arm.value}
+            made_from |= _acting(plan, scenario, arm)
         own = [n for n in numbers if n % len(teaching.sets) == k] if teaching.divided else numbers
         taught = replace(plan, demonstrations=teaching)
         if own:
             yield PolicySource(taught, None, source, scenario, arm, policy_digest(taught, made_from)), own
+
+
+def _acting(plan: PolicyPlan, scenario: Scenario, arm: Arm) -> dict[str, Any]:
+    """What a function that makes policies is told of the trials."""
+    return {"scenario": dump_scenario(scenario)} | ({} if plan.for_all_arms else {"arm": arm.value})
 
 
 def _require_geometry(

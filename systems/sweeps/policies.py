@@ -44,13 +44,13 @@ class Lesson:
 
     Attributes:
         scenario: unresolved, of the cell in which the policy will act.
-        arm: which trials it will perform.
+        arm: which trials it will perform; None for all (``for_all_arms``).
         demonstrations: of one set; empty for a policy that learns nothing.
         seed: of the set of demonstrations.
     """
 
     scenario: Scenario
-    arm: Arm
+    arm: Arm | None
     demonstrations: list[Demonstration]
     seed: int
 

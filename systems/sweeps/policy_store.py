@@ -72,7 +72,8 @@ class PolicyTask:
         """Returns the policy and what it was made for."""
         self.requirements.check()
         of, seed = self.source, 0 if self.source.demonstrations is None else self.source.demonstrations.seed
-        return of, make_policy(of.plan, Lesson(of.scenario, of.arm, self.demonstrations, seed))
+        arm = None if of.plan.for_all_arms else of.arm
+        return of, make_policy(of.plan, Lesson(of.scenario, arm, self.demonstrations, seed))
 
 
 class PolicyStore:

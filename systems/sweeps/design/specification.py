@@ -89,6 +89,7 @@ class PolicyPlan:
         options: keyword arguments of that function, or what a learnt skill replaces.
         demonstrations: what it learns from; None for a policy that learns nothing.
         carried_over: whether it serves other pegs and holes than its own.
+        for_all_arms: whether ``make`` is called once for all arms, instead of for each.
     """
 
     name: str
@@ -97,6 +98,7 @@ class PolicyPlan:
     options: dict[str, Any]
     demonstrations: DemonstrationPlan | None
     carried_over: bool
+    for_all_arms: bool = False
 
 
 @dataclass(frozen=True)
@@ -220,6 +222,7 @@ def _policy(name: str, own: CheckedMapping, shared: Mapping[str, Any]) -> Policy
         options=options,
         demonstrations=plan,
         carried_over=own.take("carried_over", bool, False),
+        for_all_arms=make is not None and own.take("for_all_arms", bool, False),
     )
     own.finish()
     return found

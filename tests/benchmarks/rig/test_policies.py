@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from benchmarks.rig import policies
-from benchmarks.rig.policies import first, recovered
+from benchmarks.rig.policies import first, recovered, tuned_compliance
 from models.scenario import load_scenario
 from skill.practice.situation import Situation
 from systems.runs.trial import Arm
@@ -65,6 +65,11 @@ def test_a_share_of_the_demonstrations_is_replaced_by_recoveries(practice):
 def test_a_skill_that_is_never_stuck_learns_once(practice):
     recovered(lesson(3), trials=1)
     assert len(practice.learnt) == 1
+
+
+def test_a_law_that_is_tuned_for_an_arm_is_not_made_for_all():
+    with pytest.raises(ValueError, match="MomentCompliance is tuned for the trials of one arm"):
+        tuned_compliance(Lesson(load_scenario(), None, [], 0))
 
 
 @pytest.mark.parametrize(("number", "good"), [(1, 1), (2, 2), (5, 4), (10, 8)])

@@ -124,6 +124,14 @@ def test_a_law_is_made_once_and_kept_as_its_parameters(specification, perform, t
             perform(specification(**keys, trials={"number": 3}), jobs=1)
 
 
+@pytest.mark.parametrize(("for_all_arms", "made"), [(True, 1), (False, 2)])
+def test_a_policy_may_be_made_once_for_all_arms(specification, perform, for_all_arms, made):
+    keys = {"policies": {"push": {**PUSH, "for_all_arms": for_all_arms}}, "trials": {"number": 1}}
+    rows = perform(specification(**keys, arms=["default", "stress"]))
+    assert sorted(rows.arm) == ["default", "stress"]
+    assert rows.skill.nunique() == made
+
+
 def test_a_carried_over_policy_serves_another_hole(specification, perform, skill_file):
     keys = {"vary": {"geometry.hole_radius": [0.0102]}, "trials": {"number": 1}}
     with pytest.raises(ValueError, match="set carried_over: true"):

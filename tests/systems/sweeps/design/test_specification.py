@@ -170,6 +170,8 @@ def test_a_factor_of_the_training_changes_the_demonstrations_of_every_policy_tha
         ("policies: {a: {}}", "has none, expected one of learn, skill and make"),
         ("policies: {a: {make: push}}", "expected an import path such as package.module:function"),
         ("policies: {a: {skill: x.npz, with: {b: 1}}}", "unknown key 'policies.a.with'"),
+        ("policies: {a: {learn: {}, for_all_arms: true}}", "unknown key 'policies.a.for_all_arms'"),
+        ("policies: {a: {make: 'b:c', for_all_arms: 1}}", "policies.a.for_all_arms is 1"),
         ("policies: {a: {make: 'b:c', with: {d: 2026-01-01}}}", "expected names with plain values"),
         ("vary: {training.size: [3]}\npolicies: {a: {make: 'b:c'}}", "is varied, but no policy learns"),
         ("demonstrations: {select: first}\n" + PLAIN, "demonstrations.select is 'first', expected an import path"),
