@@ -134,7 +134,9 @@ def read_trials(folder: Path, advance: Callable[[str], None] = lambda _: None) -
     of_code = table[table["code"] == code]
     newest = policies[policies["code"] == code].drop_duplicates([*MADE_FOR], keep="last")
     skills = tuple(sorted(newest["skill"].unique()))
-    kept = of_code[of_code["skill"].isin(skills)].drop(columns=["key", "file"]).reset_index(drop=True)
+    kept = of_code[of_code["skill"].isin(skills)]
+    _check_scenarios(kept, paths)
+    kept = kept.drop(columns=["key", "file"]).reset_index(drop=True)
     for name in (*PARTITIONS, *TEXTS):
         kept[name] = kept[name].cat.remove_unused_categories()
     replaced = len(of_code) - len(kept)
@@ -280,10 +282,27 @@ def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
 
 def _check_keys(table: pd.DataFrame, paths: list[Path]) -> None:
     """Checks that no trial is stored twice."""
-    twice = table["key"].duplicated()
-    if twice.any():
-        second = table[twice].iloc[0]
-        first = table[table["key"] == second["key"]].iloc[0]
-        where = paths[int(first["file"])], paths[int(second["file"])]
-        place = f"{where[0]} and {where[1]}" if where[0] != where[1] else f"{where[0]}, twice"
-        raise ValueError(f"{place}: trial {second['trial']:.0f} with the same key; expected each trial once")
+    place, trial = _found_twice(table, ["key"], paths)
+    if place:
+        raise ValueError(f"{place}: trial {trial} with the same key; expected each trial once")
+
+
+def _check_scenarios(table: pd.DataFrame, paths: list[Path]) -> None:
+    """Checks that no policy has performed a trial in two scenarios, whose rows would count as one cell."""
+    place, trial = _found_twice(table, [*MADE_FOR, "skill", "trial"], paths)
+    if place:
+        reason = "the scenario, which has changed under its name, or the versions of the packages differ"
+        raise ValueError(f"{place}: trial {trial} of one policy and cell; {reason}: move the older file away")
+
+
+def _found_twice(table: pd.DataFrame, columns: list[str], paths: list[Path]) -> tuple[str, str]:
+    """Returns the files and the number of the first trial that agrees with another in some columns, else nothing."""
+    groups = table[table.duplicated(columns, keep=False)]
+    if groups.empty:
+        return "", ""
+    second = groups[groups.duplicated(columns)].iloc[0]
+    same = [groups[name].eq(second[name]) | (groups[name].isna() & pd.isna(second[name])) for name in columns]
+    first = groups[pd.concat(same, axis=1).all(axis=1)].iloc[0]
+    where = paths[int(first["file"])], paths[int(second["file"])]
+    place = f"{where[0]} and {where[1]}" if where[0] != where[1] else f"{where[0]}, twice"
+    return place, f"{second['trial']:.0f}"
