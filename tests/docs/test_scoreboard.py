@@ -1,4 +1,4 @@
-"""The published scoreboard, ladder and curves are what the command makes of the published trials."""
+"""The published scoreboard, ladder, curves and sets are what the command makes of the published trials."""
 
 import shutil
 
@@ -7,7 +7,7 @@ import pytest
 from tests.scripts.commands import ROOT, invoke
 
 
-@pytest.mark.parametrize("name", ["scoreboard", "ladder", "curves"])
+@pytest.mark.parametrize("name", ["scoreboard", "ladder", "curves", "sets"])
 def test_the_tables_are_those_of_the_published_trials(name, tmp_path, monkeypatch):
     shutil.copytree(ROOT / "docs" / name, tmp_path / "docs" / name)
     monkeypatch.chdir(tmp_path)
