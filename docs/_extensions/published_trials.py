@@ -11,7 +11,7 @@ from urllib.parse import unquote
 
 from sphinx.application import Sphinx
 
-PAGES = ("scoreboard", "ladder", "curves")
+PAGES = ("scoreboard", "ladder", "curves", "sets")
 LINK = re.compile(rf"\[((?:\\.|[^\]\\])*)\]\(((?:{'|'.join(PAGES)})/trials/[^)]*)\)")
 ESCAPED = re.compile(r"\\(.)")
 
