@@ -68,10 +68,10 @@ NAME = haptic-skill-$(shell "$(VENV)/bin/python" -c 'from importlib.metadata imp
 release: environment
 	rm -rf out/release && mkdir -p $(RELEASE)
 	"$(VENV)/bin/haptic-skill" demo --out out/release/demo
-	cp out/release/demo/skill.npz systems/default_skill.npz
+	cp out/release/demo/skill.npz skill/default_skill.npz
 	$(RUN) pip install --quiet build
-	$(RUN) build --outdir $(RELEASE) . > out/release/build.log 2>&1 || { rm systems/default_skill.npz; tail out/release/build.log; exit 1; }
-	mv systems/default_skill.npz $(RELEASE)/$(NAME)-skill.npz
+	$(RUN) build --outdir $(RELEASE) . > out/release/build.log 2>&1 || { rm skill/default_skill.npz; tail out/release/build.log; exit 1; }
+	mv skill/default_skill.npz $(RELEASE)/$(NAME)-skill.npz
 	tar -C out/release/demo -czf $(RELEASE)/$(NAME)-demonstrations.tar.gz demonstrations recoveries
 	cd $(RELEASE) && sha256sum -- * > SHA256SUMS && cat SHA256SUMS
 

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent
-PACKAGES = ("models", "skill", "systems", "scripts")
+PACKAGES = ("models", "skill", "systems", "experiments", "interfaces", "scripts")
 
 
 def main() -> None:
@@ -38,3 +38,7 @@ def location(name: str) -> Path | None:
         return None
     folders = [*(spec.submodule_search_locations or []), spec.origin or ""]
     return Path(folders[0]).resolve()
+
+
+if __name__ == "__main__":
+    main()

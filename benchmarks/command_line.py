@@ -9,7 +9,7 @@ from pathlib import Path
 
 import typer
 
-from systems.reports.terminal import report_errors
+from interfaces.terminal import report_errors
 
 
 def argument_parser(description: str | None) -> argparse.ArgumentParser:

@@ -27,6 +27,8 @@ import yaml
 from numpy.typing import NDArray
 
 from benchmarks.command_line import add_demonstrations, argument_parser, run
+from interfaces.reports.result_tables import plain_table
+from interfaces.terminal import busy, console, write_json
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstrations
 from skill.features.responses import ResponseFeatures, joined
@@ -34,8 +36,6 @@ from skill.features.wrench_features import CanonicalFeatures
 from skill.manipulation_skill import ManipulationSkill
 from skill.regression.response_model import ResponseModel
 from skill.states.context_mixture import ContextMixture
-from systems.reports.result_tables import plain_table
-from systems.reports.terminal import busy, console, write_json
 
 OFF = 8e-4  # m
 TIMES = (0.1, 0.2, 0.4)  # s

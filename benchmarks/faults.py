@@ -47,15 +47,15 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.command_line import argument_parser, run
 from benchmarks.rig.fault_injection import KINDS, injected
+from experiments import trial as trial_module
+from experiments.trial import TrialMonitor, run_trial, trial_scenario
+from experiments.worker_pool import run_in_processes
+from interfaces.terminal import console, progress, write_json
 from models.scenario import Scenario, load_scenario
 from skill.features.measurement import contact_load, contact_loads
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
 from systems.control.faults import FEED_FAULTS
-from systems.reports.terminal import console, progress, write_json
-from systems.runs import trial as trial_module
-from systems.runs.trial import TrialMonitor, run_trial, trial_scenario
-from systems.runs.worker_pool import run_in_processes
 
 FIRST_TRIAL = 21000
 TOLERANCE = 1.2  # factor on the force limit

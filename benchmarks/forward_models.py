@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from sklearn.model_selection import KFold
 
 from benchmarks.command_line import add_demonstrations, argument_parser, run
+from interfaces.reports.result_tables import plain_table
+from interfaces.terminal import console, progress, write_json
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstrations
 from skill.features.contact_features import ContactFeatures
@@ -29,8 +31,6 @@ from skill.manipulation_skill import ManipulationSkill
 from skill.planning.planning_model import MAX_LOAD, PlanningModel
 from skill.planning.transitions import Transitions
 from skill.states.context_filter import pair_probabilities
-from systems.reports.result_tables import plain_table
-from systems.reports.terminal import console, progress, write_json
 
 FOLDS = 5
 KINDS = ("drift", "motion", "context")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from experiments.demonstration_set import Request, demonstrate_all
+from interfaces.terminal import progress
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration
-from systems.reports.terminal import progress
-from systems.runs.demonstration_set import Request, demonstrate_all
 
 
 def record_demonstrations(

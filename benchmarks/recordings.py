@@ -57,6 +57,9 @@ from benchmarks.command_line import argument_parser, run
 from benchmarks.learners.gaussian_mixture_regression import best_mixture
 from benchmarks.learners.labelled_demonstrations import WRENCH_NOISE
 from benchmarks.state_scores import MIN_DURATION, boundary_f1, recognition
+from experiments.exact_states import exact_labels
+from interfaces.reports.result_tables import plain_table
+from interfaces.terminal import console, progress, write_json
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.data.demonstration import read_demonstrations
@@ -65,9 +68,6 @@ from skill.recordings.reading import read_recordings
 from skill.recordings.recording import Recording
 from skill.sequences import sequences
 from skill.states.contact_states import ContactStates
-from systems.reports.result_tables import plain_table
-from systems.reports.terminal import console, progress, write_json
-from systems.runs.exact_states import exact_labels
 
 MAX_STATES = 15
 RATE = 50.0  # Hz

@@ -32,7 +32,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # also if it is started as a file
 
 from benchmarks.command_line import argument_parser, run
-from systems.reports.terminal import progress, write_json
+from interfaces.terminal import progress, write_json
 
 HERE = Path(__file__).resolve().parent
 WORKER = HERE / "rig_cost_worker.py"
@@ -61,8 +61,8 @@ def skill_of(checkout: Path) -> Path:
     folder = checkout / "out" / "rig_cost"
     skill, demonstrations = folder / "skill.npz", folder / "demonstrations"
     if not skill.is_file():
-        call(checkout, "-m", "scripts.record_demonstrations", "--out", demonstrations, "--overwrite")
-        call(checkout, "-m", "scripts.train_skill", "--demonstrations", demonstrations, "--out", skill)
+        call(checkout, "-m", "scripts.record", "--out", demonstrations, "--overwrite")
+        call(checkout, "-m", "scripts.train", "--demonstrations", demonstrations, "--out", skill)
     return skill
 
 
@@ -177,7 +177,7 @@ def checkout(text: str) -> Path:
     folder = Path(text).resolve()
     if not any((folder / "systems" / name).is_file() for name in ("runs/trial.py", "trial.py")):
         raise argparse.ArgumentTypeError(
-            f"{text}: no systems/runs/trial.py or systems/trial.py there, expected a checkout of this project"
+            f"{text}: no experiments/trial.py or systems/trial.py there, expected a checkout of this project"
         )
     return folder
 

@@ -20,7 +20,7 @@ from skill.manipulation_skill import ManipulationSkill
 # Older checkouts have the module of the trials, and the time of a result, under another name. The folder is looked at
 # because an editable install finds the module of this checkout for the other one.
 RUNS = Path(models.__file__).parent.parent / "systems" / "runs"
-TRIALS = import_module("systems.runs.trial" if RUNS.is_dir() else "systems.trial")
+TRIALS = import_module("experiments.trial" if RUNS.is_dir() else "systems.trial")
 
 WARM_UP = 0.1  # s; time limit of a trial that loads what is loaded on first use
 

@@ -40,20 +40,20 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from benchmarks.command_line import argument_parser, run
 from benchmarks.haptics.headless_browser import headless_browser
+from experiments.demonstration_run import DemonstrationRun
+from experiments.lockstep import lockstep
+from experiments.served_run import ServedRun
+from interfaces.live.display import LiveDisplay
+from interfaces.live.page import open_live_page
+from interfaces.live.session import PICTURE_PERIOD
+from interfaces.reports.result_tables import plain_table
+from interfaces.terminal import console, progress, write_json
 from models.hardware import DEVICE_PRESETS
 from models.scenario import DEMONSTRATION_STREAM, LIVE_STREAM, Scenario, load_scenario, resolve_scenario
 from skill.arrays import Array
-from systems.live.display import LiveDisplay
-from systems.live.page import open_live_page
-from systems.live.session import PICTURE_PERIOD
 from systems.operators.device_operator import LOOPBACK, DeviceOperator
 from systems.operators.loopback_device import Hand, LoopbackDevice
-from systems.reports.result_tables import plain_table
-from systems.reports.terminal import console, progress, write_json
-from systems.runs.demonstration_run import DemonstrationRun
-from systems.servo.lockstep import lockstep
 from systems.servo.served_environment import MakeServedEnvironment
-from systems.servo.served_run import ServedRun
 from systems.servo.servo_client import ServoClient
 from systems.servo.servo_diagram import MakeServo
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose

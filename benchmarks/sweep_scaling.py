@@ -30,15 +30,15 @@ import numpy as np
 import pyarrow.dataset as ds
 
 from benchmarks.command_line import argument_parser, run
-from systems.reports.result_tables import plain_table
-from systems.reports.terminal import console, say, write_json
-from systems.sessions.sweep_session import sweep
-from systems.sweeps.assignments import assignments
-from systems.sweeps.design.specification import read_specification
-from systems.sweeps.policy_store import PolicyStore
-from systems.sweeps.result_blocks import TRIALS, Block
-from systems.sweeps.trial_rows import Row
-from systems.sweeps.trial_stream import TrialStream, TrialTask
+from experiments.sweeps.assignments import assignments
+from experiments.sweeps.policy_store import PolicyStore
+from experiments.sweeps.result_blocks import TRIALS, Block
+from experiments.sweeps.specification import read_specification
+from experiments.sweeps.trial_rows import Row
+from experiments.sweeps.trial_stream import TrialStream, TrialTask
+from interfaces.reports.result_tables import plain_table
+from interfaces.terminal import console, say, write_json
+from scripts.sweep_session import sweep
 
 FIRST_TRIAL = 85000
 ROWS = 5000

@@ -11,8 +11,6 @@ from typing import Any, ParamSpec, TypeVar
 
 import typer
 
-from haptic_skill import check_packages
-
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -29,18 +27,12 @@ def make_app(**settings: Any) -> typer.Typer:
 
 
 def command(function: Callable[P, R]) -> Callable[P, R]:
-    """Decorates the function of a command with the error path of `systems.reports.terminal.report_errors`."""
+    """Decorates the function of a command with the error path of `interfaces.terminal.report_errors`."""
 
     @wraps(function)
     def reporting(*args: P.args, **kwargs: P.kwargs) -> R:
-        from systems.reports.terminal import report_errors
+        from interfaces.terminal import report_errors
 
         return report_errors(function)(*args, **kwargs)
 
     return reporting
-
-
-def run_app(app: typer.Typer) -> None:
-    """Runs an application from the command line, after checking that no other package hides ours."""
-    check_packages()
-    app()

@@ -9,14 +9,14 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scripts.command_line import command, make_app, run_app
+from scripts.command_line import command, make_app
 from scripts.options import Bad, Jobs, OneOrMoreGood, OutFolder, ScenarioName, Seed, Trials
 
 if TYPE_CHECKING:
+    from experiments.trial_result import TrialResult
     from models.scenario import Scenario
     from skill.data.demonstration import Demonstration
     from skill.manipulation_skill import ManipulationSkill
-    from systems.runs.trial_result import TrialResult
 
 app = make_app()
 
@@ -37,18 +37,18 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
         ValueError: if the scenario is not valid, or too few demonstrations come out as requested.
         OSError: if a file cannot be written.
     """
+    from experiments.outputs.folder_lock import locked_file, locked_folder
+    from experiments.outputs.output_checks import RECORDING_SIZE, check_file, check_folder, named_errors
+    from experiments.outputs.output_set import check_set, is_begun
+    from experiments.outputs.own_folder import remove_unfinished
+    from experiments.trial import Arm
+    from interfaces.terminal import say
+    from scripts.record_session import plan_recording, record
+    from scripts.recovery_session import RecoveryPlan, recover
+    from scripts.rig_session import rig_index, run
+    from scripts.train_session import train
     from skill.data.demonstration import read_demonstration
     from skill.data.tables import write_atomically
-    from systems.outputs.folder_lock import locked_file, locked_folder
-    from systems.outputs.output_checks import RECORDING_SIZE, check_file, check_folder, named_errors
-    from systems.outputs.output_set import check_set, is_begun
-    from systems.outputs.own_folder import remove_unfinished
-    from systems.reports.terminal import say
-    from systems.runs.trial import Arm
-    from systems.sessions.record_session import plan_recording, record
-    from systems.sessions.recovery_session import RecoveryPlan, recover
-    from systems.sessions.rig_session import rig_index, run
-    from systems.sessions.train_session import train
 
     start_time = time.monotonic()
     recorded, recovered, inserted, first = out / "demonstrations", out / "recoveries", out / "rig", seed * trials
@@ -133,13 +133,13 @@ def write_pictures(
     """
     import pandas as pd
 
+    from experiments.demonstration_run import run_demonstration
+    from experiments.trial import run_trial
+    from interfaces.reports.replay_page import write_replay
+    from interfaces.terminal import progress
     from skill.data.demonstration import read_demonstration
     from skill.data.rig_run import read_rig_run
     from skill.figures.paper_figures import plot_demonstration, plot_outcomes, plot_run, save_figure
-    from systems.reports.replay_page import write_replay
-    from systems.reports.terminal import progress
-    from systems.runs.demonstration_run import run_demonstration
-    from systems.runs.trial import run_trial
     from systems.visualization.scene import recorded
 
     run_file = out / "rig" / f"run_{hardest.seed:04d}.parquet"
@@ -188,4 +188,4 @@ def main(
 
 
 if __name__ == "__main__":
-    run_app(app)
+    app()

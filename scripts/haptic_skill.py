@@ -8,21 +8,9 @@ from typing import Annotated
 
 import typer
 
-from scripts import (
-    block_diagram,
-    demo,
-    discover_states,
-    practise,
-    record_demonstrations,
-    recover,
-    replay,
-    run_rig,
-    train_skill,
-)
-from scripts.command_line import make_app, run_app
-from scripts.export import lerobot_and_mcap
-from scripts.sweeps import run_sweep, scoreboard
-from systems.runs.provenance import version_of
+from experiments.provenance import version_of
+from scripts import demo, diagram, export, practise, record, recover, replay, rig, scoreboard, states, sweep, train
+from scripts.command_line import make_app
 
 EXIT_CODES = (
     "Exit codes: 0 success; 1 error, with one line on stderr; 2 wrong usage; 130 interrupted with Ctrl-C;"
@@ -31,18 +19,18 @@ EXIT_CODES = (
 
 app = make_app(no_args_is_help=True, epilog=EXIT_CODES)
 app.command("demo")(demo.main)
-app.command("record")(record_demonstrations.main)
-app.command("train")(train_skill.main)
+app.command("record")(record.main)
+app.command("train")(train.main)
 app.command("recover")(recover.main)
-app.command("rig")(run_rig.main)
+app.command("rig")(rig.main)
 app.command("practise")(practise.main)
 app.command("replay")(replay.main)
-app.command("sweep")(run_sweep.main)
-app.command("states")(discover_states.main)
+app.command("sweep")(sweep.main)
+app.command("states")(states.main)
 app.command("scoreboard")(scoreboard.main)
-app.command("diagram")(block_diagram.main)
-app.add_typer(lerobot_and_mcap.app, name="export", help="Writes recordings for other programs: LeRobot, MCAP.")
-app.add_typer(lerobot_and_mcap.import_app, name="import", help="Reads exported recordings back.")
+app.command("diagram")(diagram.main)
+app.add_typer(export.app, name="export", help="Writes recordings for other programs: LeRobot, MCAP.")
+app.add_typer(export.import_app, name="import", help="Reads exported recordings back.")
 
 
 def print_versions(requested: bool) -> None:
@@ -69,13 +57,13 @@ def haptic_skill(
 
     The usual order is record, train, recover, rig; `haptic-skill demo` runs them all. `haptic-skill states` needs only
     recordings of a force/torque sensor. Every option has a default; `haptic-skill COMMAND -h` explains a command with
-    an example. In a checkout, `python -m scripts.run_rig` and the other modules of `scripts` are the same commands.
+    an example. In a checkout, `python -m scripts.rig` and the other modules of `scripts` are the same commands.
     """
 
 
 def main() -> None:
     """Entry point of `haptic-skill`."""
-    run_app(app)
+    app()
 
 
 if __name__ == "__main__":

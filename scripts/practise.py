@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scripts.command_line import command, make_app, run_app
+from scripts.command_line import command, make_app
 from scripts.options import MAX_SEED, Jobs, OutFile, ScenarioName, Seed, SkillFile
 
 app = make_app()
@@ -59,8 +59,8 @@ def main(
 
         haptic-skill practise --rounds 2 --starts 4 --held-out 10 --out out/quick.npz
     """
-    from systems.runs.practice_rounds import Practice
-    from systems.sessions.practice_session import run
+    from experiments.practice_rounds import Practice
+    from scripts.practice_session import run
 
     run(
         skill=skill,
@@ -74,4 +74,4 @@ def main(
 
 
 if __name__ == "__main__":
-    run_app(app)
+    app()

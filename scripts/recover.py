@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from scripts.command_line import command, make_app, run_app
+from scripts.command_line import command, make_app
 from scripts.options import Driver, Host, Jobs, OutFile, Overwrite, Port, ScenarioName, Seed, SkillFile, parse_path
 
 app = make_app()
@@ -87,7 +87,7 @@ def main(
 
         haptic-skill recover --live --out out/better.npz
     """
-    from systems.sessions.recovery_session import RecoveryPlan, ask_only, recover
+    from scripts.recovery_session import RecoveryPlan, ask_only, recover
 
     if live and (ask or overwrite):
         raise typer.BadParameter("--ask and --overwrite are not for --live: live recordings are never deleted")
@@ -103,7 +103,7 @@ def main(
         return
     run: Callable[..., object] = partial(recover, overwrite=overwrite)
     if live:
-        from systems.sessions.live_recovery_session import recover_live
+        from scripts.live_recovery_session import recover_live
 
         run = partial(recover_live, driver=driver, host=host, port=port)
     folder = recoveries or Path("out/live_recoveries" if live else "out/recoveries")
@@ -112,4 +112,4 @@ def main(
 
 
 if __name__ == "__main__":
-    run_app(app)
+    app()

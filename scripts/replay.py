@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from scripts.command_line import command, make_app, run_app
+from scripts.command_line import command, make_app
 from scripts.options import OptionalSkillFile, parse_path
 
 app = make_app()
@@ -61,9 +61,9 @@ def main(
 
         haptic-skill replay out/rig/run_0003.parquet --speed 0.25 --out slow.html
     """
-    from systems.outputs.output_checks import check_file, named_errors
-    from systems.reports.replay_page import write_replay
-    from systems.reports.terminal import busy, say
+    from experiments.outputs.output_checks import check_file, named_errors
+    from interfaces.reports.replay_page import write_replay
+    from interfaces.terminal import busy, say
 
     page = file.with_suffix(".html") if out is None else out
     if page.resolve() == file.resolve():
@@ -81,4 +81,4 @@ def main(
 
 
 if __name__ == "__main__":
-    run_app(app)
+    app()

@@ -28,9 +28,9 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from interfaces.terminal import progress, say, write_json
 from skill.data.demonstration import write_demonstration
 from skill.manipulation_skill import ManipulationSkill
-from systems.reports.terminal import progress, say, write_json
 from tests.campaign_folders import Lane, make_lanes
 from tests.trajectories import make_demonstration
 

@@ -11,12 +11,12 @@ from typing import Any
 import yaml
 from PIL import Image
 
+from experiments.outputs.output_set import NEW, READY, finish_replacement
+from experiments.outputs.set_index import LIVE, read_index
 from models.scenario import dump_scenario
 from skill.data.demonstration import read_demonstration
 from skill.data.rig_run import read_rig_run
 from skill.manipulation_skill import ManipulationSkill
-from systems.outputs.output_set import NEW, READY, finish_replacement
-from systems.outputs.set_index import LIVE, read_index
 from tests.quick_scenario import make_quick_scenario
 
 QUICK_DEMONSTRATIONS = {
@@ -159,7 +159,7 @@ class RecordLane(SetLane):
         scenario = self.base / "record.yaml"
         scenario.write_text(yaml.safe_dump(QUICK_DEMONSTRATIONS))
         return [
-            *("scripts.record_demonstrations", "--out", self.folder, "--scenario", scenario, "--jobs", jobs),
+            *("scripts.record", "--out", self.folder, "--scenario", scenario, "--jobs", jobs),
             *("--good", 6, "--bad", 0, "--seed", self.round, *(["--overwrite"] if self.old else [])),
         ]
 
@@ -177,7 +177,7 @@ class RigLane(SetLane):
     def command(self, jobs: int) -> list[object]:
         """The module and its arguments."""
         return [
-            *("scripts.run_rig", "--out", self.folder, "--scenario", short_trials(self.base), "--jobs", jobs),
+            *("scripts.rig", "--out", self.folder, "--scenario", short_trials(self.base), "--jobs", jobs),
             *("--skill", self.base / "skill.npz", "--trials", 5, "--seed", self.round),
             *(["--overwrite"] if self.old else []),
         ]
@@ -217,7 +217,7 @@ class TrainLane(Lane):
     def command(self, jobs: int) -> list[object]:
         """The module and its arguments."""
         out = self.folder / "skill.npz"
-        return [*("scripts.train_skill", "--demonstrations", self.base / "shown", "--out", out, "--seed", self.round)]
+        return [*("scripts.train", "--demonstrations", self.base / "shown", "--out", out, "--seed", self.round)]
 
     def faults_after_kill(self) -> list[str]:
         """The skill is the old or the new one, and whole."""

@@ -24,10 +24,10 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from experiments.demonstration_set import demonstrate
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration, read_demonstrations, write_demonstration
 from skill.manipulation_skill import ManipulationSkill
-from systems.runs.demonstration_set import demonstrate
 from tests.browser import open_page
 from tests.quick_scenario import REQUESTS, make_quick_scenario
 

@@ -374,7 +374,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes to use")
     parser.add_argument("--json", type=Path, default=None, help="where to write every mutation and its outcome")
     arguments = parser.parse_args()
-    from systems.reports.terminal import progress, say, write_json
+    from interfaces.terminal import progress, say, write_json
 
     trials = []
     numbers = list(range(arguments.first, arguments.first + arguments.number))

@@ -28,7 +28,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from xml.etree import ElementTree
 
-from systems.reports.terminal import progress, say, write_json
+from interfaces.terminal import progress, say, write_json
 
 ROOT = Path(__file__).resolve().parent.parent
 FOLDERS = ("systems", "skill")

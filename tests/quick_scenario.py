@@ -1,7 +1,7 @@
 """A scenario that simulates quickly, and the demonstrations that the tests record in it."""
 
+from experiments.demonstration_set import Request
 from models.scenario import Scenario
-from systems.runs.demonstration_set import Request
 
 REQUESTS = [*(Request(number, "expert", True) for number in range(5)), Request(5, "slams", False)]
 

@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 from pydrake.math import RigidTransform
 
+from experiments.outputs.live_folder import open_live_folder
+from interfaces.live.access import LOCAL_HOST
+from interfaces.live.buttons import GOOD, QUIT, START
+from interfaces.live.page import LivePage
+from interfaces.live.session import LiveSession, live_scenario
+from interfaces.terminal import report_errors, say
 from models.scenario import load_scenario
-from systems.live.access import LOCAL_HOST
-from systems.live.buttons import GOOD, QUIT, START
-from systems.live.page import LivePage
-from systems.live.session import LiveSession, live_scenario
-from systems.outputs.live_folder import open_live_folder
-from systems.reports.terminal import report_errors, say
 
 FEED = 0.04  # speed of the device, m/s
 TICK = 1e-3  # of the device, s

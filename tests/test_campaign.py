@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
+from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex
 from skill.data.demonstration import write_demonstration
-from systems.outputs.set_index import DEMONSTRATIONS, SetIndex
 from tests.campaign import children, process_key, run, state
 from tests.campaign_folders import RecordLane, marks
 from tests.trajectories import make_demonstration

@@ -28,12 +28,14 @@ def test_a_wheel_installs_and_inserts_with_the_skill_that_it_ships(skill_file, q
             copy = sources / path.relative_to(ROOT)
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, copy)
-    shutil.copyfile(skill_file, sources / "systems" / "default_skill.npz")
+    shutil.copyfile(skill_file, sources / "skill" / "default_skill.npz")
     run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", tmp_path, sources, cwd=outside)
     (wheel,) = tmp_path.glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
-    assert {"systems/default_skill.npz", "models/rig.sdf", "systems/reports/replay.js", "haptic_skill.py"} <= set(names)
-    panel = [path.relative_to(ROOT).as_posix() for path in (ROOT / "systems" / "live" / "panel").iterdir()]
+    assert {"skill/default_skill.npz", "models/rig.sdf", "interfaces/reports/replay.js", "haptic_skill.py"} <= set(
+        names
+    )
+    panel = [path.relative_to(ROOT).as_posix() for path in (ROOT / "interfaces" / "live" / "panel").iterdir()]
     assert {Path(name).suffix for name in panel} == {".html", ".css", ".js"}
     assert set(panel) <= set(names)
     assert not [name for name in names if name.startswith(("tests", "benchmarks", "docs"))]

@@ -3,8 +3,8 @@
 import math
 from dataclasses import replace
 
+from experiments.trial_result import TrialResult
 from skill.data.outcome import Outcome
-from systems.runs.trial_result import TrialResult
 
 PLAIN = TrialResult(
     seed=0,

@@ -41,10 +41,10 @@ if __name__ == "__main__":
 
 from benchmarks.command_line import argument_parser, run
 from benchmarks.haptics.headless_browser import headless_browser
+from interfaces.reports.result_tables import plain_table
+from interfaces.terminal import console, progress, write_json
 from models.scenario import load_scenario
 from skill.data.demonstration import read_demonstration
-from systems.reports.result_tables import plain_table
-from systems.reports.terminal import console, progress, write_json
 
 LOOK_PERIOD = 0.08
 """Time between two looks of the person at the page, s."""
@@ -175,7 +175,7 @@ class Session:
 def live_session(folder: Path) -> Iterator[Session]:
     """Runs the command in a folder."""
     log = folder / "log.txt"
-    command = [sys.executable, "-m", "scripts.record_demonstrations", "--live", "--out", str(folder / "out")]
+    command = [sys.executable, "-m", "scripts.record", "--live", "--out", str(folder / "out")]
     environment = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
     with log.open("wb") as stream:
         process = subprocess.Popen(

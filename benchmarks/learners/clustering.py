@@ -32,12 +32,12 @@ from benchmarks.command_line import argument_parser, run
 from benchmarks.learners import cluster_sets as sets
 from benchmarks.learners.cluster_sets import Labels
 from benchmarks.learners.gaussian_mixture_regression import best_mixture
+from interfaces.terminal import progress, write_json
 from skill.arrays import Array
 from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.mixtures.expectation_maximization import CovariancePrior
-from skill.mixtures.gaussian_components import log_densities, precision_factors
-from systems.reports.terminal import progress, write_json
+from skill.clustering.expectation_maximization import CovariancePrior
+from skill.clustering.gaussian_components import log_densities, precision_factors
 
 DEFAULT = "competition"
 

@@ -26,11 +26,11 @@ from threadpoolctl import threadpool_limits
 from benchmarks.command_line import argument_parser, run
 from benchmarks.learners import cluster_sets as sets
 from benchmarks.learners.gaussian_mixture_regression import best_mixture
+from interfaces.terminal import progress, write_json
 from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.mixtures.expectation_maximization import CovariancePrior, em_step
+from skill.clustering.expectation_maximization import CovariancePrior, em_step
 from skill.states.contact_state_filter import ContactStateFilter
-from systems.reports.terminal import progress, write_json
 
 
 def fastest(action: Callable[[], Any], repeats: int = 5, number: int = 1) -> float:

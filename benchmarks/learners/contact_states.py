@@ -51,6 +51,8 @@ from benchmarks.learners.state_learners import LEARNERS, States, gaussian_states
 from benchmarks.physics.figures import draw_states
 from benchmarks.recording import record_demonstrations
 from benchmarks.state_scores import recognition
+from experiments.demonstration_set import requests
+from interfaces.terminal import progress, write_json
 from models.contact_geometry import ContactLabel
 from models.scenario import Scenario
 from skill.arrays import Array
@@ -58,8 +60,6 @@ from skill.data.demonstration import read_demonstrations
 from skill.states.contact_state_filter import ContactStateFilter, StateEstimator
 from skill.states.state_graph import StateGraph
 from skill.states.state_naming import StateNames, name_states
-from systems.reports.terminal import progress, write_json
-from systems.runs.demonstration_set import requests
 
 LABEL_NAMES = tuple(label.label for label in ContactLabel)
 SKILL = "CA-FMLE"  # the learner of the skill

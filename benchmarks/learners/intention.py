@@ -20,6 +20,7 @@ from rich.table import Table
 from sklearn.model_selection import GroupKFold, cross_val_predict
 
 from benchmarks.command_line import add_demonstrations, argument_parser, run
+from interfaces.terminal import console, write_json
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstrations
 from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
@@ -27,7 +28,6 @@ from skill.features.measurement import contact_loads
 from skill.features.wrench_features import MEASURED, CanonicalFeatures
 from skill.manipulation_skill import ManipulationSkill
 from skill.regression.locally_weighted_regression import LWRegressor
-from systems.reports.terminal import console, write_json
 
 DEFAULT = ManipulationSkill()  # for its settings of refinement and intention
 LOADED = 1.0  # N

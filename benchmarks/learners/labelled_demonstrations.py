@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.exact_states import exact_bodies
 from models.contact_geometry import axes_of_rotation_vectors
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import refine_demonstration, with_following_actions
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures
-from systems.runs.exact_states import exact_bodies
 
 WRENCH_NOISE = np.repeat([0.06, 5e-3], 3)  # N, N m; standard deviations of the rig's sensor
 STILL, ROUGH = 2e-5, 4e-4  # m; settings of `refine_demonstration`

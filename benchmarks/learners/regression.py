@@ -38,11 +38,11 @@ from threadpoolctl import threadpool_limits
 from benchmarks.command_line import argument_parser, run
 from benchmarks.learners.gaussian_mixture_regression import best_mixture, gmr_predict
 from benchmarks.learners.regression_sets import Problem, cross, friedman, insertion
+from interfaces.terminal import progress, write_json
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.regression.bandwidth_selection import select_bandwidth, select_feature_scale
 from skill.regression.locally_weighted_regression import LWRegressor
-from systems.reports.terminal import progress, write_json
 
 Predict = Callable[[Array], Array]
 """Outputs (n, p) for inputs (n, d)."""

@@ -20,10 +20,10 @@ from threadpoolctl import threadpool_limits
 from benchmarks.command_line import argument_parser, run
 from benchmarks.learners.interval_calibration import conformal_factors, conformal_interval
 from benchmarks.learners.regression_sets import Problem, cross, friedman, insertion
+from interfaces.terminal import progress, write_json
 from skill.arrays import Array
 from skill.regression.bandwidth_selection import select_bandwidth
 from skill.regression.locally_weighted_regression import LWRegressor
-from systems.reports.terminal import progress, write_json
 
 PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "cross 500": lambda s: cross(500, s),

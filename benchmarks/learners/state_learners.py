@@ -16,8 +16,8 @@ from benchmarks.learners.labelled_demonstrations import LabelledDemonstrations
 from skill.arrays import Array
 from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.clustering.expectation_maximization import CovariancePrior
 from skill.manipulation_skill import STATE_FLOOR
-from skill.mixtures.expectation_maximization import CovariancePrior
 from skill.states.contact_states import ContactStates
 
 MAX_STATES = 15  # largest number of states of the learners that choose by a criterion

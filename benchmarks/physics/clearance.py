@@ -60,6 +60,9 @@ from benchmarks.physics.contact_measurements import (
 )
 from benchmarks.physics.contact_probe import ContactProbe
 from benchmarks.physics.convergence import MOMENTS, PRESSED, press
+from experiments.metrics.penetration import round_bodies
+from experiments.trial import run_trials
+from interfaces.terminal import progress, write_json
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.contact_theory import (
     exact_wedging_tilt,
@@ -71,9 +74,6 @@ from models.contact_theory import (
 )
 from models.scenario import Scenario, dump_scenario
 from skill.manipulation_skill import ManipulationSkill
-from systems.metrics.penetration import round_bodies
-from systems.reports.terminal import progress, write_json
-from systems.runs.trial import run_trials
 
 CLEARANCES = (0.14, 0.038, 0.014, 0.005, 0.0025)
 TILTS = (0.3, 0.55, 0.8)

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 
 from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe, PosedMeshes
+from experiments.metrics.penetration import round_bodies
 from models.contact_theory import (
     jamming_load,
     largest_entry_tilt,
@@ -27,7 +28,6 @@ from models.contact_theory import (
 )
 from models.scenario import Scenario
 from skill.arrays import Array
-from systems.metrics.penetration import round_bodies
 
 CRAWLING: dict[str, Any] = {"mass": 0.15, "inertia": 3e-5, "damping": (5.0, 400.0, 0.01)}
 """A probe whose large damping of z makes the peg slide slowly, so that inertia and the damping of the tilt are

@@ -36,10 +36,10 @@ import numpy as np
 from benchmarks.command_line import argument_parser, run
 from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, crawl, measured_two_point_depth
 from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe
+from interfaces.terminal import progress, write_json
 from models.contact_geometry import PegInHole, axes_of_rotation_vectors
 from models.contact_theory import two_point_depth, two_point_push_moment
 from models.scenario import Scenario
-from systems.reports.terminal import progress, write_json
 
 REST = 0.08  # s; simulated time until the peg is at rest
 PRESSED: dict[str, Any] = {"mass": 0.5, "damping": (5.0, 40.0, 0.0)}

@@ -36,11 +36,11 @@ from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, converg
 from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
 from benchmarks.physics.convergence import FINEST, MOMENTS, PRESSED, press
 from benchmarks.physics.mujoco_probe import MujocoProbe
+from experiments.metrics.penetration import round_bodies
+from interfaces.terminal import progress, write_json
 from models.contact_theory import two_point_push_moment
 from models.scenario import Scenario
-from systems.metrics.penetration import round_bodies
 from systems.plant.mujoco_model import MujocoContact
-from systems.reports.terminal import progress, write_json
 
 TILT, PUSH = np.radians(1.0), 5.0  # rad, N
 CRAWL_DEPTH = 0.020  # m

@@ -30,12 +30,12 @@ import numpy as np
 from pydrake.systems.analysis import Simulator
 
 from benchmarks.command_line import argument_parser, run
+from interfaces.terminal import progress, write_json
 from models.bore import play_error
 from models.hardware import DEVICE_PRESETS
 from models.scenario import DEMONSTRATION_STREAM, Scenario, load_scenario, resolve_scenario
 from skill.arrays import Array
 from systems.haptics.coupling_margins import coupling_margins
-from systems.reports.terminal import progress, write_json
 from systems.virtual_environment import MakeVirtualEnvironment
 
 TILT = [0.05, 0.03]  # rad; 3.3 degrees together

@@ -45,6 +45,7 @@ from benchmarks.physics.contact_measurements import (
     measured_wedging_tilt,
 )
 from benchmarks.physics.contact_probe import ContactProbe
+from interfaces.terminal import progress, write_json
 from models.contact_theory import (
     exact_wedging_tilt,
     largest_entry_tilt,
@@ -52,7 +53,6 @@ from models.contact_theory import (
     wedging_tilt,
 )
 from models.scenario import Scenario
-from systems.reports.terminal import progress, write_json
 
 STEPS = 4  # of the progress bar
 

@@ -28,6 +28,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from benchmarks.command_line import add_demonstrations, argument_parser, run
+from experiments.outputs.recordings import find_recordings
+from experiments.scoreboard.paired_statistics import wilson
+from experiments.trial import Arm, run_trial, trial_scenario
+from experiments.trial_result import TrialResult
+from interfaces.reports.result_tables import plain_table
+from interfaces.terminal import console, progress, say, write_json
 from models.scenario import load_scenario
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.outcome import Outcome
@@ -35,12 +41,6 @@ from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
 from skill.states.context_mixture import ContextMixture
 from skill.training_samples import observed_series
-from systems.outputs.recordings import find_recordings
-from systems.reports.result_tables import plain_table
-from systems.reports.terminal import console, progress, say, write_json
-from systems.runs.trial import Arm, run_trial, trial_scenario
-from systems.runs.trial_result import TrialResult
-from systems.scoreboard.paired_statistics import wilson
 
 FIRST_TRIAL = 90000
 QUERIES = 600

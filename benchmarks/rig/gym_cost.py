@@ -33,14 +33,14 @@ import gymnasium
 from threadpoolctl import threadpool_limits
 
 from benchmarks.command_line import argument_parser, run
+from experiments.trial import run_trial, trial_scenario
+from interfaces.gym.agents import PolicyAgent, run_episode
+from interfaces.terminal import console, progress, write_json
 from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
-from systems.gym.agents import PolicyAgent, run_episode
-from systems.reports.terminal import console, progress, write_json
-from systems.runs.trial import run_trial, trial_scenario
 
-ENVIRONMENT = "systems.gym:PegInHole-v0"
+ENVIRONMENT = "interfaces.gym:PegInHole-v0"
 FIRST_TRIAL = 88000
 PICTURES = 20
 WARM_UP = 5  # resets that are not counted

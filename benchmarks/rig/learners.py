@@ -28,11 +28,11 @@ from sklearn.preprocessing import StandardScaler
 from benchmarks.learners.gaussian_mixture_regression import best_mixture, gmr_predict
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
 from skill.data.demonstration import Demonstration
 from skill.imitation import Imitation
 from skill.manipulation_skill import ManipulationSkill
-from skill.mixtures.gaussian_components import GaussianComponents
 from skill.policy import Action
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.context_mixture import ContextMixture

@@ -26,6 +26,8 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from numpy.typing import ArrayLike
 from torch.utils.data import DataLoader, default_collate
 
+from interfaces.exports.episodes import WRENCH, WRENCH_UNITS, Episode, Feature, frame_rate
+from interfaces.exports.lerobot_writer import LeRobotWriter
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import with_following_actions
@@ -33,8 +35,6 @@ from skill.policy import Action
 from skill.states.context_filter import ContextEstimate, SingleContext
 from skill.training_samples import observed_series
 from systems.control.policy import ControlLaw
-from systems.exports.episodes import WRENCH, WRENCH_UNITS, Episode, Feature, frame_rate
-from systems.exports.lerobot_writer import LeRobotWriter
 
 FEATURES = {
     "observation.state": Feature("float32", ("z", "turned_x", "turned_y"), ("m", "rad", "rad"), "in H and P"),

@@ -21,12 +21,12 @@ if __name__ == "__main__":
 import numpy as np
 
 from benchmarks.command_line import argument_parser, run
+from experiments.trial import Arm, run_trials
+from experiments.trial_result import TrialResult
+from interfaces.reports.result_tables import plain_table
+from interfaces.terminal import console, progress, write_json
 from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
-from systems.reports.result_tables import plain_table
-from systems.reports.terminal import console, progress, write_json
-from systems.runs.trial import Arm, run_trials
-from systems.runs.trial_result import TrialResult
 
 FIRST_TRIAL = 70000
 TOLERANCE = 1.2  # factor on the limit

@@ -37,16 +37,16 @@ from pydrake.systems.framework import DiagramBuilder
 
 from benchmarks.command_line import argument_parser, run
 from benchmarks.recording import record_demonstrations
+from experiments.demonstration_set import requests
+from experiments.scoreboard.paired_statistics import wilson
+from experiments.trial import run_rig, trial_scenario
+from interfaces.terminal import progress, write_json
 from models.scenario import Scenario, load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from systems.plant.mujoco_model import MujocoContact
 from systems.plant.mujoco_plant import MujocoPlant
-from systems.reports.terminal import progress, write_json
 from systems.rig import MakeRig, WireRig
 from systems.rig_diagram import RigDiagram
-from systems.runs.demonstration_set import requests
-from systems.runs.trial import run_rig, trial_scenario
-from systems.scoreboard.paired_statistics import wilson
 
 BLIND_TIME = 4.0  # s; time limit of the blind pushes: later insertions do not occur
 

@@ -1,4 +1,4 @@
-"""Policies to compare in sweeps: each function makes one from a `systems.sweeps.policies.Lesson`."""
+"""Policies to compare in sweeps: each function makes one from a `experiments.sweeps.policies.Lesson`."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import replace
 from typing import Any
 
 from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, StraightPush, TunedLaw, tune
+from experiments.recovery import ask, demonstrate_recoveries
+from experiments.sweeps.policies import Lesson, learn
+from experiments.trial import run_trials
 from skill.data.demonstration import Demonstration
 from skill.policy import RigPolicy
-from systems.runs.recovery import ask, demonstrate_recoveries
-from systems.runs.trial import run_trials
-from systems.sweeps.policies import Lesson, learn
 
 SET_ROUNDS, ROUND_TRIALS = 100, 10_000
-"""Numbers of rounds of a set and of practice trials of a round, as in `systems.sessions.recovery_session`."""
+"""Numbers of rounds of a set and of practice trials of a round, as in `scripts.recovery_session`."""
 
 
 def straight_push(lesson: Lesson) -> RigPolicy:

@@ -3,8 +3,8 @@
     python -m benchmarks.rig.reinforcement [--skill FILE] [--steps 20000] [--every 4000] [--trials 20] [--seed 0]
                                            [--scenario nominal] [--json FILE] [--figure FILE]
 
-Soft actor-critic of Stable-Baselines3 (extra [rl]) learns from nothing in ``systems.gym:PegInHole-v0``, with the dense
-reward and one thread. It sees the observation and commands turns and feed; it gets neither demonstrations nor the
+Soft actor-critic of Stable-Baselines3 (extra [rl]) learns from nothing in ``interfaces.gym:PegInHole-v0``, with the
+dense reward and one thread. It sees the observation and commands turns and feed; it gets neither demonstrations nor the
 states of the skill. Its training trials are drawn (`FIRST_DRAWN` and above). Before the first step and after every
 ``--every`` steps it performs ``--trials`` trials of the default arm from `FIRST_TRIAL` on without exploring. So do the
 skill and a law that pushes straight on with 10 mm/s. No setting was tuned on these trials.
@@ -36,15 +36,15 @@ from gymnasium.wrappers import RescaleAction, TransformObservation
 
 from benchmarks.command_line import argument_parser, run
 from benchmarks.rig.control_laws import StraightPush
+from interfaces.gym.agents import Agent, PolicyAgent, run_episode
+from interfaces.reports.result_tables import plain_table
+from interfaces.terminal import console, progress, write_json
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
-from systems.gym.agents import Agent, PolicyAgent, run_episode
-from systems.reports.result_tables import plain_table
-from systems.reports.terminal import console, progress, write_json
 
-ENVIRONMENT = "systems.gym:PegInHole-v0"
+ENVIRONMENT = "interfaces.gym:PegInHole-v0"
 FIRST_TRIAL = 89000
 PUSH = 0.010  # in units of m/s
 SCALES = {"wrench": (10.0,) * 3 + (0.1,) * 3, "depth": (0.01,), "angles": (0.06,) * 2, "feed": (0.03,)}

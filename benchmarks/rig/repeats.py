@@ -4,7 +4,7 @@
 
 The rows of a sweep belong to the code that performed them. This shows whether later code gives the same results: random
 trials of the skills in RESULTS/skills, in the engine that the row names. Two rows are the same if every figure of
-`systems.sweeps.trial_rows.result_columns` is equal as stored.
+`experiments.sweeps.trial_rows.result_columns` is equal as stored.
 
 Keys of the file: ``code``, digest of the code of the rows; ``present_code``; ``trials``; ``same``, how many records are
 the same; ``differences``, the others: trial, policy, arm, and the columns that differ.
@@ -24,13 +24,13 @@ import pandas as pd
 import pyarrow.dataset as pads
 
 from benchmarks.command_line import argument_parser, run
+from experiments.sweeps.policies import CarriedOver
+from experiments.sweeps.trial_engines import make_rig
+from experiments.sweeps.trial_rows import result_columns, trial_code
+from experiments.trial import run_rig
+from interfaces.terminal import console, progress, write_json
 from models.scenario import parse_scenario
 from skill.manipulation_skill import ManipulationSkill
-from systems.reports.terminal import console, progress, write_json
-from systems.runs.trial import run_rig
-from systems.sweeps.policies import CarriedOver
-from systems.sweeps.trial_engines import make_rig
-from systems.sweeps.trial_rows import result_columns, trial_code
 
 
 def stored_rows(results: Path) -> pd.DataFrame:

@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from docs._tools.moving_picture import PICTURES, ROOT, reduced, write
 from tests.browser import Page
-from tests.systems.live.live_session import live, press, text_of, wait_for_text
+from tests.interfaces.live.live_session import live, press, text_of, wait_for_text
 
 SCENARIO = ROOT / "models" / "scenarios" / "live.yaml"
 TILT = 0.035  # of the start, rad

@@ -20,10 +20,10 @@ import pyarrow.parquet as pq
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.command_line import run
-from systems.outputs.new_folder import new_folder
-from systems.scoreboard.result_store import PUBLISHED
-from systems.sessions.sweep_session import SWEEPS
-from systems.sweeps.result_blocks import TRIALS
+from experiments.outputs.new_folder import new_folder
+from experiments.scoreboard.result_store import PUBLISHED
+from experiments.sweeps.result_blocks import TRIALS
+from scripts.sweep_session import SWEEPS
 
 
 def publish(results: Path, out: Path) -> None:

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
+from experiments.sweeps.assignments import assignments
+from experiments.sweeps.result_blocks import TRIALS, hold
+from experiments.sweeps.specification import read_specification
+from experiments.sweeps.trial_rows import row_key
+from experiments.trial import trial_scenario
 from models.scenario import dump_scenario
-from systems.runs.trial import trial_scenario
-from systems.sessions.sweep_session import SWEEPS
-from systems.sweeps.assignments import assignments
-from systems.sweeps.design.specification import read_specification
-from systems.sweeps.result_blocks import TRIALS, hold
-from systems.sweeps.trial_rows import row_key
+from scripts.sweep_session import SWEEPS
 
 
 def restore(published: Path, results: Path) -> tuple[int, int]:

@@ -14,10 +14,10 @@ from sklearn.neighbors import KNeighborsRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
+from experiments.demonstration_set import demonstrate, requests
+from experiments.trial import run_trials
 from models.scenario import load_scenario
 from skill import CompetitiveAgglomeration, ContextMixture, ManipulationSkill
-from systems.runs.demonstration_set import demonstrate, requests
-from systems.runs.trial import run_trials
 
 scenario = load_scenario("nominal")
 demonstrations = [demonstrate(scenario, request, seed=1) for request in requests(8, 2)]

@@ -16,9 +16,9 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import LeafSystem
 
+from experiments.demonstration_run import DemonstrationRun
 from models.scenario import DEMONSTRATION_STREAM, load_scenario, resolve_scenario
 from skill.data.outcome import Ending, Outcome
-from systems.runs.demonstration_run import DemonstrationRun
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose
 
 

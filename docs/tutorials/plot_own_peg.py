@@ -12,11 +12,11 @@ Teach the insertion of another peg: radius 6 mm in a hole with radius 6.05 mm, a
 import matplotlib.pyplot as plt
 import numpy as np
 
+from experiments.demonstration_set import demonstrate, requests
+from experiments.trial import run_trials
 from models.clearance import numerics_of_clearance
 from models.scenario import load_scenario
 from skill import ManipulationSkill
-from systems.runs.demonstration_set import demonstrate, requests
-from systems.runs.trial import run_trials
 
 scenario = load_scenario("nominal")
 scenario.geometry.peg_radius = 0.006

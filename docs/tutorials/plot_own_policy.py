@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import matplotlib.pyplot as plt
 import numpy as np
 
+from experiments.trial import run_trials
 from models.scenario import load_scenario
 from skill.policy import Action
 from systems.control.policy import ControlLaw
-from systems.runs.trial import run_trials
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.mixtures.expectation_maximization import CovariancePrior, em_step, retained, updated_components
-from skill.mixtures.gaussian_components import GaussianComponents
+from skill.clustering.expectation_maximization import CovariancePrior, em_step, retained, updated_components
+from skill.clustering.gaussian_components import GaussianComponents
 
 Schedule = Callable[[int], float]
 """Strength of the competition, eta, as a function of the iteration."""

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from sklearn.cluster import kmeans_plusplus
 
 from skill.arrays import Array
-from skill.mixtures.expectation_maximization import CovariancePrior
-from skill.mixtures.gaussian_components import GaussianComponents
+from skill.clustering.expectation_maximization import CovariancePrior
+from skill.clustering.gaussian_components import GaussianComponents
 
 
 def seed_centres(Z: Array, M: int, random_state: np.random.RandomState) -> Array:

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.mixtures.expectation_maximization import CovariancePrior, expectation_maximization
-from skill.mixtures.gaussian_components import GaussianComponents, cholesky_factors
+from skill.clustering.expectation_maximization import CovariancePrior, expectation_maximization
+from skill.clustering.gaussian_components import GaussianComponents, cholesky_factors
 
 Indices = NDArray[np.intp]
 

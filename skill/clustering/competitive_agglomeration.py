@@ -29,6 +29,9 @@ from skill.clustering.clustering_arguments import (
     checked_phase,
     checked_sensor_variance,
 )
+from skill.clustering.effective_sample_size import design_effect
+from skill.clustering.expectation_maximization import CovariancePrior, em_step, expectation_maximization
+from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
 from skill.clustering.prototype_competition import FUZZY_ITERATIONS, compete_for_prototypes
 from skill.clustering.standardised_samples import StandardisedSamples
@@ -38,10 +41,7 @@ from skill.clustering.state_number import (
     number_of_demonstrated,
     number_of_independent,
 )
-from skill.mixtures.effective_sample_size import design_effect
-from skill.mixtures.expectation_maximization import CovariancePrior, em_step, expectation_maximization
-from skill.mixtures.gaussian_components import GaussianComponents
-from skill.mixtures.student_tails import STUDENT_DEGREES
+from skill.clustering.student_tails import STUDENT_DEGREES
 
 SLICE_RATIO = 1.4
 """Ratio between the numbers of time slices of consecutive starts by phase: 30, 21, 15, 11, 8."""
@@ -104,7 +104,7 @@ class CompetitiveAgglomeration(GaussianStates):
         min_cardinality: clusters with a smaller cardinality die. None means max(5, T/2) with T the number of
             parameters of one Gaussian, and 5 for "gk", "euclid" and "literal".
         tails: "normal" for Gaussians, or "heavy" for Student distributions with 4 degrees of freedom
-            (`skill.mixtures.student_tails`), which impacts and other rare samples hardly change. Only the posteriors
+            (`skill.clustering.student_tails`), which impacts and other rare samples hardly change. Only the posteriors
             of "fmle" know tails.
         covariance_type: "full" or "diag".
         shrinkage: weight of the spherical prior of a covariance, as a number of samples; None means d + 1.

@@ -15,17 +15,17 @@ from sklearn.utils.validation import check_array, check_is_fitted, validate_data
 
 from skill.array_schema import MAX_MAGNITUDE, MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array
-from skill.clustering.prototype_competition import log_squared_distances
-from skill.clustering.state_number import bayesian_information_criterion
-from skill.data.strict_json import parse_object
-from skill.mixtures.gaussian_components import (
+from skill.clustering.gaussian_components import (
     GaussianComponents,
     log_normalizers,
     parameters_per_component,
     precision_factors,
     squared_mahalanobis,
 )
-from skill.mixtures.student_tails import distance_gate, tailed_log_densities
+from skill.clustering.prototype_competition import log_squared_distances
+from skill.clustering.state_number import bayesian_information_criterion
+from skill.clustering.student_tails import distance_gate, tailed_log_densities
+from skill.data.strict_json import parse_object
 
 NUMERIC_DTYPE = re.compile(r"[<|>=][biuf][1248]")
 """The types of parameters that are arrays, as `numpy.dtype.str` names them."""

@@ -23,8 +23,8 @@ from scipy.special import logsumexp
 
 from skill.arrays import Array
 from skill.clustering.cluster_competition import History, Schedule
-from skill.mixtures.expectation_maximization import CovariancePrior
-from skill.mixtures.gaussian_components import (
+from skill.clustering.expectation_maximization import CovariancePrior
+from skill.clustering.gaussian_components import (
     LOG_2PI,
     GaussianComponents,
     log_densities,

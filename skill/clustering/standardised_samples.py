@@ -8,7 +8,7 @@ import numpy as np
 
 from skill.arrays import Array
 from skill.channel_scale import standard_scale
-from skill.mixtures.gaussian_components import GaussianComponents
+from skill.clustering.gaussian_components import GaussianComponents
 
 
 @dataclass(frozen=True)

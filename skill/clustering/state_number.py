@@ -3,7 +3,7 @@
 For independent samples, the number of states minimises -2 log L + K log N with K = M T + M - 1 parameters.
 
 For demonstrations, log L and N are divided by the design effect tau, the number of samples that carry the information
-of one independent sample (`skill.mixtures.effective_sample_size`). Tau depends on the model under which it is
+of one independent sample (`skill.clustering.effective_sample_size`). Tau depends on the model under which it is
 measured, because the part of the motion that a coarse model leaves unexplained is correlated. Therefore numbers are
 compared in pairs. The smaller number M' is the null hypothesis, and tau is measured under it. The larger number M is
 rejected unless
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from skill.arrays import Array
 from skill.clustering.cluster_merging import Mixture
-from skill.mixtures.effective_sample_size import design_effect
+from skill.clustering.effective_sample_size import design_effect
 
 
 def mixture_parameters(M: int, T: int) -> int:

@@ -49,7 +49,7 @@ class Sticks(Protocol):
 
 
 class HandControls(Protocol):
-    """The controls of the page that move the hand; see `systems.live.controls.LiveControls`."""
+    """The controls of the page that move the hand; see `interfaces.live.controls.LiveControls`."""
 
     def AddSlider(
         self, name: str, low: float, high: float, step: float, value: float, decrement_key: str, increment_key: str

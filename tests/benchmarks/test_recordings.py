@@ -25,8 +25,8 @@ from benchmarks.recordings import (
     selected,
     simulated,
 )
+from experiments.exact_states import exact_labels
 from skill.recordings.recording import Recording
-from systems.runs.exact_states import exact_labels
 from tests.state_recordings import CHANNELS, three_contacts
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -35,7 +35,7 @@ def test_the_time_of_a_trial_is_the_median_of_its_runs():
 
 
 def test_a_folder_that_is_no_checkout_is_refused(tmp_path):
-    with pytest.raises(Exception, match=r"no systems/runs/trial.py or systems/trial.py there"):
+    with pytest.raises(Exception, match=r"no experiments/trial.py or systems/trial.py there"):
         checkout(str(tmp_path))
     assert checkout(str(ROOT)) == ROOT
     (tmp_path / "systems").mkdir()

@@ -3,7 +3,7 @@
 import pytest
 
 from benchmarks.sweep_scaling import client_cost, summary
-from tests.systems.sweeps.made_up_rows import made_up_row
+from tests.experiments.sweeps.made_up_rows import made_up_row
 
 
 def one(jobs, wall, trials=10, cpu=2.0):

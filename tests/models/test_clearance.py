@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from experiments.trial_result import TRUSTED_OVERLAP
 from models.bore import MAX_FACETS, facet_sagitta, minimum_clearance
 from models.clearance import (
     TRUSTED_PART,
@@ -27,7 +28,6 @@ from models.scenario import (
     load_scenario,
     validate_scenario,
 )
-from systems.runs.trial_result import TRUSTED_OVERLAP
 
 NAMES = sorted(path.stem for path in SCENARIO_FOLDER.glob("*.yaml"))
 RADII = st.floats(1e-4, 0.015)

@@ -9,21 +9,21 @@ from unittest.mock import patch
 
 from typer.testing import CliRunner
 
-from systems.reports.terminal import console
+from interfaces.terminal import console
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = {  # subcommand of haptic-skill: module with the same command
     "demo": "scripts.demo",
-    "record": "scripts.record_demonstrations",
-    "train": "scripts.train_skill",
+    "record": "scripts.record",
+    "train": "scripts.train",
     "recover": "scripts.recover",
-    "rig": "scripts.run_rig",
+    "rig": "scripts.rig",
     "practise": "scripts.practise",
     "replay": "scripts.replay",
-    "sweep": "scripts.sweeps.run_sweep",
-    "states": "scripts.discover_states",
-    "scoreboard": "scripts.sweeps.scoreboard",
-    "diagram": "scripts.block_diagram",
+    "sweep": "scripts.sweep",
+    "states": "scripts.states",
+    "scoreboard": "scripts.scoreboard",
+    "diagram": "scripts.diagram",
 }
 HAPTIC_SKILL = ("-c", "from scripts.haptic_skill import main; main()")  # what the installed command does
 

@@ -134,7 +134,7 @@ def test_the_diagrams_are_drawn(chain, folder):
 
 def test_the_module_of_a_command_makes_the_same_recordings(chain, folder, tmp_path):
     done = run_python(
-        *("-m", "scripts.record_demonstrations", "--good", 1, "--bad", 0, "--seed", 1),
+        *("-m", "scripts.record", "--good", 1, "--bad", 0, "--seed", 1),
         *("--scenario", folder / "quick.yaml", "--jobs", 1, "--out", tmp_path / "again"),
     )
     assert done.returncode == 0, done.stderr

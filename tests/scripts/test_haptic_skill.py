@@ -64,7 +64,7 @@ def test_help_of_a_command_says_what_it_writes_and_has_an_example(name, flag):
 @pytest.mark.parametrize("name", MODULES)
 def test_the_module_of_a_command_starts_it(name):
     tree = ast.parse((ROOT / MODULES[name].replace(".", "/")).with_suffix(".py").read_text())
-    assert ast.unparse(tree.body[-1]) == "if __name__ == '__main__':\n    run_app(app)"
+    assert ast.unparse(tree.body[-1]) == "if __name__ == '__main__':\n    app()"
 
 
 def test_the_same_option_means_the_same_in_every_command():
@@ -114,7 +114,7 @@ def test_wrong_usage_has_exit_code_2(arguments):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [("-m", "scripts.train_skill"), (*HAPTIC_SKILL, "train")])
+@pytest.mark.parametrize("command", [("-m", "scripts.train"), (*HAPTIC_SKILL, "train")])
 def test_a_failed_command_prints_one_line_in_a_separate_process(tmp_path, command):
     done = run_python(*command, "--demonstrations", tmp_path / "nowhere", "--out", tmp_path / "skill.npz")
     assert done.returncode == 1

@@ -12,18 +12,18 @@ import time
 import pytest
 import yaml
 
+from experiments.outputs.folder_lock import LOCK_NAME
+from experiments.outputs.live_folder import open_live_folder
+from experiments.outputs.output_set import open_set
+from experiments.outputs.set_index import RUNS, SetIndex
+from experiments.trial import Arm, trial_scenario
 from models.scenario import dump_scenario, parse_scenario
 from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import read_rig_run, write_rig_run
 from skill.manipulation_skill import ManipulationSkill
-from systems.outputs.folder_lock import LOCK_NAME
-from systems.outputs.live_folder import open_live_folder
-from systems.outputs.output_set import open_set
-from systems.outputs.set_index import RUNS, SetIndex
-from systems.runs.trial import Arm, trial_scenario
+from tests.experiments.outputs.sets import NAMES, make_set
 from tests.quick_scenario import make_quick_scenario
 from tests.scripts.commands import MODULES, ROOT, error_line, files, invoke
-from tests.systems.outputs.sets import NAMES, make_set
 from tests.trajectories import make_demonstration, make_rig_run
 
 FEW = ("--good", 1, "--bad", 0, "--jobs", 1)
@@ -222,7 +222,9 @@ def test_training_reads_what_the_index_lists_and_says_so(tmp_path):
 
 
 def test_a_second_session_in_one_folder_stops_with_one_line(tmp_path, skill_file):
-    code = "import sys; from pathlib import Path; from systems.outputs.folder_lock import locked_folder, locked_file\n"
+    code = (
+        "import sys; from pathlib import Path; from experiments.outputs.folder_lock import locked_folder, locked_file\n"
+    )
     code += "with locked_folder(Path(sys.argv[1])), locked_file(Path(sys.argv[1] + '.npz')): print(flush=True); input()"
     with subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path / "out")], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE

@@ -78,7 +78,7 @@ class Stop(BaseException):
 @pytest.mark.slow
 @pytest.mark.parametrize("after", [1, 4, 8])
 def test_an_interrupted_practice_goes_on_and_ends_with_the_same_files(tmp_path, practised, skill_file, after):
-    from systems.sessions import practice_session
+    from scripts import practice_session
 
     written = []
 
@@ -122,7 +122,7 @@ def test_a_skill_is_not_practised_into_its_own_file(tmp_path, skill_file):
 
 @pytest.mark.slow
 def test_a_practice_whose_figure_fails_leaves_the_old_skill(tmp_path, practised, skill_file):
-    from systems.sessions import practice_session
+    from scripts import practice_session
 
     (tmp_path / "practised.npz").write_bytes(skill_file.read_bytes())
 

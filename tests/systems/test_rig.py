@@ -7,11 +7,11 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
 
+from experiments.trial import run_rig
 from models.scenario import FREE_FACETS, TRIAL_STREAM, load_scenario, resolve_scenario
 from skill.data.rig_run import CONTEXT_COLUMNS, CONTROL_COLUMNS, RUN_COLUMNS
 from systems.control.force_guard import StoppingModel
 from systems.rig import MakeRig
-from systems.runs.trial import run_rig
 from tests.diagrams import graph_names, state_of, unconnected_inputs
 
 NOT_CONNECTED = {  # inputs of the plant that the motors do not use

@@ -5,10 +5,10 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus
 from scipy.spatial.transform import Rotation
 
+from experiments.demonstration_run import run_demonstration
 from models.scenario import DEMONSTRATION_STREAM, FIXTURES, FREE_FACETS, load_scenario, parse_scenario, resolve_scenario
 from skill.data.demonstration import CHANNELS, COLUMNS
 from systems.recording.demonstration_recorder import DemonstrationRecorder
-from systems.runs.demonstration_run import run_demonstration
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose
 from tests.diagrams import graph_names, state_of, unconnected_inputs
 

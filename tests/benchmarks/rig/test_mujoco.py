@@ -5,8 +5,8 @@ import pytest
 pytest.importorskip("mujoco", reason="needs the extra [peers]")
 
 from benchmarks.rig.mujoco import agreement, compare, print_summary, print_trial, summary
+from experiments.trial import trial_scenario
 from systems.plant.mujoco_model import MujocoContact
-from systems.runs.trial import trial_scenario
 
 
 def row(**changes):

@@ -7,11 +7,11 @@ import pytest
 
 from benchmarks.rig import policies
 from benchmarks.rig.policies import first, recovered, tuned_compliance
+from experiments.sweeps.policies import Lesson
+from experiments.trial import Arm
 from models.scenario import load_scenario
+from scripts.recovery_session import RecoveryPlan
 from skill.practice.situation import Situation
-from systems.runs.trial import Arm
-from systems.sessions.recovery_session import RecoveryPlan
-from systems.sweeps.policies import Lesson
 
 STUCK = Situation(trial=0, time=1.0, depth=0.01, tilt=(0.0, 0.0), load=20.0, state="", pivot_height=0.0, friction=0.2)
 

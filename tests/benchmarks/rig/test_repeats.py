@@ -8,9 +8,9 @@ import pytest
 import yaml
 
 from benchmarks.rig import repeats
+from experiments.sweeps.trial_rows import trial_code
 from models.scenario import dump_scenario
-from systems.sessions.sweep_session import sweep
-from systems.sweeps.trial_rows import trial_code
+from scripts.sweep_session import sweep
 from tests.scripts.commands import ROOT
 
 

@@ -10,8 +10,8 @@ from skill.clustering.cluster_competition import (
     survivors,
 )
 from skill.clustering.cluster_initialization import components_of_partition
-from skill.mixtures.expectation_maximization import CovariancePrior
-from tests.skill.mixtures.components import densities, no_prior, spherical, weighted_moments
+from skill.clustering.expectation_maximization import CovariancePrior
+from tests.skill.clustering.components import densities, no_prior, spherical, weighted_moments
 
 SYMMETRIC = np.array([[-1.0], [1.0]])
 

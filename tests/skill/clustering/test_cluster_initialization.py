@@ -8,8 +8,8 @@ from skill.clustering.cluster_initialization import (
     phase_slices,
     seed_centres,
 )
-from skill.mixtures.expectation_maximization import CovariancePrior
-from tests.skill.mixtures.components import no_prior
+from skill.clustering.expectation_maximization import CovariancePrior
+from tests.skill.clustering.components import no_prior
 
 
 def test_seeds_are_different_samples():

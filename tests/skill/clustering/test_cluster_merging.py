@@ -15,8 +15,8 @@ from skill.clustering.cluster_merging import (
     polished,
     runnalls_costs,
 )
-from skill.mixtures.expectation_maximization import expectation_maximization
-from tests.skill.mixtures.components import no_prior, random_components, spherical
+from skill.clustering.expectation_maximization import expectation_maximization
+from tests.skill.clustering.components import no_prior, random_components, spherical
 
 
 def test_merging_keeps_the_moments():

@@ -10,7 +10,7 @@ from sklearn.metrics import adjusted_rand_score
 from benchmarks.learners.cluster_sets import demonstrations_and_phase, ellipses, insertion, separated, spheres
 from skill.clustering import competitive_agglomeration
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from tests.skill.mixtures.components import densities
+from tests.skill.clustering.components import densities
 
 
 @pytest.fixture

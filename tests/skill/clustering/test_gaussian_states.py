@@ -9,10 +9,10 @@ from sklearn.exceptions import ConvergenceWarning, NotFittedError
 
 from benchmarks.learners.cluster_sets import separated, spheres
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import UNKNOWN, GaussianStates
-from skill.mixtures.gaussian_components import GaussianComponents
-from skill.mixtures.student_tails import distance_gate
-from tests.skill.mixtures.components import random_components
+from skill.clustering.student_tails import distance_gate
+from tests.skill.clustering.components import random_components
 
 
 @pytest.fixture(scope="module")

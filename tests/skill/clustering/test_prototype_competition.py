@@ -16,7 +16,7 @@ from skill.clustering.prototype_competition import (
     fuzzy_prototypes,
     log_squared_distances,
 )
-from tests.skill.mixtures.components import no_prior, random_components, spherical
+from tests.skill.clustering.components import no_prior, random_components, spherical
 
 
 @given(seed=st.integers(0, 2**31), M=st.integers(2, 6), eta=st.floats(0.0, 20.0))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from skill.clustering.standardised_samples import StandardisedSamples
-from tests.skill.mixtures.components import random_components
+from tests.skill.clustering.components import random_components
 
 X = np.random.default_rng(0).normal(size=(200, 3)) * [1.0, 10.0, 0.1] + [5.0, 0.0, -2.0]
 

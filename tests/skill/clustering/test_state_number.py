@@ -9,7 +9,7 @@ from skill.clustering.state_number import (
     number_of_demonstrated,
     number_of_independent,
 )
-from tests.skill.mixtures.components import spherical
+from tests.skill.clustering.components import spherical
 
 
 def mixtures(**log_likelihoods):

@@ -6,6 +6,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
+from experiments.trial import run_trial
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import (
@@ -18,7 +19,6 @@ from skill.data.rig_run import (
     read_rig_run,
     write_rig_run,
 )
-from systems.runs.trial import run_trial
 from tests.crafted_files import rewrite, sealed_parquet, write_unsealed
 from tests.trajectories import make_rig_run
 

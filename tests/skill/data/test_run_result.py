@@ -66,8 +66,8 @@ def test_rounding_and_the_time_to_the_next_sample_are_allowed(path):
 
 @pytest.mark.parametrize("outcome", ["a fault", "diverged", "none", "no sample"])
 def test_runs_that_end_early_agree_with_their_results(skill, tmp_path, outcome, monkeypatch):
+    from experiments.trial import run_trial
     from models.scenario import TRIAL_STREAM, resolve_scenario
-    from systems.runs.trial import run_trial
     from tests.quick_scenario import make_quick_scenario
 
     scenario = make_quick_scenario()
@@ -75,7 +75,7 @@ def test_runs_that_end_early_agree_with_their_results(skill, tmp_path, outcome, 
     if outcome == "a fault":  # every reading is beyond the range of the sensor
         scenario.sensor.force_range, scenario.sensor.force_quantum = [1e-3, 1e-3, 1e-3], 1e-5
     elif outcome == "diverged":
-        monkeypatch.setattr("systems.runs.trial.DIVERGENCE_FORCE", 0.5)
+        monkeypatch.setattr("experiments.trial.DIVERGENCE_FORCE", 0.5)
     elif outcome == "no sample":
         scenario.trial.time_limit = 1e-3
     result, run = run_trial(resolve_scenario(scenario, seed=0, stream=TRIAL_STREAM), skill, seed=0)

@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 from benchmarks.rig.fault_injection import KINDS, Kind, encoder, injected, sensor
+from experiments import trial as trial_module
+from experiments.trial import TrialMonitor, run_trial, run_trials, trial_scenario
 from models.scenario import validate_scenario
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
 from systems import rig as rig_module
 from systems.control.faults import FEED_FAULTS, Fault, one_line
 from systems.hardware.depth_encoder import DepthEncoder
-from systems.runs import trial as trial_module
-from systems.runs.trial import TrialMonitor, run_trial, run_trials, trial_scenario
 
 BEGIN = 0.12  # in units of s; the peg touches the chamfer by then
 SAFE_FORCE = 48.0  # in units of N; 1.2 times the limit of the guard

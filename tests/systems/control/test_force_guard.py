@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.trial import run_trial, trial_scenario
 from models.scenario import ForceGuardParameters, Scenario
 from skill.policy import Action
 from systems.control.force_guard import SLOPE_TIME, ForceGuard, StoppingModel
 from systems.control.policy import ControlLaw
-from systems.runs.trial import run_trial, trial_scenario
 from tests.stepping import fixed_context, update
 
 P = ForceGuardParameters()

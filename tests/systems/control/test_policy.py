@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from experiments.trial import run_trial, trial_scenario
 from skill.policy import Action
 from systems.control.policy import ControlLaw
-from systems.runs.trial import run_trial, trial_scenario
 
 SPEED, STEP = 0.018, 5e-4  # so slow that the force guard does not reduce them
 

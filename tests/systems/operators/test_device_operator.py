@@ -7,11 +7,11 @@ import pytest
 from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
 
+from experiments.demonstration_run import DemonstrationRun
 from models.scenario import DEMONSTRATION_STREAM, resolve_scenario
 from skill.data.outcome import Ending, Outcome
 from systems.math.rotation import from_rotation_vector
 from systems.operators.device_operator import GROUP, DeviceOperator, find_device
-from systems.runs.demonstration_run import DemonstrationRun
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose
 from tests.stepping import fixed_context, update
 

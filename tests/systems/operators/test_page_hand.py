@@ -7,8 +7,8 @@ import pytest
 import umsgpack
 from pydrake.math import RigidTransform
 
-from systems.live.controls import LiveControls
-from systems.live.messages import Outbox
+from interfaces.live.controls import LiveControls
+from interfaces.live.messages import Outbox
 from systems.math.rotation import from_rotation_vector
 from systems.operators.page_hand import (
     HIGH,

@@ -11,6 +11,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
+from experiments.trial import trial_scenario
 from models.scenario import Scenario
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.math.rotation import from_rotation_vector
@@ -23,7 +24,6 @@ from systems.plant.contact_plant import (
     AddRigPlant,
     AddVirtualPlant,
 )
-from systems.runs.trial import trial_scenario
 
 G = 9.81
 

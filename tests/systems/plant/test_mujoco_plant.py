@@ -10,13 +10,13 @@ pytest.importorskip("mujoco", reason="needs the extra [peers]")
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
+from experiments.sweeps.trial_engines import make_rig
+from experiments.trial import run_rig, trial_scenario
 from skill.data.rig_run import ContactPlace
 from systems.plant.contact_plant import ALUMINIUM, STEEL, AddRigPlant
 from systems.plant.mujoco_model import MujocoContact
 from systems.plant.mujoco_plant import MujocoPlant
 from systems.rig import WireRig
-from systems.runs.trial import run_rig, trial_scenario
-from systems.sweeps.trial_engines import make_rig
 from tests.diagrams import unconnected_inputs
 from tests.systems.plant.mujoco_bench import Bench, G, hanging_weight
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from experiments.demonstration_run import run_demonstration
 from models.scenario import DEMONSTRATION_STREAM, SCENARIO_FOLDER, load_scenario, resolve_scenario
 from skill.data.demonstration import COLUMNS, validate_samples
-from systems.runs.demonstration_run import run_demonstration
 from systems.virtual_environment import start_pose
 
 NAMES = sorted(path.stem for path in SCENARIO_FOLDER.glob("*.yaml"))

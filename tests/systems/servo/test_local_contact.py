@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.math import RigidTransform
 
+from experiments.demonstration_run import DemonstrationRun
 from models.scenario import DEMONSTRATION_STREAM, load_scenario, resolve_scenario
 from systems.math.rotation import from_rotation_vector
-from systems.runs.demonstration_run import DemonstrationRun
 from systems.servo.local_contact import MAX_SPRINGS, LocalContact, Springs
 from systems.servo.probe import Probe
 from systems.servo.served_environment import MakeServedEnvironment

@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.served_run import ServedRun
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
 from skill.data.outcome import Outcome
 from systems.operators.page_hand import PAGE, HandInput
 from systems.operators.person_frame import hand_coordinates
-from systems.servo.served_run import ServedRun
 from systems.servo.servo_client import SILENCE, ServoClient
 from systems.servo.servo_process import STALL, Pace
 from systems.servo.shared_value import SharedValue
@@ -168,7 +168,7 @@ def test_a_simulation_that_was_stopped_does_not_take_the_servo_for_silent(scenar
 ORPHAN = f"""
 import os
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
-from systems.servo.served_run import ServedRun
+from experiments.served_run import ServedRun
 from systems.servo.servo_client import ServoClient
 
 if __name__ == "__main__":

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import systems.visualization.scene
+from experiments.demonstration_run import run_demonstration
+from experiments.trial import run_trial, trial_scenario
 from models.scenario import DEMONSTRATION_STREAM, resolve_scenario
-from systems.runs.demonstration_run import run_demonstration
-from systems.runs.trial import run_trial, trial_scenario
 from systems.visualization.scene import AddVisualization, aim_camera, recorded
 from tests.browser import blankness, open_page
 from tests.scripts.commands import run_python
@@ -121,9 +121,7 @@ def test_failed_recording_writes_no_page(tmp_path):
 @pytest.mark.slow
 def test_a_recording_prints_nothing(tmp_path):
     """In a process of its own: importing Drake sets the level of its log."""
-    imports = (
-        "import sys, systems.reports.terminal as t\nfrom pathlib import Path\nimport systems.visualization.scene as s"
-    )
+    imports = "import sys, interfaces.terminal as t\nfrom pathlib import Path\nimport systems.visualization.scene as s"
     code = f"{imports}\nwith s.recorded(Path(sys.argv[1])): pass"
     done = run_python("-c", code, tmp_path / "recording.html")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -1,0 +1,1 @@
+"""What is done with the diagrams: demonstrations, trials, corrections, sweeps and their scores."""

@@ -1,0 +1,92 @@
+"""A folder with folders in it that a command makes as a whole: it is there completely, or not at all."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from glob import escape
+from pathlib import Path
+
+from experiments.outputs.folder_lock import locked_file
+from skill.data.tables import TEMPORARY_MARK
+
+REPLACED = ".haptic-skill-replaced"
+"""What is added to the hidden name of a folder while it is replaced."""
+
+
+@contextmanager
+def new_folder(out: Path, *, files_of: Callable[[Path], set[str] | None] | None = None) -> Iterator[Path]:
+    """Yields an empty hidden folder beside ``out``, which is renamed to ``out`` at the end.
+
+    A process that is killed leaves ``out`` as it was; what else it leaves is removed or put back by the next call.
+
+    Args:
+        out: folder to make; an empty one may be there.
+        files_of: what may be replaced: it returns the paths of the files, relative to a folder, of which a folder of
+            the same kind consists, or None if it is not of this kind. None replaces nothing.
+
+    Raises:
+        ValueError: if ``out`` is there and may not be replaced. The message names what is in it.
+        OSError: if another process writes it, or it cannot be written. The folder ``out`` is then unchanged.
+    """
+    out = out.parent.resolve() / out.name
+    old = out.parent / f".{out.name}{REPLACED}"
+    with locked_file(out):
+        _finish(out, old)
+        check_new_folder(out, files_of=files_of)
+        staged = Path(tempfile.mkdtemp(dir=out.parent, prefix=f".{out.name}{TEMPORARY_MARK}"))
+        try:
+            yield staged
+            staged.chmod(0o755)
+            _flush(staged)
+            if out.exists():
+                out.rename(old)
+            staged.rename(out)
+        except BaseException:
+            shutil.rmtree(staged, ignore_errors=True)
+            _finish(out, old)
+            raise
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def check_new_folder(out: Path, *, files_of: Callable[[Path], set[str] | None] | None = None) -> None:
+    """Checks that a folder is not there, empty, or may be replaced; see `new_folder`.
+
+    Raises:
+        ValueError: if not. The message names what is in it.
+    """
+    if not os.path.lexists(out):
+        return
+    if out.is_symlink() or not out.is_dir():
+        raise ValueError(f"{out}: is there and no folder; choose another OUT")
+    found = {path.relative_to(out).as_posix() for path in out.rglob("*") if not path.is_dir()}
+    known = files_of(out) if files_of is not None else None
+    foreign = sorted(found - (known or set()))
+    if foreign:
+        what = f"holds {foreign[0]}" + (f" and {len(foreign) - 1} more files" if len(foreign) > 1 else "")
+        raise ValueError(f"{out}: {what}, which is not replaced; choose another OUT")
+
+
+def _finish(out: Path, old: Path) -> None:
+    """Puts a folder back whose replacement was interrupted, and removes what an interrupted call left."""
+    if old.is_dir() and not out.exists():
+        old.rename(out)
+    shutil.rmtree(old, ignore_errors=True)
+    for path in out.parent.glob(f".{escape(out.name)}{TEMPORARY_MARK}*"):
+        if re.fullmatch(r"[a-z0-9_]{8}", path.name.rpartition(TEMPORARY_MARK)[2]) and path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def _flush(folder: Path) -> None:
+    """Asks the system to write all files of a folder to the disk."""
+    for path in folder.rglob("*"):
+        if path.is_file():
+            handle = os.open(path, os.O_RDONLY)
+            try:
+                os.fsync(handle)
+            finally:
+                os.close(handle)

@@ -1,0 +1,136 @@
+"""Checks of outputs before the work begins: the place can be written, there is room, and no two files collide."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from experiments.outputs.folder_lock import LOCK_NAME
+from experiments.outputs.set_index import INDEX_NAME, read_index
+from skill.data.tables import TEMPORARY_MARK
+
+RECORDING_SIZE = 60_000  # bytes of a recording or a run, about
+REPORT_SIZE = 3_000_000  # bytes of a report with its replay or figures, at most
+TEMPORARY = len(f".{TEMPORARY_MARK}abcdefgh")  # what `write_atomically` adds to the name of a file
+
+CONTENTS = {
+    ".npz": ("a skill file", rb"PK\x03\x04.{26}[\w/]+\.npy"),  # a zip archive of arrays
+    ".html": ("an HTML page", rb"<!(?i:doctype html)"),
+    ".json": ("a JSON file", rb"[\[{]"),
+    ".png": ("a PNG picture", rb"\x89PNG\r\n\x1a\n"),
+    ".svg": ("an SVG picture", rb"<\?xml|<svg"),
+    ".csv": ("a table of states", rb"trial,time,state,probability\r?\n"),
+    ".md": ("a scoreboard in Markdown", rb"# Scoreboard"),
+    ".mcap": ("a log (MCAP)", rb"\x89MCAP0\r\n"),
+    ".parquet": ("a recording or run (Parquet)", rb"PAR1"),
+}
+"""How the kinds of file begin, by the suffix that they usually have. No command replaces a single Parquet file."""
+
+
+def check_folder(folder: Path, *, option: str = "--out", size: int = 0) -> None:
+    """Checks that a folder exists or can be made, can be written, and has room for ``size`` bytes.
+
+    Raises:
+        OSError: if not. The message names the option, the path and the reason.
+    """
+    existing = next(path for path in (folder, *folder.absolute().parents) if os.path.lexists(path))
+    if not existing.is_dir():
+        raise NotADirectoryError(f"{option} {folder}: {existing} is not a folder; choose another place")
+    _check_name(folder, existing, option)
+    try:
+        with tempfile.TemporaryFile(dir=existing):
+            pass
+    except OSError as error:
+        raise OSError(f"{option} {folder}: cannot write in {existing} ({error.strerror})") from error
+    free = shutil.disk_usage(existing).free
+    if free < size:
+        raise OSError(f"{option} {folder}: needs about {_megabytes(size)}, but only {_megabytes(free)} are free")
+
+
+def check_file(path: Path, suffix: str, *, option: str = "--out", size: int = 0) -> None:
+    """Checks that a file can be written or replaced, as `check_folder` checks a folder.
+
+    Args:
+        path: of the file.
+        suffix: kind of content that the command will write, a key of ``CONTENTS``. A file that is there must be of this
+            kind too, or empty. The path may have another suffix.
+        option: that gave the path, for messages.
+        size: of the file, bytes.
+
+    Raises:
+        ValueError: if the path belongs to a folder of recordings or runs, or a file of another kind is there.
+        OSError: if the file cannot be written. All messages name the option, the path and the reason.
+    """
+    if path.is_dir():
+        raise IsADirectoryError(f"{option} {path}: is a folder; expected the name of a file")
+    if path.exists() and not path.is_file():
+        raise OSError(f"{option} {path}: is a device or a pipe; expected the name of a file")
+    check_folder(path.parent, option=option, size=size)
+    _check_name(path, path.parent, option)
+    _refuse_file_of_a_set(path, option)
+    if path.exists():
+        _refuse_other_content(path, suffix, option)
+
+
+def require_distinct(files: Mapping[str, Path]) -> None:
+    """Checks that the files of a command, by the names of their options, are different ones.
+
+    Raises:
+        ValueError: if two are the same. The message names both.
+    """
+    seen: dict[Path, str] = {}
+    for name, path in files.items():
+        other = seen.setdefault(path.resolve(), name)
+        if other != name:
+            raise ValueError(f"{other} and {name} are the same file, {path}; choose another name for one of them")
+
+
+@contextmanager
+def named_errors(path: Path, kept: str) -> Iterator[None]:
+    """Turns an OSError while a file is written into one line that names the file and says what is kept."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(f"{path}: not written ({error.strerror or error}); {kept}") from error
+
+
+def _refuse_file_of_a_set(path: Path, option: str) -> None:
+    """Refuses the index and the locks of a folder, and the files that its index lists."""
+    if path.name == INDEX_NAME:
+        raise ValueError(f"{option} {path}: the name of the index of a folder; choose another {option}")
+    if path.name == LOCK_NAME or re.fullmatch(r"\..+\.lock", path.name):
+        raise ValueError(f"{option} {path}: the name of a lock; choose another {option}")
+    index = read_index(path.parent)
+    if index is not None and path.name in index.names:
+        raise ValueError(
+            f"{option} {path}: belongs to the {index.kind.name} in {path.parent}, as its index says; choose another"
+            f" {option}"
+        )
+
+
+def _refuse_other_content(path: Path, suffix: str, option: str) -> None:
+    """Refuses to replace a file of another kind than the command writes."""
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(512)
+    except OSError as error:
+        raise OSError(f"{option} {path}: cannot be read, so it is not replaced ({error.strerror})") from error
+    name, pattern = CONTENTS[suffix]
+    if start and not re.match(pattern, start, re.DOTALL):
+        found = next((other for other, begin in CONTENTS.values() if re.match(begin, start, re.DOTALL)), "another file")
+        raise ValueError(f"{option} {path}: is {found}, and is not replaced by {name}; choose another {option}")
+
+
+def _check_name(path: Path, existing: Path, option: str) -> None:
+    longest = os.pathconf(existing if existing.exists() else "/", "PC_NAME_MAX") - TEMPORARY
+    if len(os.fsencode(path.name)) > longest:
+        raise OSError(f"{option} {path}: the name is longer than {longest} bytes; choose a shorter one")
+
+
+def _megabytes(size: int) -> str:
+    return f"{size / 1e6:,.0f} MB"

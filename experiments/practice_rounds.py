@@ -1,0 +1,223 @@
+"""Practice on the rig: rounds of perturbed trials, policy update and check."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from experiments.trial import run_trial
+from experiments.trial_result import TrialResult
+from experiments.worker_pool import run_in_processes
+from models.scenario import CHECK_STREAM, PRACTICE_STREAM, Scenario, resolve_scenario
+from skill.data.rig_run import RigRun
+from skill.manipulation_skill import ManipulationSkill
+from skill.practice.exploration import Cost, ExplorationNoise, PerturbedPolicy, Rollout, rollout_of
+from skill.practice.policy_update import AdvantageWeighting, advantage_weighted_update
+
+Trial = tuple[TrialResult, RigRun]
+"""Result and record of a trial."""
+
+
+@dataclass(frozen=True)
+class Practice:
+    """Parameters of practice.
+
+    Attributes:
+        rounds: number of rounds; each ends with a policy update and a check.
+        starts: number of starts per round. Each start is tried twice, with a perturbation and with its opposite, so
+            that an easy start favours neither.
+        checks: number of check trials. They are not perturbed and the same in every round. A new skill must cost less
+            on them than the skill before it.
+        seed: seed of the starts and perturbations.
+        exploration: distribution of the perturbations.
+        cost: cost of a trial.
+        weighting: parameters of the policy update.
+    """
+
+    rounds: int = 4
+    starts: int = 8
+    checks: int = 8
+    seed: int = 0
+    exploration: ExplorationNoise = field(default_factory=ExplorationNoise)
+    cost: Cost = field(default_factory=Cost)
+    weighting: AdvantageWeighting = field(default_factory=AdvantageWeighting)
+
+    @property
+    def n_trials(self) -> int:
+        """Number of all trials, including the first check."""
+        return self.checks + self.rounds * (2 * self.starts + self.checks)
+
+
+class TrialStore(Protocol):
+    """Keeps finished trials, so that an interrupted practice need not repeat them."""
+
+    def load(self, name: str) -> Trial | None:
+        """Returns the trial that was saved under a name, or None."""
+
+    def save(self, name: str, trial: Trial) -> None:
+        """Saves a trial."""
+
+
+class NoStore:
+    """Keeps nothing."""
+
+    def load(self, name: str) -> None:
+        """Returns None."""
+
+    def save(self, name: str, trial: Trial) -> None:
+        """Does nothing."""
+
+
+NO_STORE = NoStore()
+
+
+@dataclass(frozen=True)
+class Check:
+    """The check trials of one skill.
+
+    Attributes:
+        results: results of the trials.
+        costs: cost of each trial, s.
+    """
+
+    results: list[TrialResult]
+    costs: list[float]
+
+    def beats(self, other: Check) -> bool:
+        """Returns whether this skill costs less on the same trials and inserts at least as often."""
+        inserted = sum(r.inserted for r in self.results) >= sum(r.inserted for r in other.results)
+        return inserted and sum(self.costs) < sum(other.costs)
+
+
+@dataclass(frozen=True)
+class Round:
+    """One round of practice.
+
+    Attributes:
+        skill: the best skill so far.
+        practised: results of the perturbed trials.
+        check: check of the skill that this round produced.
+        kept: whether that skill replaced the one before it.
+    """
+
+    skill: ManipulationSkill
+    practised: list[TrialResult]
+    check: Check
+    kept: bool
+
+
+def practise(
+    scenario: Scenario,
+    skill: ManipulationSkill,
+    practice: Practice,
+    *,
+    jobs: int,
+    advance: Callable[[str], None] = lambda note: None,
+    store: TrialStore = NO_STORE,
+) -> Iterator[Round]:
+    """Yields the rounds as they finish; the first is a check of the initial skill.
+
+    A round performs trials with perturbations of the best skill so far, updates that skill with all rollouts since it
+    was found, and checks the result. The starts of practice and checks come from random streams of their own, so they
+    differ from those of demonstrations and rig trials.
+
+    Args:
+        scenario: with ranges.
+        skill: the initial skill; it is not changed.
+        practice: parameters.
+        jobs: number of processes.
+        advance: called with a message after each trial.
+        store: keeps the finished trials under the names of `trial_names`.
+    """
+
+    def check_skill(candidate: ManipulationSkill, round_number: int) -> Check:
+        numbers = [practice.seed * practice.checks + k for k in range(practice.checks)]
+        tasks = [
+            partial(run_trial, resolve_scenario(scenario, seed=n, stream=CHECK_STREAM), candidate, seed=n)
+            for n in numbers
+        ]
+        runs = run_stored(tasks, check_names(round_number, practice.checks), store, jobs=jobs, advance=advance)
+        return Check([r for r, _ in runs], [practice.cost.of_run(run) for _, run in runs])
+
+    best, best_check = skill, check_skill(skill, 0)
+    yield Round(best, [], best_check, kept=True)
+    rollouts: list[Rollout] = []
+    for number in range(practice.rounds):
+        first = (practice.seed * practice.rounds + number) * practice.starts
+        starts = range(first, first + practice.starts)
+        trials = [trial for n in starts for trial in _opposite_trials(best, practice, scenario, n)]
+        tasks = [
+            partial(run_trial, resolve_scenario(scenario, seed=n, stream=PRACTICE_STREAM), policy, seed=n)
+            for n, policy in trials
+        ]
+        runs = run_stored(tasks, practice_names(number + 1, practice.starts), store, jobs=jobs, advance=advance)
+        rollouts += [rollout_of(run, policy, practice.cost) for (_, policy), (_, run) in zip(trials, runs, strict=True)]
+        candidate = advantage_weighted_update(best, rollouts, practice.weighting)
+        check = check_skill(candidate, number + 1)
+        kept = check.beats(best_check)
+        if kept:
+            best, best_check, rollouts = candidate, check, []
+        yield Round(best, [r for r, _ in runs], check, kept)
+
+
+def _opposite_trials(
+    skill: ManipulationSkill, practice: Practice, scenario: Scenario, number: int
+) -> list[tuple[int, PerturbedPolicy[ManipulationSkill]]]:
+    """Returns two trials of one start: with a perturbation and with its opposite."""
+    rng = np.random.default_rng([PRACTICE_STREAM, number, 1])  # the start itself is drawn from [stream, number]
+    perturbation = practice.exploration.draw(rng, scenario.full_depth)
+    return [(number, PerturbedPolicy(skill, p)) for p in (perturbation, perturbation.opposite())]
+
+
+def check_names(round_number: int, checks: int) -> list[str]:
+    """The names of the check trials of a round; round 0 checks the initial skill."""
+    return [f"round_{round_number:04d}_check_{k:04d}.parquet" for k in range(checks)]
+
+
+def practice_names(round_number: int, starts: int) -> list[str]:
+    """The names of the perturbed trials of a round."""
+    return [f"round_{round_number:04d}_trial_{k:04d}.parquet" for k in range(2 * starts)]
+
+
+def trial_names(practice: Practice) -> list[str]:
+    """The names of all trials of a practice, in their order."""
+    names = check_names(0, practice.checks)
+    for number in range(1, practice.rounds + 1):
+        names += [*practice_names(number, practice.starts), *check_names(number, practice.checks)]
+    return names
+
+
+def run_stored(
+    tasks: Sequence[Callable[[], Trial]],
+    names: Sequence[str],
+    store: TrialStore,
+    *,
+    jobs: int,
+    advance: Callable[[str], None],
+) -> list[Trial]:
+    """Runs the trials that a store does not have yet, saves each as it ends, and returns all in order.
+
+    Args:
+        tasks: functions that run a trial each.
+        names: name of each in the store.
+        store: of finished trials.
+        jobs: number of processes.
+        advance: called with a message after each trial.
+    """
+    done: dict[str, Trial] = {}
+    for name in names:
+        trial = store.load(name)
+        if trial is not None:
+            done[name] = trial
+            advance(f"{name}: there already")
+    missing = [(name, task) for name, task in zip(names, tasks, strict=True) if name not in done]
+    for (name, _), trial in zip(missing, run_in_processes((task for _, task in missing), jobs=jobs), strict=True):
+        store.save(name, trial)
+        done[name] = trial
+        advance(f"{Path(name).stem.replace('_', ' ')}: {trial[0].reason}, {trial[0].time:.1f} s")
+    return [done[name] for name in names]

@@ -1,0 +1,90 @@
+"""What a sweep will cost, from what trials have cost so far."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from experiments.sweeps.result_blocks import read_block
+from experiments.sweeps.trial_engines import DRAKE, MUJOCO
+
+TRIAL_CPU = {DRAKE: 1.8, MUJOCO: 1.6}  # in units of s; of the default skill
+DEMONSTRATION_CPU = 2.0  # in units of s
+POLICY_CPU = 6.0  # in units of s
+SAMPLED = 20
+"""Number of blocks of an engine whose trials tell what a trial costs."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """The estimated cost of a sweep.
+
+    Attributes:
+        trials, demonstrations, policies: numbers that are missing.
+        unknown: number of these policies that functions make, which may tune them for long.
+        cpu: of all but those, s.
+        measured: whether the cost of a trial was measured in these results.
+    """
+
+    trials: int
+    demonstrations: int
+    policies: int
+    unknown: int
+    cpu: float
+    measured: bool
+
+    def text(self, workers: int) -> str:
+        """Returns the cost as one line, for a number of processes."""
+        parts = [f"{self.trials:,} trials"]
+        parts += [f"{self.demonstrations:,} demonstrations"] if self.demonstrations else []
+        parts += [f"{self.policies:,} policies"] if self.policies else []
+        source = "measured in these results" if self.measured else "a guess from other machines"
+        time = f"{duration(self.cpu)} of CPU, {duration(self.cpu / workers)} with {workers} processes"
+        rest = f", without the making of {self.unknown:,} policies by functions" if self.unknown else ""
+        return f"to do: {', '.join(parts)}; about {time} ({source}){rest}"
+
+
+def cost_of(
+    data: Path, *, trials: Sequence[tuple[str, int]], demonstrations: int, policies: int, unknown: int = 0
+) -> Cost:
+    """Estimates a cost.
+
+    Args:
+        data: folder of the data set; trials in it tell what a trial costs.
+        trials: engines and the numbers of trials that are missing.
+        demonstrations: number that has to be recorded.
+        policies: number that has to be made.
+        unknown: number of them that functions make.
+
+    Raises:
+        ValueError: if a file of the data set is damaged.
+    """
+    measured = {engine: _measured(data, engine) for engine in {engine for engine, _ in trials}}
+    cpu = sum(number * (measured[engine] or TRIAL_CPU[engine]) for engine, number in trials)
+    return Cost(
+        trials=sum(number for _, number in trials),
+        demonstrations=demonstrations,
+        policies=policies,
+        unknown=unknown,
+        cpu=cpu + demonstrations * DEMONSTRATION_CPU + (policies - unknown) * POLICY_CPU,
+        measured=all(measured.values()),
+    )
+
+
+def _measured(data: Path, engine: str) -> float | None:
+    """The mean CPU time of a trial in some blocks of an engine, s; None without any."""
+    paths = sorted(data.glob(f"policy=*/arm=*/engine={engine}/*.parquet"))
+    chosen = [paths[k] for k in np.linspace(0, len(paths) - 1, min(SAMPLED, len(paths))).astype(int)]
+    times = [read_block(path, ["cpu_s"])["cpu_s"].to_numpy() for path in chosen]
+    return float(np.mean(np.concatenate(times))) if times else None
+
+
+def duration(seconds: float) -> str:
+    """Returns a time as text: seconds, minutes, hours or days."""
+    for size, unit in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.0f} s"

@@ -1,0 +1,295 @@
+"""Makes the policies of a sweep: loads, learns or tunes them; each has a digest of what it is made from."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+import re
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import packages_distributions
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from experiments.provenance import version_of, versions
+from experiments.sweeps.code_digest import PACKAGES, code_digest, is_local, modules_of, values_digest
+from experiments.sweeps.specification import PolicyPlan
+from experiments.trial import Arm
+from models.document import brief
+from models.scenario import Scenario
+from skill.data.demonstration import Demonstration, read_demonstration
+from skill.data.geometry import PegHoleGeometry
+from skill.features.responses import observations
+from skill.features.wrench_features import MEASURED
+from skill.manipulation_skill import ManipulationSkill
+from skill.policy import RigPolicy, WrappedPolicy
+from systems.control.faults import one_line
+
+IMPORT_PATH = re.compile(r"[A-Za-z_][\w.]*:\w+")
+"""What names something in a module."""
+
+QUERIES = 300
+"""Decisions over which the query time is measured."""
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """What a policy is made from.
+
+    Attributes:
+        scenario: unresolved, of the cell in which the policy will act.
+        arm: which trials it will perform; None for all (``for_all_arms``).
+        demonstrations: of one set; empty for a policy that learns nothing.
+        seed: of the set of demonstrations.
+    """
+
+    scenario: Scenario
+    arm: Arm | None
+    demonstrations: list[Demonstration]
+    seed: int
+
+
+@dataclass(frozen=True)
+class MadePolicy:
+    """A policy and what making it cost.
+
+    Attributes:
+        policy: that acts.
+        train_s: CPU time of the making, s; None for a skill that was loaded.
+        query_ms: median time of a decision over measurements of demonstrations, ms; None without any.
+        demonstrations: number that it learnt from; None if it learnt from none or does not say.
+    """
+
+    policy: RigPolicy
+    train_s: float | None
+    query_ms: float | None
+    demonstrations: int | None
+
+
+class CarriedOver(WrappedPolicy[RigPolicy]):
+    """A policy that serves other pegs and holes than the one it was made for."""
+
+    @property
+    def metadata_(self) -> Mapping[str, Any]:
+        """Empty: the policy is not tied to a peg and hole."""
+        return {}
+
+
+@dataclass(frozen=True)
+class GivenSkill:
+    """What is known of a skill file that a specification names.
+
+    Attributes:
+        path: of the file.
+        digest: of its content when the sweep was planned.
+        geometry: of the peg and hole that it serves; None if it does not say.
+    """
+
+    path: Path
+    digest: str
+    geometry: PegHoleGeometry | None
+
+    @classmethod
+    def read(cls, path: Path) -> GivenSkill:
+        """Reads a skill file.
+
+        Raises:
+            ValueError: if it is none.
+        """
+        return cls(path, file_digest(path), PegHoleGeometry.find(ManipulationSkill.load(path).metadata_, "the skill"))
+
+    def load(self) -> ManipulationSkill:
+        """Loads the skill.
+
+        Raises:
+            ValueError: if the file has changed since it was read, or is damaged.
+        """
+        skill = ManipulationSkill.load(self.path)
+        if file_digest(self.path) != self.digest:
+            raise ValueError(f"{self.path}: changed since the sweep began; give the command again")
+        return skill
+
+
+def file_digest(path: Path) -> str:
+    """Returns a digest of the content of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+
+
+def imported(path: str) -> Any:
+    """Returns what an import path ``package.module:name`` names.
+
+    Raises:
+        ValueError: if there is no such module or name. The message says why.
+    """
+    module, _, name = path.partition(":")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except Exception as error:  # whatever a module raises
+        raise ValueError(f"{path}: cannot be imported ({one_line(error)})") from error
+
+
+def learn(lesson: Lesson, *, skill: str | None = None, **options: Any) -> RigPolicy:
+    """Learns a `ManipulationSkill` from the demonstrations of a lesson.
+
+    Args:
+        lesson: with demonstrations.
+        skill: import path of a class to use in place of `ManipulationSkill`.
+        **options: arguments of the class. Where a text is an import path, what it names is called without arguments;
+            so a part such as ``states`` or ``regressor`` is replaced.
+
+    Raises:
+        ValueError: if an option cannot be imported, or nothing can be learnt.
+    """
+    kind = ManipulationSkill if skill is None else imported(skill)
+    parts = {name: imported(value)() if import_paths(value) else value for name, value in options.items()}
+    learnt: RigPolicy = kind(**parts).fit(lesson.demonstrations)
+    return learnt
+
+
+def check_imports(plan: PolicyPlan) -> None:
+    """Checks that what a plan names can be imported and that `learn` knows its options.
+
+    Raises:
+        ValueError: naming the policy and what is wrong.
+    """
+    kind = plan.options.get("skill", "skill.manipulation_skill:ManipulationSkill") if plan.make is None else ""
+    if not isinstance(kind, str):
+        raise ValueError(
+            f"policies.{plan.name}.learn.skill is {brief(kind)}, expected an import path package.module:name"
+        )
+    try:
+        known = {"skill", *inspect.signature(imported(kind)).parameters} if kind else set()
+        if plan.make is not None:
+            inspect.signature(imported(plan.make)).bind(None, **plan.options)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"policies.{plan.name}: {error}") from error
+    for name in plan.options if plan.make is None else ():
+        if name not in known:
+            raise ValueError(f"policies.{plan.name}.learn.{name}: unknown key, expected one of {sorted(known)}")
+    for path in named_by(plan):
+        try:
+            imported(path)
+        except ValueError as error:
+            raise ValueError(f"policies.{plan.name}: {error}") from error
+
+
+def import_paths(*values: Any) -> list[str]:
+    """Returns the values that are import paths."""
+    return [value for value in values if isinstance(value, str) and IMPORT_PATH.fullmatch(value)]
+
+
+def make_policy(plan: PolicyPlan, lesson: Lesson) -> MadePolicy:
+    """Makes the policy of a plan from a lesson, on one thread.
+
+    Raises:
+        ValueError: naming the policy and why it cannot be made.
+    """
+    try:
+        return _made(plan, lesson)
+    except Exception as error:  # whatever a part of the user raises
+        raise ValueError(f"policies.{plan.name}: cannot be made ({one_line(error)})") from error
+
+
+def _made(plan: PolicyPlan, lesson: Lesson) -> MadePolicy:
+    make: Callable[..., RigPolicy] = learn if plan.make is None else imported(plan.make)
+    begun = time.process_time()
+    with threadpool_limits(1):
+        policy = make(lesson, **plan.options)
+    trained = time.process_time() - begun
+    found = policy.metadata_.get("demonstrations")
+    return MadePolicy(
+        policy=CarriedOver(policy) if plan.carried_over else policy,
+        train_s=trained,
+        query_ms=query_time(policy, lesson.demonstrations) if lesson.demonstrations else None,
+        demonstrations=found if isinstance(found, int) else None,
+    )
+
+
+def chosen(plan: PolicyPlan, paths: list[Path]) -> list[Demonstration]:
+    """Reads the demonstrations of a set that a plan learns from, given the files of the good ones, then of the bad."""
+    if plan.demonstrations is None:
+        return []
+    found = [read_demonstration(path) for path in paths]
+    if plan.demonstrations.select is not None:
+        try:
+            found = imported(plan.demonstrations.select)(found)
+        except Exception as error:  # whatever a user's function raises
+            raise ValueError(f"policies.{plan.name}: {plan.demonstrations.select}: {one_line(error)}") from error
+    return found
+
+
+def policy_digest(plan: PolicyPlan, made_from: Mapping[str, Any]) -> str:
+    """Returns the digest of what decides a policy: its plan, what it is made from, and the code of its own modules.
+
+    Args:
+        plan: of the policy.
+        made_from: what else decides it, as JSON values: the skill file, the demonstrations, or the scenario.
+    """
+    select = plan.demonstrations.select if plan.demonstrations else None
+    return values_digest(
+        {
+            **{"carried_over": plan.carried_over, "make": plan.make, "options": plan.options, "select": select},
+            **{"from": dict(made_from), "versions": versions()},
+            "code": [_own_code(path.partition(":")[0]) for path in named_by(plan)],
+        }
+    )
+
+
+def own_modules(plan: PolicyPlan) -> set[str]:
+    """Returns the names of the modules that a plan names and of what they import, without installed packages."""
+    found: set[str] = set()
+    for path in named_by(plan):
+        module = path.partition(":")[0]
+        package = module.split(".")[0]
+        if package in PACKAGES or is_local(package):
+            found |= modules_of([module])
+    return found
+
+
+def named_packages(plan: PolicyPlan) -> set[str]:
+    """Returns the names of the installed distributions that hold what a plan names."""
+    return {name for path in named_by(plan) for name in _distributions(path.partition(":")[0])}
+
+
+def named_by(plan: PolicyPlan) -> list[str]:
+    """Returns the import paths of a plan."""
+    select = plan.demonstrations.select if plan.demonstrations else None
+    return import_paths(plan.make, select, *plan.options.values())
+
+
+@lru_cache(maxsize=256)
+def _own_code(module: str) -> str:
+    """The digest of a module and what it imports; of an installed package its version."""
+    package = module.split(".")[0]
+    if package in PACKAGES or is_local(package):
+        return code_digest([module])
+    return ", ".join(f"{name} {version_of(name)}" for name in _distributions(module))
+
+
+@lru_cache(maxsize=256)
+def _distributions(module: str) -> list[str]:
+    """The names of the installed distributions that hold a module."""
+    return sorted({*packages_distributions().get(module.split(".")[0], ())})
+
+
+def query_time(policy: RigPolicy, demonstrations: list[Demonstration]) -> float:
+    """Median time of one decision (features, state, context and action) over measurements of demonstrations, ms."""
+    rows = np.vstack([d.samples[list(MEASURED)].to_numpy() for d in demonstrations])
+    rows = rows[np.linspace(0, len(rows) - 1, QUERIES).astype(int)]
+    state_filter, context_filter = policy.state_filter(), policy.context_filter()
+    belief, memory = state_filter.initial_log_belief(), context_filter.initial_memory()
+    times = []
+    for row in rows:
+        begun = time.perf_counter()
+        estimate = state_filter.step(belief, policy.measured_features(row))
+        context = context_filter.step(memory, observations(row, np.zeros(2)))
+        policy.act(row, estimate.probabilities, context.probabilities)
+        times.append(time.perf_counter() - begun)
+        belief, memory = estimate.log_belief, context.memory
+    return 1e3 * float(np.median(times))

@@ -1,0 +1,153 @@
+"""The rows of a sweep: one trial each, with all that decides it and all that was measured."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cache
+from typing import Any
+
+import pyarrow as pa
+from threadpoolctl import threadpool_limits
+
+from experiments.provenance import version_of, versions
+from experiments.sweeps.code_digest import first_digest, modules_of, values_digest
+from experiments.sweeps.trial_engines import MUJOCO, RigBench
+from experiments.trial import Arm, run_rig, trial_scenario
+from experiments.trial_result import LATER_NUMBERS, TrialResult
+from models.scenario import Scenario, dump_scenario
+from skill.policy import RigPolicy
+
+Row = dict[str, Any]
+
+_bench = RigBench()
+"""The rig of this process."""
+
+MEASURED_NUMBERS = (
+    *("tilt_x_deg", "tilt_y_deg", "time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "peak_moment_nm"),
+    *("penetration_um", *LATER_NUMBERS, "unknown_s", "unsupported_s"),
+)
+COUNTS = ("steps", "lost_steps", "back_offs")
+
+SCHEMA = pa.schema(
+    [
+        *(("key", pa.string()), ("trial", pa.int64()), ("factors", pa.string()), ("inserted", pa.bool_())),
+        *(("outcome", pa.string()), ("fault", pa.string()), ("reason", pa.string()), ("trusted", pa.bool_())),
+        *((name, pa.float64()) for name in MEASURED_NUMBERS),
+        *((name, pa.int64()) for name in COUNTS),
+        *(("skill", pa.string()), ("states", pa.int64())),
+        *(("demonstration_set", pa.int64()), ("demonstrations", pa.int64())),
+        *(("train_s", pa.float64()), ("query_ms", pa.float64()), ("cpu_s", pa.float64())),
+        *((name, pa.float64()) for name in ("friction", "pivot_mm", "peg_radius_mm", "hole_radius_mm", "clearance")),
+        *((name, pa.float64()) for name in ("force_limit_n", "time_limit_s")),
+        *((name, pa.string()) for name in ("scenario", "versions", "code", "began")),
+    ]
+)
+"""The columns of every file; ``policy``, ``arm`` and ``engine`` are the names of its folders. docs/sweeps.md has their
+units and meanings."""
+
+
+@dataclass(frozen=True)
+class TrialSource:
+    """All that decides the trials of a cell but their number.
+
+    Attributes:
+        scenario: unresolved, of the cell.
+        arm: which trials.
+        engine: that simulates.
+        policy: digest of the policy that acts.
+        name: of the policy.
+        factors: of the cell, as JSON.
+    """
+
+    scenario: Scenario
+    arm: Arm
+    engine: str
+    policy: str
+    name: str
+    factors: str
+
+    def digest(self) -> str:
+        """Returns the digest of what decides the trials, the code and the versions of the packages included."""
+        known = {
+            **{"scenario": dump_scenario(self.scenario), "arm": self.arm.value, "engine": self.engine},
+            **{"policy": self.policy, "name": self.name, "factors": self.factors, "code": trial_code()},
+            "versions": engine_versions(self.engine),
+        }
+        return values_digest(known)
+
+
+def row_key(source_digest: str, number: int) -> str:
+    """Returns the key of a trial, given the digest of its source and its number."""
+    return hashlib.sha256(f"{source_digest} {number}".encode()).hexdigest()[:32]
+
+
+@cache
+def trial_code() -> str:
+    """Returns the digest of the code that simulates trials and makes policies, as this process found it first."""
+    return first_digest(trial_modules())
+
+
+@cache
+def trial_modules() -> tuple[str, ...]:
+    """Returns the names of the modules that `trial_code` reads."""
+    return tuple(sorted(modules_of([__name__, "experiments.sweeps.policies", "experiments.demonstration_set"])))
+
+
+def engine_versions(engine: str) -> dict[str, str]:
+    """Returns the versions of the packages that decide the result of a trial in an engine."""
+    return versions() | ({"mujoco": version_of("mujoco")} if engine == MUJOCO else {})
+
+
+def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[str, Any]) -> Row:
+    """Performs one trial and returns its row.
+
+    Args:
+        source: of the trial.
+        policy: that acts.
+        number: of the trial.
+        known: further columns, the same for all trials of the policy.
+
+    Raises:
+        ValueError: if the scenario has no such trial, or the policy is made for another peg or hole.
+    """
+    began, cpu = datetime.now(UTC), time.process_time()
+    with threadpool_limits(1):
+        scenario = trial_scenario(source.scenario, number=number, arm=source.arm)
+        rig = _bench.rig(source, source.engine, scenario, policy)
+        result, _ = run_rig(rig, scenario, policy, seed=number)
+    return {
+        **result_columns(result),
+        **scenario_columns(scenario),
+        **known,
+        "factors": source.factors,
+        "states": policy.n_states,
+        "cpu_s": time.process_time() - cpu,
+        "began": began.isoformat(timespec="seconds"),
+    }
+
+
+def result_columns(result: TrialResult) -> Row:
+    """Returns the columns of a result: rounded, in mm, um and degrees, as in ``results.json``."""
+    record = result.record()
+    pitch, yaw = record["tilt_deg"]
+    return {
+        **{"trial": result.seed, "inserted": result.inserted, "outcome": result.outcome.value},
+        **{"fault": result.fault.name.lower() if result.fault else "", "reason": result.reason},
+        **{"trusted": result.trusted, "tilt_x_deg": pitch, "tilt_y_deg": yaw},
+        **{name: record[name] for name in (*MEASURED_NUMBERS, *COUNTS) if name in record},
+    }
+
+
+def scenario_columns(scenario: Scenario) -> Row:
+    """Returns the columns of a resolved scenario."""
+    g, pivot = scenario.geometry, scenario.rig.pivot_height
+    return {
+        **{"friction": scenario.contact.friction, "pivot_mm": None if pivot is None else 1e3 * pivot},
+        **{"peg_radius_mm": 1e3 * g.peg_radius, "hole_radius_mm": 1e3 * g.hole_radius},
+        **{"clearance": g.clearance / g.peg_radius, "force_limit_n": scenario.controller.force_limit},
+        **{"time_limit_s": scenario.trial.time_limit, "scenario": dump_scenario(scenario)},
+    }

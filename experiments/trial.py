@@ -1,0 +1,325 @@
+"""Rig trials: simulation, monitoring and evaluation."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterator
+from dataclasses import asdict
+from enum import StrEnum
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, EventStatus
+
+from experiments.metrics.field_score import field_score
+from experiments.metrics.force_metrics import ForceMetrics
+from experiments.metrics.jamming import is_jammed
+from experiments.metrics.motion_metrics import MotionMetrics
+from experiments.metrics.penetration import deepest_overlap
+from experiments.metrics.wedging import WedgeMetrics
+from experiments.provenance import versions
+from experiments.trial_result import TRUSTED_OVERLAP, TrialResult
+from experiments.worker_pool import run_in_processes
+from models.clearance import relative_entry_tilt
+from models.scenario import STRESS_STREAM, TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
+from skill.arrays import Array
+from skill.data.outcome import UNPHYSICAL, Outcome
+from skill.data.rig_run import CONTACT_COLUMNS, RigRun
+from skill.policy import RigPolicy
+from systems.control.faults import Fault, one_line
+from systems.plant.contact_plant import DIVERGENCE_FORCE
+from systems.rig import MakeRig
+from systems.rig_diagram import RigDiagram
+
+
+class TrialMonitor:
+    """A Simulator's monitor that ends a trial and records what the rig does not.
+
+    The trial ends when the peg is inserted, when the policy has nothing new to try, when the watchdog has stopped the
+    rig, or when the simulation diverges.
+    The Simulator calls the monitor at every event of a system. What the plant shows changes only with its own step and
+    is read once for each. The single contacts cost more than the net wrench: they are read once a controller period,
+    and between them where `ForceMetrics.is_news` says so.
+
+    Attributes:
+        outcome: how the trial ended; ``TIME_OVER`` until something else ends it.
+        detail: text that adds to the outcome.
+        forces: the forces so far.
+        motion: the motion of the peg so far.
+        wedges: the wedges so far.
+        depth: depth of the tip, m.
+    """
+
+    def __init__(self, rig: RigDiagram, scenario: Scenario) -> None:
+        self._rig = rig
+        self._scenario = scenario
+        self._next_pose = 0.0
+        self._step = -1  # number of the plant step that was read last
+        self._poses: list[Array] = []
+        self.outcome = Outcome.TIME_OVER
+        self.detail = ""
+        self.forces = ForceMetrics(scenario.geometry.peg_radius, scenario.contact.time_step)
+        self.motion = MotionMetrics(scenario.contact.time_step, scenario.geometry.hole_depth)
+        self.wedges = WedgeMetrics(scenario.contact.friction, scenario.controller.period)
+        self.depth = float("nan")
+
+    def __call__(self, context: Context) -> EventStatus:
+        """Checks and records one step; ``context`` is the diagram's."""
+        time = context.get_time()
+        status = EventStatus.DidNothing()
+        if time >= self._next_pose - 1e-9:
+            self._record(context)
+            status = self._check_control(context)
+        step = math.ceil(time / self._scenario.contact.time_step - 1e-6)
+        if step == self._step or status.severity() is EventStatus.Severity.kReachedTermination:
+            return status
+        self._step = step
+        return self._check(context)
+
+    def _record(self, context: Context) -> None:
+        """Records what is kept once a controller period."""
+        X_HP = self._rig.contact.peg_in_hole(context)
+        self._poses.append(np.concatenate([X_HP.translation(), X_HP.rotation().col(2)]))
+        contacts = self._rig.contact.contacts(context)
+        self.forces.add_row(contacts)
+        self.wedges.add_row(contacts)
+        self._next_pose += self._scenario.controller.period
+
+    def _check_control(self, context: Context) -> EventStatus:
+        """Checks whether watchdog or controller have ended the trial."""
+        if self._rig.stopped(context):
+            return self._end(Outcome.FAULT)
+        tried = self._rig.tried(context)
+        if tried and self._rig.fault(context) is Fault.NONE:  # after a fault the peg is still drawn back
+            return self._end(Outcome.JAMMED, tried)
+        return EventStatus.DidNothing()
+
+    def _check(self, context: Context) -> EventStatus:
+        """Checks and records a step of the plant."""
+        wrench = self._rig.contact_wrench(context)
+        self.depth = -self._rig.contact.tip_height(context)
+        if not (np.isfinite(wrench).all() and np.isfinite(self.depth)):
+            return self._end(Outcome.DIVERGED, "a force or a position is not finite")
+        force = math.hypot(*wrench[:3])
+        if force > DIVERGENCE_FORCE:
+            return self._end(Outcome.DIVERGED, f"a contact force of {force:.3g} N")
+        self.motion.add_step(self._rig.contact.peg_in_hole(context).translation())
+        if context.get_time() > 0:
+            self.forces.add_step(wrench)
+            if self.forces.is_news(wrench, self._rig.contact.contact_extent(context)):
+                self.forces.add_contacts(self._rig.contact.contacts(context))
+        if self.depth >= self._scenario.full_depth:
+            return self._end(Outcome.INSERTED)
+        return EventStatus.DidNothing()
+
+    def penetration(self) -> float:
+        """Returns the deepest overlap of the round bodies at one pose per controller period, m."""
+        poses = np.reshape(self._poses, (len(self._poses), 6))
+        return deepest_overlap(self._scenario.geometry, poses[:, :3], poses[:, 3:])
+
+    def _end(self, outcome: Outcome, detail: str = "") -> EventStatus:
+        self.outcome, self.detail = outcome, detail
+        return EventStatus.ReachedTermination(self._rig.diagram, outcome.text(detail))
+
+
+class Arm(StrEnum):
+    """Which trials of a scenario are performed."""
+
+    DEFAULT = "default"
+    """All that its ranges contain."""
+    STRESS = "stress"
+    """The hard ones: a tilt above `stress_tilt`, a pivot further than `STRESS_PIVOT` from the mouth, on either side,
+    and a friction within `STRESS_FRICTION`."""
+
+
+STRESS_TILT = math.radians(3.2)
+STRESS_PIVOT = 1.2e-3  # in units of m
+STRESS_FRICTION = (0.15, 0.3)
+
+
+def stress_tilt(scenario: Scenario) -> float:
+    """Returns the tilt above which a trial may be one of the arm `Arm.STRESS`, rad.
+
+    It is `STRESS_TILT`. Below the nominal clearance it keeps its part of the largest tilt that enters the hole.
+    """
+    return STRESS_TILT * min(1.0, relative_entry_tilt(scenario))
+
+
+def trial_scenario(scenario: Scenario, *, number: int, arm: Arm = Arm.DEFAULT) -> Scenario:
+    """Returns the resolved scenario of a trial; it shares no random draw with any demonstration.
+
+    Raises:
+        ValueError: if the ranges of the scenario contain no trial of the arm.
+    """
+    chosen = scenario if arm is Arm.DEFAULT else _stress_scenario(scenario, number)
+    return resolve_scenario(chosen, seed=number, stream=TRIAL_STREAM)
+
+
+def _stress_scenario(scenario: Scenario, number: int) -> Scenario:
+    """Returns a copy with the tilt, the pivot and the friction of a trial of the arm `Arm.STRESS`."""
+    largest, furthest, least = scenario.start.tilt_range, scenario.rig.pivot_range, stress_tilt(scenario)
+    if not (math.sqrt(2.0) * largest > 1.05 * least and furthest > STRESS_PIVOT):
+        raise ValueError(
+            f"start.tilt_range is {math.degrees(largest):.3g} deg and rig.pivot_range {1e3 * furthest:.3g} mm; expected"
+            f" at least {math.degrees(0.75 * least):.2g} deg and more than {1e3 * STRESS_PIVOT:g} mm, or no trial is"
+            " one of the stress arm"
+        )
+    rng = np.random.default_rng([STRESS_STREAM, number])
+    tilt = np.zeros(2)
+    while math.hypot(*tilt) <= least:
+        tilt = rng.uniform(-largest, largest, 2)
+    hard = copy.deepcopy(scenario)
+    hard.start.tilt = [float(angle) for angle in tilt]
+    hard.rig.pivot_height = float(rng.choice([-1.0, 1.0]) * rng.uniform(STRESS_PIVOT, furthest))
+    hard.contact.friction, hard.contact.friction_spread = float(rng.uniform(*STRESS_FRICTION)), 0.0
+    return hard
+
+
+def run_trials(
+    scenario: Scenario, skill: RigPolicy, numbers: list[int], *, jobs: int, arm: Arm = Arm.DEFAULT
+) -> Iterator[tuple[TrialResult, RigRun]]:
+    """Yields the trials in the order of their numbers, as they finish, from ``jobs`` processes."""
+    tasks = (partial(run_trial, trial_scenario(scenario, number=n, arm=arm), skill, seed=n) for n in numbers)
+    yield from run_in_processes(tasks, jobs=jobs)
+
+
+def run_trial(
+    scenario: Scenario, skill: RigPolicy, *, seed: int, meshcat: Meshcat | None = None
+) -> tuple[TrialResult, RigRun]:
+    """Simulates one resolved scenario. An error during the simulation becomes the outcome of the trial.
+
+    Args:
+        scenario: resolved (see `resolve_scenario`).
+        skill: the policy that controls the rig.
+        seed: number of the trial, for the record.
+        meshcat: where to draw and record; None draws nothing.
+    """
+    return run_rig(MakeRig(scenario, skill, meshcat=meshcat), scenario, skill, seed=seed)
+
+
+def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int) -> tuple[TrialResult, RigRun]:
+    """Simulates a rig that was built from this scenario and policy; see `run_trial`."""
+    run = TrialRun(rig, scenario, number=seed)
+    run.advance(scenario.trial.time_limit)
+    return run.record(skill)
+
+
+class TrialRun:
+    """The simulation of one trial.
+
+    Attributes:
+        simulator: the simulator of the rig's diagram.
+        context: the diagram's.
+        monitor: what ends and records the trial.
+
+    Args:
+        rig: built from ``scenario``, or from one that `RigDiagram.set_trial` can replace by it.
+        scenario: resolved.
+        number: of the trial.
+    """
+
+    def __init__(self, rig: RigDiagram, scenario: Scenario, *, number: int) -> None:
+        self._rig, self._scenario, self._number = rig, scenario, number
+        self.simulator = Simulator(rig.diagram)
+        self.context = self.simulator.get_mutable_context()
+        if scenario == rig.scenario:
+            rig.set_start(self.context)
+        else:
+            rig.set_trial(self.context, scenario)
+        self.monitor = TrialMonitor(rig, scenario)
+        self.simulator.set_monitor(self.monitor)
+
+    def advance(self, time: float) -> None:
+        """Simulates until a time, s, or until the trial ends; errors become outcomes."""
+        try:
+            self.simulator.AdvanceTo(time)
+        except RuntimeError as error:  # Drake's solver failed
+            self.monitor.outcome, self.monitor.detail = Outcome.DIVERGED, one_line(error)
+        except (Exception, SystemExit) as error:  # one trial must not end the others; Drake's asserts raise SystemExit
+            self.monitor.outcome, self.monitor.detail = Outcome.FAILED, one_line(error)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether something has ended the trial, or its time limit is reached."""
+        has_ended = self.monitor.outcome is not Outcome.TIME_OVER
+        return has_ended or self.context.get_time() >= self._scenario.trial.time_limit
+
+    def samples(self) -> pd.DataFrame:
+        """Returns what the recorder of the rig has recorded so far."""
+        return self._rig.recorder.samples(self.context)
+
+    def result(self) -> TrialResult:
+        """Returns the result of the trial up to now."""
+        return _result(self._rig, self._scenario, self.monitor, self.context, self.samples(), seed=self._number)
+
+    def record(self, skill: RigPolicy) -> tuple[TrialResult, RigRun]:
+        """Returns the result of the trial up to now, and its record; ``skill`` controls the rig."""
+        result, samples, scenario = self.result(), self.samples(), self._scenario
+        samples[list(CONTACT_COLUMNS)] = self.monitor.forces.contact_rows(len(samples))
+        metadata = {
+            "geometry": asdict(scenario.geometry),
+            "rig": asdict(scenario.rig),
+            "force_limit": scenario.controller.force_limit,
+            "state_names": skill.state_names(),
+            "scenario": dump_scenario(scenario),
+            "versions": versions(),
+        }
+        return result, RigRun(samples=samples, result=result.record(), metadata=metadata)
+
+
+def _result(
+    rig: RigDiagram, scenario: Scenario, monitor: TrialMonitor, context: Context, samples: pd.DataFrame, *, seed: int
+) -> TrialResult:
+    outcome, detail, fault = _ending(rig, monitor, context, samples)
+    last, period = samples.iloc[-1], scenario.controller.period
+    states, penetration = samples["state"].to_numpy(dtype=int), monitor.penetration()
+    pitch, yaw = scenario.start.tilt or [0.0, 0.0]
+    forces, motion = monitor.forces.figures(rig.peak_measured_load(context)), monitor.motion.figures()
+    score = field_score(
+        inserted=outcome is Outcome.INSERTED,
+        time=context.get_time(),
+        depth=monitor.depth,
+        hole_depth=scenario.geometry.hole_depth,
+        motion=motion,
+        force_time=forces.force_above_20n,
+    )
+    return TrialResult(
+        seed=seed,
+        tilt=(pitch, yaw),
+        outcome=outcome,
+        detail=detail,
+        fault=fault,
+        time=context.get_time(),
+        depth=monitor.depth,
+        **asdict(forces),
+        wedged_time=monitor.wedges.wedged_time(),
+        path_length=motion.path_length,
+        mean_jerk=motion.mean_jerk,
+        field_score=0.0 if outcome in UNPHYSICAL else score.total,
+        penetration=penetration,
+        trusted=penetration <= TRUSTED_OVERLAP * scenario.geometry.clearance,
+        steps=int(last["pitch_taken"] + last["yaw_taken"]),
+        lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
+        back_offs=int((samples["guard"].diff() > 0).sum()),
+        unknown_time=period * float((samples["known"] == 0).sum()),
+        unsupported_time=period * float((samples["support"] < 1.0).sum()),
+        states=tuple(int(s) for s in states[np.flatnonzero(np.diff(states, prepend=-1))]),
+    )
+
+
+def _ending(
+    rig: RigDiagram, monitor: TrialMonitor, context: Context, samples: pd.DataFrame
+) -> tuple[Outcome, str, Fault]:
+    """Returns outcome, detail and fault of a simulated trial."""
+    if monitor.outcome not in (Outcome.TIME_OVER, Outcome.FAULT):
+        return monitor.outcome, monitor.detail, Fault.NONE
+    fault = rig.fault(context)
+    if fault is not Fault.NONE:  # also if the time ran out before the rig had stopped
+        return Outcome.FAULT, rig.failure(context), fault
+    if is_jammed(samples["time"].to_numpy(), samples["depth"].to_numpy(), samples[["fx", "fy", "fz"]].to_numpy()):
+        return Outcome.JAMMED, monitor.detail, fault
+    return monitor.outcome, monitor.detail, fault

@@ -1,0 +1,1 @@
+"""Who is met: the terminal, pages, reports, Gymnasium, other programs."""

@@ -1,0 +1,10 @@
+"""The rig trial as an environment of Gymnasium: ``gymnasium.make("interfaces.gym:PegInHole-v0")``."""
+
+from __future__ import annotations
+
+import gymnasium
+
+ENTRY_POINT = "interfaces.gym.peg_in_hole:PegInHole"
+
+gymnasium.register(id="PegInHole-v0", entry_point=ENTRY_POINT, kwargs={"arm": "default"})
+gymnasium.register(id="PegInHole-Stress-v0", entry_point=ENTRY_POINT, kwargs={"arm": "stress"})

@@ -1,0 +1,98 @@
+"""The spaces of the environment: what the rig measures, and what an agent commands."""
+
+from __future__ import annotations
+
+import numpy as np
+from gymnasium import spaces
+
+from interfaces.gym.commanded_policy import SUPPORT
+from models.scenario import Scenario
+from skill.arrays import Array
+from skill.policy import RigPolicy
+
+DEPTH_MARGIN = 0.05
+"""Distance (m) from the travel limits of the feed to the bounds of the depth: no sound trial gets there."""
+
+
+ROUNDING = 1e-9
+"""A probability may exceed 1 by rounding."""
+
+
+def observation_space(scenario: Scenario, policy: RigPolicy | None) -> spaces.Dict:
+    """Returns the space of the observations.
+
+    * ``wrench`` (6,): measured force (N), then moment (N m), on the peg about its tip, in P;
+    * ``depth`` (1,): measured depth of the tip below the mouth, m;
+    * ``angles`` (2,): commanded pitch and yaw of the hole, relative to the start, as the force guard permits, rad;
+    * ``feed`` (1,): commanded feed speed, as the force guard permits, m/s, negative into the hole;
+    * ``control`` (2,): 1 where the controller applies the agent's turns, -1 where it reverses them, 0 where it does not
+      apply them; then 1 while it backs the peg off, else 0;
+
+    and with a policy, what its estimators on the rig find,
+
+    * ``probabilities`` (K,) of its contact states;
+    * ``contexts`` (C,), probabilities of its contexts.
+
+    The bounds follow from the range of the sensor and from the limits of the controller.
+    """
+    sensor, controller, start = scenario.sensor, scenario.controller, scenario.start
+    force = np.array(sensor.force_range) + sensor.force_quantum
+    moment = np.array(sensor.torque_range) + sensor.torque_quantum
+    moment = moment + sensor.height * np.array([force[1], force[0], 0.0])  # about the tip instead of the sensor
+    deepest = scenario.geometry.hole_depth + controller.travel_below + DEPTH_MARGIN
+    highest = start.height + controller.travel_above + DEPTH_MARGIN
+    fastest = controller.max_feed_speed + controller.retract_speed
+    parts = (
+        {}
+        if policy is None
+        else {"probabilities": _shares(policy.n_states), "contexts": _shares(policy.context_filter().n_contexts)}
+    )
+    return spaces.Dict(
+        {
+            **parts,
+            "wrench": symmetric(np.concatenate([force, moment])),
+            "depth": spaces.Box(np.array([-highest]), np.array([deepest]), dtype=np.float64),
+            "angles": symmetric(np.full(2, controller.max_turn)),
+            "feed": symmetric(np.array([fastest])),
+            "control": spaces.Box(np.array([-1.0, 0.0]), np.ones(2), dtype=np.float64),
+        }
+    )
+
+
+def action_space(scenario: Scenario, *, supported: bool) -> spaces.Box:
+    """Returns the space of the actions (3,) or (4,).
+
+    Turn rates of the peg relative to the hole about x and y of P, rad/s; feed speed, m/s, negative into the hole; and
+    the support of the action, 0 to 1, if ``supported``. The bounds are the limits of the controller.
+    """
+    p = scenario.controller
+    largest = np.array([p.max_turn_rate, p.max_turn_rate, p.max_feed_speed])
+    if not supported:
+        return symmetric(largest)
+    return spaces.Box(np.append(-largest, 0.0), np.append(largest, 1.0), dtype=np.float64)
+
+
+def symmetric(largest: Array) -> spaces.Box:
+    """Returns the box from -``largest`` to ``largest``."""
+    return spaces.Box(-largest, largest, dtype=np.float64)
+
+
+def _shares(number: int) -> spaces.Box:
+    """Returns the box of ``number`` probabilities."""
+    return spaces.Box(np.zeros(number), np.full(number, 1.0 + ROUNDING), dtype=np.float64)
+
+
+def checked_action(action: object, size: int) -> Array:
+    """Returns an action as the command (4,) of a `CommandedPolicy`; the support is 1 if the action has none.
+
+    A finite action outside the space is permitted: the controller limits it, as that of every policy.
+
+    Raises:
+        ValueError: if the shape is wrong, or a number is NaN or infinite.
+    """
+    values = np.asarray(action, dtype=float)
+    if values.shape != (size,) or not np.isfinite(values).all():
+        raise ValueError(f"action {action}: expected {size} finite numbers (turn rates, feed speed), shape ({size},)")
+    command = np.ones(SUPPORT + 1)
+    command[:size] = values
+    return command

@@ -1,0 +1,276 @@
+"""What a live session shows: arrows of the forces, readings, messages and camera views."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from pydrake.geometry import Cylinder, MeshcatCone, Rgba
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.systems.framework import DiagramBuilder
+
+from experiments.served_run import Deadlines
+from interfaces.live.contact_load import ContactLoad
+from interfaces.live.page import LivePage
+from interfaces.live.scene import LiveScene
+from models.scenario import Scenario
+from skill.arrays import Array
+from skill.practice.policy_observer import Judgement
+from skill.states.state_style import state_colours
+from systems.math.rotation import from_rotation_vector, rotation_between
+from systems.operators.person_frame import R_HV
+from systems.plant.contact_plant import AddVirtualPlant
+from systems.virtual_environment import start_pose
+from systems.visualization.scene import aim_camera
+
+RENDERED_SCALE, CONTACT_SCALE = 250.0, 1500.0  # in units of N/m of arrow; panel.html states them too
+HEAD_LENGTH = 0.004  # in units of m
+LOW, HIGH, SATURATED = Rgba(0.10, 0.55, 0.20), Rgba(0.93, 0.62, 0.05), Rgba(0.85, 0.05, 0.08)
+CONTACT = Rgba(0.16, 0.38, 0.88)
+HAND = Rgba(0.12, 0.14, 0.16, 0.22)
+FEED = Rgba(0.55, 0.16, 0.62)
+FEED_SCALE = 1.0  # in units of m/s per m of arrow
+FEED_HEIGHT = 0.022  # in units of m, of the start of the arrow over the tip
+LOOK_AHEAD = 0.5  # in units of s, over which the dial shows the skill's turn
+GHOST = 0.98  # of the peg's size: surfaces at the same place would flicker
+HIGH_LOAD = 0.5  # load of the device above which the rendered force has the colour HIGH
+# Key and camera position of each view, in m in the frame V of the person (x right, y away from the person).
+VIEWS = {
+    "view of the cut (1)": ("Digit1", [0.0, -0.075, 0.040]),
+    "view from above (2)": ("Digit2", [0.0, -0.001, 0.120]),
+    "view from the side (3)": ("Digit3", [0.058, -0.058, 0.010]),
+}
+CAMERA_TARGET = np.array([0.0, 0.0, 0.004])  # in units of m, in W
+
+
+class Arrow:
+    """An arrow of a force or a velocity, drawn over the other objects so that the peg does not hide it.
+
+    Args:
+        scene: scene to draw into.
+        name: name of the arrow, whose path is ``live/name``.
+        scale: force or velocity per length of the arrow, N/m or (m/s)/m.
+        order: drawing order; the arrow with the highest order is on top.
+    """
+
+    def __init__(self, scene: LiveScene, name: str, *, scale: float, order: float) -> None:
+        self._scene, self._scale = scene, scale
+        self._shaft, self._head = f"live/{name}/shaft", f"live/{name}/head"
+        self._colour: Rgba | None = None
+        scene.SetObject(self._shaft, Cylinder(0.0008, 1.0))
+        scene.SetObject(self._head, MeshcatCone(HEAD_LENGTH, 0.002, 0.002))
+        for path in (self._shaft, self._head):
+            scene.SetProperty(f"{path}/<object>", "material.depthTest", False)
+            scene.SetProperty(f"{path}/<object>", "renderOrder", order)
+
+    def draw(self, start: Array, force: Array, colour: Rgba) -> None:
+        """Draws the arrow.
+
+        Args:
+            start: (3,), start of the arrow in W, m.
+            force: (3,), force or velocity in W, N or m/s.
+            colour: colour of the arrow.
+        """
+        magnitude = float(np.linalg.norm(force))
+        direction = force / magnitude if magnitude > 1e-9 else np.array([0.0, 0.0, 1.0])
+        R = from_rotation_vector(rotation_between(np.array([0.0, 0.0, 1.0]), direction))
+        length = magnitude / self._scale
+        shaft = max(1e-6, length - HEAD_LENGTH)
+        matrix = RigidTransform(R, start + 0.5 * shaft * direction).GetAsMatrix4()
+        matrix[:3, :2] *= min(1.0, max(1e-6, length / HEAD_LENGTH))  # a force near zero must not leave a disc
+        matrix[:3, 2] *= shaft
+        self._scene.SetTransform(self._shaft, matrix)
+        head = min(1.0, length / HEAD_LENGTH)
+        R_head = R @ RotationMatrix.MakeXRotation(math.pi)  # Meshcat's cone has its point at its origin, z inwards
+        matrix = RigidTransform(R_head, start + (shaft + head * HEAD_LENGTH) * direction).GetAsMatrix4()
+        matrix[:3, :3] *= max(1e-6, head)
+        self._scene.SetTransform(self._head, matrix)
+        if colour != self._colour:  # a change of material costs the browser a frame
+            self._colour = colour
+            # The viewer expects linear light. It draws transparent objects last, hence 0.99: over the peg.
+            linear = [value**2.2 for value in (colour.r(), colour.g(), colour.b())]
+            for path in (self._shaft, self._head):
+                self._scene.SetProperty(path, "color", [*linear, 0.99])
+
+
+@dataclass(frozen=True)
+class Readings:
+    """The readings of the panel, in SI units.
+
+    Attributes:
+        X_HP: pose of the peg.
+        wrench: (6,), rendered wrench [torque; force] in H, N m and N.
+        load: load of the device: commanded wrench over its present limit; above 1 the wrench is saturated.
+        depth: depth of the tip, m.
+        full_depth: depth of an inserted peg, m.
+        rate: simulated time per wall-clock time.
+        deadlines: missed deadlines of this demonstration.
+        energy: energy that the hand has put in, J.
+        min_energy: minimum of the energy so far, J.
+        kept: number of demonstrations kept in this session.
+    """
+
+    X_HP: RigidTransform
+    wrench: Array
+    load: float
+    depth: float
+    full_depth: float
+    rate: float
+    deadlines: Deadlines
+    energy: float
+    min_energy: float
+    kept: int
+
+
+class LiveDisplay:
+    """Shows a session on its page. It holds no state that a simulation depends on.
+
+    Args:
+        page: page with the scene, the buttons of the views, and the panel of readings and messages.
+        help_lines: help for the controls, (keys, what they do) for each line.
+    """
+
+    def __init__(self, page: LivePage, *, help_lines: list[tuple[list[str], str]]) -> None:
+        self._page = page
+        self._rendered = Arrow(page.scene, "rendered_force", scale=RENDERED_SCALE, order=11.0)
+        self._contact = Arrow(page.scene, "contact_force", scale=CONTACT_SCALE, order=10.0)
+        self._feed = Arrow(page.scene, "skill_feed", scale=FEED_SCALE, order=12.0)
+        for label, (key, _) in VIEWS.items():
+            page.controls.AddButton(label, key)
+        self._view_clicks = dict.fromkeys(VIEWS, 0)
+        self._view = next(iter(VIEWS))
+        page.show(keys=help_lines)
+        self.reset_camera()
+
+    def show_message(self, message: str, phase: str | None = None) -> None:
+        """Shows a line of text over the scene; a phase of the session begins with it, if one is given."""
+        self._page.show(status=message, **({} if phase is None else {"phase": phase}))
+
+    def show_contact_load(self, load: ContactLoad) -> None:
+        """Shows the contact load beside the limit of the rig's guard."""
+        self._page.show(contact=load.values())
+
+    def draw_start(self, scenario: Scenario) -> None:
+        """Draws peg and hole as they are at the start of a resolved scenario."""
+        contact = AddVirtualPlant(DiagramBuilder(), scenario)
+        self._page.scene.draw_plant(contact)
+        g = scenario.geometry
+        self._page.scene.SetObject("live/hand/ghost", Cylinder(GHOST * g.peg_radius, GHOST * g.peg_length), HAND)
+        self._page.scene.SetTransform("live/hand/ghost", RigidTransform([0.0, 0.0, 0.5 * g.peg_length]))
+        X_HP = start_pose(scenario)
+        self.move_peg(X_HP)
+        self.move_hole(RigidTransform())
+        self.move_hand(X_HP)
+        self._feed.draw(X_HP.translation(), np.zeros(3), FEED)
+        self._page.show(skill=None, hand=True)
+
+    def move_peg(self, X_HP: RigidTransform) -> None:
+        """Draws the peg at a pose."""
+        self._page.scene.SetTransform("plant/peg", X_HP)
+
+    def move_hole(self, X_WH: RigidTransform) -> None:
+        """Draws the block at a pose; only the rig turns it."""
+        self._page.scene.SetTransform("plant/hole", X_WH)
+
+    def move_hand(self, X_HD: RigidTransform) -> None:
+        """Draws the ghost: the peg where the hand would have it."""
+        self._page.scene.SetTransform("live/hand", X_HD)
+
+    def draw_forces(
+        self,
+        tip: Array,
+        force: Array,
+        *,
+        load: float,
+        contact: tuple[Array, Array] | None,
+    ) -> None:
+        """Draws the rendered force at the tip, and the contact force at the contact.
+
+        Args:
+            tip: (3,), tip of the peg in W, m.
+            force: (3,), rendered force in W, N.
+            load: load of the device, which gives the colour; see `Readings`.
+            contact: point (m) and force (N) of the contact in W; None draws no contact force.
+        """
+        self._rendered.draw(tip, force, load_colour(load))
+        point, contact_force = contact if contact is not None else (tip, np.zeros(3))
+        self._contact.draw(point, contact_force, CONTACT)
+
+    def show_judgement(
+        self,
+        judgement: Judgement,
+        *,
+        names: Sequence[str],
+        X_HP: RigidTransform,
+        period: float,
+        X_WH: RigidTransform | None = None,
+    ) -> None:
+        """Shows the state that a policy sees, and what it would do: its feed as an arrow, its turn in the dial.
+
+        Args:
+            judgement: of the policy.
+            names: of its states.
+            X_HP: pose of the peg.
+            period: of the policy, s.
+            X_WH: pose of the block; None is that of the virtual environment, in which W is H.
+        """
+        feed, turn = judgement.action.feed / period, judgement.action.turn / period
+        axis, X_WP = X_HP.rotation().col(2), X_HP if X_WH is None else X_WH @ X_HP
+        axis_W = X_WP.rotation().col(2)
+        self._feed.draw(X_WP.translation() + FEED_HEIGHT * axis_W, feed * axis_W, FEED)
+        turned = X_HP.rotation() @ from_rotation_vector(np.array([*(LOOK_AHEAD * turn), 0.0]))
+        self._page.show(
+            skill={
+                "state": names[judgement.state],
+                "colour": state_colours(len(names))[judgement.state],
+                "known": judgement.known,
+                "feed": feed,
+                "turn": float(np.linalg.norm(turn)),
+                "tilt": _seen_tilt(axis),
+                "turned": _seen_tilt(turned.col(2)),
+            }
+        )
+
+    def show_readings(self, readings: Readings) -> None:
+        """Shows readings in the panel; panel/readings.js lists their names and units."""
+        colour = load_colour(readings.load)
+        self._page.show(
+            force=float(np.linalg.norm(readings.wrench[3:])),
+            moment=float(np.linalg.norm(readings.wrench[:3])),
+            load=readings.load,
+            colour=f"rgb({255 * colour.r():.0f}, {255 * colour.g():.0f}, {255 * colour.b():.0f})",
+            tilt=_seen_tilt(readings.X_HP.rotation().col(2)),
+            depth={"tip": readings.depth, "full": readings.full_depth},
+            rate=readings.rate,
+            deadlines=asdict(readings.deadlines),
+            energy=readings.energy,
+            min_energy=readings.min_energy,
+            kept=readings.kept,
+        )
+
+    def reset_camera(self) -> None:
+        """Puts the camera back to the view chosen last."""
+        aim_camera(self._page.scene, camera=R_HV @ np.array(VIEWS[self._view][1]), target=CAMERA_TARGET)
+
+    def follow_view_buttons(self) -> None:
+        """Moves the camera if the button of a view has been clicked."""
+        for label in VIEWS:
+            clicks = self._page.controls.GetButtonClicks(label)
+            if clicks != self._view_clicks[label]:
+                self._view_clicks[label], self._view = clicks, label
+                self.reset_camera()
+
+
+def _seen_tilt(axis: Array) -> dict[str, float]:
+    """Returns the tilt of an axis (3,) as the person sees it, degrees."""
+    tilt = np.degrees(R_HV.inverse() @ axis)
+    return {"right": float(tilt[0]), "away": float(tilt[1])}
+
+
+def load_colour(load: float) -> Rgba:
+    """Returns the colour of the rendered force for a load of the device; see `Readings`."""
+    if load >= 1.0:
+        return SATURATED
+    return HIGH if load > HIGH_LOAD else LOW

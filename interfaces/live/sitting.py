@@ -1,0 +1,250 @@
+"""One sitting on the live page: a skill practises, a person shows what it could not do, and sees it do that."""
+
+from __future__ import annotations
+
+import _thread
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+import numpy as np
+
+from experiments.recovery import StuckTrial, find_situation, practice_trial
+from experiments.trial_result import TrialResult
+from interfaces.live.buttons import MOTION_HELP, SESSION_HELP, START
+from interfaces.live.page import LivePage
+from interfaces.live.rig_view import RigView
+from interfaces.live.session import BUSY, IDLE_PERIOD, READING_PERIOD, READY, LiveSession, asked_scenario, live_scenario
+from interfaces.terminal import Terminated
+from models.scenario import Scenario
+from skill.data.demonstration import Demonstration
+from skill.data.outcome import Outcome
+from skill.policy import RigPolicy
+from skill.practice.situation import Situation
+
+SKIP, SKIP_KEY = "skip the pose (N)", "KeyN"
+SKIP_HELP = (["N"], "skip the pose")
+
+
+class PersonLeftError(Exception):
+    """The person has quit or stays away."""
+
+
+class RecoverySitting(LiveSession):
+    """The page of one sitting, from the practice of a skill to the trials of the next.
+
+    It is a `LiveSession` whose demonstrations begin in the situations that `show_situations` gets. A situation is done
+    when the person has kept a good demonstration of it, or skips it.
+
+    Args:
+        scenario: of the demonstrations, with ranges.
+        seed: of the demonstrations.
+        out: see `LiveSession`, as for the other arguments.
+    """
+
+    def __init__(
+        self,
+        *,
+        scenario: Scenario,
+        seed: int,
+        out: Path,
+        page: LivePage,
+        tell: Callable[[str], None] = print,
+        driver: str | None = None,
+        absence_limit: float = 120.0,
+    ) -> None:
+        self._scenario, self._seed = scenario, seed
+        self._asked: Sequence[Situation] = []
+        self._place = 0
+        self._is_shown = self._is_announced = False
+        super().__init__(
+            start_of=self._start, out=out, page=page, tell=tell, driver=driver, absence_limit=absence_limit
+        )
+        page.controls.AddButton(SKIP, SKIP_KEY)
+        self._skips = 0
+        help_lines = [*([] if driver else MOTION_HELP), *SESSION_HELP]
+        page.show(keys=[*help_lines[:-1], SKIP_HELP, help_lines[-1]])
+        tell(f"  {' '.join(SKIP_HELP[0]):10s} {SKIP_HELP[1]}")
+        self._rig = RigView(page, self._display)
+
+    def say(self, message: str) -> None:
+        """Shows a message on the page and on the console."""
+        self._say(message)
+
+    def show_note(self, message: str) -> None:
+        """Shows on the page only what the session is busy with."""
+        self._display.show_message(message, BUSY)
+
+    # ------------------------------------------------------- practice, training
+
+    @contextmanager
+    def watched(self, note: Callable[[float], str] | None = None) -> Iterator[None]:
+        """Follows the page in another thread while the main thread, which enters this context, computes.
+
+        Args:
+            note: text for the page after a time, s, about once a second; None shows nothing.
+
+        Raises:
+            PersonLeftError: in the main thread, when the person has quit or stays away. It interrupts whatever runs
+                there, as Ctrl-C does.
+        """
+        is_asked, is_done = threading.Event(), threading.Event()
+        start, handler = time.monotonic(), signal.getsignal(signal.SIGINT)
+
+        def interrupt(number: int, frame: FrameType | None) -> None:
+            if is_asked.is_set():
+                raise KeyboardInterrupt
+            if callable(handler):  # a shell lets the commands in its background ignore Ctrl-C
+                handler(number, frame)
+
+        def watch() -> None:
+            shown = -1
+            while not is_done.wait(IDLE_PERIOD):
+                if self._is_over():
+                    is_asked.set()
+                    _thread.interrupt_main()
+                    return
+                self._display.follow_view_buttons()
+                elapsed = int(time.monotonic() - start)
+                if note is not None and elapsed > shown:
+                    shown = elapsed
+                    self.show_note(note(elapsed))
+
+        watcher = threading.Thread(target=watch, daemon=True)
+        self.prepare()
+        signal.signal(signal.SIGINT, interrupt)
+        watcher.start()
+        try:
+            try:
+                yield
+            finally:
+                is_done.set()
+                watcher.join()
+                signal.signal(signal.SIGINT, handler)
+        except KeyboardInterrupt as reason:
+            if is_asked.is_set() and not isinstance(reason, Terminated):
+                raise PersonLeftError from None
+            raise
+
+    def prepare(self) -> None:
+        """Draws the peg above the hole, as before a demonstration."""
+        self._asked = []
+        self._prepare_next()
+
+    # ------------------------------------------------------- demonstrations
+
+    def show_situations(self, situations: Sequence[Situation]) -> None:
+        """Lets the person show situations, one after another.
+
+        Raises:
+            PersonLeftError: if the person quits or stays away before all are done.
+            ValueError: if a demonstration cannot begin in a situation.
+        """
+        self._asked, self._place = situations, 0
+        self._is_shown = self._is_announced = False
+        for place in range(len(situations)):  # all are checked before the first
+            self._situation_scenario(place, 0)
+        self._buttons.forget_clicks()
+        self._forget_skips()
+        self.run()
+        if self._place < len(self._asked):
+            raise PersonLeftError
+
+    def _start(self, number: int) -> Scenario:
+        if self._place < len(self._asked):
+            return self._situation_scenario(self._place, number)
+        return live_scenario(self._scenario, seed=self._seed, number=number)
+
+    def _situation_scenario(self, place: int, number: int) -> Scenario:
+        return asked_scenario(self._scenario, [self._asked[place]], seed=self._seed, number=number)
+
+    def _is_complete(self) -> bool:
+        """Whether all situations are done. Goes on to the next situation, and says which one it is."""
+        if self._is_shown or self._forget_skips():
+            self._place += 1
+            self._is_shown = self._is_announced = False
+            self._prepare_next()
+        if self._place >= len(self._asked):
+            return True
+        if not self._is_announced:
+            self._is_announced = True
+            where = describe(self._asked[self._place])
+            self._say(f"show me: {self._place + 1} of {len(self._asked)}, {where}; Space starts", READY)
+        return False
+
+    def _record_one(self) -> bool:
+        quits = super()._record_one()
+        self._forget_skips()  # only between demonstrations the key has a meaning
+        return quits
+
+    def _keep(self, demonstration: Demonstration) -> bool:
+        is_kept = super()._keep(demonstration)
+        if is_kept:
+            self._is_shown, self._is_announced = demonstration.good, False
+        return is_kept
+
+    def _forget_skips(self) -> bool:
+        """Whether the person has pressed the key to skip since the last call."""
+        before, self._skips = self._skips, self._page.controls.GetButtonClicks(SKIP)
+        return self._skips != before
+
+    # ------------------------------------------------------- the rig
+
+    def perform(self, stuck: StuckTrial, scenario: Scenario, policy: RigPolicy, *, title: str, then: str) -> None:
+        """Shows how the rig performs the practice trial again in which another policy was stuck; waits for Space.
+
+        Args:
+            stuck: the trial of the other policy.
+            scenario: of the rig, with ranges.
+            policy: that controls the rig now.
+            title: of the trial, for the page.
+            then: what Space does at the end, for the page.
+
+        Raises:
+            PersonLeftError: if the person quits or stays away.
+        """
+        number, before = stuck.situation.trial, course(stuck.result, stuck.situation)
+        resolved, told = practice_trial(scenario, number), -math.inf
+
+        def tell(now: float, load: float) -> None:
+            nonlocal told
+            if time.monotonic() - told > READING_PERIOD:
+                told = time.monotonic()
+                self.show_note(f"{title}: {now:.1f} s, load {load:.0f} N; before: {before}")
+
+        self._tell(f"{title}: practice trial {number} with the new skill")
+        trial = self._rig.perform(
+            resolved, policy, number=number, kept=len(self.kept), tell=tell, is_over=self._is_over
+        )
+        if trial is None:
+            raise PersonLeftError
+        result, run = trial.record(policy)
+        now = find_situation(run, resolved, number=number, inserted=result.inserted)
+        self._say(f"{title}: {course(result, now)}; before: {before}. Space: {then}")
+        self._buttons.forget_clicks()
+        while not self._buttons.clicked(START):
+            if self._is_over():
+                raise PersonLeftError
+            self._display.follow_view_buttons()
+            time.sleep(IDLE_PERIOD)
+
+
+def describe(situation: Situation) -> str:
+    """Returns where a skill was stuck, for the page: depth, tilt and contact state."""
+    tilt = math.degrees(np.hypot(*situation.tilt))
+    return f"stuck at {1e3 * situation.depth:.1f} mm, {tilt:.1f}°, {situation.state}"
+
+
+def course(result: TrialResult, stuck: Situation | None) -> str:
+    """Returns how a trial went, for the page: where it was stuck first, if it was, and how it ended, if not there."""
+    parts = [] if stuck is None else [f"stuck at {1e3 * stuck.depth:.1f} mm"]
+    if result.inserted:
+        parts.append(f"inserted in {result.time:.1f} s")
+    elif result.outcome not in (Outcome.JAMMED, Outcome.TIME_OVER):
+        parts.append(result.reason)
+    return ", ".join(parts)

@@ -1,0 +1,155 @@
+"""Tables for the terminal: the results of rig trials, and the contact states of a skill."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.box import SIMPLE
+from rich.table import Table
+from rich.text import Text
+
+from skill.states.state_summary import FORCE, MOMENT, Spread, StateSummary
+
+if TYPE_CHECKING:
+    from experiments.trial_result import TrialResult
+    from skill.manipulation_skill import ManipulationSkill
+    from skill.practice.situation import Situation
+    from skill.states.phase_agreement import PhaseAgreement
+
+
+def plain_table(title: str) -> Table:
+    """An empty table in the style of all tables here."""
+    return Table(title=title, box=SIMPLE, padding=(0, 1, 0, 0))
+
+
+def result_table(results: Sequence[TrialResult]) -> Table:
+    """One row per trial, with a summary in the caption.
+
+    Load, contact: the largest load of the net wrench, and the largest normal force of any single contact.
+    """
+    table = plain_table("insertions on the rig")
+    table.add_column("trial", justify="right")
+    table.add_column("tilt\n(deg)", no_wrap=True, justify="right")
+    table.add_column("outcome", min_width=len("inserted"))
+    for name in ("time\n(s)", "depth\n(mm)", "load\n(N)", "contact\n(N)", "> 20 N\n(s)", "steps"):
+        table.add_column(name, justify="right")
+    table.add_column("states (visits)", min_width=14)
+    for r in results:
+        table.add_row(
+            str(r.seed),
+            "{:+.1f} {:+.1f}".format(*np.degrees(r.tilt)),
+            Text(r.reason, style="green" if r.inserted else "red"),
+            *(f"{r.time:.2f}", f"{1e3 * r.depth:.1f}"),
+            *(known(r.peak_load, ".1f"), known(r.peak_contact_force, ".1f"), known(r.time_above_20n, ".2f")),
+            str(r.steps),
+            f"{' '.join(map(str, dict.fromkeys(r.states)))} ({len(r.states)})",
+        )
+    table.caption = (
+        f"{sum(r.inserted for r in results)} of {len(results)} inserted;"
+        f" medians: {np.median([r.time for r in results]):.2f} s,"
+        f" peak load {known(median(r.peak_load for r in results), '.0f')} N,"
+        f" peak force of a contact {known(median(r.peak_contact_force for r in results), '.0f')} N,"
+        f" overlap {1e6 * np.median([r.penetration for r in results]):.0f} um;"
+        f" physics not trusted: {sum(r.trusted is False for r in results)}"
+    )
+    return table
+
+
+def situation_table(situations: Sequence[Situation]) -> Table:
+    """One row per situation in which a skill was stuck."""
+    table = plain_table("the skill asks to be shown")
+    for name in ("practice\ntrial", "time\n(s)", "depth\n(mm)", "tilt\n(deg)", "load\n(N)"):
+        table.add_column(name, justify="right")
+    table.add_column("state")
+    for s in situations:
+        numbers = (f"{s.time:.2f}", f"{1e3 * s.depth:.1f}", f"{np.degrees(np.hypot(*s.tilt)):.1f}", f"{s.load:.0f}")
+        table.add_row(str(s.trial), *numbers, Text(s.state))
+    return table
+
+
+def known(value: float | None, form: str) -> str:
+    """Returns a number as text, or "-" for a number that a result of an earlier version does not have."""
+    return "-" if value is None else format(value, form)
+
+
+def median(values: Iterable[float | None]) -> float | None:
+    """Returns the median of those values that are not None; None if there are none."""
+    found = [value for value in values if value is not None]
+    return float(np.median(found)) if found else None
+
+
+def state_table(skill: ManipulationSkill) -> Table:
+    """The graph of contact states, one row per state."""
+    table = plain_table("contact states")
+    table.add_column("state", overflow="fold")
+    for column in ("visits", "dwell", "phase", "P(ins.)", "next"):
+        table.add_column(column, justify="right", min_width=len(column))
+    rows = skill.graph_.to_frame().itertuples(index=False)
+    for k, (name, row) in enumerate(zip(skill.state_names(), rows, strict=True)):
+        visits, dwell, _, phase, insertion, following = row
+        table.add_row(
+            Text(f"{k} {name}"), str(visits), f"{dwell:.2f}", f"{phase:.2f}", f"{insertion:.2f}", str(following)
+        )
+    table.caption = (
+        "dwell: mean time in the state, s; phase: 0 at the start; P(ins.): probability of insertion;"
+        " next: most frequent next state on the way to insertion"
+    )
+    return table
+
+
+def context_line(skill: ManipulationSkill) -> str:
+    """How many contexts a skill has, and how many demonstrations each of them."""
+    if skill.contexts_ is None:
+        return "a single context: the answers to own motions do not differ between demonstrations"
+    sizes = np.bincount(skill.contexts_.responsibilities_.argmax(axis=1), minlength=skill.contexts_.n_contexts_)
+    listed = ", ".join(f"{chr(65 + k)} in {size}" for k, size in enumerate(sizes))
+    return f"{len(sizes)} contexts, by how the forces answer to own motions: {listed} good demonstrations"
+
+
+def discovered_table(states: Sequence[StateSummary]) -> Table:
+    """One row per state that was discovered in recordings."""
+    table = plain_table("contact states")
+    table.add_column("state", overflow="fold")
+    names = {FORCE: ("force\n(N)", ".1f"), MOMENT: ("moment\n(N m)", ".2f")}
+    lengths = [name for name in names if name in states[0].quantities]
+    for column in ("time\n(%)", "visits", "duration\n(s)", *(names[name][0] for name in lengths), "next"):
+        table.add_column(column, justify="right")
+    for k, state in enumerate(states):
+        table.add_row(
+            Text(f"{k} {state.name}"),
+            *(f"{100 * state.share:.0f}", f"{state.visits:.1f}", _median(state.duration, ".2f")),
+            *(_median(state.quantities[name], names[name][1]) for name in lengths),
+            ", ".join(following_texts(state, 2)) or "-",
+        )
+    vectors = [name.strip("|") for name in lengths]
+    medians = f"{', '.join(['duration', *vectors])}: {'medians' if vectors else 'median'}"
+    table.caption = (
+        f"visits: in a recording, on average; {medians}, of a visit"
+        f"{' and of the lengths of the vectors' if vectors else ''}; next: what follows a visit most often"
+    )
+    return table
+
+
+def following_texts(state: StateSummary, number: int) -> list[str]:
+    """What follows a state most often, such as "2 (62 %)"."""
+    return [f"{'end' if after is None else after} ({100 * share:.0f} %)" for after, share in state.following[:number]]
+
+
+def _median(spread: Spread, form: str) -> str:
+    return "-" if np.isnan(spread.median) else format(spread.median, form)
+
+
+def phase_table(agreement: PhaseAgreement) -> Table:
+    """One row per known phase: how its samples are distributed over the states."""
+    table = plain_table("known phases and contact states")
+    table.add_column("phase", overflow="fold")
+    for k in range(agreement.counts.shape[1]):
+        table.add_column(f"state {k}\n(%)", justify="right")
+    table.add_column("samples", justify="right")
+    for name, counts in zip(agreement.phases, agreement.counts, strict=True):
+        shares = (f"{100 * count / counts.sum():.0f}" for count in counts)
+        table.add_row(Text(name), *shares, str(counts.sum()))
+    table.caption = f"adjusted Rand index {agreement.ari:.2f}; 1: states and phases are the same"
+    return table

@@ -1,0 +1,269 @@
+"""A replay as an animated meshcat scene: shapes, colours, arrows, light and camera."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import meshcat
+import meshcat.geometry as shapes
+import numpy as np
+import umsgpack
+from meshcat.animation import Animation, AnimationClip, AnimationTrack
+from meshcat.commands import SetAnimation
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from interfaces.reports.motion import Motion, make_block
+from interfaces.reports.round_step import round_step
+from models.bore import cutaway_sector
+from skill.arrays import Array
+from skill.data.geometry import PegHoleGeometry
+from skill.data.rig_run import ContactPlace
+
+TARGET = np.array([0.0, 0.0, 0.004])  # in units of m, in W; the camera looks at it
+CAMERA = np.array([0.124, 0.110, 0.070])  # in units of m, in W
+FIELD_OF_VIEW = 42.0  # in units of deg, vertical
+
+BLOCK_COLOUR = 0xA9B2BB
+EDGE_COLOUR = 0x3A4148
+FORCE_COLOUR = 0xC1121F
+MOMENT_COLOUR = 0x6A1B9A
+CONTACT_COLOUR = 0x0E2A47
+MAX_ARROW_LENGTH = 0.035  # in units of m
+ARROW_RADIUS = 0.0007  # in units of m
+HEAD_LENGTH = 0.004  # in units of m; arrows shorter than 1.5 heads are scaled down as a whole
+MARK_SPACING = 0.005  # in units of m, between the rings on the peg
+PEG_EMISSION = 0.25  # share of the peg's colour that is emitted, so that shading does not hide it
+
+OBJECT = "<object>"  # the viewer's name for the object at a path
+
+
+class PageWindow:
+    """Collects the drawing commands for a self-contained page.
+
+    It replaces meshcat's own window, which needs a server process and two free ports.
+    """
+
+    def __init__(self) -> None:
+        self._commands: list[bytes] = []
+
+    def send(self, command: Any) -> None:
+        """Appends a meshcat command."""
+        self._commands.append(umsgpack.packb(command.lower()))
+
+    def commands_base64(self) -> list[str]:
+        """Returns the commands in order, as the viewer's `handle_command_bytearray` takes them, in base64."""
+        return [base64.b64encode(command).decode() for command in self._commands]
+
+
+def viewer_source() -> str:
+    """Returns the JavaScript of the viewer, from the meshcat package."""
+    return (Path(meshcat.viewer_assets_path()) / "dist" / "main.min.js").read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class ArrowScale:
+    """Scales of the arrows.
+
+    Attributes:
+        force: force per length of an arrow, N/m.
+        moment: moment per length of an arrow, N m/m.
+    """
+
+    force: float
+    moment: float
+
+
+def arrow_scale(motion: Motion) -> ArrowScale:
+    """Returns round scales (1, 2 or 5 times a power of ten per cm) at which the largest arrows fit the scene."""
+
+    def fit(vectors: Array, minimum: float) -> float:
+        largest = max(float(np.linalg.norm(vectors, axis=1).max()), minimum)
+        return 100.0 * round_step(0.01 * largest / MAX_ARROW_LENGTH)
+
+    contacts = np.zeros((1, 3)) if motion.contact_forces is None else motion.contact_forces.reshape(-1, 3)
+    return ArrowScale(force=fit(np.vstack([motion.force, contacts]), 1.0), moment=fit(motion.moment, 0.01))
+
+
+def draw_scene(motion: Motion) -> PageWindow:
+    """Draws the scene of a motion and its animation; a frame of the animation is a second of the motion."""
+    window = PageWindow()
+    scene = meshcat.Visualizer(window=window)
+    _set_stage(scene)
+    _draw_block(scene["hole"], motion.geometry)
+    _draw_peg(scene["peg"], motion)
+    _draw_arrow(scene["force"], FORCE_COLOUR, heads=1)
+    _draw_arrow(scene["moment"], MOMENT_COLOUR, heads=2)
+    animation = Animation()
+    times = [float(t) for t in motion.time]
+    _animate_pose(animation, scene["hole"], times, motion.p_WH, motion.R_WH)
+    _animate_pose(animation, scene["peg"], times, motion.p_WP, motion.R_WP)
+    _animate_colour(animation, scene["peg/body"], motion)
+    scale = arrow_scale(motion)
+    for name, vectors_P, per_metre in (("force", motion.force, scale.force), ("moment", motion.moment, scale.moment)):
+        _animate_arrow(animation, scene[name], times, motion.p_WP, motion.R_WP.apply(vectors_P) / per_metre)
+    if motion.contact_points is not None and motion.contact_forces is not None:
+        for k, place in enumerate(ContactPlace):
+            node = scene[f"contact_{place}"]
+            _draw_arrow(node, CONTACT_COLOUR, heads=1)
+            arrows = motion.contact_forces[:, k] / scale.force
+            _animate_arrow(animation, node, times, motion.contact_points[:, k], arrows)
+    window.send(SetAnimation(animation, play=True, repetitions=1))
+    return window
+
+
+def _set_stage(scene: meshcat.Visualizer) -> None:
+    scene["/Grid"].set_property("visible", False)
+    scene["/Axes"].set_property("visible", False)
+    scene["/Background"].set_property("top_color", [0.98, 0.985, 0.99])
+    scene["/Background"].set_property("bottom_color", [0.77, 0.80, 0.84])
+    scene["/Lights/AmbientLight/" + OBJECT].set_property("intensity", 0.62)
+    scene["/Lights/FillLight/" + OBJECT].set_property("intensity", 0.25)
+    # The camera orbits the origin of this path. Below the path, y points upwards.
+    scene["/Cameras/default"].set_transform(_transform(TARGET))
+    camera = scene["/Cameras/default/rotated/" + OBJECT]
+    offset = CAMERA - TARGET
+    camera.set_property("near", 0.001)  # the viewer's default of 10 mm would cut off parts of a zoomed scene
+    camera.set_property("far", 10.0)
+    camera.set_property("fov", FIELD_OF_VIEW)
+    camera.set_property("position", [float(offset[0]), float(offset[2]), float(-offset[1])])
+
+
+def _draw_block(node: meshcat.Visualizer, size: PegHoleGeometry) -> None:
+    block = make_block(size)
+    material = shapes.MeshPhongMaterial(color=BLOCK_COLOUR, shininess=12, flatShading=True, side=2)
+    node["body"].set_object(shapes.TriangularMeshGeometry(block.vertices, block.triangles), material)
+
+    first, last = cutaway_sector(size.facets)
+    angles = 2.0 * np.pi * np.arange(first, last + 1) / size.facets
+    bottom = -size.hole_depth - size.floor
+    rim = size.hole_radius + size.chamfer
+    edges = (
+        (rim, 0.0),
+        (size.hole_radius, -size.chamfer),
+        (size.hole_radius, -size.hole_depth),
+        (size.block_radius, 0.0),
+        (size.block_radius, bottom),
+    )
+    for k, (radius, z) in enumerate(edges):
+        _draw_line(node[f"edge{k}"], _circle(radius, angles, z))
+    half_section = [
+        *((-size.block_radius, bottom), (-size.block_radius, 0.0), (-rim, 0.0)),
+        *((-size.hole_radius, -size.chamfer), (-size.hole_radius, -size.hole_depth)),
+    ]  # (distance from the axis, z)
+    outline = np.array(half_section + [(-r, z) for r, z in reversed(half_section)] + half_section[:1])
+    radial = np.array([np.cos(angles[-1]), np.sin(angles[-1]), 0.0])  # direction of the cut
+    _draw_line(node["section"], outline[:, :1] * radial + outline[:, 1:] * np.array([0.0, 0.0, 1.0]))
+
+
+def _draw_peg(node: meshcat.Visualizer, motion: Motion) -> None:
+    length, radius = motion.geometry.peg_length, motion.geometry.peg_radius
+    first_colour = int(motion.colours[motion.phase[0]][1:], 16)
+    material = shapes.MeshPhongMaterial(color=first_colour, shininess=25)
+    node["body"].set_object(shapes.Cylinder(length, radius), material)
+    node["body"].set_transform(_upright_cylinder(centre=length / 2))
+    angles = np.linspace(0.0, 2.0 * np.pi, 97)
+    for k, z in enumerate(np.arange(0.0, length, MARK_SPACING)):
+        _draw_line(node[f"mark{k}"], _circle(radius * 1.0005, angles, float(z)))
+
+
+def _draw_arrow(node: meshcat.Visualizer, colour: int, *, heads: int) -> None:
+    """Draws an arrow along z with a shaft of 1 m; the animation scales the shaft."""
+    # Without a depth test: the arrow begins at the tip of the peg, which the bore hides.
+    material = shapes.MeshPhongMaterial(
+        color=colour, emissive=colour, emissiveIntensity=0.45, transparent=True, opacity=0.999, depthTest=False, side=0
+    )
+    node["shaft/rod"].set_object(shapes.Cylinder(1.0, ARROW_RADIUS), material)
+    node["shaft/rod"].set_transform(_upright_cylinder(centre=0.5))
+    length = HEAD_LENGTH / heads
+    for k in range(heads):
+        cone = shapes.Cylinder(length, radiusTop=0.0, radiusBottom=2.6 * ARROW_RADIUS)
+        node[f"head/cone{k}"].set_object(cone, material)
+        node[f"head/cone{k}"].set_transform(_upright_cylinder(centre=0.5 * length + (heads - 1 - k) * length))
+
+
+def _transform(translation: ArrayLike) -> Array:
+    """Returns a (4, 4) translation."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = translation
+    return matrix
+
+
+def _upright_cylinder(*, centre: float) -> Array:
+    """Returns the (4, 4) transform of meshcat's cylinder, whose axis is y, to the axis z at height ``centre`` m."""
+    matrix = _transform([0.0, 0.0, centre])
+    matrix[:3, :3] = Rotation.from_rotvec([np.pi / 2, 0.0, 0.0]).as_matrix()
+    return matrix
+
+
+def _draw_line(node: meshcat.Visualizer, points: Array) -> None:
+    geometry = shapes.PointsGeometry(np.asarray(points, dtype=np.float32).T)
+    node.set_object(shapes.Line(geometry, shapes.LineBasicMaterial(color=EDGE_COLOUR)))
+
+
+def _circle(radius: float, angles: Array, z: float) -> Array:
+    return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full_like(angles, z)])
+
+
+# ---------------------------------------------------------------------- animation
+
+
+def _set_track(
+    animation: Animation, node: meshcat.Visualizer, name: str, kind: str, times: list[float], values: ArrayLike
+) -> None:
+    """Gives the property ``name`` of a node one value for each of ``times`` (s)."""
+    clip = animation.clips.setdefault(node.path, AnimationClip(fps=1))
+    clip.tracks[name] = AnimationTrack(name, kind, times, np.asarray(values, dtype=float).tolist())
+
+
+def _animate_pose(
+    animation: Animation, node: meshcat.Visualizer, times: list[float], positions: Array, rotations: Rotation
+) -> None:
+    _set_track(animation, node, "position", "vector3", times, positions)
+    quaternions = rotations.as_quat()
+    # q and -q are the same rotation. Without a change of sign the viewer interpolates the short way.
+    flips = np.sign(np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1]))
+    quaternions[1:] *= np.cumprod(np.where(flips == 0, 1.0, flips))[:, None]
+    _set_track(animation, node, "quaternion", "quaternion", times, quaternions)
+
+
+def _animate_colour(animation: Animation, node: meshcat.Visualizer, motion: Motion) -> None:
+    colours = np.array([[int(c[i : i + 2], 16) / 255 for i in (1, 3, 5)] for c in motion.colours])
+    changes = np.flatnonzero(np.diff(motion.phase)) + 1
+    times, values = [0.0], [colours[motion.phase[0]]]
+    for k in changes:  # the viewer interpolates: hold the old colour until just before the change
+        times += [float(motion.time[k]) - 1e-4, float(motion.time[k])]
+        values += [colours[motion.phase[k - 1]], colours[motion.phase[k]]]
+    if times[-1] < motion.time[-1]:  # so that all clips end together
+        times.append(float(motion.time[-1]))
+        values.append(values[-1])
+    mesh = node[OBJECT]
+    _set_track(animation, mesh, "material.color", "color", times, values)
+    _set_track(animation, mesh, "material.emissive", "color", times, PEG_EMISSION * np.array(values))
+
+
+def _animate_arrow(
+    animation: Animation, node: meshcat.Visualizer, times: list[float], starts: Array, arrows: Array
+) -> None:
+    """Moves an arrow to ``starts`` (n, 3) and stretches it along ``arrows`` (n, 3), both m, in W."""
+    length = np.linalg.norm(arrows, axis=1)
+    size = np.clip(length / (1.5 * HEAD_LENGTH), 1e-4, 1.0)  # scale of the whole arrow
+    shaft = np.maximum(length, 1.5 * HEAD_LENGTH) - HEAD_LENGTH
+    _animate_pose(animation, node, times, starts, _rotations_from_z(arrows))
+    _set_track(animation, node, "scale", "vector3", times, np.repeat(size[:, None], 3, axis=1))
+    ones = np.ones_like(shaft)
+    _set_track(animation, node["shaft"], "scale", "vector3", times, np.column_stack([ones, ones, shaft]))
+    zeros = np.zeros_like(shaft)
+    _set_track(animation, node["head"], "position", "vector3", times, np.column_stack([zeros, zeros, shaft]))
+
+
+def _rotations_from_z(vectors: Array) -> Rotation:
+    """Returns the n smallest rotations that turn z into ``vectors`` (n, 3); the identity for a zero vector."""
+    norm = np.linalg.norm(vectors, axis=1)
+    unit = np.where(norm[:, None] > 1e-12, vectors / np.maximum(norm, 1e-12)[:, None], [0.0, 0.0, 1.0])
+    quaternion = np.column_stack([-unit[:, 1], unit[:, 0], np.zeros(len(unit)), 1.0 + unit[:, 2]])
+    quaternion[unit[:, 2] < -1 + 1e-9] = [1.0, 0.0, 0.0, 0.0]
+    return Rotation.from_quat(quaternion)

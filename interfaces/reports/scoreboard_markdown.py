@@ -1,0 +1,64 @@
+"""The tables of a scoreboard as Markdown."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from urllib.parse import quote
+
+from experiments.scoreboard.columns import COLUMNS
+from experiments.scoreboard.queries import sweep_commands, table_sql
+from experiments.scoreboard.summary import Row, Scoreboard, Table
+from interfaces.reports.scoreboard_page import about, board_title, link, warnings
+
+
+def scoreboard_markdown(board: Scoreboard, out: Path) -> str:
+    """Returns the text; its links lead from ``out`` to the folders of the trials."""
+    parts = [
+        f"# {_plain(board_title(board))}",
+        f"{_plain(about(board))}.",
+        *(f"**{_plain(text)}**" for text in warnings(board)),
+        _sweeps(board, out),
+        *(_table(table, board, out) for table in board.tables),
+        "## Columns",
+        "\n".join(f"- {column.name} ({column.unit}): {_plain(column.tip)}" for column in COLUMNS),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _sweeps(board: Scoreboard, out: Path) -> str:
+    """The commands that make the trials."""
+    if not board.sweeps:
+        return ""
+    specifications = []
+    for sweep in board.sweeps:
+        relative = os.path.relpath(sweep.path.resolve(), out.parent.resolve())
+        specifications.append(f"[{_plain(sweep.title)}]({quote(Path(relative).as_posix())})")
+    commands = "\n".join(f"    {command}" for command in sweep_commands(board))
+    return f"The trials are those of {', '.join(specifications)}:\n\n{commands}"
+
+
+def _table(table: Table, board: Scoreboard, out: Path) -> str:
+    """A section with a table, and the statement that recomputes it."""
+    heads = ["policy", *(f"{column.name}, {column.unit}" for column in COLUMNS)]
+    lines = [
+        f"| {' | '.join(_plain(head) for head in heads)} |",
+        f"|---{'|---:' * len(COLUMNS)}|",
+        *(_row(row, board, out) for row in table.rows),
+    ]
+    rows = "\n".join(lines)
+    return f"## {_plain(table.cell.title)}\n\n{rows}\n\nRecompute with DuckDB:\n\n    {table_sql(board, table.cell)}"
+
+
+def _row(row: Row, board: Scoreboard, out: Path) -> str:
+    cells = [f"[{_plain(row.summary.policy)}]({link(board, row, out)})"]
+    for column in COLUMNS:
+        note = column.note(row)
+        cells.append(_plain(f"{column.text(row)} ({note})" if note else column.text(row)))
+    return f"| {' | '.join(cells)} |"
+
+
+def _plain(text: str) -> str:
+    """Text that Markdown shows as it is, on one line."""
+    escaped = "".join(f"\\{c}" if c in "\\`*_[]<>|#" else c for c in " ".join(text.split()))
+    return escaped.replace("&", "&amp;")

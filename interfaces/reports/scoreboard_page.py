@@ -1,0 +1,190 @@
+"""One self-contained HTML page about the results of sweeps: curves, tables, and the commands behind every number.
+
+The layout is in scoreboard.html and scoreboard.css; scoreboard.js sorts the tables.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+import os
+from pathlib import Path
+from urllib.parse import quote, unquote
+
+from experiments.scoreboard.columns import COLUMNS, Column
+from experiments.scoreboard.queries import cell_commands, partition, sweep_commands
+from experiments.scoreboard.summary import Row, Scoreboard, Table
+from interfaces.reports.page_template import fill_page
+from interfaces.reports.scoreboard_curves import curves_of, draw_curve
+
+FORCES = ("contact", "load", "mean load", "above 20 N")
+"""Columns that say little where the physics is not trusted."""
+
+DIGEST = 12
+"""Characters of a digest that are shown."""
+
+
+def scoreboard_page(board: Scoreboard, out: Path) -> str:
+    """Returns the page as HTML text, which needs no other file; links lead from ``out`` to the files of the trials."""
+    curves = curves_of(board)
+    policies = sorted({row.summary.policy for table in board.tables for row in table.rows})
+    styles = {policy: number for number, policy in enumerate(policies)}
+    return fill_page(
+        "scoreboard",
+        room="experiments.scoreboard",
+        title=html.escape(board_title(board)),
+        about=html.escape(about(board)),
+        warnings="".join(f'<p class="warning">{html.escape(text)}</p>' for text in warnings(board)),
+        contents=_contents(board.tables),
+        curves="".join(
+            f"<section><h2>{html.escape(curve.factor)}</h2>"
+            f'<p class="about">{html.escape(curve.title)}</p>{draw_curve(curve, styles)}</section>'
+            for curve in curves
+        ),
+        tables="\n".join(_table(number, table, board, out) for number, table in enumerate(board.tables)),
+        reference=html.escape(board.reference),
+        columns="".join(
+            f"<dt>{html.escape(column.name)}</dt><dd>{html.escape(column.tip)}"
+            f"{f' <code>{html.escape(column.sql)}</code>' if column.sql else ''}</dd>"
+            for column in COLUMNS
+        ),
+        sweeps=_sweeps(board, out),
+    )
+
+
+def board_title(board: Scoreboard) -> str:
+    """The heading: the titles of the sweeps."""
+    titles = [sweep.title for sweep in board.sweeps]
+    return f"Scoreboard: {'; '.join(titles)}" if titles else f"Scoreboard of {board.folder.resolve().name}"
+
+
+def about(board: Scoreboard) -> str:
+    """What the tables are about, in one line."""
+    policies = {row.summary.policy for table in board.tables for row in table.rows}
+    tables = f"{len(board.tables)} table{'' if len(board.tables) == 1 else 's'}"
+    return (
+        f"{board.trials:,} trials of {len(policies)} {'policy' if len(policies) == 1 else 'policies'} in {tables},"
+        f" all made by the code {board.code[:DIGEST]}; compared with “{board.reference}”"
+    )
+
+
+def warnings(board: Scoreboard) -> list[str]:
+    """What a reader must know before believing the tables."""
+    found = []
+    if board.left_out:
+        other = ", ".join(f"{count:,} of {code[:DIGEST]}" for code, count in board.left_out.items())
+        total = sum(board.left_out.values())
+        found.append(
+            f"{total:,} trial{' is' if total == 1 else 's are'} left out, because other code made"
+            f" {'it' if total == 1 else 'them'}: {other}. The tables hold the newest code only, {board.code[:DIGEST]}."
+        )
+    if board.replaced:
+        found.append(
+            f"{board.replaced:,} trial{' is' if board.replaced == 1 else 's are'} left out, because the policy has been"
+            " made anew since: its specification, its demonstrations, its own modules, or a version has changed."
+        )
+    untrusted = sum(row.summary.untrusted for table in board.tables for row in table.rows)
+    if untrusted:
+        found.append(
+            f"{untrusted:,} of {board.trials:,} trials have physics that is not trusted: bodies overlap by more than a"
+            " quarter of the clearance. Their forces say little about metal; the column “physics” counts them."
+        )
+    if not board.sweeps:
+        found.append("No specification of a sweep is stored with these trials, so that their command is not known.")
+    return found
+
+
+def link(board: Scoreboard, row: Row, out: Path) -> str:
+    """The address of the file of a row's trials, or of their folder if there are several, relative to the page."""
+    folder = partition(board.folder, row.summary.policy, row.summary.cell)
+    files = list(folder.glob("*.parquet"))
+    relative = os.path.relpath((files[0] if len(files) == 1 else folder).resolve(), out.parent.resolve())
+    return "/".join(quote(part) for part in Path(relative).parts) + ("" if len(files) == 1 else "/")
+
+
+def _contents(tables: list[Table]) -> str:
+    """Links to the tables, if there are several."""
+    if len(tables) < 2:
+        return ""
+    links = "".join(f'<a href="#table-{k}">{html.escape(table.cell.title)}</a>' for k, table in enumerate(tables))
+    return f'<nav aria-label="tables">{links}</nav>'
+
+
+def _table(number: int, table: Table, board: Scoreboard, out: Path) -> str:
+    """A table, and below it the commands behind each of its rows."""
+    headings = "".join(_heading(column) for column in COLUMNS)
+    rows = "\n".join(_row(f"how-{number}-{k}", row, board, out) for k, row in enumerate(table.rows))
+    hows = "\n".join(_how(f"how-{number}-{k}", row, board, out) for k, row in enumerate(table.rows))
+    return (
+        f'<section id="table-{number}"><h2>{html.escape(table.cell.title)}</h2>'
+        '<div class="scroll" tabindex="0"><table><thead><tr><th scope="col" class="text"><button type="button">policy'
+        f"<small>&nbsp;</small></button></th>{headings}</tr></thead><tbody>\n{rows}\n</tbody></table></div>\n"
+        f"<details><summary>commands behind each row</summary>\n{hows}\n</details></section>"
+    )
+
+
+def _heading(column: Column) -> str:
+    first = "ascending" if column.low_is_good else "descending"
+    return (
+        f'<th scope="col" title="{html.escape(column.tip)}"><button type="button" data-first="{first}">'
+        f"{html.escape(column.name)}<small>{html.escape(column.unit)}</small></button></th>"
+    )
+
+
+def _row(how: str, row: Row, board: Scoreboard, out: Path) -> str:
+    """The table row of a policy."""
+    policy, address = row.summary.policy, link(board, row, out)
+    role = "reference, " if policy == board.reference else ""
+    head = (
+        f'<th scope="row" class="text"><a href="{address}">{html.escape(policy)}</a>'
+        f'<small>{role}<a href="#{how}">commands</a></small></th>'
+    )
+    cells = "".join(_cell(column, row, board, address) for column in COLUMNS)
+    return f"<tr>{head}{cells}</tr>"
+
+
+def _cell(column: Column, row: Row, board: Scoreboard, address: str) -> str:
+    """A cell: the number links the trials, and its title tells how it was made."""
+    key, s = column.key(row), row.summary
+    doubtful = column.name in FORCES and s.untrusted > 0
+    style = "doubtful" if doubtful else "words" if column.name == "faults" else ""
+    title = [
+        column.tip,
+        *([f"{s.untrusted} of {s.trials} trials not trusted"] if doubtful else []),
+        *([f"recompute: {column.sql}"] if column.sql else []),
+        *(f"made by: {command}" for command in sweep_commands(board)),
+    ]
+    note = column.note(row)
+    return (
+        f'<td class="{style}" data-key="{"" if math.isnan(key) else f"{key:.9g}"}">'
+        f'<a href="{address}" title="{html.escape(chr(10).join(title))}">{html.escape(column.text(row))}</a>'
+        f"{f'<small>{html.escape(note)}</small>' if note else ''}</td>"
+    )
+
+
+def _how(how: str, row: Row, board: Scoreboard, out: Path) -> str:
+    """The commands behind a row, folded."""
+    s, address = row.summary, link(board, row, out)
+    commands = "".join(
+        f"<dt>{html.escape(name)}</dt><dd><pre>{html.escape(command)}</pre></dd>"
+        for name, command in cell_commands(board, s.policy, s.cell)
+    )
+    return (
+        f'<details class="row"><summary>{html.escape(s.policy)}</summary><dl id="{how}">'
+        f'<dt>trials</dt><dd><a href="{address}">{html.escape(unquote(address))}</a></dd>'
+        f"{commands}</dl></details>"
+    )
+
+
+def _sweeps(board: Scoreboard, out: Path) -> str:
+    """The stored specifications with the commands that make their trials."""
+    if not board.sweeps:
+        return "<p>none stored</p>"
+    items = []
+    for sweep, command in zip(board.sweeps, sweep_commands(board), strict=True):
+        relative = os.path.relpath(sweep.path.resolve(), out.parent.resolve())
+        address = "/".join(quote(part) for part in Path(relative).parts)
+        items.append(
+            f'<dt><a href="{address}">{html.escape(sweep.title)}</a></dt><dd><pre>{html.escape(command)}</pre></dd>'
+        )
+    return f"<dl>{''.join(items)}</dl>"

@@ -1,1 +1,0 @@
-"""Command lines that write recordings for other programs, and read them back."""

@@ -1,1 +1,0 @@
-"""Mixtures: Gaussian and Student components, expectation-maximisation, and the effective sample size."""

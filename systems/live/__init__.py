@@ -1,1 +1,0 @@
-"""Live demonstrations: a person moves the peg from the browser or with a haptic device."""

@@ -1,1 +1,0 @@
-"""Demonstrations, rig trials and practice: simulation, outcome and results."""

@@ -1,1 +1,0 @@
-"""What a sweep asks for: factors, policies and trials, from a YAML file."""

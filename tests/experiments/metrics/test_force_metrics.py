@@ -1,0 +1,94 @@
+"""The figures of a trial's forces, against sums worked by hand."""
+
+import numpy as np
+import pytest
+
+from experiments.metrics.force_metrics import ForceMetrics, contact_row
+from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace
+from systems.plant.contact_forces import Contact
+
+RADIUS, STEP = 0.01, 2e-3
+
+
+def figures_of(wrenches):
+    metrics = ForceMetrics(RADIUS, STEP)
+    for wrench in wrenches:
+        metrics.add_step(np.array(wrench, dtype=float))
+    return metrics.figures(peak_measured_load=0.0)
+
+
+def contact(place, force, normal=(1.0, 0.0, 0.0), point=(0.01, 0.0, -0.001)):
+    return Contact(place, np.array(point), np.array(normal), force)
+
+
+def test_a_wedge_has_a_small_force_across_and_a_large_load():
+    """A moment of 0.4 N m over 10 mm is 40 N; with 30 N along the peg the load is 50 N."""
+    figures = figures_of([[3, 4, 0, 0, 0, 0], [0, 0, -30, 0, 0.4, 0]])
+    assert figures.peak_load == pytest.approx(50.0)
+    assert figures.peak_lateral_force == pytest.approx(5.0)
+    assert figures.peak_axial_force == pytest.approx(30.0)
+    assert figures.peak_moment == pytest.approx(0.4)
+
+
+def test_the_mean_load_and_the_time_above_20_n():
+    """Loads of 0.9, 1, 20, 20.1 and 39 N: the first is no contact, the last two are above 20 N."""
+    figures = figures_of([[0, 0, f, 0, 0, 0] for f in (0.9, 1.0, 20.0, 20.1, 39.0)])
+    assert figures.mean_load == pytest.approx((1.0 + 20.0 + 20.1 + 39.0) / 4)
+    assert figures.time_above_20n == pytest.approx(2 * STEP)
+
+
+def test_the_time_with_a_force_above_20_n_leaves_out_moments():
+    figures = figures_of([[12.0, 16.1, 0, 0, 0, 0], [12.0, 16.0, 0, 0, 0, 0], [0, 0, 0, 0, 0.9, 0]])
+    assert figures.force_above_20n == pytest.approx(STEP)
+    assert figures.time_above_20n == pytest.approx(2 * STEP)
+
+
+def test_the_first_touch_is_the_impulse_of_50_ms():
+    """0.5 N is no contact; 25 steps of 2 ms with 3 and 4 N across are 5 N for 50 ms; what follows does not count."""
+    wrenches = [[0.5, 0, 0, 0, 0, 0]] * 7 + [[3, 4, 0, 0, 0, 0]] * 25 + [[90, 0, 0, 0, 0, 0]] * 9
+    assert figures_of(wrenches).first_touch == pytest.approx(5.0 * 0.050)
+    assert figures_of(wrenches[:17]).first_touch == pytest.approx(5.0 * 0.020)
+
+
+def test_a_trial_without_contact_has_zeros():
+    figures = figures_of([])
+    assert set(vars(figures).values()) == {0.0}
+
+
+def test_contacts_are_read_at_a_new_largest_load_or_extent_only():
+    metrics = ForceMetrics(RADIUS, STEP)
+    push = np.array([0.0, 0, 10, 0, 0, 0])
+    turn = np.array([0.0, 0, 0, 0, 0.11, 0])  # a load of 11 N
+    assert not metrics.is_news(push, 0.0)  # nothing touches
+    assert metrics.is_news(push, 1e-6)
+    assert not metrics.is_news(push, 1e-6)
+    assert not metrics.is_news(1.04 * push, 1.04e-6)
+    assert metrics.is_news(turn, 1e-6)
+    assert not metrics.is_news(turn, 1e-6)
+    assert metrics.is_news(push, 1.2e-6)
+    assert not metrics.is_news(push, 1.1e-6)
+
+
+def test_the_largest_single_contact_counts_wherever_it_is_read():
+    metrics = ForceMetrics(RADIUS, STEP)
+    metrics.add_contacts([contact(ContactPlace.MOUTH, 7.0), contact(ContactPlace.TIP, 9.0)])
+    metrics.add_contacts([])
+    assert metrics.figures(peak_measured_load=0.0).peak_contact_force == 9.0
+    metrics.add_row([contact(ContactPlace.FACE, 11.0)])
+    assert metrics.figures(peak_measured_load=0.0).peak_contact_force == 11.0
+
+
+def test_a_row_holds_the_stronger_contact_of_each_place():
+    tip = contact(ContactPlace.TIP, 4.0, (0.0, -1.0, 0.0), (0.0, 0.01, -0.02))
+    row = dict(zip(CONTACT_COLUMNS, contact_row([tip, contact(ContactPlace.TIP, 3.0)]), strict=True))
+    assert [row[f"contact_tip_{name}"] for name in ("x", "y", "z", "fx", "fy", "fz")] == [0, 0.01, -0.02, 0, -4, 0]
+    assert not any(value for name, value in row.items() if not name.startswith("contact_tip"))
+
+
+def test_samples_without_a_reading_have_no_contact():
+    metrics = ForceMetrics(RADIUS, STEP)
+    metrics.add_row([contact(ContactPlace.MOUTH, 2.0)])
+    metrics.add_row([])
+    assert metrics.contact_rows(4).shape == (4, 18)
+    assert metrics.contact_rows(4).any(axis=1).tolist() == [True, False, False, False]
+    assert metrics.contact_rows(1).shape == (1, 18)

@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from experiments.exact_states import exact_bodies
+from experiments.metrics.penetration import deepest_overlap
+from models.scenario import Geometry
+
+G = Geometry()
+UPRIGHT = [0.0, 0.0, 1.0]
+
+
+def test_a_peg_pressed_sideways_overlaps_by_its_offset_beyond_the_clearance():
+    aside = G.clearance + 7e-6
+    poses = [[0.0, 0.0, -0.010], [0.0, aside, -0.010], [0.5 * aside, 0.0, -0.012]]
+    assert deepest_overlap(G, poses, [UPRIGHT] * 3) == pytest.approx(7e-6, abs=1e-9)
+
+
+def test_a_peg_on_the_floor_overlaps_by_its_depth_beyond_the_hole():
+    assert deepest_overlap(G, [[0.0, 0.0, -G.hole_depth - 3e-6]], [UPRIGHT]) == pytest.approx(3e-6, abs=1e-9)
+
+
+def test_the_overlap_of_separate_bodies_is_zero():
+    assert deepest_overlap(G, [[0.0, 0.0, 0.003]], [UPRIGHT]) == 0.0
+
+
+def test_invalid_poses_are_ignored():
+    poses = [[np.nan, 0.0, 0.0], [0.0, 0.0, -0.010], [0.0, 0.0, -0.010]]
+    assert deepest_overlap(G, poses, [UPRIGHT, UPRIGHT, [1.0, 0.0, 0.0]]) == 0.0
+    assert deepest_overlap(G, np.empty((0, 3)), np.empty((0, 3))) == 0.0
+
+
+def test_one_invalid_coordinate_excludes_only_its_own_pose():
+    """The other pose of each pair is 4 um deeper than the hole."""
+    pressed = [0.0, 0.0, -G.hole_depth - 4e-6]
+    for invalid in ([np.nan, 0.0, -0.010], [0.0, np.inf, -0.010], [0.0, 0.0, np.nan]):
+        assert deepest_overlap(G, [invalid, pressed], [UPRIGHT] * 2) == pytest.approx(4e-6, abs=1e-9)
+        assert deepest_overlap(G, [pressed, invalid], [UPRIGHT] * 2) == pytest.approx(4e-6, abs=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [44.0, -44.0, 45.0, 46.0, 89.0])
+def test_a_tilt_up_to_almost_45_degrees_is_evaluated(degrees):
+    """The rim of the tip is r sin(tilt) lower than its centre, which is far from the wall of the bore."""
+    tilt = np.radians(degrees)
+    axis = [np.sin(tilt), 0.0, np.cos(tilt)]
+    overlap = deepest_overlap(G, [[0.0, 0.0, -G.hole_depth - 1e-3]], [axis])
+    assert (overlap > 1e-3) == (abs(degrees) < 45.0)
+
+
+def test_a_demonstration_reports_its_overlap(demonstrations):
+    for demonstration in demonstrations:
+        s = demonstration.samples
+        axis = Rotation.from_rotvec(s[["ax", "ay", "az"]].to_numpy() * s[["angle"]].to_numpy()).apply([0.0, 0.0, 1.0])
+        overlap = -exact_bodies(demonstration).gap(s[["x", "y", "z"]].to_numpy(), axis).min()
+        assert overlap > 0.0  # all of them touch
+        assert demonstration.metadata["penetration_um"] == pytest.approx(1e6 * overlap, abs=0.051)

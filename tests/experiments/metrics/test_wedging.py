@@ -1,0 +1,117 @@
+"""Wedges: two contacts against the exact condition of a tilted peg, and the time that counts."""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform
+
+from benchmarks.physics.contact_measurements import PegTheory, converged
+from benchmarks.physics.contact_probe import ContactProbe
+from experiments.metrics.wedging import WEDGE_FORCE, WEDGE_TIME, WedgeMetrics, is_wedged
+from models.contact_theory import exact_wedging_tilt, two_point_depth
+from models.scenario import load_scenario
+from skill.data.rig_run import ContactPlace
+from systems.plant.contact_forces import Contact, hydroelastic_forces, single_contacts
+
+SIZES = {"peg_radius": 0.010, "hole_radius": 0.01005}
+PERIOD = 0.02
+
+
+def two_point_contacts(tilt, force=10.0, other=10.0):
+    """The contacts of a peg that is tilted about y: its tip's edge touches one wall, its side the opposite mouth."""
+    depth = float(two_point_depth(tilt, **SIZES)) - SIZES["peg_radius"] * math.sin(tilt)
+    R = SIZES["hole_radius"]
+    tip = Contact(ContactPlace.TIP, np.array([R, 0.0, -depth]), np.array([-1.0, 0.0, 0.0]), force)
+    normal = np.array([math.cos(tilt), 0.0, math.sin(tilt)])  # of the peg's side, which leans to the other wall
+    return [tip, Contact(ContactPlace.MOUTH, np.array([-R, 0.0, 0.0]), normal, other)]
+
+
+@pytest.mark.parametrize("friction", [0.15, 0.2, 0.3, 0.5])
+def test_two_contacts_wedge_from_the_exact_tilt_on(friction):
+    tilt = exact_wedging_tilt(friction=friction, **SIZES)
+    assert is_wedged(two_point_contacts(1.001 * tilt), friction)
+    assert not is_wedged(two_point_contacts(0.999 * tilt), friction)
+
+
+def test_nothing_wedges_where_the_theory_has_no_wedge():
+    assert math.isnan(exact_wedging_tilt(friction=0.09, **SIZES))
+    assert not any(is_wedged(two_point_contacts(tilt), 0.09) for tilt in np.linspace(0.001, 0.09, 50))
+
+
+def test_both_contacts_of_a_wedge_press():
+    tilt = math.radians(3.0)
+    assert is_wedged(two_point_contacts(tilt, WEDGE_FORCE, WEDGE_FORCE), 0.3)
+    assert not is_wedged(two_point_contacts(tilt, 100.0, 0.99 * WEDGE_FORCE), 0.3)
+    assert not is_wedged(two_point_contacts(tilt, 0.99 * WEDGE_FORCE, 100.0), 0.3)
+    assert not is_wedged(two_point_contacts(tilt)[:1], 0.3)
+    assert not is_wedged([], 0.3)
+
+
+def test_a_wedge_is_found_among_other_contacts():
+    face = Contact(ContactPlace.FACE, np.zeros(3), np.array([0.0, 0.0, 1.0]), 50.0)
+    assert is_wedged([face, *two_point_contacts(math.radians(3.0))], 0.3)
+
+
+def test_contacts_on_the_same_side_or_at_the_same_point_are_no_wedge():
+    tip, mouth = two_point_contacts(math.radians(3.0))
+    same_side = Contact(ContactPlace.MOUTH, mouth.point, tip.normal, 10.0)
+    assert not is_wedged([tip, same_side], 0.3)
+    assert not is_wedged([tip, Contact(ContactPlace.MOUTH, tip.point, -tip.normal, 10.0)], 0.3)
+
+
+def test_two_contacts_that_push_apart_are_no_wedge():
+    tip, mouth = two_point_contacts(math.radians(3.0))
+    swapped = [Contact(c.place, c.point, -c.normal, c.force) for c in (tip, mouth)]
+    assert not is_wedged(swapped, 0.3)
+
+
+def test_only_wedges_of_a_tenth_of_a_second_count():
+    """Runs of 4, 5 and 7 samples of 20 ms: the first is too short."""
+    metrics = WedgeMetrics(0.3, PERIOD)
+    wedge, free = two_point_contacts(math.radians(3.0)), []
+    for count, contacts in [(2, free), (4, wedge), (1, free), (5, wedge), (3, free), (7, wedge)]:
+        for _ in range(count):
+            metrics.add_row(contacts)
+    assert round(WEDGE_TIME / PERIOD) == 5
+    assert metrics.wedged_time() == pytest.approx(12 * PERIOD)
+
+
+def test_a_trial_without_contacts_has_no_wedge():
+    metrics = WedgeMetrics(0.3, PERIOD)
+    assert metrics.wedged_time() == 0.0
+    metrics.add_row([])
+    assert metrics.wedged_time() == 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("ratio", "wedged"), [(0.85, False), (1.25, True)])
+def test_a_simulated_peg_that_stays_squeezed_is_wedged(ratio, wedged):
+    """A moment squeezes the peg by 10 N at each contact and is removed; a wedged peg keeps its squeeze."""
+    friction, force = 0.3, 10.0
+    scenario = converged(load_scenario("nominal"), friction)
+    scenario.contact.modulus = 1e11
+    probe = ContactProbe(scenario, mass=0.15, inertia=3e-5, damping=(0.0, 0.0, 0.002))
+    sizes = PegTheory.of(scenario)
+    kept = []
+    tilt = ratio * exact_wedging_tilt(friction=friction, peg_radius=sizes.r, hole_radius=sizes.R)
+
+    def contacts():
+        context = probe.plant.GetMyContextFromRoot(probe._simulator.get_context())
+        peg, block = (probe.plant.GetBodyByName(name) for name in ("peg", "block"))
+        parts = hydroelastic_forces(
+            probe.plant, context, peg=peg, block=block, dissipation=scenario.contact.dissipation
+        )
+        X_WP = peg.EvalPoseInWorld(context)
+        return single_contacts(parts, RigidTransform(), X_WP, chamfer=scenario.geometry.chamfer)
+
+    depth = float(two_point_depth(tilt, peg_radius=sizes.r, hole_radius=sizes.R))
+    probe.hold()
+    probe.place(sizes.two_point_pose(tilt, depth))
+    for part in (1.0, 0.5, 0.0):
+        probe.load(0.0, 0.0, part * force * depth)
+        probe.step(round((0.15 if part == 1.0 else 0.02) / probe.time_step))
+        kept.append(is_wedged(contacts(), friction))
+    assert kept[-1] is wedged
+    if wedged:
+        assert all(kept)

@@ -1,0 +1,143 @@
+"""Locks between sessions, in processes of their own."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from experiments.outputs.folder_lock import LOCK_NAME, locked_file, locked_folder
+from tests.scripts.commands import ROOT
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from experiments.outputs.folder_lock import locked_folder
+with locked_folder(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def holder(tmp_path):
+    """A process that holds the folder ``tmp_path / "out"``."""
+    command = [sys.executable, "-c", HOLD, str(tmp_path / "out")]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "held\n"
+        yield process
+        process.kill()
+
+
+def test_the_second_process_is_told_who_holds_the_folder(tmp_path, holder):
+    expected = rf"out: process {holder.pid} \(-c, since 2.*\) writes here; wait for it"
+    with pytest.raises(OSError, match=expected), locked_folder(tmp_path / "out"):
+        pytest.fail("two processes hold the folder")
+    assert holder.poll() is None
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
+def test_a_process_that_ended_does_not_block(tmp_path, holder, number):
+    holder.send_signal(number)
+    holder.wait()
+    with locked_folder(tmp_path / "out"):
+        assert json.loads((tmp_path / "out" / LOCK_NAME).read_text())["pid"] == os.getpid()
+    assert not (tmp_path / "out").exists() or list((tmp_path / "out").iterdir()) == []
+
+
+def test_the_number_of_a_living_process_in_an_old_lock_does_not_block(tmp_path):
+    (tmp_path / LOCK_NAME).write_text(json.dumps({"pid": os.getppid(), "started": "2020", "command": "record"}))
+    with locked_folder(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lock_is_released_after_an_exception_and_may_be_nested(tmp_path):
+    def fail():
+        with locked_folder(tmp_path / "out"), locked_folder(tmp_path / "out"):
+            assert (tmp_path / "out" / LOCK_NAME).exists()
+            raise KeyboardInterrupt
+
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            fail()
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_the_inner_of_nested_locks_does_not_release_the_outer(tmp_path):
+    with locked_folder(tmp_path):
+        with locked_folder(tmp_path):
+            pass
+        held = subprocess.run([sys.executable, "-c", HOLD, str(tmp_path)], cwd=ROOT, capture_output=True, check=False)
+        assert b"writes here" in held.stderr
+
+
+def test_files_of_one_folder_have_locks_of_their_own(tmp_path):
+    with locked_file(tmp_path / "a.npz"), locked_file(tmp_path / "b.npz"), locked_folder(tmp_path):
+        assert sorted(p.name for p in tmp_path.iterdir()) == [".a.npz.lock", ".b.npz.lock", LOCK_NAME]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_damaged_lock_file_of_a_living_holder_blocks_without_a_name(tmp_path, holder):
+    (tmp_path / "out" / LOCK_NAME).write_text("")
+    with pytest.raises(OSError, match="out: another process writes here"), locked_folder(tmp_path / "out"):
+        pass
+
+
+@pytest.mark.parametrize("kind", ["link", "dangling", "folder", "pipe", "text", "list"])
+def test_what_is_not_a_lock_is_named_and_stays(tmp_path, kind):
+    outside, folder = tmp_path / "outside.txt", tmp_path / "out"
+    outside.write_text("mine")
+    folder.mkdir()
+    lock = folder / LOCK_NAME
+    make = {
+        "link": lambda: lock.symlink_to(outside),
+        "dangling": lambda: lock.symlink_to(tmp_path / "nowhere"),
+        "folder": lock.mkdir,
+        "pipe": lambda: os.mkfifo(lock),
+        "text": lambda: lock.write_text("mine"),
+        "list": lambda: lock.write_text("[[1]]"),
+    }
+    make[kind]()
+    before = lock.lstat()
+    with (
+        pytest.raises(
+            OSError, match=rf"{LOCK_NAME}: the lock cannot be taken \(not a lock of this program; move it away"
+        ),
+        locked_folder(folder),
+    ):
+        pytest.fail("the lock was taken")
+    assert (lock.lstat().st_ino, lock.lstat().st_size) == (before.st_ino, before.st_size)
+    assert outside.read_text() == "mine"
+    assert not (tmp_path / "nowhere").exists()
+
+
+@pytest.mark.slow
+def test_processes_that_take_turns_never_hold_the_folder_together(tmp_path):
+    """A process may open the lock file just before its holder removes it, and must not take it for the lock."""
+    code = """
+import sys, time
+from pathlib import Path
+from experiments.outputs.folder_lock import locked_folder
+folder, turns = Path(sys.argv[1]), 0
+end = time.monotonic() + 3
+while time.monotonic() < end:
+    try:
+        with locked_folder(folder):
+            (folder / "inside").touch(exist_ok=False)
+            turns += 1
+            (folder / "inside").unlink()
+    except OSError as error:
+        if "writes here" not in str(error):
+            raise
+print(turns)
+"""
+    (tmp_path / "other").touch()  # so that the folder stays
+    command = [sys.executable, "-c", code, str(tmp_path)]
+    processes = [subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    turns = [int(process.communicate()[0] or -1) for process in processes]
+    assert [process.returncode for process in processes] == [0, 0, 0]
+    assert min(turns) > 0
+    assert [path.name for path in tmp_path.iterdir()] == ["other"]

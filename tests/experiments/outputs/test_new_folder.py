@@ -1,0 +1,97 @@
+"""Folders that are made as a whole."""
+
+import os
+
+import pytest
+
+from experiments.outputs.new_folder import REPLACED, new_folder
+
+
+def make(out, text="new", **options):
+    with new_folder(out, **options) as staged:
+        (staged / "in").mkdir()
+        (staged / "in" / "a.txt").write_text(text)
+
+
+def own(folder):
+    return {"in/a.txt"} if (folder / "in" / "a.txt").exists() else None
+
+
+def test_the_folder_is_there_at_the_end(tmp_path):
+    with new_folder(tmp_path / "x" / "out") as staged:
+        (staged / "a.txt").write_text("a")
+        assert not (tmp_path / "x" / "out").exists()
+    assert [p.name for p in (tmp_path / "x").iterdir()] == ["out"]
+    assert [p.name for p in (tmp_path / "x" / "out").iterdir()] == ["a.txt"]
+
+
+def test_an_error_leaves_nothing(tmp_path):
+    def fail(folder):
+        (folder / "a.txt").write_text("a")
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError), new_folder(tmp_path / "out") as staged:
+        fail(staged)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_empty_folder_is_filled_and_another_refused(tmp_path):
+    (tmp_path / "out").mkdir()
+    make(tmp_path / "out")
+    with pytest.raises(ValueError, match=r"out: holds in/a\.txt, which is not replaced"):
+        make(tmp_path / "out", "newer")
+    assert (tmp_path / "out/in/a.txt").read_text() == "new"
+
+
+def test_an_own_folder_is_replaced_and_nothing_foreign(tmp_path):
+    make(tmp_path / "out")
+    make(tmp_path / "out", "newer", files_of=own)
+    assert (tmp_path / "out/in/a.txt").read_text() == "newer"
+    (tmp_path / "out/mine.txt").write_text("mine")
+    with pytest.raises(ValueError, match=r"holds mine\.txt, which is not replaced"):
+        make(tmp_path / "out", "newest", files_of=own)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out"]
+
+
+def test_files_and_links_are_refused(tmp_path):
+    (tmp_path / "out").write_text("a file")
+    with pytest.raises(ValueError, match="is there and no folder"):
+        make(tmp_path / "out")
+    (tmp_path / "out").unlink()
+    (tmp_path / "there").mkdir()
+    (tmp_path / "out").symlink_to("there")
+    with pytest.raises(ValueError, match="is there and no folder"):
+        make(tmp_path / "out")
+
+
+@pytest.mark.parametrize("name", ["out", "[out]*"])
+def test_what_a_killed_process_left_is_removed_or_put_back(tmp_path, name):
+    out = tmp_path / name
+    make(out)
+    out.rename(tmp_path / f".{name}{REPLACED}")  # killed between the two renames
+    (tmp_path / f".{name}.tmp-abcdefgh").mkdir()
+    (tmp_path / f".{name}.tmp-mine").mkdir()
+    with pytest.raises(ValueError, match="which is not replaced"):
+        make(out)
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([name, f".{name}.tmp-mine"])
+    (tmp_path / f".{name}{REPLACED}").mkdir()  # killed before the old folder was removed
+    make(out, "newer", files_of=own)
+    assert (out / "in/a.txt").read_text() == "newer"
+    assert sorted(p.name for p in tmp_path.iterdir()) == sorted([name, f".{name}.tmp-mine"])
+
+
+def test_a_failed_replacement_puts_the_old_folder_back(tmp_path, monkeypatch):
+    make(tmp_path / "out")
+    rename, calls = type(tmp_path).rename, []
+
+    def failing(self, target):
+        calls.append(target)
+        if len(calls) == 2:
+            raise OSError("no")
+        return rename(self, target)
+
+    monkeypatch.setattr(type(tmp_path), "rename", failing)
+    with pytest.raises(OSError, match="no"):
+        make(tmp_path / "out", "newer", files_of=own)
+    assert (tmp_path / "out/in/a.txt").read_text() == "new"
+    assert os.listdir(tmp_path) == ["out"]  # noqa: PTH208

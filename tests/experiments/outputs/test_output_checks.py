@@ -1,0 +1,148 @@
+"""Outputs are tried before the work, and failures of writing are one line."""
+
+import errno
+import os
+import shutil
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from experiments.outputs.folder_lock import LOCK_NAME
+from experiments.outputs.output_checks import check_file, check_folder, named_errors, require_distinct
+from skill.data.demonstration import write_demonstration
+from skill.figures.paper_figures import plot_demonstration, save_figure
+from tests.experiments.outputs.sets import make_set
+from tests.trajectories import make_demonstration
+
+
+@pytest.mark.parametrize("name", ["new", "new/deep/er", "there"])
+def test_a_folder_that_can_be_written_passes_and_is_not_made(tmp_path, name):
+    (tmp_path / "there").mkdir()
+    check_folder(tmp_path / name)
+    check_file(tmp_path / name / "x.json", ".json")
+    assert [p.name for p in tmp_path.rglob("*")] == ["there"]
+
+
+def test_a_relative_path_of_one_name_passes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    check_folder(Path("out"))
+    check_file(Path("x.json"), ".json")
+
+
+def test_a_file_in_the_place_of_a_folder_is_named(tmp_path):
+    (tmp_path / "taken").write_text("mine")
+    for path in (tmp_path / "taken", tmp_path / "taken" / "deep"):
+        with pytest.raises(OSError, match=r"--out .*taken is not a folder"):
+            check_folder(path)
+    (tmp_path / "link").symlink_to(tmp_path / "nowhere")
+    with pytest.raises(OSError, match="link is not a folder"):
+        check_folder(tmp_path / "link" / "x")
+
+
+def test_a_file_output_must_be_an_ordinary_file(tmp_path):
+    with pytest.raises(OSError, match=r"--json .*: is a folder"):
+        check_file(tmp_path, ".json", option="--json")
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/null")):
+        with pytest.raises(OSError, match="is a device or a pipe"):
+            check_file(path, ".json")
+
+
+def test_a_place_that_cannot_be_written_is_named():
+    with pytest.raises(OSError, match=r"--out /proc/new: cannot write in /proc \("):
+        check_folder(Path("/proc/new"))
+
+
+def test_a_name_that_is_too_long_for_the_temporary_file_is_refused(tmp_path):
+    check_file(tmp_path / ("x" * 241), ".json")
+    with pytest.raises(OSError, match="the name is longer than 241 bytes"):
+        check_file(tmp_path / ("x" * 242), ".json")
+    with pytest.raises(OSError, match="the name is longer"):
+        check_folder(tmp_path / ("x" * 242))
+
+
+def test_too_little_room_is_refused_with_both_sizes(tmp_path):
+    free = shutil.disk_usage(tmp_path).free
+    check_folder(tmp_path, size=free // 2)
+    with pytest.raises(OSError, match=r"needs about [\d,]+ MB, but only [\d,]+ MB are free"):
+        check_folder(tmp_path / "new", size=2 * free)
+
+
+def test_only_a_file_of_the_same_kind_or_an_empty_one_is_replaced(tmp_path, skill_file):
+    write_demonstration(make_demonstration(), tmp_path / "a.parquet")
+    (tmp_path / "b.npz").write_bytes(skill_file.read_bytes())
+    (tmp_path / "c.json").write_text("[]")
+    (tmp_path / "d.html").write_text("<!doctype html>")
+    save_figure(plot_demonstration(make_demonstration()), tmp_path / "e.png")
+    (tmp_path / "f.txt").write_text("mine")
+    with zipfile.ZipFile(tmp_path / "g.zip", "w") as archive:
+        archive.writestr("letter.xml", "mine")
+    (tmp_path / "empty").touch()
+    names = sorted(path.name for path in tmp_path.iterdir())
+    replaced = {".npz": ["b.npz", "empty"], ".json": ["c.json", "empty"], ".html": ["d.html", "empty"]}
+    replaced |= {".png": ["e.png", "empty"], ".svg": ["empty"]}
+    for suffix, expected in replaced.items():
+        assert [name for name in names if is_accepted(tmp_path / name, suffix)] == expected
+    with pytest.raises(
+        ValueError, match=r"--json .*b\.npz: is a skill file, and is not replaced by a JSON file; choose"
+    ):
+        check_file(tmp_path / "b.npz", ".json", option="--json")
+    with pytest.raises(ValueError, match=r"f\.txt: is another file, and is not replaced by an HTML page"):
+        check_file(tmp_path / "f.txt", ".html")
+
+
+def is_accepted(path, suffix):
+    try:
+        check_file(path, suffix)
+    except ValueError:
+        return False
+    return True
+
+
+def test_a_file_of_a_set_its_index_and_a_lock_are_not_replaced(tmp_path):
+    make_set(tmp_path, 1)
+    (tmp_path / "other.png").touch()
+    check_file(tmp_path / "other.png", ".png")
+    with pytest.raises(
+        ValueError, match=r"demonstrations\.png: belongs to the demonstrations in .*; choose another --out"
+    ):
+        check_file(tmp_path / "demonstrations.png", ".png")
+    with pytest.raises(ValueError, match=r"index\.json: the name of the index of a folder; choose another --json"):
+        check_file(tmp_path / "index.json", ".json", option="--json")
+    for name in (LOCK_NAME, ".x.npz.lock"):
+        with pytest.raises(ValueError, match="the name of a lock"):
+            check_file(tmp_path / name, ".npz")
+    (tmp_path / "index.json").write_text("{}")
+    with pytest.raises(ValueError, match=r"index\.json: not an index of this program"):
+        check_file(tmp_path / "other.png", ".png")
+
+
+def test_a_file_that_cannot_be_read_is_not_replaced(tmp_path, monkeypatch):
+    (tmp_path / "x.json").write_text("[]")
+
+    real_open = Path.open
+
+    def open_others(path, *arguments, **named):
+        if path.name == "x.json":  # the superuser may read everything
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        return real_open(path, *arguments, **named)
+
+    monkeypatch.setattr(Path, "open", open_others)
+    with pytest.raises(OSError, match=r"x\.json: cannot be read, so it is not replaced \(Permission denied\)"):
+        check_file(tmp_path / "x.json", ".json")
+
+
+def test_two_options_with_one_file_are_refused(tmp_path):
+    (tmp_path / "link").symlink_to(tmp_path / "a.npz")
+    require_distinct({"--skill": tmp_path / "a.npz", "--json": tmp_path / "b.json"})
+    with pytest.raises(ValueError, match="--skill and --json are the same file"):
+        require_distinct({"--skill": tmp_path / "a.npz", "--json": tmp_path / "link"})
+
+
+def test_an_error_without_a_file_name_gets_one(tmp_path):
+    with (
+        pytest.raises(OSError, match=r"x\.json: not written \(No space left on device\); all else is kept$"),
+        named_errors(tmp_path / "x.json", "all else is kept"),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

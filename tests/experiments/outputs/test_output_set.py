@@ -1,0 +1,449 @@
+"""Folders of one request: continued, protected, and replaced as a whole."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from experiments.outputs import output_set
+from experiments.outputs.live_folder import open_live_folder
+from experiments.outputs.output_set import READY, finish_replacement, open_set
+from experiments.outputs.own_folder import remove_unfinished
+from experiments.outputs.recordings import find_recordings
+from experiments.outputs.set_index import RUNS, SetIndex, read_index
+from skill.data.demonstration import read_demonstration, write_demonstration
+from skill.data.rig_run import write_rig_run
+from tests.experiments.outputs.sets import NAMES, index_of, make_set, write_item
+from tests.scripts.commands import ROOT, error_line, files, invoke
+from tests.trajectories import make_demonstration, make_rig_run
+
+WHOLE = sorted([*NAMES, "demonstrations.png", "index.json"])
+
+
+def seeds(folder, names=NAMES):
+    return [read_demonstration(folder / name).metadata["seed"] for name in names]
+
+
+def test_a_set_has_an_index_of_its_files(tmp_path):
+    make_set(tmp_path / "out", 1)
+    assert files(tmp_path / "out") == WHOLE
+    assert read_index(tmp_path / "out") == index_of(1)
+    assert find_recordings(tmp_path / "out").paths == [tmp_path / "out" / name for name in NAMES]
+    assert find_recordings(tmp_path / "out").note == ""
+
+
+def test_a_set_without_a_first_item_leaves_nothing(tmp_path):
+    make_set(tmp_path / "a" / "b", 1, stop_after=0)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_set_goes_on_and_repeats_nothing(tmp_path):
+    make_set(tmp_path, 1, stop_after=2)
+    times = [(tmp_path / name).stat().st_mtime_ns for name in NAMES[:2]]
+    assert find_recordings(tmp_path).note.endswith("2 of 3 demonstrations are there; record again to complete the set")
+    assert sorted(make_set(tmp_path, 1).finished) == list(NAMES[:2])
+    assert files(tmp_path) == WHOLE
+    assert [(tmp_path / name).stat().st_mtime_ns for name in NAMES[:2]] == times
+
+
+def test_a_damaged_item_is_made_again(tmp_path):
+    make_set(tmp_path, 1)
+    (tmp_path / NAMES[1]).write_bytes((tmp_path / NAMES[1]).read_bytes()[:500])
+    assert make_set(tmp_path, 1).damaged == [NAMES[1]]
+    assert seeds(tmp_path) == [1, 1, 1]
+
+
+def test_a_run_without_a_valid_result_is_made_again(tmp_path):
+    index = SetIndex(RUNS, {}, ("run_0000.parquet",))
+    with open_set(tmp_path, index, overwrite=False) as runs:
+        runs.write("run_0000.parquet", lambda path: write_rig_run(replace(make_rig_run(), result={}), path))
+    with open_set(tmp_path, index, overwrite=False) as runs:
+        assert (runs.finished, runs.damaged) == ({}, ["run_0000.parquet"])
+
+
+def test_a_set_of_another_request_is_not_replaced_unasked(tmp_path):
+    make_set(tmp_path, 1)
+    with pytest.raises(ValueError, match=r"holds 3 demonstrations of another request \(seed 1, here 2\).*--overwrite"):
+        make_set(tmp_path, 2)
+    assert seeds(tmp_path) == [1, 1, 1]
+    assert files(tmp_path) == WHOLE
+
+
+def test_the_old_set_stays_until_the_new_one_is_complete(tmp_path):
+    make_set(tmp_path, 1)
+    make_set(tmp_path, 2, overwrite=True, stop_after=2)
+    assert seeds(tmp_path) == [1, 1, 1]
+    assert files(tmp_path / ".new") == [*NAMES[:2], "index.json"]
+    assert sorted(make_set(tmp_path, 2, overwrite=True).finished) == list(NAMES[:2])
+    assert seeds(tmp_path) == [2, 2, 2]
+    assert files(tmp_path) == WHOLE
+    assert (tmp_path / "demonstrations.png").read_bytes() == b"figure 2"
+
+
+def test_an_interrupted_replacement_by_another_request_is_dropped(tmp_path):
+    make_set(tmp_path, 1)
+    make_set(tmp_path, 2, overwrite=True, stop_after=2)
+    assert make_set(tmp_path, 3, overwrite=True).finished == {}
+    assert seeds(tmp_path) == [3, 3, 3]
+    assert files(tmp_path) == WHOLE
+
+
+def test_a_smaller_set_removes_the_rest_of_the_old_one_and_no_other_file(tmp_path):
+    make_set(tmp_path, 1)
+    write_demonstration(make_demonstration(seed=9), tmp_path / "mine.parquet")
+    (tmp_path / "notes.txt").write_text("mine")
+    make_set(tmp_path, 2, NAMES[:2], overwrite=True)
+    assert files(tmp_path) == sorted(["demonstrations.png", "index.json", "mine.parquet", "notes.txt", *NAMES[:2]])
+    found = find_recordings(tmp_path)
+    assert found.paths == [tmp_path / name for name in NAMES[:2]]
+    assert found.note.endswith("1 files are not in its index and are not read: mine.parquet")
+
+
+def test_a_complete_set_is_made_anew_only_on_request(tmp_path):
+    make_set(tmp_path, 1)
+    times = [(tmp_path / name).stat().st_mtime_ns for name in NAMES]
+    make_set(tmp_path, 1)
+    assert [(tmp_path / name).stat().st_mtime_ns for name in NAMES] == times
+    make_set(tmp_path, 1, overwrite=True)
+    assert [(tmp_path / name).stat().st_mtime_ns for name in NAMES] != times
+
+
+@pytest.mark.slow
+def test_a_killed_replacement_leaves_the_whole_old_or_the_whole_new_set(tmp_path):
+    """A process is killed at each of its changes of the folder in turn, until it survives."""
+    code = """
+import os, signal, sys
+from pathlib import Path
+import experiments.outputs.output_set
+from tests.experiments.outputs.sets import make_set, NAMES
+left = int(sys.argv[2])
+
+def watch(event, arguments):
+    global left
+    if event in ("os.rename", "os.remove", "os.rmdir", "shutil.rmtree") and str(arguments[0]).startswith(sys.argv[1]):
+        left -= 1
+        if left < 0:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+sys.addaudithook(watch)
+make_set(Path(sys.argv[1]), 2, NAMES[:2], overwrite=True)
+"""
+    folder, outcomes = tmp_path / "set", set()
+    make_set(folder, 1)
+    for moment in range(1, 40):
+        copy = tmp_path / f"set{moment}"
+        shutil.copytree(folder, copy)
+        done = subprocess.run([sys.executable, "-c", code, str(copy), str(moment)], cwd=ROOT, check=False)
+        assert done.returncode in (0, -signal.SIGKILL)
+        found = find_recordings(copy).paths
+        assert [path.name for path in found] in ([*NAMES], [*NAMES[:2]])
+        outcome = [read_demonstration(path).metadata["seed"] for path in found]
+        assert outcome in ([1, 1, 1], [2, 2])
+        make_set(copy, 2, NAMES[:2], overwrite=outcome != [2, 2])
+        assert files(copy) == sorted(["demonstrations.png", "index.json", *NAMES[:2]])
+        assert seeds(copy, NAMES[:2]) == [2, 2]
+        outcomes.add((done.returncode, len(outcome)))
+        if done.returncode == 0:
+            break
+    assert outcomes == {(-signal.SIGKILL, 3), (-signal.SIGKILL, 2), (0, 2)}
+
+
+def test_results_never_stand_beside_the_runs_of_another_set(tmp_path, monkeypatch):
+    """After each change of the folder during a replacement, for sets that share the name of a run."""
+    names = {"old": ["run_0000.parquet", "run_0001.parquet"], "new": ["run_0001.parquet", "run_0002.parquet"]}
+    for text, place in (("old", tmp_path), ("new", tmp_path / READY)):
+        SetIndex(RUNS, {"set": text}, (*names[text], "results.json")).write(place)
+        for name in (*names[text], "results.json"):
+            (place / name).write_text(text)
+    seen = []
+
+    def watch(method):
+        original = getattr(Path, method)
+
+        def changed(*arguments, **options):
+            original(*arguments, **options)
+            results = tmp_path / "results.json"
+            runs = {path.name: path.read_text() for path in tmp_path.glob("*.parquet")}
+            seen.append((results.read_text() if results.exists() else None, runs))
+
+        monkeypatch.setattr(Path, method, changed)
+
+    watch("unlink")
+    watch("replace")
+    finish_replacement(tmp_path)
+    assert seen[-1][0] == "new"
+    for results, runs in seen:
+        assert results is None or runs == dict.fromkeys(names[results], results)
+
+
+# ------------------------------------------------------- what was not written by this program
+
+
+def test_recordings_of_an_earlier_version_are_known_by_name_and_content(tmp_path):
+    for name in NAMES:
+        write_demonstration(make_demonstration(seed=5), tmp_path / name)
+    (tmp_path / "demonstrations.png").write_bytes(b"old")
+    (tmp_path / "007_good_expert.parquet").write_bytes(b"not a recording")
+    with pytest.raises(ValueError, match="holds 3 demonstrations of an earlier version, without an index"):
+        make_set(tmp_path, 1)
+    make_set(tmp_path, 1, NAMES[:1], overwrite=True)
+    assert files(tmp_path) == sorted(
+        ["007_good_expert.parquet", "demonstrations.png", "index.json", NAMES[0]],
+    )
+
+
+def test_a_foreign_file_with_the_name_of_a_recording_is_not_replaced(tmp_path):
+    (tmp_path / NAMES[1]).write_bytes(b"not a recording")
+    with pytest.raises(ValueError, match=rf"{NAMES[1]}: not a file of this set"):
+        make_set(tmp_path, 1, overwrite=True)
+    assert files(tmp_path) == [NAMES[1]]
+
+
+def test_recordings_are_not_made_beside_foreign_ones_unasked(tmp_path):
+    write_demonstration(make_demonstration(), tmp_path / "mine.parquet")
+    with pytest.raises(ValueError, match=r"holds 1 other recordings, such as mine\.parquet"):
+        make_set(tmp_path, 1)
+    make_set(tmp_path, 1, overwrite=True)
+    assert "mine.parquet" in files(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["000_good_live.parquet", "mine.parquet", NAMES[1]])
+@pytest.mark.parametrize("with_set", [False, True])
+def test_live_recordings_are_never_replaced(tmp_path, name, with_set):
+    if with_set:
+        make_set(tmp_path, 1)
+    write_demonstration(make_demonstration(habit="live"), tmp_path / name)
+    before = files(tmp_path)
+    with pytest.raises(ValueError, match=f"{name}: a live recording, which no command replaces"):
+        make_set(tmp_path, 2, overwrite=True)
+    assert files(tmp_path) == before
+
+
+def test_a_folder_of_live_recordings_is_only_for_live_sessions(tmp_path):
+    folder = tmp_path / "live"
+    with open_live_folder(folder):
+        write_demonstration(make_demonstration(habit="live"), folder / "000_good_live.parquet")
+    with open_live_folder(folder):
+        write_demonstration(make_demonstration(habit="live"), folder / "001_bad_live.parquet")
+    assert [path.name for path in find_recordings(folder).paths] == ["000_good_live.parquet", "001_bad_live.parquet"]
+    with pytest.raises(ValueError, match="holds live recordings, not demonstrations; choose another --out"):
+        make_set(folder, 1, overwrite=True)
+    make_set(tmp_path / "set", 1)
+    with (
+        pytest.raises(ValueError, match="holds demonstrations; choose another --out"),
+        open_live_folder(tmp_path / "set"),
+    ):
+        pass
+    assert files(folder) == ["000_good_live.parquet", "001_bad_live.parquet", "index.json"]
+
+
+def test_a_killed_live_session_leaves_no_temporary_file(tmp_path):
+    (tmp_path / ".004_good_live.parquet.tmp-abcd1234").write_bytes(b"PAR1 half")
+    (tmp_path / ".profile.parquet.txt").write_text("mine")
+    write_demonstration(make_demonstration(habit="live"), tmp_path / "000_good_live.parquet")
+    with pytest.warns(UserWarning, match=r"removed 1 unfinished file\(s\)"), open_live_folder(tmp_path):
+        assert read_index(tmp_path) is not None  # also if this session is killed
+    assert files(tmp_path) == [".profile.parquet.txt", "000_good_live.parquet", "index.json"]
+
+
+def test_a_live_session_without_a_recording_leaves_no_folder(tmp_path):
+    with open_live_folder(tmp_path / "live"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_of_runs_takes_no_demonstrations(tmp_path):
+    with open_set(tmp_path, SetIndex(RUNS, {}, ("run_0000.parquet",)), overwrite=False) as runs:
+        runs.write("run_0000.parquet", lambda path: write_rig_run(make_rig_run(), path))
+    with pytest.raises(ValueError, match="holds runs, not demonstrations"):
+        make_set(tmp_path, 1, overwrite=True)
+    with pytest.raises(ValueError, match="holds runs; expected demonstrations"):
+        find_recordings(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "{",
+        "3",
+        "[]",
+        '{"kind": "demonstrations"}',
+        json.dumps({"index_version": 2, "kind": "demonstrations", "request": {}, "files": [], "reports": []}),
+        json.dumps(
+            {"index_version": 1, "kind": "demonstrations", "request": {}, "files": ["../x.parquet"], "reports": []}
+        ),
+        json.dumps({"index_version": 1, "kind": "demonstrations", "request": {}, "files": [3], "reports": []}),
+        json.dumps({"index_version": 1, "kind": "demonstrations", "request": {}, "files": [], "reports": ["mine.txt"]}),
+        "[" * 100_000,
+        b"\xff\xfe",
+    ],
+)
+def test_a_foreign_index_is_one_error_and_nothing_is_touched(tmp_path, content):
+    outside = tmp_path / "x.parquet"
+    outside.write_text("mine")
+    folder = tmp_path / "set"
+    folder.mkdir()
+    (folder / "index.json").write_bytes(content if isinstance(content, bytes) else content.encode())
+    write_demonstration(make_demonstration(), folder / NAMES[0])
+    for use in (find_recordings, lambda f: make_set(f, 1, overwrite=True)):
+        with pytest.raises(ValueError, match=r"index\.json: not an index of this program"):
+            use(folder)
+    assert files(tmp_path) == [f"set/{NAMES[0]}", "set/index.json", "x.parquet"]
+
+
+@pytest.mark.parametrize(
+    ("make", "what"),
+    [
+        (Path.mkdir, "a folder, expected a file"),
+        (os.mkfifo, "a device or pipe, expected a file"),
+        (lambda path: path.symlink_to("/dev/zero"), "a device or pipe, expected a file"),
+        (lambda path: path.symlink_to(path.name), "the index of the folder cannot be read"),
+    ],
+)
+def test_an_index_that_is_not_a_file_is_named(tmp_path, make, what):
+    write_demonstration(make_demonstration(), tmp_path / "a.parquet")
+    make(tmp_path / "index.json")
+    with pytest.raises((ValueError, OSError), match=rf"index\.json: .*{what}"):
+        find_recordings(tmp_path)
+
+
+def test_an_index_that_cannot_be_written_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr(SetIndex, "write", lambda *_: write_to_full_device())
+    with (
+        open_set(tmp_path, index_of(1), overwrite=False) as items,
+        pytest.raises(OSError, match=r"index\.json: not written \(No space left on device\); 0 of 3 demonstrations"),
+    ):
+        write_item(items, NAMES[0], 1)
+    write_demonstration(make_demonstration(habit="live"), tmp_path / "live" / "000.parquet")
+    with (
+        pytest.raises(
+            OSError, match=r"index\.json: not written \(No space left on device\); the recordings are complete"
+        ),
+        open_live_folder(tmp_path / "live"),
+    ):
+        pass
+
+
+def test_a_folder_without_an_index_is_read_whole_and_an_empty_one_is_an_error(tmp_path):
+    with pytest.raises(ValueError, match="no demonstrations"):
+        find_recordings(tmp_path)
+    with pytest.raises(ValueError, match="no demonstrations"):
+        find_recordings(tmp_path / "nowhere")
+    for name in ("b.parquet", "a.parquet"):
+        write_demonstration(make_demonstration(), tmp_path / name)
+    assert [path.name for path in find_recordings(tmp_path).paths] == ["a.parquet", "b.parquet"]
+
+
+# ------------------------------------------------------- foreign folders
+
+
+@pytest.fixture(params=["file", "link", "foreign", "nested", "runs"])
+def foreign(request, tmp_path):
+    """Makes something in the place of a hidden folder that this program did not put there."""
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    (outside / "letter.txt").write_text("mine")
+
+    def make(path):
+        if request.param == "file":
+            path.write_text("mine")
+        elif request.param == "link":
+            make_set(tmp_path / "elsewhere", 3)
+            path.symlink_to(tmp_path / "elsewhere")
+        elif request.param == "foreign":
+            shutil.copytree(outside, path)
+        elif request.param == "nested":
+            make_set(path, 1, NAMES[:1])
+            shutil.copytree(outside, path / "letters")
+        else:
+            with open_set(path, SetIndex(RUNS, {}, ("run_0000.parquet",)), overwrite=False) as runs:
+                runs.write("run_0000.parquet", lambda p: write_rig_run(make_rig_run(), p))
+
+    return make
+
+
+@pytest.mark.parametrize("name", [output_set.NEW, output_set.READY])
+def test_a_foreign_hidden_folder_is_named_and_stays(tmp_path, foreign, name):
+    folder = tmp_path / "set"
+    make_set(folder, 1)
+    foreign(folder / name)
+    before = files(tmp_path)
+    with pytest.raises(ValueError, match=rf"{name}: .*move (it|the folder or the file) away"):
+        make_set(folder, 2, overwrite=True)
+    assert files(tmp_path) == before
+    if name == output_set.READY:
+        with pytest.raises(ValueError, match=r"\.ready: .*away"):
+            find_recordings(folder)
+        with pytest.raises(ValueError, match=r"\.ready: .*away"), open_live_folder(folder):
+            pass
+        assert files(tmp_path) == before
+
+
+def test_a_foreign_hidden_folder_beside_a_practised_skill_is_named_and_stays(tmp_path, foreign, skill_file):
+    for name in (".p.npz.finished", "p.npz.unfinished"):
+        path = tmp_path / name
+        foreign(path)
+        before = files(tmp_path)
+        line = error_line(invoke("practise", "--skill", skill_file, "--out", tmp_path / "p.npz", "--held-out", 2))
+        assert f"{path}: " in line
+        assert "away" in line
+        assert files(tmp_path) == before
+        path.rename(tmp_path / f"away_{name}")
+
+
+# ------------------------------------------------------- failures
+
+
+def test_only_temporary_files_of_known_names_are_removed(tmp_path):
+    for name in (
+        ".a.npz.tmp-abcd123_",
+        ".index.json.tmp-abcd1234",
+        ".b.npz.tmp-abcd1234",
+        ".a.npz.original",
+        ".a.npz.lock",
+        "a.npz",
+        ".a.npz.tmp-ABCD1234",
+    ):
+        (tmp_path / name).touch()
+    removed = remove_unfinished(tmp_path, ["a.npz"])
+    assert [path.name for path in removed] == [".a.npz.tmp-abcd123_", ".index.json.tmp-abcd1234"]
+    assert files(tmp_path) == [".a.npz.lock", ".a.npz.original", ".a.npz.tmp-ABCD1234", ".b.npz.tmp-abcd1234", "a.npz"]
+
+
+def test_a_write_that_fails_names_the_file_and_what_is_kept(tmp_path):
+    with open_set(tmp_path, index_of(1), overwrite=False) as items:
+        write_item(items, NAMES[0], 1)
+        with pytest.raises(OSError, match=f"{NAMES[1]}: not written .No space left on device.; 1 of 3 demonstrations"):
+            items.write(NAMES[1], lambda path: write_to_full_device())
+
+
+def write_to_full_device():
+    with Path("/dev/full").open("wb", buffering=0) as device:
+        device.write(b"x")
+
+
+def test_a_set_that_is_replaced_twice_finishes_the_first_replacement(tmp_path):
+    make_set(tmp_path, 1)
+    make_set(tmp_path, 2, overwrite=True, stop_after=2)
+    with open_set(tmp_path, index_of(2), overwrite=True) as items:
+        write_item(items, NAMES[2], 2)
+    (tmp_path / output_set.NEW).rename(tmp_path / output_set.READY)  # as a process that was killed here
+    assert make_set(tmp_path, 2).finished.keys() == set(NAMES)
+    assert seeds(tmp_path) == [2, 2, 2]
+    assert files(tmp_path) == WHOLE
+
+
+def test_the_figure_of_the_old_set_does_not_stay_beside_the_new_one(tmp_path):
+    make_set(tmp_path, 1)
+    make_set(tmp_path, 2, overwrite=True, stop_after=2)
+    with open_set(tmp_path, index_of(2), overwrite=True) as items:
+        write_item(items, NAMES[2], 2)
+        items.complete()
+    assert files(tmp_path) == [*NAMES, "index.json"]
+    assert make_set(tmp_path, 2, overwrite=True).finished.keys() == set(NAMES)  # only the figure was missing

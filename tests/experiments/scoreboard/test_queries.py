@@ -1,0 +1,112 @@
+"""The one-line commands give the numbers of the table."""
+
+import contextlib
+import io
+import math
+import shlex
+from urllib.parse import unquote
+
+import duckdb
+import pytest
+
+from experiments.scoreboard.columns import COLUMNS
+from experiments.scoreboard.queries import (
+    cell_commands,
+    paired_sql,
+    partition,
+    row_pandas,
+    row_sql,
+    sweep_commands,
+    table_sql,
+)
+from experiments.scoreboard.result_store import read_trials
+from experiments.scoreboard.summary import make_scoreboard
+from tests.experiments.scoreboard.simulated_trials import LAW, LEARNT, OTHER, write_results, write_trials
+
+
+@pytest.fixture(scope="module")
+def board(tmp_path_factory):
+    folder = write_results(tmp_path_factory.mktemp("it's a <folder>"), engines=("drake", "mujoco"))
+    old = [{"trial": k, "code": "0ld", "began": "2025-01-01T00:00:00+00:00"} for k in range(5)]
+    write_trials(folder, old, policy=LEARNT, block="0001")
+    before = {"skill": "before", "began": "2026-01-01T00:00:00+00:00"}  # the policy has been made anew since
+    replaced = [{"trial": k, "demonstration_set": k % 4, "key": f"before/{k}", **before} for k in range(9)]
+    write_trials(folder, replaced, policy=LEARNT, block="0002")
+    return make_scoreboard(read_trials(folder))
+
+
+def rows_of(board):
+    return [(table.cell, row) for table in board.tables for row in table.rows]
+
+
+def same(found, expected):
+    """Whether two numbers are the same; DuckDB has None where Python has NaN."""
+    found = math.nan if found is None else float(found)
+    return (math.isnan(found) and math.isnan(expected)) or found == pytest.approx(expected, rel=1e-9)
+
+
+def expected_of(row):
+    special = {"inserted": row.summary.inserted}
+    return {c.name: float(special.get(c.name, c.key(row))) for c in COLUMNS if c.sql}
+
+
+def test_duckdb_gives_every_number_of_every_row(board):
+    for cell, row in rows_of(board):
+        found = duckdb.sql(row_sql(board, row.summary.policy, cell)).df().iloc[0]
+        assert found["trials"] == row.summary.trials
+        for name, expected in expected_of(row).items():
+            assert same(found[name], expected), (cell.title, row.summary.policy, name)
+
+
+def test_python_gives_every_number_of_every_row(board):
+    for cell, row in rows_of(board):
+        space = {}
+        with contextlib.redirect_stdout(io.StringIO()) as text:
+            exec(row_pandas(board, row.summary.policy, cell), space)
+        assert space["r"]["trials"] == row.summary.trials
+        assert "back-offs" in text.getvalue()
+        for name, expected in expected_of(row).items():
+            assert same(space["r"][name], expected), (cell.title, row.summary.policy, name)
+
+
+def test_duckdb_gives_a_whole_table(board):
+    for table in board.tables:
+        found = duckdb.sql(table_sql(board, table.cell)).df()
+        trials = dict(zip(map(unquote, found["policy"]), found["trials"], strict=True))
+        assert trials == {row.summary.policy: row.summary.trials for row in table.rows}
+        back_offs = dict(zip(map(unquote, found["policy"]), found["back-offs"], strict=True))
+        assert back_offs == {row.summary.policy: row.summary.back_offs for row in table.rows}
+
+
+def test_duckdb_gives_the_pairs(board):
+    compared = 0
+    for cell, row in rows_of(board):
+        if row.paired is None:
+            continue
+        found = duckdb.sql(paired_sql(board, row.summary.policy, cell)).fetchall()[0]
+        assert found[:3] == (row.paired.pairs, row.paired.better, row.paired.worse)
+        assert found[3] == pytest.approx(row.paired.slower, rel=1e-9)
+        compared += 1
+    assert compared == 2 * 5 * 2
+
+
+def test_all_aggregates_have_both_expressions():
+    assert [c.name for c in COLUMNS if not c.sql] == ["against", "slower by"]
+    assert all(bool(c.sql) == bool(c.pandas) for c in COLUMNS)
+
+
+def test_the_commands_name_the_sweep_and_the_reference(board):
+    cell = board.tables[0].cell
+    commands = dict(cell_commands(board, OTHER, cell))
+    assert commands["make the trials of Nominal trials"] == sweep_commands(board)[0]
+    arguments = shlex.split(sweep_commands(board)[0])
+    specification = board.folder / "sweeps" / "nominal.yaml"
+    assert arguments == ["haptic-skill", "sweep", str(specification), "--out", str(board.folder)]
+    assert f"pairs with {LEARNT}" in commands
+    assert f"pairs with {LEARNT}" not in dict(cell_commands(board, LEARNT, cell))
+    assert all("\n" not in command for command in commands.values())
+
+
+def test_the_partition_is_the_folder_of_the_files(board):
+    for policy in (LEARNT, OTHER, LAW):
+        assert list(partition(board.folder, policy, board.tables[0].cell).glob("*.parquet"))

@@ -1,0 +1,161 @@
+"""Summaries and comparisons, against numbers worked by hand and against statsmodels and SciPy."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.stats import permutation_test
+from statsmodels.stats.contingency_tables import mcnemar
+from statsmodels.stats.multitest import multipletests
+from statsmodels.stats.proportion import proportion_confint
+
+from experiments.scoreboard.result_store import read_trials
+from experiments.scoreboard.summary import compare, make_scoreboard, numeric_factors
+from tests.experiments.scoreboard.simulated_trials import FAILED, LAW, LEARNT, OTHER, write_results, write_trials
+
+
+def board_of(folder, against=None):
+    return make_scoreboard(read_trials(folder), against)
+
+
+def only_row(folder):
+    (table,) = board_of(folder).tables
+    (row,) = table.rows
+    return row
+
+
+def test_a_summary_is_worked_by_hand(tmp_path):
+    jam = FAILED | {"outcome": "jammed", "peak_load_n": 40.0, "peak_contact_n": 60.0, "wedged_s": 0.3}
+    fault = FAILED | {"outcome": "fault", "fault": "motor stalled", "trusted": False, "time_s": 3.0}
+    rows = [
+        {"time_s": 2.0, "back_offs": 1, "peak_load_n": 10.0, "seconds_above_20n": 0.5, "field_score": 98.0},
+        {"time_s": 4.0, "lost_steps": 4, "peak_load_n": 14.0, "cpu_s": 4.0},
+        jam | {"back_offs": 5, "trusted": None},
+        fault,
+    ]
+    s = only_row(write_trials(tmp_path, rows).parents[4]).summary
+    assert (s.trials, s.inserted, s.jams, s.wedges, s.untrusted) == (4, 2, 1, 1, 1)
+    assert s.faults == {"motor stalled": 1}
+    assert s.time == 3.0  # the failures do not count
+    assert s.load == 15.0  # of 10, 14, 16 and 40
+    assert s.contact == 15.0
+    assert s.above_20n == 0.125
+    assert (s.lost_steps, s.back_offs) == (4, 6)
+    assert s.score == pytest.approx((98 + 99 + 45 + 45) / 4)
+    assert s.cpu == 2.5
+    assert s.interval == pytest.approx(proportion_confint(2, 4, method="wilson"), abs=1e-6)
+    assert (s.sets, s.over_sets) == (0, None)
+    assert np.isnan([s.train, s.query, s.demonstrations]).all()
+
+
+def test_the_interval_over_sets_is_that_of_their_shares(tmp_path):
+    """Shares of 1, 1/2, 1/2 and 0: a mean of four draws is below 1/8 with probability (1/4)^4 + 8 (1/4)^4 = 0.035."""
+    wins = [(0, 1), (0, 1), (1, 1), (1, 0), (2, 1), (2, 0), (3, 0), (3, 0)]
+    rows = [({} if won else FAILED) | {"demonstration_set": number} for number, won in wins]
+    s = only_row(write_trials(tmp_path, rows).parents[4]).summary
+    assert s.sets == 4
+    assert s.over_sets == pytest.approx((0.125, 0.875), abs=1e-9)
+
+
+def test_a_policy_without_insertions_has_no_time(tmp_path):
+    s = only_row(write_trials(tmp_path, [FAILED, FAILED]).parents[4]).summary
+    assert np.isnan(s.time)
+    assert s.inserted == 0
+
+
+# ------------------------------------------------------------ comparison
+
+
+def test_pairs_are_the_shared_trials_and_a_failure_takes_the_whole_limit(tmp_path):
+    write_trials(tmp_path, [{"trial": k, "time_s": 2.0} for k in range(6)], policy=LEARNT)
+    other = [{"time_s": 3.0}, FAILED | {"time_s": 1.0}, FAILED, {"time_s": 2.0}, FAILED | {"time_s": 4.0}, {}, {}]
+    write_trials(tmp_path, [{"trial": k + 2} | row for k, row in enumerate(other)], policy=OTHER)
+    (table,) = board_of(tmp_path).tables
+    first, second = table.rows
+    assert first.summary.policy == LEARNT
+    assert first.paired is None
+    pair = second.paired
+    assert (pair.pairs, pair.better, pair.worse) == (4, 0, 2)
+    assert pair.p == pytest.approx(0.5)
+    assert pair.slower == pytest.approx((1.0 + 8.0 + 8.0 + 0.0) / 4)
+    assert pair.p_time == pytest.approx(0.25)  # three differences of the same sign: 2 / 2^3
+
+
+def test_sets_are_paired_with_themselves_and_a_law_with_all_of_them(tmp_path):
+    rows = [{"trial": k, "demonstration_set": s} for k in range(2) for s in range(3)]
+    write_trials(tmp_path, rows, policy=LEARNT)
+    write_trials(tmp_path, [row | {"time_s": 3.0} for row in rows], policy=OTHER)
+    write_trials(tmp_path, [{"trial": k, "time_s": 3.5} for k in range(2)], policy=LAW)
+    table = read_trials(tmp_path).table
+    learnt, other, law = (table[table["policy"] == name] for name in (LEARNT, OTHER, LAW))
+    assert compare(other, learnt).pairs == 6
+    assert compare(law, learnt).pairs == compare(learnt, law).pairs == 6
+    assert compare(law, learnt).p_time == pytest.approx(2 / 2**2)  # two trials, each averaged over the sets
+    assert compare(law, learnt[learnt["trial"] > 1]) is None
+
+
+def test_p_values_are_those_of_the_exact_tests_corrected_over_the_rows(tmp_path):
+    write_results(tmp_path, count=60, frictions=())
+    found = read_trials(tmp_path).table
+    for table in make_scoreboard(read_trials(tmp_path)).tables:
+        rows = found[found["arm"] == table.cell.arm]
+        by_policy = {name: part.set_index("trial").sort_index() for name, part in rows.groupby("policy", observed=True)}
+        mine, p, p_time = by_policy[LEARNT], [], []
+        for row in table.rows[1:]:
+            other = by_policy[row.summary.policy]
+            a, b = other["inserted"], mine["inserted"]
+            assert (row.paired.better, row.paired.worse) == ((a & ~b).sum(), (b & ~a).sum())
+            p.append(mcnemar([[0, (a & ~b).sum()], [(b & ~a).sum(), 0]], exact=True).pvalue)
+            times = [part["time_s"].where(part["inserted"], 10.0) for part in (other, mine)]
+            test = permutation_test(times, lambda x, y: np.mean(x - y), permutation_type="samples", rng=1)
+            p_time.append(test.pvalue)
+            assert row.paired.slower == pytest.approx((times[0] - times[1]).mean())
+        assert [row.paired.p for row in table.rows[1:]] == pytest.approx(multipletests(p, method="holm")[1])
+        assert [row.paired.p_time for row in table.rows[1:]] == pytest.approx(
+            multipletests(p_time, method="holm")[1], abs=0.015
+        )
+
+
+def test_the_reference_is_the_product_or_the_one_asked_for_or_the_best(tmp_path):
+    write_results(tmp_path / "all", count=10)
+    assert board_of(tmp_path / "all").reference == LEARNT
+    asked = board_of(tmp_path / "all", LAW)
+    assert asked.reference == LAW
+    assert all((row.paired is None) == (row.summary.policy == LAW) for table in asked.tables for row in table.rows)
+    write_trials(tmp_path / "two", [{}, {}], policy="best")
+    write_trials(tmp_path / "two", [{}, FAILED, {"trial": 7}, {"trial": 8}], policy="more trials")
+    assert board_of(tmp_path / "two").reference == "best"
+    with pytest.raises(ValueError, match=r"--against 'x': no such policy; there are 'best', 'more trials'"):
+        board_of(tmp_path / "two", "x")
+
+
+# ------------------------------------------------------------ cells
+
+
+def test_tables_are_sorted_by_arm_and_by_the_size_of_the_factors(tmp_path):
+    values = (10, 2, 30)
+    rows = [{"trial": k, "factors": json.dumps({"demos": v, "kind": "a"})} for k, v in enumerate(values)]
+    write_trials(tmp_path, [*rows, {"trial": 9}])
+    write_trials(tmp_path, [{"trial": 9}], arm="stress")
+    tables = board_of(tmp_path).tables
+    assert [table.cell.title for table in tables] == [
+        "default arm, drake",
+        *(f"default arm, drake, demos {v}, kind a" for v in (2, 10, 30)),
+        "stress arm, drake",
+    ]
+    assert numeric_factors(tables) == ["demos"]
+
+
+def test_trials_are_compared_under_the_same_factors_only(tmp_path):
+    write_trials(tmp_path, [{"factors": '{"mu": 0.1}'}, {"trial": 1, "factors": '{"mu": 0.2}'}], policy=LEARNT)
+    write_trials(tmp_path, [FAILED | {"factors": '{"mu": 0.2}'}], policy=OTHER)
+    tables = board_of(tmp_path).tables
+    assert [len(table.rows) for table in tables] == [1, 2]
+    assert tables[1].rows[1].paired is None  # trial 0 of one, trial 1 of the other
+
+
+@pytest.mark.parametrize("text", ["", "[]", "3", "mu=0.2"])
+def test_factors_that_are_no_object_are_refused(tmp_path, text):
+    write_trials(tmp_path, [{"factors": text}])
+    with pytest.raises(ValueError, match="expected a JSON object"):
+        board_of(tmp_path)

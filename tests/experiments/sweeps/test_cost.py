@@ -1,0 +1,45 @@
+"""The estimated cost of a sweep."""
+
+import pytest
+
+from experiments.sweeps.cost import DEMONSTRATION_CPU, POLICY_CPU, TRIAL_CPU, cost_of, duration
+from experiments.sweeps.result_blocks import TRIALS, blocks_of, hold
+from tests.experiments.sweeps.made_up_rows import made_up_row
+
+
+def test_without_results_the_cost_is_a_guess(tmp_path):
+    cost = cost_of(tmp_path / TRIALS, trials=[("drake", 10), ("mujoco", 5)], demonstrations=30, policies=2)
+    expected = 10 * TRIAL_CPU["drake"] + 5 * TRIAL_CPU["mujoco"] + 30 * DEMONSTRATION_CPU + 2 * POLICY_CPU
+    assert cost.cpu == pytest.approx(expected)
+    assert "to do: 15 trials, 30 demonstrations, 2 policies; about" in cost.text(2)
+    assert "a guess from other machines" in cost.text(2)
+
+
+def test_what_functions_make_is_not_estimated(tmp_path):
+    known = {"trials": [("drake", 10)], "demonstrations": 0}
+    cost = cost_of(tmp_path / TRIALS, **known, policies=3, unknown=2)
+    assert cost.cpu == pytest.approx(10 * TRIAL_CPU["drake"] + POLICY_CPU)
+    assert cost.text(1).endswith(", without the making of 2 policies by functions")
+    assert "by functions" not in cost_of(tmp_path / TRIALS, **known, policies=3).text(1)
+
+
+def test_with_results_a_trial_costs_what_trials_of_this_engine_have_cost(tmp_path):
+    for engine, cpu in (("drake", 3.0), ("mujoco", 100.0)):
+        (block,) = blocks_of(tmp_path, "a" * 16, range(4), policy="p", arm="default", engine=engine)
+        held = hold(block)
+        for number in range(4):
+            held.add(made_up_row(number, cpu_s=cpu + number))
+        held.write()
+    cost = cost_of(tmp_path / TRIALS, trials=[("drake", 1000), ("drake", 1000)], demonstrations=0, policies=0)
+    assert cost.cpu == pytest.approx(2000 * 4.5)
+    assert (
+        cost.text(3) == "to do: 2,000 trials; about 2.5 h of CPU, 50.0 min with 3 processes (measured in these results)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.0, "0 s"), (119.0, "119 s"), (120.0, "2.0 min"), (7200.0, "2.0 h"), (1.7e5, "47.2 h"), (2e5, "2.3 days")],
+)
+def test_durations_have_a_readable_unit(seconds, text):
+    assert duration(seconds) == text

@@ -1,0 +1,214 @@
+"""Specifications of sweeps: what they ask for, and the messages about what is wrong in them."""
+
+import json
+from datetime import date
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiments.sweeps.checked_mapping import CheckedMapping
+from experiments.sweeps.factors import read_cells
+from experiments.sweeps.specification import overridden, plan_in, read_specification
+from experiments.trial import Arm
+from models.clearance import numerics_of_clearance, start_of_clearance
+from models.scenario import load_scenario
+
+PLAIN = "policies: {skill: {learn: {}}}\n"
+
+
+def cells(vary, design="grid"):
+    return read_cells(CheckedMapping({"vary": vary, "design": design}, "sweep"))
+
+
+def read(tmp_path, text):
+    path = tmp_path / "sweep.yaml"
+    path.write_text(text)
+    return read_specification(path)
+
+
+def test_a_grid_has_every_combination_in_the_order_of_the_file():
+    found = cells({"contact.friction": [0.1, 0.3], "start.height": [0.002, 0.004, 0.006]})
+    assert [tuple(cell.factors.values()) for cell in found] == [
+        *((0.1, 0.002), (0.1, 0.004), (0.1, 0.006)),
+        *((0.3, 0.002), (0.3, 0.004), (0.3, 0.006)),
+    ]
+    assert found[1].overrides == {"contact.friction": 0.1, "start.height": 0.004}
+
+
+def test_a_sweep_that_varies_nothing_has_one_cell_without_factors():
+    (cell,) = cells({})
+    assert (cell.factors, cell.overrides, cell.label) == ({}, {}, "{}")
+
+
+def test_a_named_level_sets_several_keys_together():
+    wide = {"geometry.hole_radius": 0.0114, "training.good": 8}
+    (cell,) = cells({"hole": {"wide": wide}})
+    assert cell.factors == {"hole": "wide"}
+    assert cell.scenario_overrides() == {"geometry.hole_radius": 0.0114}
+    assert cell.training_overrides() == {"good": 8}
+    assert json.loads(cell.label) == {"hole": "wide"}
+
+
+@given(first=st.integers(1, 40), more=st.integers(0, 60), seed=st.integers(0, 2**32 - 1))
+def test_a_larger_random_design_begins_with_the_same_cells(first, more, seed):
+    vary = {"contact.friction": {"uniform": [0.1, 0.3]}, "rig.mount_stiffness": {"log_uniform": [1e3, 1e5]}}
+    small, large = (cells(vary, {"random": n, "seed": seed}) for n in (first, first + more))
+    assert large[:first] == small
+    assert len(large) == first + more
+    for cell in large:
+        assert 0.1 <= cell.factors["contact.friction"] <= 0.3
+        assert 1e3 <= cell.factors["rig.mount_stiffness"] <= 1e5
+
+
+def test_a_random_design_fills_ranges_evenly_and_a_logarithmic_one_in_its_logarithm():
+    vary = {"a": {"uniform": [0.0, 1.0]}, "b": {"log_uniform": [1.0, 100.0]}, "c": [1, 2, 3, 4]}
+    found = [cell.factors for cell in cells(vary, {"random": 256})]
+    for name, quarter in (("a", 0.25), ("b", 100.0**0.25)):
+        assert sum(factors[name] < quarter for factors in found) == 64
+    assert np.bincount([factors["c"] for factors in found])[1:].tolist() == [64] * 4
+
+
+def test_combinations_of_listed_levels_that_are_drawn_again_count_once():
+    found = cells({"a": [1, 2, 3], "b": [1, 2]}, {"random": 64})
+    assert len(found) == 6
+    assert len({cell.label for cell in found}) == 6
+
+
+@pytest.mark.parametrize("design", ["grid", "{random: 4}"])
+def test_a_specification_may_name_its_design(tmp_path, design):
+    found = read(tmp_path, PLAIN + f"design: {design}\nvary: {{contact.friction: [0.1, 0.3]}}\n")
+    assert [cell.factors["contact.friction"] for cell in found.cells] in ([0.1, 0.3], [0.3, 0.1])
+
+
+def test_other_seeds_give_other_cells():
+    vary = {"contact.friction": {"uniform": [0.1, 0.3]}}
+    assert cells(vary, {"random": 4, "seed": 0}) != cells(vary, {"random": 4, "seed": 1})
+
+
+@pytest.mark.parametrize(
+    ("vary", "design", "message"),
+    [
+        ({"a": []}, "grid", "vary.a is [], expected at least one value"),
+        ({"a": [1, 1]}, "grid", "vary.a is [1, 1], expected each value once"),
+        ({"a": {"uniform": [0, 1]}}, "grid", "vary.a is a range, expected a list of values in a grid"),
+        (
+            {"a": {"uniform": [1, 0]}},
+            {"random": 3},
+            "vary.a.uniform is [1, 0], expected two numbers, the small",
+        ),
+        ({"a": {"log_uniform": [0, 1]}}, {"random": 3}, "vary.a.log_uniform is [0, 1], expected two numbers above 0"),
+        ({"a": {"uniform": [0, 1], "of": 2}}, {"random": 3}, "unknown key 'vary.a.of', expected one of ['uniform']"),
+        ({"a": {"x": 3}}, "grid", "vary.a.x is 3, expected keys with values, which this level sets together"),
+        (
+            {"a": {"x": {"k": 1}}, "b": {"y": {"k": 2}}},
+            "grid",
+            "k in two factors, the second b, expected each key",
+        ),
+        ({"a": {date(2026, 1, 1): {"k": 1}}}, "grid", "the level datetime.date(2026, 1, 1), expected texts or numbers"),
+        ({"a": [1]}, "random", "design is 'random', expected grid, or {random: N, seed: S}"),
+        ({"a": [1]}, {"random": 0}, "design.random is 0, expected 1 to 100000"),
+        ({}, {"random": 4}, "design is random, expected grid, because nothing is varied"),
+        ({"a": list(range(400)), "b": list(range(400))}, "grid", "a grid of more than 100,000 cells, expected fewer"),
+    ],
+)
+def test_a_design_that_makes_no_sense_is_refused(vary, design, message):
+    with pytest.raises(ValueError, match=r"^sweep: ") as error:
+        cells(vary, design)
+    assert message in str(error.value)
+
+
+def test_the_defaults_are_one_set_of_thirty_and_twenty_default_trials_in_drake(tmp_path):
+    found = read(tmp_path, PLAIN)
+    (policy,) = found.policies
+    assert (found.title, found.arms, found.engines) == ("sweep", (Arm.DEFAULT,), ("drake",))
+    assert (found.first, found.number) == (0, 20)
+    plan = policy.demonstrations
+    assert (plan.sets, plan.good, plan.bad, plan.size, plan.divided) == ((0,), 24, 6, None, False)
+
+
+def test_a_policy_takes_the_demonstrations_of_the_sweep_and_its_own_keys(tmp_path):
+    text = """
+demonstrations: {sets: [3, 4], good: 12, bad: 3, divided: true}
+policies:
+  all: {learn: {}}
+  few: {learn: {}, demonstrations: {size: 5}}
+  law: {make: "benchmarks.rig.policies:straight_push"}
+"""
+    every, few, law = read(tmp_path, text).policies
+    assert (every.demonstrations.sets, every.demonstrations.divided) == ((3, 4), True)
+    assert (few.demonstrations.sets, few.demonstrations.size, few.demonstrations.good) == ((3, 4), 5, 12)
+    assert law.demonstrations is None
+
+
+def test_a_factor_of_the_training_changes_the_demonstrations_of_every_policy_that_learns(tmp_path):
+    text = PLAIN + "  # one policy\nvary: {training.size: [5, 10]}\ndemonstrations: {sets: [1, 2], good: 8, bad: 2}\n"
+    found = read(tmp_path, text)
+    sizes = [plan_in(found.policies[0], cell, "sweep").size for cell in found.cells]
+    assert sizes == [5, 10]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("policies: {}", "policies is empty"),
+        ("title: 3\n" + PLAIN, "title is 3, expected a text"),
+        ("trails: {number: 3}\n" + PLAIN, "unknown key 'trails'"),
+        ("trials: {number: 0}\n" + PLAIN, "trials.number is 0, expected 1 to 1000000"),
+        ("arms: [hard]\n" + PLAIN, "arms is ['hard'], expected a list of some of"),
+        ("engines: [drake, drake]\n" + PLAIN, "expected each name once"),
+        ("clearance_rules: [facets]\n" + PLAIN, "expected a list of some of ['numerics', 'start']"),
+        ("engines: [bullet]\n" + PLAIN, "expected a list of some of ['drake', 'mujoco']"),
+        ("vary: {contact.frictoin: [0.1]}\n" + PLAIN, "unknown key 'contact.frictoin' of the scenario"),
+        ("vary: {contact.friction: [-1]}\n" + PLAIN, "contact.friction is -1"),
+        ("vary: {training.goods: [1]}\n" + PLAIN, "unknown key 'training.goods'"),
+        ("demonstrations: {sets: []}\n" + PLAIN, "demonstrations.sets is []"),
+        ("demonstrations: {sets: [1, 1]}\n" + PLAIN, "expected each number once"),
+        ("demonstrations: {demonstrated_in: here}\n" + PLAIN, "expected one of ['base', 'cell']"),
+        ("policies: {a: {learn: {}, skill: x.npz}}", "has ['learn', 'skill'], expected one of learn, skill and make"),
+        ("policies: {a: {}}", "has none, expected one of learn, skill and make"),
+        ("policies: {a: {make: push}}", "expected an import path such as package.module:function"),
+        ("policies: {a: {skill: x.npz, with: {b: 1}}}", "unknown key 'policies.a.with'"),
+        ("policies: {a: {learn: {}, for_all_arms: true}}", "unknown key 'policies.a.for_all_arms'"),
+        ("policies: {a: {make: 'b:c', for_all_arms: 1}}", "policies.a.for_all_arms is 1"),
+        ("policies: {a: {make: 'b:c', with: {d: 2026-01-01}}}", "expected names with plain values"),
+        ("vary: {training.size: [3]}\npolicies: {a: {make: 'b:c'}}", "is varied, but no policy learns"),
+        ("demonstrations: {select: first}\n" + PLAIN, "demonstrations.select is 'first', expected an import path"),
+        ("policies: {a: {skill: x.npz, demonstrations: {good: 3}}}", "a skill file has learnt already"),
+        ("policies: {a: {learn: {}, sets: [1]}}", "unknown key 'policies.a.sets'"),
+        ('policies: {"a\\nb": {learn: {}}}', "expected a printable name"),
+        (f"policies: {{{70 * 'ä'}: {{learn: {{}}}}}}", "is too long a name, expected at most 200 bytes"),
+        ("- a\n- b\n", "the file is ['a', 'b'], expected keys with values"),
+        ("policies: [\n", "line"),
+    ],
+)
+def test_a_specification_that_is_wrong_is_one_line_that_names_the_file_and_the_key(tmp_path, text, message):
+    with pytest.raises(ValueError, match=r"sweep\.yaml: ") as error:
+        read(tmp_path, text)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_specification_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(ValueError, match=r"none\.yaml: no such file"):
+        read_specification(tmp_path / "none.yaml")
+
+
+def test_an_overridden_scenario_differs_in_these_keys_only():
+    nominal = load_scenario()
+    changed = overridden(nominal, {"contact.friction": 0.3, "sensor.force_bias": 0.25}, "sweep")
+    assert (changed.contact.friction, changed.sensor.force_bias) == (0.3, 0.25)
+    back = {"contact.friction": nominal.contact.friction, "sensor.force_bias": nominal.sensor.force_bias}
+    assert overridden(changed, back, "sweep") == nominal
+
+
+def test_numerics_and_start_follow_the_clearance_by_rule(tmp_path):
+    text = PLAIN + "vary: {geometry.hole_radius: [0.010025, 0.01005]}\n"
+    plain, ruled = read(tmp_path, text), read(tmp_path, text + "clearance_rules: [numerics, start]\n")
+    for cell in plain.cells:
+        own, followed = (s.scenario_with(cell.scenario_overrides(), "sweep") for s in (plain, ruled))
+        assert own == overridden(load_scenario(), cell.scenario_overrides(), "sweep")
+        assert followed == start_of_clearance(numerics_of_clearance(own))
+    assert followed == own  # the nominal clearance
+    assert ruled.scenario_with(ruled.cells[0].scenario_overrides(), "sweep").geometry.facets == 48

@@ -1,0 +1,405 @@
+"""Whole sweeps: what is performed, what is repeated, and what is lost when processes die."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from experiments.sweeps import executors, trial_rows
+from experiments.sweeps.policies import GivenSkill
+from experiments.sweeps.policy_store import PolicyStore
+from experiments.sweeps.trial_rows import MEASURED_NUMBERS, result_columns
+from experiments.trial import run_trials
+from models.scenario import load_scenario
+from scripts import sweep_session
+from skill.manipulation_skill import ManipulationSkill
+from tests.experiments.sweeps.conftest import rows_in
+from tests.scripts.commands import ROOT
+
+PUSH = {"make": "tests.experiments.sweeps.pushes:push"}
+TIMES = ["cpu_s", "began", "train_s", "query_ms"]
+
+pytestmark = pytest.mark.slow
+
+
+def without_times(rows):
+    return rows.drop(columns=TIMES)
+
+
+def test_a_skill_performs_the_trials_of_the_rig(specification, perform, skill_file, scenario_file):
+    path = specification(policies={"mine": {"skill": str(skill_file)}}, trials={"first": 84010, "number": 3})
+    rows = perform(path).sort_values("trial")
+    results = run_trials(
+        load_scenario(scenario_file), ManipulationSkill.load(skill_file), [84010, 84011, 84012], jobs=1
+    )
+    for (_, row), (result, _) in zip(rows.iterrows(), results, strict=True):
+        expected = result_columns(result)
+        assert {name: row[name] for name in expected} == expected
+        assert (row.policy, row.arm, row.engine, row.factors) == ("mine", "default", "drake", "{}")
+        assert row.clearance == pytest.approx(0.005)
+
+
+def test_a_sweep_that_is_given_again_performs_only_what_is_missing(specification, perform, capsys):
+    keys = {"policies": {"push": PUSH}, "arms": ["default"]}
+    first = perform(specification(**keys, trials={"first": 84000, "number": 2}))
+    again = perform(specification(**keys, trials={"first": 84000, "number": 2}))
+    assert again.equals(first)  # the times of the trials too
+    assert "2 trials, 2 of them done already" in capsys.readouterr().out
+    more = perform(specification(**keys, trials={"first": 83999, "number": 4}))
+    assert len(more) == 4
+    assert more[more.key.isin(first.key)].reset_index(drop=True).equals(first)
+    other = perform(specification(**keys, trials={"first": 84000, "number": 2}, vary={"contact.friction": [0.25]}))
+    assert len(other) == 6
+
+
+def test_a_random_design_is_performed_and_a_larger_one_goes_on_with_it(specification, perform):
+    keys = {"policies": {"push": PUSH}, "vary": {"contact.friction": {"uniform": [0.1, 0.3]}}, "trials": {"number": 1}}
+    first = perform(specification(**keys, design={"random": 2}))
+    assert first.friction.between(0.1, 0.3).all()
+    more = perform(specification(**keys, design={"random": 3}))
+    assert more.friction.nunique() == len(more) == 3
+    assert more[more.key.isin(first.key)].reset_index(drop=True).equals(first)
+
+
+def test_a_specification_is_stored_once_also_if_nothing_is_missing(specification, perform, tmp_path):
+    stored = tmp_path / "results" / "sweeps"
+    keys = {"policies": {"push": PUSH}, "trials": {"first": 84000, "number": 2}}
+    path = specification(**keys)
+    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
+    for _ in range(2):
+        perform(path)
+    assert [p.name for p in stored.glob("*.yaml")] == ["sweep.yaml"]
+    assert (stored / "sweep.yaml").read_bytes() == path.read_bytes()
+    perform(specification("part", **keys | {"trials": {"first": 84000, "number": 1}}))
+    assert sorted(p.name for p in stored.glob("*.yaml")) == ["part.yaml", "sweep.yaml"]
+
+
+def test_another_line_of_code_makes_other_rows(specification, perform, monkeypatch):
+    path = specification(policies={"push": PUSH}, trials={"number": 1})
+    perform(path)
+    monkeypatch.setattr(trial_rows, "trial_code", lambda: "another revision")
+    both = perform(path)
+    assert len(both) == 2
+    assert both.key.is_unique
+
+
+def test_policies_that_learn_are_taught_once_and_kept(specification, perform, tmp_path, monkeypatch):
+    keys = {
+        "policies": {"all": {"learn": {}}, "few": {"learn": {}, "demonstrations": {"size": 2}}},
+        "demonstrations": {"sets": [0, 1], "good": 3, "bad": 1, "divided": True},
+    }
+    rows = perform(specification(**keys, trials={"first": 10, "number": 4}))
+    assert len(rows) == 8
+    assert set(zip(rows.policy, rows.demonstrations, strict=True)) == {("all", 4), ("few", 2)}
+    assert all(rows.demonstration_set == rows.trial % 2)
+    kept = sorted(path.name for path in (tmp_path / "results" / "skills").glob("*.npz"))
+    assert len(kept) == 4
+    monkeypatch.setattr(ManipulationSkill, "fit", None)  # nothing is learnt again
+    assert len(perform(specification(**keys, trials={"first": 10, "number": 6}), jobs=1)) == 12
+
+
+def test_a_law_is_made_once_and_kept_as_its_parameters(specification, perform, tmp_path, monkeypatch):
+    keys = {"policies": {"push": {**PUSH, "with": {"depth": 0.003}, "carried_over": True}}}
+    perform(specification(**keys, trials={"number": 1}))
+    (notes,) = (tmp_path / "results" / "skills").glob("*.json")
+    kept = json.loads(notes.read_text())
+    parameters = {"deaths": "", "times": 0, "depth": 0.003}
+    assert kept["law"] == {"class": "tests.experiments.sweeps.pushes:Push", "parameters": parameters}
+    with monkeypatch.context() as patched:
+        patched.setattr(PolicyStore, "make", None)  # nothing is made again
+        assert len(perform(specification(**keys, trials={"number": 2}), jobs=1)) == 2
+    for law, message in (
+        ({"class": "os:system", "parameters": {"command": "true"}}, "its notes name os, which the policy does not"),
+        (
+            {"class": "tests.experiments.sweeps.pushes:Push", "parameters": {"speed": 1}},
+            "its notes do not fit its class",
+        ),
+    ):
+        notes.write_text(json.dumps(kept | {"law": law}))
+        with pytest.raises(ValueError, match=f"policies.push: {message}"):
+            perform(specification(**keys, trials={"number": 3}), jobs=1)
+
+
+@pytest.mark.parametrize(("for_all_arms", "made"), [(True, 1), (False, 2)])
+def test_a_policy_may_be_made_once_for_all_arms(specification, perform, for_all_arms, made):
+    keys = {"policies": {"push": {**PUSH, "for_all_arms": for_all_arms}}, "trials": {"number": 1}}
+    rows = perform(specification(**keys, vary={"rig.pivot_range": [0.003]}, arms=["default", "stress"]))
+    assert sorted(rows.arm) == ["default", "stress"]
+    assert rows.skill.nunique() == made
+
+
+def test_a_carried_over_policy_serves_another_hole(specification, perform, skill_file):
+    keys = {"vary": {"geometry.hole_radius": [0.0102]}, "trials": {"number": 1}}
+    with pytest.raises(ValueError, match="set carried_over: true"):
+        perform(specification(**keys, policies={"mine": {"skill": str(skill_file)}}))
+    rows = perform(specification(**keys, policies={"mine": {"skill": str(skill_file), "carried_over": True}}))
+    assert rows.hole_radius_mm.tolist() == [pytest.approx(10.2)]
+    assert rows.outcome.tolist() != ["failed"]
+
+
+def test_a_skill_file_that_changes_while_the_sweep_runs_is_refused(specification, perform, skill_file, tmp_path):
+    own = tmp_path / "own.npz"
+    own.write_bytes(skill_file.read_bytes())
+    path = specification(policies={"mine": {"skill": str(own)}}, trials={"number": 1})
+    perform(path)
+    given = GivenSkill.read(own)
+    skill = ManipulationSkill.load(own)
+    skill.name_states([f"state {k}" for k in range(skill.n_states)])
+    skill.save(own)
+    with pytest.raises(ValueError, match="changed since the sweep began"):
+        given.load()
+
+
+@pytest.mark.parametrize(
+    ("policy", "message"),
+    [
+        ({"make": "tests.experiments.sweeps.pushes:shove"}, "policies.push: .*pushes:shove: cannot be imported"),
+        ({"make": "no_such_package:push"}, "policies.push: no_such_package:push: cannot be imported"),
+        ({**PUSH, "with": {"speed": 3}}, r"policies.push: cannot be made \(TypeError: .*speed"),
+        ({"make": "tests.experiments.sweeps.pushes:unwilling", "with": {"speed": 3}}, "policies.push: .*speed"),
+        ({"learn": {"regresor": "a:b"}}, "policies.push.learn.regresor: unknown key"),
+        ({"learn": {"skill": 5}}, "policies.push.learn.skill is 5, expected an import path"),
+    ],
+)
+def test_a_policy_that_cannot_be_made_is_one_line(specification, perform, policy, message):
+    with pytest.raises(ValueError, match=message) as error:
+        perform(specification(policies={"push": policy}, trials={"number": 1}))
+    assert "\n" not in str(error.value)
+
+
+def test_a_process_that_dies_while_a_policy_is_made_is_one_line(specification, perform):
+    path = specification(policies={"push": {"make": "tests.experiments.sweeps.pushes:fatal"}}, trials={"number": 1})
+    with pytest.raises(OSError, match=r"a process died while a policy was made .* give the command again"):
+        perform(path)
+
+
+def test_both_engines_perform_the_same_trials(specification, perform):
+    pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
+    path = specification(policies={"push": PUSH}, engines=["drake", "mujoco"], trials={"number": 2})
+    rows = perform(path).sort_values(["trial", "engine"])
+    assert rows.engine.tolist() == ["drake", "mujoco"] * 2
+    tilts = rows.pivot_table(index="trial", columns="engine", values="tilt_x_deg", observed=True)
+    assert tilts.drake.tolist() == tilts.mujoco.tolist()
+    assert "mujoco" in rows.versions[rows.engine == "mujoco"].iloc[0]
+
+
+def test_a_trial_that_cannot_be_performed_has_no_row_and_the_others_have(specification, perform, tmp_path):
+    policies = {"push": PUSH, "none": {"make": "tests.experiments.sweeps.pushes:unwilling"}}
+    path = specification(policies=policies, trials={"number": 2})
+    with pytest.raises(ValueError, match="2 trials could not be performed and have no row"):
+        perform(path)
+    assert set(rows_in(tmp_path / "results").policy) == {"push"}
+
+
+def test_a_killed_worker_of_this_machine_costs_its_trial_only_once(specification, perform, tmp_path):
+    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 1}}
+    rows = perform(specification(policies={"push": deadly}, trials={"number": 5}))
+    assert (tmp_path / "deaths").read_text() == "x"
+    assert sorted(rows.trial) == [0, 1, 2, 3, 4]
+    quiet = perform(specification("quiet", policies={"push": PUSH}, trials={"number": 5}), results="quiet")
+    for name in MEASURED_NUMBERS:
+        assert rows.sort_values("trial")[name].tolist() == quiet.sort_values("trial")[name].tolist(), name
+
+
+def test_a_trial_that_always_kills_its_worker_is_given_up_and_the_others_are_not(specification, perform, tmp_path):
+    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 99}}
+    path = specification(policies={"deadly": deadly, "push": PUSH}, trials={"number": 1})
+    with pytest.raises(ValueError, match=r"1 trials could not be performed .* its process died"):
+        perform(path)
+    assert rows_in(tmp_path / "results").policy.tolist() == ["push"]
+
+
+def test_a_killed_client_loses_no_row_and_a_second_one_goes_on(specification, tmp_path):
+    path = specification(policies={"push": PUSH}, trials={"number": 14})
+    results = tmp_path / "results"
+    arguments = [sys.executable, "-m", "scripts.sweep", path, "--out", results, "--jobs", "2"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "OPENBLAS_NUM_THREADS": "1"}
+    client = subprocess.Popen(arguments, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL)
+    wait_for(lambda: list(results.rglob("*.parquet")) and len(rows_in(results)) >= 3)
+    client.send_signal(signal.SIGKILL)
+    client.wait()
+    before = rows_in(results)
+    assert 3 <= len(before) < 14
+    done = subprocess.run(arguments, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert f"{len(before)} of them done already" in done.stdout
+    after = rows_in(results)
+    assert len(after) == 14
+    assert after.key.is_unique
+    assert after[after.key.isin(before.key)].reset_index(drop=True).equals(before)
+
+
+def test_two_sweeps_side_by_side_share_the_trials(specification, tmp_path):
+    path = specification(
+        policies={"push": PUSH}, arms=["default"], vary={"contact.friction": [0.1, 0.2, 0.3]}, trials={"number": 6}
+    )
+    results = tmp_path / "results"
+    arguments = ["-m", "scripts.sweep", path, "--out", results, "--jobs", "1"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "OPENBLAS_NUM_THREADS": "1"}
+    both = [
+        subprocess.Popen(
+            [sys.executable, *map(str, arguments)], cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True
+        )
+        for _ in range(2)
+    ]
+    texts = [process.communicate(timeout=300)[0] for process in both]
+    assert [process.returncode for process in both] == [0, 0], texts
+    written = [int(found[1]) for text in texts if (found := re.search(r"(\d+) trials written", text))]
+    assert sum(written) == 18
+    rows = rows_in(results)
+    assert len(rows) == 18
+    assert rows.key.is_unique
+
+
+def test_a_full_disk_ends_the_sweep_with_one_line_and_keeps_what_was_written(
+    specification, perform, tmp_path, monkeypatch
+):
+    path = specification(policies={"push": PUSH}, trials={"number": 3})
+    perform(specification("before", policies={"push": PUSH}, trials={"number": 1}), jobs=1)
+    real = os.fsync
+
+    def full(handle):
+        if "parquet" in str(Path(f"/proc/self/fd/{handle}").readlink()):
+            raise OSError(28, "No space left on device")
+        real(handle)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", full)
+        with pytest.raises(OSError, match=r"parquet: not written \(No space left on device\); the rows that were"):
+            perform(path, jobs=1)
+    assert rows_in(tmp_path / "results").trial.tolist() == [0]
+    assert sorted(perform(path, jobs=1).trial) == [0, 1, 2]
+
+
+def wait_for(condition, seconds=120.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+class DaskCluster:
+    """A Dask scheduler and two workers, as processes of their own."""
+
+    def __init__(self, folder):
+        self._file = folder / "scheduler.json"
+        scheduler = ["dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self._file)]
+        self.scheduler = self._start(*scheduler)
+        wait_for(self._file.exists)
+        self.address = re.search(r"tcp://[^\"]+", self._file.read_text())[0]
+        self.workers = []
+        for _ in range(2):
+            self.add_worker()
+
+    def add_worker(self):
+        options = ["--scheduler-file", str(self._file), "--nthreads", "1", "--no-nanny"]
+        self.workers.append(self._start("dask_worker", *options))
+
+    def kill(self, *processes):
+        for process in processes or (self.scheduler, *self.workers):
+            process.kill()
+            process.wait()
+
+    def _start(self, name, *options):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "OPENBLAS_NUM_THREADS": "1"}
+        places = {"cwd": ROOT, "env": environment, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        return subprocess.Popen([sys.executable, "-m", f"distributed.cli.{name}", *options, "--no-dashboard"], **places)
+
+
+@pytest.fixture
+def dask_cluster(tmp_path):
+    """A cluster that ends with the test."""
+    pytest.importorskip("distributed", reason="needs the extra [dask]")
+    cluster = DaskCluster(tmp_path)
+    yield cluster
+    cluster.kill()
+
+
+def test_a_dask_cluster_gives_the_same_rows_though_one_worker_is_killed_in_mid_trial(
+    specification, perform, dask_cluster, tmp_path
+):
+    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 1}}
+    path = specification(policies={"push": deadly}, trials={"number": 6})
+    rows = perform(path, backend="dask", address=dask_cluster.address)
+    assert sum(worker.poll() is not None for worker in dask_cluster.workers) == 1
+    assert sorted(rows.trial) == [0, 1, 2, 3, 4, 5]
+    local = perform(path, results="local")
+    assert without_times(rows).equals(without_times(local))
+
+
+def test_a_sweep_whose_dask_workers_are_all_killed_says_so_and_goes_on_with_a_new_one(
+    specification, perform, dask_cluster, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(executors, "PATIENCE", 1.0)
+    path, told = specification(policies={"push": PUSH}, trials={"number": 8}), []
+
+    def tell(text):
+        told.append(text)
+        if "no worker" in text:
+            dask_cluster.add_worker()
+
+    monkeypatch.setattr(sweep_session, "say", tell)
+    timer = threading.Thread(target=kill_after_a_row, args=(dask_cluster, dask_cluster.workers, tmp_path))
+    timer.start()
+    rows = perform(path, backend="dask", address=dask_cluster.address)
+    timer.join()
+    assert sorted(rows.trial) == list(range(8))
+    said = [text for text in told if text.startswith("--address")]
+    assert re.fullmatch(rf"--address {dask_cluster.address}: the Dask scheduler has no worker; .*waits.*", said[0])
+    assert said[1:] in ([], [f"--address {dask_cluster.address}: workers: 1"])
+
+
+def test_a_sweep_whose_dask_scheduler_is_killed_keeps_its_rows_and_says_so(
+    specification, perform, dask_cluster, tmp_path
+):
+    path = specification(policies={"push": PUSH}, trials={"number": 30})
+    timer = threading.Thread(target=kill_after_a_row, args=(dask_cluster, [dask_cluster.scheduler], tmp_path))
+    timer.start()
+    with pytest.raises(
+        OSError, match=f"--address {dask_cluster.address}: the connection to the Dask scheduler is lost"
+    ):
+        perform(path, backend="dask", address=dask_cluster.address)
+    timer.join()
+    assert 0 < len(rows_in(tmp_path / "results")) < 30
+    assert len(perform(path)) == 30
+
+
+def kill_after_a_row(cluster, processes, folder):
+    """Kills processes of a cluster when a row of the sweep is written."""
+    wait_for(lambda: any((folder / "results" / "trials").rglob("*.parquet")))
+    cluster.kill(*processes)
+
+
+def test_a_dask_worker_with_more_than_one_thread_is_refused(specification, perform):
+    distributed = pytest.importorskip("distributed", reason="needs the extra [dask]")
+    settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
+    with distributed.LocalCluster(**settings, host="127.0.0.1", protocol="tcp://") as cluster:
+        address = cluster.scheduler_address
+        with pytest.raises(OSError, match=f"{address}: a Dask worker has 2 threads; start workers with --nthreads 1"):
+            perform(specification(policies={"push": PUSH}, trials={"number": 1}), backend="dask", address=address)
+
+
+def test_a_dask_cluster_of_its_own_gives_up_the_trial_that_kills_every_worker(specification, perform, tmp_path):
+    pytest.importorskip("distributed", reason="needs the extra [dask]")
+    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 99}}
+    path = specification(policies={"deadly": deadly, "push": PUSH}, trials={"number": 1})
+    with pytest.raises(ValueError, match=r"1 trials could not be performed .* its process died"):
+        perform(path, backend="dask")
+    assert rows_in(tmp_path / "results").policy.tolist() == ["push"]
+
+
+def test_ray_gives_the_same_rows_though_one_worker_is_killed_in_mid_trial(specification, perform, tmp_path):
+    pytest.importorskip("ray", reason="needs the extra [ray]")
+    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 1}}
+    path = specification(policies={"push": deadly}, trials={"number": 6})
+    rows = perform(path, backend="ray")
+    assert (tmp_path / "deaths").read_text() == "x"
+    local = perform(path, results="local")
+    assert without_times(rows).equals(without_times(local))

@@ -1,0 +1,72 @@
+"""A worker of a sweep builds one rig for a cell, and its trials are those of new rigs."""
+
+from dataclasses import replace
+
+import pytest
+
+from experiments.sweeps import trial_engines, trial_rows
+from experiments.sweeps.trial_engines import RigBench
+from experiments.sweeps.trial_rows import TrialSource, perform, result_columns
+from experiments.trial import Arm, run_trial, trial_scenario
+from models.scenario import load_scenario
+from tests.experiments.sweeps.pushes import Push
+
+
+@pytest.fixture
+def built(monkeypatch):
+    """The scenarios of which rigs were built, with an empty bench."""
+    found = []
+    make_rig = trial_engines.make_rig
+    monkeypatch.setattr(trial_rows, "_bench", RigBench())
+    monkeypatch.setattr(
+        trial_engines,
+        "make_rig",
+        lambda engine, scenario, policy: (found.append(engine), make_rig(engine, scenario, policy))[1],
+    )
+    return found
+
+
+def short_source(**changes):
+    scenario = load_scenario()
+    scenario.trial.time_limit = 0.4
+    return replace(TrialSource(scenario, Arm.DEFAULT, "drake", "p" * 16, "push", "{}"), **changes)
+
+
+@pytest.mark.parametrize("arm", list(Arm))
+def test_trials_of_one_cell_share_a_rig_and_equal_those_of_new_rigs(built, arm):
+    source = short_source(arm=arm)
+    for number in (84100, 84101, 84100):
+        row = perform(source, Push(), number, {})
+        new, _ = run_trial(trial_scenario(source.scenario, number=number, arm=arm), Push(), seed=number)
+        assert {name: row[name] for name in result_columns(new)} == pytest.approx(
+            result_columns(new), nan_ok=True, abs=0
+        )
+    assert built == ["drake"]
+
+
+def test_another_cell_gets_another_rig(built):
+    perform(short_source(), Push(), 84100, {})
+    perform(short_source(policy="q" * 16), Push(), 84100, {})
+    changed = load_scenario()
+    changed.trial.time_limit, changed.contact.friction = 0.4, 0.25
+    perform(short_source(scenario=changed), Push(), 84100, {})
+    perform(short_source(scenario=changed), Push(), 84101, {})
+    assert len(built) == 3
+
+
+def test_a_rig_that_cannot_be_built_leaves_none(built, monkeypatch):
+    perform(short_source(), Push(), 84100, {})
+    with monkeypatch.context() as patched:
+        patched.setattr(trial_engines, "make_rig", lambda *_: (_ for _ in ()).throw(ValueError("no rig")))
+        with pytest.raises(ValueError, match="no rig"):
+            perform(short_source(name="other"), Push(), 84100, {})
+    perform(short_source(name="other"), Push(), 84100, {})
+    assert len(built) == 2
+
+
+def test_in_mujoco_each_trial_has_its_own_rig(built):
+    pytest.importorskip("mujoco")
+    source = short_source(engine="mujoco")
+    for number in (84100, 84101):
+        perform(source, Push(), number, {})
+    assert built == ["mujoco", "mujoco"]

@@ -1,0 +1,86 @@
+"""The stream of trials: what it keeps in memory, and what it writes."""
+
+import itertools
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from experiments.sweeps import result_blocks, trial_stream
+from experiments.sweeps.assignments import assignments
+from experiments.sweeps.executors import Executor
+from experiments.sweeps.policy_store import PolicyStore
+from experiments.sweeps.specification import read_specification
+from experiments.sweeps.trial_stream import TrialStream
+from models.scenario import dump_scenario
+from tests.experiments.sweeps.conftest import rows_in
+from tests.experiments.sweeps.made_up_rows import made_up_row
+
+ROWS = 10_000
+PUSH = {"make": "tests.experiments.sweeps.pushes:push"}
+
+
+class ReadyRows:
+    """Yields rows that nobody has simulated, as an `Executor` yields results."""
+
+    def __init__(self, scenario):
+        self._scenario = scenario
+
+    def run(self, tasks):
+        for task in tasks:
+            yield task.block, task.number, made_up_row(task.number, scenario=self._scenario)
+
+
+@pytest.mark.slow
+def test_ten_thousand_rows_take_no_memory_that_grows(specification, skill_file, tmp_path, monkeypatch):
+    path = specification(policies={"mine": {"skill": str(skill_file)}}, trials={"number": ROWS})
+    wanted = read_specification(path)
+    todo = [(a, block, len(block.numbers)) for a in assignments(wanted, tmp_path, "sweep") for block in a.blocks]
+    executor = ReadyRows(dump_scenario(wanted.scenario))
+    monkeypatch.setattr(trial_stream, "WRITE_PERIOD", 0.05)
+    count, early = itertools.count(1), []
+
+    def advance(note):
+        if next(count) == ROWS // 5:
+            early.append(tracemalloc.get_traced_memory()[0])
+
+    tracemalloc.start()
+    try:
+        ended = TrialStream(todo, PolicyStore(tmp_path), executor, advance).run()
+        late = tracemalloc.get_traced_memory()[0]
+    finally:
+        tracemalloc.stop()
+    assert ended.written == ROWS
+    assert late - early[0] < 5e6  # bytes; all rows together have 35e6
+    rows = rows_in(tmp_path)
+    assert sorted(rows.trial) == list(range(ROWS))
+    assert rows.key.is_unique
+
+
+def test_a_block_that_cannot_be_written_costs_no_rows_of_others(specification, tmp_path, monkeypatch):
+    path = specification(policies={"push": PUSH}, vary={"contact.friction": [0.1, 0.2, 0.3]}, trials={"number": 2})
+    wanted = read_specification(path)
+    todo = [(a, block, len(block.numbers)) for a in assignments(wanted, tmp_path, "sweep") for block in a.blocks]
+    unwritable = todo[0][1].path
+    monkeypatch.setattr(trial_stream, "WRITE_PERIOD", 1000.0)  # all rows are written at the end
+    real = result_blocks.write_atomically
+
+    def write(path, data):
+        if path == unwritable:
+            raise OSError(28, "No space left on device")
+        real(path, data)
+
+    monkeypatch.setattr(result_blocks, "write_atomically", write)
+    store = PolicyStore(tmp_path)
+    with Executor("local", jobs=1) as executor:
+        store.make([assignment.policy for assignment, _, _ in todo], executor, lambda note: None)
+    stream = TrialStream(todo, store, ReadyRows(dump_scenario(wanted.scenario)), lambda note: None)
+    with pytest.raises(OSError, match=rf"{unwritable}: not written \(No space left"):
+        stream.run()
+    assert len(rows_in(tmp_path)) == stream.ended.written == 4
+
+
+@pytest.mark.parametrize("path", sorted(Path("benchmarks/sweeps").glob("*.yaml")), ids=lambda path: path.stem)
+def test_the_sweeps_of_this_project_can_be_planned(path, tmp_path):
+    found = assignments(read_specification(path), tmp_path, "sweep")
+    assert sum(len(block.numbers) for assignment in found for block in assignment.blocks) >= 100

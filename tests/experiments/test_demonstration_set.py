@@ -1,0 +1,115 @@
+"""Requests and seeds of sets of demonstrations; the recordings themselves are in `tests/scripts`."""
+
+import pytest
+
+from experiments import demonstration_set
+from experiments.demonstration_set import (
+    MAX_ATTEMPTS,
+    OPERATORS,
+    Request,
+    attempt_seed,
+    demonstrate,
+    requests,
+)
+from models.scenario import DEMONSTRATION_STREAM, resolve_scenario
+from skill.data.outcome import Outcome
+
+
+def test_the_habits_take_turns_and_the_bad_ones_come_last():
+    found = requests(3, 5)
+    assert [r.number for r in found] == list(range(8))
+    assert [r.good for r in found] == [True] * 3 + [False] * 5
+    habits = ["expert", "novice", "expert", "blind", "slams", "gives_up", "overcorrects", "blind"]
+    assert [r.habit for r in found] == habits
+
+
+def test_the_operators_take_turns():
+    assert [Request(n, "expert", True).operator for n in (0, 1, 9, 10, 27)] == [0, 1, 9, 0, 7]
+
+
+def test_the_seed_of_an_attempt_is_that_of_a_worked_example():
+    """A set has 10,000 demonstrations of 50 attempts, so set 2 begins at 1,000,000."""
+    assert attempt_seed(0, 0, 0) == 0
+    assert attempt_seed(0, 0, 49) == 49
+    assert attempt_seed(0, 1, 0) == 50
+    assert attempt_seed(2, 0, 0) == 1_000_000
+    assert attempt_seed(2, 34, 5) == 1_000_000 + 1700 + 5
+
+
+def test_the_seeds_of_neighbours_are_consecutive():
+    """So no two attempts share a seed: the last attempt comes just before the next demonstration or set."""
+    assert attempt_seed(3, 7, MAX_ATTEMPTS - 1) + 1 == attempt_seed(3, 8, 0)
+    assert attempt_seed(3, 9_999, MAX_ATTEMPTS - 1) + 1 == attempt_seed(4, 0, 0)
+
+
+class Recorded:
+    """The part of a demonstration that `demonstrate` judges."""
+
+    def __init__(self, outcome, *, good):
+        self.outcome, self.good, self.reason, self.metadata = outcome, good, outcome.text(""), {}
+
+
+@pytest.fixture
+def record(monkeypatch):
+    """Replaces the simulation: `record(*outcomes)` sets what the attempts end with and returns their scenarios."""
+
+    def prepare(*outcomes):
+        left, scenarios = list(outcomes), []
+
+        def run(scenario):
+            scenarios.append(scenario)
+            outcome = left.pop(0) if len(left) > 1 else left[0]
+            if isinstance(outcome, ValueError):
+                raise outcome
+            return Recorded(outcome, good=outcome is Outcome.INSERTED)
+
+        monkeypatch.setattr(demonstration_set, "run_demonstration", run)
+        return scenarios
+
+    return prepare
+
+
+def test_a_demonstration_is_repeated_until_it_is_as_requested(quick_scenario, record):
+    scenarios = record(Outcome.JAMMED, Outcome.TIME_OVER, Outcome.INSERTED)
+    found = demonstrate(quick_scenario, Request(13, "novice", True), seed=2)
+    assert found.outcome is Outcome.INSERTED
+    assert found.metadata == {"number": 1_000_000 + 13 * 50 + 2, "operator": 2 * OPERATORS + 3, "attempts": 3}
+    seeds = [
+        resolve_scenario(quick_scenario, seed=n, stream=DEMONSTRATION_STREAM).seed for n in range(1000650, 1000653)
+    ]
+    assert [s.seed for s in scenarios] == seeds
+    assert [s.operator.habit for s in scenarios] == ["novice"] * 3
+    assert len({tuple(s.start.tilt) for s in scenarios}) == 3  # another start each time
+
+
+def test_a_bad_demonstration_must_be_bad_but_not_diverged(quick_scenario, record):
+    record(Outcome.DIVERGED, Outcome.INSERTED, Outcome.JAMMED)
+    found = demonstrate(quick_scenario, Request(0, "blind", False), seed=0)
+    assert (found.outcome, found.metadata["attempts"]) == (Outcome.JAMMED, 3)
+
+
+def test_a_demonstration_that_no_file_may_hold_is_repeated(quick_scenario, record):
+    record(ValueError("moments look like N mm"), Outcome.JAMMED)
+    found = demonstrate(quick_scenario, Request(0, "overcorrects", False), seed=0)
+    assert (found.outcome, found.metadata["attempts"]) == (Outcome.JAMMED, 2)
+
+
+def test_if_no_file_may_hold_any_attempt_the_error_says_why(quick_scenario, record):
+    scenarios = record(ValueError("moments look like N mm"))
+    with pytest.raises(ValueError, match=r"no bad example in 8 attempts \(outcomes: \['moments look like N mm'\]\)"):
+        demonstrate(quick_scenario, Request(0, "overcorrects", False), seed=0)
+    assert len(scenarios) == 8
+
+
+def test_eight_equal_outcomes_end_the_attempts(quick_scenario, record):
+    scenarios = record(Outcome.JAMMED)
+    with pytest.raises(ValueError, match=r"no good example in 8 attempts \(outcomes: \['jammed'\]\)"):
+        demonstrate(quick_scenario, Request(0, "expert", True), seed=0)
+    assert len(scenarios) == 8
+
+
+def test_different_outcomes_are_tried_fifty_times(quick_scenario, record):
+    scenarios = record(Outcome.TIME_OVER, Outcome.JAMMED)
+    with pytest.raises(ValueError, match="no good example in 50 attempts"):
+        demonstrate(quick_scenario, Request(0, "expert", True), seed=0)
+    assert len(scenarios) == MAX_ATTEMPTS == 50

@@ -1,0 +1,162 @@
+"""Servo and simulation together, without a clock."""
+
+import copy
+import gc
+import resource
+import sys
+from itertools import islice
+
+import numpy as np
+import pytest
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import LeafSystem
+
+from experiments.demonstration_run import DemonstrationRun
+from experiments.lockstep import lockstep
+from models.scenario import DEMONSTRATION_STREAM, load_scenario, resolve_scenario
+from systems.math.rotation import from_rotation_vector, rotation_vector
+from systems.servo.served_environment import MakeServedEnvironment
+from systems.servo.servo_diagram import MakeServo
+from systems.servo.stale_contact_fade import FADE, HOLD
+from systems.virtual_environment import MakeVirtualEnvironment, start_pose
+
+H = 1e-3
+
+
+class Path(LeafSystem):
+    """A hand that follows poses, one for each tick."""
+
+    def __init__(self, poses):
+        super().__init__()
+        self._poses = poses
+        self.DeclareAbstractOutputPort("hand_pose", Value[RigidTransform], self._calc, {self.time_ticket()})
+
+    def _calc(self, context, output):
+        output.set_value(self._poses[min(round(context.get_time() / H), len(self._poses) - 1)])
+
+
+def scenario_of(seed, time_step):
+    scenario = load_scenario("live")
+    scenario.start.tilt, scenario.contact.time_step = [0.05, 0.03], time_step
+    return resolve_scenario(scenario, seed=seed, stream=DEMONSTRATION_STREAM)
+
+
+def pushed(scenario, duration):
+    """A hand that goes down by 20 mm in half a second and stays, while it levels the peg."""
+    X = start_pose(scenario)
+    turn = rotation_vector(X.rotation())
+    poses = []
+    for t in np.arange(0.0, duration, H):
+        part = min(1.0, t / 0.5)
+        depth = np.array([0.0, 0.0, -0.02 * part])
+        poses.append(RigidTransform(from_rotation_vector((1.0 - 0.3 * part) * turn), X.translation() + depth))
+    return poses
+
+
+def served(scenario, poses, *, delay=-1):
+    environment = MakeServedEnvironment(scenario)
+    run = DemonstrationRun(scenario, environment)
+    servo = MakeServo(scenario, operator=Path(poses), X_HP_start=environment.X_HP_start)
+    servo.start(environment.X_HP_start)
+    return servo, lockstep(servo, run, environment, time_step=scenario.contact.time_step, delay=delay)
+
+
+def wrenches(scenario, poses, **options):
+    _, ticks = served(scenario, poses, **options)
+    return np.array([probe.wrench for probe, _ in islice(ticks, len(poses))])
+
+
+def reference(scenario, poses):
+    """The rendered wrenches with device and contact in one diagram, the contact every millisecond."""
+    exact = copy.deepcopy(scenario)
+    exact.contact.time_step = H
+    environment = MakeVirtualEnvironment(exact, operator=Path(poses))
+    run = DemonstrationRun(exact, environment)
+    found = []
+    for k in range(len(poses)):
+        found.append(np.array(environment.rendered_wrench(run.simulator.get_context()).wrench))
+        run.advance((k + 1) * H)
+    return np.array(found)
+
+
+def rms(a):
+    return np.sqrt(np.mean(np.sum(np.square(a), axis=1)))
+
+
+@pytest.fixture(scope="module")
+def compared():
+    scenario = scenario_of(1, 0.002)
+    poses = pushed(scenario, 0.9)
+    return reference(scenario, poses), wrenches(scenario, poses), wrenches(scenario, poses)
+
+
+def test_the_force_is_that_of_a_simulation_with_contact_at_1_khz(compared):
+    exact, found, _ = compared
+    assert rms(exact[:, 3:]) > 1.0
+    assert rms(found[:, 3:] - exact[:, 3:]) < 0.1 * rms(exact[:, 3:])
+    assert rms(found[:, :3] - exact[:, :3]) < 0.1 * rms(exact[:, :3])
+
+
+def test_a_run_is_the_same_every_time(compared):
+    _, found, again = compared
+    np.testing.assert_array_equal(found, again)
+
+
+def test_the_force_has_no_steps_where_models_arrive():
+    """Against a wall, the largest change from tick to tick is not larger at the ticks of a new model."""
+    scenario = scenario_of(1, 0.004)
+    found = wrenches(scenario, pushed(scenario, 0.9))[600:, 3:]  # the hand rests
+    changes = np.linalg.norm(np.diff(found, axis=0), axis=1)
+    assert np.linalg.norm(found, axis=1).min() > 0.5
+    assert changes.max() < 0.02
+
+
+def test_the_force_decays_when_the_simulation_stands_still():
+    scenario = scenario_of(1, 0.004)
+    poses = pushed(scenario, 1.2)
+    servo, ticks = served(scenario, poses)
+    for _ in range(800):
+        next(ticks)
+    assert np.linalg.norm(servo.probe().wrench[3:]) > 0.5
+    gains = []
+    for _ in range(round((HOLD + FADE) / H) + 5):
+        servo.tick()
+        gains.append(servo.probe().gain)
+    assert gains[5] == 1.0
+    assert (np.diff(gains) <= 0).all()
+    assert gains[-1] == 0.0
+    np.testing.assert_array_equal(servo.probe().wrench, 0.0)
+
+
+def test_a_model_cannot_come_before_its_step():
+    scenario = scenario_of(1, 0.004)
+    _, ticks = served(scenario, pushed(scenario, 0.1), delay=-5)
+    with pytest.raises(ValueError, match="delay is -5, expected at least -4"):
+        next(ticks)
+
+
+@pytest.mark.skipif(not hasattr(resource, "RUSAGE_THREAD"), reason="Linux counts the page faults of a thread")
+def test_ticks_in_contact_ask_the_system_for_no_memory():
+    """Python makes objects in each tick, in memory that it has: without growth, and without a page fault."""
+    scenario = scenario_of(3, 4e-3)
+    poses = pushed(scenario, 0.6)
+    servo, ticks = served(scenario, poses)
+    *_, (probe, _) = islice(ticks, len(poses))
+    assert np.linalg.norm(probe.wrench[3:]) > 0.5  # in contact
+
+    def tick(number):
+        for _ in range(number):
+            servo.tick()
+            servo.probe().as_vector()
+
+    gc.collect()
+    gc.disable()  # as in the process of the servo
+    try:
+        tick(500)
+        faults, objects = resource.getrusage(resource.RUSAGE_THREAD).ru_minflt, sys.getallocatedblocks()
+        tick(1000)
+        assert resource.getrusage(resource.RUSAGE_THREAD).ru_minflt == faults
+        assert sys.getallocatedblocks() - objects < 100
+    finally:
+        gc.enable()

@@ -1,0 +1,113 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments import practice_rounds
+from experiments.practice_rounds import Check, Practice, practise
+from experiments.trial import run_trial
+from models.scenario import CHECK_STREAM, PRACTICE_STREAM, TRIAL_STREAM, resolve_scenario
+from skill.manipulation_skill import ManipulationSkill
+from skill.practice.exploration import rollout_of
+
+SHORT = Practice(rounds=1, starts=1, checks=1)
+
+
+@pytest.fixture
+def brief(quick_scenario):
+    """The peg starts level with the mouth, almost upright, and has half a second."""
+    quick_scenario.start.height, quick_scenario.start.tilt = 1e-4, [0.01, -0.01]
+    quick_scenario.trial.time_limit = 0.5
+    return quick_scenario
+
+
+@pytest.mark.slow
+def test_the_recorded_feed_is_that_of_the_perturbed_skill(brief, skill):
+    """Where neither limits nor the guard act, the recorded feed is the feed that the row before asked for."""
+    brief.controller.force_limit = 1e4  # no impact load reaches it
+    (number, perturbed), (same, opposite) = practice_rounds._opposite_trials(skill, SHORT, brief, 3)
+    assert number == same == 3
+    np.testing.assert_allclose(perturbed.perturbation.turn, -opposite.perturbation.turn)
+    scenario = resolve_scenario(brief, seed=number, stream=PRACTICE_STREAM)
+    _, run = run_trial(scenario, perturbed, seed=number)
+    rollout, samples = rollout_of(run, perturbed, SHORT.cost), run.samples
+    sure = rollout.memberships.max(axis=1) > 0.51  # elsewhere rounding decides between two states
+    assert sure.mean() > 0.8
+    assert rollout.memberships.argmax(axis=1)[sure].tolist() == samples["state"][sure].tolist()
+    free = (samples["known"] == 1) & (samples[["fx", "fy", "fz"]].abs().sum(axis=1) < 1.0)
+    rows = [k for k in samples.index[free] if k + 1 < len(samples) and free[k + 1]]
+    assert len(rows) > 3
+    for k in rows:
+        wrench = samples.loc[k, ["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy()
+        action = skill.act(np.array([*wrench, -samples["depth"][k]]), rollout.memberships[k])
+        feed_speed = action.feed * np.exp(rollout.log_factors[k, 1]) / skill.period_
+        limited = action.support * max(feed_speed, -scenario.controller.max_feed_speed)
+        assert samples["feed_speed"][k + 1] == pytest.approx(limited, rel=0.05)
+
+
+class LittleSupport(ManipulationSkill):
+    """A skill whose actions all have little support."""
+
+    def act(self, measured, probabilities=None, contexts=None):
+        return replace(super().act(measured, probabilities), support=0.3)
+
+
+@pytest.mark.slow
+def test_the_feed_is_reduced_by_the_support_in_practice_too(brief, skill_file):
+    number, perturbed = practice_rounds._opposite_trials(LittleSupport.load(skill_file), SHORT, brief, 3)[0]
+    _, run = run_trial(resolve_scenario(brief, seed=number, stream=PRACTICE_STREAM), perturbed, seed=number)
+    assert (run.samples["support"][1:] == 0.3).all()
+
+
+def test_practice_checks_and_trials_start_from_different_tilts(quick_scenario):
+    starts = {
+        (stream, number): tuple(resolve_scenario(quick_scenario, seed=number, stream=stream).start.tilt)
+        for stream in (CHECK_STREAM, PRACTICE_STREAM, TRIAL_STREAM)
+        for number in range(40)
+    }
+    assert len(set(starts.values())) == len(starts)
+
+
+@pytest.mark.slow
+def test_a_round_keeps_the_new_skill_only_if_it_beats_the_check(brief, skill):
+    messages = []
+    first, second = practise(brief, skill, SHORT, jobs=1, advance=messages.append)
+    assert len(messages) == SHORT.n_trials == 4
+    assert (first.skill, first.kept, first.practised) == (skill, True, [])
+    assert [r.seed for r in second.practised] == [0, 0]
+    assert second.kept == second.check.beats(first.check)
+    assert (second.skill is not skill) == second.kept
+    assert isinstance(second.skill, ManipulationSkill)
+
+
+class IdleSkill(ManipulationSkill):
+    """A skill that does not move."""
+
+    def act(self, measured, probabilities=None, contexts=None):
+        action = super().act(measured, probabilities)
+        return replace(action, turn=0 * action.turn, feed=0.0)
+
+
+@pytest.mark.slow
+def test_a_skill_that_no_longer_moves_is_discarded(brief, skill, skill_file, monkeypatch):
+    monkeypatch.setattr(practice_rounds, "advantage_weighted_update", lambda *_: IdleSkill.load(skill_file))
+    rounds = list(practise(brief, skill, SHORT, jobs=1))
+    assert not rounds[1].check.results[0].inserted
+    assert not rounds[1].kept
+    assert rounds[1].skill is skill
+
+
+class Result:
+    """The part of a `TrialResult` that a check needs."""
+
+    def __init__(self, inserted):
+        self.inserted = inserted
+
+
+def test_a_check_is_beaten_by_lower_costs_with_at_least_as_many_insertions():
+    good, worse = Check([Result(True), Result(True)], [3.0, 3.0]), Check([Result(True), Result(True)], [3.0, 4.0])
+    cheap_with_failure = Check([Result(True), Result(False)], [1.0, 1.0])
+    assert good.beats(worse)
+    assert not worse.beats(good)
+    assert not good.beats(good)
+    assert not cheap_with_failure.beats(good)

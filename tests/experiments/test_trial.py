@@ -1,0 +1,266 @@
+import json
+import math
+from dataclasses import asdict
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from experiments.metrics.penetration import round_bodies
+from experiments.trial import (
+    STRESS_FRICTION,
+    STRESS_PIVOT,
+    STRESS_TILT,
+    TRIAL_STREAM,
+    Arm,
+    run_trial,
+    run_trials,
+    stress_tilt,
+    trial_scenario,
+)
+from models.clearance import start_of_clearance
+from models.scenario import Scenario, parse_scenario, resolve_scenario
+from skill.features.measurement import contact_loads
+from skill.manipulation_skill import ManipulationSkill
+from skill.policy import Action
+
+
+@pytest.fixture(scope="module")
+def inserted(skill):
+    """One whole trial from a tilt of three degrees: scenario, result and run."""
+    from tests.quick_scenario import make_quick_scenario
+
+    scenario = make_quick_scenario()
+    scenario.start.tilt = [0.04, -0.035]
+    scenario.trial.time_limit = 8.0
+    resolved = trial_scenario(scenario, number=1000)
+    return resolved, *run_trial(resolved, skill, seed=1000)
+
+
+def test_a_skill_trained_with_five_demonstrations_inserts(inserted):
+    scenario, result, _ = inserted
+    assert result.inserted
+    assert result.reason == "inserted"
+    assert result.depth == pytest.approx(scenario.full_depth, abs=1e-4)
+    assert 0 < result.time < scenario.trial.time_limit
+    assert result.seed == 1000
+    assert result.tilt == tuple(scenario.start.tilt)
+
+
+def test_the_motors_reduced_the_tilt(inserted):
+    scenario, result, run = inserted
+    assert result.steps > 0
+    first, last = run.samples.iloc[0], run.samples.iloc[-1]
+    before = math.hypot(first["pitch"], first["yaw"])
+    assert before == pytest.approx(math.hypot(*scenario.start.tilt), abs=2e-3)
+    assert math.hypot(last["pitch"], last["yaw"]) < 0.4 * before
+
+
+def test_the_result_agrees_with_the_recorded_samples(inserted):
+    scenario, result, run = inserted
+    s = run.samples
+    last = s.iloc[-1]
+    assert result.steps == last["pitch_taken"] + last["yaw_taken"]
+    assert result.lost_steps == last["pitch_lost"] + last["yaw_lost"]
+    assert result.lost_steps == 0
+    assert (s["fault"] == 0).all()
+    assert result.unsupported_time == pytest.approx(scenario.controller.period * (s["support"] < 1).sum())
+    visited = [int(v) for v in s["state"]]
+    assert list(result.states) == [v for k, v in enumerate(visited) if k == 0 or visited[k - 1] != v]
+    # Peaks are those of the true contact at every step. The filtered and sampled sensor shows slightly lower ones.
+    lateral = np.hypot(s["fx"], s["fy"]).max()
+    noise = 5 * (scenario.sensor.force_bias + max(scenario.sensor.force_noise)) + scenario.sensor.force_quantum
+    assert lateral - noise <= result.peak_lateral_force
+    assert result.peak_lateral_force < 3 * lateral + 5
+    assert np.abs(s["fz"]).max() - noise <= result.peak_axial_force
+    moment = np.linalg.norm(s[["mx", "my", "mz"]], axis=1).max()
+    lever = 5 * (scenario.sensor.torque_bias + scenario.sensor.height * scenario.sensor.force_bias) + 0.01
+    assert moment - lever <= result.peak_moment < 3 * moment + 0.1
+    loads = contact_loads(s[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(), scenario.geometry.peg_radius)
+    assert loads.max() <= result.peak_measured_load < 2 * loads.max()  # the sensor is faster than the samples
+    assert result.peak_load == pytest.approx(result.peak_measured_load, rel=0.5, abs=5.0)
+    assert 1.0 < result.mean_load < result.peak_load
+    assert 0.0 < result.first_touch < 0.05 * result.peak_load
+    start, depth = 1e3 * scenario.start.height, 1e3 * result.depth
+    assert start + depth <= 1e3 * result.path_length < 1.2 * (start + depth)
+    assert 0.0 < result.mean_jerk < 50.0
+    assert result.force_above_20n <= result.time_above_20n
+    assert 0.0 <= result.wedged_time < result.time
+    assert 75.0 + 12.0 < result.field_score < 100.0
+    assert result.trusted is (result.penetration <= 0.25 * scenario.geometry.clearance)
+    assert run.result == result.record()
+
+
+def test_the_penetration_is_the_overlap_of_the_round_bodies_at_the_recorded_poses(inserted):
+    """The recorded poses lack the lateral deflection of the mount, which bounds the difference."""
+    scenario, result, run = inserted
+    bodies = round_bodies(scenario.geometry)
+    s = run.samples
+    # The hole turns about its pivot, by pitch and then by yaw; the peg stays upright and close to its axis.
+    R_WH = Rotation.from_euler("XY", s[["pitch", "yaw"]].to_numpy())
+    pivot = np.array([0.0, 0.0, scenario.rig.pivot_height])
+    tip = np.column_stack([np.zeros(len(s)), np.zeros(len(s)), s["tip_z"]])
+    p_HP = R_WH.inv().apply(tip - pivot) + pivot
+    unbent = -bodies.gap(p_HP, R_WH.inv().apply([0.0, 0.0, 1.0])).min()
+    bend = result.peak_lateral_force / scenario.rig.mount_stiffness
+    assert result.penetration == pytest.approx(unbent, abs=bend + 1e-7)
+    assert result.penetration > 1e-6
+
+
+def test_the_contacts_of_the_samples_are_those_of_the_wrench(inserted):
+    """What the normal forces leave of the measured lateral force is friction, noise, filter and delay."""
+    scenario, result, run = inserted
+    s = run.samples
+    places = ("mouth", "tip", "face")
+    forces = np.stack([s[[f"contact_{p}_f{c}" for c in "xyz"]].to_numpy() for p in places], axis=1)
+    points = np.stack([s[[f"contact_{p}_{c}" for c in "xyz"]].to_numpy() for p in places], axis=1)
+    touching = forces.any(axis=2)
+    assert touching[:, 0].any()
+    assert touching[:, 1].any()
+    sizes = np.linalg.norm(forces, axis=2)
+    assert 0.95 * sizes.max() <= result.peak_contact_force
+    rest = np.abs(forces[:, :, :2].sum(axis=1) - s[["fx", "fy"]].to_numpy())
+    allowed = scenario.contact.friction * sizes.sum(axis=1) + 1.0
+    assert (rest.max(axis=1) < allowed).mean() > 0.9
+    # The points lie on the bore; the hole turns by a few degrees about a pivot near its mouth.
+    radius = np.linalg.norm(points[:, :2, :2], axis=2)[touching[:, :2]]
+    np.testing.assert_allclose(radius, scenario.geometry.hole_radius, atol=2e-3)
+    below = s["tip_z"].to_numpy() < -3e-3
+    assert (points[below & touching[:, 0], 0, 2] > s["tip_z"][below & touching[:, 0]] / 2 - 1e-3).all()
+
+
+@pytest.mark.slow
+def test_a_stuck_peg_is_jammed_when_the_time_runs_out(quick_scenario, skill):
+    """The hole does not turn, so the peg stays wedged."""
+    quick_scenario.controller.gain = 1e-9
+    quick_scenario.start.tilt = [0.05, 0.0]
+    quick_scenario.start.height = 1e-4
+    quick_scenario.trial.time_limit = 1.6
+    result, run = run_trial(trial_scenario(quick_scenario, number=0), skill, seed=0)
+    assert (result.inserted, result.reason) == (False, "jammed")
+    assert result.time == pytest.approx(1.6)
+    assert run.result["reason"] == "jammed"
+
+
+def test_the_record_suffices_to_repeat_the_trial(inserted, skill):
+    scenario, _, run = inserted
+    assert json.loads(json.dumps(run.metadata)) == run.metadata
+    again = parse_scenario(run.metadata["scenario"], "record")
+    assert again == scenario
+    assert run.metadata["geometry"] == asdict(scenario.geometry)
+    assert len(run.metadata["state_names"]) == skill.n_states
+    assert {"drake", "numpy", "haptic-skill", "python"} <= set(run.metadata["versions"])
+    assert scenario.seed == resolve_scenario(scenario, seed=1000, stream=TRIAL_STREAM).seed
+
+
+def test_a_trial_that_runs_out_of_time_has_that_reason(quick_scenario, skill):
+    quick_scenario.trial.time_limit = 0.1
+    result, run = run_trial(trial_scenario(quick_scenario, number=2), skill, seed=2)
+    assert (result.inserted, result.reason) == (False, "time over")
+    assert result.time == pytest.approx(0.1)
+    assert len(run.samples) == 1 + round(0.1 / quick_scenario.controller.period)
+
+
+class NanSkill(ManipulationSkill):
+    """A skill that returns a NaN feed below some depth; picklable for other processes."""
+
+    def act(self, measured, probabilities=None, contexts=None):
+        action = super().act(measured, probabilities)
+        if self.when_depth_exceeds < -np.asarray(measured)[-1]:
+            return Action(turn=action.turn, feed=math.nan, probabilities=action.probabilities)
+        return action
+
+
+@pytest.fixture
+def nan_skill(skill_file):
+    skill = NanSkill.load(skill_file)
+    skill.when_depth_exceeds = -5e-4  # just before the mouth
+    return skill
+
+
+@pytest.mark.slow
+def test_a_nan_action_ends_one_trial_and_not_the_batch(quick_scenario, nan_skill):
+    quick_scenario.trial.time_limit = 1.0
+    quick_scenario.start.height = 1e-3
+    quick_scenario.start.tilt = [0.0, 0.0]
+    results = list(run_trials(quick_scenario, nan_skill, [0, 1, 2], jobs=1))
+    assert [result.seed for result, _ in results] == [0, 1, 2]
+    for result, run in results:
+        assert not result.inserted
+        assert result.reason.startswith("controller failed: ValueError: the action is not finite")
+        assert 0 < result.time < 1.0
+        assert np.isfinite(run.samples.to_numpy()).all()
+        json.dumps(result.record(), allow_nan=False)  # raises if a number is NaN or infinite
+
+
+def test_a_failed_trial_does_not_affect_the_others(quick_scenario, skill_file):
+    quick_scenario.trial.time_limit = 0.1  # too short for the retraction; the fault is reported nevertheless
+    skill = NanSkill.load(skill_file)
+    reasons = []
+    for threshold in (1.0, -5e-2, 1.0):  # never, at once, never
+        skill.when_depth_exceeds = threshold
+        reasons += [r.reason for r, _ in run_trials(quick_scenario, skill, [len(reasons)], jobs=1)]
+    assert reasons[0] == reasons[2] == "time over"
+    assert reasons[1].startswith("controller failed")
+
+
+def test_a_simulation_that_diverges_ends_its_trial(quick_scenario, skill):
+    """The peg is so stiff that its contact forces are close to overflow."""
+    quick_scenario.contact.modulus = 1e300
+    quick_scenario.trial.time_limit = 0.5
+    quick_scenario.start.height = 1e-4
+    result, run = run_trial(trial_scenario(quick_scenario, number=0), skill, seed=0)
+    assert not result.inserted
+    assert result.reason.startswith("diverged")
+    json.dumps(result.record(), allow_nan=False)
+    assert np.isfinite(run.samples.to_numpy()).all()
+
+
+@pytest.mark.slow
+def test_the_number_of_jobs_does_not_change_the_results(quick_scenario, skill):
+    quick_scenario.trial.time_limit = 0.15
+    alone = [asdict(r) for r, _ in run_trials(quick_scenario, skill, [3, 4], jobs=1)]
+    together = [asdict(r) for r, _ in run_trials(quick_scenario, skill, [3, 4], jobs=2)]
+    assert alone == together
+
+
+def test_trials_start_from_different_tilts(quick_scenario):
+    tilts = [tuple(trial_scenario(quick_scenario, number=n).start.tilt) for n in range(50)]
+    assert len(set(tilts)) == 50
+
+
+@given(number=st.integers(0, 10**6))
+def test_a_trial_of_the_stress_arm_is_hard_and_one_of_the_scenario(number):
+    scenario = Scenario()
+    hard = trial_scenario(scenario, number=number, arm=Arm.STRESS)
+    assert math.hypot(*hard.start.tilt) > STRESS_TILT
+    assert max(map(abs, hard.start.tilt)) <= scenario.start.tilt_range
+    assert STRESS_PIVOT <= abs(hard.rig.pivot_height) <= scenario.rig.pivot_range
+    assert STRESS_FRICTION[0] <= hard.contact.friction <= STRESS_FRICTION[1]
+    assert trial_scenario(scenario, number=number, arm=Arm.STRESS) == hard
+
+
+def test_the_tilts_of_the_stress_arm_follow_a_narrow_entrance():
+    narrow, wide = Scenario(), Scenario()
+    narrow.geometry.hole_radius, wide.geometry.hole_radius = 0.010025, 0.0102
+    ratio = math.acos(0.010 / 0.010025) / math.acos(0.010 / 0.01005)
+    assert stress_tilt(narrow) == pytest.approx(ratio * STRESS_TILT)
+    assert stress_tilt(Scenario()) == stress_tilt(wide) == STRESS_TILT
+    hard = trial_scenario(start_of_clearance(narrow), number=84001, arm=Arm.STRESS)
+    assert ratio * STRESS_TILT < math.hypot(*hard.start.tilt) < math.acos(0.010 / 0.010025)
+
+
+def test_the_stress_arm_has_pivots_on_both_sides_and_all_directions_of_tilt():
+    hard = [trial_scenario(Scenario(), number=n, arm=Arm.STRESS) for n in range(40)]
+    assert {np.sign(s.rig.pivot_height) for s in hard} == {-1.0, 1.0}
+    assert {(s.start.tilt[0] > 0, s.start.tilt[1] > 0) for s in hard} == {(a, b) for a in (0, 1) for b in (0, 1)}
+
+
+@pytest.mark.parametrize(("part", "name", "value"), [("start", "tilt_range", 0.04), ("rig", "pivot_range", 0.001)])
+def test_a_scenario_without_hard_trials_has_no_stress_arm(part, name, value):
+    scenario = Scenario()
+    setattr(getattr(scenario, part), name, value)
+    with pytest.raises(ValueError, match="or no trial is one of the stress arm"):
+        trial_scenario(scenario, number=0, arm=Arm.STRESS)

@@ -1,0 +1,89 @@
+"""Episodes against the trials of `run_trial`."""
+
+import numpy as np
+import pytest
+
+from benchmarks.rig.control_laws import StraightPush
+from experiments.trial import Arm, run_trial, trial_scenario
+from interfaces.gym.agents import PolicyAgent, run_episode
+from skill.data.outcome import Outcome
+from systems.control.faults import Fault
+
+IDS = {Arm.DEFAULT: "PegInHole-v0", Arm.STRESS: "PegInHole-Stress-v0"}
+TRIALS = range(88000, 88002)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arm", list(Arm))
+def test_the_skill_gives_the_records_of_its_trials(make, quick_scenario, skill, arm):
+    quick_scenario.trial.time_limit = 8.0
+    env, agent = make(IDS[arm], policy=skill, labels=False), PolicyAgent(skill)
+    reasons = []
+    for number in TRIALS:
+        _, info = run_episode(env, agent, trial=number)
+        result, _ = run_trial(trial_scenario(quick_scenario, number=number, arm=arm), skill, seed=number)
+        assert info["trial"] == result.record()
+        assert info["is_success"] is result.inserted
+        reasons.append(result.outcome)
+    assert Outcome.INSERTED in reasons
+
+
+@pytest.mark.slow
+def test_a_push_gives_the_records_of_its_trials_with_back_offs(make, quick_scenario):
+    quick_scenario.trial.time_limit = 1.6
+    push = StraightPush(0.03)
+    env, agent = make(IDS[Arm.STRESS], policy=push, labels=False), PolicyAgent(push)
+    _, info = run_episode(env, agent, trial=88000)
+    result, _ = run_trial(trial_scenario(quick_scenario, number=88000, arm=Arm.STRESS), push, seed=88000)
+    assert info["trial"] == result.record()
+    assert result.back_offs > 0
+
+
+def test_a_trial_that_runs_out_of_time_is_truncated(make, quick_scenario, skill):
+    quick_scenario.trial.time_limit = 0.09  # no multiple of the period
+    env, agent = make(policy=skill), PolicyAgent(skill)
+    observation, _ = env.reset(options={"trial": 88000})
+    ends = []
+    for _ in range(5):
+        observation, _, terminated, truncated, info = env.step(agent.act(observation))
+        ends.append((terminated, truncated))
+    assert ends == [(False, False)] * 4 + [(False, True)]
+    result, _ = run_trial(trial_scenario(quick_scenario, number=88000), skill, seed=88000)
+    assert info["trial"] == result.record()
+    assert info["time"] == 0.09
+
+
+@pytest.mark.slow
+def test_a_fault_ends_the_episode_as_it_ends_a_trial(make, quick_scenario):
+    class Away(StraightPush):
+        """Drives to the upper travel limit."""
+
+        def act(self, measured, probabilities=None, contexts=None):
+            action = super().act(measured, probabilities, contexts)
+            return type(action)(np.zeros(2), 0.03 * self.period_, action.probabilities)
+
+    away = Away(0.01)
+    env, agent = make(policy=away, labels=False), PolicyAgent(away)
+    reward, info = run_episode(env, agent, trial=88001)
+    result, _ = run_trial(trial_scenario(quick_scenario, number=88001), away, seed=88001)
+    assert result.fault is Fault.UPPER_TRAVEL_LIMIT
+    assert info["trial"] == result.record()
+    assert reward < -1.0
+    with pytest.raises(Exception, match="call reset"):
+        env.step(np.zeros(4))
+
+
+def test_an_error_in_the_simulation_is_the_outcome_failed(make, monkeypatch):
+    env = make()
+    env.reset(options={"trial": 88000})
+
+    def fail(self, context):
+        raise IndexError("no such row")
+
+    monkeypatch.setattr("experiments.trial.TrialMonitor._check", fail)
+    _, reward, terminated, _, info = env.step(np.zeros(3))
+    assert terminated
+    assert info["trial"]["reason"].startswith("failed")
+    assert (info["contact_label"], info["contact"]) == (-1, "")
+    assert np.isnan(info["load"])
+    assert reward < -1.0

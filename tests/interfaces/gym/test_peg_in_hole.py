@@ -1,0 +1,310 @@
+"""The environment against the interface of Gymnasium, and against itself."""
+
+import copy
+import gc
+import time
+import warnings
+import weakref
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium import spaces
+from gymnasium.utils.env_checker import check_env
+
+from experiments.trial import Arm, trial_scenario
+from interfaces.gym.peg_in_hole import FIRST_DRAWN, PegInHole
+from models.contact_geometry import ContactLabel
+from models.scenario import Scenario
+from systems.plant.contact_plant import PEG_COLOUR
+from systems.rig import MakeRig
+
+TRIAL = 88000  # the tests judge nothing with the trials from 88000 on
+PUSH = np.array([0.0, 0.0, -0.02])
+
+
+def steps(env, action, number):
+    """The observations, rewards, ends and infos of some steps."""
+    return [env.step(action) for _ in range(number)]
+
+
+def same(a, b):
+    """Whether two nested results are equal bit for bit."""
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, list | tuple):
+        return len(a) == len(b) and all(same(x, y) for x, y in zip(a, b, strict=True))
+    return np.array_equal(a, b)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "arguments",
+    [{}, {"observation": "flat", "reward": "sparse"}, {"render_mode": "rgb_array", "labels": False}],
+    ids=["default", "flat", "picture"],
+)
+def test_the_checker_of_gymnasium_finds_nothing(make, arguments):
+    env = make(**arguments)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped)
+
+
+@pytest.mark.slow
+def test_the_stress_arm_passes_the_checker_too(make):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(make("PegInHole-Stress-v0").unwrapped)
+
+
+def test_a_policy_adds_its_estimates_and_the_support(make, skill):
+    env = make(policy=skill)
+    observation, _ = env.reset(seed=TRIAL)
+    assert observation in env.observation_space
+    assert observation["probabilities"].shape == (skill.n_states,)
+    assert observation["probabilities"].sum() == pytest.approx(1.0)
+    assert env.action_space.shape == (4,)
+
+
+@pytest.mark.slow
+def test_an_episode_is_deterministic_bit_for_bit(make):
+    rng = np.random.default_rng(3)
+    actions = rng.uniform(-1.0, 0.5, (15, 3)) * [0.1, 0.1, 0.03]
+    runs = []
+    for _ in range(2):
+        env = make()
+        runs.append((env.reset(seed=TRIAL), [env.step(action) for action in actions]))
+    assert same(*runs)
+
+
+@pytest.mark.slow
+def test_a_second_episode_equals_the_first(make):
+    env = make(labels=False)
+    runs = [(env.reset(seed=TRIAL), steps(env, PUSH, 12)) for _ in range(2)]
+    assert same(*runs)
+
+
+def test_a_seed_is_the_number_of_a_trial(make, quick_scenario):
+    env = make("PegInHole-Stress-v0")
+    for call in ({"seed": TRIAL + 1}, {"options": {"trial": TRIAL + 1}}, {"seed": 1, "options": {"trial": TRIAL + 1}}):
+        _, info = env.reset(**call)
+        assert info["trial_number"] == TRIAL + 1
+    tilt = trial_scenario(quick_scenario, number=TRIAL + 1, arm=Arm.STRESS).start.tilt
+    assert env.unwrapped._episode.result().tilt == tuple(tilt)
+
+
+def test_resets_without_a_seed_draw_trials_that_no_evaluation_uses(make):
+    env = make()
+    env.reset(seed=5)
+    drawn = [env.reset()[1]["trial_number"] for _ in range(3)]
+    assert len(set(drawn)) == 3
+    assert min(drawn) >= FIRST_DRAWN
+    env.reset(seed=5)
+    assert [env.reset()[1]["trial_number"] for _ in range(3)] == drawn
+
+
+def test_the_flat_observation_is_that_of_gymnasium(make):
+    env, flat = make(), make(observation="flat")
+    for call in (lambda e: e.reset(seed=TRIAL)[0], lambda e: e.step(PUSH)[0]):
+        parts, vector = call(env), call(flat)
+        assert vector in flat.observation_space
+        assert np.array_equal(spaces.flatten(env.observation_space, parts), vector)
+
+
+def test_returned_observations_are_not_shared(make):
+    env = make()
+    first, _ = env.reset(seed=TRIAL)
+    kept = copy.deepcopy(first)
+    second, *_ = env.step(PUSH)
+    second["wrench"][:] = 1e3
+    assert same(first, kept)
+    assert np.abs(env.step(PUSH)[0]["wrench"]).max() < 1e3
+
+
+def test_the_feed_moves_the_peg_and_the_turn_the_hole(make):
+    env = make()
+    before, _ = env.reset(seed=TRIAL)
+    assert before["depth"][0] == pytest.approx(-0.001, abs=1e-5)
+    after = steps(env, np.array([0.05, -0.02, 0.0]), 3)[-1][0]
+    # Turning the peg relative to the hole by an angle turns the hole by minus that angle.
+    assert after["angles"] == pytest.approx([-0.05 * 0.06, 0.02 * 0.06], rel=0.1)
+    deeper = steps(env, np.array([0.0, 0.0, 0.01]), 5)[-1][0]
+    assert deeper["depth"][0] < -0.0012
+    assert deeper["feed"][0] == pytest.approx(0.01)
+
+
+def test_the_controller_limits_an_action_outside_the_space(make):
+    env = make()
+    env.reset(seed=TRIAL)
+    observation = steps(env, np.array([0.0, 0.0, 5.0]), 2)[-1][0]
+    assert observation["feed"][0] == pytest.approx(0.03)
+    assert observation in env.observation_space
+
+
+def test_the_label_is_that_of_the_true_pose(make):
+    env = make()
+    _, info = env.reset(seed=TRIAL)
+    assert (info["contact_label"], info["contact"]) == (ContactLabel.FREE, "free")
+    infos = [step[-1] for step in steps(env, PUSH, 12)]
+    touched = [info for info in infos if info["load"] > 2.0]
+    assert touched
+    assert all(info["contact_label"] == ContactLabel.CHAMFER for info in touched[:1])
+    assert "contact" not in make(labels=False).reset(seed=TRIAL)[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"arm": "hard"}, r"arm is 'hard'; expected one of \['default', 'stress'\]"),
+        ({"observation": "image"}, r"observation is 'image'; expected one of \['dict', 'flat'\]"),
+        ({"reward": "big"}, r"reward is 'big'; expected one of \['dense', 'sparse'\]"),
+        ({"scenario": "nowhere"}, "no such file"),
+    ],
+)
+def test_a_wrong_choice_is_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        PegInHole(**arguments)
+
+
+def test_an_unknown_render_mode_is_named():
+    with pytest.raises(ValueError, match="render_mode is 'film'"):
+        PegInHole(render_mode="film")
+
+
+@pytest.mark.parametrize("action", [np.zeros(4), np.zeros((1, 3)), np.array([0.0, np.nan, 0.0]), 1.0])
+def test_a_wrong_action_is_named(make, action):
+    env = make().unwrapped
+    env.reset(seed=TRIAL)
+    with pytest.raises(ValueError, match="expected 3 finite numbers"):
+        env.step(action)
+
+
+@pytest.mark.parametrize("options", [{"trial": -1}, {"trial": 1.5}, {"trial": True}, {"number": 3}])
+def test_a_wrong_option_is_named(make, options):
+    with pytest.raises(ValueError, match="options of reset"):
+        make().unwrapped.reset(options=options)
+
+
+def test_the_diagram_is_built_once(make, monkeypatch):
+    built = []
+
+    def count(*arguments, **options):
+        built.append(MakeRig(*arguments, **options))
+        return built[-1]
+
+    monkeypatch.setattr("interfaces.gym.peg_in_hole.MakeRig", count)
+    env = make().unwrapped
+    for number in (TRIAL, TRIAL + 1, TRIAL):
+        env.reset(seed=number)
+        env.step(PUSH)
+    assert len(built) == 1
+
+
+def test_a_reset_frees_the_simulation_before(make):
+    env = make().unwrapped
+    env.reset(seed=TRIAL)
+    env.step(PUSH)
+    freed = weakref.ref(env._episode._run.simulator)
+    env.reset(seed=TRIAL)
+    gc.collect()
+    assert freed() is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arm", ["default", "stress"])
+def test_a_trial_after_another_equals_the_trial_in_a_new_diagram(arm):
+    """Pivot, friction, tilt and the seed of the sensor differ between the two trials; the way reaches into the hole."""
+    used, fresh = (PegInHole(arm=arm, labels=True) for _ in range(2))
+    used.reset(seed=TRIAL)
+    steps(used, PUSH, 30)
+    runs = [(env.reset(seed=TRIAL + 1), steps(env, PUSH, 60)) for env in (used, fresh)]
+    assert same(*runs)
+    assert max(step[-1]["load"] for step in runs[0][1]) > 2.0
+
+
+def test_a_step_needs_an_episode(make):
+    env = make().unwrapped
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset"):
+        env.step(PUSH)
+    env.reset(seed=TRIAL)
+    env.close()
+    env.close()
+    with pytest.raises(gymnasium.error.ResetNeeded, match="call reset"):
+        env.step(PUSH)
+
+
+def test_a_scenario_without_the_stress_arm_is_named_at_the_reset(quick_scenario):
+    env = PegInHole(quick_scenario, arm="stress")  # its pivots are too near
+    with pytest.raises(ValueError, match=r"rig\.pivot_range"):
+        env.reset(seed=TRIAL)
+
+
+def test_the_scenario_of_the_caller_is_not_kept(quick_scenario):
+    env = PegInHole(quick_scenario)
+    quick_scenario.start.height = 0.002
+    observation, _ = env.reset(seed=TRIAL)
+    assert observation["depth"][0] == pytest.approx(-0.001, abs=1e-5)
+
+
+@pytest.mark.slow
+def test_environments_run_in_spawned_processes(quick_scenario):
+    envs = gymnasium.make_vec(
+        "interfaces.gym:PegInHole-v0",
+        num_envs=2,
+        vectorization_mode="async",
+        vector_kwargs={"context": "spawn"},
+        scenario=quick_scenario,
+        labels=False,
+    )
+    try:
+        observations, infos = envs.reset(seed=[TRIAL, TRIAL + 1])
+        assert list(infos["trial_number"]) == [TRIAL, TRIAL + 1]
+        for _ in range(3):
+            observations, *_ = envs.step(np.tile(PUSH.astype(np.float64), (2, 1)))
+        alone = PegInHole(quick_scenario)
+        for k in range(2):
+            alone.reset(seed=TRIAL + k)
+            last = steps(alone, PUSH, 3)[-1][0]
+            assert same({name: values[k] for name, values in observations.items()}, last)
+    finally:
+        envs.close()
+
+
+@pytest.mark.slow
+def test_the_picture_shows_the_peg_in_the_cut_hole(make):
+    env = make(render_mode="rgb_array", labels=False)
+    env.reset(seed=TRIAL)
+    above = env.render()
+    assert above.shape == (480, 480, 3)
+    assert above.dtype == np.uint8
+    steps(env, PUSH, 4)
+    peg = PEG_COLOUR[:3] / PEG_COLOUR[:3].max()
+    hues = above / np.maximum(above.max(axis=2, keepdims=True), 1)
+    shown = (np.abs(hues - peg).max(axis=2) < 0.1).mean()
+    white = (above == 255).all(axis=2).mean()
+    assert 0.05 < shown < 0.5
+    assert 0.1 < white < 0.7
+    assert not np.array_equal(above, env.render())
+    assert env.unwrapped.url is None
+
+
+@pytest.mark.slow
+def test_meshcat_draws_in_real_time(make):
+    env = make(render_mode="human", labels=False)
+    env.reset(seed=TRIAL)
+    assert env.unwrapped.url.startswith("http://127.0.0.1:")
+    began = time.monotonic()
+    steps(env, PUSH, 10)
+    assert time.monotonic() - began > 0.15
+    assert env.render() is None
+    env.reset(seed=TRIAL)  # draws into the same Meshcat
+
+
+def test_the_default_scenario_has_the_default_spaces():
+    env = gymnasium.make("interfaces.gym:PegInHole-v0")
+    scenario = Scenario()
+    assert list(env.observation_space) == ["angles", "control", "depth", "feed", "wrench"]
+    largest = [scenario.controller.max_turn_rate] * 2 + [scenario.controller.max_feed_speed]
+    assert env.action_space.high.tolist() == largest
+    assert env.action_space.low.tolist() == [-value for value in largest]
+    assert env.metadata["render_fps"] == 50

@@ -1,0 +1,325 @@
+import re
+
+import numpy as np
+import pytest
+from pydrake.geometry import Cylinder, Rgba
+from pydrake.math import RigidTransform
+
+from experiments.served_run import Deadlines
+from interfaces.live.display import (
+    CONTACT,
+    FEED,
+    HIGH,
+    LOW,
+    SATURATED,
+    VIEWS,
+    Arrow,
+    LiveDisplay,
+    Readings,
+    load_colour,
+)
+from interfaces.live.page import PANEL
+from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
+from skill.policy import Action
+from skill.practice.policy_observer import Judgement
+from systems.math.rotation import from_rotation_vector
+from systems.operators.person_frame import R_HV, hand_pose
+
+START = np.array([0.01, 0.02, 0.03])
+BLACK = Rgba(0.0, 0.0, 0.0)
+
+
+class Recorder:
+    """Replaces the page, its scene and its controls, and keeps what is set last."""
+
+    def __init__(self):
+        self.shapes, self.transforms, self.properties, self.calls = {}, {}, {}, []
+        self.clicks, self.keys, self.values = {}, {}, {}
+        self.scene = self.controls = self
+
+    def SetObject(self, path, shape, rgba=None):
+        self.shapes[path] = shape
+
+    def draw_plant(self, contact):
+        self.plant = contact
+
+    def SetTransform(self, path, pose):
+        self.transforms[path] = pose.GetAsMatrix4() if isinstance(pose, RigidTransform) else np.array(pose)
+
+    def SetProperty(self, path, name, value):
+        self.properties[path, name] = value
+        self.calls.append((path, name))
+
+    def SetCameraPose(self, camera_in_world, target_in_world):
+        self.camera, self.target = np.array(camera_in_world), np.array(target_in_world)
+
+    def AddButton(self, label, key):
+        self.keys[label], self.clicks[label] = key, 0
+
+    def GetButtonClicks(self, label):
+        return self.clicks[label]
+
+    def show(self, **values):
+        self.values |= values
+
+    def arrow(self, name):
+        """Shaft and head of an arrow as (4, 4) matrices."""
+        return self.transforms[f"live/{name}/shaft"], self.transforms[f"live/{name}/head"]
+
+
+@pytest.fixture
+def browser():
+    return Recorder()
+
+
+@pytest.fixture
+def display(browser):
+    return LiveDisplay(browser, help_lines=[(["Q"], "quit")])
+
+
+def drawn(browser, force, *, scale=100.0):
+    Arrow(browser, "a", scale=scale, order=1.0).draw(START, np.array(force, dtype=float), BLACK)
+    return browser.arrow("a")
+
+
+def at(matrix, *point):
+    """Where a matrix moves a point."""
+    return (matrix @ [*point, 1.0])[:3]
+
+
+def test_colour_changes_at_half_the_limit_of_the_device_and_at_the_limit():
+    colours = [load_colour(load) for load in (0.0, 0.5, 0.51, 0.99, 1.0, 3.0)]
+    assert colours[0] == colours[1] != colours[2] == colours[3] != colours[4] == colours[5] == SATURATED
+    assert (colours[0], colours[2]) == (LOW, HIGH)
+
+
+def test_the_colours_are_green_orange_red_and_the_blue_of_the_panel():
+    shade = lambda c: [round(255 * v) for v in (c.r(), c.g(), c.b())]  # noqa: E731
+    assert [shade(c) for c in (LOW, HIGH, SATURATED)] == [[26, 140, 51], [237, 158, 13], [217, 13, 20]]
+    for name, colour in (("contact", CONTACT), ("skill", FEED)):
+        stated = re.search(rf"\.{name} \{{ color: (.*?);", (PANEL / "panel.css").read_text())[1]
+        assert stated == "#{:02x}{:02x}{:02x}".format(*shade(colour))
+
+
+@pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, -0.6, 0.8], [0.0, 0.0, 1.0], [0.6, 0.0, -0.8]])
+def test_an_arrow_begins_at_its_start_and_is_as_long_as_its_force(browser, direction):
+    """10 N at 100 N/m are 0.1 m, of which the head takes 4 mm."""
+    direction = np.array(direction)
+    shaft, head = drawn(browser, 10.0 * direction)
+    np.testing.assert_allclose(at(shaft, 0, 0, -0.5), START, atol=1e-12)  # the cylinder is 1 m long
+    np.testing.assert_allclose(at(shaft, 0, 0, 0.5), START + 0.096 * direction, atol=1e-12)
+    np.testing.assert_allclose(at(head, 0, 0, 0), START + 0.1 * direction, atol=1e-12)  # the point of the cone
+    np.testing.assert_allclose(at(head, 0, 0, 0.004), START + 0.096 * direction, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(shaft[:3, :2], axis=0), 1.0)  # neither is thinned
+    np.testing.assert_allclose(np.linalg.norm(head[:3, :3], axis=0), 1.0)
+
+
+def test_a_short_arrow_has_a_smaller_head_and_a_thinner_shaft(browser):
+    """0.1 N at 100 N/m are 1 mm: a quarter of a head."""
+    shaft, head = drawn(browser, [0.1, 0.0, 0.0])
+    np.testing.assert_allclose(np.linalg.norm(head[:3, :3], axis=0), 0.25)
+    np.testing.assert_allclose(np.linalg.norm(shaft[:3, :3], axis=0), [0.25, 0.25, 1e-6])
+    np.testing.assert_allclose(at(head, 0, 0, 0), START + np.array([0.001, 0.0, 0.0]), atol=2e-6)
+
+
+def test_an_arrow_of_no_force_is_too_small_to_see_but_can_be_inverted(browser):
+    for matrix in drawn(browser, [0.0, 0.0, 0.0]):
+        np.testing.assert_allclose(np.linalg.norm(matrix[:3, :3], axis=0), 1e-6)
+        np.testing.assert_allclose(matrix[:3, 3], START, atol=2e-6)
+        assert np.linalg.det(matrix[:3, :3]) > 0.0
+        np.testing.assert_allclose(np.abs(matrix[2, :3]), [0.0, 0.0, 1e-6], atol=1e-12)  # upright
+
+
+@pytest.mark.parametrize(("force", "direction"), [(5e-9, [1, 0, 0]), (5e-10, [0, 0, 1])])
+def test_the_direction_of_a_force_is_kept_down_to_a_nanonewton(browser, force, direction):
+    _, head = drawn(browser, [force, 0.0, 0.0])
+    np.testing.assert_allclose(-head[:3, 2] / np.linalg.norm(head[:3, 2]), direction, atol=1e-9)
+
+
+def test_the_head_is_round_as_wide_as_long_and_wider_than_the_shaft(browser):
+    drawn(browser, [1.0, 0.0, 0.0])
+    shaft, head = browser.shapes["live/a/shaft"], browser.shapes["live/a/head"]
+    assert isinstance(shaft, Cylinder)
+    assert shaft.length() == 1.0
+    assert head.height() == pytest.approx(0.004)
+    assert 2 * head.a() == 2 * head.b() == pytest.approx(head.height())
+    assert 0.3 < shaft.radius() / head.a() < 0.5
+
+
+def test_an_arrow_is_drawn_over_the_peg(browser):
+    drawn(browser, [1.0, 0.0, 0.0])
+    for part in ("shaft", "head"):
+        assert browser.properties[f"live/a/{part}/<object>", "material.depthTest"] is False
+        assert browser.properties[f"live/a/{part}/<object>", "renderOrder"] == 1.0
+
+
+def test_the_colour_is_sent_as_linear_light_and_only_when_it_changes(browser):
+    """The linear light of a grey of one half is 0.5^2.2 = 0.2176."""
+    dut = Arrow(browser, "a", scale=1.0, order=1.0)
+    for colour in (Rgba(0.5, 1.0, 0.0), Rgba(0.5, 1.0, 0.0), BLACK):
+        dut.draw(START, np.ones(3), colour)
+        if colour != BLACK:
+            for part in ("shaft", "head"):
+                found = browser.properties[f"live/a/{part}", "color"]
+                np.testing.assert_allclose(found[:3], [0.2176, 1.0, 0.0], atol=1e-4)
+                assert 0.95 < found[3] < 1.0  # transparent objects are drawn last
+    assert browser.calls.count(("live/a/shaft", "color")) == 2
+    assert browser.properties["live/a/shaft", "color"][:3] == [0.0, 0.0, 0.0]
+
+
+def test_the_arrows_have_the_scales_that_the_panel_states(browser, display):
+    hand, contact = (float(n) for n in re.findall(r"([\d.]+) N/cm", (PANEL / "panel.html").read_text()))
+    point = np.array([0.0, 0.001, 0.0])
+    display.draw_forces(START, np.array([0.0, 0.0, 2 * hand]), load=0.6, contact=(point, np.array([contact, 0.0, 0.0])))
+    np.testing.assert_allclose(
+        at(browser.arrow("rendered_force")[1], 0, 0, 0), START + np.array([0.0, 0.0, 0.02]), atol=1e-12
+    )
+    np.testing.assert_allclose(
+        at(browser.arrow("contact_force")[1], 0, 0, 0), point + np.array([0.01, 0.0, 0.0]), atol=1e-12
+    )
+    assert browser.properties["live/rendered_force/shaft", "color"][0] == pytest.approx(HIGH.r() ** 2.2)
+    assert browser.properties["live/contact_force/shaft", "color"][2] == pytest.approx(CONTACT.b() ** 2.2)
+    display.draw_forces(START, np.zeros(3), load=0.0, contact=None)
+    shaft, _ = browser.arrow("contact_force")
+    np.testing.assert_allclose(shaft[:3, 3], START, atol=2e-6)
+    assert np.linalg.norm(shaft[:3, :3]) < 1e-5
+
+
+def test_the_rendered_force_is_the_next_layer_above_the_contact_force(browser, display):
+    rendered, contact = (
+        browser.properties[f"live/{name}/head/<object>", "renderOrder"] for name in ("rendered_force", "contact_force")
+    )
+    assert rendered == contact + 1.0
+    assert contact > 0.0  # the order of all other objects
+
+
+def test_the_ghost_of_the_hand_lies_just_inside_the_peg_at_the_start(browser, display):
+    scenario = resolve_scenario(load_scenario("live"), seed=1, stream=LIVE_STREAM)
+    display.draw_start(scenario)
+    ghost = browser.shapes["live/hand/ghost"]
+    radius, length = scenario.geometry.peg_radius, scenario.geometry.peg_length
+    assert (ghost.radius(), ghost.length()) == pytest.approx((0.98 * radius, 0.98 * length))
+    assert browser.transforms["live/hand/ghost"][2, 3] == 0.5 * length  # its centre is the hand's
+    np.testing.assert_array_equal(browser.transforms["live/hand"], browser.transforms["plant/peg"])
+    display.move_hand(RigidTransform([0.0, 0.0, -0.002]))
+    assert browser.transforms["live/hand"][2, 3] == -0.002
+
+
+def test_the_readings_are_in_si_units_and_the_tilt_in_degrees_as_the_person_sees_it(browser, display):
+    X_HP = hand_pose(np.array([0.01, np.radians(2.0), np.radians(-1.0), 0.0, 0.0]))
+    display.show_readings(
+        Readings(
+            X_HP=X_HP,
+            wrench=np.array([1.0, 2.0, 2.0, 3.0, 4.0, 12.0]),
+            load=1.5,
+            depth=0.01,
+            full_depth=0.02,
+            rate=0.9,
+            deadlines=Deadlines(late_steps=1, steps=2, late_ticks=3, ticks=4),
+            energy=0.5,
+            min_energy=-0.1,
+            kept=7,
+        )
+    )
+    values = browser.values
+    assert (values["moment"], values["force"]) == pytest.approx((3.0, 13.0))
+    assert values["tilt"] == {"right": pytest.approx(2.0, abs=1e-3), "away": pytest.approx(-1.0, abs=1e-3)}
+    assert values["colour"] == "rgb(217, 13, 20)"  # 255 times (0.85, 0.05, 0.08)
+    assert values["depth"] == {"tip": 0.01, "full": 0.02}
+    assert values["deadlines"] == {"late_steps": 1, "steps": 2, "late_ticks": 3, "ticks": 4}
+    assert [values[k] for k in ("load", "rate", "energy", "min_energy", "kept")] == [1.5, 0.9, 0.5, -0.1, 7]
+
+
+def test_the_page_shows_the_help_and_messages(browser, display):
+    display.show_message("hello")
+    assert browser.values == {"keys": [(["Q"], "quit")], "status": "hello"}
+
+
+def view(browser):
+    """Distance of the camera from its target, m, and its elevation and direction to the right, degrees."""
+    x, y, z = R_HV.inverse() @ (browser.camera - browser.target)
+    distance = float(np.linalg.norm([x, y, z]))
+    return distance, np.degrees(np.arcsin(z / distance)), np.degrees(np.arctan2(x, -y))
+
+
+@pytest.mark.parametrize(
+    ("name", "elevation", "azimuth"),
+    [("of the cut", 26.0, 0.0), ("from above", 89.5, 0.0), ("from the side", 4.0, 45.0)],
+)
+def test_each_view_has_a_key_and_looks_from_its_side(browser, display, name, elevation, azimuth):
+    """Azimuth is zero where the person is, positive to the right."""
+    number, label = next((k, label) for k, label in enumerate(VIEWS, 1) if name in label)
+    assert f"({number})" in label
+    assert browser.keys[label] == f"Digit{number}"
+    browser.camera = None
+    browser.clicks[label] += 1
+    display.follow_view_buttons()
+    distance, *angles = view(browser)
+    assert 0.07 < distance < 0.13
+    np.testing.assert_allclose(angles, [elevation, azimuth], atol=0.5)
+    np.testing.assert_allclose(browser.target, [0.0, 0.0, 0.004])  # in the middle of the picture: 4 mm above the mouth
+
+
+def test_the_camera_only_moves_when_a_button_of_a_view_is_clicked(browser, display):
+    cut, above, _ = VIEWS
+    assert view(browser)[1] == pytest.approx(26.0, abs=0.5)  # the view of the cut comes first
+    browser.camera = None
+    display.follow_view_buttons()
+    assert browser.camera is None
+    browser.clicks[above] += 1
+    display.follow_view_buttons()
+    assert view(browser)[1] > 89.0
+    browser.camera = None
+    display.follow_view_buttons()  # the click is handled once
+    assert browser.camera is None
+    display.reset_camera()
+    assert view(browser)[1] > 89.0  # the view chosen last
+    browser.clicks[cut] += 1
+    display.follow_view_buttons()
+    assert view(browser)[1] < 30.0
+
+
+def judgement(turn, feed, *, state=1, known=True):
+    return Judgement(state, known, Action(np.array(turn), feed, np.array([0.2, 0.8])))
+
+
+def test_what_the_skill_would_do_is_an_arrow_along_the_axis_and_a_line_in_the_dial(browser, display):
+    """In 20 ms it feeds 0.2 mm and turns by 1 mrad: 10 mm/s, and 50 mrad/s."""
+    X_HP = RigidTransform(from_rotation_vector(np.array([0.03, 0.0, 0.0])), START)
+    axis = np.array([0.0, -np.sin(0.03), np.cos(0.03)])
+    display.show_judgement(judgement([1e-3, 0.0], -2e-4), names=["free", "chamfer"], X_HP=X_HP, period=0.02)
+    _, head = browser.arrow("skill_feed")
+    np.testing.assert_allclose(at(head, 0, 0, 0), START + (0.022 - 0.010) * axis, atol=1e-12)
+    shown = browser.values["skill"]
+    assert (shown["state"], shown["colour"], shown["known"]) == ("chamfer", "#E69F00", True)
+    assert shown["feed"] == pytest.approx(-0.01)
+    assert shown["turn"] == pytest.approx(0.05)
+    for name, angle in (("tilt", 0.03), ("turned", 0.03 + 0.5 * 0.05)):
+        seen = np.degrees(R_HV.inverse() @ np.array([0.0, -np.sin(angle), np.cos(angle)]))
+        assert [shown[name]["right"], shown[name]["away"]] == pytest.approx(seen[:2])
+
+
+def test_before_a_demonstration_nothing_is_shown_of_the_skill(browser, display):
+    scenario = resolve_scenario(load_scenario("live"), seed=0, stream=LIVE_STREAM)
+    display.show_judgement(judgement([0.0, 0.0], -2e-4), names=["a", "b"], X_HP=RigidTransform(), period=0.02)
+    display.draw_start(scenario)
+    assert browser.values["skill"] is None
+    _, head = browser.arrow("skill_feed")
+    np.testing.assert_allclose(np.linalg.norm(head[:3, :3], axis=0), 1e-6)
+
+
+def test_on_the_rig_the_arrow_of_the_skill_follows_the_turned_block_and_the_dial_does_not(browser, display):
+    X_HP, X_WH = RigidTransform([0.0, 0.0, -0.004]), hand_pose(np.array([0.0, 0.05, 0.0, 0.0, 0.0]))
+    judgement = Judgement(0, True, Action(turn=np.zeros(2), feed=-1e-4, probabilities=np.ones(1)))
+    display.show_judgement(judgement, names=["free"], X_HP=X_HP, X_WH=X_WH, period=0.02)
+    shaft, _ = browser.arrow("skill_feed")
+    direction = shaft[:3, 2] / np.linalg.norm(shaft[:3, 2])
+    np.testing.assert_allclose(direction, -X_WH.rotation().col(2), atol=1e-9)
+    assert browser.values["skill"]["tilt"] == {"right": 0.0, "away": 0.0}
+
+
+def test_before_a_demonstration_the_block_is_upright(browser, display):
+    display.move_hole(hand_pose(np.array([0.0, 0.05, 0.0, 0.0, 0.0])))
+    display.draw_start(resolve_scenario(load_scenario("live"), seed=1, stream=LIVE_STREAM))
+    np.testing.assert_array_equal(browser.transforms["plant/hole"], np.eye(4))
+    assert browser.values["hand"] is True

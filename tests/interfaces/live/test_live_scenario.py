@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+
+from experiments.demonstration_set import attempt_seed
+from experiments.recovery import LIFT
+from interfaces.live.session import asked_scenario, live_scenario
+from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
+from skill.practice.situation import Situation
+
+
+def live_starts(seeds, numbers):
+    return [live_scenario(Scenario(), seed=seed, number=number) for seed in seeds for number in numbers]
+
+
+def draws(resolved):
+    return (*resolved.start.tilt, resolved.rig.pivot_height, resolved.contact.friction)
+
+
+def test_live_and_simulated_demonstrations_share_no_draw():
+    simulated = [
+        resolve_scenario(Scenario(), seed=attempt_seed(seed, number, attempt), stream=DEMONSTRATION_STREAM)
+        for seed in (0, 1)
+        for number in range(10)
+        for attempt in range(10)
+    ]
+    live = live_starts((0, 1), range(10))
+    assert {value for s in simulated for value in draws(s)}.isdisjoint({value for s in live for value in draws(s)})
+    assert {s.seed for s in simulated}.isdisjoint({s.seed for s in live})
+
+
+def test_every_live_demonstration_has_its_own_start():
+    starts = [tuple(s.start.tilt) for s in live_starts(range(4), range(50))]
+    assert len(set(starts)) == len(starts)
+    assert draws(live_scenario(Scenario(), seed=1, number=2)) == draws(live_scenario(Scenario(), seed=1, number=2))
+
+
+def test_live_demonstrations_use_the_wide_ranges_of_demonstrations():
+    start, rig = Scenario().start, Scenario().rig
+    resolved = live_starts((0,), range(400))
+    largest_tilt = np.abs([s.start.tilt for s in resolved]).max()
+    largest_pivot = np.abs([s.rig.pivot_height for s in resolved]).max()
+    assert start.tilt_range < largest_tilt <= start.demonstrated_tilt_range
+    assert rig.pivot_range < largest_pivot <= rig.demonstrated_pivot_range
+
+
+def test_simulated_demonstrations_keep_their_starts():
+    resolved = resolve_scenario(Scenario(), seed=attempt_seed(0, 0, 0), stream=DEMONSTRATION_STREAM, person=0)
+    assert resolved.seed == 917752063
+    assert resolved.start.tilt == pytest.approx([0.0016506101916365396, 0.06289659729273164], rel=1e-12)
+    assert resolved.rig.pivot_height == pytest.approx(-0.0018816854798951455, rel=1e-12)
+
+
+def test_asked_situations_are_the_starts_in_turn():
+    asked = [
+        Situation(
+            **{"trial": k, "time": 1.0, "depth": 0.002 * (k + 1), "tilt": (0.01 * k, 0.02), "load": 9.0, "state": ""},
+            **{"pivot_height": 1e-3 * k, "friction": 0.1 + 0.01 * k},
+        )
+        for k in range(3)
+    ]
+    starts = [asked_scenario(Scenario(), asked, seed=1, number=number) for number in range(5)]
+    for number, resolved in enumerate(starts):
+        wanted = asked[number % 3]
+        assert resolved.start.tip_height == pytest.approx(LIFT - wanted.depth)
+        assert resolved.start.tilt == list(wanted.tilt)
+        assert (resolved.rig.pivot_height, resolved.contact.friction) == (wanted.pivot_height, wanted.friction)
+    assert starts[0].seed != starts[3].seed  # the same situation, other noise

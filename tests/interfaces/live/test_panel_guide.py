@@ -1,0 +1,174 @@
+"""The guide of the first demonstration and the sound, in a real browser."""
+
+import time
+
+import pytest
+import yaml
+from selenium.webdriver.common.keys import Keys
+
+from skill.data.demonstration import read_demonstration
+from tests.interfaces.live.live_session import ROOT, live, press, text_of, wait_for_text
+from tests.interfaces.live.panel_page import DESKTOP, LIMIT, PHONE, contact, open_panel, readings
+
+pytestmark = pytest.mark.slow
+SCENARIO = ROOT / "models" / "scenarios" / "live.yaml"
+NO_GESTURE = "--autoplay-policy=user-gesture-required"
+CAPS = {"←": Keys.ARROW_LEFT, "→": Keys.ARROW_RIGHT, "↑": Keys.ARROW_UP, "↓": Keys.ARROW_DOWN, "Space": " "}
+# Root mean square of the sound, its strongest frequency (Hz), and the share of its power above 1.5 times that.
+SOUND = """
+  const analyser = livePanel.analyser, wave = new Float32Array(analyser.fftSize);
+  const bins = new Float32Array(analyser.frequencyBinCount);
+  analyser.getFloatTimeDomainData(wave);
+  analyser.getFloatFrequencyData(bins);
+  const powers = [...bins].map(level => 10 ** (level / 10)), peak = powers.indexOf(Math.max(...powers));
+  const sum = list => list.reduce((a, b) => a + b, 0);
+  return [Math.sqrt(sum([...wave].map(x => x * x)) / wave.length),
+    peak * analyser.context.sampleRate / analyser.fftSize, sum(powers.slice(Math.ceil(1.5 * peak))) / sum(powers)];
+"""
+
+
+@pytest.fixture(scope="module")
+def panel():
+    with open_panel(flags=(NO_GESTURE,)) as panel:
+        yield panel
+        assert panel.page.errors() == []
+
+
+def say(panel, *, phase, load=0.0, **options):
+    """Feeds readings, a phase and a contact load."""
+    panel.display.show_readings(readings(**options))
+    panel.feed(phase=phase, contact=contact(load))
+
+
+def test_the_guide_recognises_each_step_and_says_how_to_keep_the_demonstration(panel):
+    panel.screen(*DESKTOP)
+    say(panel, phase="ready", depth=-0.002, tilt=(2.0, -1.0))
+    assert panel.is_shown("guide")  # at the first visit
+    say(panel, phase="busy", depth=-0.002, tilt=(2.0, -1.0))
+    assert not panel.is_shown("guide")
+    say(panel, phase="ready", depth=-0.002, tilt=(2.0, -1.0))
+    assert panel.hints() == ["Space"]
+    say(panel, phase="recording", depth=-0.002, tilt=(2.0, -1.0))
+    assert panel.hints() == ["W"]
+    assert "until the tip of the peg touches" in panel.text("guide-text")
+    say(panel, phase="recording", load=2.0, depth=0.0, tilt=(2.0, -1.0))
+    assert "Level the peg" in panel.text("guide-text")
+    assert panel.hints() == ["←", "↑"]
+    say(panel, phase="recording", load=0.0, depth=0.0, tilt=(0.1, -1.0))
+    assert panel.hints() == ["↑"]
+    say(panel, phase="recording", load=0.0, depth=0.001, tilt=(0.1, 0.2))
+    assert panel.text("guide-text") == "Feed in to the full depth: 23.7 mm to go."
+    say(panel, phase="recording", load=0.9 * LIMIT, depth=0.01, tilt=(1.0, 0.1))
+    assert "level the peg first, or retract a little" in panel.text("guide-text")
+    assert panel.hints() == ["←", "S"]
+    say(panel, phase="recording", load=0.9 * LIMIT, depth=0.01)
+    assert panel.hints() == ["S"]
+    say(panel, phase="verdict", depth=0.0247)
+    assert panel.text("guide-text").startswith("Inserted. Keep it")
+    assert panel.hints() == ["G", "B", "X"]
+    say(panel, phase="ready")
+    assert not panel.is_shown("guide")
+
+
+def test_the_guide_is_shown_once_and_on_request_and_can_be_skipped(panel):
+    panel.screen(*DESKTOP)
+    say(panel, phase="ready")
+    panel.page.driver.refresh()
+    panel.page.wait("document.getElementById('kept').textContent")
+    assert not panel.is_shown("guide")
+    press(panel.page, "h")
+    assert panel.is_shown("guide")
+    press(panel.page, Keys.ESCAPE)
+    assert not panel.is_shown("guide")
+    panel.page.run("document.getElementById('guide-show').click()")
+    assert panel.is_shown("guide")
+    panel.page.run("document.getElementById('guide-skip').click()")
+    assert not panel.is_shown("guide")
+
+
+def test_a_demonstration_that_was_not_inserted_begins_the_guide_again(panel):
+    panel.screen(*DESKTOP)
+    press(panel.page, "h")
+    say(panel, phase="recording", load=2.0)
+    say(panel, phase="verdict", depth=0.001)
+    assert panel.text("guide-text").startswith("Not inserted")
+    assert panel.hints() == ["X"]
+    say(panel, phase="ready", depth=-0.002, tilt=(2.0, 0.0))
+    assert panel.is_shown("guide")
+    assert panel.hints() == ["Space"]
+    say(panel, phase="recording", depth=-0.002, tilt=(2.0, 0.0))
+    assert panel.hints() == ["W"]
+    press(panel.page, Keys.ESCAPE)
+
+
+def test_on_a_touch_screen_the_guide_names_and_marks_the_touch_controls(panel):
+    panel.screen(*PHONE)
+    press(panel.page, "h")
+    say(panel, phase="recording", depth=-0.002, tilt=(2.0, 0.0))
+    marked = "return [...document.querySelectorAll('.hinted')].map(e => e.textContent)"
+    assert panel.hints() == panel.page.run(marked) == ["feed in"]
+    say(panel, phase="recording", load=2.0, tilt=(2.0, 0.0))
+    assert panel.hints() == ["tilt: left"]
+    assert panel.page.run(marked) == ["tilt"]
+    press(panel.page, Keys.ESCAPE)
+    assert panel.page.run(marked) == []
+
+
+def heard(panel, wait=0.4):
+    time.sleep(wait)
+    return panel.page.run(SOUND)
+
+
+def test_the_contact_load_is_heard_on_request_while_a_demonstration_is_recorded(panel):
+    panel.screen(*DESKTOP)
+    say(panel, phase="recording", depth=0.01)
+    say(panel, phase="recording", load=10.0, depth=0.01)
+    assert panel.text("sound-state") == "sound off"
+    assert panel.page.run("return livePanel.analyser === undefined")  # there is no sound before it is asked for
+    press(panel.page, "m")
+    assert panel.text("sound-state") == "sound on"
+    say(panel, phase="recording", load=10.0, depth=0.01)
+    low, low_pitch, low_share = heard(panel)
+    say(panel, phase="recording", load=35.0, depth=0.01)
+    high, high_pitch, _ = heard(panel)
+    assert 0.005 < low < high
+    assert low_pitch == pytest.approx(160 * 2 ** (1.5 * 10 / 40), abs=8)
+    assert high_pitch == pytest.approx(160 * 2 ** (1.5 * 35 / 40), abs=8)
+    say(panel, phase="recording", load=45.0, depth=0.01)
+    _, _, rough_share = heard(panel)
+    assert rough_share > 3 * low_share  # it has strong overtones
+    say(panel, phase="verdict", load=45.0, depth=0.01)
+    assert heard(panel)[0] < 1e-4
+    say(panel, phase="recording", depth=0.024)
+    assert heard(panel)[0] < 1e-4  # free motion
+    say(panel, phase="recording", load=0.6, depth=0.024)
+    touch, tone = heard(panel, 0.05)[0], heard(panel, 0.6)[0]
+    assert touch > 1.3 * tone > 0.01
+    say(panel, phase="verdict", depth=0.0247)
+    assert heard(panel, 0.1)[0] > 0.03  # the insertion
+    assert heard(panel, 0.8)[0] < 1e-4
+    press(panel.page, "m")
+    assert panel.text("sound-state") == "sound off"
+
+
+def test_whoever_follows_the_guide_inserts_a_tilted_peg_within_two_minutes(tmp_path):
+    """A person who only does what the guide of a real session says, one press at a time.
+
+    The two minutes are those of the demonstration: on a busy machine its time runs slower than the wall clock.
+    """
+    scenario = {**yaml.safe_load(SCENARIO.read_text()), "start": {"tilt": [0.0, 0.035]}}
+    hints = "return [...document.getElementById('guide-keys').children].map(e => e.textContent)"
+    with live(tmp_path, scenario) as session, session.page() as page:
+        wait_for_text(page, "status", "ready: press Space")
+        end = time.monotonic() + 500.0
+        while not text_of(page, "guide-text").startswith("Inserted"):
+            assert time.monotonic() < end, (text_of(page, "guide-text"), text_of(page, "status"))
+            for cap in page.run(hints):
+                press(page, CAPS.get(cap, cap.lower()))
+        assert text_of(page, "status").startswith("inserted")
+        assert 0.0 < float(text_of(page, "contact-peak").removesuffix(" N")) < 2 * LIMIT
+        press(page, "g")
+        session.wait_for("kept 000_good_live.parquet")
+        wait_for_text(page, "status", "kept")
+        assert page.run("return document.getElementById('guide').hidden")
+    assert read_demonstration(tmp_path / "out" / "000_good_live.parquet").duration < 120.0

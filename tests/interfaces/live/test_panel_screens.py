@@ -1,0 +1,208 @@
+"""The panel in a real browser: its gauges, its legibility on several screens, touch, and pictures a second."""
+
+import os
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from selenium.webdriver.common.keys import Keys
+
+from interfaces.live.buttons import BAD, DISCARD, GOOD, START
+from systems.operators.person_frame import hand_pose
+from tests.interfaces.live.live_session import press
+from tests.interfaces.live.panel_page import DESKTOP, FLAWS, LOW, PHONE, SKILL, contact, open_panel, readings
+
+pytestmark = pytest.mark.slow
+PICTURES = os.environ.get("LIVE_PICTURES")  # folder in which the screenshots are kept, if set
+DEPTH, RIGHT, AWAY = "depth mm (S W)", "tilt right ° (← →)", "tilt away ° (↓ ↑)"
+PANEL_TIME = 0.3  # in units of s, in which a change arrives
+
+
+@pytest.fixture(scope="module")
+def panel():
+    with open_panel() as panel:
+        panel.display.show_readings(readings(depth=0.012, tilt=(1.5, 1.0)))
+        panel.feed(status="recording: G keep as good, B keep as bad, X discard", phase="recording")
+        yield panel
+        assert panel.page.errors() == []
+
+
+def style(panel, name, property_):
+    return panel.page.run(
+        "return getComputedStyle(document.getElementById(arguments[0]))[arguments[1]]", name, property_
+    )
+
+
+def test_the_contact_load_is_shown_beside_the_limit_of_the_rig(panel):
+    panel.screen(*DESKTOP)
+    panel.feed(contact=contact(10.0, peak=25.0))
+    assert [panel.text(f"contact-{name}") for name in ("load", "peak", "limit")] == ["10.0 N", "25.0 N", "40 N"]
+    assert "as the rig's guard sees it" in panel.text("contact")
+    left = "return parseFloat(document.getElementById(arguments[0]).style[arguments[1]])"
+    fill, peak, limit = (
+        panel.page.run(left, f"contact-{name}", side)
+        for name, side in (("fill", "width"), ("peak-mark", "left"), ("limit-mark", "left"))
+    )
+    assert fill / limit == pytest.approx(10 / 40)
+    assert peak / limit == pytest.approx(25 / 40)
+    assert limit == pytest.approx(80.0)
+    assert panel.text("contact-note").strip() == ""
+    panel.feed(contact=contact(16.0, held=True))
+    assert panel.text("contact-note") == "the rig would slow the feed"
+    panel.feed(contact=contact(40.1, held=True))
+    assert panel.text("contact-note") == "the rig would stop here"
+    assert style(panel, "contact-load", "color") == style(panel, "contact-peak", "color") == "rgb(197, 20, 27)"
+    panel.feed(contact=contact(500.0, held=True))
+    assert panel.page.run(left, "contact-fill", "width") == 100.0
+    panel.feed(contact=None)
+    assert not panel.is_shown("contact")
+
+
+@pytest.mark.parametrize("screen", [DESKTOP, LOW, PHONE], ids=["desktop", "low", "phone"])
+def test_no_part_lies_over_another_and_no_reading_is_cut_off(panel, screen):
+    panel.screen(*screen)
+    press(panel.page, "h")
+    for guided in (True, False):
+        for number, values in enumerate(
+            (
+                {"skill": None, "contact": None},
+                {"skill": None, "contact": contact(123.4, peak=234.5)},
+                {"skill": SKILL, "contact": contact(31.2, held=True)},
+            )
+        ):
+            panel.feed(**values)
+            assert panel.is_shown("guide") is guided
+            if PICTURES:
+                name = f"{screen[0]}_{'touch' if screen[2] else 'keys'}_{'guide' if guided else 'plain'}_{number}.png"
+                panel.page.screenshot(Path(PICTURES) / name)
+            assert panel.page.run(FLAWS) == [], (guided, values)
+            assert panel.is_shown("controls") is not screen[2]
+            assert panel.is_shown("pads") is panel.is_shown("feed") is panel.is_shown("choices") is screen[2]
+        press(panel.page, Keys.ESCAPE)
+    panel.feed(skill=None, contact=None)
+
+
+def test_a_flaw_is_found(panel):
+    """The check of the layout itself: a part in a wrong place, and a reading that is too long."""
+    panel.screen(*DESKTOP)
+    assert panel.page.run(FLAWS) == []
+    panel.page.run("document.getElementById('strip').style.transform = 'translateY(-260px)'")
+    assert "controls over strip" in panel.page.run(FLAWS)
+    panel.page.run("document.getElementById('strip').style.transform = ''")
+    panel.page.run("document.getElementById('side').style.marginLeft = '-400px'")
+    assert "controls over the peg" in panel.page.run(FLAWS)
+    panel.page.run("document.getElementById('side').style.marginLeft = ''")
+    panel.page.run("document.getElementById('card').style.height = '60px'")
+    assert "depth is cut off" in panel.page.run(FLAWS)
+    panel.page.run("document.getElementById('card').style.height = ''")
+
+
+def test_fingers_do_what_keys_do_and_holding_repeats(panel):
+    panel.screen(*PHONE)
+    controls = panel.live.controls
+    for selector, button in (("Space", START), ("KeyG", GOOD), ("KeyB", BAD), ("KeyX", DISCARD)):
+        clicks = controls.GetButtonClicks(button)
+        point = panel.middle(f"[data-key={selector}]")
+        panel.fingers("touchStart", point)
+        panel.fingers("touchEnd")
+        time.sleep(PANEL_TIME)
+        assert controls.GetButtonClicks(button) == clicks + 1
+
+    for selector, sign in (("KeyW", 1.0), ("KeyS", -1.0)):
+        depth = controls.GetSliderValue(DEPTH)
+        panel.fingers("touchStart", panel.middle(f"[data-key={selector}]"))
+        panel.fingers("touchEnd")
+        time.sleep(PANEL_TIME)
+        assert controls.GetSliderValue(DEPTH) == pytest.approx(depth + 0.5 * sign)  # a short touch is one press
+        panel.fingers("touchStart", panel.middle(f"[data-key={selector}]"))
+        time.sleep(0.6)
+        panel.fingers("touchEnd")
+        time.sleep(PANEL_TIME)
+        held = controls.GetSliderValue(DEPTH)
+        assert sign * (held - depth) > 2.0
+        time.sleep(PANEL_TIME)
+        assert controls.GetSliderValue(DEPTH) == held  # nothing goes on after the finger has left
+
+    x, y = panel.middle(".pad")
+    before = [controls.GetSliderValue(name) for name in (RIGHT, AWAY)]
+    panel.fingers("touchStart", (x + 60, y - 3))
+    time.sleep(0.5)
+    panel.fingers("touchMove", (x, y - 60))
+    time.sleep(0.5)
+    panel.fingers("touchEnd")
+    time.sleep(PANEL_TIME)
+    right, away = (controls.GetSliderValue(name) - value for name, value in zip((RIGHT, AWAY), before, strict=True))
+    assert right > 0.4
+    assert away > 0.4
+    assert panel.page.run("return scrollX + scrollY") == 0
+
+
+def test_a_session_with_a_device_has_no_touch_controls_that_move_the_peg(panel):
+    panel.screen(*PHONE)
+    keys = panel.live._values["keys"]
+    panel.feed(keys=[(["Space"], "start")])
+    assert not panel.is_shown("pads")
+    assert not panel.is_shown("feed")
+    assert panel.is_shown("choices")
+    panel.feed(keys=keys)
+    assert panel.is_shown("pads")
+
+
+@contextmanager
+def moving_peg(panel):
+    """Moves the peg and the arrows 60 times a second."""
+    stop = threading.Event()
+
+    def move():
+        start = due = time.monotonic()
+        while not stop.is_set():
+            t = time.monotonic() - start
+            X = hand_pose(np.array([0.005 + 0.005 * np.sin(t), 0.03 * np.sin(2 * t), 0.02 * np.cos(3 * t), 0.0, 0.0]))
+            panel.display.move_peg(X)
+            panel.display.move_hand(X)
+            tip = X.translation()
+            force = np.array([0.0, 0.0, 4.0 + 3.0 * np.sin(t)])
+            panel.display.draw_forces(tip, force, load=0.2, contact=(tip, 3.0 * force))
+            due += 1 / 60
+            time.sleep(max(0.0, due - time.monotonic()))
+
+    thread = threading.Thread(target=move)
+    thread.start()
+    yield
+    stop.set()
+    thread.join()
+
+
+def test_without_a_graphics_card_pictures_are_coarser_and_20_a_second_and_fine_again_where_they_are_quick(panel):
+    panel.screen(*DESKTOP)
+    with moving_peg(panel):
+        panel.page.wait("livePanel.picturesPerSecond > 20 && viewer.renderer.getPixelRatio() < 0.9", timeout=40.0)
+        assert 0 < int(panel.text("pictures")) < 70
+        ratio, width = panel.page.run("return [viewer.renderer.getPixelRatio(), viewer.renderer.domElement.width]")
+    assert width == pytest.approx(1280 * ratio, abs=1.0)
+    panel.page.wait("viewer.renderer.domElement.width === 1280")  # a still scene has all pixels
+    panel.page.run("viewer.renderer.render = () => {}")  # as quick as a graphics card
+    panel.page.run("window.dirt = setInterval(() => viewer.set_dirty(), 10)")
+    panel.page.wait("viewer.renderer.getPixelRatio() === 1", timeout=60.0)
+    panel.page.run("clearInterval(window.dirt)")
+    panel.page.wait("livePanel.picturesPerSecond === 0", timeout=5.0)
+    assert panel.text("pictures") == "–"
+
+
+def test_a_trial_on_the_rig_shows_nothing_of_a_hand(panel):
+    panel.screen(*DESKTOP)
+    parts = "[...document.querySelectorAll('.of-hand, #controls .cr.number')]"
+    shown = f"return {parts}.filter(e => e.getClientRects().length).length"
+    panel.feed(contact=contact(16.0, held=True), skill=SKILL)
+    assert panel.page.run(shown) == panel.page.run(f"return {parts}.length") >= 11  # five are sliders
+    title = "return document.querySelector('#skill h2').innerText"
+    assert panel.page.run(title) == "the skill sees, and would do"
+    panel.feed(hand=False)
+    assert panel.page.run(shown) == 0
+    assert panel.page.run(title) == "the skill sees, and does"
+    assert panel.text("contact-note") == "the rig slows the feed"
+    panel.feed(hand=True)
+    assert panel.page.run(shown) >= 11

@@ -1,0 +1,104 @@
+"""A rig trial on the page: what is drawn, and that the trial is the one that is performed unseen."""
+
+import time
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.trial import run_trial
+from interfaces.live.display import LiveDisplay
+from interfaces.live.rig_view import RigView
+from models.scenario import TRIAL_STREAM, resolve_scenario
+from skill.features.measurement import contact_load
+from skill.policy import Action
+from systems.control.policy import ControlLaw
+from tests.interfaces.live.test_display import Recorder
+
+
+class Level(ControlLaw):
+    """Feeds, and turns the peg upright at a constant rate about x."""
+
+    def act(self, measured, probabilities=None, contexts=None):
+        return Action(turn=np.array([-4e-4, 0.0]), feed=-2e-4, probabilities=np.ones(1))
+
+
+class Page(Recorder):
+    """Keeps what is drawn, picture by picture."""
+
+    def __init__(self):
+        super().__init__()
+        self.pictures = []
+
+    def take_picture(self, now, load):
+        self.pictures.append((now, load, dict(self.transforms), dict(self.values)))
+
+
+@pytest.fixture
+def trial(quick_scenario):
+    quick_scenario.start.tilt = [0.03, 0.01]
+    quick_scenario.trial.time_limit = 0.6
+    return resolve_scenario(quick_scenario, seed=2, stream=TRIAL_STREAM)
+
+
+def perform(page, trial, is_over=lambda: False):
+    view = RigView(page, LiveDisplay(page, help_lines=[]))
+    return view.perform(trial, Level(), number=2, kept=3, tell=page.take_picture, is_over=is_over)
+
+
+@pytest.mark.slow
+def test_the_trial_on_the_page_is_the_one_that_is_performed_unseen(trial):
+    run = perform(Page(), trial)
+    result, record = run.record(Level())
+    unseen, other = run_trial(trial, Level(), seed=2)
+    assert result == unseen
+    pd.testing.assert_frame_equal(record.samples, other.samples)
+
+
+@pytest.mark.slow
+def test_the_page_shows_the_bodies_the_load_and_the_motion_of_the_rig(trial):
+    page = Page()
+    began = time.monotonic()
+    _, record = perform(page, trial).record(Level())
+    assert time.monotonic() - began > record.samples["time"].iloc[-1]  # not faster than the wall clock
+    samples = record.samples.set_index("time")
+    assert len(page.pictures) > 10
+    for now, load, transforms, values in page.pictures[1:]:
+        row = samples.iloc[samples.index.get_indexer([now], method="ffill")[0]]
+        wrench = row[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(dtype=float)
+        assert load == pytest.approx(contact_load(wrench, 0.01))
+        assert values["contact"]["load"] == load
+        assert values["contact"]["limit"] == trial.controller.force_limit
+        assert values["force"] == values["moment"] == 0.0  # nobody's hand feels it
+        assert values["depth"]["tip"] == row["depth"]
+        assert values["skill"]["feed"] == pytest.approx(row["feed_speed"])
+        assert (values["hand"], values["kept"]) == (False, 3)
+        peg, hole = transforms["plant/peg"], transforms["plant/hole"]
+        np.testing.assert_array_equal(peg[:3, :3], np.eye(3))  # the rig turns the block, not the peg
+        assert peg[2, 3] == pytest.approx(row["tip_z"], abs=5e-4)
+        np.testing.assert_array_equal(transforms["live/hand"], peg)
+        turned = np.degrees([np.arctan2(hole[2, 1], hole[2, 2]), np.arcsin(-hole[2, 0])])
+        np.testing.assert_allclose(turned, np.degrees([row["pitch"], row["yaw"]]), atol=0.2)
+    first, last = (picture[2]["plant/hole"] for picture in (page.pictures[0], page.pictures[-1]))
+    assert np.abs(last - first).max() > 5e-3  # the block turned
+    seen = samples[samples.index <= page.pictures[-1][0]]
+    loads = [contact_load(row, 0.01) for row in seen[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(dtype=float)]
+    assert page.pictures[-1][3]["contact"]["peak"] == pytest.approx(max(loads))
+    turns = [picture[3]["skill"]["turn"] for picture in page.pictures]
+    assert max(turns) == pytest.approx(4e-4 / 0.02, rel=0.1)  # the rate of the policy
+
+
+@pytest.mark.slow
+def test_the_person_may_leave_the_trial(trial):
+    page = Page()
+    assert perform(page, trial, is_over=lambda: len(page.pictures) >= 3) is None
+    assert len(page.pictures) == 3
+
+
+@pytest.mark.slow
+def test_a_trial_that_diverges_ends_without_a_picture_of_it(trial, monkeypatch):
+    monkeypatch.setattr("experiments.trial.DIVERGENCE_FORCE", -1.0)
+    page = Page()
+    run = perform(page, trial)
+    assert run.result().reason.startswith("diverged")
+    assert page.pictures == []

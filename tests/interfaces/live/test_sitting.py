@@ -1,0 +1,179 @@
+"""The page of a sitting, in this process: what it asks for, skips, watches and says."""
+
+import signal
+import time
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from interfaces.live.buttons import QUIT
+from interfaces.live.session import LiveSession
+from interfaces.live.sitting import SKIP, PersonLeftError, RecoverySitting, course, describe
+from interfaces.terminal import Terminated
+from models.scenario import load_scenario
+from skill.data.outcome import Outcome
+from tests.interfaces.live.test_session import Page
+from tests.situations import SITUATION
+
+OTHER = replace(SITUATION, tilt=(-0.01, 0.02), depth=0.006)
+
+
+class OpenPage(Page):
+    """Replaces the page; keeps all messages."""
+
+    def __init__(self):
+        super().__init__()
+        self.messages = []
+
+    def show(self, **values):
+        super().show(**values)
+        self.messages += [values["status"]] if "status" in values else []
+
+    def click(self, label):
+        self.controls._clicks[label] += 1
+
+
+@pytest.fixture
+def page():
+    return OpenPage()
+
+
+@pytest.fixture
+def dut(page, tmp_path):
+    return RecoverySitting(
+        scenario=load_scenario("live"), seed=0, out=tmp_path, page=page, tell=lambda _: None, absence_limit=0.3
+    )
+
+
+def at_each_wait(monkeypatch, *steps):
+    """Lets a person do a step at each pause of the page between two looks at the buttons."""
+    left = iter(steps)
+    clock = SimpleNamespace(monotonic=time.monotonic, sleep=lambda _: next(left)())
+    monkeypatch.setattr("interfaces.live.session.time", clock)
+
+
+def judged(good):
+    return SimpleNamespace(good=good, metadata={"number": 0})
+
+
+def test_the_situations_are_asked_for_in_turn_and_one_can_be_skipped(dut, page, monkeypatch):
+    monkeypatch.setattr("interfaces.live.session.write_demonstration", lambda *_: None)
+    starts = []
+    draw = dut._display.draw_start
+    monkeypatch.setattr(
+        dut._display, "draw_start", lambda scenario: (starts.append(scenario.start.tilt), draw(scenario))
+    )
+    at_each_wait(
+        monkeypatch,
+        lambda: dut._keep(judged(False)),  # a bad one does not answer the question
+        lambda: dut._keep(judged(True)),
+        lambda: page.click(SKIP),
+    )
+    dut.show_situations([SITUATION, OTHER])
+    asked = [message for message in page.messages if message.startswith("show me")]
+    first = "show me: 1 of 2, stuck at 4.0 mm, 1.4°, against the wall; Space starts"
+    assert asked == [first, first, "show me: 2 of 2, stuck at 6.0 mm, 1.3°, against the wall; Space starts"]
+    assert list(SITUATION.tilt) == starts[0]
+    assert list(OTHER.tilt) in starts
+    assert [path.name for path in dut.kept] == ["000_bad_live.parquet", "000_good_live.parquet"]
+
+
+def test_the_key_to_skip_counts_only_between_demonstrations(dut, page, monkeypatch):
+    def record(_):
+        page.click(SKIP)
+        return False
+
+    monkeypatch.setattr(LiveSession, "_record_one", record)
+    dut._asked = [SITUATION]
+    assert dut._record_one() is False
+    assert dut._is_complete() is False
+    page.click(SKIP)
+    assert dut._is_complete() is True
+
+
+def test_clicks_from_before_neither_start_nor_skip(dut, page, monkeypatch):
+    page.click(SKIP)
+    page.click("start (Space)")
+    monkeypatch.setattr(dut, "_record_one", lambda: pytest.fail("a demonstration has begun"))
+    at_each_wait(monkeypatch, lambda: None, lambda: page.click(QUIT))
+    with pytest.raises(PersonLeftError):
+        dut.show_situations([SITUATION])
+    assert dut._place == 0
+
+
+def test_the_help_names_the_key_to_skip_before_the_views(page, dut):
+    assert [keys for keys, _ in page.values["keys"]][-3:] == [["Q"], ["N"], ["1", "2", "3"]]
+
+
+@pytest.mark.parametrize("leave", [lambda page: page.click(QUIT), lambda page: setattr(page, "is_shown", False)])
+def test_a_computation_ends_when_the_person_quits_or_stays_away(dut, page, leave):
+    def compute():
+        leave(page)
+        while time.monotonic() < began + 20.0:
+            np.linalg.eigvals(np.eye(20))
+
+    began = time.monotonic()
+    with pytest.raises(PersonLeftError), dut.watched():
+        compute()
+    assert time.monotonic() - began < 5.0
+
+
+def test_quitting_ends_a_computation_of_a_command_that_ignores_interrupts(dut, page):
+    """A shell without job control starts the commands of its background so."""
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with dut.watched():
+            signal.raise_signal(signal.SIGINT)  # not of the page
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+        test_a_computation_ends_when_the_person_quits_or_stays_away(dut, page, lambda page: page.click(QUIT))
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_a_computation_shows_its_time_and_goes_through(dut, page):
+    with dut.watched(lambda elapsed: f"learning: {elapsed:.0f} s"):
+        time.sleep(1.2)
+    assert [m for m in page.messages if "learning" in m] == ["learning: 0 s", "learning: 1 s"]
+    assert page.values["phase"] == "busy"
+
+
+def test_an_interrupt_that_the_page_did_not_ask_for_stays_one(dut):
+    with pytest.raises(KeyboardInterrupt), dut.watched():
+        signal.raise_signal(signal.SIGINT)
+    with pytest.raises(Terminated), dut.watched():
+        raise Terminated
+
+
+def result(outcome, time=2.34, reason="drive fault: no current"):
+    return SimpleNamespace(outcome=outcome, inserted=outcome is Outcome.INSERTED, time=time, reason=reason)
+
+
+@pytest.mark.parametrize(
+    ("outcome", "stuck", "text"),
+    [
+        (Outcome.INSERTED, None, "inserted in 2.3 s"),
+        (Outcome.INSERTED, SITUATION, "stuck at 4.0 mm, inserted in 2.3 s"),
+        (Outcome.JAMMED, SITUATION, "stuck at 4.0 mm"),
+        (Outcome.TIME_OVER, SITUATION, "stuck at 4.0 mm"),
+        (Outcome.FAULT, SITUATION, "stuck at 4.0 mm, drive fault: no current"),
+    ],
+)
+def test_a_trial_is_told_in_a_few_words(outcome, stuck, text):
+    assert course(result(outcome), stuck) == text
+
+
+def test_a_situation_is_told_with_depth_tilt_and_state():
+    assert describe(OTHER) == "stuck at 6.0 mm, 1.3°, against the wall"
+
+
+def test_a_demonstration_that_cannot_be_written_leaves_its_situation_open(dut, page, monkeypatch):
+    def fail(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("interfaces.live.session.write_demonstration", fail)
+    dut._asked = [SITUATION]
+    assert dut._keep(judged(True)) is False
+    assert dut._is_complete() is False
+    assert dut.kept == []

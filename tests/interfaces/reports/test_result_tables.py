@@ -1,0 +1,89 @@
+import io
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+from rich.console import Console
+
+from interfaces.reports.result_tables import context_line, discovered_table, phase_table, result_table, state_table
+from skill.data.outcome import Outcome
+from skill.states.phase_agreement import PhaseAgreement
+from skill.states.state_summary import summarise_states
+from systems.control.faults import Fault
+from tests.interfaces.reports.tables import text_of
+from tests.state_recordings import FORCES, MOMENTS, labelled
+from tests.trial_results import EARLIER, PLAIN
+
+WRENCHES = np.hstack([FORCES, MOMENTS])
+
+
+def test_the_result_table_has_one_row_per_trial_and_a_summary():
+    first = replace(PLAIN, seed=3, states=(0, 1, 0))
+    failed = replace(
+        PLAIN,
+        seed=4,
+        outcome=Outcome.FAILED,
+        detail="[/x] broke",
+        time=3.5,
+        peak_load=20.0,
+        peak_contact_force=45.0,
+        penetration=40e-6,
+    )
+    text = text_of(result_table([first, failed]))
+    assert "3 +1.0 -2.0 inserted 2.50 24.7 16.0 15.0 0.25 20 0 1 (3)" in text
+    assert "[/x] broke" in text
+    assert "1 of 2 inserted; medians: 3.00 s, peak load 18 N, peak force of a contact 30 N, overlap 30 um" in text
+    assert "physics not trusted: 1" in text_of(result_table([first, replace(failed, trusted=False)]))
+
+
+def test_results_of_earlier_versions_have_a_table():
+    text = text_of(result_table([EARLIER]))
+    assert "inserted 2.50 24.7 - - - 20 0 1 2 3 (4)" in text
+    assert "peak load - N, peak force of a contact - N, overlap 20 um; physics not trusted: 0" in text
+
+
+def test_the_widest_table_fits_100_columns():
+    worst = replace(
+        PLAIN, seed=123456, outcome=Outcome.FAULT, fault=Fault.PITCH_STEPS_LOST, peak_load=1234.5, time=10.0
+    )
+    console = Console(file=io.StringIO(), width=100)
+    console.print(result_table([worst, PLAIN]))
+    lines = console.file.getvalue().splitlines()
+    assert max(map(len, lines)) <= 100
+    assert any({"123456", "10.00", "24.7", "1234.5"} <= set(line.split()) for line in lines)
+
+
+def test_the_names_of_states_are_not_markup():
+    columns = ("visits", "dwell_s", "dwell_std_s", "phase", "P(inserted)", "desired_next")
+    frame = pd.DataFrame([(2, 0.5, 0.1, 0.0, 0.9, "inserted")], columns=columns)
+    skill = SimpleNamespace(graph_=SimpleNamespace(to_frame=lambda: frame), state_names=lambda: ["[/x] free"])
+    assert "0 [/x] free 2 0.50 0.00 0.90 inserted" in text_of(state_table(skill))
+
+
+def test_the_line_about_contexts_counts_the_demonstrations_of_each():
+    assert context_line(SimpleNamespace(contexts_=None)).startswith("a single context")
+    found = SimpleNamespace(n_contexts_=2, responsibilities_=np.array([[0.9, 0.1], [0.2, 0.8], [0.0, 1.0]]))
+    line = context_line(SimpleNamespace(contexts_=found))
+    assert line.startswith("2 contexts")
+    assert "A in 1, B in 2 good demonstrations" in line
+
+
+def test_discovered_states_have_a_table():
+    states = summarise_states([labelled([0, 0, 0, 1, 2, 1], WRENCHES), labelled([0, 0, 0, 1], WRENCHES)], 4)
+    text = text_of(discovered_table(states))
+    assert "0 free 60 1.0 0.30 0.0 0.00 1 (100 %)" in text
+    assert "1 8 N along -z 30 1.5 0.10 8.0 0.00 end (67 %), 2 (33 %)" in text
+    assert "2 20 N along -z -x, 0.5 N m about +y 10 0.5 0.10 20.0 0.50 1 (100 %)" in text
+    assert "3 never the most probable 0 0.0 - - - -" in text
+    one_axis = summarise_states([labelled([0, 0], [[2.0]], channels=("fz",))], 1)
+    assert "0 fz 2 N 100 1.0 0.20 end (100 %)" in text_of(discovered_table(one_axis))
+    assert "duration, force, moment: medians, of a visit and of the lengths of the vectors;" in text
+    assert "duration: median, of a visit; next:" in text_of(discovered_table(one_axis))
+
+
+def test_known_phases_have_a_table_and_their_names_are_not_markup():
+    text = text_of(phase_table(PhaseAgreement(("[/x] reach", "press"), np.array([[3, 1], [0, 5]]), 0.875)))
+    assert "[/x] reach 75 25 4" in text
+    assert "press 0 100 5" in text
+    assert "adjusted Rand index 0.88" in text

@@ -1,0 +1,247 @@
+"""The page and the Markdown of a scoreboard: content, links, sorting, and how the page looks in a browser."""
+
+import html
+import re
+from pathlib import Path
+from urllib.parse import unquote
+
+import duckdb
+import numpy as np
+import pytest
+
+from experiments.scoreboard.columns import COLUMNS
+from experiments.scoreboard.result_store import read_trials
+from experiments.scoreboard.summary import make_scoreboard
+from interfaces.reports.scoreboard_markdown import scoreboard_markdown
+from interfaces.reports.scoreboard_page import scoreboard_page
+from tests.browser import blankness, open_page
+from tests.experiments.scoreboard.simulated_trials import (
+    FAILED,
+    LAW,
+    LEARNT,
+    OTHER,
+    write_results,
+    write_sweep,
+    write_trials,
+)
+
+
+def page_of(folder, out=None):
+    return scoreboard_page(make_scoreboard(read_trials(folder)), out or folder / "scoreboard.html")
+
+
+def cells_of(page, name, row=0):
+    place = 1 + [column.name for column in COLUMNS].index(name)
+    found = re.findall(r"<tr>(.*?)</tr>", page.split("<tbody>")[1].split("</tbody>")[0], re.DOTALL)[row]
+    return re.findall(r"<t[hd].*?</t[hd]>", found, re.DOTALL)[place]
+
+
+def text_of(cell):
+    return html.unescape(re.sub(r"<[^>]*>", " ", cell)).split()
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    folder = write_results(tmp_path_factory.mktemp("a folder") / "results")
+    old = {"code": "0ld", "began": "2025-01-01T00:00:00+00:00"}
+    write_trials(folder, [{"trial": k} | old for k in range(3)], block="0009")
+    page = folder.parent / "pages" / "scoreboard.html"
+    page.parent.mkdir()
+    page.write_text(page_of(folder, page))
+    return folder, page
+
+
+# ------------------------------------------------------------------------ cells
+
+
+def test_cells_show_the_numbers_of_the_summary(tmp_path):
+    rows = [{"demonstration_set": k % 2, "demonstrations": 30, "train_s": 12.25} for k in range(4)]
+    write_trials(tmp_path, rows, policy=LEARNT)
+    worse = FAILED | {"outcome": "fault", "fault": "pitch stepper blocked or overloaded: steps lost", "trusted": False}
+    write_trials(tmp_path, [worse, {}, {}, worse], policy=OTHER)
+    page = page_of(tmp_path)
+    assert text_of(cells_of(page, "inserted")) == ["4", "of", "4", "51–100", "%"]
+    assert text_of(cells_of(page, "over sets")) == ["2", "100–100", "%"]
+    assert text_of(cells_of(page, "against")) == ["–"]
+    assert text_of(cells_of(page, "shown")) == ["30"]
+    assert text_of(cells_of(page, "training")) == ["12.2"]
+    assert text_of(cells_of(page, "against", row=1)) == ["+0", "−2", "p", "0.50"]
+    assert text_of(cells_of(page, "slower by", row=1)) == ["+3.75", "p", "0.50"]
+    assert text_of(cells_of(page, "faults", row=1)) == ["2", "2", "pitch", "stepper", "blocked", "or", "overloaded"]
+    assert text_of(cells_of(page, "physics", row=1)) == ["2", "of", "4", "not", "trusted"]
+    assert "2 of 4 trials not trusted" in cells_of(page, "load", row=1)
+    assert 'class="doubtful"' in cells_of(page, "load", row=1)
+    assert "doubtful" not in cells_of(page, "load")
+
+
+def test_the_page_says_what_is_left_out_and_not_trusted(results, tmp_path):
+    page = html.unescape(results[1].read_text())
+    assert "3 trials are left out, because other code made them: 3 of 0ld" in page
+    assert re.search(r"\d+ of 600 trials have physics that is not trusted", page)
+    write_trials(tmp_path, [{}])
+    alone = page_of(tmp_path)
+    assert "left out" not in alone
+    assert "not trusted:" not in alone
+    assert "No specification of a sweep" in alone
+    assert "<nav" not in alone
+
+
+def test_the_page_says_how_many_trials_of_a_replaced_policy_are_left_out(tmp_path):
+    old = {"skill": "old", "key": "old", "began": "2026-01-01T00:00:00+00:00"}
+    write_trials(tmp_path, [old, {"trial": 0, "skill": "new"}])
+    assert "1 trial is left out, because the policy has been made anew since" in html.unescape(page_of(tmp_path))
+
+
+def test_every_cell_links_its_files_and_tells_its_command(results):
+    folder, path = results
+    page = path.read_text()
+    links = re.findall(r'<td class="[^"]*" data-key="[^"]*"><a href="([^"]*)" title="([^"]*)">', page)
+    assert len(links) == 5 * 3 * len(COLUMNS)
+    for address in {address for address, _ in links}:
+        linked = (path.parent / unquote(address)).resolve()
+        assert linked.is_relative_to(folder.resolve())
+        assert linked.is_dir() == address.endswith("/")
+        assert list(linked.glob("*.parquet")) if linked.is_dir() else linked.suffix == ".parquet"
+    for _, title in links:
+        assert "made by: haptic-skill sweep" in title
+
+
+def test_a_single_file_is_linked_itself(tmp_path):
+    write_sweep(tmp_path)
+    write_trials(tmp_path, [{}])
+    assert '/engine%3Ddrake/0000.parquet"' in page_of(tmp_path)
+    write_trials(tmp_path, [{"trial": 7}], block="0001")
+    assert '/engine%3Ddrake/"' in page_of(tmp_path)
+
+
+def test_the_statements_on_the_page_give_the_cells(results):
+    page = html.unescape(results[1].read_text())
+    statements = re.findall(r"<dt>recompute with DuckDB</dt><dd><pre>(.*?)</pre>", page, re.DOTALL)
+    assert len(statements) == 5 * 3
+    found = duckdb.sql(statements[0]).df().iloc[0]
+    raw = results[1].read_text()
+    assert text_of(cells_of(raw, "inserted"))[:3] == [f"{found['inserted']:.0f}", "of", f"{found['trials']:.0f}"]
+    assert text_of(cells_of(raw, "load")) == [f"{found['load']:.1f}"]
+
+
+def test_text_that_looks_like_html_is_shown_as_text(tmp_path):
+    write_sweep(tmp_path, title="<i>friction</i> $title")
+    write_trials(tmp_path, [{"factors": '{"<b>": "</script>"}'}], policy="<script>alert(1)</script>")
+    page = page_of(tmp_path)
+    assert page.count("<script>") == page.count("</script>") == 1
+    assert "<h1>Scoreboard: &lt;i&gt;friction&lt;/i&gt; $title</h1>" in page
+
+
+def test_the_page_needs_no_other_file(results):
+    page = results[1].read_text()
+    assert not re.search(r'(?:src|<link[^>]*href)="(?!data:)', page)
+    assert "http" not in page.replace("http://www.w3.org", "")
+
+
+# --------------------------------------------------------------------- Markdown
+
+
+def test_the_markdown_has_the_same_tables(results):
+    folder, page = results
+    board = make_scoreboard(read_trials(folder))
+    out = page.with_name("scoreboard.md")
+    text = scoreboard_markdown(board, out)
+    assert text.startswith("# Scoreboard: Nominal trials\n")
+    assert "**3 trials are left out" in text
+    assert "    haptic-skill sweep " in text
+    lines = [line for line in text.splitlines() if line.startswith("| [")]
+    assert len(lines) == 5 * 3
+    assert all(len(re.findall(r"(?<!\\)\|", line)) == len(COLUMNS) + 2 for line in lines)
+    first = board.tables[0].rows[0].summary
+    assert f"| {first.inserted} of {first.trials} (" in lines[0]
+    for address in re.findall(r"\]\(([^)]*)\)", text):
+        assert (out.parent / unquote(address)).exists()
+    (statement,) = re.findall(r"^    (SELECT .*)$", text.split("## ")[1], re.MULTILINE)
+    assert len(duckdb.sql(statement).fetchall()) == 3
+
+
+def test_names_do_not_break_the_markdown(tmp_path):
+    write_trials(tmp_path, [{}], policy="a|b <c> *d*")
+    text = scoreboard_markdown(make_scoreboard(read_trials(tmp_path)), tmp_path / "x.md")
+    assert r"| [a\|b \<c\> \*d\*](" in text
+
+
+# ---------------------------------------------------------------------- browser
+
+
+ROWS = "[...document.querySelectorAll('table')[arguments[0]].tBodies[0].rows]"
+
+
+def column_of(page, name, table=0):
+    place = 1 + [column.name for column in COLUMNS].index(name)
+    return page.run(f"return {ROWS}.map(row => row.cells[arguments[1]].dataset.key)", table, place)
+
+
+def names_of(page, table=0):
+    return page.run(f"return {ROWS}.map(row => row.cells[0].querySelector('a').textContent)", table)
+
+
+def click(page, name, table=0):
+    script = """
+        const headings = document.querySelectorAll('table')[arguments[0]].querySelectorAll('thead button');
+        [...headings].find(b => b.firstChild.textContent === arguments[1]).click();"""
+    page.run(script, table, name)
+
+
+@pytest.mark.slow
+def test_the_page_opens_sorts_and_fits(results):
+    with open_page(results[1], size=(1280, 720)) as page:
+        assert page.run("return document.querySelectorAll('table').length") == 5
+        assert page.run("return document.documentElement.scrollWidth <= innerWidth")
+        assert names_of(page) == [LEARNT, OTHER, LAW]
+        click(page, "inserted")
+        assert names_of(page) == [LEARNT, OTHER, LAW]  # the best first
+        click(page, "inserted")
+        assert names_of(page) == [LAW, OTHER, LEARNT]
+        click(page, "load")
+        loads = [float(key) for key in column_of(page, "load")]
+        assert loads == sorted(loads)
+        click(page, "training")
+        assert column_of(page, "training")[-1] == ""  # a policy without training stays last
+        click(page, "training")
+        assert column_of(page, "training")[-1] == ""
+        click(page, "policy")
+        assert names_of(page) == sorted([LEARNT, OTHER, LAW], key=str.lower)
+        assert column_of(page, "inserted", table=1) == sorted(column_of(page, "inserted", table=1), reverse=True)
+        assert blankness(page.screenshot()).colours > 20
+        assert page.errors() == []
+        assert page.requests() == []
+
+
+@pytest.mark.slow
+def test_commands_open_from_their_link(results):
+    with open_page(results[1], fragment="#how-1-2") as page:
+        page.wait("document.getElementById('how-1-2').closest('details').open")
+        page.run("location.hash = '#how-0-1'")
+        page.wait("document.getElementById('how-0-1').closest('details').open")
+        page.wait("document.getElementById('how-0-1').getBoundingClientRect().height > 50")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_is_legible_in_both_schemes_and_on_narrow_screens(results, scheme):
+    with open_page(results[1], size=(500, 800)) as page:
+        emulated = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+        page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", emulated)
+        assert page.run("return document.documentElement.scrollWidth <= innerWidth")
+        script = "return arguments[0].map(name => getComputedStyle(document.querySelector(name))[arguments[1]])"
+        inks = page.run(script, ["body", "td", "td small", ".about", ".warning", "nav a", "summary"], "color")
+        inks += page.run(script, [".panel text", ".panel .title"], "fill")
+        papers = page.run(script, ["body", ".scroll", ".panel"], "backgroundColor")
+        assert min(contrast(ink, paper) for ink in inks for paper in papers) > 4.5
+        page.screenshot(Path(results[1].parent / f"{scheme}.png"))
+
+
+def contrast(one, other):
+    """Contrast of two colours "rgb(r, g, b)" (WCAG 2.1)."""
+    levels = []
+    for colour in (one, other):
+        channels = np.array([int(part) for part in re.findall(r"\d+", colour)[:3]]) / 255
+        linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
+        levels.append(float(linear @ [0.2126, 0.7152, 0.0722]) + 0.05)
+    return max(levels) / min(levels)

@@ -1,0 +1,102 @@
+"""The command scoreboard, from a folder of results to the page, the Markdown and the table."""
+
+import pytest
+
+from tests.experiments.scoreboard.simulated_trials import LAW, LEARNT, OTHER, write_results, write_trials
+from tests.scripts.commands import HAPTIC_SKILL, error_line, files, invoke, run_python
+
+
+def scoreboard(*arguments):
+    done = invoke("scoreboard", *arguments)
+    assert done.exit_code == 0, done.output
+    return done
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    return write_results(tmp_path_factory.mktemp("results"), count=20)
+
+
+def test_page_and_markdown_are_written_and_the_results_unchanged(results, tmp_path):
+    before = files(results)
+    done = scoreboard(results, "--out", tmp_path / "a.html", "--markdown", tmp_path / "docs" / "a.md")
+    assert files(tmp_path) == ["a.html", "docs/a.md"]
+    assert files(results) == before
+    assert "scoreboard of 300 trials, compared with CA states, contexts + LWR, in" in done.stdout
+    assert "contact.friction 0.2" in done.stdout
+    assert f"{LEARNT} (reference)" in done.stdout
+    assert LAW in done.stdout
+    scoreboard(results, "--out", tmp_path / "a.html", "--markdown", tmp_path / "docs" / "a.md")  # replaces its own
+
+
+def test_the_reference_can_be_chosen(results, tmp_path):
+    done = scoreboard(results, "--out", tmp_path / "a.html", "--against", OTHER)
+    assert f"compared with {OTHER}" in done.stdout
+    assert "compared with “LWR without &#x27;states&#x27;”" in (tmp_path / "a.html").read_text()
+
+
+def test_the_table_fits_a_narrow_terminal(results, tmp_path):
+    done = run_python(*HAPTIC_SKILL, "scoreboard", results, "--out", tmp_path / "a.html", COLUMNS="80")
+    assert done.returncode == 0, done.stderr
+    tables = [line for line in done.stdout.splitlines() if not line.startswith(("note:", "scoreboard of", "against,"))]
+    assert max(map(len, tables)) <= 80
+    assert "…" not in done.stdout
+
+
+def test_drake_is_not_imported(results, tmp_path):
+    code = (
+        "import sys; sys.modules['pydrake'] = None; sys.argv = ['haptic-skill', *sys.argv[1:]];"
+        " from scripts.haptic_skill import main; main()"
+    )
+    done = run_python("-c", code, "scoreboard", results, "--out", tmp_path / "a.html")
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("change", "parts"),
+    [
+        (lambda folder: folder / "none", ["none", "no such folder"]),
+        (lambda folder: folder / "sweeps", ["no folder 'trials'", "haptic-skill sweep"]),
+        (lambda folder: next(folder.rglob("*.parquet")), ["is a file"]),
+    ],
+)
+def test_a_folder_without_results_is_one_line(results, tmp_path, change, parts):
+    line = error_line(invoke("scoreboard", change(results), "--out", tmp_path / "a.html"))
+    assert all(part in line for part in parts)
+    assert files(tmp_path) == []
+
+
+def test_a_damaged_file_is_named_and_nothing_is_written(tmp_path):
+    write_trials(tmp_path / "results", [{}])
+    path = write_trials(tmp_path / "results", [{"trial": 1}], block="0001")
+    path.write_bytes(path.read_bytes()[:-100])
+    (tmp_path / "a.html").write_text("<!DOCTYPE html>old")
+    line = error_line(invoke("scoreboard", tmp_path / "results", "--out", tmp_path / "a.html"))
+    assert str(path) in line
+    assert (tmp_path / "a.html").read_text() == "<!DOCTYPE html>old"
+
+
+def test_an_unknown_reference_is_named_with_the_known_ones(results, tmp_path):
+    line = error_line(invoke("scoreboard", results, "--out", tmp_path / "a.html", "--against", "CA"))
+    assert "--against 'CA'" in line
+    assert repr(LEARNT) in line
+    assert files(tmp_path) == []
+
+
+def test_other_files_are_not_replaced(results, tmp_path):
+    (tmp_path / "notes.html").write_text("my notes")
+    (tmp_path / "notes.md").write_text("# My notes\n")
+    line = error_line(invoke("scoreboard", results, "--out", tmp_path / "notes.html"))
+    assert "is not replaced by an HTML page" in line
+    line = error_line(invoke("scoreboard", results, "--out", tmp_path / "a.html", "--markdown", tmp_path / "notes.md"))
+    assert "is not replaced by a scoreboard in Markdown" in line
+    line = error_line(invoke("scoreboard", results, "--out", tmp_path / "x", "--markdown", tmp_path / "x"))
+    assert "--out and --markdown are the same file" in line
+    assert (tmp_path / "notes.html").read_text() == "my notes"
+    assert (tmp_path / "notes.md").read_text() == "# My notes\n"
+
+
+def test_the_help_teaches_with_examples():
+    text = invoke("scoreboard", "--help").output
+    for part in ("RESULTS", "--against", "McNemar", "haptic-skill scoreboard out/results", "never changed"):
+        assert part in text

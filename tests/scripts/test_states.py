@@ -1,0 +1,322 @@
+"""The command states, from recordings in CSV files to the page and the tables."""
+
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from scripts import states_session
+from tests.scripts.commands import error_line, files, invoke, run_python
+from tests.skill.recordings.messages.wrench_messages import cdr, write_mcap
+from tests.state_recordings import CHANNELS, NAMES, three_contacts, write_files
+
+
+def states(*arguments):
+    done = invoke("states", *arguments)
+    assert done.exit_code == 0, done.output
+    return done
+
+
+def data_of(page):
+    return json.loads(re.search(r"^const data = (.*);$", page.read_text(), re.MULTILINE)[1])
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    """What the command makes of three recordings: the folder and what it printed."""
+    folder = tmp_path_factory.mktemp("a <b> folder")
+    paths = write_files(folder)
+    contents = [path.read_bytes() for path in paths]
+    done = states(*paths, "--out", folder / "states.html")
+    assert [path.read_bytes() for path in paths] == contents
+    return folder, done.stdout
+
+
+# ------------------------------------------------------------ what it writes
+
+
+def test_the_page_and_a_table_beside_each_file_are_written(result):
+    folder, text = result
+    names = [f"insert_{k}.{kind}" for k in range(3) for kind in ("csv", "states.csv")]
+    assert files(folder) == sorted([*names, "states.html"])
+    assert "3 contact states in 3 recordings" in text
+    assert f"{folder / 'insert_0.states.csv'} and 2 others" in text
+
+
+def test_the_tables_have_the_state_of_each_sample(result):
+    folder, _ = result
+    order = ["reach <i>", "touch", "press"]
+    for k in range(3):
+        table = pd.read_csv(folder / f"insert_{k}.states.csv")
+        data = three_contacts(k)
+        assert list(table) == ["trial", "time", "state", "probability"]
+        np.testing.assert_allclose(table["time"], data["time"])
+        assert (table["state"] == data["phase"].map(order.index)).mean() > 0.97
+        assert table["probability"].between(1 / 3, 1.0).all()
+        assert table["trial"].isna().all()
+
+
+def test_the_page_has_every_recording_with_its_states_and_phases(result):
+    folder, _ = result
+    data = data_of(folder / "states.html")
+    named = [state["name"] for state in data["states"]]
+    assert named[0] == NAMES[0]
+    assert re.fullmatch(r"(8|7\.9|8\.1) N along -z", named[1])
+    assert re.fullmatch(r"(19|20) N along -z -x, 0\.\d+ N m about \+y", named[2])
+    assert data["phases"] == ["reach <i>", "touch", "press"]
+    for k, trial in enumerate(data["trials"]):
+        recorded = three_contacts(k)
+        assert len(trial["time"]) == len(recorded)
+        force = np.array(trial["values"][2]) * data["groups"][0]["step"]
+        np.testing.assert_allclose(force, recorded["fz"], atol=0.005)
+        assert [state for _, state in trial["states"]] == [0, 1, 2]
+    page = (folder / "states.html").read_text()
+    assert "<b> folder" not in page
+    assert "Competitive Agglomeration found " in page
+
+
+def test_a_row_for_each_state_and_each_phase_is_printed(result):
+    _, text = result
+    words = " ".join(text.split())
+    assert re.search(r"0 free 3\d 1\.0 [01]\.\d\d 0\.\d 0\.0\d 1 \(100 %\)", words)
+    assert re.search(r"1 (?:8|7\.9|8\.1) N along -z 3\d 1\.0 [01]\.\d\d 8\.\d 0\.0\d 2 \(100 %\)", words)
+    assert re.search(r"0\.\d+ N m about \+y 3\d 1\.0 [01]\.\d\d (19|20)\.\d 0\.\d\d end \(100 %\)", words)
+    assert re.search(r"reach <i> (100|9\d) [0-2] 0 \d+", words)
+    ari = float(re.search(r"adjusted Rand index (0\.\d\d|1\.00)", words)[1])
+    assert ari > 0.9
+
+
+def test_the_same_command_replaces_its_own_files_and_does_not_read_its_tables(result, tmp_path):
+    paths = write_files(tmp_path, 2, phases=False)
+    states(*paths, "--out", tmp_path / "states.html", "--seed", 5)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    (tmp_path / ".states.html.tmp-abcdefgh").write_text("killed")
+    done = states(*sorted(tmp_path.glob("*.csv")), "--out", tmp_path / "states.html", "--seed", 5)
+    assert "2 tables of states among the files, not read" in done.stdout
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    assert "adjusted Rand index" not in done.stdout
+    assert "Known phases" not in (tmp_path / "states.html").read_text()
+
+
+def test_tables_go_into_a_folder_that_is_named(tmp_path):
+    (tmp_path / "a").mkdir()
+    paths = write_files(tmp_path / "a", 2)
+    states(*paths, "--out", tmp_path / "b" / "states.html", "--labels", tmp_path / "c" / "d")
+    expected = ["a/insert_0.csv", "a/insert_1.csv", "b/states.html"]
+    assert files(tmp_path) == [*expected, "c/d/insert_0.states.csv", "c/d/insert_1.states.csv"]
+
+
+def test_trials_units_and_rates_of_one_file(tmp_path):
+    path = tmp_path / "runs.csv"
+    table = pd.concat([three_contacts(k, rate=200.0).assign(part=f"p{k}") for k in range(3)])
+    table = table.assign(clock=1e3 * table.pop("time"), load=table.pop("fz") / 1e3, stage=table.pop("phase"))
+    table.drop(columns=["fx", "fy", "mx", "my", "mz"]).to_csv(path, index=False)
+    options = ("--columns", "fz=load:kN", "--columns", "time=clock:ms", "--trial-column", "part")
+    done = states(path, *options, "--phase-column", "stage", "--rate", 25, "--out", tmp_path / "states.html")
+    assert "3 contact states in 3 recordings" in done.stdout
+    data = data_of(tmp_path / "states.html")
+    assert [group["channels"] for group in data["groups"]] == [["fz"]]
+    assert data["groups"][0]["low"] == pytest.approx(-16.5, abs=0.6)
+    assert np.median(np.diff(data["trials"][0]["time"])) == pytest.approx(0.04)
+    assert re.match(r"fz -?0\.\d+ N", data["states"][0]["name"])
+    labels = pd.read_csv(tmp_path / "runs.states.csv")
+    assert labels["trial"].unique().tolist() == ["p0", "p1", "p2"]
+    assert len(labels) == sum(len(trial["time"]) for trial in data["trials"])
+    page = (tmp_path / "states.html").read_text()
+    assert "<dt>--columns</dt><dd>fz=load:kN, time=clock:ms</dd>" in page
+    assert "<dt>rate</dt><dd>at most 25 Hz</dd>" in page
+
+
+def write_data_set(folder):
+    """A LeRobot data set of three episodes; its wrench is a feature without a usual name."""
+    feature = {"dtype": "float32", "shape": [6], "names": list(CHANNELS)}
+    info = {"codebase_version": "v3.0", "fps": 50, "features": {"observation.ati": feature}}
+    (folder / "meta").mkdir(parents=True)
+    (folder / "meta" / "info.json").write_text(json.dumps(info))
+    (folder / "data" / "chunk-000").mkdir(parents=True)
+    parts = []
+    for k in range(3):
+        wrench = three_contacts(k)[list(CHANNELS)].to_numpy().tolist()
+        frames = np.arange(len(wrench))
+        columns = {"observation.ati": wrench, "timestamp": frames / 50, "frame_index": frames, "episode_index": k}
+        parts.append(pd.DataFrame(columns))
+    pd.concat(parts).to_parquet(folder / "data" / "chunk-000" / "file-000.parquet", index=False)
+
+
+def test_the_table_of_a_folder_lies_beside_it(tmp_path):
+    write_data_set(tmp_path / "data.v1")
+    done = states(tmp_path / "data.v1", "--feature", "observation.ati", "--out", tmp_path / "states.html")
+    assert "3 contact states in 3 recordings" in done.stdout
+    labels = pd.read_csv(tmp_path / "data.v1.states.csv")
+    assert labels["trial"].unique().tolist() == [0, 1, 2]
+    assert labels.groupby("trial")["state"].unique().map(list).tolist() == [[0, 1, 2]] * 3
+    assert "<dt>--feature</dt><dd>observation.ati</dd>" in (tmp_path / "states.html").read_text()
+
+
+def write_rosbag(path, seed):
+    start = 1_700_000_000
+    messages = []
+    for time, *wrench in three_contacts(seed)[["time", *CHANNELS]].itertuples(index=False):
+        stamp = round(time * 10**9)
+        message = cdr(start + stamp // 10**9, stamp % 10**9, wrench=wrench)
+        messages += [(topic, start * 10**9 + stamp, message) for topic in ("/ft/raw", "/ft/wrench")]
+    write_mcap(path, messages, encoding="cdr", schema="geometry_msgs/msg/WrenchStamped")
+
+
+def test_messages_with_the_time_since_1970(tmp_path):
+    pytest.importorskip("mcap")
+    paths = [tmp_path / f"{name}.mcap" for name in ("insert", "again", "third")]
+    for seed, path in enumerate(paths):
+        write_rosbag(path, seed)
+    done = states(*paths, "--topic", "/ft/wrench", "--out", tmp_path / "states.html")
+    assert "3 contact states in 3 recordings" in done.stdout
+    np.testing.assert_allclose(
+        pd.read_csv(tmp_path / "again.states.csv")["time"], 1_700_000_000 + three_contacts(1)["time"], atol=2e-6, rtol=0
+    )
+    assert data_of(tmp_path / "states.html")["trials"][1]["time"][:2] == [0.0, 0.02]
+
+
+def test_rates_that_differ_are_mentioned(tmp_path):
+    first, second = write_files(tmp_path, 2)
+    three_contacts(1, rate=20.0).to_csv(second, index=False)
+    done = states(first, second, "--out", tmp_path / "states.html")
+    assert "rates from 20 to 50 Hz; --rate 20 makes them alike" in done.stdout
+    assert "gap" not in done.stdout
+
+
+def test_a_long_gap_is_mentioned(tmp_path):
+    first, second = write_files(tmp_path, 2)
+    both = [three_contacts(0), three_contacts(1, start=60.0)]
+    pd.concat(both).to_csv(second, index=False)
+    done = states(first, second, "--out", tmp_path / "states.html")
+    gap = 60.0 - both[0]["time"].iloc[-1]
+    assert f"insert_1.csv has a gap of {gap:.1f} s, which counts as one interval; is it one recording?" in done.stdout
+    assert "insert_0.csv has" not in done.stdout
+
+
+def test_the_interval_of_slow_recordings_is_no_gap(tmp_path):
+    paths = write_files(tmp_path, 2)
+    for path in paths:
+        table = pd.read_csv(path)
+        table.assign(time=60.0 * table["time"]).to_csv(path, index=False)  # a sample every 1.2 s
+    done = states(*paths, "--columns", "time=time:s", "--out", tmp_path / "states.html")
+    assert "gap" not in done.stdout
+
+
+@pytest.mark.slow
+def test_it_runs_where_drake_cannot_be_imported(tmp_path):
+    paths = write_files(tmp_path, 2)
+    script = "import sys; sys.modules['pydrake'] = None; from scripts.states import app; app(sys.argv[1:])"
+    done = run_python("-c", script, *paths, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert (tmp_path / "states.html").is_file()  # the default of --out
+
+
+# ------------------------------------------------------------ bad input
+
+
+def refused(tmp_path, *arguments):
+    """The error line of the command; no file is written or changed."""
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    line = error_line(invoke("states", *arguments))
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    return line
+
+
+def test_recordings_with_different_channels_are_one_error_that_names_both(tmp_path):
+    first, second = write_files(tmp_path, 2)
+    three_contacts(1).drop(columns=["mx", "my", "mz"]).to_csv(second, index=False)
+    line = refused(tmp_path, first, second, "--out", tmp_path / "states.html")
+    assert "insert_1.csv has the channels fx fy fz, but insert_0.csv has fx fy fz mx my mz" in line
+
+
+def test_a_single_recording_is_one_error(tmp_path):
+    (path,) = write_files(tmp_path, 1)
+    line = refused(tmp_path, path, "--out", tmp_path / "states.html")
+    assert "insert_0.csv: a single recording, expected two or more" in line
+    assert "--trial-column" in line
+
+
+def test_a_missing_file_is_one_error(tmp_path):
+    paths = write_files(tmp_path, 2)
+    line = refused(tmp_path, *paths, tmp_path / "far" / "none.csv", "--out", tmp_path / "states.html")
+    assert line.endswith("none.csv: no such file or folder")
+
+
+def test_a_file_that_is_given_twice_is_one_error(tmp_path):
+    paths = write_files(tmp_path, 2)
+    again = tmp_path / "." / ".." / tmp_path.name / "insert_1.csv"
+    assert "given twice" in refused(tmp_path, *paths, again, "--out", tmp_path / "states.html")
+
+
+def test_a_folder_as_out_is_one_error(tmp_path):
+    (tmp_path / "page").mkdir()
+    paths = write_files(tmp_path, 2)
+    assert "page: is a folder" in refused(tmp_path, *paths, "--out", tmp_path / "page")
+
+
+@pytest.mark.parametrize("name", ["notes.html", "insert_0.csv", "insert_1.states.csv"])
+def test_foreign_files_are_not_replaced(tmp_path, name):
+    paths = write_files(tmp_path, 2)
+    if name not in {path.name for path in paths}:
+        (tmp_path / name).write_text("mine\n")
+    out = tmp_path / ("states.html" if name.endswith("states.csv") else name)
+    line = refused(tmp_path, *paths, "--out", out)
+    assert f"{name}: is another file, and is not replaced" in line
+
+
+def test_two_files_that_would_share_a_table_are_one_error(tmp_path):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+    (first,), (second,) = (write_files(tmp_path / folder, 1) for folder in ("a", "b"))
+    line = refused(tmp_path, first, second, "--labels", tmp_path / "c", "--out", tmp_path / "states.html")
+    assert f"{first} and {second} would share the table of states" in line
+    states(first, second, "--out", tmp_path / "states.html")  # beside the data they do not
+
+
+def test_a_table_that_cannot_be_written_says_how_many_are(tmp_path, monkeypatch):
+    paths = write_files(tmp_path)
+    write = states_session.write_state_table
+
+    def on_a_full_disk(path, labelled):
+        if path.stem == "insert_1.states":
+            raise OSError(28, "No space left on device")
+        write(path, labelled)
+
+    monkeypatch.setattr(states_session, "write_state_table", on_a_full_disk)
+    message = error_line(invoke("states", *paths, "--out", tmp_path / "states.html"))
+    table = tmp_path / "insert_1.states.csv"
+    expected = f"{table}: not written (No space left on device); the recordings are unchanged; 1 of 3 tables written"
+    assert message.endswith(expected)
+    assert not (tmp_path / "states.html").exists()
+
+
+def test_the_page_is_none_of_the_tables(tmp_path):
+    paths = write_files(tmp_path, 2)
+    line = refused(tmp_path, *paths, "--out", tmp_path / "insert_1.states.csv")
+    assert "are the same file" in line
+
+
+def test_tables_alone_are_no_recordings(tmp_path):
+    paths = write_files(tmp_path, 2)
+    states(*paths, "--out", tmp_path / "states.html")
+    line = refused(tmp_path, tmp_path / "insert_0.states.csv", "--out", tmp_path / "states.html")
+    assert "a table of states; expected recordings" in line
+
+
+@pytest.mark.parametrize("rate", ["0", "-5", "nan", "inf"])
+def test_a_rate_that_is_no_rate_is_one_error(tmp_path, rate):
+    paths = write_files(tmp_path, 2)
+    assert "expected a positive number of Hz" in refused(tmp_path, *paths, "--rate", rate)
+
+
+def test_a_column_that_is_not_there_is_one_error(tmp_path):
+    paths = write_files(tmp_path, 2)
+    line = refused(tmp_path, *paths, "--columns", "fx=load:N", "--out", tmp_path / "states.html")
+    assert "insert_0.csv: no column 'load'" in line
+    assert "--topic" not in line
+    line = refused(tmp_path, *paths, "--topic", "/ft", "--out", tmp_path / "states.html")
+    assert "'topic'" in line
