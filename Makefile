@@ -72,7 +72,7 @@ release: environment
 	$(RUN) pip install --quiet build
 	$(RUN) build --outdir $(RELEASE) . > out/release/build.log 2>&1 || { rm skill/default_skill.npz; tail out/release/build.log; exit 1; }
 	mv skill/default_skill.npz $(RELEASE)/$(NAME)-skill.npz
-	tar -C out/release/demo -czf $(RELEASE)/$(NAME)-demonstrations.tar.gz demonstrations recoveries
+	tar -C out/release/demo -czf $(RELEASE)/$(NAME)-demonstrations.tar.gz demonstrations corrections
 	cd $(RELEASE) && sha256sum -- * > SHA256SUMS && cat SHA256SUMS
 
 # The site, in out/docs; runs the tutorials and the notebooks. Five minutes on a quiet core.

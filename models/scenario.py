@@ -362,7 +362,7 @@ def _timing_violations(scenario: Scenario) -> Iterator[Violation]:
 
 
 DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM, PRACTICE_STREAM, CHECK_STREAM, LIVE_STREAM = 1, 2, 3, 4, 5, 6
-RECOVERY_STREAM, QUESTION_STREAM, STRESS_STREAM = 7, 8, 9
+CORRECTION_STREAM, QUESTION_STREAM, STRESS_STREAM = 7, 8, 9
 """Random streams; equal seeds in different streams give independent draws."""
 
 
@@ -382,7 +382,7 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int 
     resolved = copy.deepcopy(scenario)
     resolved.seed = int(np.random.SeedSequence([stream, seed]).generate_state(1)[0] >> 1)
     start = resolved.start
-    demonstrated = stream in (DEMONSTRATION_STREAM, LIVE_STREAM, RECOVERY_STREAM)
+    demonstrated = stream in (DEMONSTRATION_STREAM, LIVE_STREAM, CORRECTION_STREAM)
     tilt = rng.uniform(-1.0, 1.0, 2) * (start.demonstrated_tilt_range if demonstrated else start.tilt_range)
     offset = rng.uniform(-1.0, 1.0, 2) * start.offset_range
     # A gimbal is not mounted exactly. Demonstrations vary more than the rig does, so that they cover its range.

@@ -1,4 +1,4 @@
-"""Runs the whole chain: demonstrate, learn, recover, insert; with figures and replays."""
+"""Runs the whole chain: demonstrate, learn, correct, insert; with figures and replays."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 app = make_app()
 
-PRACTICE_TRIALS, RECOVERIES = 16, 8
+PRACTICE_TRIALS, CORRECTIONS = 16, 8
 SKILL, UNFINISHED = "skill.npz", ".unfinished-demo.json"
 PICTURES = (
     *("fig3_demonstration.png", "fig5_insertion.png", "rig_trials.png"),
@@ -43,15 +43,15 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
     from experiments.outputs.own_folder import remove_unfinished
     from experiments.trial import Arm
     from interfaces.terminal import say
+    from scripts.correction_session import CorrectionPlan, correct
     from scripts.record_session import plan_recording, record
-    from scripts.recovery_session import RecoveryPlan, recover
     from scripts.rig_session import rig_index, run
     from scripts.train_session import train
     from skill.data.demonstration import read_demonstration
     from skill.data.tables import write_atomically
 
     start_time = time.monotonic()
-    recorded, recovered, inserted, first = out / "demonstrations", out / "recoveries", out / "rig", seed * trials
+    recorded, corrected, inserted, first = out / "demonstrations", out / "corrections", out / "rig", seed * trials
     plan = plan_recording(out=recorded, good=good, bad=bad, seed=seed, scenario=scenario)
     runs = rig_index(plan.scenario, trials=trials, seed=first, skill=b"")
     check_folder(out, size=len(PICTURES) * PICTURE_SIZE + (good + bad + trials) * RECORDING_SIZE)
@@ -77,12 +77,12 @@ def demo(*, out: Path, good: int, bad: int, trials: int, seed: int, scenario: st
             overwrite=not (goes_on and is_begun(recorded, plan.index)),
         )
         train(demonstrations=[recorded], out=out / SKILL, seed=seed)
-        skill = recover(
+        skill = correct(
             skill=out / SKILL,
             demonstrations=recorded,
-            recoveries=recovered,
+            corrections=corrected,
             out=out / SKILL,
-            plan=RecoveryPlan(rounds=1, trials=PRACTICE_TRIALS, most=RECOVERIES, seed=seed),
+            plan=CorrectionPlan(rounds=1, trials=PRACTICE_TRIALS, most=CORRECTIONS, seed=seed),
             scenario=scenario,
             jobs=jobs,
             overwrite=not goes_on,

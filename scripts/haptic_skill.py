@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from experiments.provenance import version_of
-from scripts import demo, diagram, export, practise, record, recover, replay, rig, scoreboard, states, sweep, train
+from scripts import correct, demo, diagram, export, practise, record, replay, rig, scoreboard, states, sweep, train
 from scripts.command_line import make_app
 
 EXIT_CODES = (
@@ -21,7 +21,7 @@ app = make_app(no_args_is_help=True, epilog=EXIT_CODES)
 app.command("demo")(demo.main)
 app.command("record")(record.main)
 app.command("train")(train.main)
-app.command("recover")(recover.main)
+app.command("correct")(correct.main)
 app.command("rig")(rig.main)
 app.command("practise")(practise.main)
 app.command("replay")(replay.main)
@@ -55,7 +55,7 @@ def haptic_skill(
 ) -> None:
     """Learns peg-in-hole insertion from haptic demonstrations, and inserts on a simulated rig.
 
-    The usual order is record, train, recover, rig; `haptic-skill demo` runs them all. `haptic-skill states` needs only
+    The usual order is record, train, correct, rig; `haptic-skill demo` runs them all. `haptic-skill states` needs only
     recordings of a force/torque sensor. Every option has a default; `haptic-skill COMMAND -h` explains a command with
     an example. In a checkout, `python -m scripts.rig` and the other modules of `scripts` are the same commands.
     """

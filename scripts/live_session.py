@@ -17,7 +17,7 @@ from interfaces.terminal import say
 from models.scenario import Scenario, load_scenario
 from scripts.margin_table import print_margins
 from skill.manipulation_skill import ManipulationSkill
-from skill.practice.situation import read_situations
+from skill.practice.query_state import read_query_states
 from systems.haptics.coupling_margins import Margin
 from systems.operators.device_operator import find_device
 from systems.rig import check_geometry
@@ -37,25 +37,25 @@ def record_live(
 ) -> list[Path]:
     """Runs a session in the browser with a person at the controls, and returns the recordings that they kept.
 
-    With ``asked``, a file of situations, each demonstration begins in one of them. A ``skill`` names the contact states
-    on the page, and shows what it would do.
+    With ``asked``, a file of query states, each demonstration begins in one of them. A ``skill`` names the contact
+    states on the page, and shows what it would do.
 
     Raises:
         ValueError: if the scenario is not valid or not stable, no device driver has the name ``driver``, the file
-            of situations or of the skill is not valid, or the skill is of another peg, hole or period.
+            of query states or of the skill is not valid, or the skill is of another peg, hole or period.
         OSError: if the folder ``out`` cannot be written, or the page cannot listen at ``host`` and ``port``.
     """
     chosen = load_scenario(scenario)
     margins = live_margins(chosen, driver)
-    situations = read_situations(asked) if asked is not None else []
+    query_states = read_query_states(asked) if asked is not None else []
     watching = None if skill is None else _load_watching(skill, chosen)
 
     def start_of(number: int) -> Scenario:
-        if situations:
-            return asked_scenario(chosen, situations, seed=seed, number=number)
+        if query_states:
+            return asked_scenario(chosen, query_states, seed=seed, number=number)
         return live_scenario(chosen, seed=seed, number=number)
 
-    for number in range(max(1, len(situations))):  # all are checked before the page opens
+    for number in range(max(1, len(query_states))):  # all are checked before the page opens
         start_of(number)
     with announced_page(margins, host=host, port=port) as page:
         kept = LiveSession(start_of=start_of, out=out, page=page, tell=say, driver=driver, policy=watching).run()

@@ -42,7 +42,7 @@ def main(
         typer.Option(
             parser=parse_path,
             metavar="FILE",
-            help="With --live: begin in the situations of this file, by `haptic-skill recover --ask --json FILE`.",
+            help="With --live: begin in the query states of this file, by `haptic-skill correct --ask --json FILE`.",
         ),
     ] = None,
     observer: Annotated[

@@ -21,7 +21,7 @@ def main(
         typer.Option(
             parser=parse_path,
             metavar="FOLDER",
-            help="Folder of recordings by `haptic-skill record` or `recover`; may be given several times.",
+            help="Folder of recordings by `haptic-skill record` or `correct`; may be given several times.",
         ),
     ] = [Path("out/demonstrations")],  # noqa: B006
     out: OutFile = Path("out/skill.npz"),

@@ -1,4 +1,4 @@
-"""Policies to compare in sweeps: each function makes one from a `experiments.sweeps.policies.Lesson`."""
+"""Policies to compare in sweeps: each function makes one from a `experiments.sweeps.policies.TrainingContext`."""
 
 from __future__ import annotations
 
@@ -7,70 +7,83 @@ from dataclasses import replace
 from typing import Any
 
 from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, StraightPush, TunedLaw, tune
-from experiments.recovery import ask, demonstrate_recoveries
-from experiments.sweeps.policies import Lesson, learn
+from experiments.corrections import ask, demonstrate_corrections
+from experiments.sweeps.policies import TrainingContext, learn
 from experiments.trial import run_trials
 from skill.data.demonstration import Demonstration
 from skill.policy import RigPolicy
 
 SET_ROUNDS, ROUND_TRIALS = 100, 10_000
-"""Numbers of rounds of a set and of practice trials of a round, as in `scripts.recovery_session`."""
+"""Numbers of rounds of a set and of practice trials of a round, as in `scripts.correction_session`."""
 
 
-def straight_push(lesson: Lesson) -> RigPolicy:
+def straight_push(training_context: TrainingContext) -> RigPolicy:
     """A push without correction, at the feed speed of the simulated operator."""
-    return StraightPush(speed=lesson.scenario.operator.insertion_speed)
+    return StraightPush(speed=training_context.scenario.operator.insertion_speed)
 
 
-def tuned_compliance(lesson: Lesson, candidates: int = 24) -> RigPolicy:
+def tuned_compliance(training_context: TrainingContext, candidates: int = 24) -> RigPolicy:
     """Compliance, tuned on other trials of the cell and arm."""
-    return _tuned(MomentCompliance, lesson, candidates)
+    return _tuned(MomentCompliance, training_context, candidates)
 
 
-def tuned_spiral(lesson: Lesson, candidates: int = 24) -> RigPolicy:
+def tuned_spiral(training_context: TrainingContext, candidates: int = 24) -> RigPolicy:
     """A spiral search, tuned on other trials of the cell and arm."""
-    return _tuned(SpiralSearch, lesson, candidates)
+    return _tuned(SpiralSearch, training_context, candidates)
 
 
-def _tuned(law: type[TunedLaw], lesson: Lesson, candidates: int) -> RigPolicy:
-    arm = lesson.arm
+def _tuned(law: type[TunedLaw], training_context: TrainingContext, candidates: int) -> RigPolicy:
+    arm = training_context.arm
     if arm is None:
         raise ValueError(f"{law.__name__} is tuned for the trials of one arm, so that it cannot have for_all_arms")
 
     def perform(k: int, candidate: TunedLaw, numbers: list[int]) -> list[Mapping[str, Any]]:
-        results = run_trials(lesson.scenario, candidate, numbers, jobs=1, arm=arm)
+        results = run_trials(training_context.scenario, candidate, numbers, jobs=1, arm=arm)
         return [result.record() for result, _ in results]
 
-    return tune(law, lesson.scenario, candidates, perform)[0]
+    return tune(law, training_context.scenario, candidates, perform)[0]
 
 
-def recovered(
-    lesson: Lesson, rounds: int = 2, trials: int = 24, most: int | None = 10, share: float = 0.0, **options: Any
+def corrected(
+    training_context: TrainingContext,
+    rounds: int = 2,
+    trials: int = 24,
+    most: int | None = 10,
+    share: float = 0.0,
+    **options: Any,
 ) -> RigPolicy:
-    """The skill with the recoveries that it asks for, as `haptic-skill recover` makes it.
+    """The skill with the corrections that it asks for, as `haptic-skill correct` makes it.
 
     Args:
-        lesson: with demonstrations, in whose scenario the skill practises.
-        rounds: of practice, recoveries and training, at most.
+        training_context: with demonstrations, in whose scenario the skill practises.
+        rounds: of practice, corrections and training, at most.
         trials: practice trials in each round.
-        most: recoveries in each round, at most; None for ``share`` of the demonstrations.
+        most: corrections in each round, at most; None for ``share`` of the demonstrations.
         share: part of the demonstrations that is left out for each round, the last good and bad ones.
         **options: of the training; see `learn`.
     """
-    shown = lesson.demonstrations
+    shown = training_context.demonstrations
     each = round(share * len(shown))
     asked = each if most is None else most
     shown = first(shown, len(shown) - rounds * each)
-    policy = learn(replace(lesson, demonstrations=shown), **options)
+    policy = learn(replace(training_context, demonstrations=shown), **options)
     for number in range(rounds):
-        begin = (lesson.seed * SET_ROUNDS + number) * ROUND_TRIALS
-        tried = ask(lesson.scenario, policy, range(begin, begin + trials), jobs=1)
-        stuck = [situation for _, situation in tried if situation is not None][:asked]
+        begin = (training_context.seed * SET_ROUNDS + number) * ROUND_TRIALS
+        tried = ask(training_context.scenario, policy, range(begin, begin + trials), jobs=1)
+        stuck = [query_state for _, query_state in tried if query_state is not None][:asked]
         if not stuck:
             break
-        situations = dict(enumerate(stuck))
-        shown = [*shown, *(d for _, d in demonstrate_recoveries(lesson.scenario, situations, seed=lesson.seed, jobs=1))]
-        policy = learn(replace(lesson, demonstrations=shown), **options)
+        query_states = dict(enumerate(stuck))
+        shown = [
+            *shown,
+            *(
+                d
+                for _, d in demonstrate_corrections(
+                    training_context.scenario, query_states, seed=training_context.seed, jobs=1
+                )
+            ),
+        ]
+        policy = learn(replace(training_context, demonstrations=shown), **options)
     return policy
 
 

@@ -59,7 +59,7 @@ class SetKind:
 
 
 DEMONSTRATIONS = SetKind(
-    "demonstrations", r"\d{3,}_(good|bad|recovery)_(?!live\.)\w+\.parquet", r"demonstrations\.png", read_demonstration
+    "demonstrations", r"\d{3,}_(good|bad|correction)_(?!live\.)\w+\.parquet", r"demonstrations\.png", read_demonstration
 )
 LIVE = SetKind("live recordings", r"[^.].*\.parquet", r"(?!)", read_demonstration)  # lists none: all are read
 RUNS = SetKind("runs", r"run_\d{4,}\.parquet", r"results\.json|report\.html|replay_\d{4,}\.html", read_result)

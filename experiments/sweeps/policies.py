@@ -39,7 +39,7 @@ QUERIES = 300
 
 
 @dataclass(frozen=True)
-class Lesson:
+class TrainingContext:
     """What a policy is made from.
 
     Attributes:
@@ -134,11 +134,11 @@ def imported(path: str) -> Any:
         raise ValueError(f"{path}: cannot be imported ({one_line(error)})") from error
 
 
-def learn(lesson: Lesson, *, skill: str | None = None, **options: Any) -> RigPolicy:
-    """Learns a `ManipulationSkill` from the demonstrations of a lesson.
+def learn(training_context: TrainingContext, *, skill: str | None = None, **options: Any) -> RigPolicy:
+    """Learns a `ManipulationSkill` from the demonstrations of a training context.
 
     Args:
-        lesson: with demonstrations.
+        training_context: with demonstrations.
         skill: import path of a class to use in place of `ManipulationSkill`.
         **options: arguments of the class. Where a text is an import path, what it names is called without arguments;
             so a part such as ``states`` or ``regressor`` is replaced.
@@ -148,7 +148,7 @@ def learn(lesson: Lesson, *, skill: str | None = None, **options: Any) -> RigPol
     """
     kind = ManipulationSkill if skill is None else imported(skill)
     parts = {name: imported(value)() if import_paths(value) else value for name, value in options.items()}
-    learnt: RigPolicy = kind(**parts).fit(lesson.demonstrations)
+    learnt: RigPolicy = kind(**parts).fit(training_context.demonstrations)
     return learnt
 
 
@@ -184,29 +184,29 @@ def import_paths(*values: Any) -> list[str]:
     return [value for value in values if isinstance(value, str) and IMPORT_PATH.fullmatch(value)]
 
 
-def make_policy(plan: PolicyPlan, lesson: Lesson) -> MadePolicy:
-    """Makes the policy of a plan from a lesson, on one thread.
+def make_policy(plan: PolicyPlan, training_context: TrainingContext) -> MadePolicy:
+    """Makes the policy of a plan from a training context, on one thread.
 
     Raises:
         ValueError: naming the policy and why it cannot be made.
     """
     try:
-        return _made(plan, lesson)
+        return _made(plan, training_context)
     except Exception as error:  # whatever a part of the user raises
         raise ValueError(f"policies.{plan.name}: cannot be made ({one_line(error)})") from error
 
 
-def _made(plan: PolicyPlan, lesson: Lesson) -> MadePolicy:
+def _made(plan: PolicyPlan, training_context: TrainingContext) -> MadePolicy:
     make: Callable[..., RigPolicy] = learn if plan.make is None else imported(plan.make)
     begun = time.process_time()
     with threadpool_limits(1):
-        policy = make(lesson, **plan.options)
+        policy = make(training_context, **plan.options)
     trained = time.process_time() - begun
     found = policy.metadata_.get("demonstrations")
     return MadePolicy(
         policy=CarriedOver(policy) if plan.carried_over else policy,
         train_s=trained,
-        query_ms=query_time(policy, lesson.demonstrations) if lesson.demonstrations else None,
+        query_ms=query_time(policy, training_context.demonstrations) if training_context.demonstrations else None,
         demonstrations=found if isinstance(found, int) else None,
     )
 

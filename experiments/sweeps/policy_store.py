@@ -18,7 +18,15 @@ from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex
 from experiments.provenance import versions
 from experiments.sweeps.assignments import DemonstrationSource, PolicySource
 from experiments.sweeps.executors import Executor, LostWorkerError
-from experiments.sweeps.policies import CarriedOver, Lesson, MadePolicy, chosen, imported, make_policy, own_modules
+from experiments.sweeps.policies import (
+    CarriedOver,
+    MadePolicy,
+    TrainingContext,
+    chosen,
+    imported,
+    make_policy,
+    own_modules,
+)
 from experiments.sweeps.requirements import Requirements
 from experiments.sweeps.trial_engines import DRAKE
 from experiments.sweeps.trial_rows import trial_code
@@ -73,7 +81,7 @@ class PolicyTask:
         self.requirements.check()
         of, seed = self.source, 0 if self.source.demonstrations is None else self.source.demonstrations.seed
         arm = None if of.plan.for_all_arms else of.arm
-        return of, make_policy(of.plan, Lesson(of.scenario, arm, self.demonstrations, seed))
+        return of, make_policy(of.plan, TrainingContext(of.scenario, arm, self.demonstrations, seed))
 
 
 class PolicyStore:
@@ -155,7 +163,7 @@ class PolicyStore:
             OSError: if a file cannot be written.
         """
         tasks = (
-            PolicyTask(source, self._lesson(source), Requirements.of_policy(DRAKE, source.plan))
+            PolicyTask(source, self._training_context(source), Requirements.of_policy(DRAKE, source.plan))
             for source in sources
             if not self.is_made(source)
         )
@@ -175,7 +183,7 @@ class PolicyStore:
             self._loaded[digest] = self._load(source)
         return self._loaded[digest]
 
-    def _lesson(self, source: PolicySource) -> list[Demonstration]:
+    def _training_context(self, source: PolicySource) -> list[Demonstration]:
         if source.demonstrations is None or source.plan.demonstrations is None:
             return []
         folder, size = self.folder(source.demonstrations), source.plan.demonstrations.size

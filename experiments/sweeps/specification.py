@@ -85,7 +85,7 @@ class PolicyPlan:
     Attributes:
         name: of its rows.
         skill: file of a trained skill, or None.
-        make: import path of a function that makes the policy, or None; see `experiments.sweeps.policies.Lesson`.
+        make: import path of a function that makes the policy, or None; see `TrainingContext`.
         options: keyword arguments of that function, or what a learnt skill replaces.
         demonstrations: what it learns from; None for a policy that learns nothing.
         carried_over: whether it serves other pegs and holes than its own.

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.corrections import correction_scenario
 from experiments.demonstration_run import DemonstrationRun
 from experiments.demonstration_set import attempt_seed
-from experiments.recovery import recovery_scenario
 from experiments.served_run import Deadlines, ServedRun
 from interfaces.live.buttons import BAD, DISCARD, GOOD, MOTION_HELP, QUIT, SESSION_HELP, START, Buttons
 from interfaces.live.contact_load import ContactLoad
@@ -25,7 +25,7 @@ from skill.data.tables import TooShortError
 from skill.features.wrench_features import MEASURED
 from skill.policy import RigPolicy
 from skill.practice.policy_observer import PolicyObserver
-from skill.practice.situation import Situation
+from skill.practice.query_state import QueryState
 from systems.operators.page_hand import PAGE, PageInput
 from systems.servo.servo_client import ServoClient
 from systems.virtual_environment import start_pose
@@ -331,10 +331,10 @@ def live_scenario(scenario: Scenario, *, seed: int, number: int) -> Scenario:
     return resolve_scenario(scenario, seed=attempt_seed(seed, number, 0), stream=LIVE_STREAM)
 
 
-def asked_scenario(scenario: Scenario, situations: Sequence[Situation], *, seed: int, number: int) -> Scenario:
-    """Resolves a scenario for the live demonstration ``number``, which begins in one of the situations in turn."""
-    situation = situations[number % len(situations)]
-    return recovery_scenario(scenario, situation, seed=attempt_seed(seed, number, 0), stream=LIVE_STREAM)
+def asked_scenario(scenario: Scenario, query_states: Sequence[QueryState], *, seed: int, number: int) -> Scenario:
+    """Resolves a scenario for the live demonstration ``number``, which begins in one of the query states in turn."""
+    query_state = query_states[number % len(query_states)]
+    return correction_scenario(scenario, query_state, seed=attempt_seed(seed, number, 0), stream=LIVE_STREAM)
 
 
 def next_number(folder: Path) -> int:

@@ -15,7 +15,7 @@ from skill.states.state_summary import FORCE, MOMENT, Spread, StateSummary
 if TYPE_CHECKING:
     from experiments.trial_result import TrialResult
     from skill.manipulation_skill import ManipulationSkill
-    from skill.practice.situation import Situation
+    from skill.practice.query_state import QueryState
     from skill.states.phase_agreement import PhaseAgreement
 
 
@@ -57,13 +57,13 @@ def result_table(results: Sequence[TrialResult]) -> Table:
     return table
 
 
-def situation_table(situations: Sequence[Situation]) -> Table:
-    """One row per situation in which a skill was stuck."""
+def query_state_table(query_states: Sequence[QueryState]) -> Table:
+    """One row per query state in which a skill was stuck."""
     table = plain_table("the skill asks to be shown")
     for name in ("practice\ntrial", "time\n(s)", "depth\n(mm)", "tilt\n(deg)", "load\n(N)"):
         table.add_column(name, justify="right")
     table.add_column("state")
-    for s in situations:
+    for s in query_states:
         numbers = (f"{s.time:.2f}", f"{1e3 * s.depth:.1f}", f"{np.degrees(np.hypot(*s.tilt)):.1f}", f"{s.load:.0f}")
         table.add_row(str(s.trial), *numbers, Text(s.state))
     return table

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from interfaces.reports import terminal
+from interfaces import terminal
 
 
 def raising(error):

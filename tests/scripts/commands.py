@@ -16,7 +16,7 @@ MODULES = {  # subcommand of haptic-skill: module with the same command
     "demo": "scripts.demo",
     "record": "scripts.record",
     "train": "scripts.train",
-    "recover": "scripts.recover",
+    "correct": "scripts.correct",
     "rig": "scripts.rig",
     "practise": "scripts.practise",
     "replay": "scripts.replay",

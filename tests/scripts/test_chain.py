@@ -183,4 +183,4 @@ def test_the_demo_runs_the_whole_chain(folder, tmp_path):
     listed = [line.strip().rstrip("/") for line in done.stdout.splitlines()]
     assert listed[-len(written) :] == written
     assert (tmp_path / "out" / "rig" / "run_0001.parquet").is_file()  # seed x trials
-    assert re.search(r"round 1: \d+ of 16 practice trials inserted", done.stdout)  # the skill may ask for recoveries
+    assert re.search(r"round 1: \d+ of 16 practice trials inserted", done.stdout)  # the skill may ask for corrections

@@ -30,7 +30,7 @@ class Push(ControlLaw):
         return Action(turn=np.zeros(2), feed=-0.02 * self.period_, probabilities=np.ones(1))
 
 
-def push(lesson, **options):
+def push(training_context, **options):
     """A push with these options."""
     return Push(**options)
 
@@ -46,11 +46,11 @@ class Unwilling(ControlLaw):
         raise AssertionError
 
 
-def unwilling(lesson):
+def unwilling(training_context):
     """A law with which no rig can be built."""
     return Unwilling()
 
 
-def fatal(lesson):
+def fatal(training_context):
     """Ends the process."""
     os.kill(os.getpid(), signal.SIGKILL)

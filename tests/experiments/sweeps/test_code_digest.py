@@ -83,7 +83,7 @@ import json, sys
 from pathlib import Path
 before = set(sys.modules)
 from experiments.sweeps.trial_rows import TrialSource, perform
-from experiments.sweeps.policies import Lesson, make_policy
+from experiments.sweeps.policies import TrainingContext, make_policy
 from experiments.sweeps.specification import DemonstrationPlan, PolicyPlan
 from skill.data.demonstration import read_demonstrations
 from experiments.trial import Arm
@@ -91,7 +91,7 @@ from tests.quick_scenario import make_quick_scenario
 scenario = make_quick_scenario()
 shown = read_demonstrations(Path({str(demonstration_folder)!r}))
 plan = PolicyPlan("a", None, None, {{}}, DemonstrationPlan(), False)
-made = make_policy(plan, Lesson(scenario, Arm.DEFAULT, shown, 0))
+made = make_policy(plan, TrainingContext(scenario, Arm.DEFAULT, shown, 0))
 row = perform(TrialSource(scenario, Arm.DEFAULT, "drake", "", "a", "{{}}"), made.policy, 84001, {{}})
 loaded = [name for name in sys.modules if name.split(".")[0] in ("models", "skill", "systems", "experiments")]
 print(json.dumps([loaded, row["trial"]]))

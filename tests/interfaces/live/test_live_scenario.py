@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from experiments.corrections import LIFT
 from experiments.demonstration_set import attempt_seed
-from experiments.recovery import LIFT
 from interfaces.live.session import asked_scenario, live_scenario
 from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
-from skill.practice.situation import Situation
+from skill.practice.query_state import QueryState
 
 
 def live_starts(seeds, numbers):
@@ -50,9 +50,9 @@ def test_simulated_demonstrations_keep_their_starts():
     assert resolved.rig.pivot_height == pytest.approx(-0.0018816854798951455, rel=1e-12)
 
 
-def test_asked_situations_are_the_starts_in_turn():
+def test_asked_query_states_are_the_starts_in_turn():
     asked = [
-        Situation(
+        QueryState(
             **{"trial": k, "time": 1.0, "depth": 0.002 * (k + 1), "tilt": (0.01 * k, 0.02), "load": 9.0, "state": ""},
             **{"pivot_height": 1e-3 * k, "friction": 0.1 + 0.01 * k},
         )
@@ -64,4 +64,4 @@ def test_asked_situations_are_the_starts_in_turn():
         assert resolved.start.tip_height == pytest.approx(LIFT - wanted.depth)
         assert resolved.start.tilt == list(wanted.tilt)
         assert (resolved.rig.pivot_height, resolved.contact.friction) == (wanted.pivot_height, wanted.friction)
-    assert starts[0].seed != starts[3].seed  # the same situation, other noise
+    assert starts[0].seed != starts[3].seed  # the same query state, other noise

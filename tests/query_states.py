@@ -1,14 +1,14 @@
-"""Situations in which a skill was stuck, and a skill that gets stuck, for tests."""
+"""Query states in which a skill was stuck, and a skill that gets stuck, for tests."""
 
 import math
 
 from models.scenario import dump_scenario
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
-from skill.practice.situation import Situation
+from skill.practice.query_state import QueryState
 from tests.quick_scenario import make_quick_scenario
 
-SITUATION = Situation(
+QUERY_STATE = QueryState(
     trial=3,
     time=0.5,
     depth=0.004,

@@ -1,4 +1,4 @@
-"""The page of a sitting, in this process: what it asks for, skips, watches and says."""
+"""The page of a live correction session, in this process: what it asks for, skips, watches and says."""
 
 import signal
 import time
@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from interfaces.live.buttons import QUIT
+from interfaces.live.correction_session import SKIP, CorrectionSession, PersonLeftError, course, describe
 from interfaces.live.session import LiveSession
-from interfaces.live.sitting import SKIP, PersonLeftError, RecoverySitting, course, describe
 from interfaces.terminal import Terminated
 from models.scenario import load_scenario
 from skill.data.outcome import Outcome
 from tests.interfaces.live.test_session import Page
-from tests.situations import SITUATION
+from tests.query_states import QUERY_STATE
 
-OTHER = replace(SITUATION, tilt=(-0.01, 0.02), depth=0.006)
+OTHER = replace(QUERY_STATE, tilt=(-0.01, 0.02), depth=0.006)
 
 
 class OpenPage(Page):
@@ -42,7 +42,7 @@ def page():
 
 @pytest.fixture
 def dut(page, tmp_path):
-    return RecoverySitting(
+    return CorrectionSession(
         scenario=load_scenario("live"), seed=0, out=tmp_path, page=page, tell=lambda _: None, absence_limit=0.3
     )
 
@@ -58,7 +58,7 @@ def judged(good):
     return SimpleNamespace(good=good, metadata={"number": 0})
 
 
-def test_the_situations_are_asked_for_in_turn_and_one_can_be_skipped(dut, page, monkeypatch):
+def test_the_query_states_are_asked_for_in_turn_and_one_can_be_skipped(dut, page, monkeypatch):
     monkeypatch.setattr("interfaces.live.session.write_demonstration", lambda *_: None)
     starts = []
     draw = dut._display.draw_start
@@ -71,11 +71,11 @@ def test_the_situations_are_asked_for_in_turn_and_one_can_be_skipped(dut, page, 
         lambda: dut._keep(judged(True)),
         lambda: page.click(SKIP),
     )
-    dut.show_situations([SITUATION, OTHER])
+    dut.show_query_states([QUERY_STATE, OTHER])
     asked = [message for message in page.messages if message.startswith("show me")]
     first = "show me: 1 of 2, stuck at 4.0 mm, 1.4°, against the wall; Space starts"
     assert asked == [first, first, "show me: 2 of 2, stuck at 6.0 mm, 1.3°, against the wall; Space starts"]
-    assert list(SITUATION.tilt) == starts[0]
+    assert list(QUERY_STATE.tilt) == starts[0]
     assert list(OTHER.tilt) in starts
     assert [path.name for path in dut.kept] == ["000_bad_live.parquet", "000_good_live.parquet"]
 
@@ -86,7 +86,7 @@ def test_the_key_to_skip_counts_only_between_demonstrations(dut, page, monkeypat
         return False
 
     monkeypatch.setattr(LiveSession, "_record_one", record)
-    dut._asked = [SITUATION]
+    dut._asked = [QUERY_STATE]
     assert dut._record_one() is False
     assert dut._is_complete() is False
     page.click(SKIP)
@@ -99,7 +99,7 @@ def test_clicks_from_before_neither_start_nor_skip(dut, page, monkeypatch):
     monkeypatch.setattr(dut, "_record_one", lambda: pytest.fail("a demonstration has begun"))
     at_each_wait(monkeypatch, lambda: None, lambda: page.click(QUIT))
     with pytest.raises(PersonLeftError):
-        dut.show_situations([SITUATION])
+        dut.show_query_states([QUERY_STATE])
     assert dut._place == 0
 
 
@@ -154,26 +154,26 @@ def result(outcome, time=2.34, reason="drive fault: no current"):
     ("outcome", "stuck", "text"),
     [
         (Outcome.INSERTED, None, "inserted in 2.3 s"),
-        (Outcome.INSERTED, SITUATION, "stuck at 4.0 mm, inserted in 2.3 s"),
-        (Outcome.JAMMED, SITUATION, "stuck at 4.0 mm"),
-        (Outcome.TIME_OVER, SITUATION, "stuck at 4.0 mm"),
-        (Outcome.FAULT, SITUATION, "stuck at 4.0 mm, drive fault: no current"),
+        (Outcome.INSERTED, QUERY_STATE, "stuck at 4.0 mm, inserted in 2.3 s"),
+        (Outcome.JAMMED, QUERY_STATE, "stuck at 4.0 mm"),
+        (Outcome.TIME_OVER, QUERY_STATE, "stuck at 4.0 mm"),
+        (Outcome.FAULT, QUERY_STATE, "stuck at 4.0 mm, drive fault: no current"),
     ],
 )
 def test_a_trial_is_told_in_a_few_words(outcome, stuck, text):
     assert course(result(outcome), stuck) == text
 
 
-def test_a_situation_is_told_with_depth_tilt_and_state():
+def test_a_query_state_is_told_with_depth_tilt_and_state():
     assert describe(OTHER) == "stuck at 6.0 mm, 1.3°, against the wall"
 
 
-def test_a_demonstration_that_cannot_be_written_leaves_its_situation_open(dut, page, monkeypatch):
+def test_a_demonstration_that_cannot_be_written_leaves_its_query_state_open(dut, page, monkeypatch):
     def fail(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("interfaces.live.session.write_demonstration", fail)
-    dut._asked = [SITUATION]
+    dut._asked = [QUERY_STATE]
     assert dut._keep(judged(True)) is False
     assert dut._is_complete() is False
     assert dut.kept == []

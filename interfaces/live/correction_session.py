@@ -1,4 +1,4 @@
-"""One sitting on the live page: a skill practises, a person shows what it could not do, and sees it do that."""
+"""A live correction session: a skill practises, a person shows what it could not do, and sees it do that."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from types import FrameType
 
 import numpy as np
 
-from experiments.recovery import StuckTrial, find_situation, practice_trial
+from experiments.corrections import StuckTrial, find_query_state, practice_trial
 from experiments.trial_result import TrialResult
 from interfaces.live.buttons import MOTION_HELP, SESSION_HELP, START
 from interfaces.live.page import LivePage
@@ -25,7 +25,7 @@ from models.scenario import Scenario
 from skill.data.demonstration import Demonstration
 from skill.data.outcome import Outcome
 from skill.policy import RigPolicy
-from skill.practice.situation import Situation
+from skill.practice.query_state import QueryState
 
 SKIP, SKIP_KEY = "skip the pose (N)", "KeyN"
 SKIP_HELP = (["N"], "skip the pose")
@@ -35,11 +35,11 @@ class PersonLeftError(Exception):
     """The person has quit or stays away."""
 
 
-class RecoverySitting(LiveSession):
-    """The page of one sitting, from the practice of a skill to the trials of the next.
+class CorrectionSession(LiveSession):
+    """The page of one live correction session, from the practice of a skill to the trials of the next.
 
-    It is a `LiveSession` whose demonstrations begin in the situations that `show_situations` gets. A situation is done
-    when the person has kept a good demonstration of it, or skips it.
+    It is a `LiveSession` whose demonstrations begin in the query states that `show_query_states` gets. A query state is
+    done when the person has kept a good demonstration of it, or skips it.
 
     Args:
         scenario: of the demonstrations, with ranges.
@@ -59,7 +59,7 @@ class RecoverySitting(LiveSession):
         absence_limit: float = 120.0,
     ) -> None:
         self._scenario, self._seed = scenario, seed
-        self._asked: Sequence[Situation] = []
+        self._asked: Sequence[QueryState] = []
         self._place = 0
         self._is_shown = self._is_announced = False
         super().__init__(
@@ -138,17 +138,17 @@ class RecoverySitting(LiveSession):
 
     # ------------------------------------------------------- demonstrations
 
-    def show_situations(self, situations: Sequence[Situation]) -> None:
-        """Lets the person show situations, one after another.
+    def show_query_states(self, query_states: Sequence[QueryState]) -> None:
+        """Lets the person show query states, one after another.
 
         Raises:
             PersonLeftError: if the person quits or stays away before all are done.
-            ValueError: if a demonstration cannot begin in a situation.
+            ValueError: if a demonstration cannot begin in a query state.
         """
-        self._asked, self._place = situations, 0
+        self._asked, self._place = query_states, 0
         self._is_shown = self._is_announced = False
-        for place in range(len(situations)):  # all are checked before the first
-            self._situation_scenario(place, 0)
+        for place in range(len(query_states)):  # all are checked before the first
+            self._query_state_scenario(place, 0)
         self._buttons.forget_clicks()
         self._forget_skips()
         self.run()
@@ -157,14 +157,14 @@ class RecoverySitting(LiveSession):
 
     def _start(self, number: int) -> Scenario:
         if self._place < len(self._asked):
-            return self._situation_scenario(self._place, number)
+            return self._query_state_scenario(self._place, number)
         return live_scenario(self._scenario, seed=self._seed, number=number)
 
-    def _situation_scenario(self, place: int, number: int) -> Scenario:
+    def _query_state_scenario(self, place: int, number: int) -> Scenario:
         return asked_scenario(self._scenario, [self._asked[place]], seed=self._seed, number=number)
 
     def _is_complete(self) -> bool:
-        """Whether all situations are done. Goes on to the next situation, and says which one it is."""
+        """Whether all query states are done. Goes on to the next query state, and says which one it is."""
         if self._is_shown or self._forget_skips():
             self._place += 1
             self._is_shown = self._is_announced = False
@@ -208,7 +208,7 @@ class RecoverySitting(LiveSession):
         Raises:
             PersonLeftError: if the person quits or stays away.
         """
-        number, before = stuck.situation.trial, course(stuck.result, stuck.situation)
+        number, before = stuck.query_state.trial, course(stuck.result, stuck.query_state)
         resolved, told = practice_trial(scenario, number), -math.inf
 
         def tell(now: float, load: float) -> None:
@@ -224,7 +224,7 @@ class RecoverySitting(LiveSession):
         if trial is None:
             raise PersonLeftError
         result, run = trial.record(policy)
-        now = find_situation(run, resolved, number=number, inserted=result.inserted)
+        now = find_query_state(run, resolved, number=number, inserted=result.inserted)
         self._say(f"{title}: {course(result, now)}; before: {before}. Space: {then}")
         self._buttons.forget_clicks()
         while not self._buttons.clicked(START):
@@ -234,13 +234,13 @@ class RecoverySitting(LiveSession):
             time.sleep(IDLE_PERIOD)
 
 
-def describe(situation: Situation) -> str:
+def describe(query_state: QueryState) -> str:
     """Returns where a skill was stuck, for the page: depth, tilt and contact state."""
-    tilt = math.degrees(np.hypot(*situation.tilt))
-    return f"stuck at {1e3 * situation.depth:.1f} mm, {tilt:.1f}°, {situation.state}"
+    tilt = math.degrees(np.hypot(*query_state.tilt))
+    return f"stuck at {1e3 * query_state.depth:.1f} mm, {tilt:.1f}°, {query_state.state}"
 
 
-def course(result: TrialResult, stuck: Situation | None) -> str:
+def course(result: TrialResult, stuck: QueryState | None) -> str:
     """Returns how a trial went, for the page: where it was stuck first, if it was, and how it ended, if not there."""
     parts = [] if stuck is None else [f"stuck at {1e3 * stuck.depth:.1f} mm"]
     if result.inserted:

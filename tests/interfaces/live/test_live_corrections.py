@@ -1,30 +1,30 @@
-"""`recover --live`: a real page in a real browser, and the command in a process of its own."""
+"""`correct --live`: a real page in a real browser, and the command in a process of its own."""
 
 import time
 
 import numpy as np
 import pytest
 
+from experiments.corrections import ask, demonstrate_correction
 from experiments.outputs.folder_lock import LOCK_NAME
-from experiments.recovery import ask, demonstrate_recovery
 from models.scenario import dump_scenario, load_scenario
-from scripts.live_recovery_session import begins_in
-from scripts.recovery_session import RecoveryPlan
+from scripts.correction_session import CorrectionPlan
+from scripts.live_correction_session import begins_in
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
 from tests.campaign import children, process_key
 from tests.interfaces.live.live_session import press, served, text_of, wait_for_text
 from tests.interfaces.live.people import insert
 from tests.interfaces.live.test_session import keep_picture
+from tests.query_states import write_stuck_skill
 from tests.quick_scenario import make_quick_scenario
-from tests.situations import write_stuck_skill
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory, demonstration_folder):
-    folder = tmp_path_factory.mktemp("sitting")
+    folder = tmp_path_factory.mktemp("correction_session")
     write_stuck_skill(folder, demonstration_folder, time_limit=3.0)
     return folder
 
@@ -33,8 +33,8 @@ def sit(place, tmp_path, demonstration_folder, *, practice=1):
     """Runs the command; it writes into ``tmp_path``."""
     return served(
         tmp_path,
-        *("scripts.recover", "--live", "--skill", place / "straight.npz", "--demonstrations", demonstration_folder),
-        *("--out", tmp_path / "better.npz", "--recoveries", tmp_path / "live", "--scenario", place / "quick.yaml"),
+        *("scripts.correct", "--live", "--skill", place / "straight.npz", "--demonstrations", demonstration_folder),
+        *("--out", tmp_path / "better.npz", "--corrections", tmp_path / "live", "--scenario", place / "quick.yaml"),
         *("--practice", practice, "--most", 1, "--jobs", 2),
     )
 
@@ -64,7 +64,7 @@ def test_a_skill_practises_is_shown_learns_and_performs_on_one_page(place, tmp_p
             assert [path.name for path in out.glob("*.parquet")] == ["000_good_live.parquet"]
             wait_for_text(page, "status", "the skill learns from what you have shown: [0-9]+ s")
             wait_for_text(page, "status", "rig 1 of 1: [0-9.]+ s, load [0-9]+ N; before: stuck at")
-            keep_picture(page, "recovery")
+            keep_picture(page, "correction")
             assert float(text_of(page, "contact-limit").removesuffix(" N")) > 0.0
             assert text_of(page, "skill-state")
             wait_for_text(
@@ -78,8 +78,8 @@ def test_a_skill_practises_is_shown_learns_and_performs_on_one_page(place, tmp_p
     learnt = ManipulationSkill.load(tmp_path / "better.npz")
     assert learnt.metadata_["demonstrations"] == len(read_demonstrations(demonstration_folder)) + 1
     with sit(place, tmp_path, demonstration_folder) as session, session.page() as page:
-        session.wait_for("live holds 1 recoveries, 1 good; the skill learns from them too")
-        session.wait_for("1 of 1 situations are shown already")
+        session.wait_for("live holds 1 corrections, 1 good; the skill learns from them too")
+        session.wait_for("1 of 1 query states are shown already")
         wait_for_text(page, "status", "rig 1 of 1: inserted")
         press(page, "q")
         assert session.process.wait(30) == 0
@@ -101,12 +101,12 @@ def test_to_quit_during_practice_leaves_no_process_and_no_file(place, tmp_path, 
     assert not (tmp_path / "live" / LOCK_NAME).exists()
 
 
-def test_a_recording_begins_in_the_situation_that_it_was_made_for(place, demonstration_folder):
+def test_a_recording_begins_in_the_query_state_that_it_was_made_for(place, demonstration_folder):
     scenario = load_scenario(place / "quick.yaml")
     skill = ManipulationSkill.load(place / "straight.npz")
-    plan = RecoveryPlan(rounds=1, trials=2, most=2, seed=0)
-    one, other = (situation for _, situation in ask(scenario, skill, plan.numbers(1), jobs=1))
-    shown = demonstrate_recovery(scenario, one, number=0, seed=5)
+    plan = CorrectionPlan(rounds=1, trials=2, most=2, seed=0)
+    one, other = (query_state for _, query_state in ask(scenario, skill, plan.numbers(1), jobs=1))
+    shown = demonstrate_correction(scenario, one, number=0, seed=5)
     assert begins_in(shown, one, scenario)
     assert not begins_in(shown, other, scenario)
     assert not begins_in(read_demonstrations(demonstration_folder)[0], one, scenario)
@@ -116,8 +116,8 @@ def test_a_skill_that_is_never_stuck_is_saved_as_it_is(tmp_path, demonstration_f
     scenario = make_quick_scenario()
     scenario.start.tilt = [0.0, 0.0]
     (tmp_path / "easy.yaml").write_text(dump_scenario(scenario))
-    command = ("scripts.recover", "--live", "--skill", skill_file, "--demonstrations", demonstration_folder)
-    files = ("--out", tmp_path / "same.npz", "--recoveries", tmp_path / "live", "--scenario", tmp_path / "easy.yaml")
+    command = ("scripts.correct", "--live", "--skill", skill_file, "--demonstrations", demonstration_folder)
+    files = ("--out", tmp_path / "same.npz", "--corrections", tmp_path / "live", "--scenario", tmp_path / "easy.yaml")
     with served(tmp_path, *command, *files, "--practice", 1, "--jobs", 1) as session:
         session.wait_for("never stuck in 1 practice trials: nothing has to be shown")
         assert session.process.wait(30) == 0

@@ -5,16 +5,16 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from experiments import recovery
-from experiments.demonstration_set import OPERATORS, Request, demonstrate
-from experiments.recovery import (
+from experiments import corrections
+from experiments.corrections import (
     LIFT,
     ask,
-    demonstrate_recovery,
-    find_situation,
+    correction_scenario,
+    demonstrate_correction,
+    find_query_state,
     practice_trial,
-    recovery_scenario,
 )
+from experiments.demonstration_set import OPERATORS, Request, demonstrate
 from experiments.trial import trial_scenario
 from models.scenario import parse_scenario
 from skill.features.measurement import contact_load
@@ -22,7 +22,7 @@ from skill.policy import Action
 from systems.control.policy import ControlLaw
 from systems.rig import MakeRig
 from systems.virtual_environment import start_pose
-from tests.situations import SITUATION
+from tests.query_states import QUERY_STATE
 from tests.trajectories import STATE_NAMES, make_rig_run
 
 REFUSED = ValueError("moments look like N mm")
@@ -38,7 +38,7 @@ class Push(ControlLaw):
 def test_a_policy_is_stuck_where_the_first_back_off_begins(quick_scenario):
     run, resolved = make_rig_run(), practice_trial(quick_scenario, 12)
     row = run.samples[run.samples["guard"] > 0].iloc[0]
-    found = find_situation(run, resolved, number=12, inserted=True)
+    found = find_query_state(run, resolved, number=12, inserted=True)
     assert found.trial == 12
     assert (found.time, found.depth) == (row["time"], row["depth"])
     assert found.tilt == (-row["pitch"], -row["yaw"])
@@ -50,24 +50,24 @@ def test_a_policy_is_stuck_where_the_first_back_off_begins(quick_scenario):
 def test_a_run_without_a_back_off_was_stuck_at_its_end_unless_it_inserted(quick_scenario):
     run = make_rig_run()
     run = replace(run, samples=run.samples.assign(guard=0.0))
-    assert find_situation(run, quick_scenario, number=1, inserted=True) is None
-    found = find_situation(run, quick_scenario, number=1, inserted=False)
+    assert find_query_state(run, quick_scenario, number=1, inserted=True) is None
+    found = find_query_state(run, quick_scenario, number=1, inserted=False)
     assert found.depth == run.samples["depth"].iloc[-1]
 
 
 def test_a_back_off_in_the_first_sample_counts(quick_scenario):
     run = make_rig_run()
     run = replace(run, samples=run.samples.assign(guard=1.0))
-    assert find_situation(run, quick_scenario, number=1, inserted=True).time == 0.0
+    assert find_query_state(run, quick_scenario, number=1, inserted=True).time == 0.0
 
 
-def test_a_recovery_has_the_pivot_and_the_friction_of_the_practice_trial(quick_scenario):
-    found = recovery_scenario(quick_scenario, SITUATION, seed=5, person=21)
-    assert found.rig.pivot_height == SITUATION.pivot_height
-    assert found.contact.friction == SITUATION.friction
-    assert found.start.tilt == list(SITUATION.tilt)
-    assert found.start.tip_height == pytest.approx(LIFT - SITUATION.depth)
-    again = recovery_scenario(quick_scenario, SITUATION, seed=6, person=21)
+def test_a_correction_has_the_pivot_and_the_friction_of_the_practice_trial(quick_scenario):
+    found = correction_scenario(quick_scenario, QUERY_STATE, seed=5, person=21)
+    assert found.rig.pivot_height == QUERY_STATE.pivot_height
+    assert found.contact.friction == QUERY_STATE.friction
+    assert found.start.tilt == list(QUERY_STATE.tilt)
+    assert found.start.tip_height == pytest.approx(LIFT - QUERY_STATE.depth)
+    again = correction_scenario(quick_scenario, QUERY_STATE, seed=6, person=21)
     assert again.operator == found.operator  # the same person ...
     assert again.seed != found.seed  # ... with other noise
 
@@ -76,20 +76,20 @@ def test_practice_trials_differ_from_all_other_trials(quick_scenario):
     assert practice_trial(quick_scenario, 4).start.tilt != trial_scenario(quick_scenario, number=4).start.tilt
 
 
-def test_above_the_mouth_a_recovery_begins_at_the_usual_height(quick_scenario):
-    high = replace(SITUATION, depth=0.5 * LIFT)
-    found = recovery_scenario(quick_scenario, high, seed=5, person=21)
+def test_above_the_mouth_a_correction_begins_at_the_usual_height(quick_scenario):
+    high = replace(QUERY_STATE, depth=0.5 * LIFT)
+    found = correction_scenario(quick_scenario, high, seed=5, person=21)
     assert found.start.tip_height == quick_scenario.start.height
 
 
-def test_the_operator_of_a_recovery_is_one_of_the_set(quick_scenario):
+def test_the_operator_of_a_correction_is_one_of_the_set(quick_scenario):
     shown = demonstrate(quick_scenario, Request(4, "expert", True), seed=2)
-    found = recovery_scenario(quick_scenario, SITUATION, seed=5, person=2 * OPERATORS + 4)
+    found = correction_scenario(quick_scenario, QUERY_STATE, seed=5, person=2 * OPERATORS + 4)
     assert shown.metadata["operator"] == 2 * OPERATORS + 4
     assert parse_scenario(shown.metadata["scenario"], "test").operator == found.operator
 
 
-def test_a_recovery_begins_in_the_pose_in_which_the_rig_was_stuck(quick_scenario):
+def test_a_correction_begins_in_the_pose_in_which_the_rig_was_stuck(quick_scenario):
     """The pose of the peg in the hole on the rig, which turns the hole, and in the virtual environment, which turns the
     peg: equal but for the lift along the axis and the compliance of the mount."""
     quick_scenario.start.tilt = [0.012, -0.02]
@@ -104,8 +104,8 @@ def test_a_recovery_begins_in_the_pose_in_which_the_rig_was_stuck(quick_scenario
     depth = -X_HP.translation()[2]
     assert depth > LIFT
     tilt = (-float(samples["pitch"].iloc[-1]), -float(samples["yaw"].iloc[-1]))
-    stuck = replace(SITUATION, depth=depth, tilt=tilt, pivot_height=rig_scenario.rig.pivot_height)
-    X_start = start_pose(recovery_scenario(quick_scenario, stuck, seed=0))
+    stuck = replace(QUERY_STATE, depth=depth, tilt=tilt, pivot_height=rig_scenario.rig.pivot_height)
+    X_start = start_pose(correction_scenario(quick_scenario, stuck, seed=0))
     np.testing.assert_allclose(X_start.rotation().col(2), X_HP.rotation().col(2), atol=5e-5)
     lifted = X_HP.translation() + LIFT * X_HP.rotation().col(2)
     np.testing.assert_allclose(X_start.translation(), lifted, atol=2e-5)
@@ -118,7 +118,7 @@ def test_the_scenario_of_a_rig_does_not_begin_inside_the_hole(quick_scenario):
 
 
 class Recorded:
-    """The part of a demonstration that `demonstrate_recovery` judges."""
+    """The part of a demonstration that `demonstrate_correction` judges."""
 
     def __init__(self, *, good):
         self.good, self.metadata = good, {}
@@ -137,7 +137,7 @@ def attempts(monkeypatch):
                 raise REFUSED
             return Recorded(good=end)
 
-        monkeypatch.setattr(recovery, "run_demonstration", run)
+        monkeypatch.setattr(corrections, "run_demonstration", run)
 
     return end_as
 
@@ -148,29 +148,29 @@ def attempts(monkeypatch):
 )
 def test_an_attempt_that_no_file_may_hold_is_repeated(quick_scenario, attempts, ends, good, number):
     attempts(*ends)
-    shown = demonstrate_recovery(quick_scenario, SITUATION, number=0, seed=0)
+    shown = demonstrate_correction(quick_scenario, QUERY_STATE, number=0, seed=0)
     assert (shown.good, shown.metadata["attempts"]) == (good, number)
 
 
 def test_if_no_file_may_hold_any_attempt_the_error_says_why(quick_scenario, attempts):
     attempts(REFUSED)
-    with pytest.raises(ValueError, match=r"recovery 0: none of 5 attempts can be kept \(moments look like N mm\)"):
-        demonstrate_recovery(quick_scenario, SITUATION, number=0, seed=0)
+    with pytest.raises(ValueError, match=r"correction 0: none of 5 attempts can be kept \(moments look like N mm\)"):
+        demonstrate_correction(quick_scenario, QUERY_STATE, number=0, seed=0)
 
 
 @pytest.mark.slow
 def test_a_policy_asks_where_it_was_stuck_and_an_operator_recovers(quick_scenario):
     quick_scenario.start.tilt = [0.04, -0.03]
     quick_scenario.trial.time_limit = 1.5
-    (result, situation), *_ = ask(quick_scenario, Push(), [7], jobs=1)
+    (result, query_state), *_ = ask(quick_scenario, Push(), [7], jobs=1)
     assert not result.inserted
-    assert situation.trial == 7
-    assert situation.depth > 5e-4
-    assert math.hypot(*situation.tilt) == pytest.approx(0.05, abs=5e-3)
-    shown = demonstrate_recovery(quick_scenario, situation, number=2, seed=1)
+    assert query_state.trial == 7
+    assert query_state.depth > 5e-4
+    assert math.hypot(*query_state.tilt) == pytest.approx(0.05, abs=5e-3)
+    shown = demonstrate_correction(quick_scenario, query_state, number=2, seed=1)
     assert shown.good
-    assert shown.samples["z"].iloc[0] == pytest.approx(LIFT - situation.depth, abs=1e-4)
-    assert shown.metadata["recovery"] == situation.record()
+    assert shown.samples["z"].iloc[0] == pytest.approx(LIFT - query_state.depth, abs=1e-4)
+    assert shown.metadata["correction"] == query_state.record()
     assert shown.metadata["operator"] == OPERATORS + 2
-    again = demonstrate_recovery(quick_scenario, situation, number=2, seed=1)
+    again = demonstrate_correction(quick_scenario, query_state, number=2, seed=1)
     np.testing.assert_array_equal(again.samples, shown.samples)

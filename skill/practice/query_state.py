@@ -1,4 +1,4 @@
-"""The situations in which a policy was stuck, and the file that holds them."""
+"""The query states in which a policy was stuck, and the file that holds them."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ MAX_SIZE = 10_000_000  # bytes of a file
 
 
 @dataclass(frozen=True)
-class Situation:
+class QueryState:
     """Where a policy was stuck.
 
-    The rig does not know pivot and friction; the simulation does, and a recovery needs them to meet the same contact.
+    The rig does not know pivot and friction; the simulation does, and a correction needs them to meet the same contact.
 
     Attributes:
         trial: number of the practice trial.
@@ -55,7 +55,7 @@ class Situation:
         names = [field.name for field in fields(cls)]
         if not isinstance(record, dict) or sorted(record) != sorted(names):
             found = sorted(record) if isinstance(record, dict) else type(record).__name__
-            raise ValueError(f"a situation is {found}, expected an object with {names}")
+            raise ValueError(f"a query state is {found}, expected an object with {names}")
         tilt = record["tilt"]
         if not (isinstance(tilt, list) and len(tilt) == 2):
             raise ValueError(f"tilt is {tilt!r}, expected two numbers in rad")
@@ -67,18 +67,18 @@ class Situation:
         return cls(**record | {"tilt": (float(tilt[0]), float(tilt[1]))})
 
 
-def read_situations(path: Path) -> list[Situation]:
-    """Reads a file of `write_json` with the records of situations.
+def read_query_states(path: Path) -> list[QueryState]:
+    """Reads a file of `write_json` with the records of query states.
 
     Raises:
-        ValueError: if the file is missing, too large, or holds no or other situations. The message names it.
+        ValueError: if the file is missing, too large, or holds no or other query states. The message names it.
     """
     try:
         content = json.loads(read_bounded(path, MAX_SIZE))
         if not (isinstance(content, list) and content):
-            raise ValueError("expected a list with at least one situation")
-        return [Situation.from_record(record) for record in content]
+            raise ValueError("expected a list with at least one query state")
+        return [QueryState.from_record(record) for record in content]
     except FileNotFoundError:
-        raise ValueError(f"{path}: no such file; `haptic-skill recover --ask --json {path}` writes one") from None
+        raise ValueError(f"{path}: no such file; `haptic-skill correct --ask --json {path}` writes one") from None
     except (OSError, ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: no situations of this program ({one_line(error)})") from error
+        raise ValueError(f"{path}: no query states of this program ({one_line(error)})") from error

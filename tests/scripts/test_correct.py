@@ -1,4 +1,4 @@
-"""The command recover: what it asks for, its files, and how it goes on."""
+"""The command correct: what it asks for, its files, and how it goes on."""
 
 import json
 import shutil
@@ -9,10 +9,10 @@ import pytest
 from models.scenario import dump_scenario
 from skill.data.demonstration import read_demonstrations, write_demonstration
 from skill.manipulation_skill import ManipulationSkill
-from skill.practice.situation import read_situations
+from skill.practice.query_state import read_query_states
+from tests.query_states import write_stuck_skill
 from tests.quick_scenario import make_quick_scenario
 from tests.scripts.commands import error_line, files, invoke
-from tests.situations import write_stuck_skill
 
 pytestmark = pytest.mark.slow
 
@@ -20,51 +20,51 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def place(tmp_path_factory, demonstration_folder):
     """A folder with a scenario, and a skill that gets stuck: it has learnt feeds, but no turns."""
-    folder = tmp_path_factory.mktemp("recover")
+    folder = tmp_path_factory.mktemp("correct")
     write_stuck_skill(folder, demonstration_folder)
     return folder
 
 
-def recover(place, demonstration_folder, *more, skill="straight.npz", out="recovered.npz"):
+def correct(place, demonstration_folder, *more, skill="straight.npz", out="corrected.npz"):
     return invoke(
-        "recover",
+        "correct",
         *("--skill", place / skill, "--demonstrations", demonstration_folder, "--out", place / out),
-        *("--recoveries", place / "recoveries", "--scenario", place / "quick.yaml"),
+        *("--corrections", place / "corrections", "--scenario", place / "quick.yaml"),
         *("--rounds", 1, "--practice", 3, "--most", 2, "--jobs", 1, *more),
     )
 
 
 @pytest.fixture(scope="module")
-def recovered(place, demonstration_folder):
-    done = recover(place, demonstration_folder)
+def corrected(place, demonstration_folder):
+    done = correct(place, demonstration_folder)
     assert done.exit_code == 0, done.output
     return done.output
 
 
 def test_ask_says_what_it_wants_shown_and_writes_nothing(place, demonstration_folder):
     before = sorted(place.rglob("*"))
-    done = recover(place, demonstration_folder, "--ask")
+    done = correct(place, demonstration_folder, "--ask")
     assert done.exit_code == 0, done.output
     assert "the skill asks to be shown" in done.output
     assert sorted(place.rglob("*")) == before
 
 
-def test_the_recoveries_are_a_set_of_demonstrations(recovered, place):
-    folder = place / "recoveries" / "round_1"
-    assert files(folder) == ["000_recovery_expert.parquet", "001_recovery_novice.parquet", "index.json"]
+def test_the_corrections_are_a_set_of_demonstrations(corrected, place):
+    folder = place / "corrections" / "round_1"
+    assert files(folder) == ["000_correction_expert.parquet", "001_correction_novice.parquet", "index.json"]
     shown = read_demonstrations(folder)
-    asked = json.loads((folder / "index.json").read_text())["request"]["situations"]
-    assert [d.metadata["recovery"] for d in shown] == asked
+    asked = json.loads((folder / "index.json").read_text())["request"]["query_states"]
+    assert [d.metadata["correction"] for d in shown] == asked
     for d in shown:
-        assert d.samples["z"].iloc[0] == pytest.approx(3e-4 - d.metadata["recovery"]["depth"], abs=1e-4)
-    assert "2 recoveries in" in recovered
+        assert d.samples["z"].iloc[0] == pytest.approx(3e-4 - d.metadata["correction"]["depth"], abs=1e-4)
+    assert "2 corrections in" in corrected
 
 
-def test_the_skill_has_learnt_from_them(recovered, place, demonstration_folder):
-    skill = ManipulationSkill.load(place / "recovered.npz")
+def test_the_skill_has_learnt_from_them(corrected, place, demonstration_folder):
+    skill = ManipulationSkill.load(place / "corrected.npz")
     demonstrations = read_demonstrations(demonstration_folder)
     assert skill.metadata_["demonstrations"] == len(demonstrations) + 2
-    shown = read_demonstrations(place / "recoveries" / "round_1")
+    shown = read_demonstrations(place / "corrections" / "round_1")
     assert set(skill.sources_[:, 0]) == {n for n, d in enumerate([*demonstrations, *shown]) if d.good}
 
 
@@ -74,8 +74,8 @@ def test_a_skill_that_plans_without_contexts_goes_on_so(place, demonstration_fol
     skill.metadata_["max_contexts"] = 1
     skill.planning_.samples_.Y[:] = 0.0  # no answer to any motion: it imitates a straight push, and gets stuck
     skill.save(place / "plan.npz")
-    more = ("--recoveries", tmp_path / "recoveries")
-    done = recover(place, demonstration_folder, *more, skill="plan.npz", out="planned.npz")
+    more = ("--corrections", tmp_path / "corrections")
+    done = correct(place, demonstration_folder, *more, skill="plan.npz", out="planned.npz")
     assert done.exit_code == 0, done.output
     learnt = ManipulationSkill.load(place / "planned.npz")
     assert learnt.metadata_["demonstrations"] > skill.metadata_["demonstrations"]
@@ -84,43 +84,45 @@ def test_a_skill_that_plans_without_contexts_goes_on_so(place, demonstration_fol
     assert learnt.contexts_ is None
 
 
-def test_a_second_call_keeps_the_recoveries_and_gives_the_same_skill(recovered, place, demonstration_folder):
-    recording = place / "recoveries" / "round_1" / "000_recovery_expert.parquet"
-    written, skill = recording.stat().st_mtime_ns, (place / "recovered.npz").read_bytes()
-    done = recover(place, demonstration_folder)
+def test_a_second_call_keeps_the_corrections_and_gives_the_same_skill(corrected, place, demonstration_folder):
+    recording = place / "corrections" / "round_1" / "000_correction_expert.parquet"
+    written, skill = recording.stat().st_mtime_ns, (place / "corrected.npz").read_bytes()
+    done = correct(place, demonstration_folder)
     assert done.exit_code == 0, done.output
-    assert "2 of 2 recoveries are there already" in done.output
+    assert "2 of 2 corrections are there already" in done.output
     assert recording.stat().st_mtime_ns == written
-    assert (place / "recovered.npz").read_bytes() == skill
+    assert (place / "corrected.npz").read_bytes() == skill
 
 
-def test_other_recoveries_are_replaced_only_when_asked(recovered, place, demonstration_folder):
-    done = recover(place, demonstration_folder, "--seed", 9, out="other.npz")
+def test_other_corrections_are_replaced_only_when_asked(corrected, place, demonstration_folder):
+    done = correct(place, demonstration_folder, "--seed", 9, out="other.npz")
     assert done.exit_code == 1
     assert "add --overwrite to replace them" in error_line(done)
     assert not (place / "other.npz").exists()
 
 
-def test_a_foreign_folder_of_recoveries_is_refused_before_anything_is_simulated(place, demonstration_folder, tmp_path):
-    foreign = tmp_path / "recoveries" / "round_1"
+def test_a_foreign_folder_of_corrections_is_refused_before_anything_is_simulated(place, demonstration_folder, tmp_path):
+    foreign = tmp_path / "corrections" / "round_1"
     foreign.mkdir(parents=True)
-    (foreign / "000_recovery_expert.parquet").write_text("my own notes")
-    done = recover(place, demonstration_folder, "--recoveries", tmp_path / "recoveries", out="other.npz")
+    (foreign / "000_correction_expert.parquet").write_text("my own notes")
+    done = correct(place, demonstration_folder, "--corrections", tmp_path / "corrections", out="other.npz")
     assert done.exit_code == 1
     assert str(foreign) in error_line(done)
     assert "practice trials" not in done.output
-    assert (foreign / "000_recovery_expert.parquet").read_text() == "my own notes"
+    assert (foreign / "000_correction_expert.parquet").read_text() == "my own notes"
     assert not (place / "other.npz").exists()
 
 
-def test_rounds_of_an_earlier_call_are_named_and_stay(recovered, place, demonstration_folder, tmp_path):
-    shutil.copytree(place / "recoveries", tmp_path / "recoveries")
-    stale = tmp_path / "recoveries" / "round_2"
-    shutil.copytree(tmp_path / "recoveries" / "round_1", stale)
-    done = recover(place, demonstration_folder, "--recoveries", tmp_path / "recoveries", "--overwrite", out="other.npz")
+def test_rounds_of_an_earlier_call_are_named_and_stay(corrected, place, demonstration_folder, tmp_path):
+    shutil.copytree(place / "corrections", tmp_path / "corrections")
+    stale = tmp_path / "corrections" / "round_2"
+    shutil.copytree(tmp_path / "corrections" / "round_1", stale)
+    done = correct(
+        place, demonstration_folder, "--corrections", tmp_path / "corrections", "--overwrite", out="other.npz"
+    )
     assert done.exit_code == 0, done.output
     assert "round_2 is of an earlier call" in " ".join(done.output.split())
-    assert files(stale) == files(tmp_path / "recoveries" / "round_1")
+    assert files(stale) == files(tmp_path / "corrections" / "round_1")
 
 
 def test_a_skill_that_is_never_stuck_is_written_unchanged(place, demonstration_folder, skill_file, tmp_path):
@@ -128,35 +130,35 @@ def test_a_skill_that_is_never_stuck_is_written_unchanged(place, demonstration_f
     scenario.start.tilt = [0.0, 0.0]
     (tmp_path / "easy.yaml").write_text(dump_scenario(scenario))
     done = invoke(
-        "recover",
+        "correct",
         *("--skill", skill_file, "--demonstrations", demonstration_folder, "--out", tmp_path / "same.npz"),
-        *("--recoveries", tmp_path / "recoveries", "--scenario", tmp_path / "easy.yaml"),
+        *("--corrections", tmp_path / "corrections", "--scenario", tmp_path / "easy.yaml"),
         *("--rounds", 2, "--practice", 1, "--jobs", 1),
     )
     assert done.exit_code == 0, done.output
     assert "nothing has to be shown" in done.output
     first, same = ManipulationSkill.load(skill_file), ManipulationSkill.load(tmp_path / "same.npz")
     np.testing.assert_array_equal(same.regressor_.y_, first.regressor_.y_)
-    assert not (tmp_path / "recoveries").exists()
+    assert not (tmp_path / "corrections").exists()
 
 
 def test_a_missing_folder_of_demonstrations_is_named_before_anything_is_simulated(place, tmp_path):
-    done = recover(place, tmp_path / "nowhere")
+    done = correct(place, tmp_path / "nowhere")
     assert done.exit_code == 1
     assert "nowhere: no demonstrations (*.parquet) found" in error_line(done)
 
 
 def test_what_it_asks_for_can_be_shown_by_a_person(place, demonstration_folder):
-    done = recover(place, demonstration_folder, "--ask", "--json", place / "asked.json")
+    done = correct(place, demonstration_folder, "--ask", "--json", place / "asked.json")
     assert done.exit_code == 0, done.output
-    situations = read_situations(place / "asked.json")
-    assert f"{len(situations)} situations in" in done.output
-    assert 1 <= len(situations) <= 2
+    query_states = read_query_states(place / "asked.json")
+    assert f"{len(query_states)} query states in" in done.output
+    assert 1 <= len(query_states) <= 2
     (place / "asked.json").unlink()
 
 
-def test_a_file_of_situations_needs_the_question(place, demonstration_folder):
-    done = recover(place, demonstration_folder, "--json", place / "asked.json")
+def test_a_file_of_query_states_needs_the_question(place, demonstration_folder):
+    done = correct(place, demonstration_folder, "--json", place / "asked.json")
     assert done.exit_code == 2
     assert "--json needs --ask" in done.stderr
 
@@ -170,16 +172,16 @@ def test_a_file_of_situations_needs_the_question(place, demonstration_folder):
     ],
 )
 def test_options_that_do_not_fit_together_are_refused(place, demonstration_folder, options, message):
-    done = recover(place, demonstration_folder, *options)
+    done = correct(place, demonstration_folder, *options)
     assert done.exit_code == 2
     assert message in done.stderr
 
 
-def test_recoveries_of_another_peg_are_refused_before_the_page_opens(place, demonstration_folder, tmp_path):
+def test_corrections_of_another_peg_are_refused_before_the_page_opens(place, demonstration_folder, tmp_path):
     shown = read_demonstrations(demonstration_folder)[0]
     other = shown.metadata["geometry"] | {"hole_radius": 0.0102}
     shown.metadata["geometry"] = other
     write_demonstration(shown, tmp_path / "000_good_live.parquet")
-    done = recover(place, demonstration_folder, "--live", "--recoveries", tmp_path)
+    done = correct(place, demonstration_folder, "--live", "--corrections", tmp_path)
     assert "expected one geometry" in error_line(done)
     assert "in a browser" not in done.output
