@@ -13,20 +13,24 @@ RUN := "$(VENV)/bin/python" -m
 export OPENBLAS_NUM_THREADS := 1
 # The tested versions of all packages; another Python takes the newest that pyproject.toml allows.
 CONSTRAINTS := $(wildcard constraints/$(VERSION).txt)
-FAST := not slow and not browser
+FAST := not slow and not browser and not nightly
 # Types are checked with one set of stubs: those of NumPy 2.5, for newer Pythons, report errors in correct calls.
 MYPY := $(if $(filter 3.11,$(VERSION)),$(RUN) mypy,@echo "types: checked with Python 3.11 only")
 
-.PHONY: demo test test-fast lint mutants fuzz campaign bench sweeps docs release clean environment .venv system-packages
+.PHONY: demo test test-fast test-nightly lint mutants fuzz campaign bench sweeps docs release clean environment .venv system-packages
 
 demo: environment
 	$(RUN) scripts.demo $(ARGS)
 
 test: environment system-packages lint
-	$(RUN) pytest -n 2 $(TESTS)
+	$(RUN) pytest -n 2 -m "not nightly" $(TESTS)
 
 test-fast: environment
 	$(RUN) pytest -n 2 -m "$(FAST)"
+
+# What takes minutes or checks what changes rarely: damaged files, killed commands, mutants, wheel, site, whole sweeps.
+test-nightly: environment system-packages fuzz campaign mutants
+	$(RUN) pytest -n 2 -m nightly
 
 lint: environment
 	$(RUN) ruff check .

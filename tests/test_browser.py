@@ -18,6 +18,7 @@ def test_shaded_background_counts_as_blank():
     assert blankness(picture).drawn == pytest.approx(50 * 60 / (200 * 300))
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_console_errors_and_requests_are_reported(tmp_path):
     page = tmp_path / "page.html"

@@ -13,6 +13,7 @@ from tests.campaign_folders import RecordLane, marks
 from tests.trajectories import make_demonstration
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_ten_kills_lose_nothing():
     counts, faults = run(number=10, seed=1, jobs=1)

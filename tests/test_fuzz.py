@@ -32,12 +32,14 @@ def defects(trials, kinds):
     return [t for t in trials if t.kind in kinds and t.outcome not in fuzz.GOOD]
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_no_change_of_a_file_is_a_defect(trials):
     assert sorted(t.number for t in trials) == list(range(NUMBER))
     assert defects(trials, set(fuzz.KINDS) - {"scenario"}) == []
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_no_change_of_a_scenario_is_a_defect(trials):
     assert defects(trials, {"scenario"}) == []
@@ -54,6 +56,7 @@ def silent_changes(folder, kind, number=150):
     return outcomes.count("silent change")
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_without_the_digest_it_finds_silent_changes(folder, monkeypatch):
     assert silent_changes(folder, "recording") == 0
@@ -61,6 +64,7 @@ def test_without_the_digest_it_finds_silent_changes(folder, monkeypatch):
     assert silent_changes(folder, "recording") > 0
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_without_the_checksums_of_pages_either_numbers_change_silently(folder, monkeypatch):
     monkeypatch.setattr(tables, "is_sealed", lambda data: True)
@@ -130,6 +134,7 @@ def crashes(number, seed, folder):
     return fuzz.Trial(number, "run", "none", "refused")
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_process_that_crashes_or_hangs_is_a_defect_and_the_others_go_on(monkeypatch):
     monkeypatch.setattr(fuzz, "attempt", crashes)

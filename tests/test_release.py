@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from models.scenario import dump_scenario
-from tests.test_architecture import ROOT, tracked
+from tests.checkout import ROOT, copy_checkout
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.nightly]
 
 
 def run(*command, cwd):
@@ -23,11 +23,7 @@ def run(*command, cwd):
 def test_a_wheel_installs_and_inserts_with_the_skill_that_it_ships(skill_file, quick_scenario, tmp_path):
     sources, outside = tmp_path / "sources", tmp_path / "outside"
     outside.mkdir()
-    for path in tracked():
-        if path.is_file() and not path.is_relative_to(ROOT / "tests"):
-            copy = sources / path.relative_to(ROOT)
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, copy)
+    copy_checkout(sources, without=("tests",))
     shutil.copyfile(skill_file, sources / "skill" / "default_skill.npz")
     run(sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", tmp_path, sources, cwd=outside)
     (wheel,) = tmp_path.glob("*.whl")

@@ -7,6 +7,7 @@ import pytest
 from benchmarks.haptics import live_session
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 @pytest.mark.browser
 def test_nothing_is_lost_when_the_tab_closes_the_machine_sleeps_and_the_servo_dies(tmp_path, monkeypatch):

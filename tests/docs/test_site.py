@@ -1,16 +1,15 @@
 """The site of the documentation: its pages, links and reference, and the tutorials as scripts."""
 
 import os
-import shutil
 import subprocess
 import sys
 from importlib.util import find_spec
 
 import pytest
 
-from tests.test_architecture import ROOT, tracked
+from tests.checkout import ROOT, copy_checkout
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.nightly]
 
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("plot_*.py"))
 
@@ -33,11 +32,7 @@ def test_a_tutorial_runs(tutorial, tmp_path):
 @pytest.mark.skipif(find_spec("sphinx") is None, reason="needs Sphinx, the extra [docs]")
 def test_the_site_has_no_broken_link_and_no_warning(tmp_path):
     """Tutorials and notebooks are not run: the first have a test of their own, ``make docs`` runs both."""
-    for path in tracked():
-        if path.is_file():
-            copy = tmp_path / path.relative_to(ROOT)
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, copy)
+    copy_checkout(tmp_path)
     options = ["-D", "plot_gallery=0", "-D", "nb_execution_mode=off", "--fail-on-warning", "--keep-going", "--quiet"]
     command = [sys.executable, "-m", "sphinx", *options, "docs", "site"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)

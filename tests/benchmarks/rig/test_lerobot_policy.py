@@ -6,7 +6,9 @@ import pytest
 from skill.policy import Action
 from tests.trajectories import make_demonstration
 
-pytestmark = [pytest.mark.lerobot, pytest.mark.slow]
+pytest.importorskip("lerobot", reason="needs the extra [lerobot]")
+
+pytestmark = [pytest.mark.nightly, pytest.mark.slow]
 
 
 @pytest.fixture

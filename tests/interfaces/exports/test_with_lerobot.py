@@ -11,7 +11,9 @@ import pytest
 
 from tests.interfaces.exports.datasets import exported, write_demonstrations, write_runs
 
-pytestmark = [pytest.mark.lerobot, pytest.mark.slow]
+pytest.importorskip("lerobot", reason="needs the extra [lerobot]")
+
+pytestmark = [pytest.mark.nightly, pytest.mark.slow]
 
 
 @pytest.fixture(scope="module", params=[write_demonstrations, write_runs])

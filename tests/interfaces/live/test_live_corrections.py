@@ -43,6 +43,7 @@ def hole(picture):
     return picture[300:420, 400:700].astype(int)
 
 
+@pytest.mark.browser
 def test_a_skill_practises_is_shown_learns_and_performs_on_one_page(place, tmp_path, demonstration_folder):
     """The tab is closed once in the middle, and the command is given again at the end."""
     out = tmp_path / "live"
@@ -85,6 +86,7 @@ def test_a_skill_practises_is_shown_learns_and_performs_on_one_page(place, tmp_p
         assert session.process.wait(30) == 0
 
 
+@pytest.mark.browser
 def test_to_quit_during_practice_leaves_no_process_and_no_file(place, tmp_path, demonstration_folder):
     with sit(place, tmp_path, demonstration_folder, practice=200) as session, session.page() as page:
         wait_for_text(page, "status", "the skill practises: [1-9][0-9]* of 200 trials done, stuck in [0-9]+")
@@ -112,6 +114,7 @@ def test_a_recording_begins_in_the_query_state_that_it_was_made_for(place, demon
     assert not begins_in(read_demonstrations(demonstration_folder)[0], one, scenario)
 
 
+@pytest.mark.browser
 def test_a_skill_that_is_never_stuck_is_saved_as_it_is(tmp_path, demonstration_folder, skill_file):
     scenario = make_quick_scenario()
     scenario.start.tilt = [0.0, 0.0]

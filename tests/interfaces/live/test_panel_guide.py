@@ -40,6 +40,7 @@ def say(panel, *, phase, load=0.0, **options):
     panel.feed(phase=phase, contact=contact(load))
 
 
+@pytest.mark.browser
 def test_the_guide_recognises_each_step_and_says_how_to_keep_the_demonstration(panel):
     panel.screen(*DESKTOP)
     say(panel, phase="ready", depth=-0.002, tilt=(2.0, -1.0))
@@ -70,6 +71,7 @@ def test_the_guide_recognises_each_step_and_says_how_to_keep_the_demonstration(p
     assert not panel.is_shown("guide")
 
 
+@pytest.mark.browser
 def test_the_guide_is_shown_once_and_on_request_and_can_be_skipped(panel):
     panel.screen(*DESKTOP)
     say(panel, phase="ready")
@@ -86,6 +88,7 @@ def test_the_guide_is_shown_once_and_on_request_and_can_be_skipped(panel):
     assert not panel.is_shown("guide")
 
 
+@pytest.mark.browser
 def test_a_demonstration_that_was_not_inserted_begins_the_guide_again(panel):
     panel.screen(*DESKTOP)
     press(panel.page, "h")
@@ -101,6 +104,7 @@ def test_a_demonstration_that_was_not_inserted_begins_the_guide_again(panel):
     press(panel.page, Keys.ESCAPE)
 
 
+@pytest.mark.browser
 def test_on_a_touch_screen_the_guide_names_and_marks_the_touch_controls(panel):
     panel.screen(*PHONE)
     press(panel.page, "h")
@@ -119,6 +123,7 @@ def heard(panel, wait=0.4):
     return panel.page.run(SOUND)
 
 
+@pytest.mark.browser
 def test_the_contact_load_is_heard_on_request_while_a_demonstration_is_recorded(panel):
     panel.screen(*DESKTOP)
     say(panel, phase="recording", depth=0.01)
@@ -151,6 +156,7 @@ def test_the_contact_load_is_heard_on_request_while_a_demonstration_is_recorded(
     assert panel.text("sound-state") == "sound off"
 
 
+@pytest.mark.browser
 def test_whoever_follows_the_guide_inserts_a_tilted_peg_within_two_minutes(tmp_path):
     """A person who only does what the guide of a real session says, one press at a time.
 

@@ -36,6 +36,7 @@ def style(panel, name, property_):
     )
 
 
+@pytest.mark.browser
 def test_the_contact_load_is_shown_beside_the_limit_of_the_rig(panel):
     panel.screen(*DESKTOP)
     panel.feed(contact=contact(10.0, peak=25.0))
@@ -61,6 +62,7 @@ def test_the_contact_load_is_shown_beside_the_limit_of_the_rig(panel):
     assert not panel.is_shown("contact")
 
 
+@pytest.mark.browser
 @pytest.mark.parametrize("screen", [DESKTOP, LOW, PHONE], ids=["desktop", "low", "phone"])
 def test_no_part_lies_over_another_and_no_reading_is_cut_off(panel, screen):
     panel.screen(*screen)
@@ -85,6 +87,7 @@ def test_no_part_lies_over_another_and_no_reading_is_cut_off(panel, screen):
     panel.feed(skill=None, contact=None)
 
 
+@pytest.mark.browser
 def test_a_flaw_is_found(panel):
     """The check of the layout itself: a part in a wrong place, and a reading that is too long."""
     panel.screen(*DESKTOP)
@@ -100,6 +103,7 @@ def test_a_flaw_is_found(panel):
     panel.page.run("document.getElementById('card').style.height = ''")
 
 
+@pytest.mark.browser
 def test_fingers_do_what_keys_do_and_holding_repeats(panel):
     panel.screen(*PHONE)
     controls = panel.live.controls
@@ -140,6 +144,7 @@ def test_fingers_do_what_keys_do_and_holding_repeats(panel):
     assert panel.page.run("return scrollX + scrollY") == 0
 
 
+@pytest.mark.browser
 def test_a_session_with_a_device_has_no_touch_controls_that_move_the_peg(panel):
     panel.screen(*PHONE)
     keys = panel.live._values["keys"]
@@ -176,6 +181,7 @@ def moving_peg(panel):
     thread.join()
 
 
+@pytest.mark.browser
 def test_without_a_graphics_card_pictures_are_coarser_and_20_a_second_and_fine_again_where_they_are_quick(panel):
     panel.screen(*DESKTOP)
     with moving_peg(panel):
@@ -192,6 +198,7 @@ def test_without_a_graphics_card_pictures_are_coarser_and_20_a_second_and_fine_a
     assert panel.text("pictures") == "–"
 
 
+@pytest.mark.browser
 def test_a_trial_on_the_rig_shows_nothing_of_a_hand(panel):
     panel.screen(*DESKTOP)
     parts = "[...document.querySelectorAll('.of-hand, #controls .cr.number')]"

@@ -58,6 +58,7 @@ def attempt(page, script, *addresses):
     return {address: page.driver.execute_async_script(script, address) for address in addresses}
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_foreign_pages_press_no_button_and_the_right_address_works_as_before(tmp_path):
     (tmp_path / "site").mkdir()
@@ -134,6 +135,7 @@ def listening(pid):
     return found
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads the tables of Linux")
 @pytest.mark.parametrize("host", [None, "0.0.0.0"])

@@ -477,6 +477,7 @@ def orange(picture):
     return float(((red > green + 30) & (green > blue + 30)).mean())
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
     with live(tmp_path) as session, session.page() as page:
@@ -540,6 +541,7 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["000_good_live.parquet", "index.json"]
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_a_person_begins_in_the_pose_that_a_skill_asked_to_be_shown(tmp_path):
     asked = {"trial": 5, "time": 1.0, "depth": 0.0018, "tilt": [0.02, 0.0], "load": 12.0, "state": "two-point contact"}
@@ -574,6 +576,7 @@ def test_a_sample_of_a_run_that_has_diverged_is_not_judged(quiet, skill):
     assert quiet.values["skill"]["state"] in skill.state_names()
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, quick_scenario, skill, skill_file):
     """The script pushes a tilted peg onto the chamfer: the skill sees another contact state than in free motion."""
@@ -608,6 +611,7 @@ def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, q
     assert max(turns) > 1.0  # it would level the peg
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_saturation_is_red_a_full_disk_is_reported_and_a_killed_session_keeps_its_recordings(tmp_path):
     out = tmp_path / "out"
@@ -646,6 +650,7 @@ def test_saturation_is_red_a_full_disk_is_reported_and_a_killed_session_keeps_it
     assert [read_demonstration(path).good for path in whole] == [False, True][: len(whole)]
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_session_continues_after_a_closed_page_and_a_disconnected_gamepad(tmp_path):
     """The page replaces the browser's gamepad interface by one that reports a gamepad."""

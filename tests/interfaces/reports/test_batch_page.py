@@ -112,6 +112,7 @@ def batch(tmp_path):
     return tmp_path, results
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_report_opens_from_disk_sorts_its_table_and_links_a_replay(batch):
     folder, results = batch

@@ -29,6 +29,7 @@ def write_page(tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_page_of_a_rig_run_shows_the_scene_and_the_sample_at_a_time(write_page):
     samples = make_rig_run().samples
@@ -72,6 +73,7 @@ def test_page_of_a_rig_run_shows_the_scene_and_the_sample_at_a_time(write_page):
         assert browser.errors() == []
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_page_of_a_run_shows_the_context_its_probability_and_what_moves_it(write_page):
     with open_page(write_page(motion_of_run(make_rig_run())), fragment="#t=0.3") as browser:
@@ -95,6 +97,7 @@ def test_page_of_a_run_shows_the_context_its_probability_and_what_moves_it(write
         assert browser.run("return document.querySelectorAll('.context').length") == 0
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_unvisited_states_have_no_row_in_the_legend(write_page):
     page = write_page(motion_of_run(make_rig_run(state_names=[*STATE_NAMES, "never seen"])))
@@ -104,6 +107,7 @@ def test_unvisited_states_have_no_row_in_the_legend(write_page):
         assert "never: never seen" in browser.run("return document.getElementById('card').innerText")
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_page_of_a_demonstration_has_no_readings_of_the_rig(write_page):
     with open_page(write_page(motion_of_demonstration(make_demonstration()))) as browser:
@@ -112,6 +116,7 @@ def test_page_of_a_demonstration_has_no_readings_of_the_rig(write_page):
         assert browser.errors() == []
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_page_of_a_demonstration_plays_to_its_end(write_page):
     with open_page(write_page(motion_of_demonstration(make_demonstration()), speed=8)) as browser:
@@ -130,6 +135,7 @@ def test_page_of_a_demonstration_plays_to_its_end(write_page):
         assert browser.errors() == []
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_arrow_has_the_direction_and_the_length_of_the_force(write_page):
     motion = motion_of_demonstration(make_demonstration())
@@ -161,6 +167,7 @@ def test_page_is_self_contained_and_shows_any_title_as_text(title):
     assert "<!--" not in page[page.index("const data = ") :]
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_any_title_is_shown_in_the_browser(write_page):
     title = "<!--<script>$data</script>"

@@ -188,6 +188,7 @@ def click(page, name, table=0):
     page.run(script, table, name)
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_the_page_opens_sorts_and_fits(results):
     with open_page(results[1], size=(1280, 720)) as page:
@@ -213,6 +214,7 @@ def test_the_page_opens_sorts_and_fits(results):
         assert page.requests() == []
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_commands_open_from_their_link(results):
     with open_page(results[1], fragment="#how-1-2") as page:
@@ -222,6 +224,7 @@ def test_commands_open_from_their_link(results):
         page.wait("document.getElementById('how-0-1').getBoundingClientRect().height > 50")
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_text_is_legible_in_both_schemes_and_on_narrow_screens(results, scheme):

@@ -181,6 +181,7 @@ def picture(page, trial):
     return np.asarray(Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2]))).convert("RGBA"))
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_the_page_draws_what_is_in_view_and_reads_values_at_the_cursor(page_file):
     with open_page(page_file, size=(1280, 900)) as page:
@@ -216,6 +217,7 @@ def test_the_page_draws_what_is_in_view_and_reads_values_at_the_cursor(page_file
         assert page.requests() == []
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_a_gap_has_no_colour_of_a_state(tmp_path):
     time = [7.0 + 0.1 * k + (3.0 if k >= 15 else 0.0) for k in range(30)]  # from 1.5 to 4.4 s there are no samples
@@ -237,6 +239,7 @@ def test_a_gap_has_no_colour_of_a_state(tmp_path):
         assert page.errors() == []
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_the_cursor_follows_the_pointer_and_the_keys(page_file):
     from selenium.webdriver.common.action_chains import ActionChains
@@ -265,6 +268,7 @@ def test_the_cursor_follows_the_pointer_and_the_keys(page_file):
         assert page.errors() == []
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_channels_are_switched_off_and_a_phone_is_wide_enough(page_file):
     with open_page(page_file, size=(1280, 900)) as page:
@@ -292,6 +296,7 @@ def test_channels_are_switched_off_and_a_phone_is_wide_enough(page_file):
         assert page.errors() == []
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_a_dark_screen_has_a_dark_page(page_file):
     with open_page(page_file, size=(1280, 900)) as page:

@@ -91,6 +91,7 @@ def test_a_contact_force_of_6_newtons_is_drawn_1_cm_long(monkeypatch):
     assert 0.1 < arrows.force_threshold < 0.3  # N; shorter than half a millimetre is not drawn
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["demonstration", "insertion"])
 def test_recording_is_one_page_that_shows_the_scene(quick_scenario, skill, tmp_path, kind):

@@ -186,6 +186,7 @@ def record(path):
         Simulator(builder.Build()).AdvanceTo(1.0)
 
 
+@pytest.mark.browser
 @pytest.mark.slow
 def test_recording_shows_the_colour_and_the_name_of_the_present_state(tmp_path):
     record(tmp_path / "page.html")
