@@ -8,7 +8,7 @@ from string import Template
 from typing import Any
 
 
-def fill_page(name: str, *, room: str = "interfaces.reports", **values: str) -> str:
+def fill_page(name: str, **values: str) -> str:
     """Returns the page ``name``.html with its style, its script and ``values`` inserted.
 
     The template holds placeholders ``$key``. ``$style`` and ``$script`` are the contents of ``name``.css and
@@ -16,13 +16,12 @@ def fill_page(name: str, *, room: str = "interfaces.reports", **values: str) -> 
 
     Args:
         name: name of the template, without its ending.
-        room: package that holds the template.
         **values: HTML for the other placeholders; the caller escapes text that users can choose.
 
     Raises:
         KeyError: if the template has a placeholder without a value.
     """
-    page, style, script = (_read(room, f"{name}.{ending}") for ending in ("html", "css", "js"))
+    page, style, script = (_read(f"{name}.{ending}") for ending in ("html", "css", "js"))
     return Template(page).substitute(values, style=style, script=script)
 
 
@@ -34,5 +33,5 @@ def script_value(value: Any) -> str:
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _read(room: str, name: str) -> str:
-    return files(room).joinpath(name).read_text(encoding="utf-8")
+def _read(name: str) -> str:
+    return files("interfaces.reports").joinpath(name).read_text(encoding="utf-8")

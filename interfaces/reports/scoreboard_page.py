@@ -31,7 +31,6 @@ def scoreboard_page(board: Scoreboard, out: Path) -> str:
     styles = {policy: number for number, policy in enumerate(policies)}
     return fill_page(
         "scoreboard",
-        room="experiments.scoreboard",
         title=html.escape(board_title(board)),
         about=html.escape(about(board)),
         warnings="".join(f'<p class="warning">{html.escape(text)}</p>' for text in warnings(board)),

@@ -207,17 +207,6 @@ def test_a_foreign_package_scripts_is_reported_by_the_installed_command(tmp_path
         assert words in done.stderr
 
 
-def test_the_module_of_a_command_reports_a_shadowing_package_too(tmp_path):
-    (tmp_path / "systems").mkdir()
-    (tmp_path / "systems" / "__init__.py").touch()
-    (tmp_path / "scripts").symlink_to(ROOT / "scripts")
-    done = run_python("-m", "scripts.replay", "x.parquet", cwd=tmp_path)
-    assert done.returncode == 1
-    assert len(done.stderr.splitlines()) == 1
-    assert str(tmp_path / "systems") in done.stderr
-    assert str(ROOT / "systems") in done.stderr
-
-
 def test_the_installed_command_is_the_one_tested_here():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert project["scripts"] == {"haptic-skill": "haptic_skill:main"}

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-import systems
+import interfaces
 from interfaces.reports.page_template import fill_page, script_value
 
 
@@ -14,7 +14,7 @@ def test_missing_value_is_an_error():
 
 def test_page_contains_its_style_and_its_script():
     page = fill_page("replay", title="t", viewer="/* viewer */", data="0", scene_commands="[]")
-    folder = Path(systems.__path__[0]) / "reports"
+    folder = Path(interfaces.__path__[0]) / "reports"
     assert (folder / "replay.css").read_text() in page
     assert (folder / "replay.js").read_text() in page
     assert page.index("/* viewer */") < page.index("const data = 0;") < page.index("new MeshCat.Viewer")
@@ -29,7 +29,7 @@ def test_script_value_keeps_the_text_and_cannot_end_a_script(text):
 
 @pytest.mark.parametrize("room", ["reports", "live"])
 def test_python_files_contain_no_scripts_and_no_styles(room):
-    for path in (Path(systems.__path__[0]) / room).glob("*.py"):
+    for path in (Path(interfaces.__path__[0]) / room).glob("*.py"):
         text = path.read_text()
         for fragment in ("<script", "<style", "document.", "addEventListener", "font-size:", "margin:"):
             assert fragment not in text, f"{path.name} contains {fragment}"
