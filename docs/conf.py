@@ -21,7 +21,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "plain_docstrings",
-    "published_trials",
+    "published_tables",
     "pydrake_system",
     "sphinx_copybutton",
     "sphinx_design",
