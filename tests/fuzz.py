@@ -2,13 +2,13 @@
 
     python -m tests.fuzz [--number 10000] [--seed 0] [--first 0] [--jobs 2] [--json FILE]
 
-Each mutation changes one file (a recording, a run, a skill or a scenario, files of the versions without a digest, and
-recordings of other sensors) and loads it in a process of its own. Its outcome is
+Each mutation changes one file (a recording, a run, a skill, a scenario, or a recording of another sensor) and loads it
+in a process of its own. Its outcome is
 
 * refused: one `ValueError` in one line that names the file,
 * identical: the file loads and holds what it held before,
-* another file: a file without a digest (a scenario, an old version, another sensor), or one whose digest was made
-  anew, loads and is sound; nothing in it can say that it was changed,
+* another file: a file without a digest (a scenario, another sensor), or one whose digest was made anew, loads and is
+  sound; nothing in it can say that it was changed,
 
 or a defect:
 
@@ -32,51 +32,53 @@ import resource
 import sys
 import tempfile
 import time
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache
-from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from random import Random
-from typing import Any
 
+import numpy as np
+import pandas as pd
+from pebble import ProcessExpired, ProcessPool
+
+from interfaces.terminal import progress, say, write_json
+from models.scenario import dump_scenario, load_scenario
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.data.demonstration import read_demonstration, write_demonstration
+from skill.data.rig_run import read_rig_run, write_rig_run
+from skill.manipulation_skill import ManipulationSkill
+from skill.recordings.reading import read_recordings
+from skill.regression.locally_weighted_regression import LWRegressor
+from skill.skill_file import ARRAY_PARTS, FEATURE_PARTS, SKILL_PARAMETERS
 from tests import fuzz_mutations as mutations
+from tests.skill.recordings.messages.wrench_messages import cdr, write_db3, write_mcap
+from tests.trajectories import make_demonstration, make_rig_run
 
 MAX_MEMORY = 1e9  # bytes, more than before
 MAX_TIME = 10.0  # s
-PATIENCE = 30.0  # s without a word after which a process is ended
-START_TIME = 60.0  # s more that a process has for its start
+PATIENCE = 30.0  # s after which a process is ended
 GOOD = ("refused", "identical", "another file")
 
-PARQUET = (mutations.parquet_header, mutations.parquet_value, mutations.parquet_column)
 ARCHIVE = (
-    *(mutations.archive_header, mutations.archive_value, mutations.archive_array, mutations.archive_member),
-    *(mutations.archive_shape, mutations.archive_directory),
+    *(mutations.archive_header, mutations.archive_value, mutations.archive_array),
+    *(mutations.archive_member, mutations.archive_shape, mutations.forged),
 )
+PARQUET = (mutations.parquet_header, mutations.parquet_value, mutations.parquet_column)
 FORGERIES: dict[str, tuple[Callable[[bytes, Random], bytes], ...]] = {
-    "recording": (mutations.forged, *PARQUET),
-    "run": (mutations.forged, *PARQUET),
-    "skill": (mutations.forged, *ARCHIVE),
-    "scenario": (mutations.scenario_value, mutations.scenario_lines),
-    "recording, version 1": (),
-    "run, version 2": (),
-    "skill, version 4": (),
-    "sensor, CSV": (),
-    "sensor, Parquet": (),
-    "sensor, NPZ": (),
-    "sensor, MCAP": (),
-    "sensor, SQLite": (),
+    "recording.parquet": PARQUET,
+    "run.parquet": PARQUET,
+    "skill.npz": ARCHIVE,
+    "scenario.yaml": (mutations.scenario_value, mutations.scenario_lines),
+    **dict.fromkeys(("sensor.csv", "sensor.parquet", "sensor.npz", "sensor.mcap", "sensor.db3"), ()),
 }
-"""The kinds of files, and the mutations of each that make a digest anew or need none."""
+"""The name of a file of each kind, and its mutations that make a digest anew or need none."""
 
 KINDS = tuple(FORGERIES)
-SUFFIXES = {
-    **{"scenario": ".yaml", "skill": ".npz", "skill, version 4": ".npz"},
-    **{"sensor, CSV": ".csv", "sensor, NPZ": ".npz", "sensor, MCAP": ".mcap", "sensor, SQLite": ".db3"},
-}
-"""Ending of the name of a file of each kind; .parquet for the others."""
+SEALED = ("recording.parquet", "run.parquet", "skill.npz")
 
 BOMBS = 400
 """One in so many mutations of a skill is a bomb, which takes a second to make."""
@@ -95,7 +97,7 @@ class Trial:
 
 def mutation_of(kind: str, rng: Random) -> Callable[[bytes, Random], bytes]:
     """Draws a mutation; half of them change bytes only."""
-    if kind == "skill" and rng.randrange(BOMBS) == 0:
+    if kind == "skill.npz" and rng.randrange(BOMBS) == 0:
         return mutations.archive_bomb
     return rng.choice(FORGERIES[kind] if FORGERIES[kind] and rng.random() < 0.5 else mutations.BYTES)
 
@@ -103,86 +105,44 @@ def mutation_of(kind: str, rng: Random) -> Callable[[bytes, Random], bytes]:
 # ---------------------------------------------------------------- originals
 
 
-def write_originals(folder: Path) -> dict[str, Path]:
+def write_originals(folder: Path) -> None:
     """Writes one file of each kind."""
-    from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-    from skill.data.demonstration import write_demonstration
-    from skill.data.rig_run import write_rig_run
-    from skill.manipulation_skill import ManipulationSkill
-    from skill.regression.locally_weighted_regression import LWRegressor
-    from tests.crafted_files import write_unsealed, write_unsealed_skill
-    from tests.trajectories import make_demonstration, make_rig_run
-
-    paths = {kind: folder / f"{kind}{SUFFIXES.get(kind, '.parquet')}" for kind in KINDS}
     shown = [make_demonstration(tilt=0.04 + 0.005 * k, direction=k) for k in range(4)]
-    for kind in ("recording", "recording, version 1"):
-        write_demonstration(shown[0], paths[kind])
-    for kind in ("run", "run, version 2"):
-        write_rig_run(make_rig_run(), paths[kind])
+    write_demonstration(shown[0], folder / "recording.parquet")
+    write_rig_run(make_rig_run(), folder / "run.parquet")
     states = CompetitiveAgglomeration(m_init=4, n_init=1, reg_covar=0.05, random_state=0)
-    skill = ManipulationSkill(states=states, regressor=LWRegressor(bandwidth=0.7)).fit(shown)
-    for kind in ("skill", "skill, version 4"):
-        skill.save(paths[kind])
-    write_unsealed(paths["recording, version 1"], "demonstration", 1)
-    write_unsealed(paths["run, version 2"], "rig_run", 2)
-    write_unsealed_skill(paths["skill, version 4"], 4)
+    ManipulationSkill(states=states, regressor=LWRegressor(bandwidth=0.7)).fit(shown).save(folder / "skill.npz")
     scenario = Path(__file__).parents[1] / "models" / "scenarios" / "one_of_everything.yaml"
-    paths["scenario"].write_bytes(scenario.read_bytes())
-    write_sensor_recordings(paths)
-    return paths
-
-
-def write_sensor_recordings(paths: dict[str, Path]) -> None:
-    """Writes a recording of a wrench in the formats of other sensors."""
-    import numpy as np
-    import pandas as pd
-
-    from tests.skill.recordings.messages.wrench_messages import cdr, write_db3, write_mcap
-
+    (folder / "scenario.yaml").write_bytes(scenario.read_bytes())
     rng = np.random.default_rng(0)
-    table = pd.DataFrame(rng.normal(size=(50, 6)).round(3), columns=["fx", "fy", "fz", "mx", "my", "mz"])
+    wrench = rng.normal(size=(50, 6)).round(3)
+    table = pd.DataFrame(wrench, columns=["fx", "fy", "fz", "mx", "my", "mz"])
     table.insert(0, "time", 0.01 * np.arange(50))
-    table.to_csv(paths["sensor, CSV"], index=False)
-    table.to_parquet(paths["sensor, Parquet"], index=False)
-    wrench = table[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy()
-    np.savez(paths["sensor, NPZ"], time=table["time"].to_numpy(), wrench=wrench, trial=np.repeat([1, 2], 25))
+    table.to_csv(folder / "sensor.csv", index=False)
+    table.to_parquet(folder / "sensor.parquet", index=False)
+    np.savez(folder / "sensor.npz", time=table["time"], wrench=wrench, trial=np.repeat([1, 2], 25))
     stamps = [10_000_000 * k for k in range(50)]
     messages = [("/wrench", t, cdr(sec=0, nanosec=t, wrench=row)) for t, row in zip(stamps, wrench, strict=True)]
-    write_mcap(paths["sensor, MCAP"], messages)
-    write_db3(paths["sensor, SQLite"], messages)
+    write_mcap(folder / "sensor.mcap", messages)
+    write_db3(folder / "sensor.db3", messages)
 
 
 # ------------------------------------------------------------------- loading
 
 
 def load(kind: str, path: Path) -> tuple[bytes, bool]:
-    """Loads a file; returns all that it holds, and whether it is sound."""
-    if kind.startswith("recording"):
-        from skill.data.demonstration import read_demonstration
-
+    """Loads a file; returns all that it holds, and whether it is sound: made of finite numbers, or acting by them."""
+    if kind == "recording.parquet":
         shown = read_demonstration(path)
         header = json.dumps([shown.good, shown.reason, shown.metadata])
         return header.encode() + shown.samples.to_numpy().tobytes(), True
-    if kind.startswith("run"):
-        from skill.data.rig_run import read_rig_run
-
+    if kind == "run.parquet":
         run = read_rig_run(path)
         return json.dumps([run.result, run.metadata]).encode() + run.samples.to_numpy().tobytes(), True
-    if kind == "scenario":
-        from models.scenario import dump_scenario, load_scenario
-
+    if kind == "scenario.yaml":
         return dump_scenario(load_scenario(path)).encode(), True
-    if kind.startswith("sensor"):
-        return load_sensor_recordings(path)
-    return load_skill(path)
-
-
-def load_sensor_recordings(path: Path) -> tuple[bytes, bool]:
-    """Loads recordings of another sensor; they are sound if they are finite and their time increases."""
-    import numpy as np
-
-    from skill.recordings.reading import read_recordings
-
+    if kind == "skill.npz":
+        return load_skill(path)
     found = read_recordings(path)
     content = b"".join(json.dumps(r.channels).encode() + r.time.tobytes() + r.values.tobytes() for r in found)
     return content, all(bool(np.isfinite(r.values).all() and (np.diff(r.time) > 0).all()) for r in found)
@@ -190,11 +150,6 @@ def load_sensor_recordings(path: Path) -> tuple[bytes, bool]:
 
 def load_skill(path: Path) -> tuple[bytes, bool]:
     """Loads a skill; it is sound if it acts by finite numbers."""
-    import numpy as np
-
-    from skill.manipulation_skill import ManipulationSkill
-    from skill.skill_file import ARRAY_PARTS, FEATURE_PARTS, SKILL_PARAMETERS
-
     skill = ManipulationSkill.load(path)
     header = [{name: getattr(skill, name) for name in SKILL_PARAMETERS}, skill.period_, skill.metadata_, skill.names_]
     header += [[type(part).__name__, part.get_params()] for part in (getattr(skill, f"{n}_") for n in FEATURE_PARTS)]
@@ -267,8 +222,7 @@ def peak_memory() -> float:
 @cache
 def originals(folder: Path) -> dict[str, tuple[bytes, bytes]]:
     """The bytes and the contents of each original."""
-    paths = {path.stem: path for path in folder.iterdir() if path.is_file()}
-    return {kind: (paths[kind].read_bytes(), load(kind, paths[kind])[0]) for kind in KINDS}
+    return {kind: ((folder / kind).read_bytes(), load(kind, folder / kind)[0]) for kind in KINDS}
 
 
 def attempt(number: int, seed: int, folder: Path) -> Trial:
@@ -277,31 +231,23 @@ def attempt(number: int, seed: int, folder: Path) -> Trial:
     kind = KINDS[number % len(KINDS)]
     mutation = mutation_of(kind, rng)
     original, held = originals(folder)[kind]
-    sealed = mutation in mutations.BYTES and kind in ("recording", "run", "skill")
-    work = folder / "work"
+    sealed = mutation in mutations.BYTES and kind in SEALED
+    work = folder / multiprocessing.current_process().name
     work.mkdir(exist_ok=True)
-    path = work / f"{multiprocessing.current_process().name} {kind}{SUFFIXES.get(kind, '.parquet')}"
-    changed = mutation(original, rng)
-    outcome, detail = judge(kind, original, held, changed, path, sealed=sealed)
+    outcome, detail = judge(kind, original, held, mutation(original, rng), work / kind, sealed=sealed)
     return Trial(number, kind, mutation.__name__, outcome, detail[:500])
 
 
 # ----------------------------------------------------------------- processes
 
 
-def worker(connection: Connection, numbers: list[int], seed: int, folder: Path) -> None:
-    """Attempts the mutations; says which one begins, and how each ended."""
-    import warnings
-
+def prepare(folder: Path) -> None:
+    """Loads the originals in a new process, and limits its memory."""
     warnings.simplefilter("ignore")
     originals(folder)
     spare = 4 * int(MAX_MEMORY)  # protects the machine; `judge` finds what takes a quarter of it
     used = 1024 * int(Path("/proc/self/status").read_text().split("VmSize:")[1].split()[0])
     resource.setrlimit(resource.RLIMIT_AS, (used + spare, used + spare))
-    for number in numbers:
-        connection.send(number)
-        connection.send(attempt(number, seed, folder))
-    connection.close()
 
 
 def run(numbers: list[int], seed: int, jobs: int, method: str = "spawn") -> Iterator[Trial]:
@@ -310,39 +256,15 @@ def run(numbers: list[int], seed: int, jobs: int, method: str = "spawn") -> Iter
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_originals(folder)
-        running: dict[Connection, tuple[Any, list[int], float]] = {}
-
-        def begin(remaining: list[int]) -> None:
-            receiver, sender = context.Pipe(duplex=False)
-            process = context.Process(target=worker, args=(sender, remaining, seed, folder), daemon=True)
-            process.start()
-            sender.close()
-            running[receiver] = process, remaining, time.monotonic() + START_TIME
-
-        for k in range(jobs):
-            begin(numbers[k::jobs])
-        while running:
-            for connection in wait(list(running), timeout=1.0):
-                assert isinstance(connection, Connection)
-                process, remaining, _ = running.pop(connection)
+        with ProcessPool(jobs, initializer=prepare, initargs=(folder,), context=context) as pool:
+            futures = {n: pool.schedule(attempt, args=(n, seed, folder), timeout=PATIENCE) for n in numbers}
+            for number, future in futures.items():
                 try:
-                    message = connection.recv()
-                except EOFError:
-                    process.join()
-                    if remaining:
-                        yield lost(remaining[0], seed, "crash", f"exit code {process.exitcode}")
-                        begin(remaining[1:])
-                    continue
-                if isinstance(message, Trial):
-                    remaining = remaining[1:]
-                    yield message
-                running[connection] = process, remaining, time.monotonic()
-            for connection, (process, remaining, since) in list(running.items()):
-                if time.monotonic() - since > PATIENCE:
-                    process.kill()
-                    del running[connection]
-                    yield lost(remaining[0], seed, "time", f"no end after {PATIENCE:.0f} s")
-                    begin(remaining[1:])
+                    yield future.result()
+                except TimeoutError:
+                    yield lost(number, seed, "time", f"no end after {PATIENCE:.0f} s")
+                except ProcessExpired as error:
+                    yield lost(number, seed, "crash", f"exit code {error.exitcode}")
 
 
 def lost(number: int, seed: int, outcome: str, detail: str) -> Trial:
@@ -374,15 +296,12 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, help="processes to use")
     parser.add_argument("--json", type=Path, default=None, help="where to write every mutation and its outcome")
     arguments = parser.parse_args()
-    from interfaces.terminal import progress, say, write_json
-
     trials = []
     numbers = list(range(arguments.first, arguments.first + arguments.number))
     with progress("mutations", len(numbers)) as advance:
         for trial in run(numbers, arguments.seed, arguments.jobs):
             trials.append(trial)
             advance(f"{sum(t.outcome not in GOOD for t in trials)} defects" if len(trials) % 100 == 0 else "")
-    trials.sort(key=lambda trial: trial.number)
     for line in report(trials).splitlines():
         say(line)
     if arguments.json is not None:

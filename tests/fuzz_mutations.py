@@ -26,37 +26,14 @@ ODD_VALUES: list[Any] = [
 
 ODD_NUMBERS = [0.0, -0.0, -1.0, 1.0, 3.5, 1e-320, 1e12, -1e12, 1e300, -1e300, np.nan, np.inf, -np.inf]
 
+# fmt: off
 ODD_TEXTS = [
-    *(
-        "1e10",
-        "1.0e+10",
-        ".nan",
-        ".inf",
-        "-1",
-        "0",
-        "0.0",
-        "-0.0",
-        "1e300",
-        "1e-300",
-        "9" * 400,
-        "0x10",
-        "1_000",
-        "010",
-    ),
-    *("yes", "null", "~", "''", '"', "'", "[", "]", "{", "}", "[]", "{}", "[1, 2]", "[" * 3000, "{a: 1}", "- 1", "*a"),
-    *(
-        "&a 1",
-        "&a [*a]",
-        "!!python/object/apply:os.getcwd []",
-        "!!binary aGk=",
-        "!!float x",
-        "2026-01-01",
-        "|",
-        ">",
-        "%",
-    ),
-    *("@", "`", "\t1", "a: b: c", "? 1", "---", "...", "#", "<<: 1", "\ufeff", "\u2028", "\udcff", "\0"),
+    "1e10", ".nan", ".inf", "-1", "0", "0.0", "1e300", "1e-300", "9" * 400, "0x10", "1_000", "010", "yes", "null", "~",
+    "''", '"', "[", "}", "[]", "{}", "[1, 2]", "[" * 3000, "{a: 1}", "- 1", "*a", "&a 1", "&a [*a]", "2026-01-01", "|",
+    "!!python/object/apply:os.getcwd []", "!!binary aGk=", "!!float x", "%", "@", "\t1", "a: b: c", "? 1", "---", "...",
+    "#", "<<: 1", "\ufeff", "\u2028", "\udcff", "\0",
 ]
+# fmt: on
 """What may stand in the place of a value of a scenario."""
 
 
@@ -73,21 +50,9 @@ def set_byte(data: bytes, rng: Random) -> bytes:
     return overwrite(data, rng.randrange(len(data)), lambda old: rng.choice([0, 1, 127, 128, 255, rng.randrange(256)]))
 
 
-def set_bytes(data: bytes, rng: Random) -> bytes:
-    """Some bytes are replaced."""
-    for _ in range(rng.randint(2, 20)):
-        data = set_byte(data, rng)
-    return data
-
-
 def truncate(data: bytes, rng: Random) -> bytes:
     """The end is lost."""
     return data[: rng.choice([rng.randrange(len(data)), len(data) - rng.randint(1, 80)])]
-
-
-def lose_start(data: bytes, rng: Random) -> bytes:
-    """The start is lost."""
-    return data[rng.randint(1, 200) :]
 
 
 def insert(data: bytes, rng: Random) -> bytes:
@@ -102,23 +67,10 @@ def delete(data: bytes, rng: Random) -> bytes:
     return data[:start] + data[end:]
 
 
-def repeat(data: bytes, rng: Random) -> bytes:
-    """A block is there twice."""
-    start, end = _block(data, rng)
-    return data[:end] + data[start:]
-
-
 def blank(data: bytes, rng: Random) -> bytes:
     """A block is zero, as after a failed write."""
     start, end = _block(data, rng)
     return data[:start] + bytes(end - start) + data[end:]
-
-
-def swap(data: bytes, rng: Random) -> bytes:
-    """Two neighbouring blocks are exchanged."""
-    first, third = _block(data, rng)
-    second = rng.randint(first, third)
-    return data[:first] + data[second:third] + data[first:second] + data[third:]
 
 
 def copy_block(data: bytes, rng: Random) -> bytes:
@@ -128,7 +80,7 @@ def copy_block(data: bytes, rng: Random) -> bytes:
     return data[:start] + data[other : other + end - start] + data[end:]
 
 
-BYTES = (flip_bit, set_byte, set_bytes, truncate, lose_start, insert, delete, repeat, blank, swap, copy_block)
+BYTES = (flip_bit, set_byte, truncate, insert, delete, blank, copy_block)
 
 
 def overwrite(data: bytes, place: int, change: Callable[[int], int]) -> bytes:
@@ -183,15 +135,10 @@ def parquet_column(data: bytes, rng: Random) -> bytes:
         "truth": pa.array([True] * n),
         "text": pa.array(["1.0"] * n),
         "list": pa.array([[1.0]] * n),
-        "struct": pa.array([{"a": 1.0}] * n),
-        "integers": pa.array(range(n), pa.int64()),
         "large": pa.array([2**64 - 1] * n, pa.uint64()),
-        "half": pa.array(np.zeros(n, np.float16)),
         "nulls": pa.nulls(n, pa.float64()),
         "time": pa.array(range(n), pa.timestamp("ns")),
-        "bytes": pa.array([b"\xff"] * n),
         "dictionary": pa.array([1.0] * n).dictionary_encode(),
-        "date": pa.array(range(n), pa.date32()),
     }
     how = rng.choice([*columns, "lost", "renamed", "twice", "new", "no rows", "one row", "reversed"])
     if how in columns:
@@ -239,14 +186,10 @@ def archive_array(data: bytes, rng: Random) -> bytes:
     changes: list[Callable[[], Any]] = [
         lambda: array[..., None],
         lambda: array.ravel()[:-1],
-        lambda: array.ravel()[:0],
-        lambda: np.concatenate([array.ravel(), array.ravel()]),
         lambda: array.T,
         lambda: array.astype("U8"),
         lambda: array.astype(bool),
-        lambda: np.zeros_like(array),
         lambda: array.astype(complex) if array.dtype.kind in "iuf" else array,
-        lambda: array.astype(np.float16) if array.dtype.kind in "iuf" else array,
         lambda: np.array([{"a": 1}], dtype=object),
         lambda: np.zeros(3, dtype=[("a", "f8")]),
         lambda: np.array(rng.choice(ODD_NUMBERS)),
@@ -288,19 +231,6 @@ def archive_shape(data: bytes, rng: Random) -> bytes:
     return sealed_archive(members)
 
 
-def archive_directory(data: bytes, rng: Random) -> bytes:
-    """A field of the directory of the archive lies."""
-    blanked = bytearray(_without_digest(data))
-    entries = [k for k in range(len(blanked) - 46) if blanked[k : k + 4] == b"PK\x01\x02"]
-    entry, (offset, size) = (
-        rng.choice(entries),
-        rng.choice([(8, 2), (10, 2), (16, 4), (20, 4), (24, 4), (28, 2), (42, 4)]),
-    )
-    value = rng.choice([0, 1, 2**16 - 1, 2**31 - 1, 2**32 - 2, rng.randrange(2**32)]) % 2 ** (8 * size)
-    blanked[entry + offset : entry + offset + size] = value.to_bytes(size, "little")
-    return seal(bytes(blanked))
-
-
 def archive_bomb(data: bytes, rng: Random) -> bytes:
     """A member unpacks to far more than the file has."""
     members = _members(data)
@@ -323,13 +253,13 @@ def scenario_lines(data: bytes, rng: Random) -> bytes:
     """Lines are lost, repeated, moved, indented or foreign."""
     lines = data.decode().split("\n")
     k = rng.randrange(len(lines))
-    how = rng.choice(["lost", "twice", "moved", "indented", "outdented", "tab", "foreign", "deep", "laughs"])
+    how = rng.choice(["lost", "twice", "moved", "indented", "foreign", "deep", "laughs"])
     if how == "lost":
         del lines[k]
     elif how in ("twice", "moved"):
         lines.insert(rng.randrange(len(lines)), lines[k] if how == "twice" else lines.pop(k))
-    elif how in ("indented", "outdented", "tab"):
-        lines[k] = {"indented": "  " + lines[k], "outdented": lines[k].lstrip(), "tab": "\t" + lines[k].lstrip()}[how]
+    elif how == "indented":
+        lines[k] = rng.choice(["  ", "\t", ""]) + lines[k].lstrip()
     elif how == "foreign":
         lines.insert(k, f"{rng.choice(['zeal', '1', 'null', '? [a]', 'start'])}: {rng.choice(ODD_TEXTS)}")
     elif how == "deep":

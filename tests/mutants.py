@@ -1,14 +1,14 @@
-"""Mutation testing: which small faults in systems/ and skill/ does no test notice?
+"""Mutation testing: which small faults in the code does no test of ``make test`` notice?
 
     python -m tests.mutants [--number 200] [--seed 0] [--jobs 2] [--json FILE] [--again FILE]
 
-1. One run of the suite with coverage tells which tests execute which line, and how long each test takes.
-2. A seeded sample of mutants is drawn from all places that can be mutated: a comparison, an arithmetic or boolean
-   operator, a number, min/max, a negation, a return value, or an assignment that is dropped.
-3. Each mutant is made in a copy of the tree, and the tests that execute its line run until one fails, the quickest
-   first. A mutant that no test notices survives; so does one whose line no test executes.
+1. A seeded sample of mutants is drawn from all places that can be mutated: a comparison, an arithmetic or boolean
+   operator, a number, min/max, a negation, or a return value.
+2. Each mutant is made in a copy of the tree. Then the tests of its file run (the mirrored ones), and where these
+   notice nothing, the other tests that import it, or that import a module that imports it: those nearest to it first,
+   slow ones last, until one fails. A mutant that no test notices survives.
 
-Lines that only subprocesses execute count as not executed: the share that is reported is a lower bound.
+Tests that are further away do not run: the share that is reported is a lower bound.
 """
 
 from __future__ import annotations
@@ -21,19 +21,20 @@ import random
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
-from xml.etree import ElementTree
+from typing import Any
+
+import pytest
 
 from interfaces.terminal import progress, say, write_json
+from tests.checkout import ROOT, copy_checkout
 
-ROOT = Path(__file__).resolve().parent.parent
-FOLDERS = ("systems", "skill")
-TIMEOUT = 180.0  # s for the tests of one mutant; an endless loop is noticed by it
-BATCH = 40  # tests in one process
+FOLDERS = ("skill", "systems", "experiments", "interfaces")
+TIMEOUT = 120  # s for one test; an endless loop is noticed by it
 
 COMPARISONS = {
     ast.Lt: ast.GtE, ast.LtE: ast.Gt, ast.Gt: ast.LtE, ast.GtE: ast.Lt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
@@ -50,7 +51,7 @@ class Mutant:
 
     Attributes:
         file: relative to the repository.
-        line: first line of the statement that is changed.
+        line: of what is changed.
         place: number of the mutable node among those of its file.
         change: what is changed, for the report.
     """
@@ -61,82 +62,71 @@ class Mutant:
     change: str
 
 
-def mutable(tree: ast.Module) -> Iterator[tuple[ast.AST, str]]:
-    """Yields the nodes that `mutate` can change, and how; skips annotations, docstrings, raises and main guards."""
-    skipped: set[int] = set()
+def fault_of(node: ast.AST) -> tuple[str, str, object] | None:
+    """What can be wrong in a node: a description, the field of the node that changes, and its new value."""
+    match node:
+        case ast.Compare(ops=[op, *others]) if type(op) in COMPARISONS:
+            return f"comparison {type(op).__name__}", "ops", [COMPARISONS[type(op)](), *others]
+        case ast.BinOp(op=op) | ast.AugAssign(op=op) if type(op) in OPERATORS:
+            return f"operator {type(op).__name__}", "op", OPERATORS[type(op)]()
+        case ast.BoolOp(op=op):
+            return f"boolean {type(op).__name__}", "op", ast.And() if isinstance(op, ast.Or) else ast.Or()
+        case ast.UnaryOp(op=ast.Not(), operand=operand):
+            return "without not", "operand", ast.UnaryOp(ast.Not(), operand)
+        case ast.UnaryOp(op=ast.USub()):
+            return "without minus", "op", ast.UAdd()
+        case ast.Constant(value=int(value)) if not isinstance(value, bool):
+            return f"number {value}", "value", value + 1
+        case ast.Constant(value=float(value)):
+            return f"number {value}", "value", 10.0 * value if value else 1.0
+        case ast.Attribute(attr=name) if name in NAMES:
+            return f"name {name}", "attr", NAMES[name]
+        case ast.Name(id=name) if name in NAMES:
+            return f"name {name}", "id", NAMES[name]
+        case ast.Return(value=value) if value is not None and not isinstance(value, ast.Constant):
+            return "returns None", "value", ast.Constant(None)
+    return None
+
+
+def mutable(tree: ast.Module) -> list[Any]:
+    """The nodes that have a fault; without those of annotations, decorators, messages, raises and main guards."""
+    skipped: list[Any] = []
     for node in ast.walk(tree):
-        guard = isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "__name__ == '__main__'")
-        if guard or isinstance(node, ast.Raise | ast.Import | ast.ImportFrom | ast.JoinedStr | ast.Assert):
-            skipped |= {id(n) for n in ast.walk(node)}
-        elif isinstance(node, ast.AnnAssign | ast.arg) and node.annotation is not None:
-            skipped |= {id(n) for n in ast.walk(node.annotation)}
-        elif isinstance(node, ast.FunctionDef):
-            for part in (node.returns, *node.decorator_list):
-                skipped |= {id(n) for n in ast.walk(part)} if part is not None else set()
-    for node in ast.walk(tree):
-        if id(node) in skipped:
-            continue
-        if isinstance(node, ast.Compare) and type(node.ops[0]) in COMPARISONS:
-            yield node, f"comparison {type(node.ops[0]).__name__}"
-        elif isinstance(node, ast.BinOp | ast.AugAssign) and type(node.op) in OPERATORS:
-            yield node, f"operator {type(node.op).__name__}"
-        elif isinstance(node, ast.BoolOp):
-            yield node, f"boolean {type(node.op).__name__}"
-        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not | ast.USub):
-            yield node, f"without {type(node.op).__name__}"
-        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            yield node, f"number {node.value}"
-        elif isinstance(node, ast.Call):
-            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-            if name in NAMES:
-                yield node, f"call of {name}"
-        elif isinstance(node, ast.Return) and node.value is not None and not isinstance(node.value, ast.Constant):
-            yield node, "returns None"
+        match node:
+            case ast.If(test=test) if ast.unparse(test) in ("TYPE_CHECKING", "__name__ == '__main__'"):
+                skipped.append(node)
+            case ast.Raise() | ast.Import() | ast.ImportFrom() | ast.JoinedStr() | ast.Assert():
+                skipped.append(node)
+            case ast.AnnAssign() | ast.arg():
+                skipped.append(node.annotation)
+            case ast.FunctionDef():
+                skipped += [node.returns, *node.decorator_list]
+    left_out = {inner for node in skipped if node is not None for inner in ast.walk(node)}
+    return [node for node in ast.walk(tree) if node not in left_out and fault_of(node)]
 
 
-def mutate(node: ast.AST) -> None:
-    """Changes the node in place."""
-    if isinstance(node, ast.Compare):
-        node.ops[0] = COMPARISONS[type(node.ops[0])]()
-    elif isinstance(node, ast.BinOp | ast.AugAssign):
-        node.op = OPERATORS[type(node.op)]()
-    elif isinstance(node, ast.BoolOp):
-        node.op = ast.And() if isinstance(node.op, ast.Or) else ast.Or()
-    elif isinstance(node, ast.UnaryOp):
-        node.op = ast.UAdd() if isinstance(node.op, ast.USub) else node.op
-        if isinstance(node.op, ast.Not):
-            node.operand = ast.UnaryOp(ast.Not(), node.operand)
-    elif isinstance(node, ast.Constant):
-        assert isinstance(node.value, int | float)
-        node.value = node.value + 1 if isinstance(node.value, int) else 10.0 * node.value + 1.0 * (node.value == 0.0)
-    elif isinstance(node, ast.Call):
-        if isinstance(node.func, ast.Attribute):
-            node.func.attr = NAMES[node.func.attr]
-        elif isinstance(node.func, ast.Name):
-            node.func.id = NAMES[node.func.id]
-    elif isinstance(node, ast.Return):
-        node.value = ast.Constant(None)
+def mutate(node: ast.AST) -> str:
+    """Changes the node in place, and says how."""
+    fault = fault_of(node)
+    assert fault is not None
+    setattr(node, *fault[1:])
+    return fault[0]
 
 
-def statement_lines(tree: ast.Module) -> dict[int, int]:
-    """First line of the innermost statement that holds each node, by the node's id."""
-    lines: dict[int, int] = {}
-    for statement in ast.walk(tree):  # outer statements come before inner ones, which overwrite them
-        if isinstance(statement, ast.stmt):
-            lines.update(dict.fromkeys((id(node) for node in ast.walk(statement)), statement.lineno))
-    return lines
+@cache
+def all_mutants() -> list[Mutant]:
+    """Every mutant of the folders."""
+    return [
+        Mutant(str(path.relative_to(ROOT)), node.lineno, place, mutate(node))
+        for folder in FOLDERS
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        for place, node in enumerate(mutable(ast.parse(path.read_text())))
+    ]
 
 
 def draw(number: int, seed: int) -> list[Mutant]:
     """A seeded sample of all mutants."""
-    everything = []
-    for folder in FOLDERS:
-        for path in sorted((ROOT / folder).rglob("*.py")):
-            tree = ast.parse(path.read_text())
-            lines = statement_lines(tree)
-            for place, (node, change) in enumerate(mutable(tree)):
-                everything.append(Mutant(str(path.relative_to(ROOT)), lines[id(node)], place, change))
-    return random.Random(seed).sample(everything, number)
+    return random.Random(seed).sample(all_mutants(), number)
 
 
 def survivors_of(report: Path) -> list[Mutant]:
@@ -148,87 +138,72 @@ def survivors_of(report: Path) -> list[Mutant]:
 def source_of(mutant: Mutant) -> str:
     """The text of the mutated file."""
     tree = ast.parse((ROOT / mutant.file).read_text())
-    node, _ = list(mutable(tree))[mutant.place]
-    mutate(node)
+    mutate(mutable(tree)[mutant.place])
     return ast.unparse(ast.fix_missing_locations(tree)) + "\n"
 
 
-def environment() -> dict[str, str]:
-    """The environment of the processes that run tests: one thread each."""
-    return {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+# ------------------------------------------------------------------- tests
 
 
-@dataclass(frozen=True)
-class Coverage:
-    """What one run of the suite executes.
+@cache
+def importers() -> list[dict[Path, set[str]]]:
+    """For each distance: the modules of the project that each file of tests imports, itself or through others."""
+    from tests.test_architecture import PATHS, PROJECT_IMPORTS, imports  # not in the runs below: it parses all files
 
-    Attributes:
-        tests: file -> line -> tests that execute the line.
-        seconds: duration of each test.
-    """
+    direct: dict[Path, set[str]] = {}
+    for path in sorted((ROOT / "tests").rglob("*.py")):
+        statements = imports(ast.parse(path.read_text()))
+        direct[path.relative_to(ROOT)] = {
+            name for module, names in statements for name in (module, *(f"{module}.{part}" for part in names))
+        }
+    helpers = {".".join(path.with_suffix("").parts): path for path in direct}
 
-    tests: dict[str, dict[int, list[str]]]
-    seconds: dict[str, float]
+    def reached(path: Path, visited: set[Path]) -> set[str]:
+        visited.add(path)
+        near = [helpers[m] for m in direct[path] & set(helpers) if helpers[m] not in visited]
+        return direct[path].union(*(reached(helper, visited) for helper in near)) & set(PATHS)
 
-    def of(self, mutant: Mutant) -> list[str]:
-        """The tests that can notice a mutant, the quickest first.
-
-        A line that runs on import (a constant, a default) concerns every test that executes its file.
-        """
-        lines = self.tests.get(mutant.file, {})
-        found = set(lines.get(mutant.line, [])) or {test for tests in lines.values() for test in tests}
-        return sorted(found, key=lambda test: self.seconds.get(test, 0.0))
-
-
-def measure(folder: Path) -> Coverage:
-    """Runs the suite once with coverage."""
-    report, junit = folder / "coverage.json", folder / "junit.xml"
-    sources = [f"--cov={name}" for name in FOLDERS]
-    run = [sys.executable, "-m", "pytest", "-q", "-n", "2", *sources, "--cov-context=test"]
-    env = {**environment(), "COVERAGE_FILE": str(folder / "coverage")}
-    subprocess.run([*run, "--cov-report=", f"--junitxml={junit}"], cwd=ROOT, env=env, check=True)
-    make = [sys.executable, "-m", "coverage", "json", "--show-contexts", "-q", "-o", str(report)]
-    subprocess.run(make, cwd=ROOT, env=env, check=True)
-    tests = {
-        file: {int(line): sorted({c.split("|")[0] for c in names if c}) for line, names in found["contexts"].items()}
-        for file, found in json.loads(report.read_text())["files"].items()
-    }
-    seconds = {
-        f"{case.attrib['classname'].replace('.', '/')}.py::{case.attrib['name']}": float(case.attrib["time"])
-        for case in ElementTree.parse(junit).iter("testcase")
-    }
-    return Coverage(tests, seconds)
+    found = {path: reached(path, set()) for path in direct if path.name.startswith("test_")}
+    return [found, {path: modules.union(*(PROJECT_IMPORTS[m] for m in modules)) for path, modules in found.items()}]
 
 
-def is_noticed(mutant: Mutant, tests: list[str], tree: Path) -> bool:
-    """Makes the mutant in a copy of the tree and runs its tests until one fails."""
+def nearest_tests(file: str) -> tuple[list[Path], list[Path]]:
+    """The mirrored file of tests of a module, if there is one, and the others that can notice its faults."""
+    path = Path(file)
+    module = ".".join(path.with_suffix("").parts)
+    mirrored = Path("tests", *path.parts[:-1], f"test_{path.name}")
+
+    def other_rooms(tests: Path) -> int:
+        return -os.path.commonpath([tests, mirrored]).count(os.sep)
+
+    others = [
+        tests for imported in importers() for tests in sorted(imported, key=other_rooms) if module in imported[tests]
+    ]
+    return [mirrored] * (ROOT / mirrored).is_file(), [tests for tests in dict.fromkeys(others) if tests != mirrored]
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Quick tests run first, and those that open a page last (this module is a plugin of the runs below)."""
+    items.sort(key=lambda item: [item.get_closest_marker(name) is not None for name in ("browser", "slow")])
+
+
+def is_noticed(mutant: Mutant, tree: Path) -> bool:
+    """Makes the mutant in a copy of the tree and runs the tests that can notice it until one fails."""
     target = tree / mutant.file
     original = target.read_text()
-    run = [sys.executable, "-m", "pytest", "-q", "-x", "-p", "no:cacheprovider"]
+    run = [sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", "-p", "tests.mutants", "-m", "not nightly"]
+    limit = [f"--timeout={TIMEOUT}", "--timeout-method=thread"]
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
     try:
         target.write_text(source_of(mutant))
-        for first in range(0, len(tests), BATCH):
-            chosen = [*run, *tests[first : first + BATCH]]
-            done = subprocess.run(
-                chosen, cwd=tree, env=environment(), capture_output=True, timeout=TIMEOUT, check=False
-            )
-            if done.returncode != 0:
-                return True
+        for tests in nearest_tests(mutant.file):
+            if tests:
+                done = subprocess.run([*run, *limit, *map(str, tests)], cwd=tree, env=environment, capture_output=True)
+                if done.returncode not in (0, 5):  # 5: all tests are deselected
+                    return True
         return False
-    except subprocess.TimeoutExpired:
-        return True  # an endless loop
     finally:
         target.write_text(original)
-
-
-def copies(number: int, folder: Path) -> SimpleQueue[Path]:
-    """Copies of the tracked tree, one for each process."""
-    trees: SimpleQueue[Path] = SimpleQueue()
-    for k in range(number):
-        tree = folder / f"tree_{k}"
-        subprocess.run(["git", "clone", "--quiet", str(ROOT), str(tree)], check=True)
-        trees.put(tree)
-    return trees
 
 
 def main() -> None:
@@ -240,28 +215,24 @@ def main() -> None:
     parser.add_argument("--json", type=Path, default=None, help="where to write every mutant and its verdict")
     parser.add_argument("--again", type=Path, default=None, help="report of an earlier run: try only its survivors")
     arguments = parser.parse_args()
-    if subprocess.run(["git", "status", "--porcelain"], cwd=ROOT, capture_output=True, text=True, check=True).stdout:
-        sys.exit("error: the tree has changes that are not committed; mutants are made in a clone of the last commit")
     mutants = survivors_of(arguments.again) if arguments.again else draw(arguments.number, arguments.seed)
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        coverage = measure(folder)
-        trees = copies(arguments.jobs, folder)
+    noticed: list[bool] = []
+    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(arguments.jobs) as pool:
+        trees: SimpleQueue[Path] = SimpleQueue()
+        for k in range(arguments.jobs):
+            trees.put(copy_checkout(Path(name) / str(k)))
 
         def judge(mutant: Mutant) -> bool:
-            tests = coverage.of(mutant)
             tree = trees.get()
             try:
-                return bool(tests) and is_noticed(mutant, tests, tree)
+                return is_noticed(mutant, tree)
             finally:
                 trees.put(tree)
 
-        noticed = []
-        with ThreadPoolExecutor(arguments.jobs) as pool, progress("mutants", len(mutants)) as advance:
-            for verdict in pool.map(judge, mutants):
+        with progress("mutants", len(mutants)) as advance:
+            for mutant, verdict in zip(mutants, pool.map(judge, mutants), strict=True):
                 noticed.append(verdict)
                 if not verdict:
-                    mutant = mutants[len(noticed) - 1]
                     say(f"survived: {mutant.file}:{mutant.line} {mutant.change}")
                 advance(f"{sum(noticed)} of {len(noticed)} noticed")
     say(f"{sum(noticed)} of {len(mutants)} mutants noticed")

@@ -7,9 +7,11 @@ from random import Random
 
 import pytest
 
-from skill.data import demonstration as demonstrations
 from skill.data import tables
 from skill.data.demonstration import read_demonstration
+from skill.data.sealed_file import is_sealed
+from skill.manipulation_skill import ManipulationSkill
+from skill.policy import Action
 from tests import fuzz
 from tests import fuzz_mutations as mutations
 
@@ -36,18 +38,18 @@ def defects(trials, kinds):
 @pytest.mark.slow
 def test_no_change_of_a_file_is_a_defect(trials):
     assert sorted(t.number for t in trials) == list(range(NUMBER))
-    assert defects(trials, set(fuzz.KINDS) - {"scenario"}) == []
+    assert defects(trials, set(fuzz.KINDS) - {"scenario.yaml"}) == []
 
 
 @pytest.mark.nightly
 @pytest.mark.slow
 def test_no_change_of_a_scenario_is_a_defect(trials):
-    assert defects(trials, {"scenario"}) == []
+    assert defects(trials, {"scenario.yaml"}) == []
 
 
 def silent_changes(folder, kind, number=150):
     original, held = fuzz.originals(folder)[kind]
-    path = folder / "work.dat"
+    path = folder / "work"
     outcomes = []
     for k in range(number):
         changed = mutations.flip_bit(original, Random(k))
@@ -59,9 +61,9 @@ def silent_changes(folder, kind, number=150):
 @pytest.mark.nightly
 @pytest.mark.slow
 def test_without_the_digest_it_finds_silent_changes(folder, monkeypatch):
-    assert silent_changes(folder, "recording") == 0
+    assert silent_changes(folder, "recording.parquet") == 0
     monkeypatch.setattr(tables, "is_sealed", lambda data: True)
-    assert silent_changes(folder, "recording") > 0
+    assert silent_changes(folder, "recording.parquet") > 0
 
 
 @pytest.mark.nightly
@@ -69,19 +71,19 @@ def test_without_the_digest_it_finds_silent_changes(folder, monkeypatch):
 def test_without_the_checksums_of_pages_either_numbers_change_silently(folder, monkeypatch):
     monkeypatch.setattr(tables, "is_sealed", lambda data: True)
     monkeypatch.setattr(tables.pq.ParquetFile, "__init__", unchecked(tables.pq.ParquetFile.__init__))
-    assert silent_changes(folder, "recording") > 10
+    assert silent_changes(folder, "recording.parquet") > 10
 
 
 def unchecked(init):
     return lambda self, source, **options: init(self, source)
 
 
-def judged(folder, monkeypatch, read, kind="recording"):
+def judged(folder, monkeypatch, read, kind="recording.parquet"):
     """The outcome of a file that is read by ``read``."""
     original, held = fuzz.originals(folder)[kind]
-    monkeypatch.setattr(demonstrations, "read_demonstration", read)
-    outcome, _ = fuzz.judge(kind, original, held, b"changed", folder / "work.dat", sealed=True)
-    (folder / "work.dat").unlink()
+    monkeypatch.setattr(fuzz, "read_demonstration", read)
+    outcome, _ = fuzz.judge(kind, original, held, b"changed", folder / "work", sealed=True)
+    (folder / "work").unlink()
     return outcome
 
 
@@ -103,8 +105,8 @@ def test_each_kind_of_defect_is_found(folder, monkeypatch):
     assert judged(folder, monkeypatch, raises(TypeError("no"))) == "exception"
     assert judged(folder, monkeypatch, raises(SystemExit(1))) == "exception"
     assert judged(folder, monkeypatch, raises(ValueError("without a name"))) == "message"
-    assert judged(folder, monkeypatch, raises(ValueError(f"{folder / 'work.dat'}: two\nlines"))) == "message"
-    assert judged(folder, monkeypatch, raises(ValueError(f"{folder / 'work.dat'}: bad"))) == "refused"
+    assert judged(folder, monkeypatch, raises(ValueError(f"{folder / 'work'}: two\nlines"))) == "message"
+    assert judged(folder, monkeypatch, raises(ValueError(f"{folder / 'work'}: bad"))) == "refused"
     monkeypatch.setattr(fuzz, "MAX_TIME", 0.01)
     assert judged(folder, monkeypatch, lambda path: time.sleep(0.02)) == "time"
 
@@ -115,14 +117,11 @@ def test_a_reader_that_takes_too_much_memory_is_a_defect(folder, monkeypatch):
 
 
 def test_a_skill_that_acts_by_nan_is_unsound(folder, monkeypatch):
-    from skill.manipulation_skill import ManipulationSkill
-    from skill.policy import Action
-
-    kind = "skill, version 4"
+    kind = "skill.npz"
     original, held = fuzz.originals(folder)[kind]
     broken = Action(turn=[float("nan"), 0.0], feed=0.0, probabilities=[1.0])
     monkeypatch.setattr(ManipulationSkill, "act", lambda self, measured: broken)
-    assert fuzz.judge(kind, original, held + b"x", original, folder / "work.dat", sealed=False)[0] == "unsound"
+    assert fuzz.judge(kind, original, held + b"x", original, folder / "work", sealed=False)[0] == "unsound"
 
 
 def crashes(number, seed, folder):
@@ -131,7 +130,7 @@ def crashes(number, seed, folder):
         os.kill(os.getpid(), signal.SIGKILL)
     if number == 3:
         time.sleep(60.0)
-    return fuzz.Trial(number, "run", "none", "refused")
+    return fuzz.Trial(number, "run.parquet", "none", "refused")
 
 
 @pytest.mark.nightly
@@ -139,10 +138,9 @@ def crashes(number, seed, folder):
 def test_a_process_that_crashes_or_hangs_is_a_defect_and_the_others_go_on(monkeypatch):
     monkeypatch.setattr(fuzz, "attempt", crashes)
     monkeypatch.setattr(fuzz, "PATIENCE", 1.0)
-    monkeypatch.setattr(fuzz, "START_TIME", 0.0)
     trials = sorted(fuzz.run(list(range(5)), seed=0, jobs=1, method="fork"), key=lambda t: t.number)
     assert [t.outcome for t in trials] == ["refused", "crash", "refused", "time", "refused"]
-    assert "crash: number 1, run" in fuzz.report(trials)
+    assert "crash: number 1, run.parquet" in fuzz.report(trials)
     assert "5 mutations, 2 defects" in fuzz.report(trials)
 
 
@@ -162,10 +160,8 @@ def test_mutations_of_bytes_change_them(mutation):
     assert len(set(changed)) > 10
 
 
-@pytest.mark.parametrize("kind", ["recording", "run", "skill"])
+@pytest.mark.parametrize("kind", fuzz.SEALED)
 def test_forged_files_carry_a_digest_that_fits(folder, kind):
-    from skill.data.sealed_file import is_sealed
-
     original, _ = fuzz.originals(folder)[kind]
     for mutation in fuzz.FORGERIES[kind]:
         made = [mutation(original, Random(k)) for k in range(3)]

@@ -4,7 +4,8 @@ import ast
 
 import pytest
 
-from tests.mutants import ROOT, draw, mutable, mutate, source_of
+from tests.checkout import ROOT
+from tests.mutants import draw, mutable, mutate, nearest_tests, source_of
 
 
 @pytest.mark.parametrize(
@@ -26,16 +27,17 @@ from tests.mutants import ROOT, draw, mutable, mutate, source_of
 )
 def test_a_fault_is_made(text, mutated):
     tree = ast.parse(text)
-    [(node, _)] = mutable(tree)
+    [node] = mutable(tree)
     mutate(node)
     assert ast.unparse(tree) == mutated
 
 
 @pytest.mark.parametrize("text", ["import a", "raise E(1)", "assert a < 1", "x: list[1]", "f'{1}'", "a = 'b'"])
 def test_what_cannot_change_a_result_is_left_alone(text):
-    assert list(mutable(ast.parse(text))) == []
+    assert mutable(ast.parse(text)) == []
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_sample_is_seeded_and_every_mutant_is_another_program():
     mutants = draw(20, seed=3)
@@ -43,3 +45,13 @@ def test_the_sample_is_seeded_and_every_mutant_is_another_program():
     for mutant in mutants:
         original = ast.unparse(ast.parse((ROOT / mutant.file).read_text()))
         assert source_of(mutant).strip() != original.strip()
+
+
+@pytest.mark.nightly
+@pytest.mark.slow
+def test_a_module_has_mirrored_tests_and_those_that_import_it():
+    mirrored, others = nearest_tests("systems/control/back_off.py")
+    assert [path.as_posix() for path in mirrored] == ["tests/systems/control/test_back_off.py"]
+    names = [path.as_posix() for path in others]
+    assert "tests/systems/control/test_policy_controller.py" in names  # imports a module that imports it
+    assert "tests/models/test_bore.py" not in names
