@@ -113,7 +113,7 @@ def inject(scenario: Scenario, policy: RigPolicy, name: str, seed: int, *, first
     after = samples[samples["time"] >= onset]
     measured = contact_loads(after[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(), radius)
     reported = after["time"][after["fault"] != 0]
-    guard = scenario.controller
+    guard = scenario.controller.guard
     return Row(
         kind=name,
         seed=seed,

@@ -263,7 +263,7 @@ class TrialRun:
         metadata = {
             "geometry": asdict(scenario.geometry),
             "rig": asdict(scenario.rig),
-            "force_limit": scenario.controller.force_limit,
+            "force_limit": scenario.controller.guard.force_limit,
             "state_names": skill.state_names(),
             "scenario": dump_scenario(scenario),
             "versions": versions(),

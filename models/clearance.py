@@ -36,9 +36,8 @@ import math
 from models.bore import facet_sagitta, minimum_facets
 from models.contact_checks import expected_overlap, softest_modulus
 from models.contact_theory import largest_entry_tilt
-from models.hardware_checks import is_multiple
-from models.scenario import FREE_FACETS, FREE_FIXTURE, Scenario
-from models.validation import LIMITS
+from models.scenario import FREE_FACETS, FREE_FIXTURE, MIN_TIME_STEP, Scenario
+from models.validation import is_multiple
 
 NOMINAL = Scenario()
 """The scenario whose numerics were chosen by measurement."""
@@ -71,7 +70,7 @@ def numerics_of_clearance(scenario: Scenario) -> Scenario:
         hole_radius=g.hole_radius, clearance=g.clearance, spins=scenario.fixture == FREE_FIXTURE
     )
     chosen.contact.modulus = modulus_of_clearance(
-        clearance=g.clearance, peg_radius=g.peg_radius, load=scenario.controller.force_limit
+        clearance=g.clearance, peg_radius=g.peg_radius, load=scenario.controller.guard.force_limit
     )
     chosen.contact.time_step = _common_step(
         scenario.controller.period, scenario.recorder.period, longest=step_of_clearance(g.clearance)
@@ -109,7 +108,7 @@ def modulus_of_clearance(*, clearance: float, peg_radius: float, load: float) ->
         peg_radius: r, m.
         load: Largest load of the contact, N; below the nominal force limit of the controller, that limit counts.
     """
-    g, contact, limit = NOMINAL.geometry, NOMINAL.contact, NOMINAL.controller.force_limit
+    g, contact, limit = NOMINAL.geometry, NOMINAL.contact, NOMINAL.controller.guard.force_limit
     largest = max(load, limit)
 
     def softest(overlap: float) -> float:
@@ -124,8 +123,7 @@ def modulus_of_clearance(*, clearance: float, peg_radius: float, load: float) ->
 
 def step_of_clearance(clearance: float) -> float:
     """Returns the longest time step (s) in which the peg moves by at most the nominal part of the clearance (m)."""
-    shortest = LIMITS["contact.time_step"][0]
-    return max(shortest, NOMINAL.contact.time_step * min(1.0, clearance / NOMINAL.geometry.clearance))
+    return max(MIN_TIME_STEP, NOMINAL.contact.time_step * min(1.0, clearance / NOMINAL.geometry.clearance))
 
 
 def _common_step(first: float, second: float, *, longest: float) -> float:
@@ -133,7 +131,7 @@ def _common_step(first: float, second: float, *, longest: float) -> float:
 
     If there is none within the limits of a scenario, it is the shortest step within them.
     """
-    shortest = LIMITS["contact.time_step"][0]
+    shortest = MIN_TIME_STEP
     counts = range(1, math.floor(first / shortest * (1.0 + TOLERANCE)) + 1)
     steps = [max(shortest, first / count) for count in counts if is_multiple(second, first / count)]
     return next((step for step in steps if step <= longest * (1.0 + TOLERANCE)), steps[-1])

@@ -5,7 +5,9 @@ manufacturer's data sheet; [choice] chosen here for a plausible laboratory rig.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+
+from models.validation import limited
 
 
 @dataclass
@@ -59,7 +61,7 @@ class StepperMotorParameters:
     # The current of the driver sets it. A step against a jammed peg changes the load by up to (pi/2) T_h / microsteps
     # / peg radius, so that a motor stronger than its task makes a cap of the load impossible.
     holding_torque: float = 0.5  # in units of N m, at the output [choice]
-    damping: float = 0.75  # in units of N m s/rad [choice]
+    damping: float = limited(0.75, low=0.0)  # in units of N m s/rad [choice]
     reflected_inertia: float = 1.0e-3  # in units of kg m^2 [choice]
     max_step_rate: float = 250.0  # in units of steps/s; no step is lost up to 0.8 of the holding torque [choice]
     max_step_acceleration: float = 8.0e3  # in units of steps/s^2; needs a tenth of the holding torque [choice]
@@ -80,14 +82,14 @@ class DcMotorParameters:
     inductance: float = 0.24e-3  # in units of H [choice]
     torque_constant: float = 0.0235  # in units of N m/A, and V s/rad [choice]
     rotor_inertia: float = 1.0e-6  # in units of kg m^2 [choice]
-    viscous_friction: float = 2.0e-6  # in units of N m s/rad [choice]
-    coulomb_friction: float = 1.0e-3  # in units of N m [choice]
+    viscous_friction: float = limited(2.0e-6, low=0.0)  # in units of N m s/rad [choice]
+    coulomb_friction: float = limited(1.0e-3, low=0.0)  # in units of N m [choice]
     screw_lead: float = 5.0e-3  # in units of m/turn [choice]
     screw_efficiency: float = 0.85  # forward, ball screw [choice]
     supply_voltage: float = 12.0  # in units of V [choice]
     current_limit: float = 1.0  # in units of A [choice]
     speed_kp: float = 0.05  # in units of V s/rad [choice]
-    speed_ki: float = 2.0  # in units of V/rad [choice]
+    speed_ki: float = limited(2.0, low=0.0)  # in units of V/rad [choice]
     encoder_counts: int = 2000  # counts per turn of the encoder on the shaft, which measures the speed [choice]
 
     @property
@@ -119,21 +121,25 @@ class DcMotorParameters:
 class WrenchSensorParameters:
     """A six-axis force/torque sensor of the Mini45 class."""
 
-    force_range: list[float] = field(default_factory=lambda: [145.0, 145.0, 290.0])  # N [sheet]
-    torque_range: list[float] = field(default_factory=lambda: [5.0, 5.0, 5.0])  # N m [sheet]
-    force_noise: list[float] = field(default_factory=lambda: [0.02, 0.02, 0.05])  # N, standard deviation [sheet]
-    torque_noise: list[float] = field(default_factory=lambda: [5e-4, 5e-4, 5e-4])  # N m [sheet]
-    force_bias: float = 0.05  # in units of N; standard deviation of the bias after taring [choice]
-    torque_bias: float = 1e-3  # in units of N m; standard deviation of the bias after taring [choice]
+    force_range: list[float] = limited([145.0, 145.0, 290.0], count=3)  # N [sheet]
+    torque_range: list[float] = limited([5.0, 5.0, 5.0], count=3)  # N m [sheet]
+    force_noise: list[float] = limited([0.02, 0.02, 0.05], count=3, low=0.0, high=1e3)  # N, standard deviation [sheet]
+    torque_noise: list[float] = limited([5e-4, 5e-4, 5e-4], count=3, low=0.0, high=0.2)  # N m [sheet]
+    # In units of N; standard deviation of the bias after taring [choice].
+    force_bias: float = limited(0.05, low=0.0, high=1e3)
+    # In units of N m; standard deviation of the bias after taring [choice].
+    torque_bias: float = limited(1e-3, low=0.0, high=0.2)
     # The bias drifts, mostly with temperature, as a random walk: 0.06 N and 1.3 mN m within 10 s.
-    force_drift: float = 0.02  # in units of N/sqrt(s); standard deviation of the walk after 1 s [choice]
-    torque_drift: float = 4e-4  # in units of N m/sqrt(s) [choice]
+    # In units of N/sqrt(s); standard deviation of the walk after 1 s [choice].
+    force_drift: float = limited(0.02, low=0.0, high=10.0)
+    torque_drift: float = limited(4e-4, low=0.0, high=5e-3)  # in units of N m/sqrt(s) [choice]
     force_quantum: float = 1.0 / 16.0  # in units of N [sheet]
     torque_quantum: float = 1.0 / 752.0  # in units of N m [sheet]
     bandwidth: float = 100.0  # in units of Hz; first-order low-pass [choice]
-    period: float = 1e-3  # in units of s [choice]
-    delay: float = 2e-3  # in units of s, whole periods; of conversion and network, without the low-pass [choice]
-    height: float = 0.080  # in units of m, of the sensor above the peg's tip [choice]
+    period: float = limited(1e-3, low=1e-5, high=1.0)  # in units of s [choice]
+    # In units of s, whole periods; of conversion and network, without the low-pass [choice].
+    delay: float = limited(2e-3, low=0.0, high=10.0)
+    height: float = limited(0.080, high=1.0)  # in units of m, of the sensor above the peg's tip [choice]
 
     @property
     def time_constant(self) -> float:
@@ -150,10 +156,13 @@ class WrenchSensorParameters:
 class RigParameters:
     """Mechanics of the 3-DOF rig."""
 
-    pivot_height: float | None = None  # in units of m, of the gimbal's axes above the mouth; None: drawn [choice]
-    pivot_range: float = 0.003  # in units of m; half width of the uniform distribution of the pivot height [choice]
-    demonstrated_pivot_range: float = 0.005  # in units of m; the same in demonstrations, a wider one [choice]
-    carriage_friction: float = 5.0  # in units of N s/m, viscous [choice]
+    # In units of m, of the gimbal's axes above the mouth; None: drawn [choice].
+    pivot_height: float | None = limited(None, signed=True)
+    # In units of m; half width of the uniform distribution of the pivot height [choice].
+    pivot_range: float = limited(0.003, low=0.0)
+    # In units of m; the same in demonstrations, a wider one [choice].
+    demonstrated_pivot_range: float = limited(0.005, low=0.0)
+    carriage_friction: float = limited(5.0, low=0.0)  # in units of N s/m, viscous [choice]
     mount_stiffness: float = 2.0e5  # in units of N/m, lateral, of the compliant mount that carries the peg [choice]
-    mount_damping: float = 100.0  # in units of N s/m, lateral [choice]
+    mount_damping: float = limited(100.0, low=0.0)  # in units of N s/m, lateral [choice]
     encoder_resolution: float = 5.0e-6  # in units of m [choice]

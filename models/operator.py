@@ -6,36 +6,42 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from models.validation import limited
+
 
 @dataclass
 class OperatorParameters:
     """The simulated operator; `draw_person` draws the personal parameters."""
 
     habit: str = "expert"  # a key of HABITS
-    sight_delay: float = 0.16  # in units of s
-    sight_noise: float = math.radians(0.15)  # in units of rad; standard deviation of the seen tilt
-    sight_bias: list[float] | None = None  # in units of rad; None: drawn with sight_bias_sigma
-    sight_bias_sigma: float = math.radians(0.25)  # in units of rad
-    offset_noise: float = 0.10e-3  # in units of m; standard deviation of the seen offset
-    offset_bias: list[float] | None = None  # in units of m; None: drawn with offset_bias_sigma
-    offset_bias_sigma: float = 0.10e-3  # in units of m
-    dead_zone: float = math.radians(0.1)  # in units of rad; smaller seen tilts are not corrected
-    offset_dead_zone: float = 0.10e-3  # in units of m; smaller seen offsets are not corrected
+    sight_delay: float = limited(0.16, low=0.0, high=10.0)  # in units of s
+    sight_noise: float = limited(math.radians(0.15), low=0.0)  # in units of rad; standard deviation of the seen tilt
+    # In units of rad; None: drawn with sight_bias_sigma.
+    sight_bias: list[float] | None = limited(None, signed=True, count=2)
+    sight_bias_sigma: float = limited(math.radians(0.25), low=0.0)  # in units of rad
+    offset_noise: float = limited(0.10e-3, low=0.0)  # in units of m; standard deviation of the seen offset
+    # In units of m; None: drawn with offset_bias_sigma.
+    offset_bias: list[float] | None = limited(None, signed=True, count=2)
+    offset_bias_sigma: float = limited(0.10e-3, low=0.0)  # in units of m
+    dead_zone: float = limited(math.radians(0.1), low=0.0)  # in units of rad; smaller seen tilts are not corrected
+    offset_dead_zone: float = limited(0.10e-3, low=0.0)  # in units of m; smaller seen offsets are not corrected
     correction_period: float = 0.28  # in units of s, from one visual correction to the next
     correction_time: float = 0.20  # in units of s; duration of a visual correction
-    align_gain: float = 1.6  # in units of 1/s; mean turning rate over seen tilt
-    align_rate: float = math.radians(4.0)  # in units of rad/s; maximum mean turning rate
-    touch_gain: float = 3.0  # in units of rad/s per N m of felt moment
-    touch_slide: float = 0.010  # in units of m/s per N of felt force across the axis
+    align_gain: float = limited(1.6, low=0.0)  # in units of 1/s; mean turning rate over seen tilt
+    align_rate: float = limited(math.radians(4.0), low=0.0)  # in units of rad/s; maximum mean turning rate
+    touch_gain: float = limited(3.0, low=0.0)  # in units of rad/s per N m of felt moment
+    touch_slide: float = limited(0.010, low=0.0)  # in units of m/s per N of felt force across the axis
     insertion_speed: float = 0.020  # in units of m/s, without contact
     comfortable_force: float = 1.6  # in units of N; felt push at which the speed falls to zero
-    patience: float = 1e9  # in units of s of hindered pushing, after which the peg is pulled out
-    decision_period: float = 0.02  # in units of s
-    tremor: float = 0.02e-3  # in units of m; amplitude along and across the axis
-    tremor_angle: float = math.radians(0.01)  # in units of rad; amplitude
+    patience: float = limited(1e9, low=0.0)  # in units of s of hindered pushing, after which the peg is pulled out
+    decision_period: float = limited(0.02, low=1e-3, high=1.0)  # in units of s
+    tremor: float = limited(0.02e-3, low=0.0)  # in units of m; amplitude along and across the axis
+    tremor_angle: float = limited(math.radians(0.01), low=0.0)  # in units of rad; amplitude
     tremor_frequency: float = 10.0  # in units of Hz
-    tremor_spread: float = 2.0  # in units of Hz; half width of the uniform distribution about tremor_frequency
-    personal_spread: float = 0.15  # standard deviation of the logarithm of the factors on the PERSONAL parameters
+    # In units of Hz; half width of the uniform distribution about tremor_frequency.
+    tremor_spread: float = limited(2.0, low=0.0)
+    # Standard deviation of the logarithm of the factors on the PERSONAL parameters.
+    personal_spread: float = limited(0.15, low=0.0)
 
 
 HABITS: dict[str, dict[str, float]] = {

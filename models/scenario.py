@@ -17,6 +17,7 @@ from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 from models.bore import MAX_FACETS, minimum_clearance
 from models.contact_checks import facet_violations, softness_violations
 from models.contact_theory import largest_entry_tilt
+from models.control import ControllerParameters
 from models.document import read_document, read_text
 from models.hardware import (
     DEVICE_PRESETS,
@@ -25,9 +26,17 @@ from models.hardware import (
     StepperMotorParameters,
     WrenchSensorParameters,
 )
-from models.hardware_checks import guard_violations, is_multiple, sensor_violations, stall_violations
 from models.operator import HABITS, OperatorParameters, draw_person
-from models.validation import Violation, check_document, number_violations, raise_first
+from models.validation import (
+    PERIODS,
+    TIME_LIMITS,
+    Violation,
+    check_document,
+    is_multiple,
+    limited,
+    number_violations,
+    raise_first,
+)
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 APPROXIMATIONS = ("lagged", "similar", "sap")
@@ -35,6 +44,18 @@ APPROXIMATIONS = ("lagged", "similar", "sap")
 
 FREE_FIXTURE, RIG_FIXTURE, AXIAL_FIXTURE = FIXTURES = ("free", "rig", "axial")
 """Names of the virtual fixtures: six degrees of freedom, those of the rig, or one (see `virtual_fixture`)."""
+
+MIN_TIME_STEP = 1e-5
+"""Shortest step of the simulation, s; below it, hours of computing time pass within a second."""
+
+MAX_OFFSET = 0.9
+"""Largest offset of the start, m."""
+
+MIN_LEVELS = 10
+"""Minimum ratio of range to quantum. A coarser sensor is at the end of its range at the first contact."""
+
+MAX_DELAY = 1000
+"""Maximum delay of a sensor, in its periods."""
 
 FREE_FACETS = 64
 """Default number of facets of a scenario file with the fixture `free`, in which the peg may rotate about its axis."""
@@ -44,14 +65,15 @@ FREE_FACETS = 64
 class Geometry:
     """Sizes of the peg and the hole, and the resolution of their meshes."""
 
-    peg_radius: float = 0.010  # in units of m
-    peg_length: float = 0.060  # in units of m
-    hole_radius: float = 0.01005  # in units of m
-    hole_depth: float = 0.025  # in units of m
-    chamfer: float = 0.0005  # in units of m, at 45 degrees
-    facets: int = 32  # of the bore and of the peg; a file with the fixture `free` has FREE_FACETS by default
-    block_radius: float = 0.030  # in units of m
-    floor: float = 0.010  # in units of m, below the bore
+    peg_radius: float = limited(0.010, low=1e-4, high=1.0)  # in units of m
+    peg_length: float = limited(0.060, low=1e-4, high=10.0)  # in units of m
+    hole_radius: float = limited(0.01005, low=1e-4, high=1.0)  # in units of m
+    hole_depth: float = limited(0.025, low=1e-4, high=10.0)  # in units of m
+    chamfer: float = limited(0.0005, low=0.0)  # in units of m, at 45 degrees
+    # Of the bore and of the peg; a file with the fixture `free` has FREE_FACETS by default.
+    facets: int = limited(32, low=3, high=MAX_FACETS)
+    block_radius: float = limited(0.030, low=1e-4, high=10.0)  # in units of m
+    floor: float = limited(0.010, low=1e-4, high=10.0)  # in units of m, below the bore
 
     @property
     def clearance(self) -> float:
@@ -63,11 +85,13 @@ class Geometry:
 class ContactParameters:
     """The hydroelastic contact model."""
 
-    time_step: float = 2e-3  # in units of s
-    modulus: float = 5.5e11  # in units of Pa, of the compliant peg
-    dissipation: float = 20.0  # in units of s/m, Hunt-Crossley; about 0.75 of the speed returns at 20 mm/s
-    friction: float = 0.2
-    friction_spread: float = 0.5  # relative half width of the uniform distribution of the friction
+    time_step: float = limited(2e-3, low=MIN_TIME_STEP, high=0.1)  # in units of s
+    modulus: float = limited(5.5e11, high=math.inf)  # in units of Pa, of the compliant peg
+    # In units of s/m, Hunt-Crossley; about 0.75 of the speed returns at 20 mm/s.
+    dissipation: float = limited(20.0, low=0.0)
+    friction: float = limited(0.2, low=0.0)
+    # Relative half width of the uniform distribution of the friction.
+    friction_spread: float = limited(0.5, low=0.0, high=1.0)
     approximation: str = "lagged"  # one of APPROXIMATIONS
 
 
@@ -75,13 +99,17 @@ class ContactParameters:
 class StartParameters:
     """Initial pose of the peg; tilt and offset are drawn from their ranges if they are None."""
 
-    height: float = 0.003  # in units of m, of the tip above the mouth
-    depth: float = 0.0  # in units of m, of the tip below the mouth; if positive, it replaces the height
-    tilt_range: float = math.radians(3.4)  # in units of rad, uniform on each axis
-    demonstrated_tilt_range: float = math.radians(4.0)  # in units of rad; wider than in a rig trial
-    offset_range: float = 0.0  # in units of m, uniform on each axis; has an effect in the `free` fixture only
-    tilt: list[float] | None = None  # in units of rad, about x and y of the hole
-    offset: list[float] | None = None  # in units of m, along x and y of the hole
+    height: float = limited(0.003, high=0.45)  # in units of m, of the tip above the mouth
+    # In units of m, of the tip below the mouth; if positive, it replaces the height.
+    depth: float = limited(0.0, low=0.0)
+    tilt_range: float = limited(math.radians(3.4), low=0.0, high=0.5 * math.pi)  # in units of rad, uniform on each axis
+    # In units of rad; wider than in a rig trial.
+    demonstrated_tilt_range: float = limited(math.radians(4.0), high=0.5 * math.pi)
+    # In units of m, uniform on each axis; has an effect in the `free` fixture only.
+    offset_range: float = limited(0.0, low=0.0, high=MAX_OFFSET)
+    tilt: list[float] | None = limited(None, signed=True, count=2)  # in units of rad, about x and y of the hole
+    # In units of m, along x and y of the hole.
+    offset: list[float] | None = limited(None, high=MAX_OFFSET, signed=True, count=2)
 
     @property
     def tip_height(self) -> float:
@@ -94,101 +122,40 @@ class CouplingParameters:
     """The virtual coupling between probe and peg, and the guide of the virtual fixture."""
 
     stiffness: float = 4000.0  # in units of N/m
-    damping: float = 180.0  # in units of N s/m
+    damping: float = limited(180.0, low=0.0)  # in units of N s/m
     angular_stiffness: float = 300.0  # in units of N m/rad
-    angular_damping: float = 2.4  # in units of N m s/rad
-    guide_stiffness: float = 2.0e5  # in units of N/m
-    guide_damping: float = 600.0  # in units of N s/m
+    angular_damping: float = limited(2.4, low=0.0)  # in units of N m s/rad
+    guide_stiffness: float = limited(2.0e5, low=0.0)  # in units of N/m
+    guide_damping: float = limited(600.0, low=0.0)  # in units of N s/m
     peg_mass: float = 4.0  # in units of kg, of the virtual peg
     peg_inertia: float = 2.0e-2  # in units of kg m^2, about its tip
-    force_scale: float = 0.2  # ratio of rendered to virtual force
-    torque_scale: float = 0.02  # ratio of rendered to virtual torque
+    force_scale: float = limited(0.2, low=0.0)  # ratio of rendered to virtual force
+    torque_scale: float = limited(0.02, low=0.0)  # ratio of rendered to virtual torque
 
 
 @dataclass
 class RecorderParameters:
     """Sampling, time limit and quality limit of a demonstration."""
 
-    period: float = 0.02  # in units of s
-    time_limit: float = 8.0  # in units of s
+    period: float = limited(0.02, **PERIODS)  # in units of s
+    time_limit: float = limited(8.0, **TIME_LIMITS)  # in units of s
     rough_force: float = 20.0  # in units of N; a demonstration with a larger contact force is bad
-
-
-@dataclass
-class PolicyControllerParameters:
-    """Gain and limits of the policy controller."""
-
-    period: float = 0.02  # in units of s
-    gain: float = 1.0  # factor on the turns of the policy
-    max_turn_rate: float = math.radians(12.0)  # in units of rad/s; impact loads limit it further (`ForceGuard`)
-    max_turn: float = math.radians(8.0)  # in units of rad, on each axis, to either side of the start
-    max_feed_speed: float = 0.030  # in units of m/s
-
-
-@dataclass
-class ForceGuardParameters:
-    """Limits of the force guard. The load is the norm of force and moment / peg radius, in N."""
-
-    # 90 % of the samples of the default good demonstrations stay below 13 N of load, 99 % below 28 N. A skill that
-    # pushes harder measures loads that few demonstrations contain.
-    soft_force: float = 10.0  # in units of N of load, above which it reduces the feed, to zero halfway to hold_force
-    hold_force: float = 20.0  # in units of N of load, at which turns that do not lower it are zero; above, it yields
-    force_limit: float = 40.0  # in units of N of load, which the guard is to keep; impact loads count too
-
-
-@dataclass
-class BackOffParameters:
-    """When and how far the peg is drawn back to try again."""
-
-    force_limit: float = ForceGuardParameters.force_limit  # in units of N of load, above which the peg is backed off
-    retract_speed: float = 0.015  # in units of m/s
-    back_off_distance: float = 1.0e-3  # in units of m
-    back_off_time: float = 0.4  # in units of s, maximum duration of a back-off
-    stall_time: float = 0.6  # in units of s; pushing this long without progress backs the peg off
-    stall_depth: float = 0.2e-3  # in units of m; a smaller increase of the depth is no progress
-    unknown_feed: float = 0.5  # factor on the feed while the contact state is unknown
-    doubt_time: float = 1.0  # in units of s; the peg is backed off if nothing is recognised for this long
-    # After a first attempt, turns make it worse if the lateral force grows so over such a turn and time without a gain.
-    worse_force: float = 3.0  # in units of N
-    worse_turn: float = math.radians(0.3)  # in units of rad
-    worse_time: float = 0.2  # in units of s
-    worse_depth: float = 0.05e-3  # in units of m; a smaller increase of the depth is no gain
-    max_repeats: int = 4  # attempts that end like the one before, after which the policy has nothing new to try
-
-
-@dataclass
-class WatchdogParameters:
-    """Detection of a stalled feed, and the retraction after a fault; most keys are shared with the back-off."""
-
-    period: float = PolicyControllerParameters.period  # in units of s
-    retract_speed: float = BackOffParameters.retract_speed  # in units of m/s
-    back_off_time: float = BackOffParameters.back_off_time  # in units of s, duration of the retraction
-    stall_depth: float = BackOffParameters.stall_depth  # in units of m; a smaller change of depth is no motion
-    feed_stall_distance: float = 1.0e-3  # in units of m, commanded without motion before the feed counts as stalled
-    # The speed loop stops from full feed within 0.3 mm.
-    follow_error: float = 0.4e-3  # in units of m, of motion against the command before the feed counts as faulty
-    travel_above: float = 0.010  # in units of m, from the start height to the upper limit of the travel
-    travel_below: float = 1.0e-3  # in units of m, from the bottom of the hole to the lower limit of the travel
-
-
-@dataclass
-class ControllerParameters(WatchdogParameters, BackOffParameters, ForceGuardParameters, PolicyControllerParameters):
-    """All parameters of the control loop, as the flat keys of ``controller:`` in a scenario."""
 
 
 @dataclass
 class TrialParameters:
     """End of a rig trial."""
 
-    time_limit: float = 10.0  # in units of s
-    full_depth_margin: float = 0.3e-3  # in units of m; largest distance from the bottom that counts as inserted
+    time_limit: float = limited(10.0, **TIME_LIMITS)  # in units of s
+    # In units of m; largest distance from the bottom that counts as inserted.
+    full_depth_margin: float = limited(0.3e-3, low=0.0)
 
 
 @dataclass
 class Scenario:
     """All parameters of a run."""
 
-    seed: int = 0
+    seed: int = limited(0, low=0, high=2**63 - 1)
     geometry: Geometry = field(default_factory=Geometry)
     contact: ContactParameters = field(default_factory=ContactParameters)
     start: StartParameters = field(default_factory=StartParameters)
@@ -279,6 +246,7 @@ def _violations(scenario: Scenario) -> Iterator[Violation]:
     yield from _limit_violations(scenario)
     yield from _tilt_violations(scenario.start, scenario.geometry)
     yield from _timing_violations(scenario)
+    yield from _sensor_violations(scenario)
 
 
 def _geometry_violations(g: Geometry) -> Iterator[Violation]:
@@ -311,22 +279,27 @@ def _name_violations(scenario: Scenario) -> Iterator[Violation]:
 
 
 def _limit_violations(scenario: Scenario) -> Iterator[Violation]:
-    """Checks the upper limits of single values, and the order of the force limits."""
-    margin, hole_depth = scenario.trial.full_depth_margin, scenario.geometry.hole_depth
-    if margin > 0.5 * hole_depth:
-        bound = f"at most half of geometry.hole_depth {hole_depth} m"
+    """Checks the values that bound each other."""
+    g, guard, drive = scenario.geometry, scenario.controller.guard, scenario.controller.drive_monitor
+    margin, operator = scenario.trial.full_depth_margin, scenario.operator
+    if margin > 0.5 * g.hole_depth:
+        bound = f"at most half of geometry.hole_depth {g.hole_depth} m"
         yield Violation("trial.full_depth_margin", f"{margin} m", bound)
-    if scenario.contact.friction_spread > 1:
-        yield Violation("contact.friction_spread", scenario.contact.friction_spread, "at most 1")
-    g = scenario.geometry
     yield from softness_violations(modulus=scenario.contact.modulus, clearance=g.clearance, peg_radius=g.peg_radius)
-    guard = scenario.controller
     if not guard.soft_force < guard.hold_force < guard.force_limit:
-        yield Violation(
-            "controller.hold_force",
-            f"{guard.hold_force} N",
-            f"above controller.soft_force {guard.soft_force} N and below controller.force_limit {guard.force_limit} N",
-        )
+        bound = f"above soft_force {guard.soft_force} N and below force_limit {guard.force_limit} N"
+        yield Violation("controller.guard.hold_force", f"{guard.hold_force} N", bound)
+    if operator.correction_time > operator.correction_period:
+        bound = f"above 0 and at most operator.correction_period {operator.correction_period} s"
+        yield Violation("operator.correction_time", f"{operator.correction_time} s", bound)
+    # A feed that moves must be seen to move.
+    for name, value in (
+        ("rig.encoder_resolution", scenario.rig.encoder_resolution),
+        ("controller.drive_monitor.stall_depth", drive.stall_depth),
+    ):
+        if 2.0 * value > drive.stall_distance:
+            bound = f"at most half of controller.drive_monitor.stall_distance {drive.stall_distance} m"
+            yield Violation(name, f"{value} m", f"{bound}, or a moving feed counts as stalled")
 
 
 def _tilt_violations(start: StartParameters, g: Geometry) -> Iterator[Violation]:
@@ -339,26 +312,37 @@ def _tilt_violations(start: StartParameters, g: Geometry) -> Iterator[Violation]
 
 
 def _timing_violations(scenario: Scenario) -> Iterator[Violation]:
-    """Checks that periods are multiples of the steps that they are counted in, and the timing of the sensors."""
-    operator, step = scenario.operator, scenario.contact.time_step
-    if operator.correction_time > operator.correction_period:
-        bound = f"above 0 and at most operator.correction_period {operator.correction_period} s"
-        yield Violation("operator.correction_time", f"{operator.correction_time} s", bound)
+    """Checks that periods are multiples of the steps that they are counted in."""
+    sensor, step = scenario.sensor, scenario.contact.time_step
     for name, period in (
         ("recorder.period", scenario.recorder.period),
         ("controller.period", scenario.controller.period),
     ):
         if not is_multiple(period, step):
             yield Violation(name, f"{period} s", f"a multiple of contact.time_step {step} s")
-    yield from sensor_violations(scenario.sensor)
-    guard = scenario.controller
+    if not is_multiple(sensor.delay, sensor.period):
+        yield Violation("sensor.delay", f"{sensor.delay} s", f"a multiple of sensor.period {sensor.period} s")
+    if sensor.delay > MAX_DELAY * sensor.period:
+        bound = f"at most {MAX_DELAY} times sensor.period {sensor.period} s"
+        yield Violation("sensor.delay", f"{sensor.delay} s", bound)
+
+
+def _sensor_violations(scenario: Scenario) -> Iterator[Violation]:
+    """Checks that the force/torque sensor shows the load finely enough, for itself and for the force guard."""
+    sensor, guard = scenario.sensor, scenario.controller.guard
+    for kind, unit, quantum, ranges in (
+        ("force", "N", sensor.force_quantum, sensor.force_range),
+        ("torque", "N m", sensor.torque_quantum, sensor.torque_range),
+    ):
+        if quantum * MIN_LEVELS > min(ranges):
+            bound = f"at most a tenth of sensor.{kind}_range, {min(ranges) / MIN_LEVELS:.4g} {unit}"
+            yield Violation(f"sensor.{kind}_quantum", f"{quantum} {unit}", bound)
+    # A force at the sensor has the lever `height` about the tip, so that its quantum is a large one of the load.
+    load_quantum = (sensor.torque_quantum + sensor.height * sensor.force_quantum) / scenario.geometry.peg_radius
     ramp = guard.hold_force - guard.soft_force
-    yield from guard_violations(scenario.sensor, peg_radius=scenario.geometry.peg_radius, ramp=ramp)
-    yield from stall_violations(
-        resolution=scenario.rig.encoder_resolution,
-        stall_depth=scenario.controller.stall_depth,
-        feed_stall_distance=scenario.controller.feed_stall_distance,
-    )
+    if load_quantum > ramp:
+        bound = f"at most {ramp:.4g} N of load, hold_force less soft_force of controller.guard"
+        yield Violation("sensor.force_quantum and sensor.torque_quantum", f"{load_quantum:.4g} N of load", bound)
 
 
 DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM, PRACTICE_STREAM, CHECK_STREAM, LIVE_STREAM = 1, 2, 3, 4, 5, 6

@@ -1,65 +1,45 @@
-"""Checks the values of a scenario and the keys of its YAML document.
+"""Limits of the values of a scenario, which stand beside its fields, and checks of values and YAML documents.
 
 Every check of values is a generator of `Violation`; `raise_first` turns the first one into an error.
 """
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from types import UnionType
 from typing import Any, NamedTuple, get_args
 
-from models.bore import MAX_FACETS
 from models.document import brief
-
-# By default a number must be positive. The numbers of these fields may be zero ...
-MAY_BE_ZERO = {
-    *("seed", "chamfer", "dissipation", "friction", "friction_spread", "carriage_friction"),
-    *("pivot_range", "demonstrated_pivot_range"),
-    *("tilt_range", "offset_range", "damping", "angular_damping", "guide_damping", "mount_damping"),
-    *("guide_stiffness", "force_scale", "torque_scale", "viscous_friction", "coulomb_friction", "speed_ki"),
-    *("sight_delay", "sight_noise", "sight_bias_sigma", "dead_zone", "align_gain", "align_rate", "touch_gain"),
-    *("tremor", "tremor_angle", "personal_spread", "force_noise", "torque_noise", "force_bias", "torque_bias"),
-    *("depth", "gain", "full_depth_margin", "patience", "force_drift", "torque_drift", "delay"),
-    *("offset_noise", "offset_bias_sigma", "offset_dead_zone", "touch_slide", "tremor_spread"),
-}
-# ... and the numbers of these fields may have either sign.
-SIGNED = {"tilt", "offset", "sight_bias", "offset_bias", "pivot_height"}
 
 # Magnitudes without limits of their own. Physics works far within them, and arithmetic stays finite.
 MIN_POSITIVE, MAX_MAGNITUDE = 1e-12, 1e12
 
-LIMITS = {
-    **dict.fromkeys(("geometry.peg_radius", "geometry.hole_radius"), (1e-4, 1.0, "m")),
-    **dict.fromkeys(("geometry.peg_length", "geometry.hole_depth", "geometry.block_radius"), (1e-4, 10.0, "m")),
-    "geometry.floor": (1e-4, 10.0, "m"),
-    "geometry.facets": (3, MAX_FACETS, ""),
-    # Below the step, hours of computing time pass within a second; the others are counted in it or in as small steps.
-    "contact.time_step": (1e-5, 0.1, "s"),
-    "contact.modulus": (MIN_POSITIVE, math.inf, "Pa"),  # a stiffer contact is rigid
-    # Recordings and runs outside these limits are refused as implausible (`skill.data.plausibility`).
-    **dict.fromkeys(("recorder.period", "controller.period"), (1e-5, 0.5, "s")),
-    **dict.fromkeys(("sensor.torque_bias", "sensor.torque_noise"), (0.0, 0.2, "N m")),
-    "sensor.torque_drift": (0.0, 5e-3, "N m/sqrt(s)"),
-    **dict.fromkeys(("sensor.force_bias", "sensor.force_noise"), (0.0, 1e3, "N")),
-    "sensor.force_drift": (0.0, 10.0, "N/sqrt(s)"),
-    **dict.fromkeys(("start.offset_range", "start.offset"), (0.0, 0.9, "m")),
-    "start.height": (MIN_POSITIVE, 0.45, "m"),  # an operator gives up at twice this height
-    "sensor.period": (1e-5, 1.0, "s"),
-    "operator.decision_period": (1e-3, 1.0, "s"),
-    **dict.fromkeys(("recorder.time_limit", "trial.time_limit"), (1e-3, 3600.0, "s")),
-    **dict.fromkeys(("sensor.delay", "operator.sight_delay"), (0.0, 10.0, "s")),
-    **dict.fromkeys(("start.tilt_range", "start.demonstrated_tilt_range"), (0.0, 0.5 * math.pi, "rad")),
-    "sensor.height": (MIN_POSITIVE, 1.0, "m"),
-    "seed": (0, 2**63 - 1, ""),
-}
-"""Minimum, maximum and unit of single numbers, by their path."""
 
-COUNTS = {
-    **dict.fromkeys(("tilt", "offset", "sight_bias", "offset_bias"), 2),
-    **dict.fromkeys(("force_range", "torque_range", "force_noise", "torque_noise"), 3),
-}
-"""Number of elements of each list field."""
+@dataclass(frozen=True)
+class Limits:
+    """The allowed values of a field with a number, or with a list of ``count`` numbers.
+
+    A number must be positive, unless ``low`` is zero or it is ``signed``; its magnitude is within the limits.
+    """
+
+    low: float = MIN_POSITIVE
+    high: float = MAX_MAGNITUDE
+    signed: bool = False
+    count: int | None = None
+
+
+def limited(default: Any, **limits: Any) -> Any:
+    """Returns a dataclass field with a default value and `Limits`."""
+    metadata = {"limits": Limits(**{"low": 0.0, **limits} if limits.get("signed") else limits)}
+    if isinstance(default, list):
+        return field(default_factory=default.copy, metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+# Recordings and runs outside these limits are refused as implausible (`skill.data.plausibility`).
+PERIODS = {"low": 1e-5, "high": 0.5}
+TIME_LIMITS = {"low": 1e-3, "high": 3600.0}
+"""Limits of periods and of time limits, s."""
 
 
 TYPE_NAMES: dict[Any, str] = {
@@ -102,34 +82,29 @@ def raise_first(violations: Iterable[Violation], where: str) -> None:
 
 
 def number_violations(tree: Any) -> Iterator[Violation]:
-    """Checks the numbers in a tree of dataclasses, and the lengths of its lists.
-
-    Every number must be finite, have an allowed sign, and lie within `LIMITS` or within the general limits.
+    """Checks the numbers in a tree of dataclasses against their `Limits`, and the lengths of its lists.
 
     Args:
         tree: A dataclass instance whose fields are values or dataclass instances.
     """
-    for path, name, value in _leaves(tree):
-        if isinstance(value, list) and name in COUNTS and len(value) != COUNTS[name]:
-            yield Violation(path, brief(value), f"{COUNTS[name]} numbers")
+    for path, value, limits in leaves(tree):
+        if isinstance(value, list) and limits.count not in (None, len(value)):
+            yield Violation(path, brief(value), f"{limits.count} numbers")
         for number in value if isinstance(value, list) else [value]:
             if isinstance(number, bool) or not isinstance(number, int | float):
                 continue
             if not math.isfinite(number):
                 yield Violation(path, number, "a finite number")
-            elif name not in SIGNED and not (number > 0 or (number == 0 and name in MAY_BE_ZERO)):
-                yield Violation(path, value, ">= 0" if name in MAY_BE_ZERO else "> 0")
-            else:
-                yield from _limit_violations(path, name, number)
+            elif not limits.signed and (number < 0 or (number == 0 and limits.low > 0)):
+                yield Violation(path, value, "> 0" if limits.low > 0 else ">= 0")
+            elif not limits.low <= abs(number) <= limits.high:
+                low = -limits.high if limits.signed else limits.low
+                yield Violation(path, number, f"between {low:g} and {limits.high:g}")
 
 
-def _limit_violations(path: str, name: str, number: float) -> Iterator[Violation]:
-    """Checks the magnitude of a number of an allowed sign."""
-    either = name in SIGNED or name in MAY_BE_ZERO
-    low, high, unit = LIMITS.get(path, (0.0 if either else MIN_POSITIVE, MAX_MAGNITUDE, ""))
-    if not low <= abs(number) <= high:
-        low = -high if name in SIGNED else low
-        yield Violation(path, f"{number} {unit}".rstrip(), f"between {low:g} and {high:g} {unit}".rstrip())
+def is_multiple(value: float, step: float) -> bool:
+    """Returns whether a duration is a whole number of steps, up to rounding."""
+    return abs(value / step - round(value / step)) < 1e-6
 
 
 def check_document(document: Any, schema: type, where: str, path: str = "") -> None:
@@ -146,7 +121,7 @@ def check_document(document: Any, schema: type, where: str, path: str = "") -> N
     """
     if not isinstance(document, dict):
         raise ValueError(f"{where}: {path or 'the file'} is {brief(document)}, expected keys with values")
-    known = {field.name: field.type for field in fields(schema)}
+    known = {entry.name: entry.type for entry in fields(schema)}
     for key, value in document.items():
         name = f"{path}.{key}" if path else str(key)
         if key not in known:
@@ -172,11 +147,11 @@ def _has_type(value: Any, kind: Any) -> bool:
     return any(isinstance(k, type) and type(value) is k for k in kinds)
 
 
-def _leaves(node: Any, prefix: str = "") -> Iterator[tuple[str, str, Any]]:
-    """Yields path, field name and value of every field of the tree that is not a dataclass instance."""
-    for field in fields(node):
-        value = getattr(node, field.name)
+def leaves(node: Any, prefix: str = "") -> Iterator[tuple[str, Any, Limits]]:
+    """Yields path, value and limits of every field of the tree that is not a dataclass instance."""
+    for leaf in fields(node):
+        value = getattr(node, leaf.name)
         if is_dataclass(value):
-            yield from _leaves(value, f"{prefix}{field.name}.")
+            yield from leaves(value, f"{prefix}{leaf.name}.")
         else:
-            yield f"{prefix}{field.name}", field.name, value
+            yield f"{prefix}{leaf.name}", value, leaf.metadata.get("limits", Limits())

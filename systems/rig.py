@@ -118,7 +118,7 @@ def _add_parts(
     *,
     angles: dict[str, float],
 ) -> _Parts:
-    sensor, step = scenario.sensor, scenario.contact.time_step
+    sensor, control, step = scenario.sensor, scenario.controller, scenario.contact.time_step
     tare = np.array([0.0, 0.0, contact.weight, 0.0, 0.0, 0.0])  # the reaction in free air
     resolution = scenario.rig.encoder_resolution
     return _Parts(
@@ -127,17 +127,16 @@ def _add_parts(
         ),
         encoder=builder.AddNamedSystem("depth_encoder", DepthEncoder(home=sensor.height, resolution=resolution)),
         estimator=builder.AddNamedSystem(
-            "contact_state_estimator", ContactStateEstimator(policy=policy, period=scenario.controller.period)
+            "contact_state_estimator", ContactStateEstimator(policy=policy, period=control.period)
         ),
         context_estimator=builder.AddNamedSystem(
-            "context_estimator", ContextEstimator(policy=policy, period=scenario.controller.period)
+            "context_estimator", ContextEstimator(policy=policy, period=control.period)
         ),
         controller=builder.AddNamedSystem(
             "policy_controller",
             PolicyController(
                 policy=policy,
-                parameters=scenario.controller,
-                back_off=scenario.controller,
+                parameters=control,
                 peg_radius=scenario.geometry.peg_radius,
             ),
         ),
@@ -148,14 +147,14 @@ def _add_parts(
                 top_speed=scenario.feed.no_load_speed,
                 resolution=resolution,
                 depth_period=step,
-                load_limit=scenario.controller.force_limit,
+                load_limit=control.guard.force_limit,
                 peg_radius=scenario.geometry.peg_radius,
             ),
         ),
         drive_monitor=builder.AddNamedSystem(
             "drive_monitor",
             DriveMonitor(
-                parameters=scenario.controller,
+                parameters=control.drive_monitor,
                 motor=scenario.feed,
                 travel=Travel.of(scenario),
                 resolution=resolution,
@@ -173,7 +172,13 @@ def _add_parts(
             ),
         ),
         watchdog=builder.AddNamedSystem(
-            "watchdog", Watchdog(parameters=scenario.controller, step_angle=scenario.stepper.step_angle)
+            "watchdog",
+            Watchdog(
+                period=control.period,
+                retract_speed=control.back_off.retract_speed,
+                retract_time=control.back_off.time,
+                step_angle=scenario.stepper.step_angle,
+            ),
         ),
         guard=builder.AddNamedSystem("force_guard", _force_guard(scenario, contact)),
         motor=builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=step)),
@@ -190,12 +195,12 @@ def _add_parts(
 def _force_guard(scenario: Scenario, contact: RigPlant) -> ForceGuard:
     p = scenario.controller
     return ForceGuard(
-        parameters=p,
+        parameters=p.guard,
         stopping=StoppingModel.of(scenario, mass=contact.moving_mass, inertia=contact.turning_inertia),
         peg_radius=scenario.geometry.peg_radius,
         max_turn_rate=p.max_turn_rate,
         max_turn=p.max_turn,
-        retract_speed=p.retract_speed,
+        retract_speed=p.back_off.retract_speed,
     )
 
 

@@ -26,7 +26,7 @@ def write_stuck_skill(folder, demonstration_folder, *, time_limit=1.2):
     scenario = make_quick_scenario()
     scenario.start.tilt_range = math.radians(3.0)
     scenario.trial.time_limit = time_limit
-    scenario.controller.stall_time = 0.2
+    scenario.controller.back_off.stall_time = 0.2
     (folder / "quick.yaml").write_text(dump_scenario(scenario))
     skill = ManipulationSkill().fit(read_demonstrations(demonstration_folder))
     skill.regressor_.y_[:, :2] = 0.0

@@ -193,7 +193,7 @@ def cost(row: Mapping[str, Any], scenario: Scenario) -> float:
     """
     if not row["inserted"]:
         return FAILURE_COST
-    return float(row["time_s"] / scenario.trial.time_limit + row["peak_load_n"] / scenario.controller.force_limit)
+    return float(row["time_s"] / scenario.trial.time_limit + row["peak_load_n"] / scenario.controller.guard.force_limit)
 
 
 Perform = Callable[[int, TunedLaw, list[int]], Iterable[Mapping[str, Any]]]

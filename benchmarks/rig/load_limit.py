@@ -93,7 +93,7 @@ def main() -> None:
             for result, _ in run_trials(scenario, policy, numbers, jobs=arguments.jobs, arm=arm):
                 results.append(result)
                 advance(f"{arm}: {result.reason}")
-            rows.append(summary(arm.value, results, scenario.controller.force_limit))
+            rows.append(summary(arm.value, results, scenario.controller.guard.force_limit))
     show(rows)
     if arguments.json is not None:
         write_json(arguments.json, {"arms": rows})

@@ -148,6 +148,6 @@ def scenario_columns(scenario: Scenario) -> Row:
     return {
         **{"friction": scenario.contact.friction, "pivot_mm": None if pivot is None else 1e3 * pivot},
         **{"peg_radius_mm": 1e3 * g.peg_radius, "hole_radius_mm": 1e3 * g.hole_radius},
-        **{"clearance": g.clearance / g.peg_radius, "force_limit_n": scenario.controller.force_limit},
+        **{"clearance": g.clearance / g.peg_radius, "force_limit_n": scenario.controller.guard.force_limit},
         **{"time_limit_s": scenario.trial.time_limit, "scenario": dump_scenario(scenario)},
     }

@@ -83,7 +83,7 @@ class DenseReward:
     def __call__(self, step: Transition) -> float:
         """Returns the reward of a step."""
         way = self.scenario.full_depth + self.scenario.start.height
-        excess = max(0.0, step.load - self.scenario.controller.soft_force)
+        excess = max(0.0, step.load - self.scenario.controller.guard.soft_force)
         reward = (step.depth - step.depth_before) / way
         reward -= step.duration * (self.TIME_COST + self.LOAD_COST * excess)
         if step.outcome is Outcome.INSERTED:

@@ -39,9 +39,9 @@ def observation_space(scenario: Scenario, policy: RigPolicy | None) -> spaces.Di
     force = np.array(sensor.force_range) + sensor.force_quantum
     moment = np.array(sensor.torque_range) + sensor.torque_quantum
     moment = moment + sensor.height * np.array([force[1], force[0], 0.0])  # about the tip instead of the sensor
-    deepest = scenario.geometry.hole_depth + controller.travel_below + DEPTH_MARGIN
-    highest = start.height + controller.travel_above + DEPTH_MARGIN
-    fastest = controller.max_feed_speed + controller.retract_speed
+    deepest = scenario.geometry.hole_depth + controller.drive_monitor.travel_below + DEPTH_MARGIN
+    highest = start.height + controller.drive_monitor.travel_above + DEPTH_MARGIN
+    fastest = controller.max_feed_speed + controller.back_off.retract_speed
     parts = (
         {}
         if policy is None

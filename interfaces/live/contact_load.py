@@ -24,7 +24,7 @@ class ContactLoad:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._radius, self._guard = scenario.geometry.peg_radius, scenario.controller
+        self._radius, self._guard = scenario.geometry.peg_radius, scenario.controller.guard
         self.load = self.peak = 0.0
 
     def take(self, sample: Mapping[Any, float]) -> None:

@@ -8,7 +8,7 @@ from dataclasses import astuple, dataclass, field, fields, replace
 from enum import IntEnum
 from typing import Self
 
-from models.scenario import BackOffParameters
+from models.control import BackOffParameters
 
 
 class BackOffMode(IntEnum):
@@ -102,7 +102,7 @@ def back_off_step(
     *,
     period: float,
     feed_speed: float,
-    load: float,
+    overloaded: bool,
     depth: float,
     known: bool,
     support: float,
@@ -115,12 +115,12 @@ def back_off_step(
     While working, a feed v into the hole is reduced to v s, where s is the support of the action, and further by the
     factor ``unknown_feed`` in an unknown contact state. The peg is backed off
 
-    * when the load exceeds F_limit,
+    * when the load exceeds F_limit, the ``force_limit`` of the guard,
     * when the policy has pushed for ``stall_time`` without a gain in depth of ``stall_depth``,
     * when the policy has not recognised its measurements (state unknown or support below 1) for ``doubt_time``.
 
-    A back-off ends when the peg is ``back_off_distance`` higher, or after ``back_off_time``. Retraction cannot free a
-    peg that its own turns have wedged. If the peg has not risen by ``stall_depth`` after half of ``back_off_time``,
+    A back-off ends when the peg is ``distance`` higher, or after ``time``. Retraction cannot free a
+    peg that its own turns have wedged. If the peg has not risen by ``stall_depth`` after half of ``time``,
     the turns are therefore unwound (see `ForceGuard`).
 
     An attempt ends with a back-off. A policy without memory measures the same again in the next one and does the same
@@ -144,7 +144,7 @@ def back_off_step(
         state: state after the last period.
         period: duration of a period, s.
         feed_speed: feed speed of the policy, m/s, negative into the hole.
-        load: contact load, N.
+        overloaded: whether the contact load exceeds F_limit.
         depth: measured depth of the tip, m.
         known: whether the estimator recognises the contact state.
         support: support of the action, 0 to 1 (see `Action`).
@@ -155,8 +155,8 @@ def back_off_step(
     here = TurnWatch(*angles, side, depth)
     if state.mode is BackOffMode.BACKING_OFF:
         risen = state.anchor - depth
-        if not (risen >= p.back_off_distance or state.elapsed >= p.back_off_time):
-            stuck = state.elapsed >= 0.5 * p.back_off_time and risen < p.stall_depth
+        if not (risen >= p.distance or state.elapsed >= p.time):
+            stuck = state.elapsed >= 0.5 * p.time and risen < p.stall_depth
             state = replace(state, elapsed=state.elapsed + period)
             return BackOffDecision(state, p.retract_speed, turning=0.0, unwinding=stuck)
         if state.repeats >= p.max_repeats:
@@ -176,7 +176,7 @@ def back_off_step(
     else:
         state = replace(state, elapsed=state.elapsed + period, doubt=doubt)
     pushing = feed_speed < 0.0
-    if load > p.force_limit or (pushing and (state.elapsed > p.stall_time or state.doubt > p.doubt_time)):
+    if overloaded or (pushing and (state.elapsed > p.stall_time or state.doubt > p.doubt_time)):
         return BackOffDecision(_attempt_over(p, state, depth, contact), p.retract_speed, turning=0.0)
     if pushing:
         feed_speed *= support if known else support * p.unknown_feed

@@ -9,8 +9,9 @@ from typing import NamedTuple, Self
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
+from models.control import DriveMonitorParameters
 from models.hardware import DcMotorParameters
-from models.scenario import Scenario, WatchdogParameters
+from models.scenario import Scenario
 from systems.control.faults import FEED_FAULTS, Fault
 
 AT_LIMIT = 0.95  # share of the current limit from which the current counts as limited
@@ -31,7 +32,7 @@ class Travel:
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
         """Returns the limits of a resolved scenario."""
-        p = scenario.controller
+        p = scenario.controller.drive_monitor
         return cls(upper=-scenario.start.height - p.travel_above, lower=scenario.geometry.hole_depth + p.travel_below)
 
 
@@ -92,7 +93,7 @@ class DriveMonitor(LeafSystem):
     * reversed, if it moves against its command and no faster than twice its command,
     * else it runs away.
 
-    If ``feed_stall_distance`` was commanded into the hole and the shaft moved by less than ``stall_depth``, the feed
+    If ``stall_distance`` was commanded into the hole and the shaft moved by less than ``stall_depth``, the feed
     is
 
     * dead, if the drive gives less than a quarter of the current of its integral gain,
@@ -108,7 +109,7 @@ class DriveMonitor(LeafSystem):
     def __init__(
         self,
         *,
-        parameters: WatchdogParameters,
+        parameters: DriveMonitorParameters,
         motor: DcMotorParameters,
         travel: Travel,
         resolution: float,
@@ -133,7 +134,7 @@ class DriveMonitor(LeafSystem):
         self._command_fade = math.exp(-period / COMMAND_MEMORY)
         self._motion_fade = math.exp(-period / MOTION_MEMORY)
         current_per_distance = motor.speed_ki * motor.ratio / motor.resistance
-        self._dead_current = 0.25 * min(motor.current_limit, current_per_distance * parameters.feed_stall_distance)
+        self._dead_current = 0.25 * min(motor.current_limit, current_per_distance * parameters.stall_distance)
         self._feed_speed = self.DeclareVectorInputPort("feed_speed", 1)
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
@@ -195,7 +196,7 @@ class DriveMonitor(LeafSystem):
             return Fault.UPPER_TRAVEL_LIMIT
         if state.depth > limits.lower and command < 0.0:
             return Fault.LOWER_TRAVEL_LIMIT
-        if state.pushed >= p.feed_stall_distance:
+        if state.pushed >= p.stall_distance:
             return self._name_stall(context, abs(self._current.Eval(context).item()))
         return Fault.NONE
 

@@ -10,7 +10,8 @@ from typing import Self
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.scenario import ForceGuardParameters, Scenario
+from models.control import ForceGuardParameters
+from models.scenario import Scenario
 from skill.features.measurement import load_of_components
 
 PITCH, YAW, FEED_SPEED, LOAD, SLOPE, LIGHT_PITCH, LIGHT_YAW, PEAK = range(8)

@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from models.scenario import BackOffParameters, PolicyControllerParameters
+from models.control import ControllerParameters
 from skill.arrays import Array
 from skill.features.measurement import contact_load, measurement
 from skill.policy import Action, RigPolicy
@@ -113,14 +113,12 @@ class PolicyController(LeafSystem):
         self,
         *,
         policy: RigPolicy,
-        parameters: PolicyControllerParameters,
-        back_off: BackOffParameters,
+        parameters: ControllerParameters,
         peg_radius: float,
     ) -> None:
         super().__init__()
         self._policy = policy
         self._parameters = parameters
-        self._back_off = back_off
         self._peg_radius = peg_radius
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
@@ -200,11 +198,11 @@ class PolicyController(LeafSystem):
     ) -> ControllerState:
         p = self._parameters
         decision = back_off_step(
-            self._back_off,
+            p.back_off,
             state.back_off,
             period=p.period,
             feed_speed=float(np.clip(action.feed / self._policy.period_, -p.max_feed_speed, p.max_feed_speed)),
-            load=contact_load(wrench, self._peg_radius),
+            overloaded=contact_load(wrench, self._peg_radius) > p.guard.force_limit,
             depth=depth,
             known=known,
             support=action.support,

@@ -8,7 +8,6 @@ from enum import IntEnum
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from models.scenario import WatchdogParameters
 from systems.control.faults import FEED_FAULTS, SENSOR_FAULTS, Fault
 
 COMMANDS = ("pitch_rate", "yaw_rate", "feed_speed", "unwinding")
@@ -55,28 +54,30 @@ class Watchdog(LeafSystem):
     its commanded angle by more than `LOST_LAG` steps; a ``shaft`` is [commanded, measured] angle, rad.
 
     ``fault`` (`Fault`) is the first fault and stays. From then on the turns stop, and the peg is retracted with
-    ``retract_speed`` for ``back_off_time``. Then the feed stops, and ``stopped`` is 1. The feed is not moved if its
+    ``retract_speed`` for ``retract_time``. Then the feed stops, and ``stopped`` is 1. The feed is not moved if its
     drive is at fault (`FEED_FAULTS`) or at the upper end of its travel. ``blind`` is 1 after a fault of the sensor.
 
     The watchdog has no output to the controller: the policy does not see what the drives report.
     """
 
-    def __init__(self, *, parameters: WatchdogParameters, step_angle: float) -> None:
+    def __init__(self, *, period: float, retract_speed: float, retract_time: float, step_angle: float) -> None:
         """Stores the limits.
 
         Args:
-            parameters: thresholds.
+            period: of the controller, s.
+            retract_speed: of the retraction after a fault, m/s.
+            retract_time: duration of this retraction, s.
             step_angle: angle of a step of both steppers, rad.
         """
         super().__init__()
-        self._parameters = parameters
+        self._period, self._retract_speed, self._retract_time = period, retract_speed, retract_time
         self._lost_lag = LOST_LAG * step_angle
         self._commands = {name: self.DeclareVectorInputPort(name, 1) for name in COMMANDS}
         self._failed = self.DeclareVectorInputPort("controller_failed", 1)
         self._monitors = [self.DeclareVectorInputPort(name, 1) for name in MONITORS]
         self._shafts = {name: self.DeclareVectorInputPort(f"{name}_shaft", 2) for name in AXES}
         self._state = self.DeclareDiscreteState(np.zeros(Index.SIZE))
-        self.DeclarePeriodicDiscreteUpdateEvent(parameters.period, 0.0, self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         state = {self.discrete_state_ticket(self._state)}
         for name in COMMANDS:
             self.DeclareVectorOutputPort(name, 1, self._gate(name), {*state, self._commands[name].ticket()})
@@ -94,7 +95,7 @@ class Watchdog(LeafSystem):
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         state = self._values(context)
         if state[Index.FAULT] != Fault.NONE:
-            state[Index.SINCE] += self._parameters.period
+            state[Index.SINCE] += self._period
         else:
             state[Index.FAULT] = float(self._find_fault(context))
         discrete_state.set_value(self._state, state)
@@ -118,7 +119,7 @@ class Watchdog(LeafSystem):
             if state[Index.FAULT] == Fault.NONE:
                 output[0] = self._command(name, context)
             elif name == "feed_speed":
-                output[0] = self._parameters.retract_speed if self._retracts(state) else 0.0
+                output[0] = self._retract_speed if self._retracts(state) else 0.0
             else:
                 output[0] = 0.0
 
@@ -129,7 +130,7 @@ class Watchdog(LeafSystem):
         return not (self._is_stopped(state) or fault in FEED_FAULTS or fault is Fault.UPPER_TRAVEL_LIMIT)
 
     def _is_stopped(self, state: list[float]) -> bool:
-        return state[Index.FAULT] != Fault.NONE and state[Index.SINCE] >= self._parameters.back_off_time - 1e-9
+        return state[Index.FAULT] != Fault.NONE and state[Index.SINCE] >= self._retract_time - 1e-9
 
     def _calc_fault(self, context: Context, output: BasicVector) -> None:
         output[0] = self._values(context)[Index.FAULT]

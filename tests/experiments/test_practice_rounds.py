@@ -24,7 +24,7 @@ def brief(quick_scenario):
 @pytest.mark.slow
 def test_the_recorded_feed_is_that_of_the_perturbed_skill(brief, skill):
     """Where neither limits nor the guard act, the recorded feed is the feed that the row before asked for."""
-    brief.controller.force_limit = 1e4  # no impact load reaches it
+    brief.controller.guard.force_limit = 1e4  # no impact load reaches it
     (number, perturbed), (same, opposite) = practice_rounds._opposite_trials(skill, SHORT, brief, 3)
     assert number == same == 3
     np.testing.assert_allclose(perturbed.perturbation.turn, -opposite.perturbation.turn)

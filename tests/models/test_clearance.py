@@ -116,9 +116,9 @@ def test_the_overlap_is_at_most_a_tenth_of_the_deflection_of_the_mount():
 
 def test_a_force_limit_below_the_nominal_one_does_not_count():
     scenario = scenario_of(0.014)
-    scenario.controller.force_limit = 80.0
+    scenario.controller.guard.force_limit = 80.0
     assert numerics_of_clearance(scenario).contact.modulus == pytest.approx(2 * 4.19e10, rel=3e-3)
-    scenario.controller.force_limit = 21.0
+    scenario.controller.guard.force_limit = 21.0
     assert numerics_of_clearance(scenario).contact.modulus == 4.19e10
 
 

@@ -27,7 +27,7 @@ def test_the_overlap_of_a_body_of_another_size_is_similar():
 def test_the_softest_contact_overlaps_by_the_clearance(clearance, peg_radius):
     modulus = softest_modulus(clearance=clearance, peg_radius=peg_radius)
     assert expected_overlap(modulus=modulus, peg_radius=peg_radius) == pytest.approx(clearance)
-    assert Scenario().controller.soft_force == STATED_LOAD
+    assert Scenario().controller.guard.soft_force == STATED_LOAD
 
 
 def test_a_contact_through_which_the_bodies_pass_is_refused():

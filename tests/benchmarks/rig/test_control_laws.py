@@ -75,6 +75,6 @@ def test_tuning_halves_the_candidates_and_chooses_the_lowest_cost_on_its_own_tri
 
 
 def test_a_failure_costs_more_than_any_insertion(quick_scenario):
-    high = 1.2 * quick_scenario.controller.force_limit
+    high = 1.2 * quick_scenario.controller.guard.force_limit
     slow = {"inserted": True, "time_s": quick_scenario.trial.time_limit, "peak_load_n": high}
     assert cost(slow, quick_scenario) < cost({"inserted": False}, quick_scenario)

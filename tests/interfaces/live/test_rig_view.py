@@ -68,7 +68,7 @@ def test_the_page_shows_the_bodies_the_load_and_the_motion_of_the_rig(trial):
         wrench = row[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(dtype=float)
         assert load == pytest.approx(contact_load(wrench, 0.01))
         assert values["contact"]["load"] == load
-        assert values["contact"]["limit"] == trial.controller.force_limit
+        assert values["contact"]["limit"] == trial.controller.guard.force_limit
         assert values["force"] == values["moment"] == 0.0  # nobody's hand feels it
         assert values["depth"]["tip"] == row["depth"]
         assert values["skill"]["feed"] == pytest.approx(row["feed_speed"])

@@ -288,7 +288,7 @@ def simulate(session, live):
         contact=SimpleNamespace(time_step=0.004),
         recorder=SimpleNamespace(period=0.02),
         geometry=SimpleNamespace(peg_radius=0.01),
-        controller=SimpleNamespace(force_limit=40.0, soft_force=10.0),
+        controller=SimpleNamespace(guard=SimpleNamespace(force_limit=40.0, soft_force=10.0)),
         full_depth=0.02,
     )
     return session._simulate(live, resolved)

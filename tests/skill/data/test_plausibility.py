@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from models.validation import LIMITS
+from models.scenario import Scenario
+from models.validation import leaves
 from skill.data.demonstration import ACTIONS, Demonstration, read_demonstration, write_demonstration
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import RigRun, read_rig_run, write_rig_run
@@ -206,14 +207,17 @@ def test_a_biased_sensor_is_plausible(tmp_path):
     read_rig_run(tmp_path / "run.parquet")
 
 
+HIGHEST = {path: limits.high for path, _, limits in leaves(Scenario())}
+
+
 def test_runs_at_the_limits_of_a_scenario_are_plausible(tmp_path):
     """A scenario allows no period, bias, noise or drift with which its own run would be refused."""
     bias, noise, drift, period = (
-        LIMITS[name][1]
+        HIGHEST[name]
         for name in ("sensor.torque_bias", "sensor.torque_noise", "sensor.torque_drift", "controller.period")
     )
-    assert period == LIMITS["recorder.period"][1]
-    longest = LIMITS["trial.time_limit"][1]
+    assert period == HIGHEST["recorder.period"]
+    longest = HIGHEST["trial.time_limit"]
     sigma = np.sqrt(bias**2 + noise**2 + drift**2 * longest)
     rng = np.random.default_rng(0)
     for forces in ({}, dict.fromkeys(FORCES, 0.0), dict.fromkeys(FORCES, 0.05)):
@@ -228,7 +232,7 @@ def test_runs_at_the_limits_of_a_scenario_are_plausible(tmp_path):
     made = make_demonstration()
     slow = made.samples.assign(time=period * np.arange(len(made.samples)))
     Demonstration(slow, True, "inserted", made.metadata)
-    given_up = slow.assign(z=2.2 * LIMITS["start.height"][1], x=LIMITS["start.offset"][1], uz=0.0)
+    given_up = slow.assign(z=2.2 * HIGHEST["start.height"], x=HIGHEST["start.offset"], uz=0.0)
     Demonstration(given_up, False, "given up", made.metadata)
 
 

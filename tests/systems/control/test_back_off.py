@@ -4,17 +4,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.scenario import BackOffParameters
+from models.control import BackOffParameters
 from systems.control.back_off import BackOffMode, BackOffState, TurnWatch, back_off_step
 
 P = BackOffParameters()
 FEED = -0.01
 
 
-def step(state, *, load=0.0, depth=0.0, known=True, support=1.0, feed=FEED, contact=0, angles=(0.0, 0.0), side=0.0):
-    measured = {"load": load, "depth": depth, "known": known, "support": support, "contact": contact}
-    measured |= {"angles": angles, "side": side}
-    return back_off_step(P, state, period=0.02, feed_speed=feed, **measured)
+CALM = {
+    "overloaded": False,
+    "depth": 0.0,
+    "known": True,
+    "support": 1.0,
+    "contact": 0,
+    "angles": (0.0, 0.0),
+    "side": 0.0,
+}
+
+
+def step(state, *, feed=FEED, **measured):
+    return back_off_step(P, state, period=0.02, feed_speed=feed, **{**CALM, **measured})
 
 
 def test_without_load_the_feed_is_not_changed():
@@ -42,7 +51,7 @@ def test_unrecognised_measurements_cause_a_back_off_after_the_doubt_time(unrecog
         state, time = step(state, depth=depth, **unrecognised).state, time + 0.02
         assert time < 3.0
     assert time == pytest.approx(P.doubt_time, abs=0.041)
-    decision = step(state, depth=depth - 1.1 * P.back_off_distance, **unrecognised)
+    decision = step(state, depth=depth - 1.1 * P.distance, **unrecognised)
     assert decision.state.mode == BackOffMode.WORKING
     assert decision.state.doubt == pytest.approx(0.02)  # restarted
     assert decision.feed_speed < 0
@@ -57,19 +66,19 @@ def test_one_recognised_measurement_resets_the_doubt():
 
 
 def test_a_feed_out_of_the_hole_is_not_reduced():
-    assert step(BackOffState(), load=0.99 * P.force_limit, known=False, feed=0.01).feed_speed == 0.01
+    assert step(BackOffState(), known=False, feed=0.01).feed_speed == 0.01
 
 
 def test_above_the_force_limit_the_peg_is_backed_off_by_the_distance_and_then_fed_again():
     depth = 0.005
-    decision = step(BackOffState(anchor=depth), load=P.force_limit + 0.1, depth=depth)
+    decision = step(BackOffState(anchor=depth), overloaded=True, depth=depth)
     assert decision.state == BackOffState(BackOffMode.BACKING_OFF, anchor=depth, best=depth, contact=0.0)
     while decision.state.mode == BackOffMode.BACKING_OFF:
         assert decision.feed_speed == P.retract_speed
         assert not decision.turning
         depth -= P.retract_speed * 0.02
         decision = step(decision.state, depth=depth)
-    assert 0.005 - depth == pytest.approx(P.back_off_distance, abs=P.retract_speed * 0.02)
+    assert 0.005 - depth == pytest.approx(P.distance, abs=P.retract_speed * 0.02)
     assert decision.feed_speed == FEED
 
 
@@ -77,13 +86,13 @@ def test_the_back_off_of_a_peg_that_does_not_move_ends_after_the_back_off_time()
     state, periods = BackOffState(BackOffMode.BACKING_OFF, anchor=0.005), 0
     while state.mode == BackOffMode.BACKING_OFF:
         state, periods = step(state, depth=0.005).state, periods + 1
-    assert 0.02 * (periods - 1) == pytest.approx(P.back_off_time, abs=0.021)
+    assert 0.02 * (periods - 1) == pytest.approx(P.time, abs=0.021)
 
 
 def test_pushing_without_progress_causes_a_back_off_after_the_stall_time():
     state, time = BackOffState(anchor=0.005), 0.0
     while state.mode == BackOffMode.WORKING:
-        state, time = step(state, depth=0.005, load=5.0).state, time + 0.02
+        state, time = step(state, depth=0.005).state, time + 0.02
         assert time < 2.0
     assert time == pytest.approx(P.stall_time, abs=0.041)
 
@@ -97,7 +106,7 @@ def test_slow_progress_causes_no_back_off():
 
 
 @given(
-    load=st.floats(0, 500),
+    overloaded=st.booleans(),
     depth=st.floats(-0.01, 0.03),
     elapsed=st.floats(0, 5),
     anchor=st.floats(-1, 0.03),
@@ -108,29 +117,29 @@ def test_slow_progress_causes_no_back_off():
     feed=st.floats(-0.05, 0.05),
 )
 def test_the_feed_is_never_faster_than_requested_and_never_inward_above_the_force_limit(
-    load, depth, elapsed, anchor, mode, known, support, doubt, feed
+    overloaded, depth, elapsed, anchor, mode, known, support, doubt, feed
 ):
     state = BackOffState(mode, elapsed, anchor, doubt)
-    decision = step(state, load=load, depth=depth, known=known, support=support, feed=feed)
+    decision = step(state, overloaded=overloaded, depth=depth, known=known, support=support, feed=feed)
     assert decision.feed_speed >= min(feed, 0.0)
-    if load > P.force_limit:
+    if overloaded:
         assert decision.feed_speed >= 0.0
 
 
 def test_turns_are_unwound_in_the_second_half_of_a_back_off_without_motion():
     depth = 0.005
-    state = step(BackOffState(anchor=depth), load=P.force_limit + 1.0, depth=depth).state
+    state = step(BackOffState(anchor=depth), overloaded=True, depth=depth).state
     observed = []
     while state.mode == BackOffMode.BACKING_OFF:
-        decision = step(state, load=P.force_limit + 1.0, depth=depth)
+        decision = step(state, overloaded=True, depth=depth)
         observed.append((state.elapsed, decision.unwinding))
-        if state.elapsed >= P.back_off_time:
+        if state.elapsed >= P.time:
             break
         state = decision.state
-    half = 0.5 * P.back_off_time
+    half = 0.5 * P.time
     assert {unwinding for elapsed, unwinding in observed[:-1] if elapsed < half - 0.01} == {False}
     assert {unwinding for elapsed, unwinding in observed[:-1] if elapsed > half + 0.01} == {True}
-    risen = BackOffState(BackOffMode.BACKING_OFF, elapsed=0.6 * P.back_off_time, anchor=depth)
+    risen = BackOffState(BackOffMode.BACKING_OFF, elapsed=0.6 * P.time, anchor=depth)
     assert not step(risen, depth=depth - 1.1 * P.stall_depth).unwinding
 
 
@@ -147,7 +156,7 @@ def test_moving_out_is_no_progress():
 def test_a_peg_that_is_pushed_deeper_has_not_backed_off():
     """The back-off distance counts upwards only."""
     backing_off = BackOffState(BackOffMode.BACKING_OFF, elapsed=0.02, anchor=0.005)
-    decision = step(backing_off, depth=backing_off.anchor + 1.1 * P.back_off_distance)
+    decision = step(backing_off, depth=backing_off.anchor + 1.1 * P.distance)
     assert decision.state.mode is BackOffMode.BACKING_OFF
     assert decision.feed_speed == P.retract_speed
 
@@ -170,11 +179,6 @@ def test_a_state_survives_its_list_of_numbers():
     assert BackOffState.from_list(state.as_list()).mode is BackOffMode.BACKING_OFF
 
 
-def test_a_load_at_the_limit_causes_no_back_off():
-    assert step(BackOffState(), load=P.force_limit).state.mode is BackOffMode.WORKING
-    assert step(BackOffState(), load=1.001 * P.force_limit).state.mode is BackOffMode.BACKING_OFF
-
-
 def test_the_first_measurement_counts_as_progress_at_any_depth():
     """The first anchor is 1 m above the mouth, so that the time since progress begins with the run."""
     assert BackOffState().as_list()[:8] == [0.0, 0.0, -1.0, 0.0, -1.0, -1.0, 0.0, 0.0]
@@ -186,7 +190,7 @@ def attempt(state, *, depth, contact=0):
     """Pushes at a depth until the peg is drawn back, and draws it back; returns the decision after it."""
     while state.mode is BackOffMode.WORKING:
         state = step(state, depth=depth, contact=contact).state
-    decision = step(state, depth=depth - 1.1 * P.back_off_distance, contact=contact)
+    decision = step(state, depth=depth - 1.1 * P.distance, contact=contact)
     assert decision.state.mode is BackOffMode.WORKING or decision.given_up
     return decision
 
@@ -299,7 +303,7 @@ def test_an_attempt_in_which_the_turns_were_reversed_is_not_reversed_again_at_it
 
 def test_a_new_attempt_is_not_judged_by_the_force_of_the_last():
     state = attempt(BackOffState(), depth=0.005).state
-    assert (state.watch.depth, state.watch.elapsed) == (pytest.approx(0.005 - 1.1 * P.back_off_distance), 0.0)
+    assert (state.watch.depth, state.watch.elapsed) == (pytest.approx(0.005 - 1.1 * P.distance), 0.0)
 
 
 def test_an_attempt_whose_turns_are_reversed_again_and_again_ends():

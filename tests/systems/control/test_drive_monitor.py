@@ -4,13 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from models.control import DriveMonitorParameters
 from models.hardware import DcMotorParameters
-from models.scenario import Scenario, WatchdogParameters
+from models.scenario import Scenario
 from systems.control.drive_monitor import ENCODER_GAIN_ERROR, ENCODER_SLACK, DriveMonitor, Travel
 from systems.control.faults import Fault
 from tests.stepping import fixed_context, update
 
-P, MOTOR = WatchdogParameters(), DcMotorParameters()
+P, MOTOR = DriveMonitorParameters(), DcMotorParameters()
 PERIOD, RESOLUTION = 2e-3, 5e-6
 LIMITS = Travel(upper=-0.013, lower=0.026)
 START = -0.003  # in units of m, depth
@@ -83,7 +84,7 @@ def test_a_command_may_be_followed_late():
         assert feed.run(0.0, -0.03 * math.exp(-(k + 1) * PERIOD / 0.005)) == Fault.NONE
 
 
-PUSHING = round(P.feed_stall_distance / 0.01 / PERIOD)  # periods at 10 mm/s
+PUSHING = round(P.stall_distance / 0.01 / PERIOD)  # periods at 10 mm/s
 
 
 @pytest.mark.parametrize(

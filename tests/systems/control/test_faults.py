@@ -253,7 +253,7 @@ def test_a_drive_that_lifts_the_peg_ends_at_the_upper_limit(scenario, skill):
     retracting.__class__ = RetractingSkill
     result, run = run_trial(scenario, retracting, seed=7)
     assert result.fault is Fault.UPPER_TRAVEL_LIMIT
-    limit = scenario.start.height + scenario.controller.travel_above
+    limit = scenario.start.height + scenario.controller.drive_monitor.travel_above
     assert limit - 1e-4 < run.samples["tip_z"].max() < limit + 2e-3
 
 

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.trial import run_trial, trial_scenario
-from models.scenario import ForceGuardParameters, Scenario
+from models.control import ForceGuardParameters
+from models.scenario import Scenario
 from skill.policy import Action
 from systems.control.force_guard import SLOPE_TIME, ForceGuard, StoppingModel
 from systems.control.policy import ControlLaw

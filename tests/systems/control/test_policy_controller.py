@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from models.scenario import ControllerParameters
+from models.control import BackOffParameters, ControllerParameters, ForceGuardParameters
 from skill.features.wrench_features import MEASURED
 from skill.policy import Action
 from systems.control.back_off import BackOffMode, BackOffState
@@ -31,8 +31,10 @@ class FixedPolicy:
 
 
 GENTLE = ControllerParameters(
-    gain=1.0, max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
+    gain=1.0, max_turn_rate=100.0, max_turn=1e9, max_feed_speed=100.0, guard=ForceGuardParameters(force_limit=1e9)
 )  # commands stay within all limits
+GUARDED = replace(GENTLE, guard=ForceGuardParameters(force_limit=20.0))
+BACK_OFF = BackOffParameters()
 
 
 @pytest.fixture
@@ -41,7 +43,7 @@ def measurements(demonstrations):
 
 
 def controller(policy, row, parameters=GENTLE):
-    dut = PolicyController(policy=policy, parameters=parameters, back_off=parameters, peg_radius=RADIUS)
+    dut = PolicyController(policy=policy, parameters=parameters, peg_radius=RADIUS)
     probabilities = policy.state_probabilities(row[None])[0]
     contexts = np.full(policy.context_filter().n_contexts, 1.0 / policy.context_filter().n_contexts)
     inputs = {"wrench": row[:6], "depth": [-row[6]], "probabilities": probabilities, "contexts": contexts}
@@ -106,15 +108,7 @@ def test_equal_measurements_give_equal_rates(skill, measurements):
 def test_the_gain_scales_the_turn_and_not_the_feed(skill, measurements, gain):
     row = measurements[len(measurements) // 3]
     one = step(*controller(skill, row)[:2])
-    scaled = ControllerParameters(
-        gain=gain,
-        max_turn=1e9,
-        max_turn_rate=100.0,
-        max_feed_speed=100.0,
-        soft_force=1e8,
-        hold_force=1e9,
-        force_limit=1e9,
-    )
+    scaled = replace(GENTLE, gain=gain)
     found = step(*controller(skill, row, scaled)[:2], scaled)
     assert found["pitch_rate"] == pytest.approx(gain * one["pitch_rate"])
     assert found["feed_speed"] == one["feed_speed"]
@@ -125,9 +119,7 @@ def test_the_rate_limit_keeps_the_direction_of_the_turn(skill, measurements):
     free = step(*controller(skill, row)[:2])
     free_turn = np.array([free["pitch_rate"], free["yaw_rate"]])
     size = np.linalg.norm(free_turn)
-    slow = ControllerParameters(
-        max_turn_rate=0.3 * size, max_feed_speed=100.0, soft_force=1e8, hold_force=1e9, force_limit=1e9
-    )
+    slow = replace(GENTLE, max_turn_rate=0.3 * size)
     found = step(*controller(skill, row, slow)[:2], slow)
     np.testing.assert_allclose([found["pitch_rate"], found["yaw_rate"]], 0.3 * free_turn, rtol=1e-9)
 
@@ -136,35 +128,29 @@ def test_the_feed_speed_is_limited(skill, measurements):
     row = measurements[0]
     free = step(*controller(skill, row)[:2])["feed_speed"]
     assert free < 0  # into the hole
-    slow = ControllerParameters(max_feed_speed=0.4 * abs(free), soft_force=1e8, hold_force=1e9, force_limit=1e9)
+    slow = replace(GENTLE, max_feed_speed=0.4 * abs(free))
     assert step(*controller(skill, row, slow)[:2], slow)["feed_speed"] == pytest.approx(0.4 * free)
 
 
 @pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.48, 0.64, 0.6]])
 def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, measurements, direction):
-    guarded = ControllerParameters(
-        soft_force=19.0, hold_force=20.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0
-    )
     row = measurements[len(measurements) // 3].copy()
     row[3:6] = 0.0
     row[:3] = 19.99 * np.array(direction)
-    found = step(*controller(skill, row, guarded)[:2], guarded)
+    found = step(*controller(skill, row, GUARDED)[:2], GUARDED)
     assert found["guard"] == 0.0
     row[:3] = 20.01 * np.array(direction)
-    found = step(*controller(skill, row, guarded)[:2], guarded)
-    drawn_back = {"feed_speed": guarded.retract_speed, "unwinding": 0.0, "guard": 1.0}
+    found = step(*controller(skill, row, GUARDED)[:2], GUARDED)
+    drawn_back = {"feed_speed": BACK_OFF.retract_speed, "unwinding": 0.0, "guard": 1.0}
     assert found == {"pitch_rate": 0.0, "yaw_rate": 0.0, **drawn_back}
 
 
 def test_a_moment_contributes_to_the_load(skill, measurements):
     """A wedged peg carries a moment without a net force."""
-    guarded = ControllerParameters(
-        soft_force=19.0, hold_force=20.0, force_limit=20.0, max_turn_rate=100.0, max_feed_speed=100.0
-    )
     row = measurements[len(measurements) // 3].copy()
     for size, guard in ((19.99, 0.0), (20.01, 1.0)):
         row[:6] = [0.0, 0.0, 0.0, 0.6 * size * RADIUS, 0.8 * size * RADIUS, 0.0]
-        assert step(*controller(skill, row, guarded)[:2], guarded)["guard"] == guard
+        assert step(*controller(skill, row, GUARDED)[:2], GUARDED)["guard"] == guard
 
 
 def test_an_unknown_state_halves_the_feed_and_not_the_turn(skill, measurements):
@@ -232,8 +218,8 @@ def test_turns_are_to_be_unwound_if_the_peg_does_not_rise(skill, measurements):
     action = Action(turn=np.array([1e-3, -2e-3]), feed=-1e-5, probabilities=np.ones(skill.n_states))
     dut, context, _ = controller(FixedPolicy(skill, action), np.zeros(7))
     wrench = dut.GetInputPort("wrench")
-    wrench.FixValue(context, [0.0, 0.0, 1.01 * GENTLE.force_limit, 0.0, 0.0, 0.0])
-    periods = round(0.5 * GENTLE.back_off_time / GENTLE.period)
+    wrench.FixValue(context, [0.0, 0.0, 1.01 * GENTLE.guard.force_limit, 0.0, 0.0, 0.0])
+    periods = round(0.5 * BACK_OFF.time / GENTLE.period)
     held = step(dut, context, times=periods)
     assert (held["guard"], held["yaw_rate"], held["unwinding"]) == (1.0, 0.0, 0.0)
     assert step(dut, context, times=periods - 2)["unwinding"] == 1.0
@@ -242,14 +228,14 @@ def test_turns_are_to_be_unwound_if_the_peg_does_not_rise(skill, measurements):
 def test_a_policy_with_nothing_new_to_try_stops_and_says_what_it_tried(skill, measurements):
     action = Action(turn=np.array([1e-3, -2e-3]), feed=-1e-4, probabilities=np.ones(skill.n_states))
     dut, context, _ = controller(FixedPolicy(skill, action), np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, -0.0123]))
-    attempt = GENTLE.stall_time + GENTLE.back_off_time
-    step(dut, context, times=round(GENTLE.max_repeats * attempt / GENTLE.period))
+    attempt = BACK_OFF.stall_time + BACK_OFF.time
+    step(dut, context, times=round(BACK_OFF.max_repeats * attempt / GENTLE.period))
     assert dut.tried(context) == ""
     found = step(dut, context, times=round(1.2 * attempt / GENTLE.period))
     assert (found["pitch_rate"], found["yaw_rate"], found["feed_speed"]) == (0.0, 0.0, 0.0)
     assert dut.GetOutputPort("given_up").Eval(context)[0] == 1.0
     name = skill.state_names()[int(np.argmax(skill.state_probabilities(np.array([[0, 0, 5.0, 0, 0, 0, -0.0123]]))))]
-    expected = f"{1 + GENTLE.max_repeats} attempts in a row ended in {name!r}, none deeper than 12.3 mm"
+    expected = f"{1 + BACK_OFF.max_repeats} attempts in a row ended in {name!r}, none deeper than 12.3 mm"
     assert dut.tried(context) == expected
 
 
@@ -266,7 +252,7 @@ def test_after_two_attempts_that_end_alike_the_hole_turns_the_other_way(skill, m
             assert found[name] == pytest.approx(turning[-1] * first[name])
     changes = [turning[0], *(now for now, last in zip(turning[1:], turning, strict=False) if now != last)]
     assert changes == [1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0]
-    assert GENTLE.max_repeats == 4
+    assert BACK_OFF.max_repeats == 4
 
 
 def test_the_state_survives_its_list_of_numbers():

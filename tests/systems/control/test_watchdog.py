@@ -1,28 +1,27 @@
 import pytest
 
 from models.hardware import StepperMotorParameters
-from models.scenario import ControllerParameters, WatchdogParameters, parse_scenario
 from systems.control.faults import Fault
 from systems.control.watchdog import COMMANDS, LOST_LAG, MONITORS, Watchdog
 from tests.stepping import fixed_context, update
 
-P, STEP = WatchdogParameters(), StepperMotorParameters().step_angle
+PERIOD, SPEED, TIME, STEP = 0.02, 0.015, 0.4, StepperMotorParameters().step_angle
 COMMANDED = {"pitch_rate": [0.01], "yaw_rate": [-0.02], "feed_speed": [-0.01], "unwinding": [1.0]}
-RETRACTING = {"pitch_rate": [0.0], "yaw_rate": [0.0], "feed_speed": [P.retract_speed], "unwinding": [0.0]}
+RETRACTING = {"pitch_rate": [0.0], "yaw_rate": [0.0], "feed_speed": [SPEED], "unwinding": [0.0]}
 STOPPED = {**RETRACTING, "feed_speed": [0.0]}
 SOUND = {**{name: [0.0] for name in MONITORS}, "controller_failed": [0.0]}
 SOUND |= {"pitch_shaft": [0.01, 0.0101], "yaw_shaft": [-0.02, -0.0201]}
 
 
 def watchdog(**changes):
-    dut = Watchdog(parameters=P, step_angle=STEP)
+    dut = Watchdog(period=PERIOD, retract_speed=SPEED, retract_time=TIME, step_angle=STEP)
     return dut, fixed_context(dut, **{**COMMANDED, **SOUND, **changes})
 
 
 def step(dut, context, times=1, **changes):
     for name, value in changes.items():
         dut.GetInputPort(name).FixValue(context, value)
-    update(dut, context, period=P.period, times=times)
+    update(dut, context, period=PERIOD, times=times)
     return dut.GetOutputPort("fault").Eval(context)[0]
 
 
@@ -63,7 +62,7 @@ def test_after_a_fault_the_peg_is_retracted_and_then_stopped(change, fault):
         assert commands(dut, context) == RETRACTING
         assert step(dut, context, pitch_rate=[0.3], yaw_rate=[0.4], feed_speed=[-0.02], **SOUND) == fault
         periods += 1
-    assert periods * P.period == pytest.approx(P.back_off_time)
+    assert periods * PERIOD == pytest.approx(TIME)
     step(dut, context, times=50)
     assert commands(dut, context) == STOPPED
 
@@ -79,7 +78,7 @@ def test_a_feed_that_does_not_obey_or_is_at_its_upper_end_is_not_retracted(fault
         assert commands(dut, context) == STOPPED
         step(dut, context)
         periods += 1
-    assert periods * P.period == pytest.approx(P.back_off_time)
+    assert periods * PERIOD == pytest.approx(TIME)
 
 
 @pytest.mark.parametrize("name", ["pitch_shaft", "yaw_shaft"])
@@ -104,23 +103,9 @@ def test_the_first_fault_stays_and_monitors_come_in_order():
         assert step(dut, context, controller_failed=[1.0]) == found[k]
 
 
-def test_a_stored_scenario_without_the_new_limits_still_loads():
-    stored = parse_scenario(
-        "controller: {gain: 1.0, back_off_distance: 2.0e-3, stall_depth: 0.1e-3}", "test"
-    ).controller
-    assert stored == ControllerParameters(gain=1.0, back_off_distance=2.0e-3, stall_depth=0.1e-3)
-    names = ("feed_stall_distance", "follow_error", "travel_above", "travel_below")
-    assert [getattr(stored, name) for name in names] == [getattr(P, name) for name in names]
-
-
-def test_the_shared_defaults_of_the_watchdog_are_those_of_the_controller():
-    shared = ("period", "retract_speed", "back_off_time", "stall_depth", "feed_stall_distance")
-    assert [getattr(P, name) for name in shared] == [getattr(ControllerParameters(), name) for name in shared]
-
-
 def test_the_watchdog_checks_from_time_zero():
     timing = watchdog()[0].GetUniquePeriodicDiscreteUpdateAttribute()
-    assert (timing.offset_sec(), timing.period_sec()) == (0.0, P.period)
+    assert (timing.offset_sec(), timing.period_sec()) == (0.0, PERIOD)
 
 
 def test_every_output_is_one_number():
