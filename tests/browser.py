@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -70,28 +71,45 @@ class Page:
         return np.asarray(Image.open(io.BytesIO(png)).convert("RGB"))
 
 
+shared = ExitStack()
+"""Closes the browser that the pages of this process share, if one was started; see tests/conftest.py."""
+
+
+@cache
+def shared_browser() -> Any:
+    """Starts the browser in which each page is a tab."""
+    return shared.enter_context(headless_browser("about:blank", logs=True))
+
+
 @contextmanager
 def open_page(
     path: Path | str, *, size: tuple[int, int] = (1100, 720), fragment: str = "", flags: tuple[str, ...] = ()
 ) -> Iterator[Page]:
-    """Opens a file or an address in a new browser.
+    """Opens a file or an address in a new tab.
 
     Args:
         path: file, or address.
         size: width and height of the window, pixels.
         fragment: appended to the address, beginning with ``#``.
-        flags: more flags of the browser's command line.
-
-    Raises:
-        AssertionError: if selenium, the browser or its driver is not installed.
+        flags: more flags of the command line, of a browser of its own.
     """
-    address = path if isinstance(path, str) else Path(path).resolve().as_uri()
-    with ExitStack() as stack:
-        try:
-            driver = stack.enter_context(headless_browser(address + fragment, size=size, flags=flags, logs=True))
-        except (ModuleNotFoundError, OSError) as error:
-            raise AssertionError(f"the browser tests need selenium and Chromium: {error}") from None
+    address = (path if isinstance(path, str) else Path(path).resolve().as_uri()) + fragment
+    if flags:
+        with headless_browser(address, size=size, flags=flags, logs=True) as driver:
+            yield Page(driver)
+        return
+    driver = shared_browser()
+    first = driver.current_window_handle
+    driver.switch_to.new_window("tab")
+    try:
+        for name in ("browser", "performance"):
+            driver.get_log(name)  # those of the pages before
+        driver.set_window_size(*size)
+        driver.get(address)
         yield Page(driver)
+    finally:
+        driver.close()
+        driver.switch_to.window(first)
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from experiments.demonstration_set import demonstrate
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration, read_demonstrations, write_demonstration
 from skill.manipulation_skill import ManipulationSkill
+from tests import browser
 from tests.quick_scenario import REQUESTS, make_quick_scenario
 
 # The same examples in every run; `pytest --hypothesis-profile default` draws new ones.
@@ -49,6 +50,11 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
             if os.environ.get("REQUIRE_BROWSER") == "1":
                 pytest.fail(f"REQUIRE_BROWSER=1, but {missing}", pytrace=False)
             pytest.skip(f"{marker} test: {missing}")
+
+
+def pytest_unconfigure() -> None:
+    """Closes the browser that the tests shared."""
+    browser.shared.close()
 
 
 @pytest.fixture

@@ -41,12 +41,15 @@ def corrected(place, demonstration_folder):
     return done.output
 
 
-def test_ask_says_what_it_wants_shown_and_writes_nothing(place, demonstration_folder):
+def test_what_it_asks_for_can_be_shown_by_a_person(place, demonstration_folder, tmp_path):
     before = sorted(place.rglob("*"))
-    done = correct(place, demonstration_folder, "--ask")
+    done = correct(place, demonstration_folder, "--ask", "--json", tmp_path / "asked.json")
     assert done.exit_code == 0, done.output
     assert "the skill asks to be shown" in done.output
     assert sorted(place.rglob("*")) == before
+    query_states = read_query_states(tmp_path / "asked.json")
+    assert f"{len(query_states)} query states in" in done.output
+    assert 1 <= len(query_states) <= 2
 
 
 def test_the_corrections_are_a_set_of_demonstrations(corrected, place):
@@ -68,6 +71,7 @@ def test_the_skill_has_learnt_from_them(corrected, place, demonstration_folder):
     assert set(skill.sources_[:, 0]) == {n for n, d in enumerate([*demonstrations, *shown]) if d.good}
 
 
+@pytest.mark.nightly
 def test_a_skill_that_plans_without_contexts_goes_on_so(place, demonstration_folder, tmp_path):
     skill = ManipulationSkill(policy="plan").fit(read_demonstrations(demonstration_folder))
     skill.regressor_.y_[:, :2] = 0.0
@@ -113,6 +117,7 @@ def test_a_foreign_folder_of_corrections_is_refused_before_anything_is_simulated
     assert not (place / "other.npz").exists()
 
 
+@pytest.mark.nightly
 def test_rounds_of_an_earlier_call_are_named_and_stay(corrected, place, demonstration_folder, tmp_path):
     shutil.copytree(place / "corrections", tmp_path / "corrections")
     stale = tmp_path / "corrections" / "round_2"
@@ -146,15 +151,6 @@ def test_a_missing_folder_of_demonstrations_is_named_before_anything_is_simulate
     done = correct(place, tmp_path / "nowhere")
     assert done.exit_code == 1
     assert "nowhere: no demonstrations (*.parquet) found" in error_line(done)
-
-
-def test_what_it_asks_for_can_be_shown_by_a_person(place, demonstration_folder):
-    done = correct(place, demonstration_folder, "--ask", "--json", place / "asked.json")
-    assert done.exit_code == 0, done.output
-    query_states = read_query_states(place / "asked.json")
-    assert f"{len(query_states)} query states in" in done.output
-    assert 1 <= len(query_states) <= 2
-    (place / "asked.json").unlink()
 
 
 def test_a_file_of_query_states_needs_the_question(place, demonstration_folder):
