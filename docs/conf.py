@@ -23,6 +23,7 @@ extensions = [
     "plain_docstrings",
     "published_tables",
     "pydrake_system",
+    "source_links",
     "sphinx_copybutton",
     "sphinx_design",
     "sphinx_gallery.gen_gallery",

@@ -94,5 +94,5 @@ figure.align_labels()
 #     [project.entry-points."haptic_skill.devices"]
 #     mydevice = "my_package:MyDevice"
 #
-# ``haptic-skill record --live --device mydevice`` then uses it. :doc:`/haptics` says what happens when it is
+# ``haptic-skill record --live --driver mydevice`` then uses it. :doc:`/haptics` says what happens when it is
 # disconnected.
