@@ -46,6 +46,7 @@ sphinx_gallery_conf = {
     "capture_repr": ("_repr_html_",),  # not "<Legend object at ...>"
     "remove_config_comments": True,
     "show_memory": False,
+    "thumbnail_size": (800, 450),
     "show_signature": False,
     "write_computation_times": False,  # its pages load scripts from other sites
     "within_subsection_order": "FileNameSortKey",

@@ -1,4 +1,4 @@
-"""Links of the pages to source files, which a checkout can follow, lead to the reference and the gallery on the site."""
+"""Links to source files, which a checkout can follow, lead to the reference and the gallery on the site."""
 
 from __future__ import annotations
 
