@@ -140,7 +140,7 @@ def write_pictures(
     from skill.data.demonstration import read_demonstration
     from skill.data.rig_run import read_rig_run
     from skill.figures.paper_figures import plot_demonstration, plot_outcomes, plot_run, save_figure
-    from systems.visualization.scene import recorded
+    from systems.visualization.meshcat_scene import recorded
 
     run_file = out / "rig" / f"run_{hardest.seed:04d}.parquet"
     with progress("figures and replays", 4) as advance:
@@ -154,7 +154,7 @@ def write_pictures(
         with recorded(out / "recording_demonstration.html") as meshcat:
             run_demonstration(scenario_of(read_demonstration(demonstration).metadata), meshcat=meshcat)
         advance("recording of the demonstration")
-        with recorded(out / "recording_insertion.html") as meshcat:
+        with recorded(out / "recording_insertion.html", states=skill.state_names()) as meshcat:
             run_trial(scenario_of(read_rig_run(run_file).metadata), skill, seed=hardest.seed, meshcat=meshcat)
         advance("recording of the insertion")
 

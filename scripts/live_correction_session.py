@@ -78,7 +78,7 @@ def correct_live(
             say(f"{corrections} holds {len(earlier)} corrections, {good} good; the skill learns from them too")
         with announced_page(margins, host=host, port=port) as page:
             session = CorrectionSession(
-                scenario=shown_in, seed=plan.seed, out=corrections, page=page, tell=say, driver=driver
+                scenario=shown_in, seed=plan.seed, out=corrections, page=page, announce=say, driver=driver
             )
             rounds = Rounds(session, chosen, shown_in, plan, [demonstrations, corrections], out, jobs)
             with suppress(PersonLeftError):

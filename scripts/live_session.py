@@ -58,7 +58,7 @@ def record_live(
     for number in range(max(1, len(query_states))):  # all are checked before the page opens
         start_of(number)
     with announced_page(margins, host=host, port=port) as page:
-        kept = LiveSession(start_of=start_of, out=out, page=page, tell=say, driver=driver, policy=watching).run()
+        kept = LiveSession(start_of=start_of, out=out, page=page, announce=say, driver=driver, policy=watching).run()
     say(f"{len(kept)} demonstrations kept in {out}")
     return kept
 

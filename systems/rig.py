@@ -29,8 +29,8 @@ from systems.plant.contact_plant import AddRigPlant
 from systems.plant.rig_plant import RigPlant
 from systems.recording.run_recorder import AddRunRecorder, RunRecorder
 from systems.rig_diagram import RigDiagram, start_angles
-from systems.visualization.scene import CAMERA, FRAME, TARGET, AddVisualization
-from systems.visualization.state_display import StateDisplay, plate_pose
+from systems.visualization.meshcat_scene import FRAME, AddVisualization
+from systems.visualization.state_display import StateDisplay
 
 
 def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = None) -> RigDiagram:
@@ -267,11 +267,10 @@ def _add_state_display(
         "state_display",
         StateDisplay(
             meshcat=meshcat,
-            names=policy.state_names(),
+            n_states=len(policy.state_names()),
             geometry=scenario.geometry,
             home=scenario.sensor.height,
             period=FRAME,
-            X_WL=plate_pose(CAMERA, TARGET),
         ),
     )
     builder.Connect(parts.estimator.GetOutputPort("state"), display.GetInputPort("state"))

@@ -25,7 +25,7 @@ from systems.operators.simulated_operator import SimulatedOperator
 from systems.plant.body_pose import BodyPose
 from systems.plant.contact_plant import AddVirtualPlant, ContactPlant
 from systems.recording.demonstration_recorder import DemonstrationRecorder
-from systems.visualization.scene import AddVisualization
+from systems.visualization.meshcat_scene import AddVisualization
 
 
 class RenderedWrench(NamedTuple):

@@ -26,7 +26,7 @@ from skill.features.measurement import contact_load
 from skill.policy import RigPolicy
 from systems.rig import MakeRig
 from systems.rig_diagram import RigDiagram
-from systems.visualization.scene import LOCAL_HOST, aim_camera
+from systems.visualization.meshcat_scene import LOCAL_HOST, aim_camera
 
 FIRST_DRAWN, LAST_DRAWN = 10_000_000, 2**31 - 1
 """Range of the numbers of trials that a reset without a seed draws. All numbers below are free for evaluations."""

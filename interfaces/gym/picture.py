@@ -32,7 +32,7 @@ from models.bore import TriangleMesh, cutaway_sector, make_bore
 from models.scenario import Geometry
 from skill.arrays import Array
 from systems.plant.contact_plant import BLOCK_COLOUR, PEG_COLOUR
-from systems.visualization.scene import CAMERA, TARGET
+from systems.visualization.meshcat_scene import CAMERA, TARGET
 
 SIZE = 480  # in units of pixels, width and height
 VIEW = 0.75  # in units of rad, vertical angle of view

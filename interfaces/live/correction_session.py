@@ -54,7 +54,7 @@ class CorrectionSession(LiveSession):
         seed: int,
         out: Path,
         page: LivePage,
-        tell: Callable[[str], None] = print,
+        announce: Callable[[str], None] = print,
         driver: str | None = None,
         absence_limit: float = 120.0,
     ) -> None:
@@ -63,13 +63,13 @@ class CorrectionSession(LiveSession):
         self._place = 0
         self._is_shown = self._is_announced = False
         super().__init__(
-            start_of=self._start, out=out, page=page, tell=tell, driver=driver, absence_limit=absence_limit
+            start_of=self._start, out=out, page=page, announce=announce, driver=driver, absence_limit=absence_limit
         )
         page.controls.AddButton(SKIP, SKIP_KEY)
         self._skips = 0
         help_lines = [*([] if driver else MOTION_HELP), *SESSION_HELP]
         page.show(keys=[*help_lines[:-1], SKIP_HELP, help_lines[-1]])
-        tell(f"  {' '.join(SKIP_HELP[0]):10s} {SKIP_HELP[1]}")
+        announce(f"  {' '.join(SKIP_HELP[0]):10s} {SKIP_HELP[1]}")
         self._rig = RigView(page, self._display)
 
     def say(self, message: str) -> None:
@@ -105,7 +105,7 @@ class CorrectionSession(LiveSession):
         def watch() -> None:
             shown = -1
             while not is_done.wait(IDLE_PERIOD):
-                if self._is_over():
+                if self._has_left():
                     is_asked.set()
                     _thread.interrupt_main()
                     return
@@ -209,17 +209,17 @@ class CorrectionSession(LiveSession):
             PersonLeftError: if the person quits or stays away.
         """
         number, before = stuck.query_state.trial, course(stuck.result, stuck.query_state)
-        resolved, told = practice_trial(scenario, number), -math.inf
+        resolved, shown = practice_trial(scenario, number), -math.inf
 
-        def tell(now: float, load: float) -> None:
-            nonlocal told
-            if time.monotonic() - told > READING_PERIOD:
-                told = time.monotonic()
+        def show_progress(now: float, load: float) -> None:
+            nonlocal shown
+            if time.monotonic() - shown > READING_PERIOD:
+                shown = time.monotonic()
                 self.show_note(f"{title}: {now:.1f} s, load {load:.0f} N; before: {before}")
 
-        self._tell(f"{title}: practice trial {number} with the new skill")
+        self._announce(f"{title}: practice trial {number} with the new skill")
         trial = self._rig.perform(
-            resolved, policy, number=number, kept=len(self.kept), tell=tell, is_over=self._is_over
+            resolved, policy, number=number, kept=len(self.kept), on_picture=show_progress, has_left=self._has_left
         )
         if trial is None:
             raise PersonLeftError
@@ -228,7 +228,7 @@ class CorrectionSession(LiveSession):
         self._say(f"{title}: {course(result, now)}; before: {before}. Space: {then}")
         self._buttons.forget_clicks()
         while not self._buttons.clicked(START):
-            if self._is_over():
+            if self._has_left():
                 raise PersonLeftError
             self._display.follow_view_buttons()
             time.sleep(IDLE_PERIOD)

@@ -2,35 +2,34 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
-from pydrake.geometry import Cylinder, MeshcatCone, Rgba
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.geometry import Cylinder, Rgba
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from experiments.served_run import Deadlines
 from interfaces.live.contact_load import ContactLoad
 from interfaces.live.page import LivePage
-from interfaces.live.scene import LiveScene
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.practice.policy_observer import Judgement
 from skill.states.state_style import state_colours
-from systems.math.rotation import from_rotation_vector, rotation_between
+from systems.math.rotation import from_rotation_vector
 from systems.operators.person_frame import R_HV
 from systems.plant.contact_plant import AddVirtualPlant
 from systems.virtual_environment import start_pose
-from systems.visualization.scene import aim_camera
+from systems.visualization.arrow import Arrow
+from systems.visualization.meshcat_scene import aim_camera
 
 RENDERED_SCALE, CONTACT_SCALE = 250.0, 1500.0  # in units of N/m of arrow; panel.html states them too
-HEAD_LENGTH = 0.004  # in units of m
-LOW, HIGH, SATURATED = Rgba(0.10, 0.55, 0.20), Rgba(0.93, 0.62, 0.05), Rgba(0.85, 0.05, 0.08)
-CONTACT = Rgba(0.16, 0.38, 0.88)
+# An arrow is a little transparent, so that the viewer draws it last: see `Arrow`.
+LOW, HIGH, SATURATED = Rgba(0.10, 0.55, 0.20, 0.99), Rgba(0.93, 0.62, 0.05, 0.99), Rgba(0.85, 0.05, 0.08, 0.99)
+CONTACT = Rgba(0.16, 0.38, 0.88, 0.99)
 HAND = Rgba(0.12, 0.14, 0.16, 0.22)
-FEED = Rgba(0.55, 0.16, 0.62)
+FEED = Rgba(0.55, 0.16, 0.62, 0.99)
 FEED_SCALE = 1.0  # in units of m/s per m of arrow
 FEED_HEIGHT = 0.022  # in units of m, of the start of the arrow over the tip
 LOOK_AHEAD = 0.5  # in units of s, over which the dial shows the skill's turn
@@ -45,83 +44,33 @@ VIEWS = {
 CAMERA_TARGET = np.array([0.0, 0.0, 0.004])  # in units of m, in W
 
 
-class Arrow:
-    """An arrow of a force or a velocity, drawn over the other objects so that the peg does not hide it.
-
-    Args:
-        scene: scene to draw into.
-        name: name of the arrow, whose path is ``live/name``.
-        scale: force or velocity per length of the arrow, N/m or (m/s)/m.
-        order: drawing order; the arrow with the highest order is on top.
-    """
-
-    def __init__(self, scene: LiveScene, name: str, *, scale: float, order: float) -> None:
-        self._scene, self._scale = scene, scale
-        self._shaft, self._head = f"live/{name}/shaft", f"live/{name}/head"
-        self._colour: Rgba | None = None
-        scene.SetObject(self._shaft, Cylinder(0.0008, 1.0))
-        scene.SetObject(self._head, MeshcatCone(HEAD_LENGTH, 0.002, 0.002))
-        for path in (self._shaft, self._head):
-            scene.SetProperty(f"{path}/<object>", "material.depthTest", False)
-            scene.SetProperty(f"{path}/<object>", "renderOrder", order)
-
-    def draw(self, start: Array, force: Array, colour: Rgba) -> None:
-        """Draws the arrow.
-
-        Args:
-            start: (3,), start of the arrow in W, m.
-            force: (3,), force or velocity in W, N or m/s.
-            colour: colour of the arrow.
-        """
-        magnitude = float(np.linalg.norm(force))
-        direction = force / magnitude if magnitude > 1e-9 else np.array([0.0, 0.0, 1.0])
-        R = from_rotation_vector(rotation_between(np.array([0.0, 0.0, 1.0]), direction))
-        length = magnitude / self._scale
-        shaft = max(1e-6, length - HEAD_LENGTH)
-        matrix = RigidTransform(R, start + 0.5 * shaft * direction).GetAsMatrix4()
-        matrix[:3, :2] *= min(1.0, max(1e-6, length / HEAD_LENGTH))  # a force near zero must not leave a disc
-        matrix[:3, 2] *= shaft
-        self._scene.SetTransform(self._shaft, matrix)
-        head = min(1.0, length / HEAD_LENGTH)
-        R_head = R @ RotationMatrix.MakeXRotation(math.pi)  # Meshcat's cone has its point at its origin, z inwards
-        matrix = RigidTransform(R_head, start + (shaft + head * HEAD_LENGTH) * direction).GetAsMatrix4()
-        matrix[:3, :3] *= max(1e-6, head)
-        self._scene.SetTransform(self._head, matrix)
-        if colour != self._colour:  # a change of material costs the browser a frame
-            self._colour = colour
-            # The viewer expects linear light. It draws transparent objects last, hence 0.99: over the peg.
-            linear = [value**2.2 for value in (colour.r(), colour.g(), colour.b())]
-            for path in (self._shaft, self._head):
-                self._scene.SetProperty(path, "color", [*linear, 0.99])
-
-
 @dataclass(frozen=True)
 class Readings:
-    """The readings of the panel, in SI units.
+    """The readings of the panel, in SI units. On the rig there is no hand: wrench, load and energy are zero.
 
     Attributes:
         X_HP: pose of the peg.
-        wrench: (6,), rendered wrench [torque; force] in H, N m and N.
-        load: load of the device: commanded wrench over its present limit; above 1 the wrench is saturated.
         depth: depth of the tip, m.
         full_depth: depth of an inserted peg, m.
         rate: simulated time per wall-clock time.
+        kept: number of demonstrations kept in this session.
+        wrench: (6,), rendered wrench [torque; force] in H, N m and N.
+        load: load of the device: commanded wrench over its present limit; above 1 the wrench is saturated.
         deadlines: missed deadlines of this demonstration.
         energy: energy that the hand has put in, J.
         min_energy: minimum of the energy so far, J.
-        kept: number of demonstrations kept in this session.
     """
 
     X_HP: RigidTransform
-    wrench: Array
-    load: float
     depth: float
     full_depth: float
     rate: float
-    deadlines: Deadlines
-    energy: float
-    min_energy: float
     kept: int
+    wrench: Array = field(default_factory=lambda: np.zeros(6))
+    load: float = 0.0
+    deadlines: Deadlines = field(default_factory=lambda: Deadlines(late_steps=0, steps=0, late_ticks=0, ticks=0))
+    energy: float = 0.0
+    min_energy: float = 0.0
 
 
 class LiveDisplay:
@@ -134,9 +83,9 @@ class LiveDisplay:
 
     def __init__(self, page: LivePage, *, help_lines: list[tuple[list[str], str]]) -> None:
         self._page = page
-        self._rendered = Arrow(page.scene, "rendered_force", scale=RENDERED_SCALE, order=11.0)
-        self._contact = Arrow(page.scene, "contact_force", scale=CONTACT_SCALE, order=10.0)
-        self._feed = Arrow(page.scene, "skill_feed", scale=FEED_SCALE, order=12.0)
+        self._contact = Arrow(page.scene, "live/contact_force", scale=CONTACT_SCALE, colour=CONTACT, order=10.0)
+        self._rendered = Arrow(page.scene, "live/rendered_force", scale=RENDERED_SCALE, colour=LOW, order=11.0)
+        self._feed = Arrow(page.scene, "live/skill_feed", scale=FEED_SCALE, colour=FEED, order=12.0)
         for label, (key, _) in VIEWS.items():
             page.controls.AddButton(label, key)
         self._view_clicks = dict.fromkeys(VIEWS, 0)
@@ -163,7 +112,7 @@ class LiveDisplay:
         self.move_peg(X_HP)
         self.move_hole(RigidTransform())
         self.move_hand(X_HP)
-        self._feed.draw(X_HP.translation(), np.zeros(3), FEED)
+        self._feed.draw(X_HP.translation(), np.zeros(3))
         self._page.show(skill=None, hand=True)
 
     def move_peg(self, X_HP: RigidTransform) -> None:
@@ -194,9 +143,10 @@ class LiveDisplay:
             load: load of the device, which gives the colour; see `Readings`.
             contact: point (m) and force (N) of the contact in W; None draws no contact force.
         """
-        self._rendered.draw(tip, force, load_colour(load))
+        self._rendered.set_colour(load_colour(load))
+        self._rendered.draw(tip, force)
         point, contact_force = contact if contact is not None else (tip, np.zeros(3))
-        self._contact.draw(point, contact_force, CONTACT)
+        self._contact.draw(point, contact_force)
 
     def show_judgement(
         self,
@@ -219,7 +169,7 @@ class LiveDisplay:
         feed, turn = judgement.action.feed / period, judgement.action.turn / period
         axis, X_WP = X_HP.rotation().col(2), X_HP if X_WH is None else X_WH @ X_HP
         axis_W = X_WP.rotation().col(2)
-        self._feed.draw(X_WP.translation() + FEED_HEIGHT * axis_W, feed * axis_W, FEED)
+        self._feed.draw(X_WP.translation() + FEED_HEIGHT * axis_W, feed * axis_W)
         turned = X_HP.rotation() @ from_rotation_vector(np.array([*(LOOK_AHEAD * turn), 0.0]))
         self._page.show(
             skill={

@@ -14,8 +14,8 @@ from tornado.netutil import bind_sockets
 from interfaces.live.access import LOCAL_HOST, Access, exposure_warning, page_host
 from interfaces.live.controls import LiveControls
 from interfaces.live.messages import Outbox
-from interfaces.live.scene import LiveScene
 from interfaces.live.server import LiveServer, Site
+from interfaces.live.viewer_scene import ViewerScene
 
 PANEL = Path(__file__).with_name("panel")
 STYLES = ("panel.css", "small.css")
@@ -48,7 +48,7 @@ class LivePage:
         self._warning = exposure_warning(host)
         self._values: dict[str, Any] = {}
         messages, self._panel = Outbox(), Outbox()
-        self.scene, self.controls = LiveScene(messages), LiveControls(messages)
+        self.scene, self.controls = ViewerScene(messages), LiveControls(messages)
         viewer = Path(FindResourceOrThrow("drake/geometry/meshcat.js")).read_bytes()
         self._site = Site(
             access=Access(host),

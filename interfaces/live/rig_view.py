@@ -9,7 +9,6 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from experiments.served_run import Deadlines
 from experiments.trial import TrialRun
 from interfaces.live.contact_load import ContactLoad
 from interfaces.live.display import LiveDisplay, Readings
@@ -47,8 +46,8 @@ class RigView:
         *,
         number: int,
         kept: int,
-        tell: Callable[[float, float], None],
-        is_over: Callable[[], bool],
+        on_picture: Callable[[float, float], None],
+        has_left: Callable[[], bool],
     ) -> TrialRun | None:
         """Simulates and shows a trial.
 
@@ -57,11 +56,11 @@ class RigView:
             policy: that controls the rig.
             number: of the trial, for the record.
             kept: number of demonstrations kept in this session.
-            tell: receives the simulated time (s) and the measured load (N) of each picture.
-            is_over: asked once a controller period, whether the person does not want to see more.
+            on_picture: receives the simulated time (s) and the measured load (N) of each picture.
+            has_left: asked once a controller period, whether the person has quit or stays away.
 
         Returns:
-            The trial, which has ended; None if ``is_over`` ended it.
+            The trial, which has ended; None if the person left.
 
         Raises:
             ValueError: if the policy was made for another peg or hole.
@@ -75,7 +74,7 @@ class RigView:
         while not run.is_over:
             run.advance(min((pace.ticks + 1) * pace.period, scenario.trial.time_limit))
             pace.wait()
-            if is_over():
+            if has_left():
                 return None
             now = time.monotonic()
             if now - rated > RATE_PERIOD:
@@ -88,7 +87,7 @@ class RigView:
                 taken = len(samples)
                 self._display.show_contact_load(load)
                 self._draw(rig, run, policy, samples.tail(2), rate=rate, kept=kept)
-                tell(run.context.get_time(), load.load)
+                on_picture(run.context.get_time(), load.load)
             self._display.follow_view_buttons()
         return run
 
@@ -106,18 +105,7 @@ class RigView:
         force = now[["fx", "fy", "fz"]].to_numpy(dtype=float)  # in P; the peg of the rig does not turn
         self._display.draw_forces(tip, np.zeros(3), load=0.0, contact=(tip, force))
         self._display.show_readings(
-            Readings(
-                X_HP=X_HP,
-                wrench=np.zeros(6),
-                load=0.0,
-                depth=float(now["depth"]),
-                full_depth=scenario.full_depth,
-                rate=rate,
-                deadlines=Deadlines(late_steps=0, steps=0, late_ticks=0, ticks=0),
-                energy=0.0,
-                min_energy=0.0,
-                kept=kept,
-            )
+            Readings(X_HP=X_HP, depth=float(now["depth"]), full_depth=scenario.full_depth, rate=rate, kept=kept)
         )
         names, period = policy.state_names(), scenario.controller.period
         self._display.show_judgement(_judgement(samples, period), names=names, X_HP=X_HP, X_WH=X_WH, period=period)

@@ -12,7 +12,7 @@ import numpy as np
 from experiments.corrections import correction_scenario
 from experiments.demonstration_run import DemonstrationRun
 from experiments.demonstration_set import attempt_seed
-from experiments.served_run import Deadlines, ServedRun
+from experiments.served_run import ServedRun
 from interfaces.live.buttons import BAD, DISCARD, GOOD, MOTION_HELP, QUIT, SESSION_HELP, START, Buttons
 from interfaces.live.contact_load import ContactLoad
 from interfaces.live.display import LiveDisplay, Readings
@@ -46,7 +46,7 @@ class LiveSession:
         start_of: returns the resolved scenario of the demonstration with a number (see `live_scenario`).
         out: folder for the recordings; existing recordings stay, and the numbering continues after them.
         page: page that the person opens.
-        tell: receives the messages that the page shows too, for example a console.
+        announce: prints a message that the page shows too on the console.
         driver: name of the driver of the person's haptic device (see `find_device`); None uses sliders, keys and
             gamepad of the page. Either runs in the servo's process.
         policy: names the contact states while the person demonstrates, and shows what it would do; None shows nothing.
@@ -59,20 +59,20 @@ class LiveSession:
         start_of: Callable[[int], Scenario],
         out: Path,
         page: LivePage,
-        tell: Callable[[str], None] = print,
+        announce: Callable[[str], None] = print,
         driver: str | None = None,
         policy: RigPolicy | None = None,
         absence_limit: float = 120.0,
     ) -> None:
         self._start_of, self._out, self._page = start_of, out, page
-        self._tell, self._driver, self._absence_limit = tell, driver, absence_limit
+        self._announce, self._driver, self._absence_limit = announce, driver, absence_limit
         self._policy = policy
         self._buttons = Buttons(page.controls)
         self._input = PageInput(page.controls, self._move_hand) if driver is None else None
         help_lines = SESSION_HELP if driver is not None else MOTION_HELP + SESSION_HELP
         self._display = LiveDisplay(page, help_lines=help_lines)
         for keys, action in help_lines:
-            tell(f"  {' '.join(keys):10s} {action}")
+            announce(f"  {' '.join(keys):10s} {action}")
         self._servo: ServoClient | None = None
         self._has_gamepad = False
         self._absent_since: float | None = None
@@ -86,7 +86,7 @@ class LiveSession:
             if self._input is not None:
                 self._open_servo()
             self._say("ready: press Space to start", READY)
-            while not (self._is_over() or self._is_complete()):
+            while not (self._has_left() or self._is_complete()):
                 if self._buttons.clicked(START):
                     self._buttons.forget_clicks()
                     if self._record_one():
@@ -100,11 +100,11 @@ class LiveSession:
             self._close_servo()
             refusals = self._page.refusals()
             if refusals is not None:
-                self._tell(refusals)
+                self._announce(refusals)
         return self.kept
 
-    def _is_over(self) -> bool:
-        """Whether the person has quit or the page stayed closed."""
+    def _has_left(self) -> bool:
+        """Whether the person has quit, or the page has stayed closed for too long."""
         if self._buttons.clicked(QUIT):
             self._say("session over", OVER)
             return True
@@ -116,9 +116,9 @@ class LiveSession:
         absence = time.monotonic() - self._absent_since
         if not self._absence_noticed and absence > ABSENCE_NOTICE:
             self._absence_noticed = True
-            self._tell(f"no page is open: open {self._page.address} to continue")
+            self._announce(f"no page is open: open {self._page.address} to continue")
         elif absence > self._absence_limit:
-            self._tell("the page stayed closed: session over")
+            self._announce("the page stayed closed: session over")
             return True
         return False
 
@@ -145,18 +145,7 @@ class LiveSession:
         self._display.draw_forces(tip, np.zeros(3), load=0.0, contact=None)
         self._display.show_contact_load(ContactLoad(resolved))
         self._display.show_readings(
-            Readings(
-                X_HP=X_HP,
-                wrench=np.zeros(6),
-                load=0.0,
-                depth=-float(tip[2]),
-                full_depth=resolved.full_depth,
-                rate=0.0,
-                deadlines=Deadlines(late_steps=0, steps=0, late_ticks=0, ticks=0),
-                energy=0.0,
-                min_energy=0.0,
-                kept=len(self.kept),
-            )
+            Readings(X_HP=X_HP, depth=-float(tip[2]), full_depth=resolved.full_depth, rate=0.0, kept=len(self.kept))
         )
 
     def _record_one(self) -> bool:
@@ -315,7 +304,7 @@ class LiveSession:
     def _say(self, message: str, phase: str | None = None) -> None:
         """Shows a message on the page and on the console; a phase begins, if one is given."""
         self._display.show_message(message, phase)
-        self._tell(message)
+        self._announce(message)
 
     def _close_servo(self) -> None:
         if self._servo is not None:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from interfaces.reports.motion import Motion, read_motion
 from interfaces.reports.page_template import fill_page, script_value
-from interfaces.reports.scene import (
+from interfaces.reports.replay_scene import (
     CAMERA,
     CONTACT_COLOUR,
     FORCE_COLOUR,

@@ -10,7 +10,7 @@ import yaml
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import LeafSystem
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 import systems
 from models.hardware import DEVICE_PRESETS
@@ -20,6 +20,7 @@ from systems.control.force_guard import StoppingModel
 from systems.control.self_check import MovingParts
 from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
+from systems.plant.contact_plant import AddVirtualPlant
 from systems.plant.mujoco_model import MujocoContact
 
 S = Scenario()
@@ -46,6 +47,9 @@ ARGUMENTS = {
         "policy": skill,
         "parameters": S.controller,
         "peg_radius": 0.01,
+    },
+    "ForceDisplay": lambda skill: {
+        **{"meshcat": Meshcat(), "contact": AddVirtualPlant(DiagramBuilder(), S), "period": 0.03},
     },
     "ForceGuard": lambda skill: {
         "parameters": S.controller.guard,
@@ -80,7 +84,7 @@ ARGUMENTS = {
         "offset": [0.0, 0.0],
     },
     "StateDisplay": lambda skill: {
-        **{"meshcat": Meshcat(), "names": ["free"], "geometry": S.geometry, "home": 0.08, "period": 0.03, "X_WL": X},
+        **{"meshcat": Meshcat(), "n_states": 1, "geometry": S.geometry, "home": 0.08, "period": 0.03},
     },
     "StepperMotor": lambda skill: {"parameters": S.stepper, "period": 1e-3, "start_angle": 0.0},
     "Watchdog": lambda skill: {"period": 0.02, "retract_speed": 0.015, "retract_time": 0.4, "step_angle": 3e-3},

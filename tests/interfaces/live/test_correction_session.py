@@ -43,7 +43,7 @@ def page():
 @pytest.fixture
 def dut(page, tmp_path):
     return CorrectionSession(
-        scenario=load_scenario("live"), seed=0, out=tmp_path, page=page, tell=lambda _: None, absence_limit=0.3
+        scenario=load_scenario("live"), seed=0, out=tmp_path, page=page, announce=lambda _: None, absence_limit=0.3
     )
 
 

@@ -2,7 +2,6 @@ import re
 
 import numpy as np
 import pytest
-from pydrake.geometry import Cylinder, Rgba
 from pydrake.math import RigidTransform
 
 from experiments.served_run import Deadlines
@@ -13,7 +12,6 @@ from interfaces.live.display import (
     LOW,
     SATURATED,
     VIEWS,
-    Arrow,
     LiveDisplay,
     Readings,
     load_colour,
@@ -24,31 +22,21 @@ from skill.policy import Action
 from skill.practice.policy_observer import Judgement
 from systems.math.rotation import from_rotation_vector
 from systems.operators.person_frame import R_HV, hand_pose
+from tests.systems.visualization.canvas import Canvas
 
 START = np.array([0.01, 0.02, 0.03])
-BLACK = Rgba(0.0, 0.0, 0.0)
 
 
-class Recorder:
+class Recorder(Canvas):
     """Replaces the page, its scene and its controls, and keeps what is set last."""
 
     def __init__(self):
-        self.shapes, self.transforms, self.properties, self.calls = {}, {}, {}, []
+        super().__init__()
         self.clicks, self.keys, self.values = {}, {}, {}
         self.scene = self.controls = self
 
-    def SetObject(self, path, shape, rgba=None):
-        self.shapes[path] = shape
-
     def draw_plant(self, contact):
         self.plant = contact
-
-    def SetTransform(self, path, pose):
-        self.transforms[path] = pose.GetAsMatrix4() if isinstance(pose, RigidTransform) else np.array(pose)
-
-    def SetProperty(self, path, name, value):
-        self.properties[path, name] = value
-        self.calls.append((path, name))
 
     def SetCameraPose(self, camera_in_world, target_in_world):
         self.camera, self.target = np.array(camera_in_world), np.array(target_in_world)
@@ -62,10 +50,6 @@ class Recorder:
     def show(self, **values):
         self.values |= values
 
-    def arrow(self, name):
-        """Shaft and head of an arrow as (4, 4) matrices."""
-        return self.transforms[f"live/{name}/shaft"], self.transforms[f"live/{name}/head"]
-
 
 @pytest.fixture
 def browser():
@@ -75,16 +59,6 @@ def browser():
 @pytest.fixture
 def display(browser):
     return LiveDisplay(browser, help_lines=[(["Q"], "quit")])
-
-
-def drawn(browser, force, *, scale=100.0):
-    Arrow(browser, "a", scale=scale, order=1.0).draw(START, np.array(force, dtype=float), BLACK)
-    return browser.arrow("a")
-
-
-def at(matrix, *point):
-    """Where a matrix moves a point."""
-    return (matrix @ [*point, 1.0])[:3]
 
 
 def test_colour_changes_at_half_the_limit_of_the_device_and_at_the_limit():
@@ -101,94 +75,21 @@ def test_the_colours_are_green_orange_red_and_the_blue_of_the_panel():
         assert stated == "#{:02x}{:02x}{:02x}".format(*shade(colour))
 
 
-@pytest.mark.parametrize("direction", [[1.0, 0.0, 0.0], [0.0, -0.6, 0.8], [0.0, 0.0, 1.0], [0.6, 0.0, -0.8]])
-def test_an_arrow_begins_at_its_start_and_is_as_long_as_its_force(browser, direction):
-    """10 N at 100 N/m are 0.1 m, of which the head takes 4 mm."""
-    direction = np.array(direction)
-    shaft, head = drawn(browser, 10.0 * direction)
-    np.testing.assert_allclose(at(shaft, 0, 0, -0.5), START, atol=1e-12)  # the cylinder is 1 m long
-    np.testing.assert_allclose(at(shaft, 0, 0, 0.5), START + 0.096 * direction, atol=1e-12)
-    np.testing.assert_allclose(at(head, 0, 0, 0), START + 0.1 * direction, atol=1e-12)  # the point of the cone
-    np.testing.assert_allclose(at(head, 0, 0, 0.004), START + 0.096 * direction, atol=1e-12)
-    np.testing.assert_allclose(np.linalg.norm(shaft[:3, :2], axis=0), 1.0)  # neither is thinned
-    np.testing.assert_allclose(np.linalg.norm(head[:3, :3], axis=0), 1.0)
-
-
-def test_a_short_arrow_has_a_smaller_head_and_a_thinner_shaft(browser):
-    """0.1 N at 100 N/m are 1 mm: a quarter of a head."""
-    shaft, head = drawn(browser, [0.1, 0.0, 0.0])
-    np.testing.assert_allclose(np.linalg.norm(head[:3, :3], axis=0), 0.25)
-    np.testing.assert_allclose(np.linalg.norm(shaft[:3, :3], axis=0), [0.25, 0.25, 1e-6])
-    np.testing.assert_allclose(at(head, 0, 0, 0), START + np.array([0.001, 0.0, 0.0]), atol=2e-6)
-
-
-def test_an_arrow_of_no_force_is_too_small_to_see_but_can_be_inverted(browser):
-    for matrix in drawn(browser, [0.0, 0.0, 0.0]):
-        np.testing.assert_allclose(np.linalg.norm(matrix[:3, :3], axis=0), 1e-6)
-        np.testing.assert_allclose(matrix[:3, 3], START, atol=2e-6)
-        assert np.linalg.det(matrix[:3, :3]) > 0.0
-        np.testing.assert_allclose(np.abs(matrix[2, :3]), [0.0, 0.0, 1e-6], atol=1e-12)  # upright
-
-
-@pytest.mark.parametrize(("force", "direction"), [(5e-9, [1, 0, 0]), (5e-10, [0, 0, 1])])
-def test_the_direction_of_a_force_is_kept_down_to_a_nanonewton(browser, force, direction):
-    _, head = drawn(browser, [force, 0.0, 0.0])
-    np.testing.assert_allclose(-head[:3, 2] / np.linalg.norm(head[:3, 2]), direction, atol=1e-9)
-
-
-def test_the_head_is_round_as_wide_as_long_and_wider_than_the_shaft(browser):
-    drawn(browser, [1.0, 0.0, 0.0])
-    shaft, head = browser.shapes["live/a/shaft"], browser.shapes["live/a/head"]
-    assert isinstance(shaft, Cylinder)
-    assert shaft.length() == 1.0
-    assert head.height() == pytest.approx(0.004)
-    assert 2 * head.a() == 2 * head.b() == pytest.approx(head.height())
-    assert 0.3 < shaft.radius() / head.a() < 0.5
-
-
-def test_an_arrow_is_drawn_over_the_peg(browser):
-    drawn(browser, [1.0, 0.0, 0.0])
-    for part in ("shaft", "head"):
-        assert browser.properties[f"live/a/{part}/<object>", "material.depthTest"] is False
-        assert browser.properties[f"live/a/{part}/<object>", "renderOrder"] == 1.0
-
-
-def test_the_colour_is_sent_as_linear_light_and_only_when_it_changes(browser):
-    """The linear light of a grey of one half is 0.5^2.2 = 0.2176."""
-    dut = Arrow(browser, "a", scale=1.0, order=1.0)
-    for colour in (Rgba(0.5, 1.0, 0.0), Rgba(0.5, 1.0, 0.0), BLACK):
-        dut.draw(START, np.ones(3), colour)
-        if colour != BLACK:
-            for part in ("shaft", "head"):
-                found = browser.properties[f"live/a/{part}", "color"]
-                np.testing.assert_allclose(found[:3], [0.2176, 1.0, 0.0], atol=1e-4)
-                assert 0.95 < found[3] < 1.0  # transparent objects are drawn last
-    assert browser.calls.count(("live/a/shaft", "color")) == 2
-    assert browser.properties["live/a/shaft", "color"][:3] == [0.0, 0.0, 0.0]
-
-
 def test_the_arrows_have_the_scales_that_the_panel_states(browser, display):
     hand, contact = (float(n) for n in re.findall(r"([\d.]+) N/cm", (PANEL / "panel.html").read_text()))
     point = np.array([0.0, 0.001, 0.0])
     display.draw_forces(START, np.array([0.0, 0.0, 2 * hand]), load=0.6, contact=(point, np.array([contact, 0.0, 0.0])))
-    np.testing.assert_allclose(
-        at(browser.arrow("rendered_force")[1], 0, 0, 0), START + np.array([0.0, 0.0, 0.02]), atol=1e-12
-    )
-    np.testing.assert_allclose(
-        at(browser.arrow("contact_force")[1], 0, 0, 0), point + np.array([0.01, 0.0, 0.0]), atol=1e-12
-    )
-    assert browser.properties["live/rendered_force/shaft", "color"][0] == pytest.approx(HIGH.r() ** 2.2)
-    assert browser.properties["live/contact_force/shaft", "color"][2] == pytest.approx(CONTACT.b() ** 2.2)
+    for name, start, arrow in (("rendered_force", START, [0, 0, 0.02]), ("contact_force", point, [0.01, 0, 0])):
+        np.testing.assert_allclose(browser.arrow(f"live/{name}"), [start, start + np.array(arrow)], atol=1e-9)
+    assert browser.properties["live/rendered_force/shaft/rod", "color"][0] == pytest.approx(HIGH.r() ** 2.2)
     display.draw_forces(START, np.zeros(3), load=0.0, contact=None)
-    shaft, _ = browser.arrow("contact_force")
-    np.testing.assert_allclose(shaft[:3, 3], START, atol=2e-6)
-    assert np.linalg.norm(shaft[:3, :3]) < 1e-5
+    start, end = browser.arrow("live/contact_force")
+    np.testing.assert_allclose([start, end], [START, START], atol=2e-6)
 
 
 def test_the_rendered_force_is_the_next_layer_above_the_contact_force(browser, display):
-    rendered, contact = (
-        browser.properties[f"live/{name}/head/<object>", "renderOrder"] for name in ("rendered_force", "contact_force")
-    )
+    parts = (f"live/{name}/head/cone/<object>" for name in ("rendered_force", "contact_force"))
+    rendered, contact = (browser.properties[part, "renderOrder"] for part in parts)
     assert rendered == contact + 1.0
     assert contact > 0.0  # the order of all other objects
 
@@ -196,13 +97,13 @@ def test_the_rendered_force_is_the_next_layer_above_the_contact_force(browser, d
 def test_the_ghost_of_the_hand_lies_just_inside_the_peg_at_the_start(browser, display):
     scenario = resolve_scenario(load_scenario("live"), seed=1, stream=LIVE_STREAM)
     display.draw_start(scenario)
-    ghost = browser.shapes["live/hand/ghost"]
+    ghost = browser.objects["live/hand/ghost"][0]
     radius, length = scenario.geometry.peg_radius, scenario.geometry.peg_length
     assert (ghost.radius(), ghost.length()) == pytest.approx((0.98 * radius, 0.98 * length))
-    assert browser.transforms["live/hand/ghost"][2, 3] == 0.5 * length  # its centre is the hand's
-    np.testing.assert_array_equal(browser.transforms["live/hand"], browser.transforms["plant/peg"])
+    assert browser.transforms["live/hand/ghost"].translation()[2] == 0.5 * length  # its centre is the hand's
+    assert browser.transforms["live/hand"].IsExactlyEqualTo(browser.transforms["plant/peg"])
     display.move_hand(RigidTransform([0.0, 0.0, -0.002]))
-    assert browser.transforms["live/hand"][2, 3] == -0.002
+    assert browser.transforms["live/hand"].translation()[2] == -0.002
 
 
 def test_the_readings_are_in_si_units_and_the_tilt_in_degrees_as_the_person_sees_it(browser, display):
@@ -288,8 +189,8 @@ def test_what_the_skill_would_do_is_an_arrow_along_the_axis_and_a_line_in_the_di
     X_HP = RigidTransform(from_rotation_vector(np.array([0.03, 0.0, 0.0])), START)
     axis = np.array([0.0, -np.sin(0.03), np.cos(0.03)])
     display.show_judgement(judgement([1e-3, 0.0], -2e-4), names=["free", "chamfer"], X_HP=X_HP, period=0.02)
-    _, head = browser.arrow("skill_feed")
-    np.testing.assert_allclose(at(head, 0, 0, 0), START + (0.022 - 0.010) * axis, atol=1e-12)
+    _, end = browser.arrow("live/skill_feed")
+    np.testing.assert_allclose(end, START + (0.022 - 0.010) * axis, atol=1e-9)
     shown = browser.values["skill"]
     assert (shown["state"], shown["colour"], shown["known"]) == ("chamfer", "#E69F00", True)
     assert shown["feed"] == pytest.approx(-0.01)
@@ -304,22 +205,21 @@ def test_before_a_demonstration_nothing_is_shown_of_the_skill(browser, display):
     display.show_judgement(judgement([0.0, 0.0], -2e-4), names=["a", "b"], X_HP=RigidTransform(), period=0.02)
     display.draw_start(scenario)
     assert browser.values["skill"] is None
-    _, head = browser.arrow("skill_feed")
-    np.testing.assert_allclose(np.linalg.norm(head[:3, :3], axis=0), 1e-6)
+    start, end = browser.arrow("live/skill_feed")
+    np.testing.assert_allclose(start, end, atol=2e-6)
 
 
 def test_on_the_rig_the_arrow_of_the_skill_follows_the_turned_block_and_the_dial_does_not(browser, display):
     X_HP, X_WH = RigidTransform([0.0, 0.0, -0.004]), hand_pose(np.array([0.0, 0.05, 0.0, 0.0, 0.0]))
     judgement = Judgement(0, True, Action(turn=np.zeros(2), feed=-1e-4, probabilities=np.ones(1)))
     display.show_judgement(judgement, names=["free"], X_HP=X_HP, X_WH=X_WH, period=0.02)
-    shaft, _ = browser.arrow("skill_feed")
-    direction = shaft[:3, 2] / np.linalg.norm(shaft[:3, 2])
-    np.testing.assert_allclose(direction, -X_WH.rotation().col(2), atol=1e-9)
+    start, end = browser.arrow("live/skill_feed")
+    np.testing.assert_allclose((end - start) / np.linalg.norm(end - start), -X_WH.rotation().col(2), atol=1e-6)
     assert browser.values["skill"]["tilt"] == {"right": 0.0, "away": 0.0}
 
 
 def test_before_a_demonstration_the_block_is_upright(browser, display):
     display.move_hole(hand_pose(np.array([0.0, 0.05, 0.0, 0.0, 0.0])))
     display.draw_start(resolve_scenario(load_scenario("live"), seed=1, stream=LIVE_STREAM))
-    np.testing.assert_array_equal(browser.transforms["plant/hole"], np.eye(4))
+    assert browser.transforms["plant/hole"].IsExactlyIdentity()
     assert browser.values["hand"] is True

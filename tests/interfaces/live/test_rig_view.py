@@ -31,7 +31,8 @@ class Page(Recorder):
         self.pictures = []
 
     def take_picture(self, now, load):
-        self.pictures.append((now, load, dict(self.transforms), dict(self.values)))
+        transforms = {path: X.GetAsMatrix4() for path, X in self.transforms.items()}
+        self.pictures.append((now, load, transforms, dict(self.values)))
 
 
 @pytest.fixture
@@ -41,9 +42,9 @@ def trial(quick_scenario):
     return resolve_scenario(quick_scenario, seed=2, stream=TRIAL_STREAM)
 
 
-def perform(page, trial, is_over=lambda: False):
+def perform(page, trial, has_left=lambda: False):
     view = RigView(page, LiveDisplay(page, help_lines=[]))
-    return view.perform(trial, Level(), number=2, kept=3, tell=page.take_picture, is_over=is_over)
+    return view.perform(trial, Level(), number=2, kept=3, on_picture=page.take_picture, has_left=has_left)
 
 
 @pytest.mark.slow
@@ -91,7 +92,7 @@ def test_the_page_shows_the_bodies_the_load_and_the_motion_of_the_rig(trial):
 @pytest.mark.slow
 def test_the_person_may_leave_the_trial(trial):
     page = Page()
-    assert perform(page, trial, is_over=lambda: len(page.pictures) >= 3) is None
+    assert perform(page, trial, has_left=lambda: len(page.pictures) >= 3) is None
     assert len(page.pictures) == 3
 
 

@@ -24,8 +24,8 @@ from interfaces.live.controls import LiveControls
 from interfaces.live.display import SATURATED
 from interfaces.live.messages import Outbox
 from interfaces.live.page import LivePage, open_live_page
-from interfaces.live.scene import LiveScene
 from interfaces.live.session import READY, RECORDING, VERDICT, LiveSession, live_scenario, next_number
+from interfaces.live.viewer_scene import ViewerScene
 from interfaces.terminal import write_json
 from models.scenario import dump_scenario, load_scenario
 from skill.data.demonstration import COLUMNS, Demonstration, read_demonstration
@@ -56,7 +56,7 @@ def session(tmp_path):
             start_of=lambda number: live_scenario(load_scenario(str(path)), seed=0, number=number),
             out=tmp_path,
             page=page,
-            tell=messages.append,
+            announce=messages.append,
             **options,
         )
         session.messages = messages
@@ -140,7 +140,7 @@ class Page:
     def __init__(self):
         self.values, self.is_shown, self.refused = {}, True, None
         outbox = Outbox()
-        self.scene, self.controls = LiveScene(outbox), LiveControls(outbox)
+        self.scene, self.controls = ViewerScene(outbox), LiveControls(outbox)
 
     def refusals(self):
         return self.refused
@@ -158,7 +158,7 @@ def quiet(tmp_path, monkeypatch):
         start_of=lambda number: live_scenario(load_scenario(str(tmp_path / "quick.yaml")), seed=0, number=number),
         out=tmp_path,
         page=page,
-        tell=messages.append,
+        announce=messages.append,
     )
     dut.messages, dut.values, dut.clicks, dut.page = messages, page.values, clicks, page
     monkeypatch.setattr(Buttons, "clicked", lambda _, label: clicks[:1] == [label] and bool(clicks.pop(0)))
@@ -189,7 +189,7 @@ def test_before_a_demonstration_the_panel_shows_zeros_and_the_depth_of_the_start
 def test_a_closed_page_is_noticed_after_five_seconds_and_ends_the_session_after_two_minutes(quiet, wall):
     quiet.page.is_shown = False
     start, log = wall.now, {}
-    while quiet._is_over() is False:
+    while quiet._has_left() is False:
         wall.now += 0.5
         for message in quiet.messages:
             log.setdefault(message, wall.now - start)
@@ -203,13 +203,13 @@ def test_a_closed_page_is_noticed_after_five_seconds_and_ends_the_session_after_
 def test_an_open_page_ends_the_absence(quiet, wall):
     for is_open, seconds in ((False, 100.0), (True, 0.0), (False, 100.0), (False, 0.0)):
         quiet.page.is_shown = is_open
-        assert quiet._is_over() is False
+        assert quiet._has_left() is False
         wall.now += seconds
     assert (
         len([m for m in quiet.messages if m.startswith("no page is open")]) == 1
     )  # the second absence has lasted 100 s
     quiet.clicks.append(QUIT)
-    assert quiet._is_over() is True
+    assert quiet._has_left() is True
     assert quiet.messages[-1] == "session over"
 
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from interfaces.reports.motion import make_block, motion_of_demonstration, motion_of_run, read_motion
-from interfaces.reports.scene import arrow_scale
+from interfaces.reports.replay_scene import arrow_scale
 from skill.data.demonstration import write_demonstration
 from skill.data.rig_run import write_rig_run
 from skill.features.measurement import contact_load

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from interfaces.reports.motion import Motion, motion_of_demonstration, motion_of_run
 from interfaces.reports.page_template import script_value
 from interfaces.reports.replay_page import replay_page
-from interfaces.reports.scene import arrow_scale, draw_scene, viewer_source
+from interfaces.reports.replay_scene import arrow_scale, draw_scene, viewer_source
 from tests.browser import blankness, open_page
 from tests.trajectories import STATE_NAMES, make_demonstration, make_rig_run
 

@@ -1,28 +1,26 @@
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
-import systems.visualization.scene
+import systems.visualization.meshcat_scene
 from experiments.demonstration_run import run_demonstration
 from experiments.trial import run_trial, trial_scenario
 from models.scenario import DEMONSTRATION_STREAM, resolve_scenario
-from systems.visualization.scene import AddVisualization, aim_camera, recorded
+from skill.states.state_style import state_colours
+from systems.visualization.meshcat_scene import aim_camera, legend, recorded
 from tests.browser import blankness, open_page
 from tests.scripts.commands import run_python
+from tests.systems.visualization.canvas import Canvas
 
 
-class Recorder:
-    """Replaces Meshcat."""
+class Recorder(Canvas):
+    """A Canvas that is recorded."""
 
     def __init__(self):
-        self.properties, self.calls = {}, []
+        super().__init__()
+        self.calls = []
 
     def SetCameraPose(self, camera_in_world, target_in_world):
         self.camera, self.target = np.array(camera_in_world), np.array(target_in_world)
-
-    def SetProperty(self, path, name, value):
-        self.properties[path, name] = value
 
     def StartRecording(self, frames_per_second, set_visualizations_while_recording):
         self.calls.append(("start", frames_per_second, set_visualizations_while_recording))
@@ -34,17 +32,7 @@ class Recorder:
         self.calls.append("publish")
 
     def StaticHtml(self):
-        return "the page"
-
-
-def test_the_camera_looks_from_the_cut_corner_slightly_from_above_at_the_upper_hole():
-    meshcat = Recorder()
-    aim_camera(meshcat)
-    x, y, z = meshcat.camera - meshcat.target
-    assert np.linalg.norm([x, y, z]) == pytest.approx(0.09, abs=0.005)  # 9 cm away
-    assert np.degrees(np.arctan2(y, x)) == pytest.approx(41.6, abs=0.5)
-    assert np.degrees(np.arcsin(z / np.linalg.norm([x, y, z]))) == pytest.approx(22.3, abs=0.5)
-    np.testing.assert_array_equal(meshcat.target, [0.0, 0.0, -0.004])  # on the axis of the hole, 4 mm deep
+        return "<body>'</body>' in a script</body></html>"
 
 
 def test_a_view_can_be_chosen_and_has_neither_a_grid_nor_axes():
@@ -53,57 +41,54 @@ def test_a_view_can_be_chosen_and_has_neither_a_grid_nor_axes():
     np.testing.assert_array_equal([meshcat.camera, meshcat.target], [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
     assert meshcat.properties[("/Grid", "visible")] is False
     assert meshcat.properties[("/Axes", "visible")] is False
-    assert (
-        0.5 < meshcat.properties[("/Lights/AmbientLight/<object>", "intensity")] <= 1.0
-    )  # 1 is as bright as the lamps
 
 
-def test_a_recording_has_32_frames_a_second_and_is_written_at_the_end(monkeypatch, tmp_path):
+def test_a_recording_has_32_frames_a_second_and_is_written_with_its_legend_at_the_end(monkeypatch, tmp_path):
     meshcat = Recorder()
     opened = []
-    monkeypatch.setattr(systems.visualization.scene, "Meshcat", lambda params: opened.append(params) or meshcat)
-    with recorded(tmp_path / "a.html") as given:
+    monkeypatch.setattr(systems.visualization.meshcat_scene, "Meshcat", lambda params: opened.append(params) or meshcat)
+    with recorded(tmp_path / "a.html", states=["free"]) as given:
         assert given is meshcat
         assert meshcat.calls == [("start", 32.0, False)]
         assert not (tmp_path / "a.html").exists()
     assert meshcat.calls[1:] == ["stop", "publish"]
-    assert (tmp_path / "a.html").read_text() == "the page"
-    assert meshcat.target[2] == -0.004  # the camera is aimed
+    assert (tmp_path / "a.html").read_text() == f"<body>'</body>' in a script{legend(['free'])}</body></html>"
     assert [params.host for params in opened] == ["127.0.0.1"]  # no other machine reaches its port
 
 
-def test_a_contact_force_of_6_newtons_is_drawn_1_cm_long(monkeypatch):
-    added = {}
-    for name in ("MeshcatVisualizer", "ContactVisualizer"):
-        add = lambda *args, name=name: added.update({name: args})  # noqa: E731
-        monkeypatch.setattr(systems.visualization.scene, name, SimpleNamespace(AddToBuilder=add))
-    contact = SimpleNamespace(scene_graph="scene graph", plant="plant")
-    AddVisualization(builder="builder", contact=contact, meshcat="meshcat")
-    *where, shapes = added.pop("MeshcatVisualizer")
-    assert where == ["builder", "scene graph", "meshcat"]
-    assert 1 / shapes.publish_period == 32.0
-    *where, arrows = added["ContactVisualizer"]
-    assert where == ["builder", "plant", "meshcat"]
-    assert 1 / arrows.publish_period == 32.0
-    assert 6.0 / arrows.newtons_per_meter == pytest.approx(0.01)
-    assert 0.5 / arrows.newton_meters_per_meter == pytest.approx(0.01)  # 0.5 N m
-    assert 0.05 < arrows.radius / 0.01 < 0.1  # slim
-    assert 0.1 < arrows.force_threshold < 0.3  # N; shorter than half a millimetre is not drawn
+def test_the_legend_names_the_arrow_and_the_states():
+    text = legend(["free", "<two> points"])
+    assert "contact force on the peg,<br>10 mm = 10 N" in text
+    assert "&lt;two&gt; points" in text
+    assert all(colour in text for colour in state_colours(2))
+    assert "colour of the peg" not in legend([])
 
 
 @pytest.mark.browser
 @pytest.mark.slow
+@pytest.mark.browser
 @pytest.mark.parametrize("kind", ["demonstration", "insertion"])
-def test_recording_is_one_page_that_shows_the_scene(quick_scenario, skill, tmp_path, kind):
-    page = tmp_path / "recording.html"
+def test_recording_is_one_page_that_shows_the_scene_and_marks_the_present_state(quick_scenario, skill, tmp_path, kind):
+    page, states = tmp_path / "recording.html", skill.state_names() if kind == "insertion" else ()
     quick_scenario.recorder.time_limit = quick_scenario.trial.time_limit = 0.3
-    with recorded(page) as meshcat:
+    with recorded(page, states=states) as meshcat:
         if kind == "demonstration":
             run_demonstration(resolve_scenario(quick_scenario, seed=1, stream=DEMONSTRATION_STREAM), meshcat=meshcat)
         else:
             run_trial(trial_scenario(quick_scenario, number=1), skill, seed=1, meshcat=meshcat)
     with open_page(page, size=(800, 600)) as browser:
-        browser.wait("document.querySelector('canvas') !== null")
+        browser.wait("document.querySelector('canvas') !== null && viewer.animator.duration > 0.2")
+        assert "contact force on the peg" in browser.run("return document.getElementById('legend').innerText")
+        if kind == "insertion":
+            browser.wait("document.querySelectorAll('#legend .now').length === 1")
+            shown = (
+                "return [...Array(arguments[0]).keys()].map(k => viewer.scene_tree.find("
+                "['drake', 'contact_state', String(k)]).object.visible)"
+            )
+            [present] = np.flatnonzero(browser.run(shown, len(states)))
+            assert browser.run("return document.querySelector('#legend .now').innerText") == states[present]
+            feed = "return viewer.scene_tree.find(['drake', 'visualizer', 'feed']).object.visible"
+            assert browser.run(feed) is False
         picture = browser.screenshot()
         assert browser.errors() == []
         assert browser.requests() == []
@@ -122,7 +107,9 @@ def test_failed_recording_writes_no_page(tmp_path):
 @pytest.mark.slow
 def test_a_recording_prints_nothing(tmp_path):
     """In a process of its own: importing Drake sets the level of its log."""
-    imports = "import sys, interfaces.terminal as t\nfrom pathlib import Path\nimport systems.visualization.scene as s"
+    imports = (
+        "import sys, interfaces.terminal\nfrom pathlib import Path\nimport systems.visualization.meshcat_scene as s"
+    )
     code = f"{imports}\nwith s.recorded(Path(sys.argv[1])): pass"
     done = run_python("-c", code, tmp_path / "recording.html")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

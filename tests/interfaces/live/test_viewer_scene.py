@@ -11,10 +11,10 @@ from pydrake.systems.framework import DiagramBuilder
 from tornado.websocket import websocket_connect
 
 from interfaces.live.messages import Outbox
-from interfaces.live.scene import LiveScene
+from interfaces.live.viewer_scene import ViewerScene
 from models.scenario import Scenario
 from systems.plant.contact_plant import AddVirtualPlant
-from systems.visualization.scene import AddVisualization, aim_camera
+from systems.visualization.meshcat_scene import AddVisualization, aim_camera
 
 POSE = RigidTransform(RotationMatrix.MakeXRotation(0.3), [1.0, 2.0, 3.0])
 IGNORED = {"uuid", "vertexColors", "linewidth", "reflectivity", "wireframe", "wireframeLineWidth"}  # Drake's defaults
@@ -25,7 +25,7 @@ def draw(meshcat):
     meshcat.SetObject("grey", Cylinder(0.3, 1.0))
     meshcat.SetObject("/far/cone", MeshcatCone(0.5, 0.2, 0.1), Rgba(1.0, 0.0, 0.0))
     meshcat.SetTransform("rod", POSE)
-    meshcat.SetTransform("grey", 2.0 * POSE.GetAsMatrix4())
+    meshcat.SetProperty("grey", "scale", [2.0, 2.0, 2.0])
     meshcat.SetProperty("rod/<object>", "renderOrder", 3.0)
     aim_camera(meshcat, camera=np.array([1.0, 2.0, 3.0]), target=np.array([4.0, 5.0, 6.0]))
 
@@ -77,7 +77,7 @@ def assert_same(ours, theirs):
 def test_the_messages_are_those_of_drake():
     reference = Meshcat(MeshcatParams(host="127.0.0.1", show_stats_plot=False))
     outbox = Outbox()
-    for meshcat in (reference, LiveScene(outbox)):
+    for meshcat in (reference, ViewerScene(outbox)):
         draw(meshcat)
     theirs, ours = sent_by(reference), by_key(outbox.since(0)[1])
     assert len(ours) == 12
@@ -91,7 +91,7 @@ def test_peg_and_block_look_as_drake_draws_them():
     builder = DiagramBuilder()
     contact = AddVirtualPlant(builder, Scenario())
     AddVisualization(builder=builder, contact=contact, meshcat=reference)
-    LiveScene(outbox).draw_plant(contact)
+    ViewerScene(outbox).draw_plant(contact)
     diagram = builder.Build()
     diagram.ForcedPublish(diagram.CreateDefaultContext())
     theirs, ours = sent_by(reference), by_key(outbox.since(0)[1])
@@ -110,12 +110,12 @@ def test_peg_and_block_look_as_drake_draws_them():
 @pytest.mark.parametrize("shape", [Sphere(1.0), Mesh("there.obj")])
 def test_other_shapes_are_refused(shape):
     with pytest.raises(ValueError, match="expected a cylinder, a cone or a mesh in memory"):
-        LiveScene(Outbox()).SetObject("a", shape)
+        ViewerScene(Outbox()).SetObject("a", shape)
 
 
 def test_an_object_is_replaced():
     outbox = Outbox()
-    dut = LiveScene(outbox)
+    dut = ViewerScene(outbox)
     dut.SetObject("a", Cylinder(1.0, 1.0))
     dut.SetObject("a", Cylinder(2.0, 1.0))
     (message,) = map(umsgpack.unpackb, outbox.since(0)[1])

@@ -24,7 +24,7 @@ Y_TO_Z = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 
 GREY = Rgba(0.9, 0.9, 0.9)
 
 
-class LiveScene:
+class ViewerScene:
     """Draws into all browsers that show the page. The names of the methods are those of Drake's Meshcat.
 
     Args:
@@ -68,12 +68,11 @@ class LiveScene:
         }
         self._put("set_object", path, object=lowered)
 
-    def SetTransform(self, path: str, pose: RigidTransform | Array) -> None:
-        """Moves ``path`` to a pose or a matrix (4, 4) in its parent."""
-        matrix = pose.GetAsMatrix4() if isinstance(pose, RigidTransform) else pose
-        self._put("set_transform", path, matrix=matrix.T.ravel().tolist())
+    def SetTransform(self, path: str, X_ParentPath: RigidTransform, *when: float) -> None:
+        """Moves ``path`` in its parent. Nothing is recorded: a time ``when`` is ignored, as in `SetProperty`."""
+        self._put("set_transform", path, matrix=X_ParentPath.GetAsMatrix4().T.ravel().tolist())
 
-    def SetProperty(self, path: str, name: str, value: Any) -> None:
+    def SetProperty(self, path: str, name: str, value: Any, *when: float) -> None:
         """Changes a property of the object at ``path``."""
         self._put("set_property", path, name, property=name, value=value)
 
@@ -81,7 +80,7 @@ class LiveScene:
         """Moves the camera (3,) and points it at the target (3,), both in W, m."""
         # In the viewer y points upwards.
         (x, y, z), (u, v, w) = camera_in_world.tolist(), target_in_world.tolist()
-        self.SetTransform("/Cameras/default", np.eye(4))
+        self.SetTransform("/Cameras/default", RigidTransform())
         self.SetProperty("/Cameras/default/rotated/<object>", "position", [x, z, -y])
         self._put("set_target", "/Cameras", value=[u, w, -v])
 

@@ -11,7 +11,7 @@ import umsgpack
 from scipy.spatial.transform import Rotation
 
 from interfaces.reports.motion import Motion
-from interfaces.reports.scene import PageWindow, arrow_scale, draw_scene, viewer_source
+from interfaces.reports.replay_scene import PageWindow, arrow_scale, draw_scene, viewer_source
 from skill.data.geometry import PegHoleGeometry
 
 MM = 1e-3
