@@ -159,7 +159,7 @@ def write_report(results: Sequence[TrialResult], out: Path, *, skill: str, scena
         results,
         title=f"{len(results)} insertions on the rig",
         state_names=read_rig_run(run_file).metadata["state_names"],
-        replay=replay,
+        replays={worst.seed: replay},
         made_by={"skill": skill, **versions()},
         scenario=dump_scenario(scenario),
     )

@@ -14,7 +14,7 @@ from scipy.stats import binomtest
 
 from experiments.trial_result import PHYSICS, TrialResult
 from interfaces.reports.histogram import histogram
-from interfaces.reports.page_template import fill_page
+from interfaces.reports.page_template import definitions, fill_page, tiles
 from interfaces.reports.result_tables import known, median
 from skill.arrays import Array
 from skill.states.state_style import state_colours
@@ -36,7 +36,8 @@ class Column:
         unit: printed below the heading.
         key: value by which the table is sorted.
         form: format string for the key; not used in the columns that `_row` draws itself.
-        is_text: whether the column holds text, which is aligned to the left.
+        style: classes of its cells: "text" is aligned to the left, "wide" hidden on a narrow screen, "detail" shown
+            only with all columns.
         tip: text that the page shows over the heading.
     """
 
@@ -44,7 +45,7 @@ class Column:
     unit: str
     key: Callable[[TrialResult], float | str | None]
     form: str = "{}"
-    is_text: bool = False
+    style: str = ""
     tip: str = ""
 
 
@@ -56,26 +57,26 @@ TRUST = "trusted: the simulated bodies overlap by at most a quarter of the clear
 
 COLUMNS = (
     Column("trial", "", lambda r: r.seed),
-    Column("tilt", "deg", lambda r: float(np.linalg.norm(np.degrees(r.tilt)))),
-    Column("outcome", "", lambda r: r.reason, is_text=True),
+    Column("tilt", "deg", lambda r: float(np.linalg.norm(np.degrees(r.tilt))), style="wide"),
+    Column("outcome", "", lambda r: r.reason, style="text outcome"),
     Column("time", "s", lambda r: r.time, "{:.2f}"),
-    Column("depth", "mm", lambda r: 1e3 * r.depth, "{:.1f}"),
+    Column("depth", "mm", lambda r: 1e3 * r.depth, "{:.1f}", style="wide"),
     Column("peak load", "N", lambda r: r.peak_load, "{:.1f}", tip=LOAD),
-    Column("peak contact", "N", lambda r: r.peak_contact_force, "{:.1f}", tip=CONTACT),
-    Column("above 20 N", "s", lambda r: r.time_above_20n, "{:.2f}", tip="time with a load above 20 N"),
-    Column("mean load", "N", lambda r: r.mean_load, "{:.1f}", tip="mean over the time with a load of 1 N or more"),
-    Column("first touch", "N s", lambda r: r.first_touch, "{:.3f}", tip=FIRST_TOUCH),
-    Column("along", "N", lambda r: r.peak_axial_force, "{:.1f}", tip="largest net force along the peg"),
-    Column("across", "N", lambda r: r.peak_lateral_force, "{:.1f}", tip=ACROSS),
-    Column("moment", "N m", lambda r: r.peak_moment, "{:.2f}", tip="largest net moment about the tip"),
-    Column("overlap", "um", lambda r: 1e6 * r.penetration, "{:.0f}"),
-    Column("physics", "", lambda r: None if r.trusted is None else PHYSICS[r.trusted], is_text=True, tip=TRUST),
-    Column("steps", "", lambda r: r.steps),
-    Column("lost", "", lambda r: r.lost_steps),
-    Column("back-offs", "", lambda r: r.back_offs),
-    Column("unknown", "s", lambda r: r.unknown_time, "{:.2f}"),
-    Column("unsupported", "s", lambda r: r.unsupported_time, "{:.2f}"),
-    Column("states", "", lambda r: len(r.states), is_text=True),
+    Column("states", "", lambda r: len(r.states), style="text"),
+    Column("peak contact", "N", lambda r: r.peak_contact_force, "{:.1f}", style="wide", tip=CONTACT),
+    Column("overlap", "um", lambda r: 1e6 * r.penetration, "{:.0f}", style="wide"),
+    Column("physics", "", lambda r: None if r.trusted is None else PHYSICS[r.trusted], style="text wide", tip=TRUST),
+    Column("steps", "", lambda r: r.steps, style="wide"),
+    Column("back-offs", "", lambda r: r.back_offs, style="wide"),
+    Column("unknown", "s", lambda r: r.unknown_time, "{:.2f}", style="wide"),
+    Column("unsupported", "s", lambda r: r.unsupported_time, "{:.2f}", style="wide"),
+    Column("above 20 N", "s", lambda r: r.time_above_20n, "{:.2f}", style="detail", tip="time with a load above 20 N"),
+    Column("mean load", "N", lambda r: r.mean_load, "{:.1f}", style="detail", tip="while the load is 1 N or more"),
+    Column("first touch", "N s", lambda r: r.first_touch, "{:.3f}", style="detail", tip=FIRST_TOUCH),
+    Column("along", "N", lambda r: r.peak_axial_force, "{:.1f}", style="detail", tip="largest force along the peg"),
+    Column("across", "N", lambda r: r.peak_lateral_force, "{:.1f}", style="detail", tip=ACROSS),
+    Column("moment", "N m", lambda r: r.peak_moment, "{:.2f}", style="detail", tip="largest net moment about the tip"),
+    Column("lost", "", lambda r: r.lost_steps, style="detail", tip="steps that the motors lost"),
 )
 
 
@@ -90,17 +91,17 @@ def batch_report(
     *,
     title: str,
     state_names: Sequence[str],
-    replay: str,
+    replays: Mapping[int, str],
     made_by: Mapping[str, str],
     scenario: str,
 ) -> str:
-    """Returns the page as HTML text. It needs no other file, except the replay that it links.
+    """Returns the page as HTML text. It needs no other file, except the replays that it links.
 
     Args:
         results: results of the trials, at least one.
         title: heading of the page.
         state_names: names of the contact states.
-        replay: address of the replay of the worst trial, relative to this page.
+        replays: addresses of the replays by number of the trial, relative to this page.
         made_by: what determined the results, by name: skill, seeds, versions.
         scenario: as YAML text.
     """
@@ -110,16 +111,16 @@ def batch_report(
         "batch",
         title=html.escape(title),
         about=_about(results),
-        tiles="".join(f'<div class="tile"><b>{value}</b><span>{note}</span></div>' for value, note in _tiles(results)),
+        tiles=tiles(_summary(results)),
         histograms="".join(_histogram_panel(results, *quantity) for quantity in HISTOGRAMS),
-        worst=_worst(worst, replay),
+        worst=_worst(worst, replays.get(worst.seed)),
         headings="".join(_heading(column) for column in COLUMNS),
-        rows="\n".join(_row(r, colours, replay if r is worst else None) for r in results),
+        rows="\n".join(_row(r, colours, replays.get(r.seed)) for r in results),
         key="".join(
             f'<span><i style="background: {colour}"></i>{k} {html.escape(name)}</span>'
             for k, (name, colour) in enumerate(zip(state_names, colours, strict=True))
         ),
-        made_by="".join(f"<dt>{html.escape(k)}</dt><dd>{html.escape(v)}</dd>" for k, v in made_by.items()),
+        made_by=definitions(made_by),
         scenario=html.escape(scenario),
     )
 
@@ -132,7 +133,7 @@ def _about(results: Sequence[TrialResult]) -> str:
     )
 
 
-def _tiles(results: Sequence[TrialResult]) -> list[tuple[str, str]]:
+def _summary(results: Sequence[TrialResult]) -> list[tuple[str, str]]:
     """The summary: (value, note) for each tile."""
     n, inserted = len(results), sum(r.inserted for r in results)
     interval = binomtest(inserted, n).proportion_ci(method="wilson")
@@ -180,45 +181,43 @@ def _histogram_panel(results: Sequence[TrialResult], title: str, unit: str, fiel
     return f'<div class="panel"><h3>{title}{f" ({unit})" if unit else ""}</h3>{svg}</div>'
 
 
-def _worst(worst: TrialResult, replay: str) -> str:
+def _worst(worst: TrialResult, replay: str | None) -> str:
     why = (
         "all trials inserted; this one has the largest load"
         if worst.inserted
         else "the shallowest trial that did not insert"
     )
     return (
-        f'<b>Worst trial: <a href="{html.escape(replay)}">replay of trial {worst.seed}</a></b> &ndash; {why}:'
+        f"<b>Worst trial: {_link(f'trial {worst.seed}', replay)}</b> &ndash; {why}:"
         f" {html.escape(worst.reason)} after {worst.time:.2f} s at {1e3 * worst.depth:.1f} mm,"
         f" peak load {known(worst.peak_load, '.1f')} N,"
         f" peak force of a contact {known(worst.peak_contact_force, '.1f')} N"
     )
 
 
+def _link(text: str, replay: str | None) -> str:
+    return text if replay is None else f'<a href="{html.escape(replay)}">{text}</a>'
+
+
 def _heading(column: Column) -> str:
-    alignment = "text" if column.is_text else ""
     tip = f' title="{html.escape(column.tip)}"' if column.tip else ""
-    return f'<th class="{alignment}"{tip}>{column.name}<small>{column.unit or "&nbsp;"}</small></th>'
+    return f'<th class="{column.style}"{tip}>{column.name}<small>{column.unit or "&nbsp;"}</small></th>'
 
 
 def _row(r: TrialResult, colours: Sequence[str], replay: str | None) -> str:
-    """The table row of a trial.
-
-    Args:
-        r: the result of the trial.
-        colours: colours of the contact states.
-        replay: address of the replay of this trial; None if there is none.
-    """
+    """The table row of a trial; ``replay`` is the address of its replay, if there is one."""
     visits = "".join(f'<i style="background: {colours[k]}" title="{k}"></i>' for k in r.states)
     drawn = {
-        "trial": str(r.seed) if replay is None else f'<a href="{html.escape(replay)}">{r.seed}</a>',
+        "trial": _link(str(r.seed), replay),
         "tilt": "{:+.1f} {:+.1f}".format(*np.degrees(r.tilt)),
         "states": f'<span class="visits">{visits}</span>',
     }
     cells = []
     for column in COLUMNS:
         key = column.key(r)
-        text = drawn[column.name] if column.name in drawn else "-" if key is None else column.form.format(key)
-        style = f"text {column.name}" if column.is_text else ""
-        shown = text if column.name in drawn else html.escape(text)
-        cells.append(f'<td class="{style}" data-key="{html.escape(str("" if key is None else key))}">{shown}</td>')
+        shown = drawn.get(column.name) or html.escape("-" if key is None else column.form.format(key))
+        tip = f' title="{shown}"' if column.name == "outcome" else ""  # a long reason is cut
+        cells.append(
+            f'<td class="{column.style}" data-key="{html.escape(str("" if key is None else key))}"{tip}>{shown}</td>'
+        )
     return f'<tr class="{"" if r.inserted else "failed"}">{"".join(cells)}</tr>'

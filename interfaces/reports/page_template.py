@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import json
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from string import Template
 from typing import Any
@@ -12,7 +14,8 @@ def fill_page(name: str, **values: str) -> str:
     """Returns the page ``name``.html with its style, its script and ``values`` inserted.
 
     The template holds placeholders ``$key``. ``$style`` and ``$script`` are the contents of ``name``.css and
-    ``name``.js. Inserted text is not searched for placeholders, so a ``$`` in it is safe.
+    ``name``.js, ``$base`` is the style that the pages with tables share. Inserted text is not searched for
+    placeholders, so a ``$`` in it is safe.
 
     Args:
         name: name of the template, without its ending.
@@ -22,7 +25,17 @@ def fill_page(name: str, **values: str) -> str:
         KeyError: if the template has a placeholder without a value.
     """
     page, style, script = (_read(f"{name}.{ending}") for ending in ("html", "css", "js"))
-    return Template(page).substitute(values, style=style, script=script)
+    return Template(page).substitute(values, base=_read("page.css"), style=style, script=script)
+
+
+def tiles(values: Iterable[tuple[str, str]]) -> str:
+    """Returns the tiles of a summary as HTML: a value and a note, in HTML, for each."""
+    return "".join(f'<div class="panel tile"><b>{value}</b><span>{note}</span></div>' for value, note in values)
+
+
+def definitions(values: Mapping[str, str]) -> str:
+    """Returns the rows of a list of names and texts as HTML."""
+    return "".join(f"<dt>{html.escape(name)}</dt><dd>{html.escape(text)}</dd>" for name, text in values.items())
 
 
 def script_value(value: Any) -> str:

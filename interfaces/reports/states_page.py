@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from interfaces.reports.page_template import fill_page, script_value
+from interfaces.reports.page_template import definitions, fill_page, script_value, tiles
 from interfaces.reports.result_tables import following_texts
 from interfaces.reports.state_flow import state_flow
 from skill.arrays import Array
@@ -70,7 +70,7 @@ def states_page(report: StatesReport) -> str:
         title=html.escape(report.title),
         about=html.escape(report.about),
         method=html.escape(report.method),
-        tiles="".join(f'<div class="tile"><b>{value}</b><span>{note}</span></div>' for value, note in _tiles(report)),
+        tiles=tiles(_summary(report)),
         headings=_headings(columns),
         rows="\n".join(
             _row(state, _chip(k, colours[k], inks[k]), columns, len(report.labelled))
@@ -84,7 +84,7 @@ def states_page(report: StatesReport) -> str:
             for k, state in enumerate(report.states)
         ),
         trials="\n".join(_trial(k, item) for k, item in enumerate(report.labelled)),
-        made_by="".join(f"<dt>{html.escape(k)}</dt><dd>{html.escape(v)}</dd>" for k, v in report.made_by.items()),
+        made_by=definitions(report.made_by),
         data=script_value(page_data(report.labelled, report.states, colours, stride)),
     )
 
@@ -191,7 +191,7 @@ def decimals(values: Array) -> int:
 # ------------------------------------------------------------ tables
 
 
-def _tiles(report: StatesReport) -> list[tuple[str, str]]:
+def _summary(report: StatesReport) -> list[tuple[str, str]]:
     """The summary: (value, note) for each tile."""
     recordings = [item.recording for item in report.labelled]
     durations = [recording.duration for recording in recordings]
@@ -199,15 +199,15 @@ def _tiles(report: StatesReport) -> list[tuple[str, str]]:
     same = rates[-1] < 1.02 * rates[0]
     rate = f"{rates[-1]:.3g}" if same else f"{rates[0]:.3g} to {rates[-1]:.3g}"
     channels = ", ".join(recordings[0].channels)
-    tiles = [
+    summary = [
         (str(len(report.states)), "contact states"),
         (str(len(recordings)), f"recordings of {min(durations):.1f} to {max(durations):.1f} s"),
         (f"{rate} Hz", f"{sum(len(item.states) for item in report.labelled):,} samples"),
         (str(len(recordings[0].channels)), f"channels: {html.escape(channels)}"),
     ]
     if report.agreement is not None:
-        tiles.append((f"{report.agreement.ari:.2f}", "adjusted Rand index of states and known phases; 1: the same"))
-    return tiles
+        summary.append((f"{report.agreement.ari:.2f}", "adjusted Rand index of states and known phases; 1: the same"))
+    return summary
 
 
 @dataclass(frozen=True)
@@ -304,7 +304,7 @@ def _trial(k: int, item: LabelledRecording) -> str:
     begin = f"{start:.6f}".rstrip("0").rstrip(".")
     since = f", from {begin} s of the file on" if start else ""
     return (
-        f'<section class="trial" id="trial-{k}"><h3>{name}<small>{item.recording.duration:.2f} s{since},'
+        f'<section class="panel trial" id="trial-{k}"><h3>{name}<small>{item.recording.duration:.2f} s{since},'
         f" {len(runs)} visits</small></h3>"
         f'<div class="plot" tabindex="0" role="slider" aria-label="time since the first sample of {name}"'
         f' aria-valuemin="0" aria-valuemax="{item.recording.duration:.2f}" aria-valuenow="0"'

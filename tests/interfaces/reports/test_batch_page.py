@@ -25,7 +25,13 @@ def make_results(n=12):
 
 
 def page_of(results, **changes):
-    arguments = {"title": "t", "state_names": STATE_NAMES, "replay": "r.html", "made_by": {}, "scenario": "seed: 0\n"}
+    arguments = {
+        "title": "t",
+        "state_names": STATE_NAMES,
+        "replays": {0: "r.html", 7: "s.html"},
+        "made_by": {},
+        "scenario": "seed: 0\n",
+    }
     return batch_report(results, **{**arguments, **changes})
 
 
@@ -66,24 +72,30 @@ def test_dollar_signs_and_names_of_placeholders_are_shown_as_text():
     page = page_of([PLAIN], title="$style ${script}", made_by={"$rows": "100 $"}, scenario="a: $title")
     assert "<h1>$style ${script}</h1>" in page
     assert "<dt>$rows</dt><dd>100 $</dd>" in page
-    assert "<pre>a: $title</pre>" in page
+    assert ">a: $title</pre>" in page
 
 
 def test_columns_show_the_units_of_their_headings():
     result = replace(PLAIN, seed=7, unsupported_time=0.25, unknown_time=0.5, penetration=31.4e-6)
     row = page_of([result]).split("<tbody>")[1].split("</tbody>")[0]
     cells = re.findall(r"<td [^>]*>(.*?)</td>", row)
-    assert "".join(re.findall(r">(\d+)</a>", cells[0])) == "7"
-    assert cells[1:10] == ["+1.0 -2.0", "inserted", "2.50", "24.7", "16.0", "15.0", "0.25", "8.0", "0.125"]
-    assert cells[10:14] == ["6.0", "12.0", "0.10", "31"]
-    assert cells[14:20] == ["trusted", "20", "0", "0", "0.50", "0.25"]
-    assert cells[20].count("<i ") == 4
+    assert cells[0] == '<a href="s.html">7</a>'
+    assert cells[1:6] == ["+1.0 -2.0", "inserted", "2.50", "24.7", "16.0"]
+    assert cells[6].count("<i ") == 4
+    assert cells[7:14] == ["15.0", "31", "trusted", "20", "0", "0.50", "0.25"]
+    assert cells[14:] == ["0.25", "8.0", "0.125", "6.0", "12.0", "0.10", "0"]
+
+
+def test_a_trial_without_a_replay_has_no_link():
+    page = page_of([PLAIN], replays={})
+    assert "<a " not in page
+    assert "Worst trial: trial 0" in page
 
 
 def test_headings_say_what_the_forces_are():
     headings = page_of([PLAIN]).split("<thead>")[1].split("</thead>")[0]
     for name, tip in (("across", "cancel in it"), ("peak contact", "any single contact"), ("peak load", "peg radius")):
-        assert re.search(rf'<th class="" title="[^"]*{tip}[^"]*">{name}<', headings)
+        assert re.search(rf'<th class="[a-z]*" title="[^"]*{tip}[^"]*">{name}<', headings)
 
 
 def test_summary_gives_the_forces_and_counts_what_is_not_trusted():
@@ -121,8 +133,16 @@ def test_report_opens_from_disk_sorts_its_table_and_links_a_replay(batch):
         assert page.run("return document.querySelectorAll('#trials tbody tr').length") == len(results)
         assert page.run("return document.querySelectorAll('#trials tr.failed').length") == 1
         assert page.run("return document.querySelectorAll('svg rect').length") > 8
-        fits = "return document.documentElement.scrollWidth <= window.innerWidth"
-        assert page.run(fits), "the page is wider than the screen of a laptop"
+        for width in (1400, 1280, 420):
+            size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+            page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+            parts = "[document.documentElement, document.querySelector('.scroll')]"
+            cut = page.run(f"return {parts}.map(part => part.scrollWidth - part.clientWidth)")
+            assert cut == [0, 0], f"{width} pixels cut the page or its table"
+            states = "return document.querySelector('.visits').getBoundingClientRect().right < innerWidth"
+            assert page.run(states)
+        heights = "return [...document.querySelectorAll('#trials tbody tr')].map(row => row.offsetHeight)"
+        assert len(set(page.run(heights))) == 1
         column = page.run("return [...document.querySelectorAll('th')].findIndex(h => h.innerText.startsWith('time'))")
         times = []
         for _ in range(2):
