@@ -9,6 +9,7 @@ VERSION := $(shell "$(INTERPRETER)" -c 'import sys; print("%d.%d" % sys.version_
 # The default interpreter uses .venv; a chosen one gets an environment of its own.
 VENV ?= .venv$(if $(filter python3,$(PYTHON)),,-$(VERSION))
 RUN := "$(VENV)/bin/python" -m
+PYTEST := $(RUN) pytest -n 2 --dist worksteal
 # One thread per process: the small matrices of the learner are slower with more.
 export OPENBLAS_NUM_THREADS := 1
 # The tested versions of all packages; another Python takes the newest that pyproject.toml allows.
@@ -22,15 +23,17 @@ MYPY := $(if $(filter 3.11,$(VERSION)),$(RUN) mypy,@echo "types: checked with Py
 demo: environment
 	$(RUN) scripts.demo $(ARGS)
 
+# Lint, types and all tests but the nightly ones: about eight minutes on two cores.
 test: environment system-packages lint
-	$(RUN) pytest -n 2 -m "not nightly" $(TESTS)
+	$(PYTEST) -m "not nightly" $(TESTS)
 
+# For daily work: neither lint, nor pages, nor what takes over half a second.
 test-fast: environment
-	$(RUN) pytest -n 2 -m "$(FAST)"
+	$(PYTEST) -m "$(FAST)" $(TESTS)
 
 # What takes minutes or checks what changes rarely: damaged files, killed commands, mutants, wheel, site, whole sweeps.
 test-nightly: environment system-packages fuzz campaign mutants
-	$(RUN) pytest -n 2 -m nightly
+	$(PYTEST) -m nightly
 
 lint: environment
 	$(RUN) ruff check .

@@ -14,7 +14,6 @@ made again, nothing is missing, and no lock or temporary file stays.
 
 from __future__ import annotations
 
-import argparse
 import os
 import random
 import shutil
@@ -27,6 +26,9 @@ from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+import psutil
+import typer
 
 from interfaces.terminal import progress, say, write_json
 from skill.data.demonstration import write_demonstration
@@ -51,7 +53,7 @@ class Campaign:
         self.lanes = make_lanes(folder)
         self.counts: Counter[str] = Counter()
         self.faults: list[str] = []
-        self._orphans: list[tuple[float, str, tuple[int, str]]] = []
+        self._orphans: list[tuple[float, str, psutil.Process]] = []
         self._in_a_row: Counter[str] = Counter()
 
     def kill(self, number: int) -> None:
@@ -109,9 +111,9 @@ class Campaign:
         self.faults += [f"{lane.name}, {when}: {fault}" for fault in faults]
 
     def _look_for_orphans(self) -> None:
-        alive = [(end, name, worker) for end, name, worker in self._orphans if process_key(worker[0]) == worker]
+        alive = [orphan for orphan in self._orphans if is_alive(orphan[2])]
         now = time.monotonic()
-        self.faults += [f"{name}: process {worker[0]} is still there" for end, name, worker in alive if end < now]
+        self.faults += [f"{name}: process {worker.pid} is still there" for end, name, worker in alive if end < now]
         self._orphans = [orphan for orphan in alive if orphan[0] >= now]
 
 
@@ -123,7 +125,7 @@ def found(check: Callable[[], list[str]]) -> list[str]:
         return [f"{type(error).__name__}: {error}"]
 
 
-def wait(process: subprocess.Popen[bytes], lane: Lane, moment: str, rng: random.Random) -> list[tuple[int, str]] | None:
+def wait(process: subprocess.Popen[bytes], lane: Lane, moment: str, rng: random.Random) -> list[psutil.Process] | None:
     """Waits for the drawn moment and kills the process; returns its children, or None if it ended before."""
     started = time.monotonic()
     before = state(lane.folder)
@@ -143,7 +145,10 @@ def wait(process: subprocess.Popen[bytes], lane: Lane, moment: str, rng: random.
         time.sleep(min(2e-4, max(0.0, end - time.monotonic())))
     if process.poll() is not None:
         return None
-    workers = children(process.pid)
+    try:
+        workers = psutil.Process(process.pid).children()
+    except psutil.NoSuchProcess:
+        return None
     process.kill()
     return workers
 
@@ -163,26 +168,12 @@ def state(folder: Path) -> list[tuple[str, int, int]]:
     return sorted(found)
 
 
-def children(parent: int) -> list[tuple[int, str]]:
-    """The keys of the processes whose parent is a process."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = path.read_text().rpartition(")")[2].split()
-        except (FileNotFoundError, ProcessLookupError):
-            continue
-        if int(fields[1]) == parent:
-            found.append((int(path.parent.name), fields[19]))
-    return found
-
-
-def process_key(pid: int) -> tuple[int, str] | None:
-    """Number and start time of a living process, which no other process shares; None if it has ended."""
+def is_alive(process: psutil.Process) -> bool:
+    """Whether a process, and not a later one of the same number, has not ended."""
     try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except (FileNotFoundError, ProcessLookupError):
-        return None
-    return None if fields[0] == "Z" else (pid, fields[19])
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
 
 
 def prepare(folder: Path) -> None:
@@ -220,25 +211,19 @@ def run(number: int, seed: int, jobs: int) -> tuple[Counter[str], list[str]]:
     return counts, [fault for campaign in campaigns for fault in campaign.faults]
 
 
-def main() -> None:
-    """Performs the campaign, and prints the counts and the faults."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--number", type=int, default=1000, help="kills")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the moments")
-    parser.add_argument("--jobs", type=int, default=2, help="commands at the same time")
-    parser.add_argument("--json", type=Path, default=None, help="where to write the counts and faults")
-    arguments = parser.parse_args()
+def main(number: int = 1000, seed: int = 0, jobs: int = 2, json: Path | None = None) -> None:
+    """Kills commands and prints the counts and the faults; exit code 1 if there is a fault."""
     started = time.monotonic()
-    counts, faults = run(arguments.number, arguments.seed, arguments.jobs)
+    counts, faults = run(number, seed, jobs)
     for fault in faults:
         say(f"FAULT {fault}")
     for what, count in sorted(counts.items()):
         say(f"{what:40s} {count:6d}")
-    say(f"{arguments.number} kills, {len(faults)} faults, {(time.monotonic() - started) / 60:.0f} min")
-    if arguments.json is not None:
-        write_json(arguments.json, {"seed": arguments.seed, "counts": dict(counts), "faults": faults})
+    say(f"{number} kills, {len(faults)} faults, {(time.monotonic() - started) / 60:.0f} min")
+    if json is not None:
+        write_json(json, {"seed": seed, "counts": dict(counts), "faults": faults})
     sys.exit(1 if faults else 0)
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -17,6 +17,7 @@ from models.scenario import dump_scenario
 from skill.data.demonstration import read_demonstration
 from skill.data.rig_run import read_rig_run
 from skill.manipulation_skill import ManipulationSkill
+from tests.interfaces.live.live_session import QUICK
 from tests.quick_scenario import make_quick_scenario
 
 QUICK_DEMONSTRATIONS = {
@@ -25,14 +26,7 @@ QUICK_DEMONSTRATIONS = {
     "recorder": {"rough_force": 500.0},
     "operator": {"insertion_speed": 0.06},
 }
-QUICK_LIVE = {
-    "geometry": {"hole_depth": 0.004, "peg_length": 0.02, "hole_radius": 0.0102, "facets": 32},
-    "start": {"height": 5e-4, "tilt": [0.0, 0.0]},
-    "contact": {"time_step": 0.004},
-    "coupling": {"peg_inertia": 0.02, "angular_damping": 2.0},
-    "recorder": {"time_limit": 5.0, "rough_force": 500.0},
-}
-
+QUICK_LIVE = {**QUICK, "recorder": {"time_limit": 5.0, "rough_force": 500.0}}
 
 Mark = tuple[int, bytes]
 """The time at which a file was written, and the digest of its content."""

@@ -25,7 +25,6 @@ defect.
 
 from __future__ import annotations
 
-import argparse
 import json
 import multiprocessing
 import resource
@@ -43,6 +42,7 @@ from random import Random
 
 import numpy as np
 import pandas as pd
+import typer
 from pebble import ProcessExpired, ProcessPool
 
 from interfaces.terminal import progress, say, write_json
@@ -287,27 +287,20 @@ def report(trials: list[Trial]) -> str:
     return "\n".join([*lines, f"{len(trials)} mutations, {len(defects)} defects"])
 
 
-def main() -> None:
-    """Attempts the mutations and prints the defects."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--number", type=int, default=10_000, help="mutations to try")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the mutations")
-    parser.add_argument("--first", type=int, default=0, help="number of the first mutation")
-    parser.add_argument("--jobs", type=int, default=2, help="processes to use")
-    parser.add_argument("--json", type=Path, default=None, help="where to write every mutation and its outcome")
-    arguments = parser.parse_args()
+def main(number: int = 10_000, seed: int = 0, first: int = 0, jobs: int = 2, json: Path | None = None) -> None:
+    """Attempts the mutations and prints the defects; exit code 1 if there is one."""
     trials = []
-    numbers = list(range(arguments.first, arguments.first + arguments.number))
+    numbers = list(range(first, first + number))
     with progress("mutations", len(numbers)) as advance:
-        for trial in run(numbers, arguments.seed, arguments.jobs):
+        for trial in run(numbers, seed, jobs):
             trials.append(trial)
             advance(f"{sum(t.outcome not in GOOD for t in trials)} defects" if len(trials) % 100 == 0 else "")
     for line in report(trials).splitlines():
         say(line)
-    if arguments.json is not None:
-        write_json(arguments.json, {"seed": arguments.seed, "mutations": [asdict(trial) for trial in trials]})
+    if json is not None:
+        write_json(json, {"seed": seed, "mutations": [asdict(trial) for trial in trials]})
     sys.exit(any(trial.outcome not in GOOD for trial in trials))
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

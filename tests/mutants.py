@@ -13,7 +13,6 @@ Tests that are further away do not run: the share that is reported is a lower bo
 
 from __future__ import annotations
 
-import argparse
 import ast
 import json
 import os
@@ -29,6 +28,7 @@ from queue import SimpleQueue
 from typing import Any
 
 import pytest
+import typer
 
 from interfaces.terminal import progress, say, write_json
 from tests.checkout import ROOT, copy_checkout
@@ -206,20 +206,13 @@ def is_noticed(mutant: Mutant, tree: Path) -> bool:
         target.write_text(original)
 
 
-def main() -> None:
-    """Draws the mutants, tries them and prints the survivors."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--number", type=int, default=200, help="mutants to try")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the sample")
-    parser.add_argument("--jobs", type=int, default=2, help="processes to use")
-    parser.add_argument("--json", type=Path, default=None, help="where to write every mutant and its verdict")
-    parser.add_argument("--again", type=Path, default=None, help="report of an earlier run: try only its survivors")
-    arguments = parser.parse_args()
-    mutants = survivors_of(arguments.again) if arguments.again else draw(arguments.number, arguments.seed)
+def main(number: int = 200, seed: int = 0, jobs: int = 2, json: Path | None = None, again: Path | None = None) -> None:
+    """Draws the mutants, or takes the survivors of an earlier report, tries them and prints those that survive."""
+    mutants = survivors_of(again) if again else draw(number, seed)
     noticed: list[bool] = []
-    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(arguments.jobs) as pool:
+    with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(jobs) as pool:
         trees: SimpleQueue[Path] = SimpleQueue()
-        for k in range(arguments.jobs):
+        for k in range(jobs):
             trees.put(copy_checkout(Path(name) / str(k)))
 
         def judge(mutant: Mutant) -> bool:
@@ -236,10 +229,10 @@ def main() -> None:
                     say(f"survived: {mutant.file}:{mutant.line} {mutant.change}")
                 advance(f"{sum(noticed)} of {len(noticed)} noticed")
     say(f"{sum(noticed)} of {len(mutants)} mutants noticed")
-    if arguments.json is not None:
+    if json is not None:
         rows = [{**asdict(m), "noticed": v} for m, v in zip(mutants, noticed, strict=True)]
-        write_json(arguments.json, {"seed": arguments.seed, "noticed": sum(noticed), "mutants": rows})
+        write_json(json, {"seed": seed, "noticed": sum(noticed), "mutants": rows})
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

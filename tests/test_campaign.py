@@ -4,11 +4,12 @@ import os
 import subprocess
 import sys
 
+import psutil
 import pytest
 
 from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex
 from skill.data.demonstration import write_demonstration
-from tests.campaign import children, process_key, run, state
+from tests.campaign import is_alive, run, state
 from tests.campaign_folders import RecordLane, marks
 from tests.trajectories import make_demonstration
 
@@ -71,13 +72,13 @@ def test_a_file_that_stays_is_a_fault(lane):
     assert ".haptic-skill.lock stays" in lane.faults_after_completion()
 
 
-def test_a_change_of_a_folder_and_the_children_of_a_process_are_seen(tmp_path):
+def test_a_change_of_a_folder_and_the_end_of_a_process_are_seen(tmp_path):
     before = state(tmp_path)
     (tmp_path / ".new").mkdir()
     (tmp_path / ".new" / "x").touch()
     assert state(tmp_path) != before
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as process:
-        key = process_key(process.pid)
-        assert key in children(os.getpid())
+        worker = psutil.Process(process.pid)
+        assert is_alive(worker)
         process.kill()
-    assert process_key(process.pid) is None
+    assert not is_alive(worker)
