@@ -53,10 +53,11 @@ campaign: environment
 fuzz: environment
 	$(RUN) tests.fuzz --jobs 2 --json out/fuzz.json
 
-PHYSICS := theory convergence clearance engines realtime
-LEARNERS := clustering clustering_speed regression regression_intervals contact_states
+PHYSICS := theory convergence clearance
+LEARNERS := clustering regression contact_states
 BENCHMARKS := $(PHYSICS:%=physics.%) $(LEARNERS:%=learners.%) rig.mujoco
 
+# With the demonstrations and the skill of `make demo`.
 bench: environment
 	$(RUN) pip install --quiet --editable ".[peers]" $(CONSTRAINTS:%=--constraint %)
 	for name in $(BENCHMARKS); do $(RUN) benchmarks.$$name --json out/benchmarks/$$name.json || exit 1; done

@@ -2,38 +2,38 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Annotated, Any
 
 import typer
 
-from interfaces.terminal import report_errors
+from experiments.machine_speed import machine_speed
+from interfaces.terminal import report_errors, say, write_json
+
+JsonFile = Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Also write the results to this file.")]
+Demonstrations = Annotated[list[Path], typer.Option(metavar="FOLDER", help="Recorded set; repeatable.")]
+SkillFile = Annotated[Path, typer.Option("--skill", metavar="FILE", help="Skill that performs the trials.")]
 
 
-def argument_parser(description: str | None) -> argparse.ArgumentParser:
-    """A parser with the option ``--json`` whose help is ``description``, the docstring of the benchmark."""
-    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--json", type=Path, metavar="FILE", help="also write the results to this file")
-    return parser
-
-
-def add_demonstrations(parser: argparse.ArgumentParser) -> None:
-    """Adds the option ``--demonstrations``: folders of recorded sets, by default the one that the demo leaves."""
-    parser.add_argument(
-        "--demonstrations",
-        type=Path,
-        nargs="+",
-        default=[Path("out/demonstrations")],
-        metavar="FOLDER",
-        help="recorded sets",
+def run(main: Callable[..., None]) -> None:
+    """Runs a benchmark with the command line of its function; its help begins with the docstring of the module."""
+    app = typer.Typer(
+        add_completion=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        pretty_exceptions_show_locals=False,
     )
+    # After "\b" a paragraph keeps its line breaks.
+    paragraphs = str(sys.modules[main.__module__].__doc__).strip().split("\n\n")
+    app.command(help="\n\n".join(f"\b\n{paragraph}" for paragraph in paragraphs))(report_errors(main))
+    app()
 
 
-def run(main: Callable[[], None]) -> None:
-    """Runs a benchmark; a ValueError or an OSError ends the process with one message and exit code 1."""
-    try:
-        report_errors(main)()
-    except typer.Exit as end:
-        sys.exit(end.exit_code)
+def finish(results: dict[str, Any], json: Path | None) -> None:
+    """Prints the machine's own speed, and writes the results with it (key ``machine_speed``, ms) if there is a file."""
+    speed = machine_speed()
+    say(f"reference loop: {speed:.0f} ms")
+    if json is not None:
+        write_json(json, {**results, "machine_speed": speed})

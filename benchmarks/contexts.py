@@ -15,20 +15,16 @@ discovered.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
-
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("yaml")
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from benchmarks.command_line import add_demonstrations, argument_parser, run
+from benchmarks.command_line import Demonstrations, JsonFile, finish, run
 from interfaces.reports.result_tables import plain_table
-from interfaces.terminal import busy, console, write_json
+from interfaces.terminal import busy, console
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstrations
 from skill.features.responses import ResponseFeatures, joined
@@ -95,24 +91,20 @@ def told(mixture: ContextMixture, group: NDArray[np.intp], pivots: Array) -> lis
     return [float(share) for share in np.mean(right, axis=0)]
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    add_demonstrations(parser)
-    arguments = parser.parse_args()
+def main(demonstrations: Demonstrations = [Path("out/demonstrations")], json: JsonFile = None) -> None:  # noqa: B006
     table = plain_table("contexts of demonstrations; last columns: sides told right after that time")
     titles = ("contexts", "gain", "side", "chance", *(f"{time:g} s" for time in TIMES))
     for title in ("set", *titles):
         table.add_column(title, justify="left" if title == "set" else "right", vertical="bottom", no_wrap=True)
     content = {}
-    for folder in arguments.demonstrations:
+    for folder in demonstrations:
         with busy(f"contexts of {folder}"):
             row = content[str(folder)] = found_in(read_demonstrations(folder))
         gain = "" if row["gain"] is None else "{:.1f} ± {:.1f}".format(*row["gain"])
         shares = (f"{share:.2f}" for share in (row["side"], row["chance"], *row["told"]))
         table.add_row(folder.name, str(row["contexts"]), gain, *shares)
     console.print(table)
-    if arguments.json is not None:
-        write_json(arguments.json, content)
+    finish(content, json)
 
 
 if __name__ == "__main__":

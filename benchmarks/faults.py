@@ -1,7 +1,6 @@
 """Faults of the hardware, each injected into whole trials: found or not, named or not, how fast, at what load.
 
-    python -m benchmarks.faults [--skill out/skill.npz] [--scenario nominal] [--seeds 10] [--jobs 1] [--kinds TEXT ...]
-                                [--json FILE]
+    python -m benchmarks.faults [--skill FILE] [--seeds 10] [--jobs 1] [--kind TEXT] [--json FILE]
 
 Every kind of `benchmarks.rig.fault_injection` is injected into trial 21000 + seed. A fault of the installation (sign,
 gain, swapped axes) is there from the start; any other begins between 0.1 and 1 s. The thresholds of the monitors follow
@@ -23,35 +22,28 @@ Keys of the JSON file: ``kinds`` (one row each, with its ``trials``), ``named`` 
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 from unittest.mock import patch
 
-if __name__ == "__main__" and __package__ in (None, ""):  # started as a file
-    sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("pydrake", "yaml")
-
 import numpy as np
+import typer
 from pydrake.systems.framework import Context, EventStatus
 from rich.table import Table
 from threadpoolctl import threadpool_limits
 
-from benchmarks.command_line import argument_parser, run
+from benchmarks.command_line import JsonFile, SkillFile, finish, run
 from benchmarks.rig.fault_injection import KINDS, injected
 from experiments import trial as trial_module
 from experiments.trial import TrialMonitor, run_trial, trial_scenario
 from experiments.worker_pool import run_in_processes
-from interfaces.terminal import console, progress, write_json
+from interfaces.terminal import console, progress
 from models.scenario import Scenario, load_scenario
+from scripts.options import Jobs, ScenarioName
 from skill.features.measurement import contact_load, contact_loads
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
@@ -173,30 +165,30 @@ def show(result: dict[str, Any]) -> None:
     )
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    parser.add_argument("--skill", type=Path, default=Path("out/skill.npz"), metavar="FILE", help="of the policy")
-    parser.add_argument("--scenario", default="nominal", help="name or YAML file")
-    parser.add_argument("--seeds", type=int, default=10, help="trials of each kind")
-    parser.add_argument("--jobs", type=int, default=1, help="number of processes")
-    parser.add_argument("--kinds", nargs="+", metavar="TEXT", help="only kinds whose names contain one of these texts")
-    arguments = parser.parse_args()
-    chosen = [name for name in KINDS if not arguments.kinds or any(text in name for text in arguments.kinds)]
+def main(
+    skill: SkillFile = Path("out/skill.npz"),
+    scenario: ScenarioName = "nominal",
+    seeds: Annotated[int, typer.Option(min=1, help="Trials of each kind.")] = 10,
+    jobs: Jobs = 1,
+    kind: Annotated[
+        list[str],
+        typer.Option(metavar="TEXT", help="Only kinds with this text in the name; repeatable."),
+    ] = [],  # noqa: B006
+    json: JsonFile = None,
+) -> None:
+    chosen = [name for name in KINDS if not kind or any(text in name for text in kind)]
     if not chosen:
-        raise ValueError(f"--kinds {' '.join(arguments.kinds)}: no such kind, expected parts of {list(KINDS)}")
-    if not (arguments.seeds >= 1 and arguments.jobs >= 1):
-        raise ValueError(f"--seeds {arguments.seeds} --jobs {arguments.jobs}: expected at least 1")
-    policy, scenario = ManipulationSkill.load(arguments.skill), load_scenario(arguments.scenario)
-    tasks = [partial(inject, scenario, policy, name, seed) for name in chosen for seed in range(arguments.seeds)]
+        raise ValueError(f"--kind {', '.join(kind)}: no such kind, expected parts of {list(KINDS)}")
+    policy, unresolved = ManipulationSkill.load(skill), load_scenario(scenario)
+    tasks = [partial(inject, unresolved, policy, name, seed) for name in chosen for seed in range(seeds)]
     rows = []
     with progress("faults of the rig", len(tasks)) as advance:
-        for row in run_in_processes(tasks, jobs=arguments.jobs):
+        for row in run_in_processes(tasks, jobs=jobs):
             rows.append(row)
             advance(row.kind)
     result = summary(rows)
     show(result)
-    if arguments.json is not None:
-        write_json(arguments.json, result)
+    finish(result, json)
 
 
 if __name__ == "__main__":

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from sklearn.model_selection import KFold
 
-from benchmarks.command_line import add_demonstrations, argument_parser, run
+from benchmarks.command_line import Demonstrations, JsonFile, finish, run
 from interfaces.reports.result_tables import plain_table
-from interfaces.terminal import console, progress, write_json
+from interfaces.terminal import console, progress
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstrations
 from skill.features.contact_features import ContactFeatures
@@ -88,16 +88,13 @@ def judged(demonstrations: Sequence[Demonstration], advance: Any) -> dict[str, A
     return {"samples": len(joined["next"]), "shares": shares, **right}
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    add_demonstrations(parser)
-    arguments = parser.parse_args()
+def main(demonstrations: Demonstrations = [Path("out/demonstrations")], json: JsonFile = None) -> None:  # noqa: B006
     table = plain_table("share of the changes of the loads over 0.1 s that is predicted, and of the next states")
     for title in ("set", "samples", "with", *LOADS, "usual", "desired"):
         table.add_column(title, justify="left" if title in ("set", "with") else "right", no_wrap=True)
     content = {}
-    with progress("sets", FOLDS * len(arguments.demonstrations)) as advance:
-        for folder in arguments.demonstrations:
+    with progress("sets", FOLDS * len(demonstrations)) as advance:
+        for folder in demonstrations:
             content[str(folder)] = judged(read_demonstrations(folder), advance)
     for name, row in content.items():
         for kind in KINDS:
@@ -105,8 +102,7 @@ def main() -> None:
             last = [f"{row['usual']:.2f}", f"{row['desired']:.2f}"] if kind == KINDS[0] else []
             table.add_row(*first, kind, *(f"{share:.2f}" for share in row["shares"][kind]), *last)
     console.print(table)
-    if arguments.json is not None:
-        write_json(arguments.json, content)
+    finish(content, json)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Contact states that are discovered in recordings of a real sensor, against the phases of its controller.
 
     python -m benchmarks.recordings --data FILE.npz|FOLDER --train-trials A-B --test-trials C-D [--rate HZ] [--seed 0]
-                                    [--hours H] [--json FILE]             needs the extra [peers]
+                                    [--hours H] [--json FILE]
 
 The file has the arrays time (s), wrench (N and N m), trial and phase. In place of a file, a folder of simulated
 demonstrations serves: the good ones, counted from 1, with the noise of the rig's sensor; their phases are the exact
@@ -31,37 +31,33 @@ import resource
 import tempfile
 import time as clock
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("hmmlearn", "ruptures")
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 import ruptures
-from hmmlearn.hmm import GaussianHMM
-from numpy.typing import NDArray
-from sklearn.cluster import KMeans
-from sklearn.metrics import adjusted_rand_score, normalized_mutual_info_score, silhouette_score
-from sklearn.mixture import GaussianMixture
+import typer
 from sklearn.preprocessing import StandardScaler
 from threadpoolctl import threadpool_limits
 
-from benchmarks.command_line import argument_parser, run
-from benchmarks.learners.gaussian_mixture_regression import best_mixture
+from benchmarks.command_line import JsonFile, finish, run
 from benchmarks.learners.labelled_demonstrations import WRENCH_NOISE
+from benchmarks.learners.state_learners import (
+    Found,
+    Learner,
+    Samples,
+    States,
+    agreement,
+    competition,
+    hidden_markov,
+    k_means,
+    mixture,
+)
 from benchmarks.state_scores import MIN_DURATION, boundary_f1, recognition
 from experiments.exact_states import exact_labels
 from interfaces.reports.result_tables import plain_table
-from interfaces.terminal import console, progress, write_json
-from skill.arrays import Array
-from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from interfaces.terminal import console, progress
 from skill.data.demonstration import read_demonstrations
 from skill.features.wrench_features import MEASURED
 from skill.recordings.reading import read_recordings
@@ -69,86 +65,11 @@ from skill.recordings.recording import Recording
 from skill.sequences import sequences
 from skill.states.contact_states import ContactStates
 
-MAX_STATES = 15
-RATE = 50.0  # Hz
-FLOOR = 1e-3  # variance that is added for the hidden Markov models, as a share of that of a channel
-SILHOUETTE_SAMPLES = 5000
 FAST = 1000.0  # sampling rate of the long recordings, Hz
 NOISE, OFFSET = 0.05, 0.1  # their standard deviations in the long recordings, in those of the channels
 
-States = NDArray[np.intp]
 
-
-@dataclass(frozen=True)
-class Samples:
-    """Samples of several trials.
-
-    Attributes:
-        Z: (N, d), scaled wrenches.
-        time: (N,), s.
-        groups: (N,), trial of each sample.
-        phases: (N,), phase of each sample.
-    """
-
-    Z: Array
-    time: Array
-    groups: States
-    phases: States
-
-    @property
-    def lengths(self) -> list[int]:
-        """Number of samples of each trial."""
-        return [len(rows) for rows in sequences(self.groups)]
-
-
-Learner = Callable[[Samples, Samples, int, int | None], tuple[int, States]]
-"""Discovers states in training samples, with a seed and the number of states if it is told. Returns the number, and the
-states of the test samples."""
-
-
-def competition(train: Samples, test: Samples, seed: int, _: int | None) -> tuple[int, States]:
-    """Competitive Agglomeration with its defaults: each Gaussian is a state."""
-    fitted = CompetitiveAgglomeration(random_state=seed).fit(train.Z, groups=train.groups)
-    return fitted.n_clusters_, fitted.predict(test.Z)
-
-
-def mixture(train: Samples, test: Samples, seed: int, told: int | None) -> tuple[int, States]:
-    """A Gaussian mixture, by default that of smallest BIC."""
-    if told is None:
-        best = best_mixture(train.Z, MAX_STATES, n_init=2, random_state=seed)
-    else:
-        best = GaussianMixture(told, n_init=5, random_state=seed).fit(train.Z)
-    return best.n_components, best.predict(test.Z)
-
-
-def hidden_markov(train: Samples, test: Samples, seed: int, told: int | None) -> tuple[int, States]:
-    """A hidden Markov model with Gaussian emissions, by default that of smallest BIC among those that can be fitted."""
-    fits = []
-    for k in range(1, MAX_STATES + 1) if told is None else [told]:
-        model = GaussianHMM(k, covariance_type="full", min_covar=FLOOR, n_iter=60, random_state=seed)
-        with suppress(ValueError):  # a state with too few samples
-            model.fit(train.Z, train.lengths)
-            fits.append((float(model.bic(train.Z, train.lengths)), k, model))
-    if not fits:
-        raise ValueError(f"the hidden Markov model of {told} states cannot be fitted: too few samples")
-    _, _, best = min(fits)
-    return best.n_components, best.predict(test.Z, test.lengths)
-
-
-def k_means(train: Samples, test: Samples, seed: int, told: int | None) -> tuple[int, States]:
-    """k-means, by default with the number of the largest mean silhouette."""
-    numbers = range(2, MAX_STATES + 1) if told is None else [told]
-    fits = [KMeans(k, n_init=10, random_state=seed).fit(train.Z) for k in numbers]
-
-    def silhouette(fit: KMeans) -> float:
-        size = min(SILHOUETTE_SAMPLES, len(train.Z))
-        return float(silhouette_score(train.Z, fit.labels_, sample_size=size, random_state=seed))
-
-    best = fits[0] if told else max(fits, key=silhouette)
-    return best.n_clusters, best.predict(test.Z)
-
-
-def change_points(_: Samples, test: Samples, __: int, told: int | None) -> tuple[int, States]:
+def change_points(_: Samples, test: Samples, __: int, told: int | None) -> Found:
     """Changes of the mean: PELT with the penalty of the BIC, or the best segmentation into the number that is told."""
     segments = np.empty(len(test.Z), dtype=np.intp)
     numbers = []
@@ -161,7 +82,7 @@ def change_points(_: Samples, test: Samples, __: int, told: int | None) -> tuple
             ends = ruptures.Dynp("l2", jump=5).fit_predict(signal, told - 1)
         segments[rows] = np.searchsorted(ends, np.arange(len(rows)), side="right")
         numbers.append(len(ends))
-    return round(float(np.mean(numbers))), segments
+    return Found(round(float(np.mean(numbers))), segments)
 
 
 PEERS: dict[str, Learner] = {
@@ -183,20 +104,19 @@ def scores(test: Samples, number: int, states: States) -> dict[str, float]:
     """The figures of one learner; keys are those of the file."""
     return {
         "states": number,
-        "ari": float(adjusted_rand_score(test.phases, states)),
-        "nmi": float(normalized_mutual_info_score(test.phases, states)),
-        "boundary_f1": boundary_f1(test.phases, states, test.time, test.groups),
+        **agreement(test.labels, states),
+        "boundary_f1": boundary_f1(test.labels, states, test.times, test.groups),
     }
 
 
 def on_line(learner: ContactStates, train: Samples, test: Samples) -> dict[str, float]:
     """How well the causal filter tells the phase of the test samples."""
-    counts = np.zeros((learner.n_clusters_, int(max(train.phases.max(), test.phases.max())) + 1))
-    np.add.at(counts, (learner.labels_, train.phases), 1)
+    counts = np.zeros((learner.n_clusters_, int(max(train.labels.max(), test.labels.max())) + 1))
+    np.add.at(counts, (learner.labels_, train.labels), 1)
     told = counts.argmax(axis=1)[learner.predict(test.Z, test.groups, causal=True)]
-    delays, recognised = recognition(test.phases, told, test.time, test.groups)
+    delays, recognised = recognition(test.labels, told, test.times, test.groups)
     return {
-        "accuracy": float((told == test.phases).mean()),
+        "accuracy": float((told == test.labels).mean()),
         "delay_mean_s": float(delays.mean()),
         "delay_p90_s": float(np.quantile(delays, 0.9)),
         "recognised": recognised,
@@ -205,7 +125,7 @@ def on_line(learner: ContactStates, train: Samples, test: Samples) -> dict[str, 
 
 def compare(train: Samples, test: Samples, seed: int) -> dict[str, Any]:
     """The figures of all learners."""
-    told = len(np.unique(train.phases))
+    told = len(np.unique(train.labels))
     with progress("learners", 1 + len(PEERS) + len(TOLD)) as advance:
         start = clock.process_time()
         learner = ContactStates(random_state=seed).fit(train.Z, groups=train.groups)
@@ -218,7 +138,8 @@ def compare(train: Samples, test: Samples, seed: int) -> dict[str, Any]:
         for group, number in ((PEERS, None), (TOLD, told)):
             for name, peer in group.items():
                 title = name if number is None else f"{name}, told {number}"
-                peers[title] = scores(test, *peer(train, test, seed, number))
+                number_found, states, _ = peer(train, test, seed, number)
+                peers[title] = scores(test, number_found, states)
                 advance(title)
     return found | {"peers": peers}
 
@@ -269,10 +190,10 @@ def samples(recordings: list[Recording], scaler: StandardScaler) -> Samples:
     """The samples of the recordings, scaled."""
     counts = [len(recording.time) for recording in recordings]
     return Samples(
-        scaler.transform(np.concatenate([recording.values for recording in recordings])),
-        np.concatenate([recording.time - recording.time[0] for recording in recordings]),
-        np.repeat(np.arange(len(counts)), counts),
-        np.concatenate([lasting(np.asarray(recording.phases, dtype=np.intp)) for recording in recordings]),
+        Z=scaler.transform(np.concatenate([recording.values for recording in recordings])),
+        times=np.concatenate([recording.time - recording.time[0] for recording in recordings]),
+        groups=np.repeat(np.arange(len(counts)), counts),
+        labels=np.concatenate([lasting(np.asarray(recording.phases, dtype=np.intp)) for recording in recordings]),
     )
 
 
@@ -289,8 +210,6 @@ def lasting(phases: States) -> States:
 
 def long_recordings(recordings: list[Recording], hours: float, seed: int, path: Path) -> int:
     """Writes a table of the recordings in turn, at 1 kHz, until it lasts so long; returns its number of recordings."""
-    if not 0 < hours < np.inf:
-        raise ValueError(f"--hours {hours:g}: expected a positive number")
     rng = np.random.default_rng(seed)
     tables: list[pd.DataFrame] = []
     seconds = 0.0
@@ -325,32 +244,28 @@ def cost(recordings: list[Recording], hours: float, rate: float, seed: int) -> d
     return {"hours": hours, "recordings": number, "states": learner.n_clusters_, **steps, "peak_memory_gb": peak}
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    parser.add_argument(
-        "--data",
-        type=Path,
-        required=True,
-        metavar="PATH",
-        help="recordings with known phases, or demonstrations",
-    )
-    parser.add_argument("--train-trials", required=True, metavar="A-B", help="trials to learn from")
-    parser.add_argument("--test-trials", required=True, metavar="C-D", help="trials to judge on")
-    parser.add_argument("--rate", type=float, default=RATE, help="Hz; faster recordings are averaged (default: 50)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the learners (default: 0)")
-    parser.add_argument("--hours", type=float, metavar="H", help="also measure the cost of so many hours at 1 kHz")
-    arguments = parser.parse_args()
+def main(
+    data: Annotated[
+        Path, typer.Option(metavar="PATH", help="Recordings with known phases, or a folder of demonstrations.")
+    ],
+    train_trials: Annotated[str, typer.Option(metavar="A-B", help="Trials to learn from.")],
+    test_trials: Annotated[str, typer.Option(metavar="C-D", help="Trials to judge on.")],
+    rate: Annotated[float, typer.Option(help="Hz; faster recordings are averaged.")] = 50.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the learners.")] = 0,
+    hours: Annotated[
+        float | None, typer.Option(min=1e-3, metavar="H", help="Also measure the cost of so many hours at 1 kHz.")
+    ] = None,
+    json: JsonFile = None,
+) -> None:
     warnings.simplefilter("ignore")
     logging.getLogger("hmmlearn").setLevel(logging.ERROR)
-    recordings = (
-        simulated(arguments.data, arguments.seed) if arguments.data.is_dir() else read_recordings(arguments.data)
-    )
-    parts = [selected(recordings, t, arguments.rate) for t in (arguments.train_trials, arguments.test_trials)]
+    recordings = simulated(data, seed) if data.is_dir() else read_recordings(data)
+    parts = [selected(recordings, trials, rate) for trials in (train_trials, test_trials)]
     scaler = StandardScaler().fit(np.concatenate([recording.values for recording in parts[0]]))
     train, test = (samples(part, scaler) for part in parts)
     with threadpool_limits(1):
-        found = compare(train, test, arguments.seed)
-    table = plain_table(f"states of {len(parts[1])} unseen trials, {len(np.unique(test.phases))} phases")
+        found = compare(train, test, seed)
+    table = plain_table(f"states of {len(parts[1])} unseen trials, {len(np.unique(test.labels))} phases")
     table.add_column("learner")
     for name in ("states", "ARI", "NMI", "F1"):
         table.add_column(name, justify="right")
@@ -364,17 +279,16 @@ def main() -> None:
         f" {100 * line['recognised']:.0f} % of the changes are recognised, after {line['delay_mean_s']:.2f} s"
         f" on average and {line['delay_p90_s']:.2f} s for nine in ten"
     )
-    if arguments.hours is not None:
+    if hours is not None:
         with threadpool_limits(1):
-            found["cost"] = cost(parts[0], arguments.hours, arguments.rate, arguments.seed)
+            found["cost"] = cost(parts[0], hours, rate, seed)
         line = found["cost"]
         console.print(
             f"{line['hours']:g} h at 1 kHz in {line['recordings']} recordings: {line['states']} states; CPU time of"
             f" reading {line['read_s']:.1f} s, averaging {line['average_s']:.1f} s, learning {line['fit_s']:.0f} s;"
             f" peak memory {line['peak_memory_gb']:.1f} GB"
         )
-    if arguments.json:
-        write_json(arguments.json, {"seed": arguments.seed, "rate": arguments.rate, **found})
+    finish({"seed": seed, "rate": rate, **found}, json)
 
 
 if __name__ == "__main__":

@@ -26,20 +26,16 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from multiprocessing import get_context
-from typing import Any
-
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("pydrake", "yaml")
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, LeafSystem
 
-from benchmarks.command_line import argument_parser, run
-from benchmarks.haptics.headless_browser import headless_browser
+from benchmarks.command_line import JsonFile, finish, run
+from benchmarks.headless_browser import headless_browser
 from experiments.demonstration_run import DemonstrationRun
 from experiments.lockstep import lockstep
 from experiments.served_run import ServedRun
@@ -47,7 +43,7 @@ from interfaces.live.display import LiveDisplay
 from interfaces.live.page import open_live_page
 from interfaces.live.session import PICTURE_PERIOD
 from interfaces.reports.result_tables import plain_table
-from interfaces.terminal import console, progress, write_json
+from interfaces.terminal import console, progress
 from models.hardware import DEVICE_PRESETS
 from models.scenario import DEMONSTRATION_STREAM, LIVE_STREAM, Scenario, load_scenario, resolve_scenario
 from skill.arrays import Array
@@ -262,17 +258,17 @@ def energy_generated(scenario: Scenario, path: Callable[[float], Array]) -> floa
     return largest
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    parser.add_argument("--seconds", type=float, default=10.0, help="time in each condition, s (default: 10)")
-    parser.add_argument("--contact-step", type=float, default=None, metavar="MS", help="default: that of the scenario")
-    arguments = parser.parse_args()
-    if arguments.seconds < 1.0 or (arguments.contact_step is not None and arguments.contact_step < 1.0):
-        raise ValueError("expected --seconds and --contact-step of at least 1")
+def main(
+    seconds: Annotated[float, typer.Option(min=1.0, help="Time in each condition, s.")] = 10.0,
+    contact_step: Annotated[
+        float | None, typer.Option(min=1.0, metavar="MS", help="Step of the contact, in place of the scenario's.")
+    ] = None,
+    json: JsonFile = None,
+) -> None:
     scenario = load_scenario("device")
-    if arguments.contact_step is not None:
-        scenario.contact.time_step = 1e-3 * arguments.contact_step
-    conditions = timings(resolve_scenario(scenario, seed=HANDS[0], stream=LIVE_STREAM), arguments.seconds)
+    if contact_step is not None:
+        scenario.contact.time_step = 1e-3 * contact_step
+    conditions = timings(resolve_scenario(scenario, seed=HANDS[0], stream=LIVE_STREAM), seconds)
     hands, energies = {}, {}
     with progress("force and energy", len(HANDS) + len(list(paths()))) as advance:
         for seed in HANDS:
@@ -283,17 +279,9 @@ def main() -> None:
             energies[name] = 1e3 * energy_generated(resolved, path)
             advance(name)
     show(conditions, hands, energies)
-    if arguments.json is not None:
-        mean = {key: float(np.mean([hand[key] for hand in hands.values()])) for key in next(iter(hands.values()))}
-        write_json(
-            arguments.json,
-            {
-                **conditions["alone"],
-                **mean,
-                "energy_generated_mj": max(energies.values()),
-                **{"conditions": conditions, "hands": hands, "energies_mj": energies},
-            },
-        )
+    mean = {key: float(np.mean([hand[key] for hand in hands.values()])) for key in next(iter(hands.values()))}
+    details = {"conditions": conditions, "hands": hands, "energies_mj": energies}
+    finish({**conditions["alone"], **mean, "energy_generated_mj": max(energies.values()), **details}, json)
 
 
 def show(conditions: dict[str, Any], hands: dict[int, Any], energies: dict[str, float]) -> None:

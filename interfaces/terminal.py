@@ -44,6 +44,8 @@ RESEND_TIME = 0.01
 EXTRAS = {
     **dict.fromkeys(("pydrake", "joblib", "yaml", "tornado"), "sim"),
     **{"distributed": "dask", "mcap": "recordings", "mujoco": "mujoco", "ray": "ray"},
+    **{"hmmlearn": "peers", "ruptures": "peers"},
+    **{"gymnasium": "gym", "lerobot": "lerobot", "stable_baselines3": "rl", "torch": "lerobot"},
 }
 """The extra that installs a package, by the name of the package."""
 
@@ -73,18 +75,20 @@ def report_errors(command: Callable[P, R]) -> Callable[P, R]:
         except ImportError as error:
             if isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while Drake was initialising
                 interrupt(error.__cause__)
-            package = (error.name or "").split(".")[0]
-            if package not in EXTRAS:
-                raise
-            fail(f"this needs {_needed(package)}, but '{package}' is missing: install haptic-skill[{EXTRAS[package]}]")
+            fail_without_extra(error)
+            raise
         except KeyboardInterrupt as reason:
             interrupt(reason)
 
     return reporting
 
 
-def _needed(package: str) -> str:
-    return "the simulation" if EXTRAS[package] == "sim" else f"the extra [{EXTRAS[package]}]"
+def fail_without_extra(error: BaseException) -> None:
+    """Exits with code 1 and one line that names the extra, if an import did not find a package in ``EXTRAS``."""
+    package = (error.name or "").split(".")[0] if isinstance(error, ImportError) else ""
+    if package in EXTRAS:
+        needed = "the simulation" if EXTRAS[package] == "sim" else f"the extra [{EXTRAS[package]}]"
+        fail(f"this needs {needed}, but '{package}' is missing: install haptic-skill[{EXTRAS[package]}]")
 
 
 class Terminated(KeyboardInterrupt):

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from benchmarks.haptics.headless_browser import headless_browser
+from benchmarks.headless_browser import headless_browser
 
 
 @dataclass

@@ -1,6 +1,6 @@
 """Competitive Agglomeration against other clusterings that choose the number of clusters, on labelled data sets.
 
-    python -m benchmarks.learners.clustering [--seeds 5] [--first-seed 100] [--only NAME ...] [--json FILE]
+    python -m benchmarks.learners.clustering [--seeds 5] [--first-seed 100] [--only TEXT] [--json FILE]
 
 Columns of the table, one row per learner and data set:
 
@@ -20,19 +20,20 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 from sklearn.cluster import HDBSCAN
 from sklearn.metrics import adjusted_rand_score
 from sklearn.mixture import BayesianGaussianMixture
 from threadpoolctl import threadpool_limits
 
-from benchmarks.command_line import argument_parser, run
+from benchmarks.command_line import JsonFile, finish, run
 from benchmarks.learners import cluster_sets as sets
 from benchmarks.learners.cluster_sets import Labels
 from benchmarks.learners.gaussian_mixture_regression import best_mixture
-from interfaces.terminal import progress, write_json
+from interfaces.terminal import progress
 from skill.arrays import Array
 from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
@@ -179,24 +180,23 @@ def evaluate(name: str, generate: Callable[[int], LabelledSet], seeds: range) ->
         }
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    parser.add_argument("--seeds", type=int, default=5, help="number of seeds (default: 5)")
-    parser.add_argument("--first-seed", type=int, default=100, help="first seed (default: 100)")
-    parser.add_argument("--only", nargs="*", metavar="NAME", help="only the sets whose name contains one of these")
-    arguments = parser.parse_args()
-    if arguments.seeds < 1:
-        raise ValueError(f"--seeds {arguments.seeds}; expected at least 1")
-    chosen = {name: s for name, s in SETS.items() if not arguments.only or any(part in name for part in arguments.only)}
+def main(
+    seeds: Annotated[int, typer.Option(min=1, help="Number of seeds.")] = 5,
+    first_seed: Annotated[int, typer.Option(min=0, help="First seed.")] = 100,
+    only: Annotated[
+        list[str], typer.Option(metavar="TEXT", help="Only sets with this text in the name; repeatable.")
+    ] = [],  # noqa: B006
+    json: JsonFile = None,
+) -> None:
+    chosen = {name: s for name, s in SETS.items() if not only or any(part in name for part in only)}
     if not chosen:
-        raise ValueError(f"--only {' '.join(arguments.only)} matches none of the sets {list(SETS)}")
+        raise ValueError(f"--only {', '.join(only)} matches none of the sets {list(SETS)}")
     warnings.simplefilter("ignore")
-    seeds = range(arguments.first_seed, arguments.first_seed + arguments.seeds)
     rows: list[dict[str, Any]] = []
     with threadpool_limits(1), progress("clustering", len(chosen)) as advance:
         for name, generate in chosen.items():
             print(f"\n{name}\n{'':26}right   ARI mean   min   time ratio   numbers")
-            for row in evaluate(name, generate, seeds):
+            for row in evaluate(name, generate, range(first_seed, first_seed + seeds)):
                 rows.append(row)
                 print(
                     f"  {row['learner']:24}{row['right']}/{row['of']}    {row['ari_mean']:8.3f}"
@@ -204,8 +204,7 @@ def main() -> None:
                     flush=True,
                 )
             advance(name)
-    if arguments.json:
-        write_json(arguments.json, rows)
+    finish({"rows": rows}, json)
 
 
 if __name__ == "__main__":

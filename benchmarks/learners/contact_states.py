@@ -1,7 +1,6 @@
 """Agreement of the discovered contact states with exact geometry, for the skill's learner and others.
 
-    python -m benchmarks.learners.contact_states [--demonstrations FOLDER | --good 24 --bad 6] [--seed 0] [--json FILE]
-                                                 [--figure FILE]                      needs the extra [peers]
+    python -m benchmarks.learners.contact_states [--demonstrations FOLDER] [--seed 0] [--figure FILE] [--json FILE]
 
 Each recorded sample is labelled from its pose by `models.contact_geometry`; no learner sees a label. All learners get
 the same features of the same refined samples, with sensor noise: those by which the skill distinguishes states
@@ -33,36 +32,94 @@ from __future__ import annotations
 
 import time
 import warnings
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from benchmarks.extras import require_packages
+import matplotlib
 
-if __name__ == "__main__":
-    require_packages("pydrake", "yaml", "hmmlearn")
-
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 import numpy as np
-from sklearn.metrics import adjusted_rand_score, normalized_mutual_info_score
+import typer
 from threadpoolctl import threadpool_limits
 
-from benchmarks.command_line import argument_parser, run
+from benchmarks.command_line import Demonstrations, JsonFile, finish, run
 from benchmarks.learners.labelled_demonstrations import LabelledDemonstrations, label_demonstrations
-from benchmarks.learners.state_learners import LEARNERS, States, gaussian_states, on_regressor_features
-from benchmarks.physics.figures import draw_states
-from benchmarks.recording import record_demonstrations
+from benchmarks.learners.state_learners import (
+    MAX_STATES,
+    Found,
+    Learner,
+    Samples,
+    States,
+    agreement,
+    bayesian_mixture,
+    competition,
+    hidden_markov,
+    k_means,
+    mixture,
+    recurring_sets,
+)
 from benchmarks.state_scores import recognition
-from experiments.demonstration_set import requests
-from interfaces.terminal import progress, write_json
+from interfaces.terminal import progress
 from models.contact_geometry import ContactLabel
-from models.scenario import Scenario
 from skill.arrays import Array
+from skill.clustering.cluster_initialization import components_of_partition
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.clustering.expectation_maximization import CovariancePrior
 from skill.data.demonstration import read_demonstrations
+from skill.manipulation_skill import STATE_FLOOR
 from skill.states.contact_state_filter import ContactStateFilter, StateEstimator
 from skill.states.state_graph import StateGraph
 from skill.states.state_naming import StateNames, name_states
+from skill.states.state_style import PALETTE
 
 LABEL_NAMES = tuple(label.label for label in ContactLabel)
 SKILL = "CA-FMLE"  # the learner of the skill
+REGRESSOR = "... and regressor's features"
+
+
+def as_many_means(train: Samples, test: Samples, seed: int, _: int | None) -> Found:
+    """k-means with the number of states of the competition."""
+    return k_means(train, test, seed, competition(train, test, seed, floor=STATE_FLOOR).number)
+
+
+def true_gaussians(train: Samples, test: Samples, *_: int | None) -> Found:
+    """Gaussians fitted to the true labels: an upper bound for learners with one Gaussian per state."""
+    known, dense = np.unique(train.labels, return_inverse=True)
+    return Found(len(known), gaussian_states(train.Z, dense).predict(test.Z))
+
+
+LEARNERS: dict[str, Learner] = {
+    SKILL: partial(competition, floor=STATE_FLOOR),
+    "CA-FMLE, no floor": competition,
+    REGRESSOR: competition,
+    "ContactStates": recurring_sets,
+    "GMM-BIC": partial(mixture, floor=STATE_FLOOR),
+    "BayesianGaussianMixture": partial(bayesian_mixture, floor=STATE_FLOOR),
+    "k-means": as_many_means,
+    "HMM": partial(hidden_markov, floor=STATE_FLOOR, numbers=range(1, MAX_STATES + 1, 2)),
+    "Gaussians of true labels": true_gaussians,
+}
+
+
+def gaussian_states(Z: Array, states: States) -> CompetitiveAgglomeration:
+    """A classifier with one Gaussian per state, from samples (N, d) and their states (N,)."""
+    d = Z.shape[1]
+    prior = CovariancePrior(count=d + 1.0, variance=1.0, floor=np.full(d, STATE_FLOOR), diagonal=False)
+    components = components_of_partition(Z, states, prior)
+    factors = np.stack([np.linalg.inv(np.linalg.cholesky(F)).T for F in components.covariances])
+    return CompetitiveAgglomeration.from_arrays(
+        {
+            "weights": components.weights,
+            "means": components.means,
+            "covariances": components.covariances,
+            "precision_factors": factors,
+            "design_effect": np.array(1.0),
+            "distance": np.array("fmle"),
+        }
+    )
 
 
 def filtered_states(data: LabelledDemonstrations, states: States, transitions: Array | None) -> States:
@@ -92,19 +149,18 @@ def filtered_states(data: LabelledDemonstrations, states: States, transitions: A
 def evaluate(data: LabelledDemonstrations, name: str, seed: int) -> tuple[dict[str, Any], States, StateNames]:
     """The row of one learner, the state of each sample (N,), and the names of the states."""
     start = time.process_time()
-    states, transitions = LEARNERS[name](data, seed)
+    seen = data.as_the_regressor_sees_it() if name == REGRESSOR else data
+    _, states, transitions = LEARNERS[name](seen, seen, seed, None)
     used, dense = np.unique(states, return_inverse=True)  # a mixture may have components without a sample
     seconds = time.process_time() - start
     transitions = None if transitions is None else transitions[np.ix_(used, used)] + 1e-9
     names = name_states(dense, data.labels, LABEL_NAMES, n_states=len(used))
-    seen = data.as_the_regressor_sees_it() if LEARNERS[name] is on_regressor_features else data
     labels = names.labels[filtered_states(seen, dense, transitions)]
     delays, recognised = recognition(data.labels, labels, data.times, data.groups)
     row = {
         "learner": name,
         "states": len(used),
-        "ari": float(adjusted_rand_score(data.labels, dense)),
-        "nmi": float(normalized_mutual_info_score(data.labels, dense)),
+        **agreement(data.labels, dense),
         "purity": float(names.counts.max(axis=1).sum() / names.counts.sum()),
         "on_line_accuracy": float((labels == data.labels).mean()),
         "on_line_delay_s": float(np.median(delays)),
@@ -139,40 +195,73 @@ def compare(data: LabelledDemonstrations, seed: int, figure: Path | None) -> lis
     return rows
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    parser.add_argument("--demonstrations", type=Path, metavar="FOLDER", help="recorded ones; without it, records new")
-    parser.add_argument("--good", type=int, default=24, help="good demonstrations to record (default: 24)")
-    parser.add_argument("--bad", type=int, default=6, help="bad demonstrations to record (default: 6)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of recording, noise and learners (default: 0)")
-    parser.add_argument("--figure", type=Path, metavar="FILE", help="draw one insertion to this file (.png or .svg)")
-    arguments = parser.parse_args()
+def draw_states(
+    path: Path,
+    times: np.ndarray,
+    labels: np.ndarray,
+    label_names: Sequence[str],
+    states: np.ndarray,
+    named: StateNames,
+) -> None:
+    """Draws one insertion: true labels above discovered states, each in the colour of its label or a tint of it.
+
+    Args:
+        path: of the file (.png or .svg).
+        times: (n,), s.
+        labels: (n,), true label of each sample.
+        label_names: names of all labels.
+        states: (n,), discovered state of each sample.
+        named: names and dominant labels of the states.
+    """
+    figure, axes = plt.subplots(2, 1, figsize=(8.6, 2.9), sharex=True, layout="constrained")
+    ends = np.append(times[1:], times[-1] + 0.02)
+    colours = {k: matplotlib.colors.to_rgb(PALETTE[rank]) for rank, k in enumerate(np.unique(labels))}
+    tints: dict[int, tuple[float, ...]] = {}
+    for k in np.unique(states):
+        base = np.array(colours.get(int(named.labels[k]), (0.5, 0.5, 0.5)))
+        strength = (1.0, 0.6, 0.35)[min(2, sum(named.labels[j] == named.labels[k] for j in tints))]
+        tints[k] = tuple(1.0 - strength * (1.0 - base))
+    rows = (
+        (axes[0], labels, list(label_names), colours, "by geometry"),
+        (axes[1], states, named.names, tints, "discovered"),
+    )
+    for axis, values, names, shades, title in rows:
+        for k in np.unique(values):
+            chosen = values == k
+            spans = np.column_stack([times[chosen], (ends - times)[chosen]])
+            axis.broken_barh([tuple(span) for span in spans], (0, 1), color=shades[k], label=names[k], lw=0)
+        axis.set(ylabel=title, yticks=[], ylim=(0, 1), xlim=(times[0], ends[-1]))
+        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
+    axes[1].set_xlabel("time [s]")
+    for axis in axes:
+        axis.spines[["top", "right"]].set_visible(False)
+    figure.savefig(path, dpi=150, metadata={"Date": None} if path.suffix == ".svg" else None)
+    plt.close(figure)
+
+
+def main(
+    demonstrations: Demonstrations = [Path("out/demonstrations")],  # noqa: B006
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the noise and of the learners.")] = 0,
+    figure: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw one insertion to this file.")] = None,
+    json: JsonFile = None,
+) -> None:
     warnings.simplefilter("ignore")
-    if arguments.demonstrations is not None:
-        demonstrations = read_demonstrations(arguments.demonstrations)
-    else:
-        wanted = requests(arguments.good, arguments.bad)
-        demonstrations = [d for _, d in record_demonstrations(Scenario(), wanted, seed=arguments.seed)]
+    shown = [d for folder in demonstrations for d in read_demonstrations(folder)]
     with threadpool_limits(1):
-        data = label_demonstrations(demonstrations, arguments.seed)
+        data = label_demonstrations(shown, seed)
         counts = np.bincount(data.labels, minlength=len(LABEL_NAMES))
-        print(f"{len(demonstrations)} demonstrations, {len(data.labels)} refined samples")
+        print(f"{len(shown)} demonstrations, {len(data.labels)} refined samples")
         print(f"contact by geometry and by force agrees on {100 * data.contact_agreement:.1f} % of the samples")
         print(f"deepest overlap {1e6 * data.deepest_overlap:.0f} um")
         print("samples by true label: " + ", ".join(f"{n} {c}" for n, c in zip(LABEL_NAMES, counts, strict=True) if c))
-        rows = compare(data, arguments.seed, arguments.figure)
+        rows = compare(data, seed, figure)
     present = np.flatnonzero(counts)
     print(f"\n{SKILL}, samples of each true label: " + ", ".join(LABEL_NAMES[k] for k in present))
     for name, row in zip(rows[0]["names"], rows[0]["confusion"], strict=True):
         print(f"  {name:40}" + "".join(f"{row[k]:7}" for k in present))
-    if arguments.json:
-        head = {
-            "seed": arguments.seed,
-            "contact_agreement": data.contact_agreement,
-            "deepest_overlap_m": data.deepest_overlap,
-            "labels": dict(zip(LABEL_NAMES, counts.tolist(), strict=True)),
-        }
-        write_json(arguments.json, {**head, "learners": rows})
+    head = {"contact_agreement": data.contact_agreement, "deepest_overlap_m": data.deepest_overlap}
+    labels = dict(zip(LABEL_NAMES, counts.tolist(), strict=True))
+    finish({"seed": seed, **head, "labels": labels, "learners": rows}, json)
 
 
 if __name__ == "__main__":

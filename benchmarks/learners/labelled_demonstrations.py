@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.learners.state_learners import Samples
 from experiments.exact_states import exact_bodies
 from models.contact_geometry import axes_of_rotation_vectors
 from skill.arrays import Array
@@ -20,17 +21,12 @@ STILL, ROUGH = 2e-5, 4e-4  # m; settings of `refine_demonstration`
 TOUCHING_FORCE = 0.01  # N; a larger recorded force counts as contact
 
 
-@dataclass(frozen=True)
-class LabelledDemonstrations:
-    """All refined samples of a set of demonstrations.
+@dataclass(frozen=True, kw_only=True)
+class LabelledDemonstrations(Samples):
+    """All refined samples of a set of demonstrations; labels are `ContactLabel`, and measured features come first.
 
     Attributes:
-        Z: (N, d), standardised features; the measured ones come first.
         regressor_Z: (N, e), standardised features that the regressor sees (`CanonicalFeatures`).
-        labels: (N,), true contact states (`ContactLabel`).
-        groups: (N,), number of the demonstration.
-        phase: (N,), normalised time within the demonstration, in [0, 1).
-        times: (N,), time within the demonstration, s.
         measured: number of measured features in ``Z``.
         contact_agreement: share of samples on which geometry and recorded force agree about contact.
         deepest_overlap: of the bodies at any sample, m.
@@ -38,12 +34,7 @@ class LabelledDemonstrations:
             has the largest share.
     """
 
-    Z: Array
     regressor_Z: Array
-    labels: NDArray[np.intp]
-    groups: NDArray[np.intp]
-    phase: Array
-    times: Array
     measured: int
     contact_agreement: float
     deepest_overlap: float
@@ -52,11 +43,6 @@ class LabelledDemonstrations:
     def as_the_regressor_sees_it(self) -> LabelledDemonstrations:
         """The same samples with the features of the regressor."""
         return replace(self, Z=self.regressor_Z, measured=len(CanonicalFeatures().get_feature_names_out()))
-
-    @property
-    def lengths(self) -> list[int]:
-        """Number of samples of each demonstration."""
-        return [int(n) for n in np.bincount(self.groups)]
 
 
 def label_demonstrations(demonstrations: list[Demonstration], seed: int) -> LabelledDemonstrations:

@@ -1,6 +1,6 @@
 """Locally weighted regression against other regressors: accuracy on fresh data, and time.
 
-    python -m benchmarks.learners.regression [--json FILE] [--quick] [--only accuracy|latency]
+    python -m benchmarks.learners.regression [--quick] [--only accuracy|intervals|latency] [--json FILE]
 
 Every learner chooses its parameters by cross-validation over groups of the training set. Accuracy, one row per learner:
 
@@ -8,6 +8,12 @@ Every learner chooses its parameters by cross-validation over groups of the trai
   outputs and seeds;
 - fit s: time of a fit, the choice of parameters included;
 - us/query: time of a query, all queries in one call.
+
+Intervals, one row per problem, one figure per output: coverage of the intervals of locally weighted regression on fresh
+seeds, of nominally 0.95.
+
+- prediction: share of new noisy outputs within the prediction interval;
+- mean, variance only: share of noiseless outputs within the interval of the mean, which leaves out the bias.
 
 Latency, one row per learner and number N of samples, in microseconds per query: median and 95th percentile of a single
 query, mean of 2000 queries in one call (batched), and single over batched (ratio).
@@ -19,9 +25,10 @@ import platform
 import time
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
+import typer
 from numpy.typing import ArrayLike
 from sklearn.base import clone
 from sklearn.ensemble import HistGradientBoostingRegressor
@@ -35,10 +42,10 @@ from sklearn.neighbors import KNeighborsRegressor
 from sklearn.preprocessing import StandardScaler
 from threadpoolctl import threadpool_limits
 
-from benchmarks.command_line import argument_parser, run
+from benchmarks.command_line import JsonFile, finish, run
 from benchmarks.learners.gaussian_mixture_regression import best_mixture, gmr_predict
 from benchmarks.learners.regression_sets import Problem, cross, friedman, insertion
-from interfaces.terminal import progress, write_json
+from interfaces.terminal import progress
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.regression.bandwidth_selection import select_bandwidth, select_feature_scale
@@ -53,19 +60,23 @@ Fit = Callable[[Array, Problem], Predict]
 MAX_GP_SAMPLES = 1500  # the cost of a Gaussian process grows with their cube
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    parser.add_argument("--quick", action="store_true", help="one seed, small sizes")
-    parser.add_argument("--only", choices=["accuracy", "latency"], help="measure this alone")
-    arguments = parser.parse_args()
-    seeds = range(1) if arguments.quick else range(3)
+def main(
+    quick: Annotated[bool, typer.Option("--quick", help="One seed, small sizes.")] = False,
+    only: Annotated[
+        Literal["accuracy", "intervals", "latency"] | None, typer.Option(help="Measure this alone.")
+    ] = None,
+    json: JsonFile = None,
+) -> None:
+    seeds = range(1 if quick else 3)
+    parts: dict[str, Callable[[], Any]] = {
+        "accuracy": lambda: compare(seeds, quick),
+        "intervals": lambda: coverages(seeds, quick),
+        "latency": lambda: time_queries(quick),
+    }
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        accuracy = compare(seeds, arguments.quick) if arguments.only != "latency" else None
-        latency = time_queries(arguments.quick) if arguments.only != "accuracy" else None
-    if arguments.json:
-        result = {"python": platform.python_version(), "accuracy": accuracy, "latency": latency}
-        write_json(arguments.json, result)
+        found = {name: measure() for name, measure in parts.items() if only in (None, name)}
+    finish({"python": platform.python_version(), **found}, json)
 
 
 def problems(quick: bool) -> dict[str, Callable[[int], Problem]]:
@@ -206,6 +217,31 @@ LEARNERS: dict[str, Fit] = {
     "gradient boosting": fit_gradient_boosting,
     "Gaussian process": fit_gp,
 }
+
+
+def coverages(seeds: range, quick: bool) -> dict[str, dict[str, list[float]]]:
+    """Coverage of the intervals on each problem: one share per output, averaged over the seeds."""
+    table = {}
+    print(f"\n{'coverage, one figure per output':32} {'prediction':>22} {'mean, variance only':>22}")
+    for name, problem in problems(quick).items():
+        rows = [coverage(problem(seed), problem(1000 + seed)) for seed in seeds]
+        table[name] = {kind: np.mean([row[kind] for row in rows], axis=0).round(3).tolist() for kind in rows[0]}
+        print(f"  {name:30} " + " ".join(f"{' '.join(f'{v:.3f}' for v in m):>22}" for m in table[name].values()))
+    return table
+
+
+def coverage(train: Problem, fresh: Problem) -> dict[str, Array]:
+    """Shares (p,) of fresh outputs, and for the interval of the mean of noiseless outputs, within the intervals."""
+    scaler = StandardScaler().fit(train.X)
+    X, Q = scaler.transform(train.X), scaler.transform(fresh.X)
+    model = LWRegressor()
+    model.set_params(bandwidth=select_bandwidth(model, X, train.y, train.groups).bandwidth)
+    local = model.fit(X, train.y).predict_local(Q)
+    intervals = {
+        "prediction": (local.interval(), fresh.y),
+        "variance_only": (local.interval(kind="variance_only"), fresh.framed(fresh.truth)),
+    }
+    return {kind: ((v >= lower) & (v <= upper)).mean(axis=0) for kind, ((lower, upper), v) in intervals.items()}
 
 
 def time_queries(quick: bool) -> list[dict[str, Any]]:

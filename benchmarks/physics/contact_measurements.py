@@ -7,6 +7,7 @@ tip's centre below the mouth, the inner edge of the chamfer.
 from __future__ import annotations
 
 import copy
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 
 from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe, PosedMeshes
 from experiments.metrics.penetration import round_bodies
+from models.contact_geometry import PegInHole, axes_of_rotation_vectors
 from models.contact_theory import (
     jamming_load,
     largest_entry_tilt,
@@ -32,6 +34,15 @@ from skill.arrays import Array
 CRAWLING: dict[str, Any] = {"mass": 0.15, "inertia": 3e-5, "damping": (5.0, 400.0, 0.01)}
 """A probe whose large damping of z makes the peg slide slowly, so that inertia and the damping of the tilt are
 negligible in the force balance."""
+
+PRESSED: dict[str, Any] = {"mass": 0.5, "damping": (5.0, 40.0, 0.0)}
+"""A probe that comes to rest under a push."""
+
+LIGHT, FIRM = 4e-3, 0.2
+"""Moments on a peg that slides slowly, N m: at a depth of 20 mm they press each contact with 0.2 N or 10 N."""
+
+REST, TIMED = 0.08, 0.02
+"""Time until a pushed peg is at rest, and time at rest over which the cost of a step is averaged, s."""
 
 SETTLE, SLIDE = 0.03, 0.10
 """Time for which the peg settles sideways at constant height, and time for which it may then slide, s."""
@@ -264,6 +275,41 @@ def crawl(
         resisted.append(float(probe.contact_load()[1]))
     now = sizes.mouth - probe.pose().z
     return float(two_point_axial_force(lateral, moment, depth=now, **law)), np.array(resisted)
+
+
+def press(probe: PlanarProbe, sizes: PegTheory, bodies: PegInHole, tilt: float, force: float) -> dict[str, float]:
+    """Pushes the peg at a fixed tilt until it is at rest.
+
+    Args:
+        probe: moves the peg.
+        sizes: of the bodies.
+        bodies: the round bodies whose overlap is measured.
+        tilt: rad.
+        force: axial push, N.
+
+    Returns:
+        ``depth_error`` relative to h, ``moment`` that keeps the tilt (N m), ``overlap_um`` of the round bodies, and
+        ``cost_ms``, the CPU time of a step.
+    """
+    h = float(two_point_depth(tilt, peg_radius=sizes.r, hole_radius=sizes.R))
+    probe.hold()
+    start = sizes.two_point_pose(tilt, h - 2e-5)
+    probe.place(PlanarPose(start.x + 1e-7, start.z, tilt))
+    probe.hold("tilt")
+    probe.load(0.0, -force, 0.0)
+    probe.step(round(REST / probe.time_step))
+    steps = max(5, round(TIMED / probe.time_step))
+    begun = time.process_time()
+    probe.step(steps)
+    cost = (time.process_time() - begun) / steps
+    pose = probe.pose()
+    gap = bodies.gap([[pose.x, 0.0, pose.z]], axes_of_rotation_vectors([[0.0, pose.tilt, 0.0]]))[0]
+    return {
+        "depth_error": (sizes.mouth - pose.z) / h - 1.0,
+        "moment": float(probe.contact_load()[2]),
+        "overlap_um": max(0.0, -1e6 * gap),
+        "cost_ms": 1e3 * cost,
+    }
 
 
 def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float, push: float = 1.0) -> float:

@@ -1,6 +1,6 @@
-"""Errors of the simulated contact over number of facets, modulus, time step and contact approximation.
+"""Errors of the simulated contact over its settings in Drake, and those of MuJoCo beside them.
 
-    python -m benchmarks.physics.convergence [--tilt-deg 1] [--force 5] [--large-force 50] [--json FILE]
+    python -m benchmarks.physics.convergence [--tilt-deg 1] [--force 5] [--large-force 50] [--mujoco] [--json FILE]
 
 A peg with a fixed tilt is pushed into two-point contact, free to move sideways, until it is at rest; and a peg slides
 slowly in two-point contact. Columns, one row per setting:
@@ -10,46 +10,49 @@ slowly in two-point contact. Columns, one row per setting:
 - moment: moment that keeps the tilt, relative to that of two slipping contacts;
 - overlap: depth of overlap of the round bodies at rest, by exact geometry, um, under --force and under --large-force;
 - light, firm: error of the axial contact force of a peg that slides at depths of 10 and 20 mm, relative to Whitney's
-  balance, with 4 mN m (light) and 0.2 N m (firm) on it;
+  balance, with 4 mN m (light) and 0.2 N m (firm) on it; "spread" is the standard deviation of the last one;
 - ms a step: CPU time of a step in contact.
 
-"finest" has 256 facets and steps of 0.1 ms; "before" are the settings of earlier scenarios (64 facets, 1e10 Pa,
-1 s/m, a chamfer that begins at the mouth).
+A row names what differs from the default scenario, whose bore has its corners on the true circle, like those of the
+peg (as in `make_bore`), and a broken edge. The first row is the finest; the second one has the settings of earlier
+scenarios (64 facets, 1e10 Pa, 1 s/m, a chamfer that begins at the mouth).
 
-"corners" says where the corners of the bore's polygon lie: on the true circle, like those of the peg (as in
-`make_bore`), or outside it.
+With --mujoco (extra [mujoco]) the same peg also moves in MuJoCo, where it is an exact cylinder and the bore a ring of
+boxes (`systems.plant.mujoco_model`). `benchmarks.rig.mujoco` compares the engines in trials of the rig.
 """
 
 from __future__ import annotations
 
 import copy
-import time
-from typing import Any
-
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("pydrake", "yaml")
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
-from benchmarks.command_line import argument_parser, run
-from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, crawl, measured_two_point_depth
-from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe
-from interfaces.terminal import progress, write_json
-from models.contact_geometry import PegInHole, axes_of_rotation_vectors
+from benchmarks.command_line import JsonFile, finish, run
+from benchmarks.physics.contact_measurements import (
+    CRAWLING,
+    FIRM,
+    LIGHT,
+    PRESSED,
+    PegTheory,
+    crawl,
+    measured_two_point_depth,
+    press,
+)
+from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
+from experiments.metrics.penetration import round_bodies
+from interfaces.terminal import progress
+from models.contact_geometry import PegInHole
 from models.contact_theory import two_point_depth, two_point_push_moment
 from models.scenario import Scenario
 
-REST = 0.08  # s; simulated time until the peg is at rest
-PRESSED: dict[str, Any] = {"mass": 0.5, "damping": (5.0, 40.0, 0.0)}
-"""A probe that comes to rest under a push."""
-MOMENTS, DEPTHS = {"light": 4e-3, "firm": 0.2}, (0.010, 0.020)  # N m, m; of the slow slides
-TIMED = 0.02  # s; simulated time at rest over which the cost of a step is averaged
-
-FINEST = {"facets": 256, "time_step": 1e-4}
 BEFORE = {"facets": 64, "modulus": 1e10, "dissipation": 1.0, "mouth": "sharp"}
 SETTINGS: list[dict[str, Any]] = [
+    {"facets": 256, "time_step": 1e-4},
     BEFORE,
     BEFORE | {"modulus": 1e11},
     {"mouth": "sharp"},
@@ -60,89 +63,16 @@ SETTINGS: list[dict[str, Any]] = [
     *({"modulus": E} for E in (1e8, 1e9, 1e10, 2e11, 3e11, 1e12)),
     *({"time_step": dt} for dt in (4e-3, 1e-3, 5e-4, 2e-4)),
     *({"modulus": 3e11, "time_step": dt} for dt in (1e-3, 5e-4)),
+    {"modulus": 3e10, "time_step": 2.5e-4},
     *({"approximation": name} for name in ("similar", "sap")),
 ]
-"""What differs from the default scenario, whose bore has its corners on the circle and a broken edge."""
+"""What differs from the default scenario: facets, parameters of the contact, mouth and corners of the bore."""
 
-SLIDES = {f"{name}_{1e3 * depth:.0f}mm": (moment, depth) for name, moment in MOMENTS.items() for depth in DEPTHS}
-
-
-def scenario_of(setting: dict[str, Any]) -> Scenario:
-    """The default scenario with ``facets`` and parameters of the contact replaced, where the setting names them."""
-    scenario = copy.deepcopy(Scenario())
-    scenario.geometry.facets = setting.get("facets", scenario.geometry.facets)
-    for name in ("modulus", "time_step", "dissipation", "approximation"):
-        setattr(scenario.contact, name, setting.get(name, getattr(scenario.contact, name)))
-    return scenario
-
-
-def measure(setting: dict[str, Any], tilt: float, force: float, large_force: float) -> dict[str, Any]:
-    """The results of one setting.
-
-    Args:
-        setting: as in `scenario_of`, or ``corners`` or ``mouth``; the others are default.
-        tilt: of the peg, rad.
-        force: axial push, N.
-        large_force: axial push for the second overlap, N.
-    """
-    scenario = scenario_of(setting)
-    matched = setting.get("corners") != "outside"
-    shape = {"matched": matched, "sharp": setting.get("mouth") == "sharp"}
-    probe = ContactProbe(scenario, **shape, **PRESSED)
-    g, sizes = scenario.geometry, PegTheory.of(scenario)
-    friction = scenario.contact.friction
-    size = {"peg_radius": sizes.r, "hole_radius": sizes.R}
-    play = measured_two_point_depth(probe, sizes, tilt)
-    outside = 1.0 if matched else 1.0 / np.cos(np.pi / g.facets)
-    bodies = PegInHole(g.peg_radius, g.hole_radius * outside, g.hole_depth, g.chamfer)
-    row = press(probe, sizes, bodies, tilt, force)
-    slipping = two_point_push_moment(force, tilt, **size, friction=friction)
-    row["moment_error"] = row.pop("moment") / slipping - 1.0
-    row["large_overlap_um"] = press(ContactProbe(scenario, **shape, **PRESSED), sizes, bodies, tilt, large_force)[
-        "overlap_um"
-    ]
-    for name, (moment, depth) in SLIDES.items():
-        slow = ContactProbe(scenario, **shape, **CRAWLING)
-        predicted, measured = crawl(slow, sizes, friction, lateral=0.0, moment=moment, depth=depth)
-        row[name] = float(measured.mean()) / predicted - 1.0
-    return {"play_depth_error": play / float(two_point_depth(tilt, **size)) - 1.0, **row}
-
-
-def press(probe: PlanarProbe, sizes: PegTheory, bodies: PegInHole, tilt: float, force: float) -> dict[str, float]:
-    """Pushes the peg at a fixed tilt until it is at rest.
-
-    Args:
-        probe: moves the peg.
-        sizes: of the bodies.
-        bodies: the round bodies whose overlap is measured.
-        tilt: rad.
-        force: axial push, N.
-
-    Returns:
-        ``depth_error`` relative to h, ``moment`` that keeps the tilt (N m), ``overlap_um`` of the round bodies, and
-        ``cost_ms``, the CPU time of a step.
-    """
-    h = float(two_point_depth(tilt, peg_radius=sizes.r, hole_radius=sizes.R))
-    probe.hold()
-    start = sizes.two_point_pose(tilt, h - 2e-5)
-    probe.place(PlanarPose(start.x + 1e-7, start.z, tilt))
-    probe.hold("tilt")
-    probe.load(0.0, -force, 0.0)
-    probe.step(round(REST / probe.time_step))
-    steps = max(5, round(TIMED / probe.time_step))
-    begun = time.process_time()
-    probe.step(steps)
-    cost = (time.process_time() - begun) / steps
-    pose = probe.pose()
-    gap = bodies.gap([[pose.x, 0.0, pose.z]], axes_of_rotation_vectors([[0.0, pose.tilt, 0.0]]))[0]
-    return {
-        "depth_error": (sizes.mouth - pose.z) / h - 1.0,
-        "moment": float(probe.contact_load()[2]),
-        "overlap_um": max(0.0, -1e6 * gap),
-        "cost_ms": 1e3 * cost,
-    }
-
-
+SLIDES = {
+    f"{name}_{1e3 * depth:.0f}mm": (moment, depth)
+    for name, moment in (("light", LIGHT), ("firm", FIRM))
+    for depth in (0.010, 0.020)
+}
 COLUMNS = {
     "play_depth_error": "play depth",
     "depth_error": "depth",
@@ -150,38 +80,116 @@ COLUMNS = {
     "overlap_um": "overlap um",
     "large_overlap_um": "large",
     **{name: name.replace("_", " ") for name in SLIDES},
+    "spread": "spread",
     "cost_ms": "ms a step",
 }
 """Titles of the columns, by the key of their values."""
 
 
-def cell(key: str, value: float) -> str:
+@dataclass(frozen=True)
+class Case:
+    """A row of the table.
+
+    Attributes:
+        name: what the row is called.
+        probe: makes a probe with given mass, inertia and damping.
+        scenario: with the sizes and the friction of the theory.
+        bodies: the round bodies whose overlap is measured.
+    """
+
+    name: str
+    probe: Callable[..., PlanarProbe]
+    scenario: Scenario
+    bodies: PegInHole
+
+
+def drake_case(setting: dict[str, Any]) -> Case:
+    """The case of one of the settings."""
+    scenario = Scenario()
+    scenario.geometry.facets = setting.get("facets", scenario.geometry.facets)
+    for name in ("modulus", "time_step", "dissipation", "approximation"):
+        setattr(scenario.contact, name, setting.get(name, getattr(scenario.contact, name)))
+    matched, geometry = setting.get("corners") != "outside", copy.deepcopy(scenario.geometry)
+    if not matched:
+        geometry.hole_radius /= np.cos(np.pi / geometry.facets)
+    probe = partial(ContactProbe, scenario, matched=matched, sharp=setting.get("mouth") == "sharp")
+    text = ", ".join(f"{name} {value}" for name, value in setting.items()) or "default"
+    return Case(text, probe, scenario, round_bodies(geometry))
+
+
+def mujoco_cases() -> Iterator[Case]:
+    """Yields the cases of MuJoCo, in the default scenario."""
+    from benchmarks.physics.mujoco_probe import MujocoProbe
+    from systems.plant.mujoco_model import MujocoContact
+
+    scenario, rig = Scenario(), MujocoContact()
+    hard = replace(rig, time_constant=2.0, impedance=(0.95, 0.99, 1e-4))
+    for name, contact in (
+        ("as in the rig", rig),
+        ("twice the step", replace(rig, time_step=2.0 * rig.time_step)),
+        ("256 boxes", replace(rig, boxes=256)),
+        ("hard", hard),
+        ("hard, distances to 1 um", replace(hard, precision=1e-6)),
+    ):
+        probe = partial(MujocoProbe, scenario, contact)
+        yield Case(f"MuJoCo, {name}", probe, scenario, round_bodies(scenario.geometry))
+
+
+def measure(case: Case, tilt: float, force: float, large_force: float) -> dict[str, float]:
+    """The results of one case, by the keys of `COLUMNS`; those from the meshes alone are left out in MuJoCo.
+
+    Args:
+        case: what is measured.
+        tilt: of the peg, rad.
+        force: axial push, N.
+        large_force: axial push for the second overlap, N.
+    """
+    sizes, friction = PegTheory.of(case.scenario), case.scenario.contact.friction
+    size = {"peg_radius": sizes.r, "hole_radius": sizes.R}
+    probe = case.probe(**PRESSED)
+    row = {}
+    if isinstance(probe, ContactProbe):
+        play = measured_two_point_depth(probe, sizes, tilt)
+        row["play_depth_error"] = play / float(two_point_depth(tilt, **size)) - 1.0
+    row |= press(probe, sizes, case.bodies, tilt, force)
+    row["moment_error"] = row.pop("moment") / two_point_push_moment(force, tilt, **size, friction=friction) - 1.0
+    row["large_overlap_um"] = press(case.probe(**PRESSED), sizes, case.bodies, tilt, large_force)["overlap_um"]
+    for name, (moment, depth) in SLIDES.items():
+        slow = case.probe(**CRAWLING)
+        predicted, measured = crawl(slow, sizes, friction, lateral=0.0, moment=moment, depth=depth)
+        row[name] = float(measured.mean()) / predicted - 1.0
+        row["spread"] = float(measured.std()) / predicted
+    return row
+
+
+def cell(key: str, value: float | None) -> str:
     """The text of a value in the table."""
+    if value is None:
+        return "-"
     if key == "cost_ms":
-        return f"{value:.2f}"
+        return f"{value:.3f}"
     if key.endswith("overlap_um"):
         return f"{value:.1f}"
     return f"{100 * value:.2f} %" if key == "play_depth_error" else f"{100 * value:.1f} %"
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    parser.add_argument("--tilt-deg", type=float, default=1.0, help="fixed tilt of the peg, deg (default: 1)")
-    parser.add_argument("--force", type=float, default=5.0, help="axial push, N (default: 5)")
-    parser.add_argument("--large-force", type=float, default=50.0, help="push for the second overlap, N (default: 50)")
-    arguments = parser.parse_args()
-    tilt = np.radians(arguments.tilt_deg)
-    rows: list[dict[str, Any]] = []
+def main(
+    tilt_deg: Annotated[float, typer.Option(help="Fixed tilt of the peg, deg.")] = 1.0,
+    force: Annotated[float, typer.Option(help="Axial push, N.")] = 5.0,
+    large_force: Annotated[float, typer.Option(help="Push for the second overlap, N.")] = 50.0,
+    mujoco: Annotated[bool, typer.Option("--mujoco", help="Also measure MuJoCo.")] = False,
+    json: JsonFile = None,
+) -> None:
+    cases = [*map(drake_case, SETTINGS), *(mujoco_cases() if mujoco else ())]
+    rows = []
     print(f"{'setting':44}" + "".join(f"{title:>11}" for title in COLUMNS.values()))
-    with progress("convergence", 1 + len(SETTINGS)) as advance:
-        for setting in [FINEST, *SETTINGS]:
-            row = {"setting": setting, **measure(setting, tilt, arguments.force, arguments.large_force)}
-            rows.append(row)
-            text = ", ".join(f"{name} {value}" for name, value in setting.items()) or "default"
-            print(f"{text:44}" + "".join(f"{cell(name, row[name]):>11}" for name in COLUMNS), flush=True)
-            advance(text)
-    if arguments.json:
-        write_json(arguments.json, rows)
+    with progress("convergence", len(cases)) as advance:
+        for case in cases:
+            row = measure(case, np.radians(tilt_deg), force, large_force)
+            rows.append({"setting": case.name, **row})
+            print(f"{case.name:44}" + "".join(f"{cell(key, row.get(key)):>11}" for key in COLUMNS), flush=True)
+            advance(case.name)
+    finish({"rows": rows}, json)
 
 
 if __name__ == "__main__":

@@ -1,35 +1,19 @@
-"""The pictures of docs/physics.md.
-
-    python -m benchmarks.physics.figures --theory FILE [FILE ...] [--out docs/pictures]
-
-Each FILE is a result of `benchmarks.physics.theory --json`, one per friction. `draw_states` is called by
-`benchmarks.learners.contact_states`.
-"""
+"""The pictures of docs/physics.md, which `benchmarks.physics.theory` draws from its results."""
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("pydrake", "yaml")
-
 import matplotlib
-import matplotlib.colors
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from benchmarks.command_line import run
 from models.contact_theory import jamming_vertices, slenderness, two_point_depth
 from models.scenario import Scenario
-from skill.states.state_naming import StateNames
 from skill.states.state_style import PALETTE
 
 BLUE, ORANGE, GREEN, WINE = PALETTE[0], PALETTE[1], PALETTE[2], PALETTE[7]
@@ -112,47 +96,6 @@ def draw_balance(results: Sequence[dict[str, Any]], path: Path) -> None:
     _finish(figure, path)
 
 
-def draw_states(
-    path: Path,
-    times: np.ndarray,
-    labels: np.ndarray,
-    label_names: Sequence[str],
-    states: np.ndarray,
-    named: StateNames,
-) -> None:
-    """Draws one insertion: true labels above discovered states, each in the colour of its label or a tint of it.
-
-    Args:
-        path: of the file (.png or .svg).
-        times: (n,), s.
-        labels: (n,), true label of each sample.
-        label_names: names of all labels.
-        states: (n,), discovered state of each sample.
-        named: names and dominant labels of the states.
-    """
-    figure, axes = plt.subplots(2, 1, figsize=(8.6, 2.9), sharex=True, layout="constrained")
-    ends = np.append(times[1:], times[-1] + 0.02)
-    colours = {k: matplotlib.colors.to_rgb(PALETTE[rank]) for rank, k in enumerate(np.unique(labels))}
-    tints: dict[int, tuple[float, ...]] = {}
-    for k in np.unique(states):
-        base = np.array(colours.get(int(named.labels[k]), (0.5, 0.5, 0.5)))
-        strength = (1.0, 0.6, 0.35)[min(2, sum(named.labels[j] == named.labels[k] for j in tints))]
-        tints[k] = tuple(1.0 - strength * (1.0 - base))
-    rows = (
-        (axes[0], labels, list(label_names), colours, "by geometry"),
-        (axes[1], states, named.names, tints, "discovered"),
-    )
-    for axis, values, names, shades, title in rows:
-        for k in np.unique(values):
-            chosen = values == k
-            spans = np.column_stack([times[chosen], (ends - times)[chosen]])
-            axis.broken_barh([tuple(span) for span in spans], (0, 1), color=shades[k], label=names[k], lw=0)
-        axis.set(ylabel=title, yticks=[], ylim=(0, 1), xlim=(times[0], ends[-1]))
-        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
-    axes[1].set_xlabel("time [s]")
-    _finish(figure, path)
-
-
 def _finish(figure: Any, path: Path) -> None:
     for axis in figure.axes:
         axis.spines[["top", "right"]].set_visible(False)
@@ -161,22 +104,10 @@ def _finish(figure: Any, path: Path) -> None:
     plt.close(figure)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument(
-        "--theory", type=Path, nargs="+", required=True, metavar="FILE", help="results of benchmarks.physics.theory"
-    )
-    parser.add_argument(
-        "--out", type=Path, default=Path("docs/pictures"), metavar="FOLDER", help="default: docs/pictures"
-    )
-    arguments = parser.parse_args()
-    plt.rcParams["svg.hashsalt"] = "physics"
-    results = sorted((json.loads(path.read_text()) for path in arguments.theory), key=lambda r: r["friction"])
-    draw_depth(results[0], arguments.out / "two_point_depth.svg")
-    draw_jamming(results, arguments.out / "jamming.svg")
-    draw_wedging(results, arguments.out / "wedging.svg")
-    draw_balance(results, arguments.out / "force_balance.svg")
-
-
-if __name__ == "__main__":
-    run(main)
+def draw_all(depths: dict[str, Any], laws: Sequence[dict[str, Any]], folder: Path) -> None:
+    """Draws the pictures of `benchmarks.physics.theory.depths` and of its ``laws`` at up to four frictions."""
+    with plt.rc_context({"svg.hashsalt": "physics"}):
+        draw_depth(depths, folder / "two_point_depth.svg")
+        draw_jamming(laws, folder / "jamming.svg")
+        draw_wedging(laws, folder / "wedging.svg")
+        draw_balance(laws, folder / "force_balance.svg")

@@ -1,7 +1,7 @@
 """Simulated contact against the laws of a rigid peg in a rigid hole.
 
-    python -m benchmarks.physics.theory [--tilts-deg 0.25,0.5,1,2,3] [--friction 0.2] [--points 200] [--depth-mm 20]
-                                        [--seed 0] [--json FILE]
+    python -m benchmarks.physics.theory [--tilt-deg 0.5] [--tilt-deg 1] [--friction 0.2] [--points 200]
+                                        [--depth-mm 20] [--seed 0] [--pictures FOLDER] [--json FILE]
 
 Two-point depth and largest entry tilt are measured from the meshes. Jamming, wedging and the two-point force balance
 are measured by simulating a peg with planar freedoms under constant loads, with softer contact and shorter steps than
@@ -9,7 +9,7 @@ the default (`benchmarks.physics.contact_measurements.converged`). Depths are ve
 of the chamfer) to the tip's centre. At the default --depth-mm 20 the tilt of two-point contact is small compared with
 the friction angle, as Whitney's laws assume.
 
-Main results; the file has the single measurements as well:
+Main results; those from jam_agreement on for each friction (key ``laws``). The file has the single measurements too:
 
 - two_point_depth_error_max: largest relative error of the depth of two-point contact;
 - two_point_depth_error_default: the same with the bore's polygon outside the true circle;
@@ -23,19 +23,15 @@ Main results; the file has the single measurements as well:
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
-from typing import Any
-
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("pydrake", "yaml")
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
+import typer
 
-from benchmarks.command_line import argument_parser, run
+from benchmarks.command_line import JsonFile, finish, run
 from benchmarks.physics.contact_measurements import (
     PegTheory,
     force_balance,
@@ -45,7 +41,8 @@ from benchmarks.physics.contact_measurements import (
     measured_wedging_tilt,
 )
 from benchmarks.physics.contact_probe import ContactProbe
-from interfaces.terminal import progress, write_json
+from benchmarks.physics.figures import draw_all
+from interfaces.terminal import progress
 from models.contact_theory import (
     exact_wedging_tilt,
     largest_entry_tilt,
@@ -54,15 +51,7 @@ from models.contact_theory import (
 )
 from models.scenario import Scenario
 
-STEPS = 4  # of the progress bar
-
-
-def tilts(text: str) -> list[float]:
-    """Reads positive tilts in degrees, separated by commas."""
-    values = [float(part) for part in text.split(",")]
-    if not values or min(values) <= 0.0:
-        raise argparse.ArgumentTypeError(f"{text}: expected positive tilts in degrees, separated by commas")
-    return values
+TILTS = [0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]  # deg
 
 
 def depths(scenario: Scenario, tilts_deg: list[float]) -> dict[str, Any]:
@@ -142,30 +131,30 @@ def _or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    default = [0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]
-    parser.add_argument("--tilts-deg", type=tilts, default=default, help="tilts of two-point contact, deg")
-    parser.add_argument("--friction", type=float, default=0.2, help="coefficient of friction (default: 0.2)")
-    parser.add_argument("--points", type=int, default=200, help="loads in the jamming diagram (default: 200)")
-    parser.add_argument("--depth-mm", type=float, default=20.0, help="depth of jamming and force balance (default: 20)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the loads (default: 0)")
-    arguments = parser.parse_args()
-    if not arguments.friction > 0.0:
-        parser.error(f"--friction is {arguments.friction}, expected > 0")
-    start = time.process_time()
-    scenario = Scenario()
-    with progress("contact theory", STEPS) as advance:
-        result = depths(scenario, arguments.tilts_deg)
+def main(
+    tilt_deg: Annotated[
+        list[float], typer.Option(min=1e-3, help="Tilt of two-point contact, deg; repeatable.")
+    ] = TILTS,
+    friction: Annotated[list[float], typer.Option(min=1e-3, help="Coefficient of friction; repeatable.")] = [0.2],  # noqa: B006
+    points: Annotated[int, typer.Option(min=1, help="Loads in the jamming diagram.")] = 200,
+    depth_mm: Annotated[float, typer.Option(help="Depth of jamming and force balance, mm.")] = 20.0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the loads.")] = 0,
+    pictures: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Draw the results into this folder.")] = None,
+    json: JsonFile = None,
+) -> None:
+    began, scenario = time.process_time(), Scenario()
+    with progress("contact theory", 1 + 3 * len(friction)) as advance:
+        found = depths(scenario, tilt_deg)
         advance("two-point depth and entry tilt")
-        depth = 1e-3 * arguments.depth_mm
-        result |= laws(scenario, arguments.friction, depth, arguments.points, arguments.seed, advance)
-    result |= {"seed": arguments.seed, "cpu_s": time.process_time() - start}
-    for name, value in result.items():
-        if not isinstance(value, list):
-            print(f"{name:32}{value if value is None or isinstance(value, int) else round(value, 5)}")
-    if arguments.json:
-        write_json(arguments.json, result)
+        by_friction = [laws(scenario, mu, 1e-3 * depth_mm, points, seed, advance) for mu in sorted(friction)]
+    cpu = time.process_time() - began
+    for result in (found, *by_friction, {"cpu_s": cpu}):
+        for name, value in result.items():
+            if not isinstance(value, list):
+                print(f"{name:32}{value if value is None or isinstance(value, int) else round(value, 5)}")
+    if pictures is not None:
+        draw_all(found, by_friction, pictures)
+    finish({**found, "laws": by_friction, "seed": seed, "cpu_s": cpu}, json)
 
 
 if __name__ == "__main__":

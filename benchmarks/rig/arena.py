@@ -1,7 +1,7 @@
 """Imitation policies of LeRobot and the skill of this project: the same demonstrations, the same trials.
 
-    python -m benchmarks.rig.arena [--demonstrations FOLDER] [--policies act diffusion] [--minutes 10]
-        [--trials 50] [--arms default stress] [--copies 8] [--seed 0] [--json FILE]
+    python -m benchmarks.rig.arena [--demonstrations FOLDER] [--policy act] [--policy diffusion] [--minutes 10]
+                                   [--trials 50] [--arm default] [--arm stress] [--json FILE]
 
 All learn from the good demonstrations; the skill discovers its states in the bad ones too.
 `benchmarks.rig.lerobot_policy` says what the policies of LeRobot see and do. Both arms (`Arm`) perform trials from
@@ -17,17 +17,14 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
-
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("lerobot", "pydrake", "yaml")
+from typing import Annotated, Any, Literal
 
 import numpy as np
+import typer
 from threadpoolctl import threadpool_limits
 
-from benchmarks.command_line import add_demonstrations, argument_parser, run
+from benchmarks.command_line import Demonstrations, JsonFile, finish, run
+from benchmarks.rig.lerobot_policy import train, write_training_set
 from experiments.outputs.recordings import find_recordings
 from experiments.scoreboard.paired_statistics import wilson
 from experiments.trial import Arm, run_trial, trial_scenario
@@ -47,6 +44,7 @@ QUERIES = 600
 """Decisions over which their time is measured."""
 
 SKILL = "CA+LWR"
+Peer = Literal["act", "diffusion"]
 
 
 def trained_skill(demonstrations: Sequence[Demonstration], seed: int) -> tuple[ManipulationSkill, dict[str, Any]]:
@@ -124,45 +122,35 @@ def show(rows: Sequence[dict[str, Any]]) -> None:
     console.print(table)
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    add_demonstrations(parser)
-    parser.add_argument("--policies", nargs="*", choices=["act", "diffusion"], default=["act", "diffusion"])
-    parser.add_argument(
-        "--minutes", type=float, default=10.0, help="CPU time of training each policy of LeRobot (default: 10)"
-    )
-    parser.add_argument("--trials", type=int, default=50, help="trials of each arm (default: 50)")
-    parser.add_argument("--arms", nargs="+", type=Arm, choices=list(Arm), default=list(Arm), help="(default: both)")
-    parser.add_argument("--copies", type=int, default=8, help="turned copies of each demonstration (default: 8)")
-    parser.add_argument("--seed", type=int, default=0, help="of training")
-    arguments = parser.parse_args()
-    if not (arguments.trials >= 1 and arguments.copies >= 1 and arguments.minutes > 0):
-        raise ValueError("--trials, --copies and --minutes: expected at least 1, 1 and more than 0")
-    demonstrations = [read_demonstration(p) for f in arguments.demonstrations for p in find_recordings(f).paths]
-    good = [demonstration for demonstration in demonstrations if demonstration.good]
-    numbers = range(FIRST_TRIAL, FIRST_TRIAL + arguments.trials)
-    policies: dict[str, tuple[RigPolicy, dict[str, Any]]] = {}
-    rows = []
-    for name in [SKILL, *arguments.policies]:
-        policy: RigPolicy
+def main(
+    demonstrations: Demonstrations = [Path("out/demonstrations")],  # noqa: B006
+    policy: Annotated[list[Peer], typer.Option(help="Policy of LeRobot; repeatable.")] = ["act", "diffusion"],  # noqa: B006
+    minutes: Annotated[float, typer.Option(min=0.0, help="CPU time of training each policy of LeRobot.")] = 10.0,
+    trials: Annotated[int, typer.Option(min=1, help="Trials of each arm.")] = 50,
+    arm: Annotated[list[Arm], typer.Option(help="Arm of the trials; repeatable.")] = list(Arm),  # noqa: B006
+    copies: Annotated[int, typer.Option(min=1, help="Turned copies of each demonstration.")] = 8,
+    seed: Annotated[int, typer.Option(help="Seed of the training.")] = 0,
+    json: JsonFile = None,
+) -> None:
+    shown = [read_demonstration(path) for folder in demonstrations for path in find_recordings(folder).paths]
+    good = [demonstration for demonstration in shown if demonstration.good]
+    numbers = range(FIRST_TRIAL, FIRST_TRIAL + trials)
+    trained: dict[str, tuple[RigPolicy, dict[str, Any]]] = {SKILL: trained_skill(shown, seed)}
+    for name in policy:
         say(f"training {name}")
-        if name == SKILL:
-            policy, cost = trained_skill(demonstrations, arguments.seed)
-        else:
-            from benchmarks.rig.lerobot_policy import train, write_training_set  # needs PyTorch and lerobot
-
-            with tempfile.TemporaryDirectory() as folder:
-                write_training_set(good, Path(folder), copies=arguments.copies, seed=arguments.seed)
-                policy, cost = train(name, Path(folder), seconds=60.0 * arguments.minutes, seed=arguments.seed)
-            say(f"{name}: {cost}")
-        with threadpool_limits(1):
-            policies[name] = policy, cost | query_times(policy, good)
-    for arm in arguments.arms:
-        for name, (policy, cost) in policies.items():
-            rows.append(summary(name, arm.value, perform(policy, arm, numbers, name), cost))
-            if arguments.json is not None:
-                write_json(arguments.json, {"demonstrations": len(good), "rows": rows})
-    show(rows)
+        with tempfile.TemporaryDirectory() as folder:
+            write_training_set(good, Path(folder), copies=copies, seed=seed)
+            trained[name] = train(name, Path(folder), seconds=60.0 * minutes, seed=seed)
+    results: dict[str, Any] = {"demonstrations": len(good), "rows": []}
+    with threadpool_limits(1):
+        costs = {name: cost | query_times(law, good) for name, (law, cost) in trained.items()}
+    for part in arm:
+        for title, (law, _) in trained.items():
+            results["rows"].append(summary(title, part.value, perform(law, part, numbers, title), costs[title]))
+            if json is not None:
+                write_json(json, results)
+    show(results["rows"])
+    finish(results, json)
 
 
 if __name__ == "__main__":

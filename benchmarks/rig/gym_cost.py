@@ -22,20 +22,16 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from statistics import mean, median
-from typing import Any
-
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("pydrake", "yaml", "gymnasium")
+from typing import Annotated, Any
 
 import gymnasium
+import typer
 from threadpoolctl import threadpool_limits
 
-from benchmarks.command_line import argument_parser, run
+from benchmarks.command_line import JsonFile, SkillFile, finish, run
 from experiments.trial import run_trial, trial_scenario
 from interfaces.gym.agents import PolicyAgent, run_episode
-from interfaces.terminal import console, progress, write_json
+from interfaces.terminal import console, progress
 from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
@@ -118,23 +114,20 @@ def trial_figures(skill: RigPolicy, trials: int, reset: float) -> dict[str, floa
     }
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    parser.add_argument("--skill", type=Path, default=Path("out/skill.npz"), metavar="FILE", help="of the agent")
-    parser.add_argument("--trials", type=int, default=4, help="number of trials (default: 4)")
-    parser.add_argument("--resets", type=int, default=40, help="number of resets (default: 40)")
-    arguments = parser.parse_args()
-    if min(arguments.trials, arguments.resets) < 1:
-        raise ValueError("--trials and --resets: expected at least 1")
-    skill = ManipulationSkill.load(arguments.skill)
+def main(
+    skill: SkillFile = Path("out/skill.npz"),
+    trials: Annotated[int, typer.Option(min=1, help="Number of trials.")] = 4,
+    resets: Annotated[int, typer.Option(min=1, help="Number of resets.")] = 40,
+    json: JsonFile = None,
+) -> None:
+    policy = ManipulationSkill.load(skill)
     with threadpool_limits(1):
-        found = reset_figures(arguments.resets)
-        found |= trial_figures(skill, arguments.trials, 1e-3 * found["reset_ms"])
+        found = reset_figures(resets)
+        found |= trial_figures(policy, trials, 1e-3 * found["reset_ms"])
         found["picture_ms"] = 1e3 * picture_time()
     for name, value in found.items():
         console.print(f"{name:16}{value:8.3g}", highlight=False)
-    if arguments.json is not None:
-        write_json(arguments.json, found)
+    finish(found, json)
 
 
 if __name__ == "__main__":

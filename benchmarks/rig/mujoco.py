@@ -1,13 +1,12 @@
 """Trials of the rig in Drake and in MuJoCo: agreement of their results, and cost.
 
     python -m benchmarks.rig.mujoco [--skill FILE] [--trials 20] [--seed 0] [--blind 20] [--scenario nominal]
-                                    [--json FILE]                                     needs the extra [peers]
+                                    [--json FILE]                                     needs the extra [mujoco]
 
 A trial has the same resolved scenario in both engines (tilt, pivot, friction, sensor noise), the same skill, and the
 same motors, sensor, estimator and controller. Only the bodies and their contact are MuJoCo's
 (`systems.plant.mujoco_plant`). The first --trials are controlled by a skill. The next --blind only push (gain 0,
-for 4 s), from the same starts; many of them jam, so that the engines can disagree. Without --skill a skill is learnt
-first, from thirty demonstrations in Drake.
+for 4 s), from the same starts; many of them jam, so that the engines can disagree.
 
 Each trial is repeated in MuJoCo with other sensor noise ("again"). The engines cannot be expected to agree better than
 two such runs.
@@ -24,24 +23,19 @@ import copy
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
-
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("pydrake", "yaml", "mujoco")
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
+import typer
 from pydrake.systems.framework import DiagramBuilder
 
-from benchmarks.command_line import argument_parser, run
-from benchmarks.recording import record_demonstrations
-from experiments.demonstration_set import requests
+from benchmarks.command_line import JsonFile, SkillFile, finish, run
 from experiments.scoreboard.paired_statistics import wilson
 from experiments.trial import run_rig, trial_scenario
 from interfaces.terminal import progress, write_json
 from models.scenario import Scenario, load_scenario
+from scripts.options import ScenarioName
 from skill.manipulation_skill import ManipulationSkill
 from systems.plant.mujoco_model import MujocoContact
 from systems.plant.mujoco_plant import MujocoPlant
@@ -145,12 +139,6 @@ def summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def learn(scenario: Scenario) -> ManipulationSkill:
-    """A skill learnt from thirty new demonstrations."""
-    demonstrations = [d for _, d in record_demonstrations(scenario, requests(24, 6), seed=0)]
-    return ManipulationSkill(random_state=0).fit(demonstrations)
-
-
 def print_trial(name: str, number: int, trial: dict[str, Any]) -> None:
     """Prints one line per column of a trial."""
     for column in ("drake", "mujoco", "again"):
@@ -193,33 +181,32 @@ def print_summary(name: str, found: dict[str, Any]) -> None:
         )
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    parser.add_argument("--skill", type=Path, metavar="FILE", help="a skill file; without it, learns one")
-    parser.add_argument("--scenario", default="nominal", help="name or YAML file of a scenario (default: nominal)")
-    parser.add_argument("--trials", type=int, default=20, help="trials controlled by the skill (default: 20)")
-    parser.add_argument("--blind", type=int, default=20, help="trials that only push (default: 20)")
-    parser.add_argument("--seed", type=int, default=0, help="number of the first trial (default: 0)")
-    arguments = parser.parse_args()
-    scenario = load_scenario(arguments.scenario)
-    skill = ManipulationSkill.load(arguments.skill) if arguments.skill else learn(scenario)
-    pushing = copy.deepcopy(scenario)
+def main(
+    skill: SkillFile = Path("out/skill.npz"),
+    scenario: ScenarioName = "nominal",
+    trials: Annotated[int, typer.Option(min=1, help="Trials controlled by the skill.")] = 20,
+    blind: Annotated[int, typer.Option(min=1, help="Trials that only push.")] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Number of the first trial.")] = 0,
+    json: JsonFile = None,
+) -> None:
+    policy, controlled = ManipulationSkill.load(skill), load_scenario(scenario)
+    pushing = copy.deepcopy(controlled)
     pushing.controller.gain = 0.0
     pushing.trial.time_limit = min(pushing.trial.time_limit, BLIND_TIME)
     contact = MujocoContact()
-    found: dict[str, Any] = {"contact": asdict(contact), "time_step": scenario.contact.time_step}
-    for name, chosen, count in (("skill", scenario, arguments.trials), ("blind", pushing, arguments.blind)):
-        trials: list[dict[str, Any]] = []
+    found: dict[str, Any] = {"contact": asdict(contact), "time_step": controlled.contact.time_step}
+    for name, chosen, count in (("skill", controlled, trials), ("blind", pushing, blind)):
+        compared: list[dict[str, Any]] = []
         with progress(f"trials, {name}", count) as advance:
-            for number in range(arguments.seed, arguments.seed + count):
-                trials.append(compare(trial_scenario(chosen, number=number), skill, contact, number))
-                print_trial(name, number, trials[-1])
-                found[name] = {"summary": summary(trials), "trials": trials}
-                if arguments.json:  # after every trial, so that an interrupted run leaves its results
-                    write_json(arguments.json, found)
+            for number in range(seed, seed + count):
+                compared.append(compare(trial_scenario(chosen, number=number), policy, contact, number))
+                print_trial(name, number, compared[-1])
+                found[name] = {"summary": summary(compared), "trials": compared}
+                if json is not None:  # after every trial, so that an interrupted run leaves its results
+                    write_json(json, found)
                 advance(f"trial {number}")
-        if trials:
-            print_summary(name, found[name]["summary"])
+        print_summary(name, found[name]["summary"])
+    finish(found, json)
 
 
 if __name__ == "__main__":

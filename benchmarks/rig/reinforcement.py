@@ -21,25 +21,22 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("pydrake", "yaml", "gymnasium", "stable_baselines3")
+from typing import Annotated, Any
 
 import gymnasium
 import matplotlib.pyplot as plt
 import numpy as np
+import typer
 from gymnasium import spaces
 from gymnasium.wrappers import RescaleAction, TransformObservation
 
-from benchmarks.command_line import argument_parser, run
+from benchmarks.command_line import JsonFile, SkillFile, finish, run
 from benchmarks.rig.control_laws import StraightPush
 from interfaces.gym.agents import Agent, PolicyAgent, run_episode
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console, progress, write_json
 from models.scenario import Scenario
+from scripts.options import ScenarioName
 from skill.arrays import Array
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
@@ -173,34 +170,34 @@ def draw(curve: Sequence[Mapping[str, Any]], references: Mapping[str, Mapping[st
     plt.close(figure)
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    parser.add_argument("--skill", type=Path, default=Path("out/skill.npz"), metavar="FILE", help="of the skill")
-    parser.add_argument("--steps", type=int, default=20_000, help="of training (default: 20000)")
-    parser.add_argument("--every", type=int, default=4000, help="steps between two evaluations (default: 4000)")
-    parser.add_argument("--trials", type=int, default=20, help="of an evaluation (default: 20)")
-    parser.add_argument("--seed", type=int, default=0, help="of the training (default: 0)")
-    parser.add_argument("--scenario", default="nominal", help="name or file of a scenario (default: nominal)")
-    parser.add_argument("--figure", type=Path, metavar="FILE", help="also draw the learning curve into this file")
-    arguments = parser.parse_args()
-    if min(arguments.steps, arguments.every, arguments.trials) < 1:
-        raise ValueError("--steps, --every and --trials: expected at least 1")
-    skill, scenario, trials = ManipulationSkill.load(arguments.skill), arguments.scenario, arguments.trials
+def main(
+    skill: SkillFile = Path("out/skill.npz"),
+    steps: Annotated[int, typer.Option(min=1, help="Steps of training.")] = 20_000,
+    every: Annotated[int, typer.Option(min=1, help="Steps between two evaluations.")] = 4000,
+    trials: Annotated[int, typer.Option(min=1, help="Trials of an evaluation.")] = 20,
+    seed: Annotated[int, typer.Option(help="Seed of the training.")] = 0,
+    scenario: ScenarioName = "nominal",
+    figure: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the learning curve into this file.")] = None,
+    json: JsonFile = None,
+) -> None:
+    demonstrated = ManipulationSkill.load(skill)
     references = {
-        "skill": reference(scenario, skill, trials),
+        "skill": reference(scenario, demonstrated, trials),
         "straight push": reference(scenario, StraightPush(PUSH), trials),
     }
-    settings = {"algorithm": "SAC", "seed": arguments.seed, "first_trial": FIRST_TRIAL, **SETTINGS}
-    curve = []
-    for row in learn(scenario, steps=arguments.steps, every=arguments.every, trials=trials, seed=arguments.seed):
+    settings = {"algorithm": "SAC", "seed": seed, "first_trial": FIRST_TRIAL, **SETTINGS}
+    results: dict[str, Any] = {"curve": [], "references": references, "settings": settings}
+    curve = results["curve"]
+    for row in learn(scenario, steps=steps, every=every, trials=trials, seed=seed):
         curve.append(row)
-        if arguments.json is not None:
-            write_json(arguments.json, {"curve": curve, "references": references, "settings": settings})
-    show(curve, references, skill.period_)
+        if json is not None:
+            write_json(json, results)
+    show(curve, references, demonstrated.period_)
     last = curve[-1]
     console.print(f"{last['train_cpu_s']:.0f} s of CPU for {last['steps']} steps of training", highlight=False)
-    if arguments.figure is not None:
-        draw(curve, references, arguments.figure)
+    finish(results, json)
+    if figure is not None:
+        draw(curve, references, figure)
 
 
 if __name__ == "__main__":

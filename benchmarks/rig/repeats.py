@@ -13,22 +13,18 @@ the same; ``differences``, the others: trial, policy, arm, and the columns that 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
-
-from benchmarks.extras import require_packages
-
-if __name__ == "__main__":
-    require_packages("pydrake", "yaml")
+from typing import Annotated, Any
 
 import pandas as pd
 import pyarrow.dataset as pads
+import typer
 
-from benchmarks.command_line import argument_parser, run
+from benchmarks.command_line import JsonFile, finish, run
 from experiments.sweeps.policies import CarriedOver
 from experiments.sweeps.trial_engines import make_rig
 from experiments.sweeps.trial_rows import result_columns, trial_code
 from experiments.trial import run_rig
-from interfaces.terminal import console, progress, write_json
+from interfaces.terminal import console, progress
 from models.scenario import parse_scenario
 from skill.manipulation_skill import ManipulationSkill
 
@@ -63,20 +59,18 @@ def _same(stored: Any, found: Any) -> bool:
     return bool(stored == found or (pd.isna(stored) and pd.isna(found)))
 
 
-def main() -> None:
-    parser = argument_parser(__doc__)
-    parser.add_argument("results", type=Path, metavar="RESULTS", help="folder that haptic-skill sweep wrote")
-    parser.add_argument("--trials", type=int, default=20, help="how many trials to perform again (default: 20)")
-    parser.add_argument("--seed", type=int, default=0, help="draws them (default: 0)")
-    arguments = parser.parse_args()
-    if arguments.trials < 1:
-        raise ValueError("--trials: expected at least 1")
-    rows = stored_rows(arguments.results)
-    chosen = rows.sample(min(arguments.trials, len(rows)), random_state=arguments.seed)
+def main(
+    results: Annotated[Path, typer.Argument(help="Folder that `haptic-skill sweep` wrote.")],
+    trials: Annotated[int, typer.Option(min=1, help="How many trials to perform again.")] = 20,
+    seed: Annotated[int, typer.Option(help="Draws them.")] = 0,
+    json: JsonFile = None,
+) -> None:
+    rows = stored_rows(results)
+    chosen = rows.sample(min(trials, len(rows)), random_state=seed)
     found = []
     with progress("repeats", len(chosen)) as advance:
         for _, row in chosen.iterrows():
-            columns = differing(row, arguments.results)
+            columns = differing(row, results)
             found.append({"trial": int(row["trial"]), "policy": row["policy"], "arm": row["arm"], "columns": columns})
             advance(row["policy"])
     different = [record for record in found if record["columns"]]
@@ -84,8 +78,7 @@ def main() -> None:
     for record in different:
         console.print(f"trial {record['trial']} of {record['policy']}, {record['arm']}: {', '.join(record['columns'])}")
     summary = {"code": str(rows["code"].iloc[0]), "present_code": trial_code(), "trials": len(found)}
-    if arguments.json is not None:
-        write_json(arguments.json, {**summary, "same": len(found) - len(different), "differences": different})
+    finish({**summary, "same": len(found) - len(different), "differences": different}, json)
 
 
 if __name__ == "__main__":

@@ -9,12 +9,13 @@ It writes docs/pictures/ladder.png: the curves over the factors, one below the o
 
 from __future__ import annotations
 
-import argparse
 import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
+import typer
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -62,16 +63,15 @@ def stacked(pictures: Sequence[Image.Image]) -> Image.Image:
     return whole
 
 
-def main() -> None:
+def main(
+    scoreboard: Annotated[Path, typer.Argument(help="Page that `haptic-skill scoreboard` wrote.")],
+    name: Annotated[str, typer.Argument(help="Name of the picture.")],
+    factor: Annotated[list[str], typer.Option(metavar="NAME", help="Factor of a curve; repeatable.")],
+    engine: Annotated[str, typer.Option(help="drake or mujoco; both by default.")] = "",
+) -> None:
     """Writes the picture."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("scoreboard", type=Path, metavar="PAGE", help="page that haptic-skill scoreboard wrote")
-    parser.add_argument("name", help="of the picture")
-    parser.add_argument("--factor", action="append", required=True, metavar="NAME", help="may be given more than once")
-    parser.add_argument("--engine", default="", help="drake or mujoco; both by default")
-    arguments = parser.parse_args()
-    picture = stacked(curve_pictures(arguments.scoreboard, arguments.factor, arguments.engine))
-    path = PICTURES / arguments.name
+    picture = stacked(curve_pictures(scoreboard, factor, engine))
+    path = PICTURES / name
     picture.quantize(128).save(path, optimize=True)
     print(f"{path}: {picture.width} x {picture.height}, {path.stat().st_size / 1e3:.0f} kB")
 

@@ -9,13 +9,14 @@ the arm and the number of the trial. `docs/_tools/restored_results.py` makes of 
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import sys
 from pathlib import Path
+from typing import Annotated
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+import typer
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
@@ -54,13 +55,12 @@ def published_files(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in paths}
 
 
-def main() -> None:
+def main(
+    results: Annotated[Path, typer.Argument(help="Folder that `haptic-skill sweep` wrote.")],
+    out: Annotated[Path, typer.Argument(help="Folder of the copy.")],
+) -> None:
     """Publishes the results that the command line names."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("results", type=Path, metavar="RESULTS", help="folder that haptic-skill sweep wrote")
-    parser.add_argument("out", type=Path, metavar="OUT", help="folder of the copy")
-    arguments = parser.parse_args()
-    publish(arguments.results, arguments.out)
+    publish(results, out)
 
 
 if __name__ == "__main__":

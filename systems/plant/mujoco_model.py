@@ -24,9 +24,9 @@ PEG, BLOCK = 'contype="2" conaffinity="1"', 'contype="1" conaffinity="2"'
 class MujocoContact:
     """Parameters of MuJoCo's contact.
 
-    The defaults are those of the rig; they do not chatter in the planar cases of `benchmarks.physics.engines`. MuJoCo's
-    contact has a prescribed acceleration, so that its compliance depends on the masses in contact: with the same
-    parameters the overlap on the rig is several times that of the planar peg.
+    The defaults are those of the rig; they do not chatter in the planar cases of `benchmarks.physics.convergence`.
+    MuJoCo's contact has a prescribed acceleration, so that its compliance depends on the masses in contact: with the
+    same parameters the overlap on the rig is several times that of the planar peg.
 
     Attributes:
         boxes: number of boxes in the ring.

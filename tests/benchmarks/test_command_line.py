@@ -1,67 +1,60 @@
-"""The command lines of the benchmarks: help, errors and result files."""
+"""The command lines of the benchmarks: help, errors, missing packages and result files."""
 
-import ast
-import importlib
+import json
+import os
+import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-from benchmarks.command_line import argument_parser, run
-from tests.benchmarks.test_extras import COMMANDS, ROOT
+import benchmarks
+from benchmarks.command_line import JsonFile, finish, run
+from tests.scripts.commands import ROOT
 
 
-def import_command(module):
-    for name in ("hmmlearn", "mujoco"):
-        if name in (ROOT / (module.replace(".", "/") + ".py")).read_text():
-            pytest.importorskip(name, reason="needs the extra [peers]")
-    return importlib.import_module(module)
+def benchmark(json: JsonFile = None):
+    raise ValueError("no samples")
 
 
-@pytest.mark.parametrize("module", COMMANDS)
-def test_the_help_shows_the_command_and_explains_every_option(module, monkeypatch, capsys):
-    command = import_command(module)
-    monkeypatch.setattr(sys, "argv", [module, "-h"])
-    monkeypatch.setenv("COLUMNS", "200")
+def test_the_help_is_the_docstring_of_the_module_with_its_line_breaks(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["benchmark", "-h"])
     with pytest.raises(SystemExit) as end:
-        command.main()
+        run(benchmark)
     assert end.value.code == 0
     text = capsys.readouterr().out
-    assert f"python -m {module}" in text
-    assert command.__doc__.splitlines()[0] in text
-    options = [line for line in text[text.index("\noptions:") :].splitlines() if line.startswith("  -")]
-    assert options
-    following = text.splitlines()
-    for line in options:
-        help_text = line.strip().split("  ", 1)[1:] or [following[following.index(line) + 1].strip()]
-        assert len(help_text[0].strip()) > 5, line
+    assert __doc__.splitlines()[0] in text
+    assert "--json FILE" in text
 
 
-def test_an_error_is_one_message_and_exit_code_1(capfd):
-    def main():
-        raise ValueError("--trials 0; expected at least 1")
-
+def test_an_error_is_one_line_and_exit_code_1(monkeypatch, capfd):
+    monkeypatch.setattr(sys, "argv", ["benchmark"])
     with pytest.raises(SystemExit) as end:
-        run(main)
+        run(benchmark)
     assert end.value.code == 1
-    out, err = capfd.readouterr()
-    assert out == ""
-    assert "error: --trials 0; expected at least 1" in err
-    assert "Traceback" not in err
+    assert capfd.readouterr().err == "error: no samples\n"
 
 
-def test_a_run_without_an_error_returns():
-    results = []
-    run(lambda: results.append(1))
-    assert results == [1]
+def test_results_are_written_with_the_machines_own_speed(tmp_path, capsys):
+    finish({"rows": [1]}, tmp_path / "results.json")
+    found = json.loads((tmp_path / "results.json").read_text())
+    assert found == {"rows": [1], "machine_speed": pytest.approx(found["machine_speed"])}
+    assert f"reference loop: {found['machine_speed']:.0f} ms" in capsys.readouterr().out
 
 
-def test_every_benchmark_has_the_option_for_a_result_file():
-    assert argument_parser("text").parse_args(["--json", "a.json"]).json == Path("a.json")
+@pytest.mark.slow
+def test_a_missing_package_is_one_line_that_names_its_extra(tmp_path):
+    """A package of the name that cannot be imported stands before the installed one."""
+    (tmp_path / "hmmlearn.py").write_text("raise ModuleNotFoundError('hidden', name='hmmlearn')")
+    path = os.pathsep.join([str(tmp_path), str(ROOT)])
+    command = [sys.executable, "-m", "benchmarks.learners.contact_states", "-h"]
+    done = subprocess.run(
+        command, cwd=ROOT, env=os.environ | {"PYTHONPATH": path}, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (1, "")
+    message = "this needs the extra [peers], but 'hmmlearn' is missing: install haptic-skill[peers]"
+    assert done.stderr == f"error: {message}\n"
 
 
-def test_result_files_are_written_atomically():
-    for path in (ROOT / "benchmarks").rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            name = node.attr if isinstance(node, ast.Attribute) else ""
-            assert name not in {"write_text", "write_bytes", "dump"}, f"{path}: {name}; use write_json"
+def test_other_errors_keep_their_traceback(capsys):
+    benchmarks.name_missing_extra(KeyError, KeyError("defect"), None)
+    assert "KeyError: 'defect'" in capsys.readouterr().err

@@ -1,9 +1,6 @@
 """The benchmark of recordings, on recordings that it has made itself."""
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,22 +11,11 @@ pytest.importorskip("ruptures", reason="needs the extra [peers]")
 
 from threadpoolctl import threadpool_limits
 
-from benchmarks.recordings import (
-    PEERS,
-    TOLD,
-    Samples,
-    change_points,
-    k_means,
-    lasting,
-    long_recordings,
-    selected,
-    simulated,
-)
+from benchmarks.learners.state_learners import Samples, k_means
+from benchmarks.recordings import PEERS, TOLD, change_points, lasting, main, selected, simulated
 from experiments.exact_states import exact_labels
 from skill.recordings.recording import Recording
 from tests.state_recordings import CHANNELS, three_contacts
-
-ROOT = Path(__file__).resolve().parents[2]
 
 
 def three_phases(n_trials=6):
@@ -46,14 +32,11 @@ def three_phases(n_trials=6):
 
 
 @pytest.mark.slow
-def test_figures_of_all_learners(tmp_path):
-    np.savez(tmp_path / "three.npz", **three_phases())
-    command = [sys.executable, "-m", "benchmarks.recordings", "--data", tmp_path / "three.npz"]
-    command += ["--train-trials", "1-3", "--test-trials", "4,5-6", "--hours", "0.01"]
-    command += ["--json", tmp_path / "figures.json"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    figures = json.loads((tmp_path / "figures.json").read_text())
+def test_figures_of_all_learners(tmp_path, capsys):
+    data, out = tmp_path / "three.npz", tmp_path / "figures.json"
+    np.savez(data, **three_phases())
+    main(data=data, train_trials="1-3", test_trials="4,5-6", hours=0.01, json=out)
+    figures = json.loads(out.read_text())
     keys = {"states", "ari", "nmi", "boundary_f1"}
     assert figures["states"] == 3
     assert min(figures[key] for key in keys) > 0.9
@@ -62,17 +45,11 @@ def test_figures_of_all_learners(tmp_path):
     assert min(figures["peers"][name]["ari"] for name in ("CompetitiveAgglomeration", "GMM-BIC")) > 0.9
     assert figures["on_line"]["accuracy"] > 0.9
     assert 0.0 <= figures["on_line"]["delay_mean_s"] < 0.2
-    assert "ContactStates" in done.stdout
+    assert "ContactStates" in capsys.readouterr().out
     cost = figures["cost"]
     assert cost["recordings"] >= 36 / 3.6  # of at most 3.6 s each
     assert cost["states"] >= 3
     assert min(cost[key] for key in ("read_s", "average_s", "fit_s", "peak_memory_gb")) > 0.0
-
-
-@pytest.mark.parametrize("hours", [0.0, -1.0, float("nan"), float("inf")])
-def test_hours_are_a_positive_number(tmp_path, hours):
-    with pytest.raises(ValueError, match=rf"--hours {hours:g}: expected a positive number"):
-        long_recordings([], hours, 0, tmp_path / "long.parquet")
 
 
 def test_good_demonstrations_with_sensor_noise_and_exact_states(demonstration_folder, demonstrations):
@@ -88,15 +65,15 @@ def test_good_demonstrations_with_sensor_noise_and_exact_states(demonstration_fo
 
 def samples(**changes):
     arrays = three_phases()
-    parts = {"Z": arrays["wrench"], "time": arrays["time"], "groups": arrays["trial"], "phases": arrays["phase"]}
+    parts = {"Z": arrays["wrench"], "times": arrays["time"], "groups": arrays["trial"], "labels": arrays["phase"]}
     return Samples(**{**parts, **changes})
 
 
 def test_change_points_are_counted_from_the_beginning_of_each_trial():
     data = samples()
-    number, states = change_points(data, data, 0, 3)
+    number, states, _ = change_points(data, data, 0, 3)
     assert number == 3
-    assert (states == data.phases).mean() > 0.95
+    assert (states == data.labels).mean() > 0.95
     constant = samples(Z=np.random.default_rng(0).normal(size=data.Z.shape))
     assert change_points(constant, constant, 0, None)[0] == 1
 

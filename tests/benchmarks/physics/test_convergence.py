@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.physics import convergence
-from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, crawl
+from benchmarks.physics.contact_measurements import CRAWLING, FIRM, PegTheory, crawl
 from benchmarks.physics.contact_probe import ContactProbe
-from benchmarks.physics.convergence import BEFORE, COLUMNS, SLIDES, main, measure, scenario_of
+from benchmarks.physics.convergence import BEFORE, COLUMNS, SLIDES, drake_case, main, measure, mujoco_cases
+from models.scenario import Scenario
 
 TILT = np.radians(1.0)
 ACCURACY = ("depth_error", "moment_error", "overlap_um", "large_overlap_um", *SLIDES)
@@ -16,7 +17,7 @@ ACCURACY = ("depth_error", "moment_error", "overlap_um", "large_overlap_um", *SL
 
 @pytest.mark.slow
 def test_the_default_is_at_least_as_accurate_as_before_and_overlaps_by_less_than_10_um_under_50_n():
-    now, before = (measure(setting, TILT, 5.0, 50.0) for setting in ({}, BEFORE))
+    now, before = (measure(drake_case(setting), TILT, 5.0, 50.0) for setting in ({}, BEFORE))
     for name in ACCURACY:
         assert abs(now[name]) <= abs(before[name]), name
     assert abs(now["play_depth_error"]) < 1e-3
@@ -27,12 +28,12 @@ def test_the_default_is_at_least_as_accurate_as_before_and_overlaps_by_less_than
 @pytest.mark.slow
 def test_a_chamfer_that_begins_at_the_mouth_pushes_against_a_sliding_peg():
     """The force is 21 % too large, and less than half of that with the broken edge."""
-    scenario = scenario_of({})
+    scenario = Scenario()
     sizes, friction = PegTheory.of(scenario), scenario.contact.friction
     errors = {}
     for sharp in (True, False):
         probe = ContactProbe(scenario, sharp=sharp, **CRAWLING)
-        predicted, measured = crawl(probe, sizes, friction, lateral=0.0, moment=0.2, depth=0.020)
+        predicted, measured = crawl(probe, sizes, friction, lateral=0.0, moment=FIRM, depth=0.020)
         errors[sharp] = measured.mean() / predicted - 1.0
     assert errors[True] > 0.15
     assert 0.0 < errors[False] < 0.5 * errors[True]
@@ -40,14 +41,19 @@ def test_a_chamfer_that_begins_at_the_mouth_pushes_against_a_sliding_peg():
 
 @pytest.mark.slow
 def test_the_table_has_one_row_per_setting(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(convergence, "FINEST", {"facets": 24})
     monkeypatch.setattr(convergence, "SETTINGS", [{"facets": 24, "corners": "outside"}])
-    monkeypatch.setattr("sys.argv", ["convergence", "--json", str(tmp_path / "rows.json")])
-    main()
-    rows = json.loads((tmp_path / "rows.json").read_text())
-    assert [row["setting"] for row in rows] == [{"facets": 24}, {"facets": 24, "corners": "outside"}]
-    assert all(set(row) == {"setting", *COLUMNS} for row in rows)
-    assert rows[1]["play_depth_error"] > 1.0  # the sagitta is 86 um, the clearance 50 um
+    main(json=tmp_path / "rows.json")
+    (row,) = json.loads((tmp_path / "rows.json").read_text())["rows"]
+    assert set(row) == {"setting", *COLUMNS}
+    assert row["play_depth_error"] > 1.0  # the sagitta is 86 um, the clearance 50 um
     printed = capsys.readouterr().out.splitlines()
     assert printed[0].split()[0] == "setting"
-    assert printed[2].startswith("facets 24, corners outside")
+    assert printed[1].startswith(f"{row['setting']} ")
+
+
+@pytest.mark.slow
+def test_mujoco_agrees_about_a_firm_slide_and_has_no_meshes_to_measure():
+    pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
+    row = measure(next(mujoco_cases()), TILT, 5.0, 50.0)
+    assert set(row) == set(COLUMNS) - {"play_depth_error"}
+    assert abs(row["firm_20mm"]) < 0.1

@@ -1,1 +1,0 @@
-"""The live session in a real browser."""
