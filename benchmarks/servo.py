@@ -4,7 +4,8 @@
 
 1. The servo's process, with the loopback device, beside the simulation on the wall's clock: alone, with the page open
    in a headless Chromium, and beside a busy process on each core. Columns: percentiles of the time between two ticks;
-   late ticks (that end after their period) of all; late contact steps of all; age of the local model of the contact.
+   late ticks (that end after their period) of all; late contact steps of all; age of the local model of the contact;
+   rate, the simulated time over the CPU time of the simulation.
 2. The force, without a clock: hands that are recorded once, with operator, device and contact all at 1 kHz, move the
    served probe. The error is the root mean square of the difference from the wrench of the recording, in N and of its
    root mean square.
@@ -12,10 +13,10 @@
    grip and the friction that the device's preset assumes. The energy that the display generates is what it gives back
    beyond all that the hand has put in, and that grip and friction have absorbed.
 
-Keys of the file: ``tick_ms_p50`` to ``tick_ms_max``, ``late_share``, ``late_steps_share`` and ``model_age_ms_p99``, of
-the servo alone; ``conditions``, the same for each condition; ``force_rms_error_n``, ``force_rms_error_share`` and
-``torque_rms_error_share``, over the hands; ``hands``, the same for each; ``energy_generated_mj``, the largest;
-``priority``, whether the system grants the servo a real-time priority.
+Keys of the file: ``tick_ms_p50`` to ``tick_ms_max``, ``late_share``, ``late_steps_share``, ``model_age_ms_p99`` and
+``realtime_rate``, of the servo alone; ``conditions``, the same for each condition; ``force_rms_error_n``,
+``force_rms_error_share`` and ``torque_rms_error_share``, over the hands; ``hands``, the same for each;
+``energy_generated_mj``, the largest; ``priority``, whether the system grants the servo a real-time priority.
 """
 
 from __future__ import annotations
@@ -124,12 +125,15 @@ def timing(scenario: Scenario, seconds: float, draw: Callable[[ServedRun], None]
     periods: list[Array] = []
     ages: list[float] = []
     late = ticks = late_steps = steps = 0
+    simulated, cpu = 0.0, 0.0
     with ServoClient(LOOPBACK) as servo:
         while ticks < 1e3 * seconds:
             served = ServedRun(scenario, servo)
+            began = time.process_time()
             while served.step() is None and served.time < seconds:
                 ages.append(1e3 * served.probe.age)
                 draw(served)
+            simulated, cpu = simulated + served.time, cpu + time.process_time() - began
             periods.append(1e3 * np.diff(servo.end()))
             ticks, late = ticks + served.probe.ticks, late + served.probe.late
             steps, late_steps = steps + served.steps, late_steps + served.late_steps
@@ -139,6 +143,7 @@ def timing(scenario: Scenario, seconds: float, draw: Callable[[ServedRun], None]
         **{"ticks": ticks, "tick_ms_p50": float(p50), "tick_ms_p99": float(p99), "tick_ms_p999": float(p999)},
         **{"tick_ms_max": float(found.max()), "late_share": late / ticks, "late_steps_share": late_steps / steps},
         **{"model_age_ms_p99": float(np.percentile(ages, 99.0)), "priority": servo.has_priority},
+        "realtime_rate": simulated / cpu,
     }
 
 
@@ -287,12 +292,22 @@ def main(
 def show(conditions: dict[str, Any], hands: dict[int, Any], energies: dict[str, float]) -> None:
     """Prints the results."""
     table = plain_table("ticks of the servo, ms")
-    for title in ("condition", "50 %", "99 %", "99.9 %", "largest", "late", "contact steps late", "model's age, 99 %"):
+    for title in (
+        "condition",
+        "50 %",
+        "99 %",
+        "99.9 %",
+        "largest",
+        "late",
+        "contact steps late",
+        "model's age, 99 %",
+        "rate",
+    ):
         table.add_column(title, justify="left" if title == "condition" else "right")
     for name, of in conditions.items():
         figures = [f"{of[key]:.2f}" for key in ("tick_ms_p50", "tick_ms_p99", "tick_ms_p999", "tick_ms_max")]
         shares = [f"{100 * of[key]:.2f} %" for key in ("late_share", "late_steps_share")]
-        table.add_row(name, *figures, *shares, f"{of['model_age_ms_p99']:.1f}")
+        table.add_row(name, *figures, *shares, f"{of['model_age_ms_p99']:.1f}", f"{of['realtime_rate']:.2f}")
     console.print(table)
     table = plain_table("error of the force")
     for title in ("hand", "force, N", "error, N", "error", "error of the torque"):

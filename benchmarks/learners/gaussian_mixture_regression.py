@@ -2,9 +2,9 @@
 
 Gaussian mixture regression predicts outputs by conditioning the Gaussians of the joint distribution on the inputs.
 
-With means m, covariances C split into inputs x and outputs y, and weights p, component k predicts the mean and variance
+With means m, covariances C split into inputs x and outputs y, and weights p, component k predicts the mean
 
-    y_k(x) = m_y + C_yx C_xx^-1 (x - m_x),    V_k = C_yy - C_yx C_xx^-1 C_xy,
+    y_k(x) = m_y + C_yx C_xx^-1 (x - m_x),
 
 and the mixture weighs the components by h_k(x) ~ p_k N(x | m_x, C_xx). The Gaussians may come from any clustering.
 
@@ -16,7 +16,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.special import logsumexp
 from sklearn.mixture import GaussianMixture
@@ -61,31 +61,13 @@ def gmr_predict(
         The conditional mean, (n, b).
 
     Raises:
-        ValueError: if shapes do not match, channels overlap or a covariance is not positive definite.
+        ValueError: if a covariance is not positive definite.
     """
-    mean, _ = gmr_moments(means, covariances, weights, X, input_channels, output_channels)
-    return mean
-
-
-def gmr_moments(
-    means: ArrayLike,
-    covariances: ArrayLike,
-    weights: ArrayLike,
-    X: ArrayLike,
-    input_channels: ArrayLike,
-    output_channels: ArrayLike,
-) -> tuple[Array, Array]:
-    """Conditional mean (n, b) and variance (n, b) of the outputs; arguments and errors as for ``gmr_predict``."""
     m, C = np.asarray(means, dtype=float), np.asarray(covariances, dtype=float)
-    p, queries = np.asarray(weights, dtype=float), np.asarray(X, dtype=float)
+    p, queries = np.asarray(weights, dtype=float), np.asarray(X, dtype=float).clip(-MAX_QUERY, MAX_QUERY)
     a, b = np.asarray(input_channels, dtype=np.intp), np.asarray(output_channels, dtype=np.intp)
-    _check_shapes(m, C, p, queries, a, b)
-    queries = queries.clip(-MAX_QUERY, MAX_QUERY)
-    n, M = len(queries), len(m)
-    log_h = np.empty((n, M))
-    y = np.empty((n, M, len(b)))
-    variance = np.empty((M, len(b)))
-    for k in range(M):
+    log_h, y = np.empty((len(queries), len(m))), np.empty((len(queries), len(m), len(b)))
+    for k in range(len(m)):
         try:
             L = cholesky(C[k][np.ix_(a, a)], lower=True)
         except LinAlgError:
@@ -94,30 +76,8 @@ def gmr_moments(
                 " fit the Gaussians with a greater covariance floor"
             ) from None
         whitened = solve_triangular(L, (queries - m[k, a]).T, lower=True)
-        gain = solve_triangular(L, C[k][np.ix_(a, b)], lower=True)
-        y[:, k] = m[k, b] + whitened.T @ gain
-        variance[k] = C[k][b, b] - (gain**2).sum(axis=0)
+        y[:, k] = m[k, b] + whitened.T @ solve_triangular(L, C[k][np.ix_(a, b)], lower=True)
         with np.errstate(divide="ignore"):  # a component of weight zero has no effect
             log_h[:, k] = np.log(p[k]) - np.log(np.diag(L)).sum() - 0.5 * (whitened**2).sum(axis=0)
     h = np.exp(log_h - logsumexp(log_h, axis=1, keepdims=True))
-    mean = np.einsum("nk,nkb->nb", h, y)
-    # Law of total variance: the mean of the variances and the variance of the means.
-    spread = np.einsum("nk,nkb->nb", h, (y - mean[:, None, :]) ** 2)
-    return mean, h @ variance.clip(0.0) + spread
-
-
-def _check_shapes(m: Array, C: Array, p: Array, X: Array, a: NDArray[np.intp], b: NDArray[np.intp]) -> None:
-    if m.ndim != 2 or C.shape != (*m.shape, m.shape[1]) or p.shape != m.shape[:1]:
-        raise ValueError(f"means {m.shape}, covariances {C.shape}, weights {p.shape}; expected (M, d), (M, d, d), (M,)")
-    if X.ndim != 2 or X.shape[1] != len(a):
-        raise ValueError(f"X has shape {X.shape}; expected (n, {len(a)}), one column an input channel")
-    if not np.isfinite(X).all():
-        raise ValueError("X has NaN or infinite values; drop these rows")
-    channels = np.concatenate([a, b])
-    if len(np.unique(channels)) < len(channels) or channels.min() < 0 or channels.max() >= m.shape[1]:
-        raise ValueError(
-            f"input channels {a.tolist()} and output channels {b.tolist()}; expected distinct indices"
-            f" from 0 to {m.shape[1] - 1}"
-        )
-    if p.min() < 0 or not p.sum() > 0:
-        raise ValueError("weights must be non-negative and not all zero")
+    return np.asarray(np.einsum("nk,nkb->nb", h, y))

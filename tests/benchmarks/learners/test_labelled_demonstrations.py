@@ -30,9 +30,3 @@ def test_the_features_are_standardised(data):
 def test_geometry_and_force_agree_about_contact(data):
     assert data.contact_agreement > 0.95
     assert 0.0 < data.deepest_overlap < 1e-3
-
-
-@pytest.mark.slow
-def test_the_noise_depends_on_the_seed_alone(data, demonstrations):
-    np.testing.assert_array_equal(label_demonstrations(demonstrations, seed=0).Z, data.Z)
-    assert not np.array_equal(label_demonstrations(demonstrations, seed=1).Z, data.Z)

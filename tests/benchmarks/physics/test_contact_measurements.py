@@ -12,7 +12,7 @@ from benchmarks.physics.contact_measurements import (
     measured_two_point_depth,
     mouth_gaps,
 )
-from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PosedMeshes
+from benchmarks.physics.contact_probe import ContactProbe, PosedMeshes
 from models.contact_theory import largest_entry_tilt, two_point_depth
 from models.scenario import Scenario
 
@@ -47,17 +47,6 @@ def test_loads_slide_inside_the_jamming_diagram_and_stick_outside():
 def test_the_axial_force_of_sliding_is_predicted():
     predicted, measured = force_balance(Scenario(), 0.2, depth=0.020, shares=[0.0, 0.6])
     assert measured == pytest.approx(predicted, rel=0.05)
-
-
-def test_a_held_axis_does_not_move(probe):
-    probe.place(PlanarPose(0.0, -0.01, 0.0))
-    probe.load(0.0, -1.0, 0.0)
-    probe.hold("z")
-    probe.step(5)
-    assert probe.pose().z == pytest.approx(-0.01, abs=1e-12)
-    probe.hold()
-    probe.step(5)
-    assert probe.pose().z < -0.01
 
 
 def test_posed_meshes_touch_where_the_peg_is_wider_than_the_free_space():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.rig.learners import Extrapolating, RandomSign, ShuffledNeighbour, bad_imitated, bad_left_out
+from benchmarks.rig.learners import Extrapolating, RandomSign, ShuffledNeighbour
 from skill.features.wrench_features import MEASURED
 from skill.states.context_filter import pair_probabilities
 
@@ -14,15 +14,6 @@ def test_shuffled_actions_are_the_demonstrated_ones_in_another_order():
     predicted = ShuffledNeighbour().fit(X, y).predict(X)
     np.testing.assert_array_equal(np.sort(predicted, axis=0), np.sort(y, axis=0))
     assert abs(np.corrcoef(predicted[:, 0], y[:, 0])[0, 1]) < 0.2
-
-
-def test_bad_demonstrations_are_left_out_or_called_good(demonstrations):
-    good = [d for d in demonstrations if d.good]
-    assert 0 < len(good) < len(demonstrations)
-    assert bad_left_out(demonstrations) == good
-    imitated = bad_imitated(demonstrations)
-    assert len(imitated) == len(demonstrations)
-    assert all(d.good for d in imitated)
 
 
 @pytest.mark.slow
