@@ -101,7 +101,7 @@ class Campaign:
             return True
         self._in_a_row[lane.name] = 0
         self.counts[f"{lane.name}: completed"] += 1
-        self.counts[f"{lane.name}: items kept over kills"] += lane.kept_items()
+        self.counts[f"{lane.name}: items kept over kills"] += len(lane.known)
         if code != 0:
             self._note(lane, [f"exit code {code}: {text[-500:]}"], "restarted")
         self._note(lane, found(lane.faults_after_completion), "completed")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -62,29 +62,24 @@ class Lane:
         """What is wrong in the folder after a completion; the next command has another request."""
         raise NotImplementedError
 
-    def kept_items(self) -> int:
-        """The number of items that the command found when it last started, of those it has made."""
-        return len(self.known)
-
-    def hidden(self, folder: Path | None = None) -> list[str]:
+    def hidden(self) -> list[str]:
         """A fault for each hidden or temporary file in the folder."""
-        return [f"{path.name} stays" for path in sorted((folder or self.folder).glob(".*"))]
+        return [f"{path.name} stays" for path in sorted(self.folder.glob(".*"))]
 
 
 class SetLane(Lane):
     """A command that fills a folder with the set of one request.
 
     Attributes:
+        read: reads an item.
         old: marks of the last complete set, by name.
     """
+
+    read: Callable[[Path], Any]
 
     def __init__(self, base: Path) -> None:
         super().__init__(base)
         self.old: dict[str, Mark] = {}
-
-    def read(self, path: Path) -> Any:
-        """Reads an item."""
-        raise NotImplementedError
 
     def places(self) -> Iterator[Path]:
         """The folders that may hold files of a set."""
@@ -114,7 +109,6 @@ class SetLane(Lane):
         return faults
 
     def faults_after_completion(self) -> list[str]:
-        """What is wrong after a completion."""
         faults = self._faults_of_items(self.folder) + self.hidden()
         now = marks(self.folder)
         again = [name for name, mark in self.known.items() if now.get(name) != mark]
@@ -147,9 +141,9 @@ class RecordLane(SetLane):
 
     name = "record"
     changes = 30
+    read = staticmethod(read_demonstration)
 
     def command(self, jobs: int) -> list[object]:
-        """The module and its arguments."""
         scenario = self.base / "record.yaml"
         scenario.write_text(yaml.safe_dump(QUICK_DEMONSTRATIONS))
         return [
@@ -157,28 +151,20 @@ class RecordLane(SetLane):
             *("--good", 6, "--bad", 0, "--seed", self.round, *(["--overwrite"] if self.old else [])),
         ]
 
-    def read(self, path: Path) -> Any:
-        """Reads a demonstration."""
-        return read_demonstration(path)
-
 
 class RigLane(SetLane):
     """Runs five short trials, with other numbers each time."""
 
     name = "rig"
     changes = 35
+    read = staticmethod(read_rig_run)
 
     def command(self, jobs: int) -> list[object]:
-        """The module and its arguments."""
         return [
             *("scripts.rig", "--out", self.folder, "--scenario", short_trials(self.base), "--jobs", jobs),
             *("--skill", self.base / "skill.npz", "--trials", 5, "--seed", self.round),
             *(["--overwrite"] if self.old else []),
         ]
-
-    def read(self, path: Path) -> Any:
-        """Reads a run."""
-        return read_rig_run(path)
 
     def _faults_of_items(self, place: Path) -> list[str]:
         """The results agree with the runs; a kill between the two leaves one run that is not in the results yet."""
@@ -195,7 +181,6 @@ class RigLane(SetLane):
         return faults
 
     def faults_after_completion(self) -> list[str]:
-        """What is wrong after a completion."""
         results = json.loads((self.folder / "results.json").read_text())
         missing = [] if len(results) == 5 else [f"{len(results)} results of 5"]
         missing += [] if (self.folder / "report.html").stat().st_size > 1000 else ["no report"]
@@ -209,7 +194,6 @@ class TrainLane(Lane):
     changes = 5
 
     def command(self, jobs: int) -> list[object]:
-        """The module and its arguments."""
         out = self.folder / "skill.npz"
         return [*("scripts.train", "--demonstrations", self.base / "shown", "--out", out, "--seed", self.round)]
 
@@ -236,7 +220,6 @@ class PractiseLane(Lane):
     changes = 40
 
     def command(self, jobs: int) -> list[object]:
-        """The module and its arguments."""
         return [
             *("scripts.practise", "--out", self.folder / "p.npz", "--scenario", short_trials(self.base)),
             *("--skill", self.base / "skill.npz", "--jobs", jobs, "--seed", self.round),
@@ -285,10 +268,9 @@ class LiveLane(Lane):
     changes = 12
 
     def command(self, jobs: int) -> list[object]:
-        """The module and its arguments."""
         scenario = self.base / "live.yaml"
         scenario.write_text(yaml.safe_dump(QUICK_LIVE))
-        return ["tests.scripted_live", "--out", self.folder, "--scenario", scenario, "--number", 3]
+        return ["tests.scripted_live", self.folder, scenario, "--number", 3]
 
     def faults_after_kill(self) -> list[str]:
         """All recordings are there and readable."""

@@ -1,6 +1,6 @@
 """A live session without a browser, for the kill campaign: a script presses the buttons, a device moves the peg.
 
-    python -m tests.scripted_live --out FOLDER --scenario FILE --number N
+    python -m tests.scripted_live FOLDER SCENARIO --number N
 
 The session, the simulation and the files are the real ones. The script starts a demonstration, the device pushes the
 peg into the hole, and the script keeps the recording as good, N times.
@@ -8,10 +8,10 @@ peg into the hole, and the script keeps the recording as good, N times.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
+import typer
 from pydrake.math import RigidTransform
 
 from experiments.outputs.live_folder import open_live_folder
@@ -74,29 +74,24 @@ class WatchedPage(LivePage):
 
 
 @report_errors
-def main() -> None:
+def main(out: Path, scenario: Path, number: int = 3) -> None:
     """Runs the session."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--scenario", required=True)
-    parser.add_argument("--number", type=int, default=3)
-    arguments = parser.parse_args()
-    scenario = load_scenario(arguments.scenario)
-    with open_live_folder(arguments.out):
+    loaded = load_scenario(scenario)
+    with open_live_folder(out):
         page = WatchedPage(host=LOCAL_HOST, port=0)
         try:
             session = LiveSession(
-                start_of=lambda number: live_scenario(scenario, seed=0, number=number),
-                out=arguments.out,
+                start_of=lambda k: live_scenario(loaded, seed=0, number=k),
+                out=out,
                 page=page,
-                tell=say,
+                announce=say,
                 driver="tests.scripted_live:PushingDevice",
             )
-            session._buttons = ScriptedButtons(arguments.number)
+            session._buttons = ScriptedButtons(number)
             say(f"{len(session.run())} demonstrations kept")
         finally:
             page.close()
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -32,7 +32,7 @@ def lane(tmp_path):
     for k in range(2):
         write_demonstration(make_demonstration(), lane.folder / f"00{k}_good_a.parquet")
     assert lane.faults_after_kill() == []
-    assert lane.kept_items() == 2
+    assert len(lane.known) == 2
     return lane
 
 
