@@ -21,7 +21,7 @@ MYPY := $(if $(filter 3.11,$(VERSION)),$(RUN) mypy,@echo "types: checked with Py
 .PHONY: demo test test-fast test-nightly lint mutants fuzz campaign bench sweeps docs release clean environment .venv system-packages
 
 demo: environment
-	$(RUN) scripts.demo $(ARGS)
+	$(RUN) haptic_skill demo $(ARGS)
 
 # Lint, types and all tests but the nightly ones: about eight minutes on two cores.
 test: environment system-packages lint
@@ -72,14 +72,13 @@ sweeps: environment
 RELEASE := out/release/files
 NAME = haptic-skill-$(shell "$(VENV)/bin/python" -c 'from importlib.metadata import version; print(version("haptic-skill"))')
 
-# Wheel, sources, the default skill, its demonstrations and checksums, in out/release/files.
+# Wheel and sources with the skill of the checkout, the skill and demonstrations of a new demo, and checksums.
 release: environment
 	rm -rf out/release && mkdir -p $(RELEASE)
 	"$(VENV)/bin/haptic-skill" demo --out out/release/demo
-	cp out/release/demo/skill.npz skill/default_skill.npz
 	$(RUN) pip install --quiet build
-	$(RUN) build --outdir $(RELEASE) . > out/release/build.log 2>&1 || { rm skill/default_skill.npz; tail out/release/build.log; exit 1; }
-	mv skill/default_skill.npz $(RELEASE)/$(NAME)-skill.npz
+	$(RUN) build --outdir $(RELEASE) . > out/release/build.log 2>&1 || { tail out/release/build.log; exit 1; }
+	cp out/release/demo/skill.npz $(RELEASE)/$(NAME)-skill.npz
 	tar -C out/release/demo -czf $(RELEASE)/$(NAME)-demonstrations.tar.gz demonstrations corrections
 	cd $(RELEASE) && sha256sum -- * > SHA256SUMS && cat SHA256SUMS
 

@@ -17,7 +17,7 @@ def main() -> None:
     check_packages()
     from scripts.haptic_skill import app
 
-    app()
+    app(prog_name="haptic-skill")
 
 
 def check_packages() -> None:

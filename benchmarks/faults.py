@@ -43,7 +43,7 @@ from experiments.trial import TrialMonitor, run_trial, trial_scenario
 from experiments.worker_pool import run_in_processes
 from interfaces.terminal import console, progress
 from models.scenario import Scenario, load_scenario
-from scripts.options import Jobs, ScenarioName
+from scripts.command_line import Jobs, ScenarioName
 from skill.features.measurement import contact_load, contact_loads
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy

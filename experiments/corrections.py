@@ -1,18 +1,19 @@
-"""Corrections: demonstrations that begin where a policy was stuck.
+"""Rolls out a skill, collects corrections where it gets stuck, and trains again (DAgger).
 
-A policy that imitates visits query states that nobody has shown, because its errors lead it there. The remedy is to let
-the policy act, and to demonstrate from the query states that it visits: Ross, Gordon, Bagnell, "A reduction of
-imitation learning and structured prediction to no-regret online learning", AISTATS 2011. Here the policy performs
-practice trials, a `QueryState` is where it was stuck first, and an operator takes over from there in the virtual
-environment.
+A policy that imitates visits states that nobody has shown, because its errors lead it there. The remedy is to let the
+policy act, and to demonstrate from the states that it visits: Ross, Gordon, Bagnell, "A reduction of imitation learning
+and structured prediction to no-regret online learning", AISTATS 2011. Here the policy performs practice trials, a
+`QueryState` is where it was stuck first, and an operator takes over from there in the virtual environment. Such a
+demonstration is a correction.
 """
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -34,6 +35,32 @@ LIFT = 3e-4
 ATTEMPTS = 5
 """Attempts of an operator at one correction."""
 
+MAX_ROUNDS, MAX_TRIALS = 100, 10_000  # so that the number of a practice trial is unique
+
+P = TypeVar("P", bound=RigPolicy)
+
+
+@dataclass(frozen=True)
+class CorrectionPlan:
+    """How much is practised and corrected.
+
+    Attributes:
+        rounds: of practice, corrections and training, at most.
+        trials: practice trials in each round.
+        most: corrections in each round, at most.
+        seed: of the demonstrations, whose operators take over, and of the practice trials.
+    """
+
+    rounds: int
+    trials: int
+    most: int
+    seed: int
+
+    def numbers(self, round_number: int) -> range:
+        """The numbers of the practice trials of a round; the first round is 1."""
+        first = (self.seed * MAX_ROUNDS + round_number - 1) * MAX_TRIALS
+        return range(first, first + self.trials)
+
 
 @dataclass(frozen=True)
 class StuckTrial:
@@ -46,6 +73,36 @@ class StuckTrial:
 
     query_state: QueryState
     result: TrialResult
+
+
+def correct(
+    policy: P,
+    rounds: int,
+    *,
+    practise: Callable[[P, int], Sequence[StuckTrial]],
+    demonstrate: Callable[[Sequence[QueryState], int], bool],
+    train: Callable[[P, Sequence[StuckTrial], int], P],
+) -> P:
+    """Rolls out a policy, collects corrections where it gets stuck, and trains again, once a round.
+
+    A round in which the policy is never stuck, or nothing is demonstrated, is the last.
+
+    Args:
+        policy: that acts in the first round.
+        rounds: largest number of rounds; they have the numbers from 1 on.
+        practise: lets a policy perform the practice trials of a round; returns those in which it was stuck.
+        demonstrate: has query states demonstrated in a round; returns whether there is something to learn from.
+        train: returns the policy that has learnt from all demonstrations of a round; it gets the one before.
+
+    Returns:
+        The policy of the last training; the given one if there was none.
+    """
+    for number in range(1, rounds + 1):
+        stuck = practise(policy, number)
+        if not stuck or not demonstrate([trial.query_state for trial in stuck], number):
+            break
+        policy = train(policy, stuck, number)
+    return policy
 
 
 def practice_trial(scenario: Scenario, number: int) -> Scenario:
@@ -82,15 +139,15 @@ def find_query_state(run: RigRun, scenario: Scenario, *, number: int, inserted: 
     )
 
 
-def ask(
+def run_practice(
     scenario: Scenario, policy: RigPolicy, numbers: Sequence[int], *, jobs: int
 ) -> Iterator[tuple[TrialResult, QueryState | None]]:
     """Yields the results of practice trials and where the policy was stuck, in order, as they end."""
-    tasks = (partial(_ask, scenario, policy, number) for number in numbers)
+    tasks = (partial(_run_practice_trial, scenario, policy, number) for number in numbers)
     yield from run_in_processes(tasks, jobs=jobs)
 
 
-def _ask(scenario: Scenario, policy: RigPolicy, number: int) -> tuple[TrialResult, QueryState | None]:
+def _run_practice_trial(scenario: Scenario, policy: RigPolicy, number: int) -> tuple[TrialResult, QueryState | None]:
     resolved = practice_trial(scenario, number)
     result, run = run_trial(resolved, policy, seed=number)
     return result, find_query_state(run, resolved, number=number, inserted=result.inserted)

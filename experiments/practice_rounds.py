@@ -1,18 +1,15 @@
-"""Practice on the rig: rounds of perturbed trials, policy update and check."""
+"""Improves a skill by its own trials on the rig: rounds of perturbed trials, policy update and check."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from experiments.trial import run_trial
 from experiments.trial_result import TrialResult
-from experiments.worker_pool import run_in_processes
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, Scenario, resolve_scenario
 from skill.data.rig_run import RigRun
 from skill.manipulation_skill import ManipulationSkill
@@ -53,27 +50,8 @@ class Practice:
         return self.checks + self.rounds * (2 * self.starts + self.checks)
 
 
-class TrialStore(Protocol):
-    """Keeps finished trials, so that an interrupted practice need not repeat them."""
-
-    def load(self, name: str) -> Trial | None:
-        """Returns the trial that was saved under a name, or None."""
-
-    def save(self, name: str, trial: Trial) -> None:
-        """Saves a trial."""
-
-
-class NoStore:
-    """Keeps nothing."""
-
-    def load(self, name: str) -> None:
-        """Returns None."""
-
-    def save(self, name: str, trial: Trial) -> None:
-        """Does nothing."""
-
-
-NO_STORE = NoStore()
+Perform = Callable[[Mapping[str, Callable[[], Trial]]], list[Trial]]
+"""Performs trials, which have names of their own in the whole practice, and returns them in order."""
 
 
 @dataclass(frozen=True)
@@ -111,16 +89,8 @@ class Round:
     kept: bool
 
 
-def practise(
-    scenario: Scenario,
-    skill: ManipulationSkill,
-    practice: Practice,
-    *,
-    jobs: int,
-    advance: Callable[[str], None] = lambda note: None,
-    store: TrialStore = NO_STORE,
-) -> Iterator[Round]:
-    """Yields the rounds as they finish; the first is a check of the initial skill.
+def improve(scenario: Scenario, skill: ManipulationSkill, practice: Practice, *, perform: Perform) -> Iterator[Round]:
+    """Improves a skill by its own trials; yields the rounds as they finish, the first a check of the initial skill.
 
     A round performs trials with perturbations of the best skill so far, updates that skill with all rollouts since it
     was found, and checks the result. The starts of practice and checks come from random streams of their own, so they
@@ -130,9 +100,7 @@ def practise(
         scenario: with ranges.
         skill: the initial skill; it is not changed.
         practice: parameters.
-        jobs: number of processes.
-        advance: called with a message after each trial.
-        store: keeps the finished trials under the names of `trial_names`.
+        perform: performs the trials, under the names of `trial_names`.
     """
 
     def check_skill(candidate: ManipulationSkill, round_number: int) -> Check:
@@ -141,7 +109,7 @@ def practise(
             partial(run_trial, resolve_scenario(scenario, seed=n, stream=CHECK_STREAM), candidate, seed=n)
             for n in numbers
         ]
-        runs = run_stored(tasks, check_names(round_number, practice.checks), store, jobs=jobs, advance=advance)
+        runs = perform(dict(zip(check_names(round_number, practice.checks), tasks, strict=True)))
         return Check([r for r, _ in runs], [practice.cost.of_run(run) for _, run in runs])
 
     best, best_check = skill, check_skill(skill, 0)
@@ -155,7 +123,7 @@ def practise(
             partial(run_trial, resolve_scenario(scenario, seed=n, stream=PRACTICE_STREAM), policy, seed=n)
             for n, policy in trials
         ]
-        runs = run_stored(tasks, practice_names(number + 1, practice.starts), store, jobs=jobs, advance=advance)
+        runs = perform(dict(zip(practice_names(number + 1, practice.starts), tasks, strict=True)))
         rollouts += [rollout_of(run, policy, practice.cost) for (_, policy), (_, run) in zip(trials, runs, strict=True)]
         candidate = advantage_weighted_update(best, rollouts, practice.weighting)
         check = check_skill(candidate, number + 1)
@@ -190,34 +158,3 @@ def trial_names(practice: Practice) -> list[str]:
     for number in range(1, practice.rounds + 1):
         names += [*practice_names(number, practice.starts), *check_names(number, practice.checks)]
     return names
-
-
-def run_stored(
-    tasks: Sequence[Callable[[], Trial]],
-    names: Sequence[str],
-    store: TrialStore,
-    *,
-    jobs: int,
-    advance: Callable[[str], None],
-) -> list[Trial]:
-    """Runs the trials that a store does not have yet, saves each as it ends, and returns all in order.
-
-    Args:
-        tasks: functions that run a trial each.
-        names: name of each in the store.
-        store: of finished trials.
-        jobs: number of processes.
-        advance: called with a message after each trial.
-    """
-    done: dict[str, Trial] = {}
-    for name in names:
-        trial = store.load(name)
-        if trial is not None:
-            done[name] = trial
-            advance(f"{name}: there already")
-    missing = [(name, task) for name, task in zip(names, tasks, strict=True) if name not in done]
-    for (name, _), trial in zip(missing, run_in_processes((task for _, task in missing), jobs=jobs), strict=True):
-        store.save(name, trial)
-        done[name] = trial
-        advance(f"{Path(name).stem.replace('_', ' ')}: {trial[0].reason}, {trial[0].time:.1f} s")
-    return [done[name] for name in names]

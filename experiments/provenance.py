@@ -21,4 +21,4 @@ def version_of(distribution: str) -> str:
 def versions() -> dict[str, str]:
     """Returns the versions of the interpreter, of this project and of the packages that affect results."""
     names = ("haptic-skill", "drake", "numpy", "scipy", "scikit-learn")
-    return {PYTHON: version_of(PYTHON), **{name: importlib.metadata.version(name) for name in names}}
+    return {PYTHON: sys.version.split()[0], **{name: importlib.metadata.version(name) for name in names}}

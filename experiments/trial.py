@@ -27,7 +27,7 @@ from experiments.worker_pool import run_in_processes
 from models.clearance import relative_entry_tilt
 from models.scenario import STRESS_STREAM, TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
 from skill.arrays import Array
-from skill.data.outcome import UNPHYSICAL, Outcome
+from skill.data.outcome import UNPHYSICAL, Ending, Outcome
 from skill.data.rig_run import CONTACT_COLUMNS, RigRun
 from skill.policy import RigPolicy
 from systems.control.faults import Fault, one_line
@@ -36,94 +36,109 @@ from systems.rig import MakeRig
 from systems.rig_diagram import RigDiagram
 
 
-class TrialMonitor:
-    """A Simulator's monitor that ends a trial and records what the rig does not.
-
-    The trial ends when the peg is inserted, when the policy has nothing new to try, when the watchdog has stopped the
-    rig, or when the simulation diverges.
-    The Simulator calls the monitor at every event of a system. What the plant shows changes only with its own step and
-    is read once for each. The single contacts cost more than the net wrench: they are read once a controller period,
-    and between them where `ForceMetrics.is_news` says so.
+class TrialRecord:
+    """What is recorded of a trial beside what the rig records itself.
 
     Attributes:
-        outcome: how the trial ended; ``TIME_OVER`` until something else ends it.
-        detail: text that adds to the outcome.
         forces: the forces so far.
         motion: the motion of the peg so far.
         wedges: the wedges so far.
-        depth: depth of the tip, m.
     """
 
     def __init__(self, rig: RigDiagram, scenario: Scenario) -> None:
-        self._rig = rig
-        self._scenario = scenario
-        self._next_pose = 0.0
-        self._step = -1  # number of the plant step that was read last
+        self._rig, self._geometry = rig, scenario.geometry
         self._poses: list[Array] = []
-        self.outcome = Outcome.TIME_OVER
-        self.detail = ""
         self.forces = ForceMetrics(scenario.geometry.peg_radius, scenario.contact.time_step)
         self.motion = MotionMetrics(scenario.contact.time_step, scenario.geometry.hole_depth)
         self.wedges = WedgeMetrics(scenario.contact.friction, scenario.controller.period)
-        self.depth = float("nan")
 
-    def __call__(self, context: Context) -> EventStatus:
-        """Checks and records one step; ``context`` is the diagram's."""
-        time = context.get_time()
-        status = EventStatus.DidNothing()
-        if time >= self._next_pose - 1e-9:
-            self._record(context)
-            status = self._check_control(context)
-        step = math.ceil(time / self._scenario.contact.time_step - 1e-6)
-        if step == self._step or status.severity() is EventStatus.Severity.kReachedTermination:
-            return status
-        self._step = step
-        return self._check(context)
-
-    def _record(self, context: Context) -> None:
+    def add_row(self, context: Context) -> None:
         """Records what is kept once a controller period."""
         X_HP = self._rig.contact.peg_in_hole(context)
         self._poses.append(np.concatenate([X_HP.translation(), X_HP.rotation().col(2)]))
         contacts = self._rig.contact.contacts(context)
         self.forces.add_row(contacts)
         self.wedges.add_row(contacts)
-        self._next_pose += self._scenario.controller.period
 
-    def _check_control(self, context: Context) -> EventStatus:
-        """Checks whether watchdog or controller have ended the trial."""
-        if self._rig.stopped(context):
-            return self._end(Outcome.FAULT)
-        tried = self._rig.tried(context)
-        if tried and self._rig.fault(context) is Fault.NONE:  # after a fault the peg is still drawn back
-            return self._end(Outcome.JAMMED, tried)
-        return EventStatus.DidNothing()
+    def add_step(self, context: Context, wrench: Array) -> None:
+        """Records a step of the plant with the true contact wrench (6,).
 
-    def _check(self, context: Context) -> EventStatus:
-        """Checks and records a step of the plant."""
-        wrench = self._rig.contact_wrench(context)
-        self.depth = -self._rig.contact.tip_height(context)
-        if not (np.isfinite(wrench).all() and np.isfinite(self.depth)):
-            return self._end(Outcome.DIVERGED, "a force or a position is not finite")
-        force = math.hypot(*wrench[:3])
-        if force > DIVERGENCE_FORCE:
-            return self._end(Outcome.DIVERGED, f"a contact force of {force:.3g} N")
+        The single contacts cost more than the net wrench: between two rows they are read only where
+        `ForceMetrics.needs_contacts` says so.
+        """
         self.motion.add_step(self._rig.contact.peg_in_hole(context).translation())
         if context.get_time() > 0:
             self.forces.add_step(wrench)
-            if self.forces.is_news(wrench, self._rig.contact.contact_extent(context)):
+            if self.forces.needs_contacts(wrench, self._rig.contact.contact_extent(context)):
                 self.forces.add_contacts(self._rig.contact.contacts(context))
-        if self.depth >= self._scenario.full_depth:
-            return self._end(Outcome.INSERTED)
-        return EventStatus.DidNothing()
 
     def penetration(self) -> float:
         """Returns the deepest overlap of the round bodies at one pose per controller period, m."""
         poses = np.reshape(self._poses, (len(self._poses), 6))
-        return deepest_overlap(self._scenario.geometry, poses[:, :3], poses[:, 3:])
+        return deepest_overlap(self._geometry, poses[:, :3], poses[:, 3:])
 
-    def _end(self, outcome: Outcome, detail: str = "") -> EventStatus:
-        self.outcome, self.detail = outcome, detail
-        return EventStatus.ReachedTermination(self._rig.diagram, outcome.text(detail))
+
+class TrialMonitor:
+    """A Simulator's monitor that ends a trial, and has it recorded until then.
+
+    The trial ends when the peg is inserted, when the policy has nothing new to try, when the watchdog has stopped the
+    rig, or when the simulation diverges.
+    The Simulator calls the monitor at every event of a system. What the plant shows changes only with its own step and
+    is read once for each.
+
+    Attributes:
+        outcome: how the trial ended; ``TIME_OVER`` until something else ends it.
+        detail: text that adds to the outcome.
+        record: of the trial.
+        depth: depth of the tip, m.
+    """
+
+    def __init__(self, rig: RigDiagram, scenario: Scenario) -> None:
+        self._rig = rig
+        self._scenario = scenario
+        self._next_row = 0.0
+        self._step = -1  # number of the plant step that was read last
+        self.outcome = Outcome.TIME_OVER
+        self.detail = ""
+        self.record = TrialRecord(rig, scenario)
+        self.depth = float("nan")
+
+    def __call__(self, context: Context) -> EventStatus:
+        """Records and checks one step; ``context`` is the diagram's."""
+        time, ending = context.get_time(), None
+        if time >= self._next_row - 1e-9:
+            self._next_row += self._scenario.controller.period
+            self.record.add_row(context)
+            ending = self._ending_of_control(context)
+        step = math.ceil(time / self._scenario.contact.time_step - 1e-6)
+        if ending is None and step != self._step:
+            self._step = step
+            ending = self._ending_of_step(context)
+        if ending is None:
+            return EventStatus.DidNothing()
+        self.outcome, self.detail = ending.outcome, ending.detail
+        return EventStatus.ReachedTermination(self._rig.diagram, ending.outcome.text(ending.detail))
+
+    def _ending_of_control(self, context: Context) -> Ending | None:
+        """Returns how watchdog or controller have ended the trial, if they have."""
+        if self._rig.stopped(context):
+            return Ending(Outcome.FAULT)
+        tried = self._rig.tried(context)
+        if tried and self._rig.fault(context) is Fault.NONE:  # after a fault the peg is still drawn back
+            return Ending(Outcome.JAMMED, tried)
+        return None
+
+    def _ending_of_step(self, context: Context) -> Ending | None:
+        """Records a step of the plant, and returns how it has ended the trial, if it has."""
+        wrench = self._rig.contact_wrench(context)
+        self.depth = -self._rig.contact.tip_height(context)
+        if not (np.isfinite(wrench).all() and np.isfinite(self.depth)):
+            return Ending(Outcome.DIVERGED, "a force or a position is not finite")
+        force = math.hypot(*wrench[:3])
+        if force > DIVERGENCE_FORCE:
+            return Ending(Outcome.DIVERGED, f"a contact force of {force:.3g} N")
+        self.record.add_step(context, wrench)
+        return Ending(Outcome.INSERTED) if self.depth >= self._scenario.full_depth else None
 
 
 class Arm(StrEnum):
@@ -243,10 +258,10 @@ class TrialRun:
             self.monitor.outcome, self.monitor.detail = Outcome.FAILED, one_line(error)
 
     @property
-    def is_over(self) -> bool:
+    def has_ended(self) -> bool:
         """Whether something has ended the trial, or its time limit is reached."""
-        has_ended = self.monitor.outcome is not Outcome.TIME_OVER
-        return has_ended or self.context.get_time() >= self._scenario.trial.time_limit
+        is_ended = self.monitor.outcome is not Outcome.TIME_OVER
+        return is_ended or self.context.get_time() >= self._scenario.trial.time_limit
 
     def samples(self) -> pd.DataFrame:
         """Returns what the recorder of the rig has recorded so far."""
@@ -259,7 +274,7 @@ class TrialRun:
     def record(self, skill: RigPolicy) -> tuple[TrialResult, RigRun]:
         """Returns the result of the trial up to now, and its record; ``skill`` controls the rig."""
         result, samples, scenario = self.result(), self.samples(), self._scenario
-        samples[list(CONTACT_COLUMNS)] = self.monitor.forces.contact_rows(len(samples))
+        samples[list(CONTACT_COLUMNS)] = self.monitor.record.forces.contact_rows(len(samples))
         metadata = {
             "geometry": asdict(scenario.geometry),
             "rig": asdict(scenario.rig),
@@ -276,9 +291,9 @@ def _result(
 ) -> TrialResult:
     outcome, detail, fault = _ending(rig, monitor, context, samples)
     last, period = samples.iloc[-1], scenario.controller.period
-    states, penetration = samples["state"].to_numpy(dtype=int), monitor.penetration()
+    states, penetration = samples["state"].to_numpy(dtype=int), monitor.record.penetration()
     pitch, yaw = scenario.start.tilt or [0.0, 0.0]
-    forces, motion = monitor.forces.figures(rig.peak_measured_load(context)), monitor.motion.figures()
+    forces, motion = monitor.record.forces.figures(rig.peak_measured_load(context)), monitor.record.motion.figures()
     score = field_score(
         inserted=outcome is Outcome.INSERTED,
         time=context.get_time(),
@@ -296,7 +311,7 @@ def _result(
         time=context.get_time(),
         depth=monitor.depth,
         **asdict(forces),
-        wedged_time=monitor.wedges.wedged_time(),
+        wedged_time=monitor.record.wedges.wedged_time(),
         path_length=motion.path_length,
         mean_jerk=motion.mean_jerk,
         field_score=0.0 if outcome in UNPHYSICAL else score.total,

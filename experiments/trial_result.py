@@ -13,7 +13,13 @@ from systems.control.faults import Fault
 TRUSTED_OVERLAP = 0.25
 """Largest overlap of the bodies in a trial whose physics is trusted, over the clearance."""
 
-LATER_NUMBERS = {  # key -> (field, SI units in a unit of the key, digits); not in the records of earlier versions
+NUMBERS = {  # key of a record -> (field, SI units in a unit of the key, digits)
+    "time_s": ("time", 1.0, 3),
+    "depth_mm": ("depth", 1e-3, 2),
+    "peak_axial_n": ("peak_axial_force", 1.0, 1),
+    "peak_lateral_n": ("peak_lateral_force", 1.0, 1),
+    "peak_moment_nm": ("peak_moment", 1.0, 3),
+    "penetration_um": ("penetration", 1e-6, 1),
     "peak_contact_n": ("peak_contact_force", 1.0, 1),
     "peak_load_n": ("peak_load", 1.0, 1),
     "mean_load_n": ("mean_load", 1.0, 2),
@@ -25,7 +31,11 @@ LATER_NUMBERS = {  # key -> (field, SI units in a unit of the key, digits); not 
     "path_mm": ("path_length", 1e-3, 2),
     "jerk_ms3": ("mean_jerk", 1.0, 2),
     "field_score": ("field_score", 1.0, 2),
+    "unknown_s": ("unknown_time", 1.0, 2),
+    "unsupported_s": ("unsupported_time", 1.0, 2),
 }
+
+COUNTS = ("steps", "lost_steps", "back_offs")
 
 PHYSICS = {True: "trusted", False: "not trusted"}
 
@@ -53,7 +63,7 @@ class TrialResult:
         states: numbers of the contact states visited, in order.
         fault: the detected fault.
         detail: text that adds to the outcome, such as the message of an exception.
-        peak_contact_force: N; None, like all that follows, in results that were written before it was recorded.
+        peak_contact_force: N.
         peak_load: N.
         mean_load: N.
         time_above_20n: s.
@@ -83,20 +93,20 @@ class TrialResult:
     unknown_time: float
     unsupported_time: float
     states: tuple[int, ...]
+    peak_contact_force: float
+    peak_load: float
+    mean_load: float
+    time_above_20n: float
+    first_touch: float
+    peak_measured_load: float
+    force_above_20n: float
+    wedged_time: float
+    path_length: float
+    mean_jerk: float
+    field_score: float
+    trusted: bool
     fault: Fault = Fault.NONE
     detail: str = ""
-    peak_contact_force: float | None = None
-    peak_load: float | None = None
-    mean_load: float | None = None
-    time_above_20n: float | None = None
-    first_touch: float | None = None
-    peak_measured_load: float | None = None
-    force_above_20n: float | None = None
-    wedged_time: float | None = None
-    path_length: float | None = None
-    mean_jerk: float | None = None
-    field_score: float | None = None
-    trusted: bool | None = None
 
     @property
     def inserted(self) -> bool:
@@ -127,26 +137,18 @@ class TrialResult:
         fault, detail = _parse_fault(row["reason"])
         outcome, other = (Outcome.FAULT, detail) if fault is not Fault.NONE else parse_outcome(row["reason"])
         pitch, yaw = row["tilt_deg"]
+        if row["physics"] not in PHYSICS.values():
+            raise ValueError(f"'physics' is {row['physics']!r}, expected one of {list(PHYSICS.values())}")
         return cls(
             seed=row["seed"],
             tilt=(math.radians(pitch), math.radians(yaw)),
             outcome=outcome,
-            time=row["time_s"],
-            depth=1e-3 * row["depth_mm"],
-            peak_axial_force=row["peak_axial_n"],
-            peak_lateral_force=row["peak_lateral_n"],
-            peak_moment=row["peak_moment_nm"],
-            penetration=1e-6 * row["penetration_um"],
-            steps=row["steps"],
-            lost_steps=row["lost_steps"],
-            back_offs=row["back_offs"],
-            unknown_time=row["unknown_s"],
-            unsupported_time=row["unsupported_s"],
-            states=tuple(row["states"]),
             fault=fault,
             detail=other,
-            **{field: size * _number(row[key]) for key, (field, size, _) in LATER_NUMBERS.items() if key in row},
-            trusted=_parse_physics(row["physics"]) if "physics" in row else None,
+            states=tuple(row["states"]),
+            trusted=row["physics"] == PHYSICS[True],
+            **{field: unit * _number(row[key]) for key, (field, unit, _) in NUMBERS.items()},
+            **{key: row[key] for key in COUNTS},
         )
 
     def record(self) -> dict[str, Any]:
@@ -156,38 +158,18 @@ class TrialResult:
             "tilt_deg": [round(math.degrees(t), 4) for t in self.tilt],
             "inserted": self.inserted,
             "reason": self.reason,
-            "time_s": round(self.time, 3),
-            "depth_mm": round(1e3 * self.depth, 2),
-            "peak_axial_n": round(self.peak_axial_force, 1),
-            "peak_lateral_n": round(self.peak_lateral_force, 1),
-            "peak_moment_nm": round(self.peak_moment, 3),
-            "penetration_um": round(1e6 * self.penetration, 1),
-            **{
-                key: round(value / size, digits)
-                for key, (field, size, digits) in LATER_NUMBERS.items()
-                if (value := getattr(self, field)) is not None
-            },
-            **({} if self.trusted is None else {"physics": PHYSICS[self.trusted]}),
-            "steps": self.steps,
-            "lost_steps": self.lost_steps,
-            "back_offs": self.back_offs,
-            "unknown_s": round(self.unknown_time, 2),
-            "unsupported_s": round(self.unsupported_time, 2),
+            **{key: round(getattr(self, field) / unit, digits) for key, (field, unit, digits) in NUMBERS.items()},
+            "physics": PHYSICS[self.trusted],
+            **{key: getattr(self, key) for key in COUNTS},
             "states": list(self.states),
         }
 
 
-def _number(value: object) -> float:
-    """Returns the value of a later key as it is."""
+def _number(value: object) -> Any:
+    """Returns a value that is a number as it is."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{value!r} is no number")
     return value
-
-
-def _parse_physics(text: object) -> bool:
-    if text not in PHYSICS.values():
-        raise ValueError(f"'physics' is {text!r}, expected one of {list(PHYSICS.values())}")
-    return text == PHYSICS[True]
 
 
 def _parse_fault(reason: str) -> tuple[Fault, str]:

@@ -22,6 +22,7 @@ from typing import Any, NoReturn, ParamSpec, TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.status import Status
+from rich.table import Table
 from rich.text import Text
 
 # What joblib says after an error about tasks that it has cancelled or whose results nobody takes.
@@ -31,6 +32,8 @@ warnings.filterwarnings(
 
 console = Console()
 errors = Console(stderr=True)
+
+_only_progress = False
 
 FAILED, INTERRUPTED, TERMINATED = 1, 130, 143
 """Exit codes of a command that failed, or that Ctrl-C or SIGTERM ended. Wrong usage is 2, success 0."""
@@ -168,7 +171,25 @@ def fail(message: str) -> NoReturn:
 
 def say(text: str) -> None:
     """Prints plain text, without markup and without line breaks at the width of the terminal."""
-    console.print(Text(visible(text)), soft_wrap=True)
+    if not _only_progress:
+        console.print(Text(visible(text)), soft_wrap=True)
+
+
+def show(table: Table) -> None:
+    """Prints a table; it is as wide as the terminal at most, and 80 columns where the output is no terminal."""
+    if not _only_progress:
+        console.print(table)
+
+
+@contextmanager
+def only_progress() -> Iterator[None]:
+    """Lets the commands within it show progress and warnings, but print neither lines nor tables."""
+    global _only_progress
+    _only_progress = True
+    try:
+        yield
+    finally:
+        _only_progress = False
 
 
 def visible(text: str) -> str:

@@ -32,12 +32,14 @@ from __future__ import annotations
 
 import copy
 import math
+from pathlib import Path
 
 from models.bore import facet_sagitta, minimum_facets
 from models.contact_checks import expected_overlap, softest_modulus
 from models.contact_theory import largest_entry_tilt
-from models.scenario import FREE_FACETS, FREE_FIXTURE, MIN_TIME_STEP, Scenario
-from models.validation import is_multiple
+from models.document import read_document, read_text
+from models.scenario import FREE_FACETS, FREE_FIXTURE, MIN_TIME_STEP, Geometry, Scenario, load_scenario
+from models.validation import check_document, is_multiple
 
 NOMINAL = Scenario()
 """The scenario whose numerics were chosen by measurement."""
@@ -76,6 +78,33 @@ def numerics_of_clearance(scenario: Scenario) -> Scenario:
         scenario.controller.period, scenario.recorder.period, longest=step_of_clearance(g.clearance)
     )
     return chosen
+
+
+def load_scenario_of_clearance(name: str | Path = "nominal") -> Scenario:
+    """Reads a scenario as `load_scenario` does; its clearance decides the numerics that the file does not state.
+
+    These are ``geometry.facets``, ``contact.modulus`` and ``contact.time_step`` (see `numerics_of_clearance`). A file
+    with the nominal clearance, or with any of them, is read as it is.
+
+    Raises:
+        ValueError: see `load_scenario`.
+        OSError: if the file cannot be read.
+    """
+    path = Path(name)
+    if path.suffix != ".yaml" or not path.is_file():
+        return load_scenario(name)
+    where = f"scenario {path}"
+    document = read_document(read_text(path, where), where) or {}
+    check_document(document, Scenario, where)
+    geometry, contact = document.get("geometry", {}), document.get("contact", {})
+    clearance = Geometry(**geometry).clearance
+    stated = "facets" in geometry or {"modulus", "time_step"} & set(contact)
+    if stated or not clearance > 0.0 or math.isclose(clearance, NOMINAL.geometry.clearance, rel_tol=TOLERANCE):
+        return load_scenario(path)
+    known = Scenario(geometry=Geometry(**geometry), fixture=document.get("fixture", NOMINAL.fixture))
+    guard = document.get("controller", {}).get("guard", {})
+    known.controller.guard.force_limit = guard.get("force_limit", NOMINAL.controller.guard.force_limit)
+    return load_scenario(path, defaults=numerics_of_clearance(known))
 
 
 def facets_of_clearance(*, hole_radius: float, clearance: float, spins: bool) -> int:

@@ -1,22 +1,35 @@
-"""Lets a skill practise, has shown what it could not do, and trains it again."""
+"""Rolls out the skill, collects corrections where it gets stuck, and trains again."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scripts.command_line import command, make_app
-from scripts.options import Driver, Host, Jobs, OutFile, Overwrite, Port, ScenarioName, Seed, SkillFile, parse_path
+from scripts.command_line import (
+    Driver,
+    Host,
+    Jobs,
+    OutFile,
+    Overwrite,
+    Port,
+    ScenarioName,
+    Seed,
+    SkillFile,
+    Verbose,
+    parse_path,
+)
 
-app = make_app()
+if TYPE_CHECKING:
+    from experiments.corrections import CorrectionPlan, StuckTrial
+    from models.scenario import Scenario
+    from skill.data.demonstration import Demonstration
+    from skill.manipulation_skill import ManipulationSkill
+    from skill.practice.query_state import QueryState
 
 
-@app.command()
-@command
 def main(
     skill: SkillFile = Path("out/skill.npz"),
     demonstrations: Annotated[
@@ -47,7 +60,7 @@ def main(
         bool, typer.Option("--live", help="Show the corrections yourself, in the browser, and see the rig do it.")
     ] = False,
     ask: Annotated[
-        bool, typer.Option("--ask", help="Only say which query states the skill wants shown; write nothing.")
+        bool, typer.Option("--ask", help="Only say in which query states the skill gets stuck; write nothing.")
     ] = False,
     json: Annotated[
         Path | None,
@@ -64,8 +77,9 @@ def main(
     driver: Driver = None,
     host: Host = None,
     port: Port = None,
+    verbose: Verbose = False,
 ) -> None:
-    """Lets a skill practise, has shown what it could not do, and trains it again.
+    """Rolls out the skill, collects corrections where it gets stuck, and trains again.
 
     A skill that imitates gets into query states that nobody has shown. In each round it performs practice trials on
     the rig. Where it backs off for the first time in a trial, the simulated operator takes over in the virtual
@@ -87,29 +101,374 @@ def main(
 
         haptic-skill correct --live --out out/better.npz
     """
-    from scripts.correction_session import CorrectionPlan, ask_only, correct
-
     if live and (ask or overwrite):
         raise typer.BadParameter("--ask and --overwrite are not for --live: live recordings are never deleted")
     if not live and {driver, host, port} != {None}:
         raise typer.BadParameter("--driver, --host and --port need --live")
     if json is not None and not ask:
         raise typer.BadParameter("--json needs --ask")
+    from experiments.corrections import CorrectionPlan
+    from interfaces.terminal import say
+
     plan = CorrectionPlan(
         rounds=rounds or (1 if live else 2), trials=practice, most=most or (3 if live else 10), seed=seed
     )
     if ask:
-        ask_only(skill=skill, plan=plan, scenario=scenario, json=json, jobs=jobs)
+        ask_only(skill, plan, scenario=scenario, json=json, jobs=jobs)
         return
-    run: Callable[..., object] = partial(correct, overwrite=overwrite)
-    if live:
-        from scripts.live_correction_session import correct_live
-
-        run = partial(correct_live, driver=driver, host=host, port=port)
     folder = corrections or Path("out/live_corrections" if live else "out/corrections")
-    files = {"skill": skill, "demonstrations": demonstrations, "corrections": folder, "out": out}
-    run(**files, plan=plan, scenario=scenario, jobs=jobs)
+    if live:
+        correct_live(
+            skill,
+            demonstrations,
+            folder,
+            out,
+            plan,
+            scenario=scenario,
+            jobs=jobs,
+            verbose=verbose,
+            driver=driver,
+            host=host,
+            port=port,
+        )
+    else:
+        correct_simulated(skill, demonstrations, folder, out, plan, scenario=scenario, jobs=jobs, overwrite=overwrite)
+    if out.is_file():
+        say(f"try it: haptic-skill rig --skill {out}")
 
 
-if __name__ == "__main__":
-    app()
+def ask_only(skill: Path, plan: CorrectionPlan, *, scenario: str, json: Path | None, jobs: int) -> None:
+    """Performs the practice trials of the first round and prints in which query states the skill was stuck.
+
+    Writes the query states into the file ``json`` for `skill.practice.query_state.read_query_states`, unless it is
+    None.
+
+    Raises:
+        ValueError: if the skill file or the scenario is not valid, or ``json`` is a file of another kind.
+        OSError: if the file cannot be written.
+    """
+    from experiments.outputs.output_checks import check_file, named_errors, require_distinct
+    from interfaces.terminal import say, write_json
+    from models.clearance import load_scenario_of_clearance
+    from skill.manipulation_skill import ManipulationSkill
+
+    if json is not None:
+        require_distinct({"--skill": skill, "--json": json})
+        check_file(json, ".json", option="--json")
+    stuck = practise(load_scenario_of_clearance(scenario), ManipulationSkill.load(skill), plan, 1, jobs=jobs)
+    if json is not None:
+        with named_errors(json, "the skill is unchanged"):
+            write_json(json, [trial.query_state.record() for trial in stuck])
+        say(f"{len(stuck)} query states in {json}; demonstrate them: haptic-skill record --live --asked {json}")
+
+
+def practise(
+    scenario: Scenario,
+    skill: ManipulationSkill,
+    plan: CorrectionPlan,
+    number: int,
+    *,
+    jobs: int,
+    after_trial: Callable[[int, int], None] = lambda performed, stuck: None,
+) -> list[StuckTrial]:
+    """Performs the practice trials of a round and prints where the skill was stuck.
+
+    Args:
+        scenario: with ranges.
+        skill: that practises.
+        plan: of the practice.
+        number: of the round, from 1.
+        jobs: number of processes.
+        after_trial: receives how many trials have been performed, and in how many the skill was stuck.
+
+    Returns:
+        The first trials in which the skill was stuck, at most ``plan.most``.
+    """
+    import numpy as np
+
+    from experiments.corrections import StuckTrial, run_practice
+    from interfaces.reports.result_tables import query_state_table
+    from interfaces.terminal import progress, say, show
+
+    results, stuck = [], []
+    with progress(f"round {number}: practice", plan.trials) as advance:
+        for result, query_state in run_practice(scenario, skill, plan.numbers(number), jobs=jobs):
+            results.append(result)
+            stuck += [StuckTrial(query_state, result)] if query_state is not None else []
+            advance(result.reason)
+            after_trial(len(results), len(stuck))
+    inserted, time = sum(r.inserted for r in results), np.median([r.time for r in results])
+    outcome = f"{inserted} of {len(results)} practice trials inserted, median {time:.2f} s"
+    say(f"round {number}: {outcome}; stuck in {len(stuck)}")
+    if stuck:
+        show(query_state_table([trial.query_state for trial in stuck[: plan.most]]))
+    return stuck[: plan.most]
+
+
+def save_unchanged(skill: ManipulationSkill, out: Path) -> None:
+    """Writes a skill that was never stuck to the file ``out``, and says so.
+
+    Raises:
+        OSError: if it cannot be written.
+    """
+    from experiments.outputs.folder_lock import locked_file
+    from experiments.outputs.output_checks import named_errors
+    from interfaces.terminal import say
+
+    with locked_file(out), named_errors(out, "the skill is unchanged"):
+        skill.save(out)
+    say(f"no corrections are needed; the same skill is in {out}")
+
+
+# ------------------------------------------------------------------ simulated operators
+
+
+def correct_simulated(
+    skill: Path,
+    demonstrations: Path,
+    corrections: Path,
+    out: Path,
+    plan: CorrectionPlan,
+    *,
+    scenario: str,
+    jobs: int,
+    overwrite: bool = False,
+) -> ManipulationSkill:
+    """Rolls out a skill, collects corrections by simulated operators, and trains again; returns the last skill.
+
+    The training is that of `scripts.train`, with the policy and the largest number of contexts of the given skill.
+
+    The corrections of round k are in the folder ``corrections``/round_k, a set like that of `haptic-skill record`;
+    those that an interrupted call with the same arguments has finished are kept. The skill of each round replaces the
+    file ``out``. Folders of later rounds that an earlier call has filled stay; a message names them.
+
+    Raises:
+        ValueError: if the skill file, the scenario or the folder of demonstrations is not valid, or a folder of
+            corrections holds what may not be replaced (see `experiments.outputs.output_set.check_set`).
+        OSError: if another process writes into a folder, or a file cannot be written. What is finished stays.
+    """
+    from functools import partial
+
+    from experiments.corrections import MAX_ROUNDS, correct, demonstrate_corrections, habit_of
+    from experiments.outputs.output_checks import (
+        RECORDING_SIZE,
+        REPORT_SIZE,
+        check_file,
+        check_folder,
+        require_distinct,
+    )
+    from experiments.outputs.output_set import check_set, find_recordings, open_set
+    from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex, read_index
+    from experiments.provenance import versions
+    from interfaces.terminal import progress, say
+    from models.clearance import load_scenario_of_clearance
+    from models.scenario import dump_scenario
+    from scripts.train import train
+    from skill.data.demonstration import write_demonstration
+    from skill.manipulation_skill import ManipulationSkill
+    from skill.states.context_mixture import MAX_CONTEXTS
+
+    def folder_of(number: int) -> Path:
+        return corrections / f"round_{number}"
+
+    def index_of(query_states: object, count: int) -> SetIndex:
+        names = tuple(f"{k:03d}_correction_{habit_of(k)}.parquet" for k in range(count))
+        return SetIndex(DEMONSTRATIONS, {**request, "query_states": query_states}, names)
+
+    chosen, learnt = load_scenario_of_clearance(scenario), ManipulationSkill.load(skill)
+    request = {"seed": plan.seed, "scenario": dump_scenario(chosen), "versions": versions()}
+    contexts = learnt.metadata_.get("max_contexts", MAX_CONTEXTS)
+    folders = [demonstrations]
+    require_distinct({"--demonstrations": demonstrations, "--corrections": corrections})
+    check_file(out, ".npz", size=REPORT_SIZE)
+    check_folder(corrections, size=plan.rounds * plan.most * RECORDING_SIZE)
+    find_recordings(demonstrations)
+    for number in range(1, plan.rounds + 1):  # before anything is simulated; other query states are found out later
+        old = read_index(folder_of(number))
+        index = index_of(None, plan.most) if old is None else index_of(old.request.get("query_states"), len(old.files))
+        check_set(folder_of(number), index, overwrite=overwrite)
+
+    def demonstrate(query_states: Sequence[QueryState], number: int) -> bool:
+        index = index_of([query_state.record() for query_state in query_states], len(query_states))
+        with open_set(folder_of(number), index, overwrite=overwrite) as files:
+            if files.finished:
+                say(f"{len(files.finished)} of {len(query_states)} corrections are there already")
+            missing = {k: query_states[k] for k, name in enumerate(index.files) if name not in files.finished}
+            with progress("corrections", len(missing)) as advance:
+                for k, shown in demonstrate_corrections(chosen, missing, seed=plan.seed, jobs=jobs):
+                    files.write(index.files[k], partial(write_demonstration, shown))
+                    advance(f"{shown.reason}, {shown.duration:.1f} s")
+            files.complete()
+        say(f"{len(query_states)} corrections in {folder_of(number)}")
+        folders.append(folder_of(number))
+        return True
+
+    learnt = correct(
+        learnt,
+        plan.rounds,
+        practise=lambda policy, number: practise(chosen, policy, plan, number, jobs=jobs),
+        demonstrate=demonstrate,
+        train=lambda policy, stuck, number: train(
+            folders, out=out, seed=plan.seed, contexts=contexts, policy=policy.policy
+        ),
+    )
+    if len(folders) == 1:
+        save_unchanged(learnt, out)
+    for number in range(len(folders), MAX_ROUNDS + 1):
+        if folder_of(number).exists():
+            say(f"{folder_of(number)} is of an earlier call; this skill has not learnt from it")
+    return learnt
+
+
+# ------------------------------------------------------------------ live
+
+
+def correct_live(
+    skill: Path,
+    demonstrations: Path,
+    corrections: Path,
+    out: Path,
+    plan: CorrectionPlan,
+    *,
+    scenario: str,
+    jobs: int,
+    verbose: bool,
+    driver: str | None,
+    host: str | None,
+    port: int | None,
+) -> None:
+    """Does on one page what `correct_simulated` does, with a person who demonstrates; then shows the rig.
+
+    Kept corrections are written at once into the folder ``corrections``, which `open_live_folder` protects; the skill
+    learns from all that are there. A query state that a good recording there begins in is not asked for again.
+
+    Args:
+        skill: file of the skill.
+        demonstrations: folder that it was trained with.
+        corrections: folder for the corrections.
+        out: file for the skill.
+        plan: how much is practised and asked for.
+        scenario: name or file of the scenario of the rig. Demonstrations take the values that ``live``, or ``device``
+            with a driver, states instead.
+        jobs: number of processes.
+        verbose: whether to print all margins.
+        driver: name of the driver of the person's device; None uses the page.
+        host: address at which the page listens; None is this machine only.
+        port: of the page; None takes a free one.
+
+    Raises:
+        ValueError: if the skill file, the scenario, the driver or a folder is not valid, or the recordings have not all
+            the same peg and hole.
+        OSError: if another process writes into the folder, a file cannot be written, or the page cannot listen.
+    """
+    from contextlib import suppress
+
+    from experiments.corrections import correct
+    from experiments.outputs.output_checks import REPORT_SIZE, check_file, require_distinct
+    from experiments.outputs.output_set import find_recordings, open_live_folder
+    from interfaces.live.correction_session import CorrectionSession, PersonLeftError
+    from interfaces.terminal import say
+    from models.clearance import load_scenario_of_clearance
+    from models.scenario import load_scenario
+    from scripts.record import announced_page, live_margins
+    from scripts.train import train
+    from skill.data.demonstration import read_demonstration
+    from skill.data.geometry import common_geometry
+    from skill.manipulation_skill import ManipulationSkill
+    from skill.states.context_mixture import MAX_CONTEXTS
+    from systems.rig import check_geometry
+
+    chosen, learnt = load_scenario_of_clearance(scenario), ManipulationSkill.load(skill)
+    shown_in = load_scenario("device" if driver else "live", defaults=chosen)
+    margins = live_margins(shown_in, driver)
+    contexts = learnt.metadata_.get("max_contexts", MAX_CONTEXTS)
+    require_distinct({"--demonstrations": demonstrations, "--corrections": corrections})
+    check_file(out, ".npz", size=REPORT_SIZE)
+    check_geometry(chosen, learnt)
+    paths, _ = find_recordings(demonstrations)
+    learnt_from = 0  # number of the corrections kept in this session that the last training had
+
+    def practise_watched(policy: ManipulationSkill, number: int) -> list[StuckTrial]:
+        def show(performed: int, stuck: int) -> None:
+            session.show_note(f"the skill practises: {performed} of {plan.trials} trials done, stuck in {stuck}")
+
+        show(0, 0)
+        with session.watched():
+            stuck = practise(chosen, policy, plan, number, jobs=jobs, after_trial=show)
+        if not stuck:
+            session.say(f"never stuck in {plan.trials} practice trials: no corrections are needed")
+            if number == 1:
+                save_unchanged(policy, out)
+        return stuck
+
+    def demonstrate(query_states: Sequence[QueryState], number: int) -> bool:
+        recordings = [d for d in read_corrections(corrections) if d.good]
+        missing = [s for s in query_states if not any(begins_in(d, s, shown_in) for d in recordings)]
+        if len(missing) < len(query_states):
+            session.say(f"{len(query_states) - len(missing)} of {len(query_states)} query states are shown already")
+        if missing:
+            session.show_query_states(missing)
+        is_shown = any(d.good for d in read_corrections(corrections))
+        if not is_shown:
+            session.say("nothing was shown: the skill stays as it is")
+        return is_shown
+
+    def train_and_show(policy: ManipulationSkill, stuck: Sequence[StuckTrial], number: int) -> ManipulationSkill:
+        nonlocal learnt_from
+        kept, folders = len(session.kept), [demonstrations, corrections]
+        with session.watched(lambda elapsed: f"the skill learns from what you have shown: {elapsed:.0f} s"):
+            policy = train(folders, out=out, seed=plan.seed, contexts=contexts, policy=policy.policy)
+        learnt_from = kept
+        session.perform_all(stuck, chosen, policy, again=number == plan.rounds)
+        return policy
+
+    with open_live_folder(corrections):
+        earlier = read_corrections(corrections)
+        common_geometry([(d.source, d.metadata) for d in [read_demonstration(paths[0]), *earlier]])
+        if earlier:
+            good = sum(d.good for d in earlier)
+            say(f"{corrections} holds {len(earlier)} corrections, {good} good; the skill learns from them too")
+        with announced_page(margins, host=host, port=port, verbose=verbose) as page:
+            session = CorrectionSession(
+                scenario=shown_in, seed=plan.seed, out=corrections, page=page, announce=say, driver=driver
+            )
+            with suppress(PersonLeftError):
+                correct(learnt, plan.rounds, practise=practise_watched, demonstrate=demonstrate, train=train_and_show)
+        say(f"{len(session.kept)} corrections kept in {corrections}")
+        if session.kept and learnt_from < len(session.kept):
+            say("not all are learnt yet: give the same command again to go on")
+
+
+def read_corrections(folder: Path) -> list[Demonstration]:
+    """Reads the recordings in a folder of live recordings.
+
+    Raises:
+        ValueError: if one is not valid. The message names it.
+    """
+    from skill.data.demonstration import read_demonstration
+
+    return [read_demonstration(path) for path in sorted(folder.glob("*.parquet"))]
+
+
+def begins_in(demonstration: Demonstration, query_state: QueryState, scenario: Scenario) -> bool:
+    """Whether a demonstration begins in a query state, in its pose and with its pivot and friction.
+
+    Args:
+        demonstration: recorded by this program; others begin in none.
+        query_state: where a policy was stuck.
+        scenario: of the demonstrations, with ranges.
+    """
+    import numpy as np
+
+    from experiments.corrections import correction_scenario
+    from models.scenario import parse_scenario
+
+    def pose(scenario: Scenario) -> list[float]:
+        tilt, pivot = scenario.start.tilt or [0.0, 0.0], scenario.rig.pivot_height or 0.0
+        return [scenario.start.tip_height, *tilt, pivot, scenario.contact.friction]
+
+    text = demonstration.metadata.get("scenario")
+    if not isinstance(text, str):
+        return False
+    found, asked = parse_scenario(text, demonstration.source), correction_scenario(scenario, query_state, seed=0)
+    return np.allclose(pose(found), pose(asked), rtol=1e-6, atol=1e-9)

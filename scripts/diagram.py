@@ -6,13 +6,10 @@ import subprocess
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from scripts.command_line import command, make_app
-from scripts.options import OutFolder, SkillFile
+from scripts.command_line import DefaultSkillFile, OutFolder, find_skill
 
 if TYPE_CHECKING:
     from pydrake.systems.framework import Diagram
-
-app = make_app()
 
 DRAWINGS = ("virtual_environment.svg", "rig.svg")
 
@@ -33,9 +30,7 @@ def write_svg(diagram: Diagram, path: Path) -> None:
     write_atomically(path, drawn.stdout)
 
 
-@app.command()
-@command
-def main(skill: SkillFile = Path("out/skill.npz"), out: OutFolder = Path("out")) -> None:
+def main(skill: DefaultSkillFile = None, out: OutFolder = Path("out")) -> None:
     """Draws the block diagrams of the virtual environment and of the rig.
 
     Reads a skill, because the ports of the rig depend on it. Writes virtual_environment.svg and rig.svg into the folder
@@ -55,13 +50,9 @@ def main(skill: SkillFile = Path("out/skill.npz"), out: OutFolder = Path("out"))
     for name in DRAWINGS:
         check_file(out / name, ".svg")
     scenario = load_scenario()
-    learnt = ManipulationSkill.load(skill)
+    learnt = ManipulationSkill.load(find_skill(skill))
     environment = MakeVirtualEnvironment(resolve_scenario(scenario, seed=0, stream=DEMONSTRATION_STREAM))
     write_svg(environment.diagram, out / DRAWINGS[0])
     rig = MakeRig(resolve_scenario(scenario, seed=0, stream=TRIAL_STREAM), learnt)
     write_svg(rig.diagram, out / DRAWINGS[1])
-    say(f"{' and '.join(DRAWINGS)} in {out}")
-
-
-if __name__ == "__main__":
-    app()
+    say(f"open {' and '.join(str(out / name) for name in DRAWINGS)}")

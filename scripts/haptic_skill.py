@@ -2,39 +2,53 @@
 
 from __future__ import annotations
 
-import platform
-from importlib.util import find_spec
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from experiments.provenance import version_of
+from interfaces.terminal import report_errors
 from scripts import correct, demo, diagram, export, practise, record, replay, rig, scoreboard, states, sweep, train
-from scripts.command_line import make_app
 
 EXIT_CODES = (
     "Exit codes: 0 success; 1 error, with one line on stderr; 2 wrong usage; 130 interrupted with Ctrl-C;"
     " 143 ended by SIGTERM."
 )
 
-app = make_app(no_args_is_help=True, epilog=EXIT_CODES)
-app.command("demo")(demo.main)
-app.command("record")(record.main)
-app.command("train")(train.main)
-app.command("correct")(correct.main)
-app.command("rig")(rig.main)
-app.command("practise")(practise.main)
-app.command("replay")(replay.main)
-app.command("sweep")(sweep.main)
-app.command("states")(states.main)
-app.command("scoreboard")(scoreboard.main)
-app.command("diagram")(diagram.main)
-app.add_typer(export.app, name="export", help="Writes recordings for other programs: LeRobot, MCAP.")
-app.add_typer(export.import_app, name="import", help="Reads exported recordings back.")
+
+def make_app(**settings: Any) -> typer.Typer:
+    """A Typer application with the settings of all commands; ``settings`` adds to them."""
+    return typer.Typer(
+        add_completion=False,
+        no_args_is_help=True,
+        rich_markup_mode="markdown",
+        context_settings={"help_option_names": ["-h", "--help"]},
+        pretty_exceptions_show_locals=False,
+        **settings,
+    )
+
+
+app = make_app(epilog=EXIT_CODES)
+for name, module in {
+    **{"demo": demo, "record": record, "train": train, "correct": correct, "rig": rig, "practise": practise},
+    **{"replay": replay, "sweep": sweep, "states": states, "scoreboard": scoreboard, "diagram": diagram},
+}.items():
+    app.command(name)(report_errors(module.main))
+export_app, import_app = make_app(), make_app()
+export_app.command("lerobot")(report_errors(export.export_lerobot))
+export_app.command("mcap")(report_errors(export.export_mcap))
+import_app.command("lerobot")(report_errors(export.import_lerobot))
+import_app.callback()(lambda: None)  # a single command would not need its name
+app.add_typer(export_app, name="export", help="Writes recordings for other programs: LeRobot, MCAP.")
+app.add_typer(import_app, name="import", help="Reads exported recordings back.")
 
 
 def print_versions(requested: bool) -> None:
     """Prints the versions and exits, if requested."""
+    import platform
+    from importlib.util import find_spec
+
+    from experiments.provenance import version_of
+
     if requested:
         drake = version_of("drake") if find_spec("pydrake") else "not installed (install haptic-skill[sim])"
         print(f"haptic-skill {version_of('haptic-skill')}, Python {platform.python_version()}, Drake {drake}")
@@ -57,14 +71,5 @@ def haptic_skill(
 
     The usual order is record, train, correct, rig; `haptic-skill demo` runs them all. `haptic-skill states` needs only
     recordings of a force/torque sensor. Every option has a default; `haptic-skill COMMAND -h` explains a command with
-    an example. In a checkout, `python -m scripts.rig` and the other modules of `scripts` are the same commands.
+    an example.
     """
-
-
-def main() -> None:
-    """Entry point of `haptic-skill`."""
-    app()
-
-
-if __name__ == "__main__":
-    main()

@@ -9,24 +9,23 @@ from typing import Annotated
 
 import typer
 
-from scripts.command_line import command, make_app
-from scripts.options import OptionalSkillFile, parse_path
+from scripts import rig
+from scripts.command_line import OptionalSkillFile, parse_path
 
-app = make_app()
+TRIAL = Path("out/replay")
+"""Folder of the trial that is performed if no recording is named."""
 
 
-@app.command()
-@command
 def main(
     file: Annotated[
-        Path,
+        Path | None,
         typer.Argument(
             parser=parse_path,
-            metavar="FILE",
+            metavar="[FILE]",
             help="A demonstration or a rig run (.parquet); the file itself says which.",
-            show_default=False,
+            show_default=f"performs a trial into {TRIAL}",
         ),
-    ],
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -49,13 +48,13 @@ def main(
 
     Reads the recording. The colour of the peg shows the contact state: a rig run contains its states, a demonstration
     needs a skill. Without one the colour shows the contact force. Writes one page with the scene, its motion and the
-    viewer, which needs neither a network nor this program.
+    viewer, which needs neither a network nor this program. Without a recording, a trial of the skill is performed.
 
     The page shows the block cut open, the peg, contact force and moment as arrows at the tip, and beside them the
     readings, a dial that magnifies the tilt, and a timeline. Drag in the view to turn it, scroll to zoom, drag on the
     timeline to move in time; the space bar plays and pauses. `page.html#t=1.5` opens it, paused, at 1.5 seconds.
 
-    For example (in a checkout also `python -m scripts.replay`):
+    For example:
 
         haptic-skill replay out/demonstrations/000_good_expert.parquet --skill out/skill.npz
 
@@ -65,6 +64,9 @@ def main(
     from interfaces.reports.replay_page import write_replay
     from interfaces.terminal import busy, say
 
+    if file is None:
+        rig.main(skill, trials=1, out=TRIAL, jobs=1, overwrite=True)
+        file, skill = TRIAL / rig.RUN.format(0), None
     page = file.with_suffix(".html") if out is None else out
     if page.resolve() == file.resolve():
         raise ValueError(f"{file} is the recording; choose another file for the page with --out")
@@ -78,7 +80,3 @@ def main(
         open_page = sys.stdout.isatty()
     if open_page and not webbrowser.open(page.resolve().as_uri()):
         say("No web browser could be started; open the page yourself.")
-
-
-if __name__ == "__main__":
-    app()

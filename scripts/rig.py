@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from scripts.command_line import command, make_app
-from scripts.options import DefaultSkillFile, Jobs, OutFolder, Overwrite, ScenarioName, Seed, Trials, parse_path
+from scripts.command_line import (
+    DefaultSkillFile,
+    Jobs,
+    OutFolder,
+    Overwrite,
+    ScenarioName,
+    Seed,
+    Trials,
+    find_skill,
+    parse_path,
+)
 
-app = make_app()
+if TYPE_CHECKING:
+    from experiments.outputs.output_set import OutputSet
+    from experiments.trial_result import TrialResult
+
+RESULTS, REPORT = "results.json", "report.html"
+RUN, REPLAY = "run_{:04d}.parquet", "replay_{:04d}.html"
+"""Names of the files of a trial, by its number."""
 
 
-@app.command()
-@command
 def main(
     skill: DefaultSkillFile = None,
     trials: Trials = 10,
@@ -52,31 +66,124 @@ def main(
     the mouth, and much friction.
 
     Reads a skill and a scenario. Writes into the folder of `--out` one run_NNNN.parquet per trial (NNNN = seed + k)
-    and results.json as the trials end, then report.html, which links to a replay of the worst trial. Given again after
-    an interruption, it goes on where it stopped. It does not mix its runs with those of another request.
+    and results.json as the trials end, then a replay_NNNN.html of each trial, and report.html, which links them. Given
+    again after an interruption, it goes on where it stopped. It does not mix its runs with those of another request.
 
     For example:
 
         haptic-skill rig --trials 20 --seed 100 --tilt-deg 2 --friction 0.3 --out out/mine
     """
-    from experiments.trial import Arm
-    from scripts.default_skill import find_skill
-    from scripts.rig_session import run
+    import hashlib
+    from functools import partial
 
-    run(
-        skill=find_skill(skill),
-        trials=trials,
-        seed=seed,
-        tilt_deg=tilt_deg,
-        friction=friction,
-        arm=Arm(arm),
-        scenario=scenario,
-        out=out,
-        json=json,
-        jobs=jobs,
-        overwrite=overwrite,
+    from experiments.outputs.output_checks import (
+        RECORDING_SIZE,
+        REPORT_SIZE,
+        check_file,
+        check_folder,
+        named_errors,
+        require_distinct,
     )
+    from experiments.outputs.output_set import open_set
+    from experiments.outputs.set_index import RUNS, SetIndex
+    from experiments.provenance import versions
+    from experiments.trial import Arm, run_trials
+    from interfaces.reports.result_tables import result_summary, result_table
+    from interfaces.terminal import progress, say, show, write_json
+    from models.clearance import load_scenario_of_clearance
+    from models.scenario import dump_scenario, validate_scenario
+    from skill.data.rig_run import write_rig_run
+    from skill.manipulation_skill import ManipulationSkill
+
+    skill = find_skill(skill)
+    policy, numbers = ManipulationSkill.load(skill), range(seed, seed + trials)
+    chosen = load_scenario_of_clearance(scenario)
+    if tilt_deg is not None:
+        chosen.start.tilt_range = math.radians(tilt_deg)
+    if friction is not None:
+        chosen.contact.friction, chosen.contact.friction_spread = friction, 0.0
+    validate_scenario(chosen, "command line")
+    request = {
+        **{"trials": trials, "seed": seed, "scenario": dump_scenario(chosen), "versions": versions()},
+        **{"skill": hashlib.sha256(skill.read_bytes()).hexdigest(), "arm": arm},
+    }
+    files = (*map(RUN.format, numbers), RESULTS)
+    index = SetIndex(RUNS, request, files, reports=(REPORT, *map(REPLAY.format, numbers)))
+    check_folder(out, size=trials * (RECORDING_SIZE + REPORT_SIZE))
+    copy = None if json is None or json.resolve() == (out / RESULTS).resolve() else json
+    if copy is not None:
+        require_distinct({"--skill": skill, **{name: out / name for name in index.names}, "--json": copy})
+        check_file(copy, ".json", option="--json")
+
+    with open_set(out, index, overwrite=overwrite) as runs:
+        done: dict[int, TrialResult] = {result.seed: result for result in runs.finished.values()}
+        if runs.damaged:
+            say(f"cannot be read and are run again: {', '.join(runs.damaged)}")
+        if done:
+            say(f"{len(done)} of {trials} trials are there already")
+            write_results(runs, done)
+        missing = [number for number in numbers if number not in done]
+        with progress("rig trials", len(missing)) as advance:
+            for result, record in run_trials(chosen, policy, missing, jobs=jobs, arm=Arm(arm)):
+                runs.write(RUN.format(result.seed), partial(write_rig_run, record))
+                done[result.seed] = result
+                write_results(runs, done)  # after each, so that they agree with the runs
+                advance(f"trial {result.seed}: {result.reason}, {result.time:.1f} s")
+        runs.complete()
+        results = [done[number] for number in numbers]
+        if copy is not None:
+            with named_errors(copy, f"the results are in {out / RESULTS}"):
+                write_json(copy, [result.record() for result in results])
+        write_report(runs, results, made_by={"skill": str(skill), **versions()}, scenario=dump_scenario(chosen))
+    show(result_table(results))
+    for line in result_summary(results):
+        say(line)
+    say(f"open {out / REPORT}: all trials, and a replay of each")
 
 
-if __name__ == "__main__":
-    app()
+def read_results(folder: Path) -> list[TrialResult]:
+    """Reads the results of the trials in a folder."""
+    from json import loads
+
+    from experiments.trial_result import TrialResult
+
+    return [TrialResult.from_record(row) for row in loads((folder / RESULTS).read_bytes())]
+
+
+def write_results(runs: OutputSet, done: dict[int, TrialResult]) -> None:
+    """Writes the results of the trials that are done into their folder."""
+    from interfaces.terminal import write_json
+
+    runs.write(RESULTS, lambda path: write_json(path, [done[number].record() for number in sorted(done)]))
+
+
+def write_report(runs: OutputSet, results: list[TrialResult], *, made_by: dict[str, str], scenario: str) -> None:
+    """Writes a replay of each run in a folder, and the report that links them.
+
+    Raises:
+        OSError: if one cannot be written. The message names it, and says what is on disk.
+    """
+    from functools import partial
+
+    from interfaces.reports.batch_page import batch_report
+    from interfaces.reports.replay_page import write_replay
+    from interfaces.terminal import progress
+    from skill.data.rig_run import read_rig_run
+    from skill.data.tables import write_atomically
+
+    replays = {result.seed: REPLAY.format(result.seed) for result in results}
+    missing = [number for number, name in replays.items() if not runs.path(name).is_file()]
+    with progress("replays", len(missing)) as advance:
+        for number in missing:
+            run = runs.path(RUN.format(number))
+            runs.write(replays[number], partial(write_replay, run, title=f"trial {number}"))
+            advance(run.name)
+    page = batch_report(
+        results,
+        title=f"{len(results)} insertions on the rig",
+        state_names=read_rig_run(runs.path(RUN.format(results[0].seed))).metadata["state_names"],
+        replays=replays,
+        made_by=made_by,
+        scenario=scenario,
+    )
+    runs.write(REPORT, lambda path: write_atomically(path, page.encode()))

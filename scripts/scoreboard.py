@@ -7,14 +7,12 @@ from typing import Annotated
 
 import typer
 
-from scripts.command_line import command, make_app
-from scripts.options import parse_path, parse_text
+from scripts.command_line import parse_path, parse_text
 
-app = make_app()
+MAX_PRINTED = 12
+"""Largest number of tables at the terminal."""
 
 
-@app.command()
-@command
 def main(
     results: Annotated[
         Path,
@@ -25,7 +23,7 @@ def main(
     out: Annotated[
         Path,
         typer.Option(parser=parse_path, metavar="FILE", help="HTML page to write; replaces an existing page."),
-    ] = Path("scoreboard.html"),
+    ] = Path("out/scoreboard.html"),
     markdown: Annotated[
         Path | None,
         typer.Option(
@@ -56,16 +54,49 @@ def main(
     rows of a table. Only trials of the newest code are shown, and of a policy that was made anew only the newest; the
     page says how many others there are. The results are never changed.
 
-    For example (in a checkout also `python -m scripts.scoreboard`):
+    For example:
 
         haptic-skill scoreboard out/results --out scoreboard.html
 
         haptic-skill scoreboard out/results --against "straight push" --markdown docs/scoreboard.md
     """
-    from scripts.scoreboard_session import write_scoreboard
+    from contextlib import ExitStack
 
-    write_scoreboard(results, out=out, markdown=markdown, against=against)
+    from experiments.outputs.folder_lock import locked_file
+    from experiments.outputs.output_checks import REPORT_SIZE, check_file, named_errors, require_distinct
+    from experiments.scoreboard.result_store import read_trials, trial_files
+    from experiments.scoreboard.summary import make_scoreboard
+    from interfaces.reports.scoreboard_markdown import scoreboard_markdown
+    from interfaces.reports.scoreboard_page import scoreboard_page, warnings
+    from interfaces.reports.scoreboard_table import terminal_table
+    from interfaces.terminal import busy, progress, say, show
+    from skill.data.tables import write_atomically
 
-
-if __name__ == "__main__":
-    app()
+    files = trial_files(results)
+    outputs = {"--out": out} if markdown is None else {"--out": out, "--markdown": markdown}
+    require_distinct(outputs)
+    check_file(out, ".html", size=REPORT_SIZE)
+    if markdown is not None:
+        check_file(markdown, ".md", option="--markdown", size=REPORT_SIZE)
+    with progress("reading trials", len(files)) as advance:
+        found = read_trials(results, advance)
+    with busy(f"comparing {len(found.table):,} trials"):
+        board = make_scoreboard(found, against)
+        texts = {out: scoreboard_page(board, out)}
+        if markdown is not None:
+            texts[markdown] = scoreboard_markdown(board, markdown)
+    with ExitStack() as locks:
+        for path in texts:
+            locks.enter_context(locked_file(path))
+        for path, text in texts.items():
+            with named_errors(path, "the results are unchanged"):
+                write_atomically(path, text.encode())
+    for table in board.tables[:MAX_PRINTED]:
+        show(terminal_table(table, board))
+    if len(board.tables) > MAX_PRINTED:
+        say(f"{len(board.tables) - MAX_PRINTED} more tables are in the page")
+    say("against, slower by: in the trials that a policy shares with the reference; p: Holm-corrected over a table")
+    for text in warnings(board):
+        say(f"note: {text}")
+    say(f"scoreboard of {board.trials:,} trials, compared with {board.reference}")
+    say(f"open {' and '.join(map(str, texts))}")

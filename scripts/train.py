@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from scripts.command_line import command, make_app
-from scripts.options import OutFile, Seed, parse_path
+from scripts.command_line import OutFile, Seed, parse_path
 
-app = make_app()
+if TYPE_CHECKING:
+    from skill.manipulation_skill import ManipulationSkill
 
 
-@app.command()
-@command
 def main(
     demonstrations: Annotated[
         list[Path],
@@ -39,8 +38,8 @@ def main(
     Reads the recordings that the index of each folder lists, or all of a folder without an index. Discovers the contact
     states in all of them, and the contexts in the good ones: what stays the same during a demonstration and shows only
     in how the forces answer to the motion. Fits the local regressions to the actions of the good ones. Writes the skill
-    to the file of `--out`. Prints one row per state: how often and how long it was visited, and the probability that it
-    leads to insertion. The seed is that of the random draws of the learner.
+    to the file of `--out`. Prints one row per state: how often and how long it was visited, and what follows it. The
+    seed is that of the random draws of the learner.
 
     With `--policy plan` the skill also learns how the forces answer to each motion, and which forces the good
     demonstrations keep to in each state. It then chooses the motion that leads to the desired next state.
@@ -49,10 +48,62 @@ def main(
 
         haptic-skill train --demonstrations out/few --out out/few.npz
     """
-    from scripts.train_session import train
+    from interfaces.terminal import say
 
-    train(demonstrations=demonstrations, out=out, seed=seed, max_contexts=contexts, policy=policy)
+    train(demonstrations, out=out, seed=seed, contexts=contexts, policy=policy)
+    say(f"try it: haptic-skill rig --skill {out}")
 
 
-if __name__ == "__main__":
-    app()
+def train(
+    demonstrations: Sequence[Path],
+    *,
+    out: Path,
+    seed: int,
+    contexts: int,
+    policy: str = "imitate",
+) -> ManipulationSkill:
+    """Fits a skill to the recordings in some folders, writes it to the file ``out``, and returns it.
+
+    Args:
+        demonstrations: the folders.
+        out: file of the skill.
+        seed: of the random draws of the learner.
+        contexts: largest number of contexts that is discovered.
+        policy: one of ``skill.skill_schema.POLICIES``.
+
+    Raises:
+        ValueError: if a folder holds no valid demonstrations, none of all inserts, or a folder is given twice.
+        OSError: if the file cannot be written.
+    """
+    from experiments.exact_states import give_names
+    from experiments.outputs.folder_lock import locked_file
+    from experiments.outputs.output_checks import check_file, named_errors
+    from experiments.outputs.output_set import find_recordings
+    from interfaces.reports.result_tables import context_line, state_table
+    from interfaces.terminal import busy, say, show
+    from skill.data.demonstration import read_demonstration
+    from skill.manipulation_skill import ManipulationSkill
+    from skill.states.context_mixture import ContextMixture
+
+    check_file(out, ".npz")
+    folders = [folder.resolve() for folder in demonstrations]
+    recordings = []
+    for folder in demonstrations:
+        if folders.count(folder.resolve()) > 1:
+            raise ValueError(f"{folder}: given twice; expected each folder of demonstrations once")
+        paths, note = find_recordings(folder)
+        if note:
+            say(note)
+        recordings += [read_demonstration(path) for path in paths]
+    with locked_file(out):
+        with busy(f"learning from {len(recordings)} demonstrations"):
+            mixture = ContextMixture(max_contexts=contexts, random_state=seed)
+            skill = ManipulationSkill(contexts=mixture, policy=policy, random_state=seed).fit(recordings)
+            skill.metadata_["max_contexts"] = contexts
+            give_names(skill, recordings)
+        with named_errors(out, "the recordings are unchanged"):
+            skill.save(out)
+    show(state_table(skill))
+    say(context_line(skill))
+    say(f"{skill.n_states} contact states, {len(skill.sources_)} remembered samples, in {out}")
+    return skill

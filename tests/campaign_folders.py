@@ -147,7 +147,7 @@ class RecordLane(SetLane):
         scenario = self.base / "record.yaml"
         scenario.write_text(yaml.safe_dump(QUICK_DEMONSTRATIONS))
         return [
-            *("scripts.record", "--out", self.folder, "--scenario", scenario, "--jobs", jobs),
+            *("haptic_skill", "record", "--out", self.folder, "--scenario", scenario, "--jobs", jobs),
             *("--good", 6, "--bad", 0, "--seed", self.round, *(["--overwrite"] if self.old else [])),
         ]
 
@@ -161,7 +161,7 @@ class RigLane(SetLane):
 
     def command(self, jobs: int) -> list[object]:
         return [
-            *("scripts.rig", "--out", self.folder, "--scenario", short_trials(self.base), "--jobs", jobs),
+            *("haptic_skill", "rig", "--out", self.folder, "--scenario", short_trials(self.base), "--jobs", jobs),
             *("--skill", self.base / "skill.npz", "--trials", 5, "--seed", self.round),
             *(["--overwrite"] if self.old else []),
         ]
@@ -195,7 +195,7 @@ class TrainLane(Lane):
 
     def command(self, jobs: int) -> list[object]:
         out = self.folder / "skill.npz"
-        return [*("scripts.train", "--demonstrations", self.base / "shown", "--out", out, "--seed", self.round)]
+        return [*("haptic_skill", "train", "--demonstrations", self.base / "shown", "--out", out, "--seed", self.round)]
 
     def faults_after_kill(self) -> list[str]:
         """The skill is the old or the new one, and whole."""
@@ -221,7 +221,7 @@ class PractiseLane(Lane):
 
     def command(self, jobs: int) -> list[object]:
         return [
-            *("scripts.practise", "--out", self.folder / "p.npz", "--scenario", short_trials(self.base)),
+            *("haptic_skill", "practise", "--out", self.folder / "p.npz", "--scenario", short_trials(self.base)),
             *("--skill", self.base / "skill.npz", "--jobs", jobs, "--seed", self.round),
             *("--rounds", 1, "--starts", 1, "--checks", 1, "--held-out", 2),
         ]

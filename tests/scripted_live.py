@@ -14,7 +14,7 @@ import numpy as np
 import typer
 from pydrake.math import RigidTransform
 
-from experiments.outputs.live_folder import open_live_folder
+from experiments.outputs.output_set import open_live_folder
 from interfaces.live.access import LOCAL_HOST
 from interfaces.live.buttons import GOOD, QUIT, START
 from interfaces.live.page import LivePage

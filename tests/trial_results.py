@@ -1,7 +1,6 @@
 """The result of a plain insertion, from which tests derive others with `dataclasses.replace`."""
 
 import math
-from dataclasses import replace
 
 from experiments.trial_result import TrialResult
 from skill.data.outcome import Outcome
@@ -35,20 +34,3 @@ PLAIN = TrialResult(
     field_score=99.25,
     trusted=True,
 )
-
-LATER = (
-    "peak_contact_force",
-    "peak_load",
-    "mean_load",
-    "time_above_20n",
-    "first_touch",
-    "peak_measured_load",
-    "force_above_20n",
-    "wedged_time",
-    "path_length",
-    "mean_jerk",
-    "field_score",
-    "trusted",
-)
-EARLIER = replace(PLAIN, **dict.fromkeys(LATER))
-"""The same as a version recorded it that knew nothing of loads, single contacts and trust."""

@@ -25,7 +25,7 @@ from threadpoolctl import threadpool_limits
 
 from benchmarks.command_line import Demonstrations, JsonFile, finish, run
 from benchmarks.rig.lerobot_policy import train, write_training_set
-from experiments.outputs.recordings import find_recordings
+from experiments.outputs.output_set import find_recordings
 from experiments.scoreboard.paired_statistics import wilson
 from experiments.trial import Arm, run_trial, trial_scenario
 from experiments.trial_result import TrialResult
@@ -132,7 +132,7 @@ def main(
     seed: Annotated[int, typer.Option(help="Seed of the training.")] = 0,
     json: JsonFile = None,
 ) -> None:
-    shown = [read_demonstration(path) for folder in demonstrations for path in find_recordings(folder).paths]
+    shown = [read_demonstration(path) for folder in demonstrations for path in find_recordings(folder)[0]]
     good = [demonstration for demonstration in shown if demonstration.good]
     numbers = range(FIRST_TRIAL, FIRST_TRIAL + trials)
     trained: dict[str, tuple[RigPolicy, dict[str, Any]]] = {SKILL: trained_skill(shown, seed)}

@@ -35,7 +35,7 @@ from experiments.scoreboard.paired_statistics import wilson
 from experiments.trial import run_rig, trial_scenario
 from interfaces.terminal import progress, write_json
 from models.scenario import Scenario, load_scenario
-from scripts.options import ScenarioName
+from scripts.command_line import ScenarioName
 from skill.manipulation_skill import ManipulationSkill
 from systems.plant.mujoco_model import MujocoContact
 from systems.plant.mujoco_plant import MujocoPlant

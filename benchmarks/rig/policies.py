@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from benchmarks.rig.control_laws import MomentCompliance, SpiralSearch, StraightPush, TunedLaw, tune
-from experiments.corrections import ask, demonstrate_corrections
+from experiments.corrections import CorrectionPlan, StuckTrial, correct, demonstrate_corrections, run_practice
 from experiments.sweeps.policies import TrainingContext, learn
 from experiments.trial import run_trials
 from skill.data.demonstration import Demonstration
 from skill.policy import RigPolicy
-
-SET_ROUNDS, ROUND_TRIALS = 100, 10_000
-"""Numbers of rounds of a set and of practice trials of a round, as in `scripts.correction_session`."""
+from skill.practice.query_state import QueryState
 
 
 def straight_push(training_context: TrainingContext) -> RigPolicy:
@@ -62,29 +60,24 @@ def corrected(
         share: part of the demonstrations that is left out for each round, the last good and bad ones.
         **options: of the training; see `learn`.
     """
-    shown = training_context.demonstrations
+    scenario, seed, shown = training_context.scenario, training_context.seed, training_context.demonstrations
     each = round(share * len(shown))
-    asked = each if most is None else most
-    shown = first(shown, len(shown) - rounds * each)
-    policy = learn(replace(training_context, demonstrations=shown), **options)
-    for number in range(rounds):
-        begin = (training_context.seed * SET_ROUNDS + number) * ROUND_TRIALS
-        tried = ask(training_context.scenario, policy, range(begin, begin + trials), jobs=1)
-        stuck = [query_state for _, query_state in tried if query_state is not None][:asked]
-        if not stuck:
-            break
-        query_states = dict(enumerate(stuck))
-        shown = [
-            *shown,
-            *(
-                d
-                for _, d in demonstrate_corrections(
-                    training_context.scenario, query_states, seed=training_context.seed, jobs=1
-                )
-            ),
-        ]
-        policy = learn(replace(training_context, demonstrations=shown), **options)
-    return policy
+    plan = CorrectionPlan(rounds=rounds, trials=trials, most=each if most is None else most, seed=seed)
+    shown = list(first(shown, len(shown) - rounds * each))
+
+    def practise(policy: RigPolicy, number: int) -> list[StuckTrial]:
+        tried = run_practice(scenario, policy, plan.numbers(number), jobs=1)
+        return [StuckTrial(state, result) for result, state in tried if state is not None][: plan.most]
+
+    def demonstrate(query_states: Sequence[QueryState], number: int) -> bool:
+        corrections = demonstrate_corrections(scenario, dict(enumerate(query_states)), seed=seed, jobs=1)
+        shown.extend(correction for _, correction in corrections)
+        return True
+
+    def train(*_: Any) -> RigPolicy:
+        return learn(replace(training_context, demonstrations=list(shown)), **options)
+
+    return correct(train(), rounds, practise=practise, demonstrate=demonstrate, train=train)
 
 
 def first(demonstrations: list[Demonstration], number: int) -> list[Demonstration]:

@@ -36,7 +36,7 @@ from interfaces.gym.agents import Agent, PolicyAgent, run_episode
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console, progress, write_json
 from models.scenario import Scenario
-from scripts.options import ScenarioName
+from scripts.command_line import ScenarioName
 from skill.arrays import Array
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy

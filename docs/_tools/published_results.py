@@ -24,7 +24,7 @@ from benchmarks.command_line import run
 from experiments.outputs.new_folder import new_folder
 from experiments.scoreboard.result_store import PUBLISHED
 from experiments.sweeps.result_blocks import TRIALS
-from scripts.sweep_session import SWEEPS
+from scripts.sweep import SWEEPS
 
 
 def publish(results: Path, out: Path) -> None:

@@ -20,7 +20,7 @@ from experiments.sweeps.specification import read_specification
 from experiments.sweeps.trial_rows import row_key
 from experiments.trial import trial_scenario
 from models.scenario import dump_scenario
-from scripts.sweep_session import SWEEPS
+from scripts.sweep import SWEEPS
 
 
 def restore(published: Path, results: Path) -> tuple[int, int]:

@@ -15,7 +15,7 @@ from systems.plant.contact_forces import Contact
 TOUCH_LOAD = 1.0  # in units of N; a smaller load is no contact: the inertial force of the peg is a part of a newton
 HIGH_LOAD = 20.0  # in units of N
 FIRST_TOUCH_TIME = 0.050  # in units of s
-NEWS = 1.05  # ratio to the largest load or contact so far from which the single contacts are read between two periods
+GROWTH = 1.05  # ratio to the largest load or contact so far from which the single contacts are read between two periods
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,10 @@ class ForceMetrics:
         """Adds the true contact wrench (6,) of a plant step: force (N), then moment about the tip (N m), in P."""
         self._wrenches.append(wrench)
 
-    def is_news(self, wrench: Array, extent: float) -> bool:
+    def needs_contacts(self, wrench: Array, extent: float) -> bool:
         """Whether the single contacts of this plant step may hold a force larger than those that were read.
 
-        They may if the load or the extent of the contact exceeds the largest so far by a factor of `NEWS`. This is no
+        They may if the load or the extent of the contact exceeds the largest so far by a factor of `GROWTH`. This is no
         bound: in a wedge a contact's force can grow while neither does.
 
         Args:
@@ -80,7 +80,7 @@ class ForceMetrics:
             extent: see `RigPlant.contact_extent`.
         """
         load = load_of_components(wrench.tolist(), self.peg_radius)
-        if extent <= 0.0 or (load <= NEWS * self._largest_load and extent <= NEWS * self._largest_extent):
+        if extent <= 0.0 or (load <= GROWTH * self._largest_load and extent <= GROWTH * self._largest_extent):
             return False
         self._largest_load = max(load, self._largest_load)
         self._largest_extent = max(extent, self._largest_extent)

@@ -17,17 +17,19 @@ from skill.data.tables import TEMPORARY_MARK
 REPLACED = ".haptic-skill-replaced"
 """What is added to the hidden name of a folder while it is replaced."""
 
+FilesOf = Callable[[Path], set[str] | None]
+"""Returns the relative paths of the files of which a folder of a kind consists; None if it is not of this kind."""
+
 
 @contextmanager
-def new_folder(out: Path, *, files_of: Callable[[Path], set[str] | None] | None = None) -> Iterator[Path]:
+def new_folder(out: Path, *, files_of: FilesOf = lambda folder: None) -> Iterator[Path]:
     """Yields an empty hidden folder beside ``out``, which is renamed to ``out`` at the end.
 
     A process that is killed leaves ``out`` as it was; what else it leaves is removed or put back by the next call.
 
     Args:
         out: folder to make; an empty one may be there.
-        files_of: what may be replaced: it returns the paths of the files, relative to a folder, of which a folder of
-            the same kind consists, or None if it is not of this kind. None replaces nothing.
+        files_of: tells the folders that may be replaced; by default none.
 
     Raises:
         ValueError: if ``out`` is there and may not be replaced. The message names what is in it.
@@ -42,18 +44,15 @@ def new_folder(out: Path, *, files_of: Callable[[Path], set[str] | None] | None 
         try:
             yield staged
             staged.chmod(0o755)
-            _flush(staged)
+            os.sync()  # the files are on the disk before the name is
             if out.exists():
                 out.rename(old)
             staged.rename(out)
-        except BaseException:
-            shutil.rmtree(staged, ignore_errors=True)
+        finally:
             _finish(out, old)
-            raise
-        shutil.rmtree(old, ignore_errors=True)
 
 
-def check_new_folder(out: Path, *, files_of: Callable[[Path], set[str] | None] | None = None) -> None:
+def check_new_folder(out: Path, *, files_of: FilesOf = lambda folder: None) -> None:
     """Checks that a folder is not there, empty, or may be replaced; see `new_folder`.
 
     Raises:
@@ -64,29 +63,17 @@ def check_new_folder(out: Path, *, files_of: Callable[[Path], set[str] | None] |
     if out.is_symlink() or not out.is_dir():
         raise ValueError(f"{out}: is there and no folder; choose another OUT")
     found = {path.relative_to(out).as_posix() for path in out.rglob("*") if not path.is_dir()}
-    known = files_of(out) if files_of is not None else None
-    foreign = sorted(found - (known or set()))
+    foreign = sorted(found - (files_of(out) or set()))
     if foreign:
         what = f"holds {foreign[0]}" + (f" and {len(foreign) - 1} more files" if len(foreign) > 1 else "")
         raise ValueError(f"{out}: {what}, which is not replaced; choose another OUT")
 
 
 def _finish(out: Path, old: Path) -> None:
-    """Puts a folder back whose replacement was interrupted, and removes what an interrupted call left."""
+    """Puts a folder back whose replacement did not succeed, and removes what is left of the old or the new one."""
     if old.is_dir() and not out.exists():
         old.rename(out)
     shutil.rmtree(old, ignore_errors=True)
     for path in out.parent.glob(f".{escape(out.name)}{TEMPORARY_MARK}*"):
         if re.fullmatch(r"[a-z0-9_]{8}", path.name.rpartition(TEMPORARY_MARK)[2]) and path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
-
-
-def _flush(folder: Path) -> None:
-    """Asks the system to write all files of a folder to the disk."""
-    for path in folder.rglob("*"):
-        if path.is_file():
-            handle = os.open(path, os.O_RDONLY)
-            try:
-                os.fsync(handle)
-            finally:
-                os.close(handle)

@@ -15,8 +15,7 @@ from experiments.outputs.set_index import INDEX_NAME, read_index
 from skill.data.tables import TEMPORARY_MARK
 
 RECORDING_SIZE = 60_000  # bytes of a recording or a run, about
-REPORT_SIZE = 3_000_000  # bytes of a report with its replay or figures, at most
-TEMPORARY = len(f".{TEMPORARY_MARK}abcdefgh")  # what `write_atomically` adds to the name of a file
+REPORT_SIZE = 3_000_000  # bytes of a page with a scene or figures, at most
 
 CONTENTS = {
     ".npz": ("a skill file", rb"PK\x03\x04.{26}[\w/]+\.npy"),  # a zip archive of arrays
@@ -32,8 +31,10 @@ CONTENTS = {
 """How the kinds of file begin, by the suffix that they usually have. No command replaces a single Parquet file."""
 
 
-def check_folder(folder: Path, *, option: str = "--out", size: int = 0) -> None:
+def check_folder(folder: Path, *, option: str = "--out", size: int = 0, name: str = "") -> None:
     """Checks that a folder exists or can be made, can be written, and has room for ``size`` bytes.
+
+    With ``name`` it checks the name of a file in the folder too.
 
     Raises:
         OSError: if not. The message names the option, the path and the reason.
@@ -41,15 +42,15 @@ def check_folder(folder: Path, *, option: str = "--out", size: int = 0) -> None:
     existing = next(path for path in (folder, *folder.absolute().parents) if os.path.lexists(path))
     if not existing.is_dir():
         raise NotADirectoryError(f"{option} {folder}: {existing} is not a folder; choose another place")
-    _check_name(folder, existing, option)
     try:
-        with tempfile.TemporaryFile(dir=existing):
+        with tempfile.NamedTemporaryFile(dir=existing, prefix=f".{name or folder.name}{TEMPORARY_MARK}"):
             pass
     except OSError as error:
         raise OSError(f"{option} {folder}: cannot write in {existing} ({error.strerror})") from error
     free = shutil.disk_usage(existing).free
     if free < size:
-        raise OSError(f"{option} {folder}: needs about {_megabytes(size)}, but only {_megabytes(free)} are free")
+        needed, there = (f"{number / 1e6:,.0f} MB" for number in (size, free))
+        raise OSError(f"{option} {folder}: needs about {needed}, but only {there} are free")
 
 
 def check_file(path: Path, suffix: str, *, option: str = "--out", size: int = 0) -> None:
@@ -66,15 +67,27 @@ def check_file(path: Path, suffix: str, *, option: str = "--out", size: int = 0)
         ValueError: if the path belongs to a folder of recordings or runs, or a file of another kind is there.
         OSError: if the file cannot be written. All messages name the option, the path and the reason.
     """
-    if path.is_dir():
-        raise IsADirectoryError(f"{option} {path}: is a folder; expected the name of a file")
     if path.exists() and not path.is_file():
-        raise OSError(f"{option} {path}: is a device or a pipe; expected the name of a file")
-    check_folder(path.parent, option=option, size=size)
-    _check_name(path, path.parent, option)
-    _refuse_file_of_a_set(path, option)
-    if path.exists():
-        _refuse_other_content(path, suffix, option)
+        what = "a folder" if path.is_dir() else "a device or a pipe"
+        raise OSError(f"{option} {path}: is {what}; expected the name of a file")
+    check_folder(path.parent, option=option, size=size, name=path.name)
+    if path.name in (INDEX_NAME, LOCK_NAME) or re.fullmatch(r"\..+\.lock", path.name):
+        raise ValueError(f"{option} {path}: the name of an index or a lock; choose another {option}")
+    index = read_index(path.parent)
+    if index is not None and path.name in index.names:
+        owner = f"the {index.kind.name} in {path.parent}, as its index says"
+        raise ValueError(f"{option} {path}: belongs to {owner}; choose another {option}")
+    if not path.exists():
+        return
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(512)
+    except OSError as error:
+        raise OSError(f"{option} {path}: cannot be read, so it is not replaced ({error.strerror})") from error
+    name, pattern = CONTENTS[suffix]
+    if start and not re.match(pattern, start, re.DOTALL):
+        found = next((other for other, begin in CONTENTS.values() if re.match(begin, start, re.DOTALL)), "another file")
+        raise ValueError(f"{option} {path}: is {found}, and is not replaced by {name}; choose another {option}")
 
 
 def require_distinct(files: Mapping[str, Path]) -> None:
@@ -97,40 +110,3 @@ def named_errors(path: Path, kept: str) -> Iterator[None]:
         yield
     except OSError as error:
         raise OSError(f"{path}: not written ({error.strerror or error}); {kept}") from error
-
-
-def _refuse_file_of_a_set(path: Path, option: str) -> None:
-    """Refuses the index and the locks of a folder, and the files that its index lists."""
-    if path.name == INDEX_NAME:
-        raise ValueError(f"{option} {path}: the name of the index of a folder; choose another {option}")
-    if path.name == LOCK_NAME or re.fullmatch(r"\..+\.lock", path.name):
-        raise ValueError(f"{option} {path}: the name of a lock; choose another {option}")
-    index = read_index(path.parent)
-    if index is not None and path.name in index.names:
-        raise ValueError(
-            f"{option} {path}: belongs to the {index.kind.name} in {path.parent}, as its index says; choose another"
-            f" {option}"
-        )
-
-
-def _refuse_other_content(path: Path, suffix: str, option: str) -> None:
-    """Refuses to replace a file of another kind than the command writes."""
-    try:
-        with path.open("rb") as stream:
-            start = stream.read(512)
-    except OSError as error:
-        raise OSError(f"{option} {path}: cannot be read, so it is not replaced ({error.strerror})") from error
-    name, pattern = CONTENTS[suffix]
-    if start and not re.match(pattern, start, re.DOTALL):
-        found = next((other for other, begin in CONTENTS.values() if re.match(begin, start, re.DOTALL)), "another file")
-        raise ValueError(f"{option} {path}: is {found}, and is not replaced by {name}; choose another {option}")
-
-
-def _check_name(path: Path, existing: Path, option: str) -> None:
-    longest = os.pathconf(existing if existing.exists() else "/", "PC_NAME_MAX") - TEMPORARY
-    if len(os.fsencode(path.name)) > longest:
-        raise OSError(f"{option} {path}: the name is longer than {longest} bytes; choose a shorter one")
-
-
-def _megabytes(size: int) -> str:
-    return f"{size / 1e6:,.0f} MB"

@@ -9,16 +9,15 @@ one.
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from experiments.outputs.folder_lock import locked_folder
-from experiments.outputs.output_checks import named_errors
-from experiments.outputs.own_folder import check_own_folder, remove_own_folder, remove_unfinished
-from experiments.outputs.set_index import DEMONSTRATIONS, INDEX_NAME, SetIndex, find_set, read_index
-from skill.data.demonstration import read_demonstration
+from experiments.outputs.folder_lock import LOCK_NAME, locked_folder, remove_unfinished
+from experiments.outputs.output_checks import RECORDING_SIZE, check_folder, named_errors
+from experiments.outputs.set_index import DEMONSTRATIONS, INDEX_NAME, LIVE, SetIndex, read_index
 
 NEW, READY = ".new", ".ready"
 
@@ -55,14 +54,13 @@ class OutputSet:
         Raises:
             OSError: if it cannot be written. The message names the file and what is kept.
         """
-        path = self._place / name
         kept = f"{self.kept()}; make room and give the same command again"
         if not self._is_written:
             with named_errors(self._place / INDEX_NAME, kept):
                 self._index.write(self._place)
             self._is_written = True
-        with named_errors(path, kept):
-            write(path)
+        with named_errors(self._place / name, kept):
+            write(self._place / name)
 
     def path(self, name: str) -> Path:
         """Where a file of the set is now."""
@@ -75,12 +73,10 @@ class OutputSet:
 
     def complete(self) -> None:
         """Ends the work on the items: a set that replaces another takes its place."""
-        if self._place == self.folder:
-            return
-        remove_unfinished(self._place, self._index.names)
-        self._place.rename(self.folder / READY)
-        finish_replacement(self.folder)
-        self._place = self.folder
+        if self._place != self.folder:
+            self._place.rename(self.folder / READY)
+            finish_replacement(self.folder)
+            self._place = self.folder
 
 
 @contextmanager
@@ -94,111 +90,166 @@ def open_set(folder: Path, index: SetIndex, *, overwrite: bool) -> Iterator[Outp
             with ``overwrite``; without it there is nothing left to do.
 
     Raises:
-        ValueError: if the folder holds what may not be replaced: live recordings, another kind of set, files that this
-            program did not write under the same names or in the hidden folders, or without ``overwrite`` a set of
-            another request.
+        ValueError: see `check_set`; or a hidden folder holds what this program did not write.
         OSError: if another process holds the folder, or it cannot be written.
     """
     with locked_folder(folder):
-        finish_replacement(folder)
+        if os.path.lexists(folder / READY):
+            finish_replacement(folder)
         old = check_set(folder, index, overwrite=overwrite)
-        replaces = old is not None and _is_replaced(old, index, folder, overwrite=overwrite)
-        place = folder / NEW if replaces else folder
-        if replaces and check_own_folder(place, index.kind) != index:
-            remove_own_folder(place, index.kind)  # of an interrupted --overwrite with another request
-        for known in (old, index):
-            remove_unfinished(folder, known.names if known is not None else ())
-        remove_unfinished(place, index.names)
+        place = folder
+        if old is not None and old.finished(folder):
+            is_same = old.request == index.request
+            place = folder / NEW if not is_same or (overwrite and old.is_complete(folder)) else folder
+        if place != folder and (place.is_symlink() or read_index(place) != index or _foreign(place)):
+            remove_own_folder(place)  # of an interrupted --overwrite with another request
+        for known in {folder, place}:
+            remove_unfinished(known, [*index.names, *(old.names if old is not None else ()), INDEX_NAME])
         yield OutputSet(folder, place, index)
 
 
 def check_set(folder: Path, index: SetIndex, *, overwrite: bool) -> SetIndex | None:
-    """Checks that a set may be made in a folder, and returns the set that is there; changes nothing.
+    """Checks that a set may be made in a folder, and returns the index that is there; changes nothing.
 
     Raises:
-        ValueError: see `open_set`.
+        ValueError: if the folder holds another kind of set, recordings without an index, files that are not in the
+            index under the names of new ones, or without ``overwrite`` a set of another request.
     """
-    old = find_set(folder, index.kind)
+    old = read_index(folder)
     if old is not None and old.kind is not index.kind:
         raise ValueError(f"{folder}: holds {old.kind.name}, not {index.kind.name}; choose another --out")
-    if index.kind is DEMONSTRATIONS:
-        _refuse_live(folder)
-    _refuse_foreign(folder, old, index, overwrite=overwrite)
+    known = set() if old is None else old.names
+    for name in sorted(index.names - known):
+        if (folder / name).exists():
+            raise ValueError(f"{folder / name}: not a file of this set; move it away, or choose another --out")
+    if old is None and (others := sorted(folder.glob("*.parquet"))):
+        raise ValueError(f"{others[0]}: a recording of no set, which no command replaces; choose another --out")
     if old is not None and old.request != index.request and old.finished(folder) and not overwrite:
         raise ValueError(
-            f"{folder}: holds {len(old.finished(folder))} {old.kind.name} {old.difference(index.request or {})};"
+            f"{folder}: holds {len(old.finished(folder))} {old.kind.name} {old.difference(index.request)};"
             " choose another --out, or add --overwrite to replace them"
         )
     return old
-
-
-def is_begun(folder: Path, index: SetIndex) -> bool:
-    """Whether a folder holds the set of a request, finished or not, and no replacement of it has begun."""
-    old = find_set(folder, index.kind)
-    return old is not None and old.request == index.request and not (folder / NEW).exists()
 
 
 def finish_replacement(folder: Path) -> None:
     """Finishes the replacement of a set that was interrupted, if there is one. The caller holds the folder.
 
     Raises:
-        ValueError: if the hidden folder ``READY`` holds anything else than a set of the kind in the folder.
+        ValueError: if the hidden folder ``READY`` holds what this program did not write there.
     """
     ready = folder / READY
     if not os.path.lexists(ready):
         return
-    found = read_index(folder) or read_index(ready)
-    kind = DEMONSTRATIONS if found is None else found.kind
-    new = check_own_folder(ready, kind)
-    if new is not None:  # it moves last
-        old = find_set(folder, new.kind)
+    old = read_index(folder)
+    new = None if ready.is_symlink() else read_index(ready)  # the index moves last
+    if (new is not None and old is not None and new.kind is not old.kind) or _foreign(ready):
+        new = None  # not of this program: the removal names it
+    if new is not None:
+        items = set(new.items)
         if old is not None:
             # What describes the items goes first and comes last, so that it never stands beside other items.
-            for name in sorted(old.names - set(old.items)) + sorted(set(old.items) - set(new.items)):
+            for name in sorted(old.names - set(old.items)) + sorted(set(old.items) - items):
                 (folder / name).unlink(missing_ok=True)
-        for name in (*new.items, *(name for name in new.files if name not in new.items)):
+        for name in sorted(new.names, key=lambda name: (name not in items, name)):
             if (ready / name).exists():
                 (ready / name).replace(folder / name)
         (ready / INDEX_NAME).replace(folder / INDEX_NAME)
-    remove_own_folder(ready, kind)
+    remove_own_folder(ready)
 
 
-def _refuse_live(folder: Path) -> None:
-    """Refuses a folder that holds live recordings, whatever their names and the index say."""
-    for path in sorted(folder.glob("*.parquet")):
-        if _is_live(path):
-            raise ValueError(f"{path}: a live recording, which no command replaces; choose another --out")
-
-
-def _is_live(path: Path) -> bool:
-    if path.stem.endswith("_live"):
-        return True
-    try:
-        return bool(read_demonstration(path).metadata.get("habit") == "live")
-    except ValueError:
-        return False
-
-
-def _is_replaced(old: SetIndex, index: SetIndex, folder: Path, *, overwrite: bool) -> bool:
-    """Whether a set that may be made, beside the old one in a folder, replaces it: else the old one is continued."""
-    if old.request == index.request:
-        return overwrite and old.is_complete(folder)
-    return bool(old.finished(folder))
-
-
-def _refuse_foreign(folder: Path, old: SetIndex | None, index: SetIndex, *, overwrite: bool) -> None:
-    """Refuses to replace files that this program did not write, and to mix recordings unasked.
+def remove_own_folder(folder: Path) -> None:
+    """Removes a folder that holds a set, or is empty; the index last, so that what an interruption leaves goes too.
 
     Raises:
-        ValueError: if there is such a file; the message names it.
+        ValueError: if it holds another file, or is not a folder. The message names it.
     """
-    known = set() if old is None else old.names
-    for name in sorted(index.names - known):
-        if (folder / name).exists():
-            raise ValueError(f"{folder / name}: not a file of this set; move it away, or choose another --out")
-    others = [path.name for path in sorted(folder.glob("*.parquet")) if path.name not in known]
-    if others and old is None and not overwrite:
+    if not os.path.lexists(folder):
+        return
+    if folder.is_symlink() or not folder.is_dir():
+        raise ValueError(f"{folder}: a name that this program needs for a folder; move it away")
+    others = _foreign(folder)
+    if others:
         raise ValueError(
-            f"{folder}: holds {len(others)} other recordings, such as {others[0]}; choose another --out,"
-            " or add --overwrite to record beside them"
+            f"{folder}: holds {others[0]}, which this program did not write there; move the folder or the file away"
         )
+    for path in sorted(folder.iterdir(), key=lambda path: path.name == INDEX_NAME):
+        path.unlink()
+    folder.rmdir()
+
+
+def _foreign(folder: Path) -> list[str]:
+    """The files in a folder that neither its index lists nor a killed process left."""
+    if not folder.is_dir():
+        return []
+    index = read_index(folder)
+    names = {INDEX_NAME, *(index.names if index is not None else ())}
+    remove_unfinished(folder, names)
+    return sorted({path.name for path in folder.iterdir()} - names - {LOCK_NAME})
+
+
+@contextmanager
+def open_live_folder(folder: Path) -> Iterator[None]:
+    """Holds a folder for a live session, which holds live recordings and nothing else, and no command deletes them.
+
+    The index says that the recordings are live; it does not list them, because all are kept.
+
+    Raises:
+        ValueError: if the folder holds another kind of set.
+        OSError: if another process holds the folder, or it cannot be written.
+    """
+    check_folder(folder, size=RECORDING_SIZE)
+    with locked_folder(folder):
+        finish_replacement(folder)
+        index = read_index(folder)
+        if index is not None and index.kind is not LIVE:
+            raise ValueError(f"{folder}: holds {index.kind.name}; choose another --out for live recordings")
+        names = {path.name.rpartition(".")[0].removeprefix(".") for path in folder.glob(".*_live.parquet.*")}
+        removed = remove_unfinished(folder, [*names, INDEX_NAME])
+        if removed:
+            warnings.warn(
+                f"{folder}: removed {len(removed)} unfinished file(s) of a killed session; finished ones are complete",
+                stacklevel=3,
+            )
+        _mark_live(folder)
+        try:
+            yield
+        finally:
+            _mark_live(folder)
+
+
+def _mark_live(folder: Path) -> None:
+    """Writes the index of a folder that holds live recordings."""
+    if read_index(folder) is None and any(folder.glob("*.parquet")):
+        with named_errors(folder / INDEX_NAME, "the recordings are complete"):
+            SetIndex(LIVE, {}).write(folder)
+
+
+def find_recordings(folder: Path) -> tuple[list[Path], str]:
+    """Finds the recordings of a folder: those that its index lists, or every ``*.parquet`` if it lists none.
+
+    Returns:
+        Their paths, in the order of the names; and what is not read or missing, for the person who trains.
+
+    Raises:
+        ValueError: if there is none, the index is not valid, or the folder holds something else.
+        OSError: if an interrupted replacement of the set cannot be finished.
+    """
+    if os.path.lexists(folder / READY):
+        with locked_folder(folder):
+            finish_replacement(folder)
+    index = read_index(folder)
+    found, notes = sorted(folder.glob("*.parquet")), []
+    if index is not None and index.kind not in (DEMONSTRATIONS, LIVE):
+        raise ValueError(f"{folder}: holds {index.kind.name}; expected demonstrations")
+    if index is not None and index.kind is DEMONSTRATIONS:
+        others = [path.name for path in found if path.name not in index.items]
+        found = [folder / name for name in sorted(index.finished(folder))]
+        if others:
+            notes.append(f"{len(others)} files are not in its index and are not read: {', '.join(others[:3])}")
+        if len(found) < len(index.items):
+            missing = f"{len(found)} of {len(index.items)} demonstrations are there"
+            notes.append(f"{missing}; record again to complete the set")
+    if not found:
+        raise ValueError(f"{folder}: no demonstrations (*.parquet) found; record some first")
+    return found, f"{folder}: {'; '.join(notes)}" if notes else ""

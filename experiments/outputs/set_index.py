@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -39,34 +39,23 @@ class SetKind:
 
     Attributes:
         name: in the index and in messages: what the folder holds.
-        item: pattern of the names of its items, the files that the work produces one by one.
-        other: pattern of the names of its other files.
-        read: reads and validates an item; raises ValueError.
+        names: pattern of the names that its files may have.
+        read: reads and validates an item, one of the ``.parquet`` files that the work produces; raises ValueError.
     """
 
     name: str
-    item: str
-    other: str
+    names: str
     read: Callable[[Path], Any]
-
-    def is_item(self, name: str) -> bool:
-        """Whether a file of this name is an item."""
-        return re.fullmatch(self.item, name) is not None
-
-    def owns(self, name: str) -> bool:
-        """Whether a file of this name may be in the index."""
-        return self.is_item(name) or re.fullmatch(self.other, name) is not None
 
 
 DEMONSTRATIONS = SetKind(
-    "demonstrations", r"\d{3,}_(good|bad|correction)_(?!live\.)\w+\.parquet", r"demonstrations\.png", read_demonstration
+    "demonstrations", r"\d{3,}_(good|bad|correction)_(?!live\.)\w+\.parquet|demonstrations\.png", read_demonstration
 )
-LIVE = SetKind("live recordings", r"[^.].*\.parquet", r"(?!)", read_demonstration)  # lists none: all are read
-RUNS = SetKind("runs", r"run_\d{4,}\.parquet", r"results\.json|report\.html|replay_\d{4,}\.html", read_result)
+LIVE = SetKind("live recordings", r"(?!)", read_demonstration)  # lists none: all are read, and none is replaced
+RUNS = SetKind("runs", r"run_\d{4,}\.parquet|results\.json|report\.html|replay_\d{4,}\.html", read_result)
 PRACTICE = SetKind(
     "practice trials",
-    r"round_\d{4,}_(trial|check)_\d{4,}\.parquet|held_out_(before|after)_\d{4,}\.parquet",
-    r"best\.npz",
+    r"round_\d{4,}_(trial|check)_\d{4,}\.parquet|held_out_(before|after)_\d{4,}\.parquet|best\.npz",
     read_rig_run,
 )
 
@@ -79,20 +68,20 @@ class SetIndex:
 
     Attributes:
         kind: of the folder.
-        request: what the files were made for; two sets with the same request are the same. None: not known.
+        request: what the files were made for; two sets with the same request are the same.
         files: names of the files that belong to the set as long as it exists.
         reports: names of the files that are made from them at the end, and can be made again. The first is made last.
     """
 
     kind: SetKind
-    request: Mapping[str, Any] | None
+    request: Mapping[str, Any]
     files: tuple[str, ...] = ()
     reports: tuple[str, ...] = ()
 
     @property
     def items(self) -> list[str]:
         """The names of the items."""
-        return [name for name in self.files if self.kind.is_item(name)]
+        return [name for name in self.files if name.endswith(".parquet")]
 
     @property
     def names(self) -> set[str]:
@@ -109,19 +98,11 @@ class SetIndex:
 
     def write(self, folder: Path) -> None:
         """Writes the index into a folder."""
-        content = {
-            "index_version": INDEX_VERSION,
-            "kind": self.kind.name,
-            "request": self.request,
-            "files": list(self.files),
-            "reports": list(self.reports),
-        }
+        content = {"index_version": INDEX_VERSION, **asdict(self), "kind": self.kind.name}
         write_atomically(folder / INDEX_NAME, (json.dumps(content, indent=1) + "\n").encode())
 
     def difference(self, request: Mapping[str, Any]) -> str:
         """Names what another request has different."""
-        if self.request is None:
-            return "of an earlier version, without an index"
         parts = []
         for key in request:
             old, new = self.request.get(key), request[key]
@@ -142,41 +123,16 @@ def read_index(folder: Path) -> SetIndex | None:
     try:
         content = json.loads(read_bounded(path, MAX_INDEX_SIZE))
         kind = KINDS[content["kind"]]
-        found = SetIndex(kind, content["request"], tuple(content["files"]), tuple(content["reports"]))
-        wrong = [name for name in found.names if not kind.owns(name)]
-        if content["index_version"] != INDEX_VERSION or wrong or not isinstance(found.request, dict):
+        found = SetIndex(kind, dict(content["request"]), tuple(content["files"]), tuple(content["reports"]))
+        wrong = [name for name in found.names if not re.fullmatch(kind.names, name)]
+        if content["index_version"] != INDEX_VERSION or wrong:
             raise ValueError(f"version {content['index_version']}, files {wrong[:3]}")
         return found
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
         raise OSError(f"{path}: the index of the folder cannot be read ({error.strerror or error})") from error
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise ValueError(
             f"{path}: not an index of this program ({type(error).__name__}: {one_line(error)}); move it away"
         ) from error
-
-
-def find_set(folder: Path, kind: SetKind) -> SetIndex | None:
-    """The set in a folder: what the index lists, or else the files that are named and can be read as of this kind.
-
-    Raises:
-        ValueError: if the index is not valid.
-    """
-    index = read_index(folder)
-    if index is not None or not folder.is_dir():
-        return index
-    names = sorted(path.name for path in folder.iterdir() if path.is_file() and kind.owns(path.name))
-    items = [name for name in names if kind.is_item(name) and is_readable(folder / name, kind)]
-    if not items:
-        return None
-    return SetIndex(kind, None, tuple(items), tuple(name for name in names if not kind.is_item(name)))
-
-
-def is_readable(path: Path, kind: SetKind) -> bool:
-    """Whether a file can be read as an item of a kind."""
-    try:
-        kind.read(path)
-    except (ValueError, OSError):
-        return False
-    return True

@@ -19,7 +19,6 @@ import pyarrow.parquet as pq
 
 from experiments.outputs.folder_lock import BusyError, locked_file
 from experiments.outputs.output_checks import named_errors
-from experiments.outputs.own_folder import remove_unfinished
 from experiments.sweeps.trial_rows import SCHEMA, Row, row_key
 from skill.data.tables import named_parquet_errors, write_atomically
 
@@ -165,7 +164,6 @@ def hold(block: Block, title: str = "") -> HeldBlock | None:
             stack.enter_context(locked_file(block.path))
         except BusyError:
             return None
-        remove_unfinished(block.path.parent, [block.path.name])
         held = HeldBlock(block, stack, title)
         held._stack = stack.pop_all()
         return held

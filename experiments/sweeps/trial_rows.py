@@ -17,7 +17,7 @@ from experiments.provenance import version_of, versions
 from experiments.sweeps.code_digest import first_digest, modules_of, values_digest
 from experiments.sweeps.trial_engines import MUJOCO, RigBench
 from experiments.trial import Arm, run_rig, trial_scenario
-from experiments.trial_result import LATER_NUMBERS, TrialResult
+from experiments.trial_result import COUNTS, NUMBERS, TrialResult
 from models.scenario import Scenario, dump_scenario
 from skill.policy import RigPolicy
 
@@ -26,11 +26,7 @@ Row = dict[str, Any]
 _bench = RigBench()
 """The rig of this process."""
 
-MEASURED_NUMBERS = (
-    *("tilt_x_deg", "tilt_y_deg", "time_s", "depth_mm", "peak_axial_n", "peak_lateral_n", "peak_moment_nm"),
-    *("penetration_um", *LATER_NUMBERS, "unknown_s", "unsupported_s"),
-)
-COUNTS = ("steps", "lost_steps", "back_offs")
+MEASURED_NUMBERS = ("tilt_x_deg", "tilt_y_deg", *NUMBERS)
 
 SCHEMA = pa.schema(
     [

@@ -195,6 +195,15 @@ class CorrectionSession(LiveSession):
 
     # ------------------------------------------------------- the rig
 
+    def perform_all(self, stuck: Sequence[StuckTrial], scenario: Scenario, policy: RigPolicy, *, again: bool) -> None:
+        """Shows the rig in the trials in which another policy was stuck, once, or again and again; see `perform`."""
+        while True:
+            for k, trial in enumerate(stuck, start=1):
+                then = "next" if k < len(stuck) else "again" if again else "next round"
+                self.perform(trial, scenario, policy, title=f"rig {k} of {len(stuck)}", then=then)
+            if not again:
+                return
+
     def perform(self, stuck: StuckTrial, scenario: Scenario, policy: RigPolicy, *, title: str, then: str) -> None:
         """Shows how the rig performs the practice trial again in which another policy was stuck; waits for Space.
 

@@ -71,7 +71,7 @@ class RigView:
         self._page.show(hand=False)
         load, pace = ContactLoad(scenario), Pace(scenario.controller.period)
         drawn, taken, rate, rated, rated_time = -math.inf, 0, 1.0, time.monotonic(), 0.0
-        while not run.is_over:
+        while not run.has_ended:
             run.advance(min((pace.ticks + 1) * pace.period, scenario.trial.time_limit))
             pace.wait()
             if has_left():
@@ -80,7 +80,7 @@ class RigView:
             if now - rated > RATE_PERIOD:
                 simulated = pace.ticks * pace.period
                 rate, rated, rated_time = (simulated - rated_time) / (now - rated), now, simulated
-            if (run.is_over or now - drawn > PICTURE_PERIOD) and run.monitor.outcome not in UNPHYSICAL:
+            if (run.has_ended or now - drawn > PICTURE_PERIOD) and run.monitor.outcome not in UNPHYSICAL:
                 drawn, samples = now, run.samples()
                 for sample in samples.iloc[taken:].to_dict("records"):
                     load.take(sample)

@@ -25,41 +25,48 @@ def plain_table(title: str) -> Table:
 
 
 def result_table(results: Sequence[TrialResult]) -> Table:
-    """One row per trial, with a summary in the caption.
+    """One row per trial.
 
     Load, contact: the largest load of the net wrench, and the largest normal force of any single contact.
     """
     table = plain_table("insertions on the rig")
+    table.padding = (0, 0, 0, 0)  # so that ten columns fit 80 characters
     table.add_column("trial", justify="right")
     table.add_column("tilt\n(deg)", no_wrap=True, justify="right")
-    table.add_column("outcome", min_width=len("inserted"))
+    table.add_column("outcome", min_width=len("inserted"), overflow="fold")
     for name in ("time\n(s)", "depth\n(mm)", "load\n(N)", "contact\n(N)", "> 20 N\n(s)", "steps"):
-        table.add_column(name, justify="right")
-    table.add_column("states (visits)", min_width=14)
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("states\n(visits)", min_width=len("(visits)"), overflow="fold")
     for r in results:
         table.add_row(
             str(r.seed),
             "{:+.1f} {:+.1f}".format(*np.degrees(r.tilt)),
             Text(r.reason, style="green" if r.inserted else "red"),
             *(f"{r.time:.2f}", f"{1e3 * r.depth:.1f}"),
-            *(known(r.peak_load, ".1f"), known(r.peak_contact_force, ".1f"), known(r.time_above_20n, ".2f")),
+            *(f"{r.peak_load:.1f}", f"{r.peak_contact_force:.1f}", f"{r.time_above_20n:.2f}"),
             str(r.steps),
             f"{' '.join(map(str, dict.fromkeys(r.states)))} ({len(r.states)})",
         )
-    table.caption = (
-        f"{sum(r.inserted for r in results)} of {len(results)} inserted;"
-        f" medians: {np.median([r.time for r in results]):.2f} s,"
-        f" peak load {known(median(r.peak_load for r in results), '.0f')} N,"
-        f" peak force of a contact {known(median(r.peak_contact_force for r in results), '.0f')} N,"
-        f" overlap {1e6 * np.median([r.penetration for r in results]):.0f} um;"
-        f" physics not trusted: {sum(r.trusted is False for r in results)}"
-    )
     return table
+
+
+def result_summary(results: Sequence[TrialResult]) -> list[str]:
+    """The outcome of all trials, in lines of less than 80 characters."""
+    time, load, contact, overlap = (
+        np.median([getattr(r, name) for r in results])
+        for name in ("time", "peak_load", "peak_contact_force", "penetration")
+    )
+    distrusted = sum(not r.trusted for r in results)
+    return [
+        f"{sum(r.inserted for r in results)} of {len(results)} inserted; median {time:.2f} s",
+        f"medians: peak load {load:.0f} N, peak force of a contact {contact:.0f} N, overlap {1e6 * overlap:.0f} um",
+        *([f"physics not trusted in {distrusted} of {len(results)} trials: the bodies overlap"] if distrusted else []),
+    ]
 
 
 def query_state_table(query_states: Sequence[QueryState]) -> Table:
     """One row per query state in which a skill was stuck."""
-    table = plain_table("the skill asks to be shown")
+    table = plain_table("query states in which the skill got stuck")
     for name in ("practice\ntrial", "time\n(s)", "depth\n(mm)", "tilt\n(deg)", "load\n(N)"):
         table.add_column(name, justify="right")
     table.add_column("state")
@@ -84,17 +91,16 @@ def state_table(skill: ManipulationSkill) -> Table:
     """The graph of contact states, one row per state."""
     table = plain_table("contact states")
     table.add_column("state", overflow="fold")
-    for column in ("visits", "dwell", "phase", "P(ins.)", "next"):
+    for column in ("visits", "dwell", "phase", "next"):
         table.add_column(column, justify="right", min_width=len(column))
     rows = skill.graph_.to_frame().itertuples(index=False)
     for k, (name, row) in enumerate(zip(skill.state_names(), rows, strict=True)):
-        visits, dwell, _, phase, insertion, following = row
-        table.add_row(
-            Text(f"{k} {name}"), str(visits), f"{dwell:.2f}", f"{phase:.2f}", f"{insertion:.2f}", str(following)
-        )
+        visits, dwell, _, phase, _, following = row
+        table.add_row(Text(f"{k} {name}"), str(visits), f"{dwell:.2f}", f"{phase:.2f}", str(following))
+    chances = skill.graph_.reach_
     table.caption = (
-        "dwell: mean time in the state, s; phase: 0 at the start; P(ins.): probability of insertion;"
-        " next: most frequent next state on the way to insertion"
+        "dwell: mean time in the state, s; phase: 0 at the start; next: most frequent next state on the way to"
+        f" insertion; an insertion follows a state with probability {chances.min():.2f} to {chances.max():.2f}"
     )
     return table
 

@@ -11,11 +11,12 @@ from itertools import islice
 from pathlib import Path
 from typing import TextIO, cast
 
+import numpy as np
 import pandas as pd
 
 from skill.data.tables import one_line
 from skill.recordings.column_table import Selection, check_length, select_columns, table_recordings
-from skill.recordings.columns import listed
+from skill.recordings.columns import FORCES, MOMENTS, listed
 from skill.recordings.recording import Recording
 
 MAX_BYTES = 1_000_000_000
@@ -56,6 +57,36 @@ class _Headed:
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._stream)
+
+
+def read_bare_file(path: Path, input_rate: float) -> list[Recording]:
+    """Reads a text of numbers without names and time, as `numpy.savetxt` writes it: fx fy fz, or fx fy fz mx my mz.
+
+    The units are N and N m. The numbers are divided by blanks, commas, semicolons or tabs.
+
+    Args:
+        path: file to read, at most ``MAX_BYTES``.
+        input_rate: rate of the rows, Hz.
+
+    Raises:
+        ValueError: if the file is missing, too large, or no such text. The message names the file.
+    """
+    try:
+        _check_text(path)
+        table = pd.read_csv(path, header=None, comment="#", sep=r"[\s,;]+", engine="python", dtype=float)
+    except FileNotFoundError:
+        raise ValueError(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:
+        raise ValueError(f"{path}: not a text of numbers alone, as --input-rate expects ({one_line(error)})") from error
+    table = table.dropna(axis="columns", how="all")  # of blanks at the begin or the end of the lines
+    if table.shape[1] not in (3, 6):
+        raise ValueError(f"{path}: {table.shape[1]} columns, expected 3 (fx fy fz) or 6 (fx fy fz mx my mz)")
+    names = [*FORCES, *MOMENTS][: table.shape[1]]
+    table = table.set_axis(names, axis="columns").assign(time=np.arange(len(table)) / input_rate)
+    selection = select_columns(
+        [*names, "time"], str(path), choices=["time=time:s"], trial_column=None, phase_column=None
+    )
+    return table_recordings(table, selection, str(path), path.name)
 
 
 def read_csv_file(
@@ -132,14 +163,21 @@ def _layout(path: Path) -> tuple[_Layout, list[str]]:
     header = text.partition("#")[0]
     separator = max(SEPARATORS, key=header.count)
     if separator not in header:
-        raise ValueError(f"{path}: line {number} is '{header[:60]}', expected commas, semicolons or tabs in it")
+        hint = "; for numbers without names and time, say the rate of their rows with --input-rate HZ"
+        bare = all(_is_number(field, ".") for field in header.split())
+        raise ValueError(
+            f"{path}: line {number} is '{header[:60]}', expected commas, semicolons or tabs in it{hint if bare else ''}"
+        )
     names = _fields(header, separator, f"{path}: line {number}")
     if not all(_is_number(name, ".") or _is_number(name, ",") for name in names):
         skipped = number
     else:
         values, names = names, _fields(comment, separator, f"{path}: line {skipped}")
         if len(names) != len(values):
-            raise ValueError(f"{path}: line {number} has numbers {listed(values)}, expected the names of the columns")
+            raise ValueError(
+                f"{path}: line {number} has numbers {listed(values)}, expected the names of the columns; for a wrench"
+                " without names and time, say the rate of its rows with --input-rate HZ"
+            )
         rows.append(header)
     return _Layout(names, separator, ".", skipped), rows
 

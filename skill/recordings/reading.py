@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from skill.recordings.csv_file import read_csv_file
+from skill.recordings.csv_file import read_bare_file, read_csv_file
 from skill.recordings.lerobot_folder import read_lerobot_folder
 from skill.recordings.messages.mcap_file import read_mcap_file
 from skill.recordings.messages.sqlite_bag import read_sqlite_bag
@@ -21,6 +21,9 @@ TABLES = {
 }
 """The reader of tables for each ending of a name."""
 
+BARE = (".csv", ".tsv", ".txt", ".dat")
+"""Endings of the names of texts that may hold numbers alone."""
+
 
 def read_recordings(
     path: Path | str,
@@ -30,6 +33,7 @@ def read_recordings(
     phase_column: str | None = None,
     topic: str | None = None,
     feature: str | None = None,
+    input_rate: float | None = None,
 ) -> list[Recording]:
     """Reads all recordings of a file or folder.
 
@@ -46,6 +50,7 @@ def read_recordings(
             "" for none.
         topic: topic of an MCAP file or a rosbag2; None for its only one of the type WrenchStamped.
         feature: feature of a data set of LeRobot; None for the usual one.
+        input_rate: rate of the rows of a text of numbers without names and time, Hz; None for a table with both.
 
     Returns:
         The recordings, at least one, in SI units.
@@ -61,6 +66,11 @@ def read_recordings(
     options = {"columns": columns, "trial_column": trial_column, "phase_column": phase_column}
     options |= {"topic": topic, "feature": feature}
     try:
+        if input_rate is not None:
+            _chosen(path, options, set(), "numbers without names")
+            if path.suffix.lower() not in BARE:
+                raise ValueError(f"{path}: has a time of its own; expected no input rate")
+            return read_bare_file(path, input_rate)
         return _read(path, options)
     except ValueError as error:
         if str(path) in str(error):

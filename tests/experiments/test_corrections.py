@@ -8,11 +8,13 @@ from pydrake.systems.analysis import Simulator
 from experiments import corrections
 from experiments.corrections import (
     LIFT,
-    ask,
+    StuckTrial,
+    correct,
     correction_scenario,
     demonstrate_correction,
     find_query_state,
     practice_trial,
+    run_practice,
 )
 from experiments.demonstration_set import OPERATORS, Request, demonstrate
 from experiments.trial import trial_scenario
@@ -162,7 +164,7 @@ def test_if_no_file_may_hold_any_attempt_the_error_says_why(quick_scenario, atte
 def test_a_policy_asks_where_it_was_stuck_and_an_operator_recovers(quick_scenario):
     quick_scenario.start.tilt = [0.04, -0.03]
     quick_scenario.trial.time_limit = 1.5
-    (result, query_state), *_ = ask(quick_scenario, Push(), [7], jobs=1)
+    (result, query_state), *_ = run_practice(quick_scenario, Push(), [7], jobs=1)
     assert not result.inserted
     assert query_state.trial == 7
     assert query_state.depth > 5e-4
@@ -174,3 +176,21 @@ def test_a_policy_asks_where_it_was_stuck_and_an_operator_recovers(quick_scenari
     assert shown.metadata["operator"] == OPERATORS + 2
     again = demonstrate_correction(quick_scenario, query_state, number=2, seed=1)
     np.testing.assert_array_equal(again.samples, shown.samples)
+
+
+@pytest.mark.parametrize(
+    ("stuck_in", "shown", "trained"), [((1, 2, 3), True, 3), ((1, 3), True, 1), ((1, 2, 3), False, 0), ((), True, 0)]
+)
+def test_the_loop_ends_after_a_round_without_a_stuck_trial_or_a_demonstration(stuck_in, shown, trained):
+    def practise(policy, number):
+        return [StuckTrial(replace(QUERY_STATE, trial=number), None)] if number in stuck_in else []
+
+    def demonstrate(query_states, number):
+        assert [state.trial for state in query_states] == [number]
+        return shown
+
+    def train(policy, stuck, number):
+        assert stuck[0].query_state.trial == number
+        return policy + 1
+
+    assert correct(0, 3, practise=practise, demonstrate=demonstrate, train=train) == trained

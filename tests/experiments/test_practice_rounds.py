@@ -4,13 +4,17 @@ import numpy as np
 import pytest
 
 from experiments import practice_rounds
-from experiments.practice_rounds import Check, Practice, practise
+from experiments.practice_rounds import Check, Practice, improve, trial_names
 from experiments.trial import run_trial
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, TRIAL_STREAM, resolve_scenario
 from skill.manipulation_skill import ManipulationSkill
 from skill.practice.exploration import rollout_of
 
 SHORT = Practice(rounds=1, starts=1, checks=1)
+
+
+def perform_here(tasks):
+    return [task() for task in tasks.values()]
 
 
 @pytest.fixture
@@ -70,9 +74,15 @@ def test_practice_checks_and_trials_start_from_different_tilts(quick_scenario):
 
 @pytest.mark.slow
 def test_a_round_keeps_the_new_skill_only_if_it_beats_the_check(brief, skill):
-    messages = []
-    first, second = practise(brief, skill, SHORT, jobs=1, advance=messages.append)
-    assert len(messages) == SHORT.n_trials == 4
+    performed = []
+
+    def perform(tasks):
+        performed.extend(tasks)
+        return perform_here(tasks)
+
+    first, second = improve(brief, skill, SHORT, perform=perform)
+    assert performed == trial_names(SHORT)
+    assert len(performed) == SHORT.n_trials == 4
     assert (first.skill, first.kept, first.practised) == (skill, True, [])
     assert [r.seed for r in second.practised] == [0, 0]
     assert second.kept == second.check.beats(first.check)
@@ -91,7 +101,7 @@ class IdleSkill(ManipulationSkill):
 @pytest.mark.slow
 def test_a_skill_that_no_longer_moves_is_discarded(brief, skill, skill_file, monkeypatch):
     monkeypatch.setattr(practice_rounds, "advantage_weighted_update", lambda *_: IdleSkill.load(skill_file))
-    rounds = list(practise(brief, skill, SHORT, jobs=1))
+    rounds = list(improve(brief, skill, SHORT, perform=perform_here))
     assert not rounds[1].check.results[0].inserted
     assert not rounds[1].kept
     assert rounds[1].skill is skill

@@ -7,10 +7,10 @@ from dataclasses import asdict, replace
 import pytest
 
 from experiments.trial_result import TrialResult
-from scripts.practice_session import exact_result
+from scripts.practise import exact_result
 from skill.data.outcome import Outcome
 from systems.control.faults import Fault
-from tests.trial_results import EARLIER, PLAIN
+from tests.trial_results import PLAIN
 
 RESULT = replace(
     PLAIN,
@@ -151,14 +151,6 @@ def test_the_reason_names_outcome_fault_and_detail(change, inserted, reason):
     result = replace(PLAIN, **change)
     assert result.inserted is inserted
     assert result.reason == reason
-
-
-def test_a_row_of_an_earlier_version_is_read_and_written_as_it_is():
-    row = EARLIER.record()
-    assert not {"peak_load_n", "peak_contact_n", "wedged_s", "path_mm", "physics"} & set(row)
-    assert TrialResult.from_record(row) == TrialResult.from_record(TrialResult.from_record(row).record())
-    assert TrialResult.from_record(row).record() == row
-    assert TrialResult.from_record(row).peak_load is None
 
 
 def test_a_row_tells_physics_that_is_not_trusted():

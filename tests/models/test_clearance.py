@@ -12,6 +12,7 @@ from models.bore import MAX_FACETS, facet_sagitta, minimum_clearance
 from models.clearance import (
     TRUSTED_PART,
     facets_of_clearance,
+    load_scenario_of_clearance,
     modulus_of_clearance,
     numerics_of_clearance,
     start_of_clearance,
@@ -229,3 +230,14 @@ def test_smaller_ranges_and_given_tilts_stay():
     scenario = load_scenario("tight")
     scenario.start.tilt = [0.01, -0.02]
     assert start_of_clearance(scenario) == scenario
+
+
+def test_a_file_with_another_clearance_gets_its_numerics_where_it_states_none(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text("geometry: {peg_radius: 0.004, hole_radius: 0.00404, hole_depth: 0.02}")
+    scenario = load_scenario_of_clearance(path)
+    assert scenario == numerics_of_clearance(load_scenario(path))
+    assert scenario.contact.time_step < Scenario().contact.time_step
+    path.write_text(path.read_text() + "\ncontact: {time_step: 0.001}")
+    assert load_scenario_of_clearance(path) == load_scenario(path)
+    assert load_scenario_of_clearance() == load_scenario()

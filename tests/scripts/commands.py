@@ -1,6 +1,5 @@
 """Runs commands for the tests: in a separate process, or faster in this one."""
 
-import importlib
 import os
 import subprocess
 import sys
@@ -10,22 +9,10 @@ from unittest.mock import patch
 from typer.testing import CliRunner
 
 from interfaces.terminal import console
+from scripts.haptic_skill import app
 
 ROOT = Path(__file__).resolve().parents[2]
-MODULES = {  # subcommand of haptic-skill: module with the same command
-    "demo": "scripts.demo",
-    "record": "scripts.record",
-    "train": "scripts.train",
-    "correct": "scripts.correct",
-    "rig": "scripts.rig",
-    "practise": "scripts.practise",
-    "replay": "scripts.replay",
-    "sweep": "scripts.sweep",
-    "states": "scripts.states",
-    "scoreboard": "scripts.scoreboard",
-    "diagram": "scripts.diagram",
-}
-HAPTIC_SKILL = ("-c", "from scripts.haptic_skill import main; main()")  # what the installed command does
+HAPTIC_SKILL = ("-m", "haptic_skill")  # what the installed command does
 
 
 def run_python(*arguments, cwd=ROOT, **environment):
@@ -42,12 +29,11 @@ def run_python(*arguments, cwd=ROOT, **environment):
     )
 
 
-def invoke(name, *arguments):
-    """Runs a subcommand, or "haptic_skill" itself, in this process; tables are up to 160 columns wide."""
-    app = importlib.import_module(MODULES.get(name, f"scripts.{name}")).app
-    runner = CliRunner(env={"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": "160"})
+def invoke(*arguments, columns=160):
+    """Runs a command of haptic-skill in this process; tables are up to 160 columns wide."""
+    runner = CliRunner(env={"NO_COLOR": "1", "TERM": "dumb", "COLUMNS": str(columns)})
     # The console takes its width from the environment once, when a test first imports it.
-    with patch.object(console, "_width", 160):
+    with patch.object(console, "_width", columns):
         return runner.invoke(app, [str(a) for a in arguments])
 
 

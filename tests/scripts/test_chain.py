@@ -3,7 +3,6 @@
 import contextlib
 import json
 import math
-import re
 from dataclasses import asdict
 
 import numpy as np
@@ -14,7 +13,7 @@ from skill.data.demonstration import read_demonstrations
 from skill.data.rig_run import read_rig_run
 from skill.manipulation_skill import ManipulationSkill
 from tests.quick_scenario import make_quick_scenario
-from tests.scripts.commands import HAPTIC_SKILL, files, invoke, run_python
+from tests.scripts.commands import files, invoke
 
 pytestmark = pytest.mark.slow
 
@@ -96,9 +95,8 @@ def test_the_trials_insert(chain, folder):
 
 def test_every_run_is_recorded_with_the_result_that_the_json_has(chain, folder):
     results = json.loads((folder / "mine.json").read_text())
-    worst = max(results, key=lambda r: r["peak_load_n"])["seed"]
     assert files(folder / "rig") == [
-        *("index.json", f"replay_{worst:04d}.html", "report.html", "results.json"),
+        *("index.json", "replay_0005.html", "replay_0006.html", "report.html", "results.json"),
         *("run_0005.html", "run_0005.parquet", "run_0006.parquet"),
     ]
     assert json.loads((folder / "rig" / "results.json").read_text()) == results
@@ -133,24 +131,14 @@ def test_the_diagrams_are_drawn(chain, folder):
     assert "</svg>" in (folder / "pictures" / "rig.svg").read_text()
 
 
-def test_another_process_makes_the_same_recordings(chain, folder, tmp_path):
-    done = run_python(
-        *(*HAPTIC_SKILL, "record", "--good", 1, "--bad", 0, "--seed", 1),
-        *("--scenario", folder / "quick.yaml", "--jobs", 1, "--out", tmp_path / "again"),
-    )
-    assert done.returncode == 0, done.stderr
-    first, repeated = read_demonstrations(folder / "shown")[0], read_demonstrations(tmp_path / "again")[0]
-    np.testing.assert_array_equal(first.samples.to_numpy(), repeated.samples.to_numpy())
-    assert first.metadata["seed"] == repeated.metadata["seed"]
-
-
 class Stop(BaseException):
     """Ends a demo as a kill does."""
 
 
 @pytest.mark.nightly
 def test_an_interrupted_demo_goes_on_and_a_complete_one_is_made_anew(folder, tmp_path, monkeypatch):
-    demo = ("--good", 3, "--bad", 0, "--trials", 1, "--seed", 1, "--jobs", 1, "--scenario", folder / "quick.yaml")
+    demo = ("--good", 3, "--bad", 0, "--trials", 1, "--seed", 1, "--jobs", 1, "--verbose")
+    demo = (*demo, "--scenario", folder / "quick.yaml")
     recording, trial = tmp_path / "demonstrations" / "000_good_expert.parquet", tmp_path / "rig" / "run_0001.parquet"
     monkeypatch.setattr("scripts.demo.PRACTICE_TRIALS", 1)
 
@@ -180,7 +168,11 @@ def test_the_demo_runs_the_whole_chain(folder, tmp_path, monkeypatch):
     monkeypatch.setattr("scripts.demo.CORRECTIONS", 1)
     demo = ("--good", 3, "--bad", 0, "--trials", 1, "--seed", 1, "--jobs", 1)
     printed = run(tmp_path, "demo", *demo, "--scenario", folder / "quick.yaml", "--out", "out")
-    written = [path.name for path in sorted((tmp_path / "out").iterdir())]
-    assert {"demonstrations", "skill.npz", "rig", "replay_insertion.html", "fig3_demonstration.png"} <= set(written)
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"demonstrations", "skill.npz", "rig", "replay_demonstration.html", "fig3_demonstration.png"} <= written
     assert (tmp_path / "out" / "rig" / "run_0001.parquet").is_file()  # seed x trials
-    assert re.search(r"round 1: \d+ of 2 practice trials inserted", printed)  # the skill may ask for corrections
+    lines = printed.splitlines()
+    for line in lines[-3:]:
+        assert (tmp_path / line.strip().split(": ")[0]).is_file()
+    for title in ("contact states", "insertions on the rig"):
+        assert sum(line.strip() == title for line in lines) == 1

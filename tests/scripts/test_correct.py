@@ -45,7 +45,7 @@ def test_what_it_asks_for_can_be_shown_by_a_person(place, demonstration_folder, 
     before = sorted(place.rglob("*"))
     done = correct(place, demonstration_folder, "--ask", "--json", tmp_path / "asked.json")
     assert done.exit_code == 0, done.output
-    assert "the skill asks to be shown" in done.output
+    assert "query states in which the skill got stuck" in done.output
     assert sorted(place.rglob("*")) == before
     query_states = read_query_states(tmp_path / "asked.json")
     assert f"{len(query_states)} query states in" in done.output
@@ -141,7 +141,7 @@ def test_a_skill_that_is_never_stuck_is_written_unchanged(place, demonstration_f
         *("--rounds", 2, "--practice", 1, "--jobs", 1),
     )
     assert done.exit_code == 0, done.output
-    assert "nothing has to be shown" in done.output
+    assert "no corrections are needed" in done.output
     first, same = ManipulationSkill.load(skill_file), ManipulationSkill.load(tmp_path / "same.npz")
     np.testing.assert_array_equal(same.regressor_.y_, first.regressor_.y_)
     assert not (tmp_path / "corrections").exists()

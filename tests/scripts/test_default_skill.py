@@ -4,14 +4,14 @@ from pathlib import Path
 
 import pytest
 
-from scripts import default_skill
-from scripts.default_skill import TRAINED, find_skill
+from scripts import command_line
+from scripts.command_line import TRAINED, find_skill
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(default_skill, "SHIPPED", tmp_path / "shipped.npz")
+    monkeypatch.setattr(command_line, "SHIPPED", tmp_path / "shipped.npz")
     return tmp_path
 
 
@@ -20,11 +20,11 @@ def test_a_given_skill_goes_before_all_others(folder):
 
 
 def test_a_trained_skill_goes_before_the_shipped_one_which_is_announced(folder, capsys):
-    with pytest.raises(FileNotFoundError, match="ships no skill; make one with `haptic-skill demo`"):
+    with pytest.raises(FileNotFoundError, match="there is no such file; make one with `haptic-skill demo`"):
         find_skill(None)
     (folder / "shipped.npz").touch()
     assert find_skill(None) == folder / "shipped.npz"
-    assert "the skill that this version ships acts" in " ".join(capsys.readouterr().out.split())
+    assert "the skill that comes with the program acts" in " ".join(capsys.readouterr().out.split())
     TRAINED.parent.mkdir()
     TRAINED.touch()
     assert find_skill(None) == TRAINED

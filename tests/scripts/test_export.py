@@ -11,7 +11,7 @@ from tests.trajectories import make_demonstration, make_rig_run
 
 
 def command(*arguments):
-    return invoke("haptic_skill", *arguments)
+    return invoke(*arguments)
 
 
 def done(*arguments):
@@ -136,10 +136,3 @@ def test_a_missing_package_names_the_extra(tmp_path, monkeypatch):
     line = error_line(command("export", "mcap", tmp_path / "run_0000.parquet"))
     assert "'mcap' is missing: install haptic-skill[recordings]" in line
     assert files(tmp_path) == ["run_0000.parquet"]
-
-
-@pytest.mark.parametrize("name", ["export", "import"])
-def test_help_names_the_formats(name):
-    text = done(name, "-h")
-    assert "lerobot" in text
-    assert ("mcap" in text) is (name == "export")

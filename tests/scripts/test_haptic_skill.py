@@ -1,24 +1,31 @@
 """The command haptic-skill as a whole: help, versions, exit codes, and what it runs without."""
 
-import ast
 import platform
+import sys
 import tomllib
 from importlib.metadata import version
+from pathlib import Path
 
 import pytest
 from typer.main import get_command
 
-from scripts import haptic_skill
-from tests.scripts.commands import HAPTIC_SKILL, MODULES, ROOT, error_line, invoke, run_python
+from models.scenario import dump_scenario
+from scripts import haptic_skill, rig
+from tests.quick_scenario import make_quick_scenario
+from tests.scripts.commands import HAPTIC_SKILL, ROOT, error_line, invoke, run_python
 from tests.trajectories import make_rig_run
+
+COMMANDS = (
+    *("demo", "record", "train", "correct", "rig", "practise", "replay", "sweep", "states", "scoreboard", "diagram"),
+)
 
 BLOCKED = """
 import sys
 for name in ("pydrake", "yaml"):
     sys.modules[name] = None
-from scripts.haptic_skill import main
+from scripts.haptic_skill import app
 try:
-    main()
+    app()
 finally:
     print(*{m.split(".")[0] for m, module in sys.modules.items() if module}, file=sys.stderr)
 """
@@ -36,35 +43,16 @@ def run_file(tmp_path):
 # -------------------------------------------------------------------- help
 
 
-@pytest.mark.parametrize("flag", ["-h", "--help"])
-def test_help_lists_every_command_and_the_exit_codes(flag):
-    done = invoke("haptic_skill", flag)
-    assert done.exit_code == 0
-    text = " ".join(done.stdout.split())
-    for name in MODULES:
-        assert f"{name} " in text
+def test_the_help_lists_every_command_and_that_of_each_says_what_it_writes_with_an_example():
+    text = " ".join(invoke("-h").stdout.split())
     for code in ("0 success", "1 error", "2 wrong usage", "130 interrupted", "143 ended"):
         assert code in text
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", MODULES)
-@pytest.mark.parametrize("flag", ["-h", "--help"])
-def test_help_of_a_command_says_what_it_writes_and_has_an_example(name, flag):
-    done = invoke("haptic_skill", name, flag)
-    assert done.exit_code == 0, done.output
-    text, text_of_module = (" ".join(d.stdout.split()).split("[OPTIONS]", 1)[1] for d in (done, invoke(name, flag)))
-    assert text == text_of_module
-    assert "Reads a" in text or "Reads the" in text
-    assert "Writes " in text
-    assert f"haptic-skill {name} " in text.split("For example", 1)[1]
-    assert "--out" in text
-
-
-@pytest.mark.parametrize("name", MODULES)
-def test_the_module_of_a_command_starts_it(name):
-    tree = ast.parse((ROOT / MODULES[name].replace(".", "/")).with_suffix(".py").read_text())
-    assert ast.unparse(tree.body[-1]) == "if __name__ == '__main__':\n    app()"
+    for name in COMMANDS:
+        assert f"{name} " in text
+        help_of_command = " ".join(invoke(name, "--help").stdout.split())
+        assert "Reads a" in help_of_command or "Reads the" in help_of_command, name
+        assert "Writes " in help_of_command, name
+        assert f"haptic-skill {name} " in help_of_command.split("For example", 1)[1], name
 
 
 def test_the_same_option_means_the_same_in_every_command():
@@ -83,12 +71,12 @@ def test_the_same_option_means_the_same_in_every_command():
 def test_no_option_is_required():
     for name, command in get_command(haptic_skill.app).commands.items():
         required = [option.name for option in command.params if option.required]
-        expected = {"replay": ["file"], "scoreboard": ["results"], "states": ["files"], "sweep": ["specification"]}
+        expected = {"scoreboard": ["results"], "states": ["files"], "sweep": ["specification"]}
         assert required == expected.get(name, [])
 
 
 def test_the_versions_are_printed():
-    done = invoke("haptic_skill", "--version")
+    done = invoke("--version")
     assert done.exit_code == 0
     assert done.stdout.split() == [
         *("haptic-skill", f"{version('haptic-skill')},"),
@@ -97,33 +85,55 @@ def test_the_versions_are_printed():
     ]
 
 
+@pytest.mark.slow
+def test_a_request_reaches_the_simulation_through_a_dozen_functions(tmp_path, skill_file):
+    """The functions of commands, experiments and interfaces that `rig` passes before it simulates."""
+    scenario = tmp_path / "quick.yaml"
+    scenario.write_text(dump_scenario(make_quick_scenario()))
+    passed = set()
+
+    def note(frame, event, argument):
+        code = frame.f_code
+        path = Path(code.co_filename)
+        if event == "call" and path.is_relative_to(ROOT) and code.co_name.strip("_")[0].islower():
+            if code.co_name == "run_trials":
+                sys.setprofile(None)
+                raise KeyboardInterrupt
+            if path.relative_to(ROOT).parts[0] in ("scripts", "experiments", "interfaces"):
+                passed.add((path.name, code.co_name))
+
+    from experiments import trial  # noqa: F401  imported before, so that only calls are counted
+    from systems import rig as _  # noqa: F401
+
+    sys.setprofile(note)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            rig.main(skill_file, 1, scenario=str(scenario), out=tmp_path / "rig", jobs=1)
+    finally:
+        sys.setprofile(None)
+    assert len(passed - {("rig.py", "main")}) <= 12, passed
+
+
 # -------------------------------------------------------------- exit codes
 
 
-@pytest.mark.parametrize("name", MODULES)
-def test_an_unknown_option_is_wrong_usage(name):
-    for done in (invoke(name, "--courage", "3"), invoke("haptic_skill", name, "--courage", "3")):
-        assert done.exit_code == 2
-        assert "--courage" in done.stderr
-        assert "Traceback" not in done.stderr
-
-
-@pytest.mark.parametrize("arguments", [("bogus",), ("record", "--port", 7000), ("rig", "--trials", 0)])
+@pytest.mark.parametrize(
+    "arguments", [("bogus",), ("record", "--port", 7000), ("rig", "--trials", 0), ("rig", "--x", 3)]
+)
 def test_wrong_usage_has_exit_code_2(arguments):
-    assert invoke("haptic_skill", *arguments).exit_code == 2
+    assert invoke(*arguments).exit_code == 2
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [("-m", "scripts.train"), (*HAPTIC_SKILL, "train")])
-def test_a_failed_command_prints_one_line_in_a_separate_process(tmp_path, command):
-    done = run_python(*command, "--demonstrations", tmp_path / "nowhere", "--out", tmp_path / "skill.npz")
+def test_a_failed_command_prints_one_line_in_a_separate_process(tmp_path):
+    done = run_python(*HAPTIC_SKILL, "train", "--demonstrations", tmp_path / "nowhere", "--out", tmp_path / "skill.npz")
     assert done.returncode == 1
     assert done.stderr.startswith("error: ")
     assert len(done.stderr.splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["train", "rig", "practise", "diagram", "replay", "record"])
+@pytest.mark.parametrize("name", ["train", "rig", "replay", "record"])
 def test_a_bracket_in_a_file_name_is_not_markup(tmp_path, name):
     path = tmp_path / "out" / "[bold]x.npz"
     option = {"train": "--demonstrations", "replay": "--skill", "record": "--scenario"}.get(name, "--skill")
@@ -148,7 +158,7 @@ def blocked(*arguments):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("arguments", [("--help",), ("rig", "-h"), ("--version",)])
+@pytest.mark.parametrize("arguments", [("rig", "-h"), ("--version",)])
 def test_help_and_versions_import_neither_drake_nor_scikit_learn(arguments):
     done, messages, imported = blocked(*arguments)
     assert (done.returncode, messages) == (0, [])
@@ -166,9 +176,8 @@ def test_replay_imports_neither_drake_nor_scikit_learn(run_file):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["demo", "record", "rig", "practise", "diagram"])
-def test_a_simulation_without_drake_names_the_extra_to_install(name):
-    done, messages, _ = blocked(name)
+def test_a_simulation_without_drake_names_the_extra_to_install():
+    done, messages, _ = blocked("record")
     assert done.returncode == 1
     assert len(messages) == 1
     assert messages[0].startswith("error: ")
@@ -182,8 +191,7 @@ def test_training_needs_no_drake(demonstration_folder, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("package", ["models", "skill", "systems"])
-@pytest.mark.parametrize("regular", [True, False], ids=["package", "folder"])
+@pytest.mark.parametrize(("package", "regular"), [("models", True), ("systems", False)])
 def test_a_package_that_shadows_ours_is_one_error_with_both_paths(tmp_path, package, regular):
     (tmp_path / package).mkdir()
     if regular:

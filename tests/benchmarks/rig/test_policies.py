@@ -7,10 +7,10 @@ import pytest
 
 from benchmarks.rig import policies
 from benchmarks.rig.policies import corrected, first, tuned_compliance
+from experiments.corrections import CorrectionPlan
 from experiments.sweeps.policies import TrainingContext
 from experiments.trial import Arm
 from models.scenario import load_scenario
-from scripts.correction_session import CorrectionPlan
 from skill.practice.query_state import QueryState
 
 STUCK = QueryState(trial=0, time=1.0, depth=0.01, tilt=(0.0, 0.0), load=20.0, state="", pivot_height=0.0, friction=0.2)
@@ -37,7 +37,7 @@ def practice(monkeypatch):
         done.learnt.append([d.name for d in training_context.demonstrations])
         return "skill"
 
-    monkeypatch.setattr(policies, "ask", ask)
+    monkeypatch.setattr(policies, "run_practice", ask)
     monkeypatch.setattr(policies, "demonstrate_corrections", demonstrate)
     monkeypatch.setattr(policies, "learn", learn)
     return done

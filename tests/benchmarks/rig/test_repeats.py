@@ -10,7 +10,7 @@ import yaml
 from benchmarks.rig import repeats
 from experiments.sweeps.trial_rows import trial_code
 from models.scenario import dump_scenario
-from scripts.sweep_session import sweep
+from scripts.sweep import sweep
 from tests.scripts.commands import ROOT
 
 

@@ -59,14 +59,14 @@ def test_contacts_are_read_at_a_new_largest_load_or_extent_only():
     metrics = ForceMetrics(RADIUS, STEP)
     push = np.array([0.0, 0, 10, 0, 0, 0])
     turn = np.array([0.0, 0, 0, 0, 0.11, 0])  # a load of 11 N
-    assert not metrics.is_news(push, 0.0)  # nothing touches
-    assert metrics.is_news(push, 1e-6)
-    assert not metrics.is_news(push, 1e-6)
-    assert not metrics.is_news(1.04 * push, 1.04e-6)
-    assert metrics.is_news(turn, 1e-6)
-    assert not metrics.is_news(turn, 1e-6)
-    assert metrics.is_news(push, 1.2e-6)
-    assert not metrics.is_news(push, 1.1e-6)
+    assert not metrics.needs_contacts(push, 0.0)  # nothing touches
+    assert metrics.needs_contacts(push, 1e-6)
+    assert not metrics.needs_contacts(push, 1e-6)
+    assert not metrics.needs_contacts(1.04 * push, 1.04e-6)
+    assert metrics.needs_contacts(turn, 1e-6)
+    assert not metrics.needs_contacts(turn, 1e-6)
+    assert metrics.needs_contacts(push, 1.2e-6)
+    assert not metrics.needs_contacts(push, 1.1e-6)
 
 
 def test_the_largest_single_contact_counts_wherever_it_is_read():

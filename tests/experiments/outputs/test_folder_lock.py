@@ -1,6 +1,5 @@
 """Locks between sessions, in processes of their own."""
 
-import json
 import os
 import signal
 import subprocess
@@ -43,15 +42,8 @@ def test_a_process_that_ended_does_not_block(tmp_path, holder, number):
     holder.send_signal(number)
     holder.wait()
     with locked_folder(tmp_path / "out"):
-        assert json.loads((tmp_path / "out" / LOCK_NAME).read_text())["pid"] == os.getpid()
+        assert f"process {os.getpid()} " in (tmp_path / "out" / LOCK_NAME).read_text()
     assert not (tmp_path / "out").exists() or list((tmp_path / "out").iterdir()) == []
-
-
-def test_the_number_of_a_living_process_in_an_old_lock_does_not_block(tmp_path):
-    (tmp_path / LOCK_NAME).write_text(json.dumps({"pid": os.getppid(), "started": "2020", "command": "record"}))
-    with locked_folder(tmp_path):
-        pass
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_lock_is_released_after_an_exception_and_may_be_nested(tmp_path):
@@ -86,7 +78,7 @@ def test_a_damaged_lock_file_of_a_living_holder_blocks_without_a_name(tmp_path, 
         pass
 
 
-@pytest.mark.parametrize("kind", ["link", "dangling", "folder", "pipe", "text", "list"])
+@pytest.mark.parametrize("kind", ["link", "dangling", "folder", "pipe", "text"])
 def test_what_is_not_a_lock_is_named_and_stays(tmp_path, kind):
     outside, folder = tmp_path / "outside.txt", tmp_path / "out"
     outside.write_text("mine")
@@ -98,7 +90,6 @@ def test_what_is_not_a_lock_is_named_and_stays(tmp_path, kind):
         "folder": lock.mkdir,
         "pipe": lambda: os.mkfifo(lock),
         "text": lambda: lock.write_text("mine"),
-        "list": lambda: lock.write_text("[[1]]"),
     }
     make[kind]()
     before = lock.lstat()
@@ -122,7 +113,7 @@ import sys, time
 from pathlib import Path
 from experiments.outputs.folder_lock import locked_folder
 folder, turns = Path(sys.argv[1]), 0
-end = time.monotonic() + 3
+end = time.monotonic() + 2
 while time.monotonic() < end:
     try:
         with locked_folder(folder):

@@ -25,16 +25,6 @@ def test_the_folder_is_there_at_the_end(tmp_path):
     assert [p.name for p in (tmp_path / "x" / "out").iterdir()] == ["a.txt"]
 
 
-def test_an_error_leaves_nothing(tmp_path):
-    def fail(folder):
-        (folder / "a.txt").write_text("a")
-        raise RuntimeError
-
-    with pytest.raises(RuntimeError), new_folder(tmp_path / "out") as staged:
-        fail(staged)
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_an_empty_folder_is_filled_and_another_refused(tmp_path):
     (tmp_path / "out").mkdir()
     make(tmp_path / "out")

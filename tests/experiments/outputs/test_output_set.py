@@ -1,7 +1,6 @@
 """Folders of one request: continued, protected, and replaced as a whole."""
 
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -12,10 +11,8 @@ from pathlib import Path
 import pytest
 
 from experiments.outputs import output_set
-from experiments.outputs.live_folder import open_live_folder
-from experiments.outputs.output_set import READY, finish_replacement, open_set
-from experiments.outputs.own_folder import remove_unfinished
-from experiments.outputs.recordings import find_recordings
+from experiments.outputs.folder_lock import remove_unfinished
+from experiments.outputs.output_set import READY, find_recordings, finish_replacement, open_live_folder, open_set
 from experiments.outputs.set_index import RUNS, SetIndex, read_index
 from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import write_rig_run
@@ -34,8 +31,7 @@ def test_a_set_has_an_index_of_its_files(tmp_path):
     make_set(tmp_path / "out", 1)
     assert files(tmp_path / "out") == WHOLE
     assert read_index(tmp_path / "out") == index_of(1)
-    assert find_recordings(tmp_path / "out").paths == [tmp_path / "out" / name for name in NAMES]
-    assert find_recordings(tmp_path / "out").note == ""
+    assert find_recordings(tmp_path / "out") == ([tmp_path / "out" / name for name in NAMES], "")
 
 
 def test_a_set_without_a_first_item_leaves_nothing(tmp_path):
@@ -46,17 +42,10 @@ def test_a_set_without_a_first_item_leaves_nothing(tmp_path):
 def test_an_interrupted_set_goes_on_and_repeats_nothing(tmp_path):
     make_set(tmp_path, 1, stop_after=2)
     times = [(tmp_path / name).stat().st_mtime_ns for name in NAMES[:2]]
-    assert find_recordings(tmp_path).note.endswith("2 of 3 demonstrations are there; record again to complete the set")
+    assert find_recordings(tmp_path)[1].endswith("2 of 3 demonstrations are there; record again to complete the set")
     assert sorted(make_set(tmp_path, 1).finished) == list(NAMES[:2])
     assert files(tmp_path) == WHOLE
     assert [(tmp_path / name).stat().st_mtime_ns for name in NAMES[:2]] == times
-
-
-def test_a_damaged_item_is_made_again(tmp_path):
-    make_set(tmp_path, 1)
-    (tmp_path / NAMES[1]).write_bytes((tmp_path / NAMES[1]).read_bytes()[:500])
-    assert make_set(tmp_path, 1).damaged == [NAMES[1]]
-    assert seeds(tmp_path) == [1, 1, 1]
 
 
 def test_a_run_without_a_valid_result_is_made_again(tmp_path):
@@ -86,23 +75,15 @@ def test_the_old_set_stays_until_the_new_one_is_complete(tmp_path):
     assert (tmp_path / "demonstrations.png").read_bytes() == b"figure 2"
 
 
-def test_an_interrupted_replacement_by_another_request_is_dropped(tmp_path):
-    make_set(tmp_path, 1)
-    make_set(tmp_path, 2, overwrite=True, stop_after=2)
-    assert make_set(tmp_path, 3, overwrite=True).finished == {}
-    assert seeds(tmp_path) == [3, 3, 3]
-    assert files(tmp_path) == WHOLE
-
-
 def test_a_smaller_set_removes_the_rest_of_the_old_one_and_no_other_file(tmp_path):
     make_set(tmp_path, 1)
     write_demonstration(make_demonstration(seed=9), tmp_path / "mine.parquet")
     (tmp_path / "notes.txt").write_text("mine")
     make_set(tmp_path, 2, NAMES[:2], overwrite=True)
     assert files(tmp_path) == sorted(["demonstrations.png", "index.json", "mine.parquet", "notes.txt", *NAMES[:2]])
-    found = find_recordings(tmp_path)
-    assert found.paths == [tmp_path / name for name in NAMES[:2]]
-    assert found.note.endswith("1 files are not in its index and are not read: mine.parquet")
+    found, note = find_recordings(tmp_path)
+    assert found == [tmp_path / name for name in NAMES[:2]]
+    assert note.endswith("1 files are not in its index and are not read: mine.parquet")
 
 
 def test_a_complete_set_is_made_anew_only_on_request(tmp_path):
@@ -141,7 +122,7 @@ make_set(Path(sys.argv[1]), 2, NAMES[:2], overwrite=True)
         shutil.copytree(folder, copy)
         done = subprocess.run([sys.executable, "-c", code, str(copy), str(moment)], cwd=ROOT, check=False)
         assert done.returncode in (0, -signal.SIGKILL)
-        found = find_recordings(copy).paths
+        found, _ = find_recordings(copy)
         assert [path.name for path in found] in ([*NAMES], [*NAMES[:2]])
         outcome = [read_demonstration(path).metadata["seed"] for path in found]
         assert outcome in ([1, 1, 1], [2, 2])
@@ -185,19 +166,6 @@ def test_results_never_stand_beside_the_runs_of_another_set(tmp_path, monkeypatc
 # ------------------------------------------------------- what was not written by this program
 
 
-def test_recordings_of_an_earlier_version_are_known_by_name_and_content(tmp_path):
-    for name in NAMES:
-        write_demonstration(make_demonstration(seed=5), tmp_path / name)
-    (tmp_path / "demonstrations.png").write_bytes(b"old")
-    (tmp_path / "007_good_expert.parquet").write_bytes(b"not a recording")
-    with pytest.raises(ValueError, match="holds 3 demonstrations of an earlier version, without an index"):
-        make_set(tmp_path, 1)
-    make_set(tmp_path, 1, NAMES[:1], overwrite=True)
-    assert files(tmp_path) == sorted(
-        ["007_good_expert.parquet", "demonstrations.png", "index.json", NAMES[0]],
-    )
-
-
 def test_a_foreign_file_with_the_name_of_a_recording_is_not_replaced(tmp_path):
     (tmp_path / NAMES[1]).write_bytes(b"not a recording")
     with pytest.raises(ValueError, match=rf"{NAMES[1]}: not a file of this set"):
@@ -205,24 +173,12 @@ def test_a_foreign_file_with_the_name_of_a_recording_is_not_replaced(tmp_path):
     assert files(tmp_path) == [NAMES[1]]
 
 
-def test_recordings_are_not_made_beside_foreign_ones_unasked(tmp_path):
-    write_demonstration(make_demonstration(), tmp_path / "mine.parquet")
-    with pytest.raises(ValueError, match=r"holds 1 other recordings, such as mine\.parquet"):
-        make_set(tmp_path, 1)
-    make_set(tmp_path, 1, overwrite=True)
-    assert "mine.parquet" in files(tmp_path)
-
-
-@pytest.mark.parametrize("name", ["000_good_live.parquet", "mine.parquet", NAMES[1]])
-@pytest.mark.parametrize("with_set", [False, True])
-def test_live_recordings_are_never_replaced(tmp_path, name, with_set):
-    if with_set:
-        make_set(tmp_path, 1)
+@pytest.mark.parametrize("name", ["000_good_live.parquet", "mine.parquet"])
+def test_recordings_of_no_set_are_never_replaced(tmp_path, name):
     write_demonstration(make_demonstration(habit="live"), tmp_path / name)
-    before = files(tmp_path)
-    with pytest.raises(ValueError, match=f"{name}: a live recording, which no command replaces"):
+    with pytest.raises(ValueError, match=f"{name}: a recording of no set, which no command replaces"):
         make_set(tmp_path, 2, overwrite=True)
-    assert files(tmp_path) == before
+    assert files(tmp_path) == [name]
 
 
 def test_a_folder_of_live_recordings_is_only_for_live_sessions(tmp_path):
@@ -231,7 +187,7 @@ def test_a_folder_of_live_recordings_is_only_for_live_sessions(tmp_path):
         write_demonstration(make_demonstration(habit="live"), folder / "000_good_live.parquet")
     with open_live_folder(folder):
         write_demonstration(make_demonstration(habit="live"), folder / "001_bad_live.parquet")
-    assert [path.name for path in find_recordings(folder).paths] == ["000_good_live.parquet", "001_bad_live.parquet"]
+    assert [path.name for path in find_recordings(folder)[0]] == ["000_good_live.parquet", "001_bad_live.parquet"]
     with pytest.raises(ValueError, match="holds live recordings, not demonstrations; choose another --out"):
         make_set(folder, 1, overwrite=True)
     make_set(tmp_path / "set", 1)
@@ -271,14 +227,11 @@ def test_a_folder_of_runs_takes_no_demonstrations(tmp_path):
     "content",
     [
         "{",
-        "3",
-        "[]",
         '{"kind": "demonstrations"}',
         json.dumps({"index_version": 2, "kind": "demonstrations", "request": {}, "files": [], "reports": []}),
         json.dumps(
             {"index_version": 1, "kind": "demonstrations", "request": {}, "files": ["../x.parquet"], "reports": []}
         ),
-        json.dumps({"index_version": 1, "kind": "demonstrations", "request": {}, "files": [3], "reports": []}),
         json.dumps({"index_version": 1, "kind": "demonstrations", "request": {}, "files": [], "reports": ["mine.txt"]}),
         "[" * 100_000,
         b"\xff\xfe",
@@ -295,22 +248,6 @@ def test_a_foreign_index_is_one_error_and_nothing_is_touched(tmp_path, content):
         with pytest.raises(ValueError, match=r"index\.json: not an index of this program"):
             use(folder)
     assert files(tmp_path) == [f"set/{NAMES[0]}", "set/index.json", "x.parquet"]
-
-
-@pytest.mark.parametrize(
-    ("make", "what"),
-    [
-        (Path.mkdir, "a folder, expected a file"),
-        (os.mkfifo, "a device or pipe, expected a file"),
-        (lambda path: path.symlink_to("/dev/zero"), "a device or pipe, expected a file"),
-        (lambda path: path.symlink_to(path.name), "the index of the folder cannot be read"),
-    ],
-)
-def test_an_index_that_is_not_a_file_is_named(tmp_path, make, what):
-    write_demonstration(make_demonstration(), tmp_path / "a.parquet")
-    make(tmp_path / "index.json")
-    with pytest.raises((ValueError, OSError), match=rf"index\.json: .*{what}"):
-        find_recordings(tmp_path)
 
 
 def test_an_index_that_cannot_be_written_is_named(tmp_path, monkeypatch):
@@ -337,13 +274,13 @@ def test_a_folder_without_an_index_is_read_whole_and_an_empty_one_is_an_error(tm
         find_recordings(tmp_path / "nowhere")
     for name in ("b.parquet", "a.parquet"):
         write_demonstration(make_demonstration(), tmp_path / name)
-    assert [path.name for path in find_recordings(tmp_path).paths] == ["a.parquet", "b.parquet"]
+    assert [path.name for path in find_recordings(tmp_path)[0]] == ["a.parquet", "b.parquet"]
 
 
 # ------------------------------------------------------- foreign folders
 
 
-@pytest.fixture(params=["file", "link", "foreign", "nested", "runs"])
+@pytest.fixture(params=["file", "link", "foreign", "nested"])
 def foreign(request, tmp_path):
     """Makes something in the place of a hidden folder that this program did not put there."""
     outside = tmp_path / "outside"
@@ -358,12 +295,9 @@ def foreign(request, tmp_path):
             path.symlink_to(tmp_path / "elsewhere")
         elif request.param == "foreign":
             shutil.copytree(outside, path)
-        elif request.param == "nested":
+        else:
             make_set(path, 1, NAMES[:1])
             shutil.copytree(outside, path / "letters")
-        else:
-            with open_set(path, SetIndex(RUNS, {}, ("run_0000.parquet",)), overwrite=False) as runs:
-                runs.write("run_0000.parquet", lambda p: write_rig_run(make_rig_run(), p))
 
     return make
 
@@ -403,7 +337,6 @@ def test_a_foreign_hidden_folder_beside_a_practised_skill_is_named_and_stays(tmp
 def test_only_temporary_files_of_known_names_are_removed(tmp_path):
     for name in (
         ".a.npz.tmp-abcd123_",
-        ".index.json.tmp-abcd1234",
         ".b.npz.tmp-abcd1234",
         ".a.npz.original",
         ".a.npz.lock",
@@ -412,7 +345,7 @@ def test_only_temporary_files_of_known_names_are_removed(tmp_path):
     ):
         (tmp_path / name).touch()
     removed = remove_unfinished(tmp_path, ["a.npz"])
-    assert [path.name for path in removed] == [".a.npz.tmp-abcd123_", ".index.json.tmp-abcd1234"]
+    assert [path.name for path in removed] == [".a.npz.tmp-abcd123_"]
     assert files(tmp_path) == [".a.npz.lock", ".a.npz.original", ".a.npz.tmp-ABCD1234", ".b.npz.tmp-abcd1234", "a.npz"]
 
 
@@ -426,17 +359,6 @@ def test_a_write_that_fails_names_the_file_and_what_is_kept(tmp_path):
 def write_to_full_device():
     with Path("/dev/full").open("wb", buffering=0) as device:
         device.write(b"x")
-
-
-def test_a_set_that_is_replaced_twice_finishes_the_first_replacement(tmp_path):
-    make_set(tmp_path, 1)
-    make_set(tmp_path, 2, overwrite=True, stop_after=2)
-    with open_set(tmp_path, index_of(2), overwrite=True) as items:
-        write_item(items, NAMES[2], 2)
-    (tmp_path / output_set.NEW).rename(tmp_path / output_set.READY)  # as a process that was killed here
-    assert make_set(tmp_path, 2).finished.keys() == set(NAMES)
-    assert seeds(tmp_path) == [2, 2, 2]
-    assert files(tmp_path) == WHOLE
 
 
 def test_the_figure_of_the_old_set_does_not_stay_beside_the_new_one(tmp_path):

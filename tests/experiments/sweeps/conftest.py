@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from models.scenario import dump_scenario
-from scripts.sweep_session import sweep
+from scripts.sweep import sweep
 from tests.quick_scenario import make_quick_scenario
 from tests.scripts.commands import ROOT
 

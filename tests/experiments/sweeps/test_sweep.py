@@ -18,7 +18,6 @@ from experiments.sweeps.policy_store import PolicyStore
 from experiments.sweeps.trial_rows import MEASURED_NUMBERS, result_columns
 from experiments.trial import run_trials
 from models.scenario import load_scenario
-from scripts import sweep_session
 from skill.manipulation_skill import ManipulationSkill
 from tests.experiments.sweeps.conftest import rows_in
 from tests.scripts.commands import ROOT
@@ -219,7 +218,7 @@ def test_a_trial_that_always_kills_its_worker_is_given_up_and_the_others_are_not
 def test_a_killed_client_loses_no_row_and_a_second_one_goes_on(specification, tmp_path):
     path = specification(policies={"push": PUSH}, trials={"number": 14})
     results = tmp_path / "results"
-    arguments = [sys.executable, "-m", "scripts.sweep", path, "--out", results, "--jobs", "2"]
+    arguments = [sys.executable, "-m", "haptic_skill", "sweep", path, "--out", results, "--jobs", "2"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "OPENBLAS_NUM_THREADS": "1"}
     client = subprocess.Popen(arguments, cwd=ROOT, env=environment, stdout=subprocess.DEVNULL)
     wait_for(lambda: list(results.rglob("*.parquet")) and len(rows_in(results)) >= 3)
@@ -241,7 +240,7 @@ def test_two_sweeps_side_by_side_share_the_trials(specification, tmp_path):
         policies={"push": PUSH}, arms=["default"], vary={"contact.friction": [0.1, 0.2, 0.3]}, trials={"number": 6}
     )
     results = tmp_path / "results"
-    arguments = ["-m", "scripts.sweep", path, "--out", results, "--jobs", "1"]
+    arguments = ["-m", "haptic_skill", "sweep", path, "--out", results, "--jobs", "1"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "OPENBLAS_NUM_THREADS": "1"}
     both = [
         subprocess.Popen(
@@ -345,7 +344,7 @@ def test_a_sweep_whose_dask_workers_are_all_killed_says_so_and_goes_on_with_a_ne
         if "no worker" in text:
             dask_cluster.add_worker()
 
-    monkeypatch.setattr(sweep_session, "say", tell)
+    monkeypatch.setattr("interfaces.terminal.say", tell)
     timer = threading.Thread(target=kill_after_a_row, args=(dask_cluster, dask_cluster.workers, tmp_path))
     timer.start()
     rows = perform(path, backend="dask", address=dask_cluster.address)

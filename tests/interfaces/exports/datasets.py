@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scripts.export_session import export_lerobot
+from scripts.export import export_lerobot
 from skill.data.demonstration import write_demonstration
 from skill.data.rig_run import write_rig_run
 from tests.trajectories import make_demonstration, make_rig_run

@@ -11,7 +11,7 @@ import pytest
 
 from interfaces.exports.lerobot_reader import read_dataset
 from interfaces.exports.lerobot_writer import ABOUT, HEADER, NAME
-from scripts.export_session import export_lerobot, import_lerobot
+from scripts.export import export_lerobot, import_lerobot
 from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.outcome import Outcome
 from tests.interfaces.exports.datasets import exported, write_demonstrations, write_runs

@@ -80,7 +80,7 @@ def test_an_error_in_the_simulation_is_the_outcome_failed(make, monkeypatch):
     def fail(self, context):
         raise IndexError("no such row")
 
-    monkeypatch.setattr("experiments.trial.TrialMonitor._check", fail)
+    monkeypatch.setattr("experiments.trial.TrialMonitor._ending_of_step", fail)
     _, reward, terminated, _, info = env.step(np.zeros(3))
     assert terminated
     assert info["trial"]["reason"].startswith("failed")

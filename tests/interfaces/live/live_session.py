@@ -54,7 +54,7 @@ class Session:
 def live(tmp_path, scenario=QUICK, file_size=resource.RLIM_INFINITY, options=()):
     path = tmp_path / "quick.yaml"
     path.write_text(yaml.safe_dump(scenario))
-    command = ("scripts.record", "--live", "--out", tmp_path / "out", "--scenario", path, *options)
+    command = ("haptic_skill", "record", "--live", "--out", tmp_path / "out", "--scenario", path, *options)
     with served(tmp_path, *command, file_size=file_size) as session:
         yield session
 

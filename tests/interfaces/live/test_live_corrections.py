@@ -5,11 +5,10 @@ import time
 import numpy as np
 import pytest
 
-from experiments.corrections import ask, demonstrate_correction
+from experiments.corrections import CorrectionPlan, demonstrate_correction, run_practice
 from experiments.outputs.folder_lock import LOCK_NAME
 from models.scenario import dump_scenario, load_scenario
-from scripts.correction_session import CorrectionPlan
-from scripts.live_correction_session import begins_in
+from scripts.correct import begins_in
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
 from tests.campaign import children, process_key
@@ -33,7 +32,15 @@ def sit(place, tmp_path, demonstration_folder, *, practice=1):
     """Runs the command; it writes into ``tmp_path``."""
     return served(
         tmp_path,
-        *("scripts.correct", "--live", "--skill", place / "straight.npz", "--demonstrations", demonstration_folder),
+        *(
+            "haptic_skill",
+            "correct",
+            "--live",
+            "--skill",
+            place / "straight.npz",
+            "--demonstrations",
+            demonstration_folder,
+        ),
         *("--out", tmp_path / "better.npz", "--corrections", tmp_path / "live", "--scenario", place / "quick.yaml"),
         *("--practice", practice, "--most", 1, "--jobs", 2),
     )
@@ -107,7 +114,7 @@ def test_a_recording_begins_in_the_query_state_that_it_was_made_for(place, demon
     scenario = load_scenario(place / "quick.yaml")
     skill = ManipulationSkill.load(place / "straight.npz")
     plan = CorrectionPlan(rounds=1, trials=2, most=2, seed=0)
-    one, other = (query_state for _, query_state in ask(scenario, skill, plan.numbers(1), jobs=1))
+    one, other = (query_state for _, query_state in run_practice(scenario, skill, plan.numbers(1), jobs=1))
     shown = demonstrate_correction(scenario, one, number=0, seed=5)
     assert begins_in(shown, one, scenario)
     assert not begins_in(shown, other, scenario)
@@ -119,10 +126,10 @@ def test_a_skill_that_is_never_stuck_is_saved_as_it_is(tmp_path, demonstration_f
     scenario = make_quick_scenario()
     scenario.start.tilt = [0.0, 0.0]
     (tmp_path / "easy.yaml").write_text(dump_scenario(scenario))
-    command = ("scripts.correct", "--live", "--skill", skill_file, "--demonstrations", demonstration_folder)
+    command = ("haptic_skill", "correct", "--live", "--skill", skill_file, "--demonstrations", demonstration_folder)
     files = ("--out", tmp_path / "same.npz", "--corrections", tmp_path / "live", "--scenario", tmp_path / "easy.yaml")
     with served(tmp_path, *command, *files, "--practice", 1, "--jobs", 1) as session:
-        session.wait_for("never stuck in 1 practice trials: nothing has to be shown")
+        session.wait_for("never stuck in 1 practice trials: no corrections are needed")
         assert session.process.wait(30) == 0
     first, same = ManipulationSkill.load(skill_file), ManipulationSkill.load(tmp_path / "same.npz")
     np.testing.assert_array_equal(same.regressor_.y_, first.regressor_.y_)

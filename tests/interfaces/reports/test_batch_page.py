@@ -1,17 +1,19 @@
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
+from experiments.outputs.output_set import open_set
+from experiments.outputs.set_index import RUNS, SetIndex
 from interfaces.reports.batch_page import batch_report, worst_trial
-from models.scenario import Scenario
-from scripts.rig_session import write_report
+from scripts.rig import write_report
 from skill.data.outcome import Outcome
 from skill.data.rig_run import write_rig_run
 from tests.browser import blankness, open_page
 from tests.trajectories import STATE_NAMES, make_rig_run
-from tests.trial_results import EARLIER, PLAIN
+from tests.trial_results import PLAIN
 
 
 def make_results(n=12):
@@ -107,20 +109,14 @@ def test_summary_gives_the_forces_and_counts_what_is_not_trusted():
     assert "not trusted</td>" in page
 
 
-def test_results_of_earlier_versions_have_a_page():
-    page = page_of([EARLIER, EARLIER])
-    row = page.split("<tbody>")[1].split("</tr>")[0]
-    assert re.findall(r"<td [^>]*>(-)</td>", row) == ["-"] * 6
-    assert "median peak load" not in page
-    assert "None" not in row
-
-
 @pytest.fixture
 def batch(tmp_path):
     results = make_results()
-    for r in results:
-        write_rig_run(make_rig_run(), tmp_path / f"run_{r.seed:04d}.parquet")
-    write_report(results, tmp_path, skill="skill.npz", scenario=Scenario(), kept="the runs are kept")
+    index = SetIndex(RUNS, {}, tuple(f"run_{r.seed:04d}.parquet" for r in results), ("report.html",))
+    with open_set(tmp_path, index, overwrite=False) as runs:
+        for name in index.files:
+            runs.write(name, partial(write_rig_run, make_rig_run()))
+        write_report(runs, results, made_by={}, scenario="seed: 0")
     return tmp_path, results
 
 

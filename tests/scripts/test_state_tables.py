@@ -3,7 +3,7 @@ import pandas as pd
 import pytest
 
 from experiments.outputs.output_checks import check_file
-from experiments.outputs.state_tables import is_state_table, state_table_path, write_state_table
+from scripts.states import is_state_table, state_table_path, write_state_table
 from tests.state_recordings import FORCES, MOMENTS, labelled
 
 WRENCHES = np.hstack([FORCES, MOMENTS])
