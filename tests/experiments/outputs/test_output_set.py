@@ -95,6 +95,7 @@ def test_a_complete_set_is_made_anew_only_on_request(tmp_path):
     assert [(tmp_path / name).stat().st_mtime_ns for name in NAMES] != times
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_a_killed_replacement_leaves_the_whole_old_or_the_whole_new_set(tmp_path):
     """A process is killed at each of its changes of the folder in turn, until it survives."""

@@ -3,6 +3,7 @@
 import time
 
 import numpy as np
+import psutil
 import pytest
 
 from experiments.corrections import CorrectionPlan, demonstrate_correction, run_practice
@@ -11,7 +12,7 @@ from models.scenario import dump_scenario, load_scenario
 from scripts.correct import begins_in
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
-from tests.campaign import children, process_key
+from tests.campaign import is_alive
 from tests.interfaces.live.live_session import press, served, text_of, wait_for_text
 from tests.interfaces.live.people import insert
 from tests.interfaces.live.test_session import keep_picture
@@ -97,13 +98,13 @@ def test_a_skill_practises_is_shown_learns_and_performs_on_one_page(place, tmp_p
 def test_to_quit_during_practice_leaves_no_process_and_no_file(place, tmp_path, demonstration_folder):
     with sit(place, tmp_path, demonstration_folder, practice=200) as session, session.page() as page:
         wait_for_text(page, "status", "the skill practises: [1-9][0-9]* of 200 trials done, stuck in [0-9]+")
-        workers = children(session.process.pid)
+        workers = psutil.Process(session.process.pid).children()
         assert len(workers) >= 2
         press(page, "q")
         assert session.process.wait(20) == 0
         wait_for_text(page, "status", "session over")
         end = time.monotonic() + 5.0
-        while any(process_key(pid) == (pid, start) for pid, start in workers):
+        while any(is_alive(worker) for worker in workers):
             assert time.monotonic() < end
             time.sleep(0.1)
     assert not (tmp_path / "better.npz").exists()
