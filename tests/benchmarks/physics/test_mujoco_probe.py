@@ -6,7 +6,6 @@ import pytest
 mujoco = pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
 
 
-from benchmarks.physics.contact_measurements import CRAWLING, PegTheory, crawl  # noqa: E402
 from benchmarks.physics.contact_probe import PlanarPose  # noqa: E402
 from benchmarks.physics.mujoco_probe import MujocoProbe  # noqa: E402
 from models.contact_geometry import PegInHole, axes_of_rotation_vectors  # noqa: E402
@@ -22,26 +21,15 @@ def test_the_ring_of_boxes_has_the_gap_of_the_exact_bore(tilt, deep):
     g = scenario.geometry
     bodies = PegInHole(g.peg_radius, g.hole_radius, g.hole_depth, g.chamfer)
     probe = MujocoProbe(scenario, MujocoContact())
-    axis = axes_of_rotation_vectors([[0.0, tilt, 0.0]])
     rng = np.random.default_rng(1)
-    compared = 0
-    for x, z in zip(rng.uniform(-4e-4, 4e-4, 300), rng.uniform(*deep, 300), strict=True):
-        gap = bodies.gap([[x, 0.0, z]], axis)[0]
-        if not -3e-5 < gap < -1e-6:
-            continue
+    p = np.column_stack([rng.uniform(-4e-4, 4e-4, 300), np.zeros(300), rng.uniform(*deep, 300)])
+    gaps = bodies.gap(p, axes_of_rotation_vectors(np.tile([0.0, tilt, 0.0], (300, 1))))
+    overlapping = (gaps > -3e-5) & (gaps < -1e-6)
+    assert overlapping.sum() > 3
+    for (x, _, z), gap in zip(p[overlapping], gaps[overlapping], strict=True):
         probe.place(PlanarPose(x, z, tilt))
         mujoco.mj_forward(probe.model, probe.data)
         assert min(c.dist for c in probe.data.contact) == pytest.approx(gap, abs=0.02 * abs(gap) + 1e-7)
-        compared += 1
-    assert compared > 3
-
-
-def test_the_force_on_a_slowly_sliding_peg_is_that_of_whitneys_balance():
-    scenario = Scenario()
-    probe = MujocoProbe(scenario, MujocoContact(), **CRAWLING)
-    sizes, friction = PegTheory.of(scenario), scenario.contact.friction
-    predicted, measured = crawl(probe, sizes, friction, lateral=0.0, moment=0.2, depth=0.020)
-    assert measured.mean() == pytest.approx(predicted, rel=0.08)
 
 
 def test_a_held_axis_does_not_move():

@@ -26,11 +26,6 @@ def folder(tmp_path, lerobot_policy):
     return tmp_path
 
 
-def test_a_turn_keeps_lengths_and_the_axis(lerobot_policy):
-    found = lerobot_policy.turned(np.array([[1.0, 0.0, 3.0], [0.0, 2.0, -1.0]]), np.pi / 2)
-    np.testing.assert_allclose(found, [[0.0, 1.0, 3.0], [-2.0, 0.0, -1.0]], atol=1e-15)
-
-
 def test_copies_are_turned_and_noisy(folder, lerobot_policy):
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
@@ -68,8 +63,3 @@ def test_a_trained_policy_acts_and_forgets_a_trial(folder, lerobot_policy, name)
     assert np.isfinite([*action.turn, action.feed]).all()
     law.begin()
     np.testing.assert_array_equal(law.own_turns, [0.0, 0.0])
-
-
-def test_another_name_is_refused(lerobot_policy):
-    with pytest.raises(ValueError, match="policy 'bc', expected 'act' or 'diffusion'"):
-        lerobot_policy.policy_config("bc")

@@ -50,8 +50,3 @@ def test_the_same_code_gives_the_same_records_and_a_changed_figure_is_named(resu
     summary = found(results)
     assert summary["same"] == 1
     assert [record["columns"] for record in summary["differences"]] == [["peak_load_n"]]
-
-
-def test_a_folder_without_trials_is_named(tmp_path):
-    with pytest.raises(ValueError, match="no folder 'trials'"):
-        repeats.stored_rows(tmp_path)

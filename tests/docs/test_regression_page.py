@@ -3,7 +3,7 @@ from pathlib import Path
 
 import numpy as np
 
-PAGE = Path(__file__).parents[3] / "docs" / "locally_weighted_regression.md"
+PAGE = Path(__file__).parents[2] / "docs" / "locally_weighted_regression.md"
 
 
 def test_the_example_of_the_page_runs():
