@@ -9,9 +9,8 @@ import pytest
 pytest.importorskip("hmmlearn", reason="needs the extra [peers]")
 pytest.importorskip("ruptures", reason="needs the extra [peers]")
 
-from threadpoolctl import threadpool_limits
 
-from benchmarks.learners.state_learners import Samples, k_means
+from benchmarks.learners.state_learners import Samples
 from benchmarks.recordings import PEERS, TOLD, change_points, lasting, main, selected, simulated
 from experiments.exact_states import exact_labels
 from skill.recordings.recording import Recording
@@ -76,13 +75,6 @@ def test_change_points_are_counted_from_the_beginning_of_each_trial():
     assert (states == data.labels).mean() > 0.95
     constant = samples(Z=np.random.default_rng(0).normal(size=data.Z.shape))
     assert change_points(constant, constant, 0, None)[0] == 1
-
-
-def test_k_means_finds_the_number_or_is_told():
-    data = samples()
-    with threadpool_limits(1):
-        assert k_means(data, data, 0, None)[0] == 3
-        assert k_means(data, data, 0, 2)[0] == 2
 
 
 @pytest.mark.parametrize(

@@ -18,12 +18,6 @@ def numbers(scenario):
     return scenario.geometry.facets, scenario.contact.modulus, scenario.contact.time_step
 
 
-def test_the_scenario_has_the_hole_of_the_clearance():
-    g = scenario_of(0.14).geometry
-    assert (g.peg_radius, g.hole_radius) == (0.010, pytest.approx(0.0114))
-    assert numbers(scenario_of(0.14)) == numbers(Scenario())
-
-
 def test_equal_scenarios_are_measured_once_with_all_their_names():
     nominal, other = scenario_of(0.005), scenario_of(0.0025)
     found = list(different({"a": nominal, "b": other, "c": copy.deepcopy(nominal)}))
