@@ -22,7 +22,6 @@ extensions = [
     "sphinx.ext.viewcode",
     "plain_docstrings",
     "published_tables",
-    "pydrake_system",
     "source_links",
     "sphinx_copybutton",
     "sphinx_design",

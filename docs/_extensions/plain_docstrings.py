@@ -1,7 +1,7 @@
 """Docstrings are plain text with backticks: prepares them for reStructuredText before they are parsed.
 
-Indented blocks, such as equations and examples, are shown as they are. Elsewhere the characters that
-reStructuredText would take for markup are escaped, except within backticks.
+Indented blocks, such as equations, examples and the ports of a system, are shown as they are. Elsewhere the characters
+that reStructuredText would take for markup are escaped, except within backticks.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ def prepared(lines: list[str]) -> list[str]:
     found: list[str] = []
     last, block, directive = "", None, None
     for line in lines:
+        line = line.replace(".. pydrake_system::", ".. code-block:: yaml")
         text, indent = line.strip(), len(line) - len(line.lstrip())
         before = len(last) - len(last.lstrip())
         if text and block is not None and indent < block:
