@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from skill.recordings.reading import read_recordings
     from skill.recordings.recording import Recording
     from skill.regression.locally_weighted_regression import LWRegressor
-    from skill.states.contact_state_filter import ContactStateFilter, StateEstimator
+    from skill.states.contact_state_filter import ContactStateFilter
     from skill.states.contact_states import ContactStates
     from skill.states.context_mixture import ContextMixture
     from skill.states.state_graph import StateGraph
@@ -34,7 +34,6 @@ _HOMES = {
     "NormalisedFeatures": "features.wrench_features",
     "RawFeatures": "features.wrench_features",
     "Recording": "recordings.recording",
-    "StateEstimator": "states.contact_state_filter",
     "StateGraph": "states.state_graph",
     "read_demonstration": "data.demonstration",
     "read_demonstrations": "data.demonstration",
@@ -56,7 +55,6 @@ __all__ = [
     "NormalisedFeatures",
     "RawFeatures",
     "Recording",
-    "StateEstimator",
     "StateGraph",
     "read_demonstration",
     "read_demonstrations",

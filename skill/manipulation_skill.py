@@ -33,8 +33,9 @@ from skill.skill_explanation import SkillExplanation
 from skill.skill_file import SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file
 from skill.skill_schema import POLICIES
 from skill.states.contact_state_filter import ContactStateFilter
-from skill.states.context_filter import ContextFilter, ContextFollower, SingleContext, pair_probabilities
+from skill.states.context_filter import ContextFilter, pair_probabilities
 from skill.states.context_mixture import ContextMixture
+from skill.states.estimate import Estimate, PairEstimator
 from skill.states.state_graph import StateGraph
 from skill.states.state_style import state_labels
 from skill.training_samples import CONTEXTS, PLANNING, SampleSettings, discover_contexts, noise_stream, observed_series
@@ -239,17 +240,20 @@ class ManipulationSkill:
 
     # ------------------------------------------------------------------- acting
 
-    def state_filter(self) -> ContactStateFilter:
-        """The on-line estimator of the states, over the measured state features."""
-        return ContactStateFilter(
+    def estimator(self) -> PairEstimator:
+        """The on-line estimator of contact states, over the measured state features, and contexts."""
+        contacts = ContactStateFilter(
             self.states_, transitions=self.graph_.transition_matrix(), channels=self._measured_channels()
         )
+        contexts = None
+        if self.contexts_ is not None:
+            contexts = ContextFilter(self.contexts_, self._response_features(), self.period_)
+        return PairEstimator(contacts, self.state_features_, contexts)
 
-    def context_filter(self) -> ContextFollower:
-        """The on-line estimator of the context."""
-        if self.contexts_ is None:
-            return SingleContext()
-        return ContextFilter(self.contexts_, self._response_features(), self.period_)
+    def estimate_alone(self, measured: ArrayLike) -> Estimate:
+        """The estimate from one measurement (7,) alone; the contexts have their shares in the demonstrations."""
+        contexts = np.ones(1) if self.contexts_ is None else self.contexts_.weights_
+        return Estimate(self.state_probabilities(_row(measured))[0], contexts)
 
     def _response_features(self) -> ResponseFeatures:
         geometry = PegHoleGeometry.find(self.metadata_, "the skill")
@@ -259,43 +263,33 @@ class ManipulationSkill:
         """Indices of the state features that the rig can measure; the hidden ones follow them."""
         return np.arange(len(self.state_features_.get_feature_names_out()))
 
-    def measured_features(self, measured: ArrayLike) -> Array:
-        """State features (k,) of one measurement (7,): fx fy fz (N) mx my mz (N m) z (m)."""
-        features: Array = self.state_features_.transform(_row(measured))[0]
-        return features
-
     def state_probabilities(self, measured: ArrayLike) -> Array:
         """Probabilities of the states (n, K) from measurements (n, 7) alone, without the hidden features."""
         return self.states_.predict_proba(self.state_features_.transform(measured), channels=self._measured_channels())
 
-    def act(
-        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
-    ) -> Action:
+    def act(self, measured: ArrayLike, estimate: Estimate | None = None) -> Action:
         """Returns the action for one measurement.
 
         Args:
             measured: (7,), fx fy fz (N) mx my mz (N m) z (m).
-            probabilities: (K,), filtered probabilities of the states; None for those of this measurement alone.
-            contexts: (C,), filtered probabilities of the contexts; None for their shares in the demonstrations.
+            estimate: of the estimator; None for `estimate_alone`.
 
         Raises:
             ValueError: if the shape is wrong or a number is not finite.
         """
-        query = self._query(measured, probabilities, contexts)
+        query = self._query(measured, estimate)
         return self._action(query, self._predictor().predict(query))
 
-    def _query(self, measured: ArrayLike, probabilities: ArrayLike | None, contexts: ArrayLike | None) -> Query:
+    def _query(self, measured: ArrayLike, estimate: Estimate | None) -> Query:
         """The query of one measurement; arguments as for `act`."""
         row = _row(measured)
         X = self.features_.transform(row)
-        P = self.state_probabilities(row) if probabilities is None else _row(probabilities)
-        shares = np.ones(1) if self.contexts_ is None else self.contexts_.weights_
-        Q = _row(shares if contexts is None else contexts)
-        return Query(row, X, P, Q)
+        found = self.estimate_alone(measured) if estimate is None else estimate
+        return Query(row, X, _row(found.states), _row(found.contexts))
 
     def _action(self, query: Query, prediction: Prediction) -> Action:
         local = self.features_.actions_from_frame(query.row, prediction.action[None])[0]
-        return Action(local[:2], float(local[2]), query.P[0], query.Q[0], prediction.support)
+        return Action(local[:2], float(local[2]), prediction.support)
 
     def _predictor(self) -> Imitation | Planner:
         if self.planning_ is None:
@@ -306,19 +300,12 @@ class ManipulationSkill:
         """Returns what predicts the actions from the features."""
         return Imitation(self.regressor_, self.sources_, self.contexts_, self.min_log_support_)
 
-    def explain(
-        self,
-        measured: ArrayLike,
-        probabilities: ArrayLike | None = None,
-        contexts: ArrayLike | None = None,
-        level: float = 0.95,
-    ) -> SkillExplanation:
+    def explain(self, measured: ArrayLike, estimate: Estimate | None = None, level: float = 0.95) -> SkillExplanation:
         """Explains the action of `act` for one measurement.
 
         Args:
             measured: (7,), as for `act`.
-            probabilities: (K,), as for `act`.
-            contexts: (C,), as for `act`.
+            estimate: as for `act`.
             level: nominal coverage of the prediction interval.
 
         Raises:
@@ -330,13 +317,13 @@ class ManipulationSkill:
                 f"a {type(self.regressor_).__name__} cannot explain its predictions;"
                 " expected a regressor with a method `explain`, such as LWRegressor"
             )
-        query = self._query(measured, probabilities, contexts)
+        query = self._query(measured, estimate)
         prediction = self._predictor().predict(query)
         pairs = pair_probabilities(query.P, prediction.contexts)
         local = self.regressor_.explain(query.X[0], pairs[0], level)
         angle = float(self.features_.rotation_angle(query.row)[0])
         action = self._action(query, prediction)
-        return SkillExplanation.of(local, prediction, action, self.sources_, self.state_names(), angle)
+        return SkillExplanation.of(local, query, prediction, action, self.sources_, self.state_names(), angle)
 
     @property
     def n_states(self) -> int:

@@ -10,7 +10,7 @@ import pandas as pd
 
 from skill.arrays import Array
 from skill.policy import Action
-from skill.prediction import Plan, Prediction
+from skill.prediction import Plan, Prediction, Query
 from skill.regression.explanation import Explanation
 
 MAX_PRINTED = 5  # samples in the printed explanation
@@ -61,6 +61,7 @@ class SkillExplanation:
     def of(
         cls,
         local: Explanation,
+        query: Query,
         prediction: Prediction,
         action: Action,
         sources: Array,
@@ -71,6 +72,7 @@ class SkillExplanation:
 
         Args:
             local: explanation of the regression.
+            query: the measurement and what is believed.
             prediction: the action in the frame of the features.
             action: the action.
             sources: (n, 2), demonstration number and time (s) of each sample of the regressor.
@@ -82,8 +84,8 @@ class SkillExplanation:
         weights = {"weight": local.weights, "influence": local.influence}
         return cls(
             state_names=state_names,
-            probabilities=action.probabilities,
-            contexts=action.contexts,
+            probabilities=query.P[0],
+            contexts=query.Q[0],
             relevance=prediction.relevance,
             limited=prediction.limited,
             plan=prediction.plan,

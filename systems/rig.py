@@ -11,11 +11,10 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Mult
 
 from models.scenario import Scenario
 from skill.data.geometry import PegHoleGeometry
-from skill.data.rig_run import CONTEXT_COLUMNS, CONTROL_COLUMNS
+from skill.data.rig_run import CONTROL_COLUMNS
 from skill.policy import RigPolicy
-from systems.control.contact_state_estimator import ContactStateEstimator
-from systems.control.context_estimator import ContextEstimator
 from systems.control.drive_monitor import DriveMonitor, Travel
+from systems.control.estimator import READINGS, PolicyEstimator
 from systems.control.force_guard import ForceGuard, StoppingModel
 from systems.control.policy_controller import PolicyController
 from systems.control.self_check import MovingParts, SelfCheck
@@ -38,7 +37,7 @@ def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = N
 
     Args:
         scenario: resolved; the tilt of its start is that of the peg relative to the hole.
-        skill: the policy, such as a skill or a control law (see `systems.control.policy`).
+        skill: the policy, such as a skill or a control law (see `systems.control.control_law`).
         meshcat: where to draw; None draws nothing.
 
     Raises:
@@ -97,8 +96,7 @@ class _Parts:
 
     sensor: WrenchSensor
     encoder: DepthEncoder
-    estimator: ContactStateEstimator
-    context_estimator: ContextEstimator
+    estimator: PolicyEstimator
     controller: PolicyController
     monitor: SensorMonitor
     drive_monitor: DriveMonitor
@@ -127,10 +125,7 @@ def _add_parts(
         ),
         encoder=builder.AddNamedSystem("depth_encoder", DepthEncoder(home=sensor.height, resolution=resolution)),
         estimator=builder.AddNamedSystem(
-            "contact_state_estimator", ContactStateEstimator(policy=policy, period=control.period)
-        ),
-        context_estimator=builder.AddNamedSystem(
-            "context_estimator", ContextEstimator(policy=policy, period=control.period)
+            "policy_estimator", PolicyEstimator(estimator=policy.estimator(), period=control.period)
         ),
         controller=builder.AddNamedSystem(
             "policy_controller",
@@ -209,18 +204,15 @@ def _connect_sensors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) 
     builder.Connect(contact.carriage_state, parts.encoder.GetInputPort("carriage_state"))
     builder.Connect(parts.sensor.GetOutputPort("wrench"), parts.monitor.GetInputPort("raw_wrench"))
     builder.Connect(parts.encoder.GetOutputPort("depth"), parts.monitor.GetInputPort("raw_depth"))
-    readers = (parts.estimator, parts.context_estimator, parts.controller)
-    for reader in (*readers, parts.drive_monitor, parts.self_check, parts.guard):
+    for reader in (parts.estimator, parts.controller, parts.drive_monitor, parts.self_check, parts.guard):
         for name in ("wrench", "depth"):
             builder.Connect(parts.monitor.GetOutputPort(name), reader.GetInputPort(name))
 
 
 def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
-    for name in ("probabilities", "known"):
-        builder.Connect(parts.estimator.GetOutputPort(name), parts.controller.GetInputPort(name))
-    builder.Connect(parts.context_estimator.GetOutputPort("contexts"), parts.controller.GetInputPort("contexts"))
+    builder.Connect(parts.estimator.GetOutputPort("estimate"), parts.controller.GetInputPort("estimate"))
     for name in ("target_pitch", "target_yaw"):
-        for reader in (parts.context_estimator, parts.controller):
+        for reader in (parts.estimator, parts.controller):
             builder.Connect(parts.guard.GetOutputPort(name), reader.GetInputPort(name))
     for name in COMMANDS:
         builder.Connect(parts.controller.GetOutputPort(name), parts.watchdog.GetInputPort(name))
@@ -283,8 +275,7 @@ def _add_recorder(builder: DiagramBuilder, scenario: Scenario, contact: RigPlant
         ports={
             ("fx", "fy", "fz", "mx", "my", "mz"): parts.monitor.GetOutputPort("wrench"),
             ("depth",): parts.monitor.GetOutputPort("depth"),
-            **{(name,): parts.estimator.GetOutputPort(name) for name in ("state", "known")},
-            **{(name,): parts.context_estimator.GetOutputPort(name) for name in CONTEXT_COLUMNS},
+            **{(name,): parts.estimator.GetOutputPort(name) for name in READINGS},
             **{(name,): parts.guard.GetOutputPort(name) for name in ("target_pitch", "target_yaw", "feed_speed")},
             **{(name,): parts.controller.GetOutputPort(name) for name in ("guard", "support", *CONTROL_COLUMNS)},
             ("fault",): parts.watchdog.GetOutputPort("fault"),

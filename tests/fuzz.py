@@ -158,7 +158,7 @@ def load_skill(path: Path) -> tuple[bytes, bool]:
         for name, array in sorted(getattr(skill, f"{part}_").to_arrays().items()):
             content += name.encode() + array.dtype.str.encode() + array.tobytes()
     action = skill.act([5.0, 3.0, 2.0, 0.01, 0.02, 0.0, -0.008])
-    return content, bool(np.isfinite([*action.turn, action.feed, *action.probabilities, action.support]).all())
+    return content, bool(np.isfinite([*action.turn, action.feed, action.support]).all())
 
 
 # ------------------------------------------------------------------- judging

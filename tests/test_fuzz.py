@@ -81,7 +81,7 @@ def test_each_kind_of_defect_is_found(folder, monkeypatch):
 
 def test_a_skill_that_acts_by_nan_is_unsound(folder, monkeypatch):
     original, held = fuzz.originals(folder)["skill.npz"]
-    broken = Action(turn=[float("nan"), 0.0], feed=0.0, probabilities=[1.0])
+    broken = Action(turn=[float("nan"), 0.0], feed=0.0)
     monkeypatch.setattr(ManipulationSkill, "act", lambda self, measured: broken)
     outcome, _ = fuzz.judge("skill.npz", original, held + b"x", original, folder / "work", sealed=False)
     assert outcome == "unsound"

@@ -70,7 +70,7 @@ from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.expectation_maximization import CovariancePrior
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import STATE_FLOOR
-from skill.states.contact_state_filter import ContactStateFilter, StateEstimator
+from skill.states.contact_state_filter import ContactStateFilter
 from skill.states.state_graph import StateGraph
 from skill.states.state_naming import StateNames, name_states
 from skill.states.state_style import PALETTE
@@ -141,8 +141,11 @@ def filtered_states(data: LabelledDemonstrations, states: States, transitions: A
     )
     estimates = []
     for group in np.unique(data.groups):
-        estimator = StateEstimator(state_filter)
-        estimates += [estimator.update(x)[0] for x in data.Z[data.groups == group, : data.measured]]
+        log_belief = state_filter.initial_log_belief()
+        for x in data.Z[data.groups == group, : data.measured]:
+            estimate = state_filter.step(log_belief, x)
+            log_belief = estimate.log_belief
+            estimates.append(int(estimate.probabilities.argmax()))
     return np.array(estimates)
 
 

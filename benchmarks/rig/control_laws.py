@@ -18,7 +18,8 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from skill.features.measurement import contact_load
 from skill.policy import Action
-from systems.control.policy import ControlLaw
+from skill.states.estimate import Estimate
+from systems.control.control_law import ControlLaw
 
 Range = tuple[float, float, bool]
 """Minimum, maximum, and whether the parameter is spaced geometrically."""
@@ -71,11 +72,9 @@ class StraightPush(ControlLaw):
 
     speed: float
 
-    def act(
-        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
-    ) -> Action:
+    def act(self, measured: ArrayLike, estimate: Estimate) -> Action:
         """See `ControlLaw`."""
-        return Action(turn=np.zeros(2), feed=-self.speed * self.period_, probabilities=np.ones(1))
+        return Action(turn=np.zeros(2), feed=-self.speed * self.period_)
 
 
 @dataclass(frozen=True)
@@ -106,16 +105,14 @@ class MomentCompliance(TunedLaw):
         "dead_zone": (0.005, 0.05, True),
     }
 
-    def act(
-        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
-    ) -> Action:
+    def act(self, measured: ArrayLike, estimate: Estimate) -> Action:
         """See `ControlLaw`."""
         measured = np.asarray(measured, dtype=float)
         fx, fy, _, mx, my = measured[:5]
         moment = np.array([mx + self.height * fy, my - self.height * fx])
         size = float(np.linalg.norm(moment))
         rate = self.gain * moment * (1.0 - self.dead_zone / size) if size > self.dead_zone else np.zeros(2)
-        return Action(turn=rate * self.period_, feed=self.feed(measured), probabilities=np.ones(1))
+        return Action(turn=rate * self.period_, feed=self.feed(measured))
 
 
 @dataclass(frozen=True)
@@ -125,7 +122,7 @@ class SpiralSearch(TunedLaw):
     The rig's only lateral freedoms are two angles, so that the search is over them. Point k of the spiral has the angle
     phi and the radius spacing phi / 2 pi, with path length spacing phi^2 / 4 pi = rate T k for the period T. From the
     outermost point the path returns straight to the first one and starts again. The search pauses while the load is
-    below ``touch``, so that a tilt at which the peg slides is kept. The points are the phases of the law.
+    below ``touch``, so that a tilt at which the peg slides is kept. The points are the states of the law.
 
     Attributes:
         spacing: between turns of the spiral, rad.
@@ -147,9 +144,6 @@ class SpiralSearch(TunedLaw):
         "touch": (1.0, 10.0, True),
     }
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "phases", tuple(f"point {k}" for k in range(len(self._moves))))
-
     @cached_property
     def _moves(self) -> Array:
         """Turn from the point before to each point, (points, 2), rad."""
@@ -162,19 +156,30 @@ class SpiralSearch(TunedLaw):
         moves: Array = path - np.roll(path, 1, axis=0)
         return moves
 
-    def follow(self, phase: int, measured: Array) -> int:
-        """The next point while the load is above ``touch``."""
-        return (phase + 1) % self.n_states if self.load(measured) > self.touch else phase
+    def estimator(self) -> Self:
+        """The law itself, which counts its points."""
+        return self
 
-    def act(
-        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
-    ) -> Action:
+    def initial(self) -> Estimate:
+        """The first point."""
+        return Estimate.of_phase(0, len(self._moves))
+
+    def step(self, memory: Array, observation: Array) -> Estimate:
+        """The next point while the load is above ``touch``."""
+        point = int(memory[0])
+        point = point + 1 if self.load(observation) > self.touch else point
+        return Estimate.of_phase(point % len(self._moves), len(self._moves))
+
+    def state_names(self) -> list[str]:
+        """The points."""
+        return [f"point {k}" for k in range(len(self._moves))]
+
+    def act(self, measured: ArrayLike, estimate: Estimate) -> Action:
         """See `ControlLaw`."""
         measured = np.asarray(measured, dtype=float)
-        phase = np.eye(self.n_states)[0] if probabilities is None else np.asarray(probabilities)
         searching = self.load(measured) > self.touch
-        turn = self._moves[int(np.argmax(phase))] if searching else np.zeros(2)
-        return Action(turn=turn, feed=self.feed(measured), probabilities=phase)
+        turn = self._moves[estimate.state] if searching else np.zeros(2)
+        return Action(turn=turn, feed=self.feed(measured))
 
 
 FIRST_TUNING = 80000

@@ -36,6 +36,7 @@ from skill.manipulation_skill import ManipulationSkill
 from skill.policy import Action
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.context_mixture import ContextMixture
+from skill.states.estimate import Estimate
 
 FOLDS = KFold(5)
 MAX_GP_SAMPLES = 1500  # the cost of a Gaussian process grows with their cube
@@ -163,11 +164,9 @@ class ShuffledNeighbour(RegressorMixin, BaseEstimator):
 class RandomSign(ManipulationSkill):
     """The skill with a random sign of each turn: a control of what the direction of the turns is worth."""
 
-    def act(
-        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
-    ) -> Action:
+    def act(self, measured: ArrayLike, estimate: Estimate | None = None) -> Action:
         """The action of the skill with a sign that the bits of the measurement decide."""
-        action = super().act(measured, probabilities, contexts)
+        action = super().act(measured, estimate)
         bits = np.asarray(measured, dtype=float).view(np.uint64)
         return replace(action, turn=np.random.default_rng(bits).choice([-1.0, 1.0]) * action.turn)
 

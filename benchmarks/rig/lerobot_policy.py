@@ -32,9 +32,9 @@ from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import with_following_actions
 from skill.policy import Action
-from skill.states.context_filter import ContextEstimate, SingleContext
+from skill.states.estimate import Estimate
 from skill.training_samples import observed_series
-from systems.control.policy import ControlLaw
+from systems.control.control_law import ControlLaw
 
 FEATURES = {
     "observation.state": Feature("float32", ("z", "turned_x", "turned_y"), ("m", "rad", "rad"), "in H and P"),
@@ -179,25 +179,21 @@ class LeRobotLaw(ControlLaw):
 
     def __init__(self, policy: Any, before: Any, after: Any) -> None:
         self._policy, self._before, self._after = policy, before, after
-        self.own_turns = np.zeros(2)
         self.begin()
 
     def begin(self) -> None:
         """Forgets the last trial."""
-        self.own_turns = np.zeros(2)
         self._policy.eval()
         self._policy.reset()
 
-    def context_filter(self) -> OwnTurns:
-        """Returns the follower of a single context, which tells this law its own turns."""
-        return OwnTurns(self)
+    def estimator(self) -> OwnTurns:
+        """Returns what tells this law its own turns."""
+        return OwnTurns()
 
-    def act(
-        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
-    ) -> Action:
+    def act(self, measured: ArrayLike, estimate: Estimate) -> Action:
         """See `ControlLaw`."""
         row = np.asarray(measured, dtype=np.float32)
-        state = np.concatenate([row[6:7], self.own_turns]).astype(np.float32)
+        state = np.concatenate([row[6:7], estimate.memory]).astype(np.float32)
         observation = {
             "observation.state": torch.from_numpy(state),
             "observation.environment_state": torch.from_numpy(row[:6].copy()),
@@ -205,16 +201,16 @@ class LeRobotLaw(ControlLaw):
         with torch.inference_mode():
             action = self._after(self._policy.select_action(self._before(observation)))
         turn_x, turn_y, feed = (float(number) for number in action.reshape(-1))
-        return Action(turn=np.array([turn_x, turn_y]), feed=feed, probabilities=np.ones(1))
+        return Action(turn=np.array([turn_x, turn_y]), feed=feed)
 
 
-class OwnTurns(SingleContext):
-    """A single context; it hands the own turns of each observation to a law."""
+class OwnTurns:
+    """An `Estimator` whose memory (2,) is the own turn since the start, rad."""
 
-    def __init__(self, law: LeRobotLaw) -> None:
-        self._law = law
+    def initial(self) -> Estimate:
+        """No turn."""
+        return Estimate(memory=np.zeros(2))
 
-    def step(self, memory: ArrayLike, observation: ArrayLike) -> ContextEstimate:
-        """Returns certainty."""
-        self._law.own_turns = np.asarray(observation, dtype=float)[7:9]
-        return super().step(memory, observation)
+    def step(self, memory: Array, observation: Array) -> Estimate:
+        """The turn of the observation."""
+        return Estimate(memory=observation[7:9])

@@ -20,7 +20,7 @@ import numpy as np
 from experiments.trial import run_trials
 from models.scenario import load_scenario
 from skill.policy import Action
-from systems.control.policy import ControlLaw
+from systems.control.control_law import ControlLaw
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,12 @@ class Wrist(ControlLaw):
     speed: float = 0.012
     softness: float = 15.0
 
-    def act(self, measured, probabilities=None, contexts=None):
+    def act(self, measured, estimate):
         """See `ControlLaw`."""
         _, _, fz, mx, my, _, _ = measured
         turn = self.gain * np.array([mx, my]) * self.period_
         feed = -self.speed * max(0.0, 1.0 - abs(fz) / self.softness) * self.period_
-        return Action(turn=turn, feed=feed, probabilities=np.ones(1))
+        return Action(turn=turn, feed=feed)
 
 
 # %%

@@ -29,6 +29,7 @@ from skill.features.responses import observations
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy, WrappedPolicy
+from skill.states.estimate import estimates
 from systems.control.faults import one_line
 
 IMPORT_PATH = re.compile(r"[A-Za-z_][\w.]*:\w+")
@@ -282,14 +283,9 @@ def query_time(policy: RigPolicy, demonstrations: list[Demonstration]) -> float:
     """Median time of one decision (features, state, context and action) over measurements of demonstrations, ms."""
     rows = np.vstack([d.samples[list(MEASURED)].to_numpy() for d in demonstrations])
     rows = rows[np.linspace(0, len(rows) - 1, QUERIES).astype(int)]
-    state_filter, context_filter = policy.state_filter(), policy.context_filter()
-    belief, memory = state_filter.initial_log_belief(), context_filter.initial_memory()
-    times = []
+    found, times = estimates(policy.estimator(), observations(rows, np.zeros((QUERIES, 2)))), []
     for row in rows:
         begun = time.perf_counter()
-        estimate = state_filter.step(belief, policy.measured_features(row))
-        context = context_filter.step(memory, observations(row, np.zeros(2)))
-        policy.act(row, estimate.probabilities, context.probabilities)
+        policy.act(row, next(found))
         times.append(time.perf_counter() - begun)
-        belief, memory = estimate.log_belief, context.memory
     return 1e3 * float(np.median(times))

@@ -120,7 +120,7 @@ def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[
         **scenario_columns(scenario),
         **known,
         "factors": source.factors,
-        "states": policy.n_states,
+        "states": len(policy.state_names()),
         "cpu_s": time.process_time() - cpu,
         "began": began.isoformat(timespec="seconds"),
     }

@@ -13,7 +13,10 @@ from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import Outcome
 from skill.data.refinement import with_following_actions
 from skill.manipulation_skill import ManipulationSkill
+from skill.states.estimate import estimates
 from skill.training_samples import observed_series
+
+IntArray = NDArray[np.int64]
 
 KIND = "demonstrations"
 ROBOT = "haptic device in a virtual environment"
@@ -39,7 +42,7 @@ def demonstration_features(skill: ManipulationSkill | None) -> dict[str, Feature
     """Returns the features of demonstrations, with those that a skill adds."""
     if skill is None:
         return dict(FEATURES)
-    contexts = tuple(f"context {k}" for k in range(skill.context_filter().n_contexts))
+    contexts = tuple(f"context {k}" for k in range(len(skill.estimator().initial().contexts)))
     return FEATURES | {
         "contact_state": Feature("int64", frame="most probable state, causal", labels=tuple(skill.state_names())),
         "context": Feature("int64", frame="most probable context, causal", labels=contexts),
@@ -72,7 +75,7 @@ def demonstration_episode(demonstration: Demonstration, name: str, skill: Manipu
     }
     if skill is not None:
         _check_geometry(demonstration, skill, name)
-        columns["contact_state"], columns["context"] = estimates(demonstration, skill)
+        columns["contact_state"], columns["context"] = most_probable(demonstration, skill)
     header = {"good": demonstration.good, "outcome": demonstration.reason, "metadata": demonstration.metadata}
     return Episode(name, str(demonstration.outcome), columns, header)
 
@@ -84,20 +87,15 @@ def contact_labels(demonstration: Demonstration) -> NDArray[np.int64]:
     return exact_labels(demonstration).astype(np.int64)
 
 
-def estimates(demonstration: Demonstration, skill: ManipulationSkill) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def most_probable(
+    demonstration: Demonstration, skill: ManipulationSkill
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Returns the most probable contact state and context (n,) of each sample, given the samples so far, as on the rig.
 
     The wrench is that of the recording, without the noise of a sensor.
     """
-    state_filter, context_filter = skill.state_filter(), skill.context_filter()
-    belief, memory = state_filter.initial_log_belief(), context_filter.initial_memory()
-    found = []
-    for row in observed_series(demonstration.samples):
-        state = state_filter.step(belief, skill.measured_features(row[:7]))
-        context = context_filter.step(memory, row)
-        belief, memory = state.log_belief, context.memory
-        found.append((int(np.argmax(state.probabilities)), int(np.argmax(context.probabilities))))
-    states, contexts = np.array(found, dtype=np.int64).T
+    found = estimates(skill.estimator(), observed_series(demonstration.samples))
+    states, contexts = np.array([(e.state, e.context) for e in found], dtype=np.int64).T
     return states, contexts
 
 

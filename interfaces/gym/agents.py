@@ -11,6 +11,7 @@ import numpy as np
 from skill.arrays import Array
 from skill.features.measurement import measurement
 from skill.policy import RigPolicy
+from skill.states.estimate import Estimate
 
 
 class Agent(Protocol):
@@ -38,7 +39,7 @@ class PolicyAgent:
     def act(self, observation: Mapping[str, Array]) -> Array:
         """Returns turn rates, feed speed and support (4,) for an observation of the kind "dict"."""
         measured = measurement(observation["wrench"], observation["depth"][0])
-        action = self._policy.act(measured, observation["probabilities"], observation["contexts"])
+        action = self._policy.act(measured, Estimate(observation["probabilities"], observation["contexts"]))
         period = self._policy.period_
         return np.array([*(action.turn / period), action.feed / period, action.support])
 

@@ -14,6 +14,7 @@ from models.contact_geometry import ContactLabel
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Outcome
+from skill.states.estimate import Estimate
 from systems.rig_diagram import RigDiagram
 
 Observation = dict[str, Array]
@@ -68,10 +69,9 @@ class Episode:
         """
         rig = self._rig
         context = rig.controller.GetMyContextFromRoot(self._context)
-        found = {
-            name: np.array(rig.controller.GetInputPort(name).Eval(context))
-            for name in ("wrench", "depth", "probabilities", "contexts")
-        }
+        found = {name: np.array(rig.controller.GetInputPort(name).Eval(context)) for name in ("wrench", "depth")}
+        estimate: Estimate = rig.controller.GetInputPort("estimate").Eval(context)
+        found |= {"probabilities": estimate.states, "contexts": estimate.contexts}
         targets = [rig.controller.GetInputPort(name).Eval(context)[0] for name in ("target_pitch", "target_yaw")]
         modes = [rig.controller.GetOutputPort(name).Eval(context)[0] for name in ("turning", "guard")]
         feed = rig.guard.GetOutputPort("feed_speed").Eval(rig.guard.GetMyContextFromRoot(self._context))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydrake.geometry import Meshcat, MeshcatParams
 
 from experiments.trial import Arm, trial_scenario
-from interfaces.gym.commanded_policy import CommandedPolicy, Resting
+from interfaces.gym.commanded_policy import CommandedPolicy
 from interfaces.gym.episode import Episode, Observation
 from interfaces.gym.picture import Picture
 from interfaces.gym.rewards import REWARDS, Reward, Transition
@@ -96,7 +96,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         validate_scenario(self._scenario)
         self._arm, self._labels = Arm(arm), labels
         self._reward: Reward = REWARDS[reward](self._scenario)
-        self._policy = CommandedPolicy(policy or Resting())
+        self._policy = CommandedPolicy(policy)
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self._scenario.controller.period)}
         self.render_mode = render_mode
         self._parts = observation_space(self._scenario, policy)

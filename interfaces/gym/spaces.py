@@ -9,6 +9,7 @@ from interfaces.gym.commanded_policy import SUPPORT
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.policy import RigPolicy
+from skill.states.estimate import Estimate
 
 DEPTH_MARGIN = 0.05
 """Distance (m) from the travel limits of the feed to the bounds of the depth: no sound trial gets there."""
@@ -42,10 +43,10 @@ def observation_space(scenario: Scenario, policy: RigPolicy | None) -> spaces.Di
     deepest = scenario.geometry.hole_depth + controller.drive_monitor.travel_below + DEPTH_MARGIN
     highest = start.height + controller.drive_monitor.travel_above + DEPTH_MARGIN
     fastest = controller.max_feed_speed + controller.back_off.retract_speed
+    estimator = None if policy is None else policy.estimator()
+    estimate = Estimate() if estimator is None else estimator.initial()
     parts = (
-        {}
-        if policy is None
-        else {"probabilities": _shares(policy.n_states), "contexts": _shares(policy.context_filter().n_contexts)}
+        {} if policy is None else {"probabilities": _shares(estimate.states), "contexts": _shares(estimate.contexts)}
     )
     return spaces.Dict(
         {
@@ -77,9 +78,9 @@ def symmetric(largest: Array) -> spaces.Box:
     return spaces.Box(-largest, largest, dtype=np.float64)
 
 
-def _shares(number: int) -> spaces.Box:
-    """Returns the box of ``number`` probabilities."""
-    return spaces.Box(np.zeros(number), np.full(number, 1.0 + ROUNDING), dtype=np.float64)
+def _shares(probabilities: Array) -> spaces.Box:
+    """Returns the box of such probabilities."""
+    return spaces.Box(np.zeros_like(probabilities), np.full_like(probabilities, 1.0 + ROUNDING), dtype=np.float64)
 
 
 def checked_action(action: object, size: int) -> Array:

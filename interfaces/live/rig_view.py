@@ -116,5 +116,5 @@ def _judgement(samples: pd.DataFrame, period: float) -> Judgement:
     now = samples.iloc[-1]
     # Turning the hole by theta turns the peg by -theta relative to it.
     turn = -np.subtract(*samples[["target_pitch", "target_yaw"]].to_numpy()[[-1, 0]])
-    action = Action(turn=turn, feed=float(now["feed_speed"]) * period, probabilities=np.ones(1))
+    action = Action(turn=turn, feed=float(now["feed_speed"]) * period)
     return Judgement(int(now["state"]), bool(now["known"]), action)

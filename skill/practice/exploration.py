@@ -21,6 +21,7 @@ from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import Action, PolicyT, RigPolicy, WrappedPolicy
 from skill.states.context_filter import pair_probabilities
+from skill.states.estimate import Estimate, estimates
 
 
 @dataclass(frozen=True)
@@ -83,11 +84,9 @@ class PerturbedPolicy(WrappedPolicy[PolicyT]):
 
     perturbation: Perturbation
 
-    def act(
-        self, measured: ArrayLike, probabilities: ArrayLike | None = None, contexts: ArrayLike | None = None
-    ) -> Action:
+    def act(self, measured: ArrayLike, estimate: Estimate) -> Action:
         """Returns the action of the policy with its turn and feed multiplied by the factors at the measured depth."""
-        action = self.policy.act(measured, probabilities, contexts)
+        action = self.policy.act(measured, estimate)
         turn, feed = np.exp(self.perturbation.log_factors(-float(np.asarray(measured)[-1])))
         return replace(action, turn=turn * action.turn, feed=float(feed * action.feed))
 
@@ -181,19 +180,11 @@ def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill], cost: Co
 
 
 def filtered_pairs(policy: RigPolicy, observed: Array) -> Array:
-    """Returns the probabilities (n, K C) of the pairs of state and context that a policy's filters find.
+    """Returns the probabilities (n, K C) of the pairs of state and context that a policy's estimator finds.
 
     Args:
         policy: the policy.
         observed: (n, 9), observations of one run, in the order of time; see `skill.features.responses`.
     """
-    state_filter, context_filter = policy.state_filter(), policy.context_filter()
-    belief, memory = state_filter.initial_log_belief(), context_filter.initial_memory()
-    states = np.empty((len(observed), policy.n_states))
-    contexts = np.empty((len(observed), context_filter.n_contexts))
-    for k, row in enumerate(observed):
-        state = state_filter.step(belief, policy.measured_features(row[: len(MEASURED)]))
-        context = context_filter.step(memory, row)
-        belief, memory = state.log_belief, context.memory
-        states[k], contexts[k] = state.probabilities, context.probabilities
-    return pair_probabilities(states, contexts)
+    found = list(estimates(policy.estimator(), observed))
+    return pair_probabilities(np.array([e.states for e in found]), np.array([e.contexts for e in found]))

@@ -1,27 +1,27 @@
 """On-line estimation of the contact state: posterior, gate for unknown samples, and a hidden Markov filter.
 
 `ContactStateFilter` is immutable and its `step` is a pure function, so the caller stores the belief, for example in the
-context of a simulation. `StateEstimator` stores the belief itself.
+context of a simulation.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skill.arrays import Array
 from skill.clustering.gaussian_components import log_normalizers
-from skill.clustering.gaussian_states import MAX_VALUE, UNKNOWN, GaussianStates
+from skill.clustering.gaussian_states import MAX_VALUE, GaussianStates
 from skill.clustering.student_tails import distance_gate, tailed_log_densities
 
 MAX_ROW_SUM_ERROR = 1e-9
 """Maximum deviation from one of the row sums of a transition matrix."""
 
 
-class Estimate(NamedTuple):
-    """One on-line estimate.
+class ContactEstimate(NamedTuple):
+    """One on-line estimate of the contact state.
 
     Attributes:
         log_belief: shape (M,), log-probability of each state given the samples so far; argument of the next step.
@@ -86,7 +86,7 @@ class ContactStateFilter:
         """Returns the log of the states' weights, shape (M,)."""
         return self._log_prior.copy()
 
-    def step(self, log_belief: ArrayLike, x: ArrayLike) -> Estimate:
+    def step(self, log_belief: ArrayLike, x: ArrayLike) -> ContactEstimate:
         """Returns the estimate after one sample; does not change the filter or the arguments.
 
         Values beyond 1e100 count as 1e100, as in `GaussianStates.predict_proba`.
@@ -123,26 +123,7 @@ class ContactStateFilter:
         updated = updated - updated[best]
         probabilities = np.exp(updated)
         total = probabilities.sum()
-        return Estimate(updated - np.log(total), probabilities / total, distance, known)
-
-
-class StateEstimator:
-    """A `ContactStateFilter` that stores its belief; use one instance for each run."""
-
-    def __init__(self, contact_state_filter: ContactStateFilter) -> None:
-        self.filter = contact_state_filter
-        self.log_belief = contact_state_filter.initial_log_belief()
-
-    def reset(self) -> Self:
-        """Restores the initial belief."""
-        self.log_belief = self.filter.initial_log_belief()
-        return self
-
-    def update(self, x: ArrayLike) -> tuple[int, Estimate]:
-        """Returns the state after sample ``x`` (k,), or -1 if it is unknown, and the estimate."""
-        estimate = self.filter.step(self.log_belief, x)
-        self.log_belief = estimate.log_belief
-        return (int(estimate.probabilities.argmax()) if estimate.known else UNKNOWN), estimate
+        return ContactEstimate(updated - np.log(total), probabilities / total, distance, known)
 
 
 def _checked_transitions(transitions: ArrayLike, M: int) -> Array:

@@ -12,7 +12,7 @@ with the answers of `skill.features.responses` and the evidence of `ContextMixtu
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,18 +42,6 @@ class ContextEstimate(NamedTuple):
     memory: Array
     probabilities: Array
     evidence: Array
-
-
-class ContextFollower(Protocol):
-    """Estimates the context from observation to observation; its caller stores the memory."""
-
-    n_contexts: int
-
-    def initial_memory(self) -> Array:
-        """Returns the memory before the first observation."""
-
-    def step(self, memory: ArrayLike, observation: ArrayLike) -> ContextEstimate:
-        """Returns the estimate after one more observation (9,); see `skill.features.responses`."""
 
 
 class ContextFilter:
@@ -96,17 +84,3 @@ class ContextFilter:
             belief = belief * np.exp(evidence - evidence.max())
         belief = MIN_PROBABILITY + (1.0 - C * MIN_PROBABILITY) * belief / belief.sum()
         return ContextEstimate(np.concatenate([np.log(belief), [count], rows.ravel()]), belief, evidence)
-
-
-class SingleContext:
-    """The follower of a policy without contexts: one context, always."""
-
-    n_contexts = 1
-
-    def initial_memory(self) -> Array:
-        """Returns the memory, which is one unused number: Drake does not declare an empty state."""
-        return np.zeros(1)
-
-    def step(self, memory: ArrayLike, observation: ArrayLike) -> ContextEstimate:
-        """Returns certainty."""
-        return ContextEstimate(np.zeros(1), np.ones(1), np.zeros(1))

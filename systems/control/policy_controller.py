@@ -8,13 +8,14 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
-from pydrake.common.value import AbstractValue
+from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from models.control import ControllerParameters
 from skill.arrays import Array
 from skill.features.measurement import contact_load, measurement
 from skill.policy import Action, RigPolicy
+from skill.states.estimate import Estimate
 from systems.control.back_off import BackOffState, back_off_step
 from systems.control.faults import one_line
 
@@ -75,9 +76,7 @@ class PolicyController(LeafSystem):
         input_ports:
         - wrench
         - depth
-        - probabilities
-        - contexts
-        - known
+        - estimate
         - target_pitch
         - target_yaw
         output_ports:
@@ -105,8 +104,8 @@ class PolicyController(LeafSystem):
     A policy that raises an exception, or returns a NaN or infinite action, has failed and is not called again: feed and
     turns stop, and ``failed`` is 1.
 
-    The controller receives the wrench on the peg about its tip, the depth, the probabilities of the states and of the
-    contexts, whether the state is known, and its own motions: the angles of the hole (rad) that the guard permits.
+    The controller receives the wrench on the peg about its tip, the depth, the `Estimate` at this measurement, and its
+    own motions: the angles of the hole (rad) that the guard permits.
     """
 
     def __init__(
@@ -122,9 +121,7 @@ class PolicyController(LeafSystem):
         self._peg_radius = peg_radius
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
-        self._probabilities = self.DeclareVectorInputPort("probabilities", policy.n_states)
-        self._contexts = self.DeclareVectorInputPort("contexts", policy.context_filter().n_contexts)
-        self._known = self.DeclareVectorInputPort("known", 1)
+        self._estimate = self.DeclareAbstractInputPort("estimate", Value[object](Estimate()))
         self._targets = [self.DeclareVectorInputPort(f"target_{name}", 1) for name in ("pitch", "yaw")]
         self._state = self.DeclareDiscreteState(ControllerState().as_list())
         self._failure = self.DeclareAbstractState(AbstractValue.Make(""))
@@ -165,20 +162,19 @@ class PolicyController(LeafSystem):
         if self.failure(context) or command.given_up:
             return
         wrench, depth = self._wrench.Eval(context), self._depth.Eval(context)[0]
-        probabilities = self._probabilities.Eval(context)
+        estimate: Estimate = self._estimate.Eval(context)
         try:
-            action = self._checked_action(measurement(wrench, depth), probabilities, self._contexts.Eval(context))
+            action = self._checked_action(measurement(wrench, depth), estimate)
         except Exception as error:  # a foreign policy may raise anything, and the rig must stop
             command = replace(command, rates=np.zeros(2), feed_speed=0.0, unwinding=False, turning=0.0)
             state.get_mutable_abstract_state(int(self._failure)).set_value(one_line(error))
         else:
-            known = bool(self._known.Eval(context)[0])
             pitch, yaw = (float(port.Eval(context)[0]) for port in self._targets)
-            command = self._next_state(command, action, wrench, depth, probabilities, known=known, angles=(pitch, yaw))
+            command = self._next_state(command, action, wrench, depth, estimate, angles=(pitch, yaw))
         state.get_mutable_discrete_state(self._state).SetFromVector(command.as_list())
 
-    def _checked_action(self, measured: Array, probabilities: Array, contexts: Array) -> Action:
-        action = self._policy.act(measured, probabilities, contexts)
+    def _checked_action(self, measured: Array, estimate: Estimate) -> Action:
+        action = self._policy.act(measured, estimate)
         if not (np.isfinite(action.turn).all() and math.isfinite(action.feed) and math.isfinite(action.support)):
             raise ValueError(
                 f"the action is not finite: turn {action.turn}, feed {action.feed}, support {action.support}"
@@ -191,9 +187,8 @@ class PolicyController(LeafSystem):
         action: Action,
         wrench: Array,
         depth: float,
-        probabilities: Array,
+        estimate: Estimate,
         *,
-        known: bool,
         angles: tuple[float, float],
     ) -> ControllerState:
         p = self._parameters
@@ -204,9 +199,9 @@ class PolicyController(LeafSystem):
             feed_speed=float(np.clip(action.feed / self._policy.period_, -p.max_feed_speed, p.max_feed_speed)),
             overloaded=contact_load(wrench, self._peg_radius) > p.guard.force_limit,
             depth=depth,
-            known=known,
+            known=estimate.known,
             support=action.support,
-            contact=int(np.argmax(probabilities)),
+            contact=estimate.state,
             angles=angles,
             side=math.hypot(wrench[0], wrench[1]),
         )

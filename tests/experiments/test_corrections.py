@@ -21,7 +21,7 @@ from experiments.trial import trial_scenario
 from models.scenario import parse_scenario
 from skill.features.measurement import contact_load
 from skill.policy import Action
-from systems.control.policy import ControlLaw
+from systems.control.control_law import ControlLaw
 from systems.rig import MakeRig
 from systems.virtual_environment import start_pose
 from tests.query_states import QUERY_STATE
@@ -33,8 +33,8 @@ REFUSED = ValueError("moments look like N mm")
 class Push(ControlLaw):
     """Feeds without a turn, so that it gets stuck."""
 
-    def act(self, measured, probabilities=None, contexts=None):
-        return Action(turn=np.zeros(2), feed=-2e-4, probabilities=np.ones(1))
+    def act(self, measured, estimate=None):
+        return Action(turn=np.zeros(2), feed=-2e-4)
 
 
 def test_a_policy_is_stuck_where_the_first_back_off_begins(quick_scenario):

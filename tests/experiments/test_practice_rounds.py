@@ -9,6 +9,7 @@ from experiments.trial import run_trial
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, TRIAL_STREAM, resolve_scenario
 from skill.manipulation_skill import ManipulationSkill
 from skill.practice.exploration import rollout_of
+from skill.states.estimate import Estimate
 
 SHORT = Practice(rounds=1, starts=1, checks=1)
 
@@ -43,7 +44,7 @@ def test_the_recorded_feed_is_that_of_the_perturbed_skill(brief, skill):
     assert len(rows) > 3
     for k in rows:
         wrench = samples.loc[k, ["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy()
-        action = skill.act(np.array([*wrench, -samples["depth"][k]]), rollout.memberships[k])
+        action = skill.act(np.array([*wrench, -samples["depth"][k]]), Estimate(rollout.memberships[k]))
         feed_speed = action.feed * np.exp(rollout.log_factors[k, 1]) / skill.period_
         limited = action.support * max(feed_speed, -scenario.controller.max_feed_speed)
         assert samples["feed_speed"][k + 1] == pytest.approx(limited, rel=0.05)
@@ -52,8 +53,8 @@ def test_the_recorded_feed_is_that_of_the_perturbed_skill(brief, skill):
 class LittleSupport(ManipulationSkill):
     """A skill whose actions all have little support."""
 
-    def act(self, measured, probabilities=None, contexts=None):
-        return replace(super().act(measured, probabilities), support=0.3)
+    def act(self, measured, estimate=None):
+        return replace(super().act(measured, estimate), support=0.3)
 
 
 @pytest.mark.slow
@@ -93,8 +94,8 @@ def test_a_round_keeps_the_new_skill_only_if_it_beats_the_check(brief, skill):
 class IdleSkill(ManipulationSkill):
     """A skill that does not move."""
 
-    def act(self, measured, probabilities=None, contexts=None):
-        action = super().act(measured, probabilities)
+    def act(self, measured, estimate=None):
+        action = super().act(measured, estimate)
         return replace(action, turn=0 * action.turn, feed=0.0)
 
 

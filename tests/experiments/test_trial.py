@@ -166,10 +166,10 @@ def test_a_trial_that_runs_out_of_time_has_that_reason(quick_scenario, skill):
 class NanSkill(ManipulationSkill):
     """A skill that returns a NaN feed below some depth; picklable for other processes."""
 
-    def act(self, measured, probabilities=None, contexts=None):
-        action = super().act(measured, probabilities)
+    def act(self, measured, estimate=None):
+        action = super().act(measured, estimate)
         if self.when_depth_exceeds < -np.asarray(measured)[-1]:
-            return Action(turn=action.turn, feed=math.nan, probabilities=action.probabilities)
+            return Action(turn=action.turn, feed=math.nan)
         return action
 
 

@@ -15,6 +15,8 @@ from skill.imitation import quartiles
 from skill.manipulation_skill import ManipulationSkill
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.protocols import ExplainableRegressor, StateRegressor
+from skill.states.contact_state_filter import ContactStateFilter
+from skill.states.estimate import Estimate
 from tests.trajectories import GEOMETRY, make_demonstration
 
 
@@ -47,12 +49,12 @@ def measurements(demonstration):
 
 
 def acted(skill, rows):
-    """Actions and probabilities with and without given states, as exact texts."""
-    belief = np.full(skill.n_states, 1 / skill.n_states)
+    """Actions with and without an estimate, as exact texts."""
+    estimate = Estimate(np.full(skill.n_states, 1 / skill.n_states))
     return [
-        [v.hex() for v in (*map(float, a.turn), a.feed, *map(float, a.probabilities))]
+        [v.hex() for v in (*map(float, a.turn), a.feed, a.support)]
         for row in rows
-        for a in (skill.act(row), skill.act(row, belief))
+        for a in (skill.act(row), skill.act(row, estimate))
     ]
 
 
@@ -64,9 +66,6 @@ def test_an_action_is_a_turn_across_the_axis_and_a_feed(skill, rows):
         action = skill.act(row)
         assert action.turn.shape == (2,)
         assert np.isfinite([*action.turn, action.feed]).all()
-        assert action.probabilities.shape == (skill.n_states,)
-        assert action.probabilities.sum() == pytest.approx(1.0)
-        assert (action.probabilities >= 0).all()
 
 
 def test_actions_stay_within_the_demonstrated_range(skill, rows, demonstrations):
@@ -88,7 +87,6 @@ def test_a_contact_turned_about_the_axis_gets_the_turned_action(skill, rows):
         one, other = skill.act(row), skill.act(turned)
         np.testing.assert_allclose(other.turn, R[:2, :2] @ one.turn, atol=1e-9)
         assert other.feed == pytest.approx(one.feed, abs=1e-12)
-        np.testing.assert_allclose(other.probabilities, one.probabilities, atol=1e-9)
 
 
 def test_the_learnt_turn_agrees_with_the_demonstrated_one_in_contact(skill, demonstrations):
@@ -105,7 +103,7 @@ def test_the_learnt_turn_agrees_with_the_demonstrated_one_in_contact(skill, demo
 
 def test_the_states_probabilities_are_those_of_single_measurements(skill, rows):
     np.testing.assert_allclose(
-        skill.state_probabilities(rows), [skill.act(row).probabilities for row in rows], atol=1e-12
+        skill.state_probabilities(rows), [skill.estimate_alone(row).states for row in rows], atol=1e-12
     )
     assert len(skill.state_names()) == len(set(skill.state_names())) == skill.n_states >= 2
 
@@ -115,7 +113,7 @@ def test_the_action_depends_on_the_state(made_up_skill):
     differences = []
     for row in measurements(made_up_demonstrations()[0])[20:100:10]:
         X = made_up_skill.features_.transform(row[None])
-        actions = [made_up_skill.act(row, state) for state in np.eye(made_up_skill.n_states)]
+        actions = [made_up_skill.act(row, Estimate(state)) for state in np.eye(made_up_skill.n_states)]
         for state, action in zip(np.eye(made_up_skill.n_states), actions, strict=True):
             local = made_up_skill.regressor_.predict(X, memberships=state[None])
             near = made_up_skill.regressor_.local_samples(X, state[None])
@@ -123,10 +121,9 @@ def test_the_action_depends_on_the_state(made_up_skill):
             local[0, :2] = np.clip(local[0, :2], low, high)
             expected = made_up_skill.features_.actions_from_frame(row[None], local)[0]
             np.testing.assert_allclose([*action.turn, action.feed], expected, rtol=1e-12)
-            np.testing.assert_array_equal(action.probabilities, state)
         differences.append(np.ptp([a.feed for a in actions]) / np.abs([a.feed for a in actions]).max())
         own = made_up_skill.act(row)
-        given = made_up_skill.act(row, made_up_skill.state_probabilities(row[None])[0])
+        given = made_up_skill.act(row, made_up_skill.estimate_alone(row))
         assert (own.turn.tolist(), own.feed) == (given.turn.tolist(), given.feed)
     assert max(differences) > 0.1
 
@@ -148,7 +145,7 @@ def test_an_explanation_adds_up_to_the_action(made_up_skill):
     explanation, action = made_up_skill.explain(row, level=0.8), made_up_skill.act(row)
     assert explanation.feed == action.feed
     np.testing.assert_array_equal(explanation.turn, action.turn)
-    np.testing.assert_array_equal(explanation.probabilities, action.probabilities)
+    np.testing.assert_array_equal(explanation.probabilities, made_up_skill.estimate_alone(row).states)
     assert explanation.frame_angle == made_up_skill.features_.rotation_angle(row[None])[0]
     used = explanation.neighbours
     sources = made_up_skill.sources_.tolist()
@@ -167,7 +164,7 @@ def test_an_explanation_adds_up_to_the_action(made_up_skill):
 
 def test_a_printed_explanation_is_in_degrees_and_millimetres(made_up_skill):
     row = measurements(made_up_demonstrations()[1])[60]
-    explanation = made_up_skill.explain(row, [0.004, 0.7, 0.286, 0.01])
+    explanation = made_up_skill.explain(row, Estimate(np.array([0.004, 0.7, 0.286, 0.01])))
     lines = str(explanation).splitlines()
     assert lines[0] == "states: state 1 70%, state 2 29%, state 3 1%"
     degrees = np.degrees(explanation.turn)
@@ -447,16 +444,18 @@ def test_an_incomplete_geometry_is_an_error():
 # ------------------------------------------------------- states and support
 
 
-def test_the_state_filter_uses_the_measured_features_and_the_moves_of_the_demonstrations(made_up_skill):
-    dut = made_up_skill.state_filter()
-    assert dut.n_channels == 3
-    np.testing.assert_array_equal(dut.transitions, made_up_skill.graph_.transition_matrix())
-    rows = measurements(made_up_demonstrations()[0])[::20]
-    np.testing.assert_array_equal(
-        [made_up_skill.measured_features(row) for row in rows], made_up_skill.state_features_.transform(rows)
+def test_the_estimator_uses_the_measured_features_and_the_moves_of_the_demonstrations(made_up_skill):
+    dut = made_up_skill.estimator()
+    row = measurements(made_up_demonstrations()[0])[0]
+    reference = ContactStateFilter(
+        made_up_skill.states_, transitions=made_up_skill.graph_.transition_matrix(), channels=[0, 1, 2]
     )
-    first = dut.step(dut.initial_log_belief(), made_up_skill.measured_features(rows[0])).probabilities
-    assert first.argmax() == made_up_skill.act(rows[0]).probabilities.argmax()
+    found = dut.step(dut.initial().memory, np.array([*row, 0.0, 0.0]))
+    features = made_up_skill.state_features_.transform(row[None])[0]
+    expected = reference.step(reference.initial_log_belief(), features)
+    np.testing.assert_array_equal(found.states, expected.probabilities)
+    assert found.known == expected.known
+    assert found.state == made_up_skill.estimate_alone(row).state
 
 
 def test_states_have_numbers_until_they_are_named(made_up_skill):

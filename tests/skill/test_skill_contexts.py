@@ -47,13 +47,18 @@ def test_contexts_are_discovered_in_the_answers_to_motions(skill_with_contexts):
     side = found.responsibilities_.argmax(axis=1)
     assert len(set(side[::2])) == len(set(side[1::2])) == 1
     assert side[0] != side[1]
-    assert skill_with_contexts.context_filter().n_contexts == 2
+    assert skill_with_contexts.estimator().initial().contexts.shape == (2,)
     assert skill_with_contexts.regressor_.memberships_.shape[1] == 2 * skill_with_contexts.n_states
+
+
+def in_context(skill, row, contexts):
+    """The estimate from one measurement with given probabilities of the contexts."""
+    return replace(skill.estimate_alone(row), contexts=np.array(contexts))
 
 
 def share_of_context(skill, row, context):
     """Share of the weights of an explanation that belongs to the demonstrations of a context, and the explanation."""
-    explained = skill.explain(row, contexts=np.eye(2)[context])
+    explained = skill.explain(row, in_context(skill, row, np.eye(2)[context]))
     number = explained.neighbours["demonstration"].to_numpy()
     weights = explained.neighbours["weight"].to_numpy()
     side = skill.contexts_.responsibilities_.argmax(axis=1)
@@ -89,17 +94,18 @@ def test_where_contexts_act_alike_all_demonstrations_count(skill_with_contexts):
     assert np.median([explained.relevance for _, explained in found]) < 0.2
     free = ManipulationSkill(contexts=ContextMixture(max_contexts=1), regressor=LWRegressor(ridge=1.0))
     free.fit(hinged_demonstrations())
-    supports = [(skill_with_contexts.act(row, None, [1.0, 0.0]).support, free.act(row).support) for row in rows]
+    given = [in_context(skill_with_contexts, row, [1.0, 0.0]) for row in rows]
+    supports = [
+        (skill_with_contexts.act(row, estimate).support, free.act(row).support)
+        for row, estimate in zip(rows, given, strict=True)
+    ]
     assert np.median([one / other for one, other in supports]) == pytest.approx(1.0, abs=0.1)
 
 
 def test_without_contexts_given_their_shares_in_the_demonstrations_count(skill_with_contexts):
     row = hinged_demonstrations()[0].samples[list(MEASURED)].to_numpy()[40]
-    alone, given = (
-        skill_with_contexts.act(row),
-        skill_with_contexts.act(row, None, skill_with_contexts.contexts_.weights_),
-    )
-    np.testing.assert_array_equal(alone.turn, given.turn)
+    alone = skill_with_contexts.estimate_alone(row)
+    np.testing.assert_array_equal(skill_with_contexts.act(row).turn, skill_with_contexts.act(row, alone).turn)
     np.testing.assert_allclose(alone.contexts, 0.5, atol=0.01)
 
 
@@ -108,17 +114,16 @@ def test_a_skill_with_contexts_is_stored(skill_with_contexts, tmp_path):
     again = ManipulationSkill.load(tmp_path / "skill.npz")
     row = hinged_demonstrations()[0].samples[list(MEASURED)].to_numpy()[40]
     for context in (0, 1):
-        one, other = (s.act(row, None, np.eye(2)[context]) for s in (skill_with_contexts, again))
+        one, other = (s.act(row, in_context(s, row, np.eye(2)[context])) for s in (skill_with_contexts, again))
         np.testing.assert_array_equal(one.turn, other.turn)
         assert one.feed == other.feed
     rng = np.random.default_rng(0)
-    filters = [s.context_filter() for s in (skill_with_contexts, again)]
-    memories = [f.initial_memory() for f in filters]
+    filters = [s.estimator() for s in (skill_with_contexts, again)]
+    memories = [f.initial().memory for f in filters]
     for k in range(10):
         observation = np.array([6.0 + k, *rng.normal(0.0, 0.1, 5) * 0.1, -0.003, 0.0, 1e-3 * k])
-        estimates = [f.step(m, observation) for f, m in zip(filters, memories, strict=True)]
-        memories = [e.memory for e in estimates]
-        np.testing.assert_array_equal(estimates[0].memory, estimates[1].memory)
+        memories = [f.step(m, observation).memory for f, m in zip(filters, memories, strict=True)]
+        np.testing.assert_array_equal(memories[0], memories[1])
 
 
 def test_fewer_than_two_demonstrations_that_answer_have_a_single_context():
@@ -129,7 +134,7 @@ def test_a_skill_may_be_limited_to_a_single_context():
     dut = ManipulationSkill(contexts=ContextMixture(max_contexts=1), regressor=LWRegressor(ridge=1.0))
     dut.fit(hinged_demonstrations(4))
     assert dut.contexts_ is None
-    assert dut.context_filter().n_contexts == 1
+    assert dut.estimator().initial().contexts.tolist() == [1.0]
     assert dut.regressor_.memberships_.shape[1] == dut.n_states
 
 

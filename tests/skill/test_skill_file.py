@@ -18,6 +18,7 @@ from skill.features.wrench_features import MEASURED, CanonicalFeatures, RawFeatu
 from skill.manipulation_skill import ManipulationSkill
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.skill_file import SKILL_VERSION
+from skill.states.estimate import Estimate
 from tests.crafted_files import sealed_arrays
 from tests.trajectories import GEOMETRY, make_demonstration
 
@@ -28,13 +29,14 @@ import json, sys
 import numpy as np
 from pathlib import Path
 from skill.manipulation_skill import ManipulationSkill
+from skill.states.estimate import Estimate
 assert "pydrake" not in sys.modules
 skill = ManipulationSkill.load(Path(sys.argv[1]))
-belief = np.full(skill.n_states, 1 / skill.n_states)
+estimate = Estimate(np.full(skill.n_states, 1 / skill.n_states))
 out = []
 for row in np.load(sys.argv[2]):
-    for action in (skill.act(row), skill.act(row, belief)):
-        out.append([v.hex() for v in (*map(float, action.turn), action.feed, *map(float, action.probabilities))])
+    for action in (skill.act(row), skill.act(row, estimate)):
+        out.append([v.hex() for v in (*map(float, action.turn), action.feed, action.support)])
 print(json.dumps(out))
 """
 
@@ -54,12 +56,12 @@ def made_up_skill():
 
 
 def acted(skill, rows):
-    """Actions and probabilities with and without given states, as exact texts."""
-    belief = np.full(skill.n_states, 1 / skill.n_states)
+    """Actions with and without an estimate, as exact texts."""
+    estimate = Estimate(np.full(skill.n_states, 1 / skill.n_states))
     return [
-        [v.hex() for v in (*map(float, a.turn), a.feed, *map(float, a.probabilities))]
+        [v.hex() for v in (*map(float, a.turn), a.feed, a.support)]
         for row in rows
-        for a in (skill.act(row), skill.act(row, belief))
+        for a in (skill.act(row), skill.act(row, estimate))
     ]
 
 

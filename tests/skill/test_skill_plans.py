@@ -1,6 +1,7 @@
 """A skill that plans: learnt, explained, stored."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,16 +55,17 @@ def test_the_plan_leads_to_the_desired_state_in_either_context(planning):
     for row in (pushed(8.0), pushed(4.0)):
         turns = []
         for context in np.eye(2):
-            plan = planning.explain(row, contexts=context).plan
+            estimate = replace(planning.estimate_alone(row), contexts=context)
+            plan = planning.explain(row, estimate).plan
             assert plan.desired.time > 0.0
             assert plan.loads[0] == pytest.approx(row[0])
-            turns.append(planning.act(row, contexts=context).turn[1])
+            turns.append(planning.act(row, estimate).turn[1])
         assert abs(turns[0] - turns[1]) > 1e-4  # the demonstrated turns are noise; only the dynamics differ
 
 
 def test_a_planned_action_differs_from_the_imitated_one_by_the_plan_alone(planning, monkeypatch):
     row = pushed()
-    imitated = planning.imitation().predict(planning._query(row, None, None))
+    imitated = planning.imitation().predict(planning._query(row, None))
     planned = planning.explain(row)
     assert planned.plan is not None
     assert imitated.plan is None
@@ -76,7 +78,7 @@ def test_a_planned_action_differs_from_the_imitated_one_by_the_plan_alone(planni
 @pytest.mark.parametrize("row", [pushed(8.0), pushed(35.0), pushed(5.0, 0.006)])
 def test_the_action_is_the_minimum_of_the_sum_of_the_module(planning, row):
     """The terms are written out again, and a general optimiser finds their minimum."""
-    query, told = planning._query(row, None, None), planning.explain(row)
+    query, told = planning._query(row, None), planning.explain(row)
     model, plan, frame = planning.planning_, told.plan, told.frame_angle
     drift, B = model.forward(model.log_weights(query.X[0], np.kron(query.P[0], query.Q[0])))
     assert np.abs(drift).max() > 0.05  # it matters

@@ -28,8 +28,6 @@ X = RigidTransform()
 
 ARGUMENTS = {
     "BodyPose": lambda skill: {"body": BodyIndex(1)},
-    "ContactStateEstimator": lambda skill: {"policy": skill, "period": 0.02},
-    "ContextEstimator": lambda skill: {"policy": skill, "period": 0.02},
     "DcMotor": lambda skill: {"parameters": S.feed, "period": 1e-3},
     "DemonstrationRecorder": lambda skill: {"period": 0.02, "X_HP_start": X},
     "DepthEncoder": lambda skill: {"home": 0.08, "resolution": 5e-6},
@@ -37,6 +35,7 @@ ARGUMENTS = {
     "LocalPeg": lambda skill: {"scenario": S, "period": 1e-3, "X_HP_start": X},
     "ServedProbe": lambda skill: {"X_HD_start": X},
     "StaleContactFade": lambda skill: {"period": 1e-3},
+    "PolicyEstimator": lambda skill: {"estimator": skill.estimator(), "period": 0.02},
     "HapticDevice": lambda skill: {"parameters": DEVICE_PRESETS["paper"], "X_HD_start": X},
     "HapticProxy": lambda skill: {
         "coupling": S.coupling,

@@ -5,6 +5,8 @@ import pytest
 from scipy.stats import qmc
 
 from benchmarks.rig.control_laws import FIRST_TUNING, ROUNDS, MomentCompliance, SpiralSearch, cost, tune
+from skill.features.responses import observations
+from skill.states.estimate import Estimate, estimates
 
 PERIOD = 0.02
 
@@ -16,30 +18,24 @@ def measured(force=(0.0, 0.0, 0.0), moment=(0.0, 0.0, 0.0), z=-0.01):
 def test_compliance_turns_with_the_moment_about_its_centre():
     law = MomentCompliance(gain=2.0, height=0.01, dead_zone=0.03, speed=0.01, yield_force=20.0)
     # A force of 6 N along y through the centre, 10 mm above the tip, has the moment -0.06 N m about the tip's x.
-    action = law.act(measured(force=(0, 6, 0), moment=(-0.06, 0, 0)))
+    action = law.act(measured(force=(0, 6, 0), moment=(-0.06, 0, 0)), Estimate())
     np.testing.assert_allclose(action.turn, 0.0, atol=1e-15)
-    action = law.act(measured(moment=(0.03, 0.04, 0)))  # 50 mN m, 20 beyond the dead zone
+    action = law.act(measured(moment=(0.03, 0.04, 0)), Estimate())  # 50 mN m, 20 beyond the dead zone
     np.testing.assert_allclose(action.turn, 2.0 * np.array([0.6, 0.8]) * 0.02 * PERIOD)
     assert action.feed == pytest.approx(-0.01 * PERIOD * (1 - 5 / 20))  # a load of 0.05 N m / 10 mm
-    assert law.act(measured(force=(0, 0, 500))).feed == pytest.approx(0.5 * 0.01 * PERIOD)
+    assert law.act(measured(force=(0, 0, 500)), Estimate()).feed == pytest.approx(0.5 * 0.01 * PERIOD)
 
 
 def search(law, loads):
     """The angles (n, 2) of the search after each load, rad."""
-    state_filter = law.state_filter()
-    belief, angle, angles = state_filter.initial_log_belief(), np.zeros(2), []
-    for load in loads:
-        row = measured(force=(0, 0, load))
-        estimate = state_filter.step(belief, law.measured_features(row))
-        belief = estimate.log_belief
-        angle = angle + law.act(row, estimate.probabilities).turn
-        angles.append(angle)
-    return np.array(angles)
+    rows = [measured(force=(0, 0, load)) for load in loads]
+    found = estimates(law.estimator(), [observations(row, np.zeros(2)) for row in rows])
+    return np.cumsum([law.act(row, estimate).turn for row, estimate in zip(rows, found, strict=True)], axis=0)
 
 
 def test_the_search_follows_a_spiral_at_a_constant_rate_and_returns():
     law = SpiralSearch(spacing=0.01, rate=0.1, outer=0.03, touch=3.0)
-    angles = search(law, [5.0] * law.n_states)
+    angles = search(law, [5.0] * len(law.state_names()))
     steps = np.linalg.norm(np.diff(angles, axis=0), axis=1)
     np.testing.assert_allclose(steps[10:-1], 0.1 * PERIOD, rtol=0.05)
     radius = np.linalg.norm(angles, axis=1)

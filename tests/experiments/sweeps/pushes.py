@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from skill.policy import Action
-from systems.control.policy import ControlLaw
+from systems.control.control_law import ControlLaw
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Push(ControlLaw):
     times: int = 0
     depth: float = 0.002
 
-    def act(self, measured, probabilities=None, contexts=None):
+    def act(self, measured, estimate=None):
         """See `ControlLaw`."""
         if self.times and -measured[6] > self.depth:
             died = Path(self.deaths)
@@ -27,7 +27,7 @@ class Push(ControlLaw):
                 with died.open("a") as file:
                     file.write("x")
                 os.kill(os.getpid(), signal.SIGKILL)
-        return Action(turn=np.zeros(2), feed=-0.02 * self.period_, probabilities=np.ones(1))
+        return Action(turn=np.zeros(2), feed=-0.02 * self.period_)
 
 
 def push(training_context, **options):
@@ -41,7 +41,7 @@ class Unwilling(ControlLaw):
 
     metadata_ = {"geometry": "that of another peg"}
 
-    def act(self, measured, probabilities=None, contexts=None):
+    def act(self, measured, estimate=None):
         """See `ControlLaw`."""
         raise AssertionError
 

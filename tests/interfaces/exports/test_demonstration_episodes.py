@@ -12,12 +12,14 @@ from interfaces.exports.demonstration_episodes import (
     contact_labels,
     demonstration_episode,
     demonstration_features,
-    estimates,
+    most_probable,
 )
 from models.contact_geometry import ContactLabel
 from skill.data.demonstration import COLUMNS
 from skill.data.outcome import Outcome
 from skill.features.wrench_features import MEASURED
+from skill.states.estimate import estimates
+from skill.training_samples import observed_series
 from tests.trajectories import make_demonstration
 
 
@@ -85,15 +87,11 @@ def test_labels_are_unknown_without_geometry_and_beyond_45_degrees():
 
 
 @pytest.mark.slow
-def test_states_and_contexts_are_those_of_the_filters_of_the_skill(skill, demonstrations):
-    states, contexts = estimates(demonstrations[0], skill)
-    follower = skill.state_filter()
-    belief = follower.initial_log_belief()
-    for row, state in zip(demonstrations[0].samples[list(MEASURED)].to_numpy(), states, strict=True):
-        estimate = follower.step(belief, skill.measured_features(row))
-        belief = estimate.log_belief
-        assert state == int(estimate.probabilities.argmax())
-    assert 0 <= contexts.min() <= contexts.max() < skill.context_filter().n_contexts
+def test_states_and_contexts_are_those_of_the_estimator_of_the_skill(skill, demonstrations):
+    states, contexts = most_probable(demonstrations[0], skill)
+    found = list(estimates(skill.estimator(), observed_series(demonstrations[0].samples)))
+    assert states.tolist() == [estimate.state for estimate in found]
+    assert contexts.tolist() == [estimate.context for estimate in found]
     episode = demonstration_episode(demonstrations[0], "a.parquet", skill)
     assert set(episode.columns) == set(demonstration_features(skill))
     assert demonstration_features(skill)["contact_state"].labels == tuple(skill.state_names())

@@ -58,9 +58,9 @@ def test_a_fault_ends_the_episode_as_it_ends_a_trial(make, quick_scenario):
     class Away(StraightPush):
         """Drives to the upper travel limit."""
 
-        def act(self, measured, probabilities=None, contexts=None):
-            action = super().act(measured, probabilities, contexts)
-            return type(action)(np.zeros(2), 0.03 * self.period_, action.probabilities)
+        def act(self, measured, estimate=None):
+            action = super().act(measured, estimate)
+            return type(action)(np.zeros(2), 0.03 * self.period_)
 
     away = Away(0.01)
     env, agent = make(policy=away, labels=False), PolicyAgent(away)

@@ -181,7 +181,7 @@ def test_the_camera_only_moves_when_a_button_of_a_view_is_clicked(browser, displ
 
 
 def judgement(turn, feed, *, state=1, known=True):
-    return Judgement(state, known, Action(np.array(turn), feed, np.array([0.2, 0.8])))
+    return Judgement(state, known, Action(np.array(turn), feed))
 
 
 def test_what_the_skill_would_do_is_an_arrow_along_the_axis_and_a_line_in_the_dial(browser, display):
@@ -211,7 +211,7 @@ def test_before_a_demonstration_nothing_is_shown_of_the_skill(browser, display):
 
 def test_on_the_rig_the_arrow_of_the_skill_follows_the_turned_block_and_the_dial_does_not(browser, display):
     X_HP, X_WH = RigidTransform([0.0, 0.0, -0.004]), hand_pose(np.array([0.0, 0.05, 0.0, 0.0, 0.0]))
-    judgement = Judgement(0, True, Action(turn=np.zeros(2), feed=-1e-4, probabilities=np.ones(1)))
+    judgement = Judgement(0, True, Action(turn=np.zeros(2), feed=-1e-4))
     display.show_judgement(judgement, names=["free"], X_HP=X_HP, X_WH=X_WH, period=0.02)
     start, end = browser.arrow("live/skill_feed")
     np.testing.assert_allclose((end - start) / np.linalg.norm(end - start), -X_WH.rotation().col(2), atol=1e-6)

@@ -12,15 +12,15 @@ from interfaces.live.rig_view import RigView
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from skill.features.measurement import contact_load
 from skill.policy import Action
-from systems.control.policy import ControlLaw
+from systems.control.control_law import ControlLaw
 from tests.interfaces.live.test_display import Recorder
 
 
 class Level(ControlLaw):
     """Feeds, and turns the peg upright at a constant rate about x."""
 
-    def act(self, measured, probabilities=None, contexts=None):
-        return Action(turn=np.array([-4e-4, 0.0]), feed=-2e-4, probabilities=np.ones(1))
+    def act(self, measured, estimate=None):
+        return Action(turn=np.array([-4e-4, 0.0]), feed=-2e-4)
 
 
 class Page(Recorder):

@@ -1,4 +1,3 @@
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,7 +14,7 @@ from skill.practice.exploration import (
     filtered_pairs,
     rollout_of,
 )
-from skill.states.context_filter import SingleContext
+from skill.states.estimate import Estimate
 from tests.trajectories import GEOMETRY, make_rig_run
 
 PERTURBATION = Perturbation(np.array([0.0, 0.01]), np.log([1.0, 4.0]), np.log([1.0, 0.25]))
@@ -48,53 +47,44 @@ class FixedPolicy:
     """A minimal policy that is not a skill; its action has little support."""
 
     period_ = 0.02
-    n_states = 2
     metadata_ = {"geometry": GEOMETRY}
 
     def state_names(self):
         return ["free", "contact"]
 
-    def state_filter(self):
-        return "filter"
+    def estimator(self):
+        return "estimator"
 
-    def measured_features(self, measured):
-        return np.asarray(measured)[:2]
-
-    def act(self, measured, probabilities=None, contexts=None):
-        return Action(turn=np.array([0.1, -0.2]), feed=-1e-3, probabilities=np.array([0.4, 0.6]), support=0.3)
+    def act(self, measured, estimate=None):
+        return Action(turn=np.array([0.1, -0.2]), feed=-1e-3, support=0.3)
 
 
 def test_a_perturbed_policy_multiplies_turn_and_feed_by_the_factors_at_the_measured_depth(skill):
     measured = np.array([5.0, 3.0, 2.0, 0.01, 0.02, 0.0, -0.005])
     action = skill.act(measured)
-    perturbed = PerturbedPolicy(skill, PERTURBATION).act(measured)
+    perturbed = PerturbedPolicy(skill, PERTURBATION).act(measured, None)
     np.testing.assert_allclose(perturbed.turn, 2.0 * action.turn)
     assert perturbed.feed == pytest.approx(0.5 * action.feed)
-    np.testing.assert_array_equal(perturbed.probabilities, action.probabilities)
     assert skill.act(measured).feed == action.feed
 
 
 def test_a_perturbed_policy_keeps_the_support_of_the_action(skill):
     """The controller reduces the feed by the support, in practice as in checks and trials."""
     at_mouth = np.zeros(7)
-    assert PerturbedPolicy(FixedPolicy(), PERTURBATION).act(at_mouth).support == 0.3
+    assert PerturbedPolicy(FixedPolicy(), PERTURBATION).act(at_mouth, None).support == 0.3
     outside = np.array([200.0, 300.0, 200.0, 1.0, 2.0, 0.0, -0.005])  # far from all demonstrations
     action = skill.act(outside)
     assert action.support < 0.5
-    assert PerturbedPolicy(skill, PERTURBATION).act(outside).support == action.support
+    assert PerturbedPolicy(skill, PERTURBATION).act(outside, None).support == action.support
 
 
 def test_a_perturbed_policy_changes_nothing_but_the_action():
     policy, measured = FixedPolicy(), np.arange(7.0)
     perturbed = PerturbedPolicy(policy, PERTURBATION)
-    assert (perturbed.period_, perturbed.n_states, perturbed.metadata_) == (0.02, 2, {"geometry": GEOMETRY})
+    assert (perturbed.period_, perturbed.metadata_) == (0.02, {"geometry": GEOMETRY})
     assert perturbed.state_names() == policy.state_names()
-    assert perturbed.state_filter() == policy.state_filter()
-    np.testing.assert_array_equal(perturbed.measured_features(measured), policy.measured_features(measured))
-    action = policy.act(measured)
-    found = replace(perturbed.act(measured), turn=action.turn, feed=action.feed)
-    np.testing.assert_array_equal(found.probabilities, action.probabilities)
-    assert found.support == action.support
+    assert perturbed.estimator() == policy.estimator()
+    assert perturbed.act(measured, None).support == policy.act(measured).support
 
 
 def test_the_cost_of_a_trial_grows_with_lateral_force_and_failure():
@@ -128,23 +118,15 @@ def test_a_rollout_holds_the_features_and_factors_of_each_row(skill):
 class TwoFilters(FixedPolicy):
     """Two states by the sign of fx, and two contexts by the sign of the own turn about y."""
 
-    n_states = 2
-
-    def state_filter(self):
-        def step(belief, features):
-            return SimpleNamespace(log_belief=belief, probabilities=[0.9, 0.1] if features[0] > 0 else [0.1, 0.9])
-
-        return SimpleNamespace(initial_log_belief=lambda: 0.0, step=step)
-
-    def context_filter(self):
+    def estimator(self):
         def step(memory, observation):
-            found = [0.8, 0.2] if observation[-1] > 0 else [0.2, 0.8]
-            return SimpleNamespace(memory=memory, probabilities=found)
+            states = [0.9, 0.1] if observation[0] > 0 else [0.1, 0.9]
+            return Estimate(np.array(states), np.array([0.8, 0.2] if observation[-1] > 0 else [0.2, 0.8]))
 
-        return SimpleNamespace(n_contexts=2, initial_memory=lambda: 0.0, step=step)
+        return SimpleNamespace(initial=Estimate, step=step)
 
 
-def test_the_filtered_pairs_are_those_of_both_filters():
+def test_the_filtered_pairs_are_those_of_the_estimator():
     observed = np.zeros((2, 9))
     observed[0, 0], observed[1, -1] = 1.0, 0.1
     expected = [[0.18, 0.72, 0.02, 0.08], [0.08, 0.02, 0.72, 0.18]]
@@ -170,7 +152,7 @@ def test_the_cost_to_go_is_the_sum_of_the_costs_from_a_row_on():
 
 def test_a_perturbed_policy_takes_the_factors_at_the_depth_that_is_measured_last():
     measured = np.array([5.0, 3.0, 2.0, 0.01, 0.02, 0.03, -0.005])
-    action = PerturbedPolicy(FixedPolicy(), PERTURBATION).act(measured)
+    action = PerturbedPolicy(FixedPolicy(), PERTURBATION).act(measured, None)
     np.testing.assert_allclose(action.turn, [0.2, -0.4])
     assert action.feed == pytest.approx(-5e-4)
 
@@ -208,19 +190,15 @@ def test_the_cost_of_a_step_is_that_of_the_force_at_its_start():
 
 
 class CountingSkill(FixedPolicy):
-    """A skill with one state, whose state filter counts the measurements; its features are twice the measurements."""
+    """A skill with one state, whose estimator counts the measurements; its features are twice the measurements."""
 
-    n_states = 1
     features_ = SimpleNamespace(transform=lambda X: 2.0 * X)
 
-    def state_filter(self):
-        def step(belief, features):
-            return SimpleNamespace(log_belief=belief + 1.0, probabilities=[belief + features[1]])
+    def estimator(self):
+        def step(memory, observation):
+            return Estimate(memory + observation[1], memory=memory + 1.0)
 
-        return SimpleNamespace(initial_log_belief=lambda: 10.0, step=step)
-
-    def context_filter(self):
-        return SingleContext()
+        return SimpleNamespace(initial=lambda: Estimate(memory=np.array([10.0])), step=step)
 
 
 def test_the_rollout_of_a_short_run_by_hand():

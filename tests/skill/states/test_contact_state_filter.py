@@ -3,7 +3,7 @@ import pytest
 from scipy.stats import chi2, multivariate_normal
 
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.states.contact_state_filter import ContactStateFilter, StateEstimator
+from skill.states.contact_state_filter import ContactStateFilter
 
 
 def states(M=3, d=4, seed=0):
@@ -107,14 +107,13 @@ def test_log_belief_is_the_logarithm_of_the_probabilities():
     assert estimate.probabilities.sum() == pytest.approx(1.0)
 
 
-def test_estimator_reports_unknown_samples_and_keeps_the_belief():
+def test_an_unknown_sample_propagates_the_belief():
     model = states(M=2, d=3)
-    estimator = StateEstimator(ContactStateFilter(model, transitions=[[0.8, 0.2], [0.4, 0.6]]))
-    state, estimate = estimator.update(model.means_[1])
-    assert state == 1
-    np.testing.assert_array_equal(estimator.log_belief, estimate.log_belief)
-    state, unknown = estimator.update(np.full(3, 1e4))
-    assert state == -1
+    dut = ContactStateFilter(model, transitions=[[0.8, 0.2], [0.4, 0.6]])
+    estimate = dut.step(dut.initial_log_belief(), model.means_[1])
+    assert (estimate.probabilities.argmax(), estimate.known) == (1, True)
+    unknown = dut.step(estimate.log_belief, np.full(3, 1e4))
+    assert not unknown.known
     np.testing.assert_allclose(unknown.probabilities, estimate.probabilities @ [[0.8, 0.2], [0.4, 0.6]])
 
 
@@ -137,12 +136,13 @@ def test_step_changes_neither_its_arguments_nor_the_filter():
 def test_transitions_smooth_a_sample_that_resembles_another_state():
     model = states(M=2, d=1)
     sticky = np.array([[0.999, 0.001], [0.001, 0.999]])
-    estimator = StateEstimator(ContactStateFilter(model, gate=None, transitions=sticky))
+    dut = ContactStateFilter(model, gate=None, transitions=sticky)
+    log_belief = dut.initial_log_belief()
+    np.testing.assert_allclose(log_belief, np.log(model.weights_))
     for _ in range(20):
-        state, _ = estimator.update(model.means_[0])
+        log_belief = dut.step(log_belief, model.means_[0]).log_belief
     between = 0.4 * model.means_[0] + 0.6 * model.means_[1]
-    assert estimator.update(between)[0] == state == 0
-    np.testing.assert_allclose(estimator.reset().log_belief, np.log(model.weights_))
+    assert dut.step(log_belief, between).probabilities.argmax() == 0
 
 
 def test_certain_belief_can_be_revised():

@@ -5,7 +5,7 @@ import pytest
 
 from skill.features.responses import ResponseFeatures
 from skill.features.wrench_features import RawFeatures
-from skill.states.context_filter import MIN_PROBABILITY, ContextFilter, SingleContext, pair_probabilities
+from skill.states.context_filter import MIN_PROBABILITY, ContextFilter, pair_probabilities
 from skill.states.context_mixture import ContextMixture
 
 PERIOD = 0.05  # two periods are a horizon
@@ -101,13 +101,6 @@ def test_a_step_changes_neither_the_filter_nor_its_arguments(dut):
 def test_a_bad_observation_is_refused(dut, observation):
     with pytest.raises(ValueError, match="expected 9 finite numbers"):
         dut.step(dut.initial_memory(), observation)
-
-
-def test_a_single_context_is_certain():
-    dut = SingleContext()
-    estimate = dut.step(dut.initial_memory(), np.zeros(9))
-    np.testing.assert_array_equal(estimate.probabilities, [1.0])
-    np.testing.assert_array_equal(estimate.evidence, [0.0])
 
 
 def test_pairs_are_products_and_sum_to_one():

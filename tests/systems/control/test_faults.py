@@ -77,10 +77,10 @@ class LockedMonitor(TrialMonitor):
 class RaisingSkill(ManipulationSkill):
     """Raises an exception when the peg is deeper than the mouth."""
 
-    def act(self, measured, probabilities=None, contexts=None):
+    def act(self, measured, estimate=None):
         if measured[-1] < 1e-4:
             raise ZeroDivisionError("no such state\nand a second line")
-        return super().act(measured, probabilities)
+        return super().act(measured, estimate)
 
 
 def check_safe_ending(result, run, fault, *, retracts=True, within=2.0):
@@ -246,8 +246,8 @@ def test_a_drive_that_lifts_the_peg_ends_at_the_upper_limit(scenario, skill):
     """A policy that only retracts meets the limit, and the feed stops there instead of being retracted further."""
 
     class RetractingSkill(type(skill)):
-        def act(self, measured, probabilities=None, contexts=None):
-            return replace(super().act(measured, probabilities), feed=0.02 * self.period_)
+        def act(self, measured, estimate=None):
+            return replace(super().act(measured, estimate), feed=0.02 * self.period_)
 
     retracting = copy.copy(skill)
     retracting.__class__ = RetractingSkill

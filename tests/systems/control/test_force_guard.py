@@ -10,8 +10,9 @@ from experiments.trial import run_trial, trial_scenario
 from models.control import ForceGuardParameters
 from models.scenario import Scenario
 from skill.policy import Action
+from skill.states.estimate import Estimate
+from systems.control.control_law import ControlLaw
 from systems.control.force_guard import SLOPE_TIME, ForceGuard, StoppingModel
-from systems.control.policy import ControlLaw
 from tests.stepping import fixed_context, update
 
 P = ForceGuardParameters()
@@ -282,15 +283,22 @@ def test_the_largest_measured_load_is_kept():
 class Brute(ControlLaw):
     """Pushes with 20 mm/s and turns at the largest rate, another way every 0.3 s, whatever it feels."""
 
-    phases = tuple(f"turn {k}" for k in range(60))
+    def state_names(self):
+        return [f"turn {k}" for k in range(60)]
 
-    def follow(self, phase, measured):
-        return (phase + 1) % 60
+    def estimator(self):
+        return self
 
-    def act(self, measured, probabilities=None, contexts=None):
-        direction = 0.5 * math.pi * (int(np.argmax(probabilities)) // 15)
+    def initial(self):
+        return Estimate.of_phase(0, 60)
+
+    def step(self, memory, observation):
+        return Estimate.of_phase((int(memory[0]) + 1) % 60, 60)
+
+    def act(self, measured, estimate=None):
+        direction = 0.5 * math.pi * (estimate.state // 15)
         turn = 0.004 * np.array([math.cos(direction), math.sin(direction)])
-        return Action(turn=turn, feed=-0.02 * self.period_, probabilities=probabilities)
+        return Action(turn=turn, feed=-0.02 * self.period_)
 
 
 @pytest.mark.parametrize("number", [50400, 50403])

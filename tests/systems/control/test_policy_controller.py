@@ -1,13 +1,14 @@
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from pydrake.common.value import Value
 
 from models.control import BackOffParameters, ControllerParameters, ForceGuardParameters
 from skill.features.wrench_features import MEASURED
 from skill.policy import Action
+from skill.states.estimate import Estimate
 from systems.control.back_off import BackOffMode, BackOffState
 from systems.control.policy_controller import ControllerState, PolicyController
 from tests.stepping import fixed_context, update_unrestricted
@@ -20,11 +21,10 @@ class FixedPolicy:
     """A policy that always returns the same action, or raises the same exception."""
 
     def __init__(self, skill, action):
-        self.period_, self.n_states, self.action = skill.period_, skill.n_states, action
-        self.state_probabilities, self.state_names = skill.state_probabilities, skill.state_names
-        self.context_filter = skill.context_filter
+        self.period_, self.action = skill.period_, action
+        self.estimate_alone, self.state_names = skill.estimate_alone, skill.state_names
 
-    def act(self, measured, probabilities=None, contexts=None):
+    def act(self, measured, estimate=None):
         if isinstance(self.action, Exception):
             raise self.action
         return self.action
@@ -44,11 +44,14 @@ def measurements(demonstrations):
 
 def controller(policy, row, parameters=GENTLE):
     dut = PolicyController(policy=policy, parameters=parameters, peg_radius=RADIUS)
-    probabilities = policy.state_probabilities(row[None])[0]
-    contexts = np.full(policy.context_filter().n_contexts, 1.0 / policy.context_filter().n_contexts)
-    inputs = {"wrench": row[:6], "depth": [-row[6]], "probabilities": probabilities, "contexts": contexts}
-    context = fixed_context(dut, **inputs, known=[1.0], target_pitch=[0.0], target_yaw=[0.0])
-    return dut, context, None if isinstance(policy, FixedPolicy) else policy.act(row, probabilities, contexts)
+    estimate = policy.estimate_alone(row)
+    context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], target_pitch=[0.0], target_yaw=[0.0])
+    believe(dut, context, estimate)
+    return dut, context, None if isinstance(policy, FixedPolicy) else policy.act(row, estimate)
+
+
+def believe(dut, context, estimate):
+    dut.GetInputPort("estimate").FixValue(context, Value[object](estimate))
 
 
 def commands(dut, context):
@@ -81,18 +84,14 @@ def test_the_hole_turns_opposite_to_the_action_and_the_feed_has_its_speed(skill,
 class TwoContexts(FixedPolicy):
     """A policy that turns about x by the difference of the probabilities of its two contexts."""
 
-    def __init__(self, skill):
-        super().__init__(skill, None)
-        self.context_filter = lambda: SimpleNamespace(n_contexts=2)
-
-    def act(self, measured, probabilities=None, contexts=None):
-        return Action(turn=np.array([1e-3 * (contexts[0] - contexts[1]), 0.0]), feed=0.0, probabilities=probabilities)
+    def act(self, measured, estimate=None):
+        return Action(turn=np.array([1e-3 * (estimate.contexts[0] - estimate.contexts[1]), 0.0]), feed=0.0)
 
 
 @pytest.mark.parametrize("contexts", [[0.9, 0.1], [0.2, 0.8]])
 def test_the_policy_is_given_the_contexts(skill, measurements, contexts):
-    dut, context, _ = controller(TwoContexts(skill), measurements[0])
-    dut.GetInputPort("contexts").FixValue(context, contexts)
+    dut, context, _ = controller(TwoContexts(skill, None), measurements[0])
+    believe(dut, context, Estimate(contexts=np.array(contexts)))
     found = step(dut, context)["pitch_rate"]
     assert found == pytest.approx(-1e-3 * (contexts[0] - contexts[1]) / skill.period_)
 
@@ -158,7 +157,7 @@ def test_an_unknown_state_halves_the_feed_and_not_the_turn(skill, measurements):
     dut, context, _ = controller(skill, row)
     known = step(dut, context)
     dut, context, _ = controller(skill, row)
-    dut.GetInputPort("known").FixValue(context, [0.0])
+    believe(dut, context, replace(skill.estimate_alone(row), known=False))
     unknown = step(dut, context)
     assert unknown["feed_speed"] == pytest.approx(0.5 * known["feed_speed"])
     assert unknown["pitch_rate"] == known["pitch_rate"]
@@ -194,8 +193,8 @@ def test_low_support_reduces_the_feed_and_is_an_output(skill, measurements):
     ("failing", "message"),
     [
         (ArithmeticError("beyond\nme"), "ArithmeticError: beyond"),
-        (Action(turn=np.array([math.nan, 0.0]), feed=0.0, probabilities=np.ones(1)), "ValueError: the action is not"),
-        (Action(turn=np.zeros(2), feed=-math.inf, probabilities=np.ones(1)), "ValueError: the action is not finite"),
+        (Action(turn=np.array([math.nan, 0.0]), feed=0.0), "ValueError: the action is not"),
+        (Action(turn=np.zeros(2), feed=-math.inf), "ValueError: the action is not finite"),
     ],
 )
 def test_a_policy_that_fails_is_not_called_again(skill, measurements, failing, message):
@@ -215,7 +214,7 @@ def test_a_policy_that_fails_is_not_called_again(skill, measurements, failing, m
 
 
 def test_turns_are_to_be_unwound_if_the_peg_does_not_rise(skill, measurements):
-    action = Action(turn=np.array([1e-3, -2e-3]), feed=-1e-5, probabilities=np.ones(skill.n_states))
+    action = Action(turn=np.array([1e-3, -2e-3]), feed=-1e-5)
     dut, context, _ = controller(FixedPolicy(skill, action), np.zeros(7))
     wrench = dut.GetInputPort("wrench")
     wrench.FixValue(context, [0.0, 0.0, 1.01 * GENTLE.guard.force_limit, 0.0, 0.0, 0.0])
@@ -226,7 +225,7 @@ def test_turns_are_to_be_unwound_if_the_peg_does_not_rise(skill, measurements):
 
 
 def test_a_policy_with_nothing_new_to_try_stops_and_says_what_it_tried(skill, measurements):
-    action = Action(turn=np.array([1e-3, -2e-3]), feed=-1e-4, probabilities=np.ones(skill.n_states))
+    action = Action(turn=np.array([1e-3, -2e-3]), feed=-1e-4)
     dut, context, _ = controller(FixedPolicy(skill, action), np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, -0.0123]))
     attempt = BACK_OFF.stall_time + BACK_OFF.time
     step(dut, context, times=round(BACK_OFF.max_repeats * attempt / GENTLE.period))
@@ -234,14 +233,14 @@ def test_a_policy_with_nothing_new_to_try_stops_and_says_what_it_tried(skill, me
     found = step(dut, context, times=round(1.2 * attempt / GENTLE.period))
     assert (found["pitch_rate"], found["yaw_rate"], found["feed_speed"]) == (0.0, 0.0, 0.0)
     assert dut.GetOutputPort("given_up").Eval(context)[0] == 1.0
-    name = skill.state_names()[int(np.argmax(skill.state_probabilities(np.array([[0, 0, 5.0, 0, 0, 0, -0.0123]]))))]
+    name = skill.state_names()[skill.estimate_alone(np.array([0, 0, 5.0, 0, 0, 0, -0.0123])).state]
     expected = f"{1 + BACK_OFF.max_repeats} attempts in a row ended in {name!r}, none deeper than 12.3 mm"
     assert dut.tried(context) == expected
 
 
 def test_after_two_attempts_that_end_alike_the_hole_turns_the_other_way(skill, measurements):
     """The wrench and the depth stay the same: a deadlock. The policy alone would go on as before."""
-    policy = FixedPolicy(skill, Action(turn=np.array([2e-4, -1e-4]), feed=-1e-4, probabilities=np.ones(1)))
+    policy = FixedPolicy(skill, Action(turn=np.array([2e-4, -1e-4]), feed=-1e-4))
     dut, context, _ = controller(policy, measurements[3])
     first = step(dut, context)
     turning = []
@@ -273,7 +272,7 @@ def test_the_state_survives_its_list_of_numbers():
 
 def test_turns_that_raise_the_lateral_force_are_reversed(skill, measurements):
     """The controller judges its own turns by the angles that the guard permits and the measured force."""
-    action = Action(turn=np.array([1e-3, 0.0]), feed=-1e-4, probabilities=np.ones(skill.n_states))
+    action = Action(turn=np.array([1e-3, 0.0]), feed=-1e-4)
     dut, context, _ = controller(FixedPolicy(skill, action), measurements[0])
     later = ControllerState(back_off=BackOffState(contact=0.0, best=0.004))
     context.SetDiscreteState(later.as_list())

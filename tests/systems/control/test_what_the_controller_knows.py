@@ -45,19 +45,17 @@ def upstream(diagram, start, stop=frozenset()):
 
 def test_every_path_to_the_controller_passes_through_the_two_sensors_or_its_own_commands(scenario, skill):
     rig = MakeRig(resolved(scenario), skill)
-    controlling = {"policy_controller", "contact_state_estimator", "context_estimator"}
+    controlling = {"policy_controller", "policy_estimator"}
     own = {"force_guard"}
     reached, edges = upstream(rig.diagram, controlling, stop=SENSORS | own)
-    assert reached == SENSORS | own | {"sensor_monitor", "contact_state_estimator", "context_estimator"}
-    # The sensors pass on a wrench and a depth, the guard the angles it commands, the estimators their estimates.
+    assert reached == SENSORS | own | {"sensor_monitor", "policy_estimator"}
+    # The sensors pass on a wrench and a depth, the guard the angles it commands, the estimator its estimate.
     assert {source for _, source in edges} == {
         ("wrench_sensor", "wrench"),
         ("depth_encoder", "depth"),
         ("sensor_monitor", "wrench"),
         ("sensor_monitor", "depth"),
-        ("contact_state_estimator", "probabilities"),
-        ("contact_state_estimator", "known"),
-        ("context_estimator", "contexts"),
+        ("policy_estimator", "estimate"),
         ("force_guard", "target_pitch"),
         ("force_guard", "target_yaw"),
     }
