@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, fields, is_dataclass
 from types import UnionType
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args, get_origin
 
 from models.document import brief
 
@@ -49,6 +49,14 @@ TYPE_NAMES: dict[Any, str] = {
     str: "a name",
     list[float]: "a list of numbers",
     list[float] | None: "a list of numbers",
+    bool: "true or false",
+    int | None: "a whole number",
+    str | None: "a text",
+    list[int]: "a list of whole numbers",
+    list[str]: "a list of names",
+    dict[str, Any]: "keys with values",
+    dict[str, Any] | None: "keys with values",
+    str | dict[str, Any]: "a name, or keys with values",
 }
 """Names of the types of the fields, for messages."""
 
@@ -135,16 +143,15 @@ def check_document(document: Any, schema: type, where: str, path: str = "") -> N
 
 def _has_type(value: Any, kind: Any) -> bool:
     """Returns whether a YAML value fits a field of type ``kind``; an int fits a float field."""
-    kinds = get_args(kind) if isinstance(kind, UnionType) else (kind,)
-    if value is None:
-        return type(None) in kinds
-    if list[float] in kinds:
-        return isinstance(value, list) and all(_has_type(v, float) for v in value)
-    if float in kinds:
+    if isinstance(kind, UnionType):
+        return any(_has_type(value, one) for one in get_args(kind))
+    if get_origin(kind) is list:
+        return isinstance(value, list) and all(_has_type(element, get_args(kind)[0]) for element in value)
+    if get_origin(kind) is dict:  # free keys and values
+        return isinstance(value, dict)
+    if kind is float:
         return isinstance(value, int | float) and not isinstance(value, bool)
-    if type(value) is int and abs(value) >= 2**63:
-        return False
-    return any(isinstance(k, type) and type(value) is k for k in kinds)
+    return type(value) is kind and not (kind is int and abs(value) >= 2**63)
 
 
 def leaves(node: Any, prefix: str = "") -> Iterator[tuple[str, Any, Limits]]:

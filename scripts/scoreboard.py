@@ -21,9 +21,14 @@ def main(
         ),
     ],
     out: Annotated[
-        Path,
-        typer.Option(parser=parse_path, metavar="FILE", help="HTML page to write; replaces an existing page."),
-    ] = Path("out/scoreboard.html"),
+        Path | None,
+        typer.Option(
+            parser=parse_path,
+            metavar="FILE",
+            help="HTML page to write; replaces an existing page.",
+            show_default="scoreboard.html in RESULTS",
+        ),
+    ] = None,
     markdown: Annotated[
         Path | None,
         typer.Option(
@@ -52,11 +57,11 @@ def main(
     Insertions have 95 % intervals. Each policy is compared with one reference in the trials that both performed: by
     the exact McNemar test for the insertions and a sign-flip test for the times, corrected by Holm's method over the
     rows of a table. Only trials of the newest code are shown, and of a policy that was made anew only the newest; the
-    page says how many others there are. The results are never changed.
+    page says how many others there are. The rows are never changed.
 
     For example:
 
-        haptic-skill scoreboard out/results --out scoreboard.html
+        haptic-skill scoreboard out/results
 
         haptic-skill scoreboard out/results --against "straight push" --markdown docs/scoreboard.md
     """
@@ -72,6 +77,7 @@ def main(
     from interfaces.terminal import busy, progress, say, show
     from skill.data.tables import write_atomically
 
+    out = out or results / "scoreboard.html"
     files = trial_files(results)
     outputs = {"--out": out} if markdown is None else {"--out": out, "--markdown": markdown}
     require_distinct(outputs)

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
     from experiments.sweeps.specification import Specification
     from experiments.sweeps.trial_stream import Ended
 
-SWEEPS = "sweeps"
-"""The folder of the specifications within the results."""
-
 ROW_SIZE = 1000  # bytes of a row on disk, about
 
 
@@ -110,9 +107,9 @@ def plan_sweep(path: Path, out: Path, store: PolicyStore) -> SweepPlan:
     """
     from experiments.sweeps.assignments import assignments
     from experiments.sweeps.cost import cost_of
-    from experiments.sweeps.result_blocks import TRIALS
     from experiments.sweeps.specification import read_specification
     from experiments.sweeps.trial_engines import require_engine
+    from experiments.sweeps.trial_files import TRIALS
 
     specification = read_specification(path)
     for engine in specification.engines:
@@ -145,7 +142,7 @@ def sweep(
     import sys
 
     from experiments.outputs.output_checks import check_folder
-    from experiments.sweeps.executors import Executor
+    from experiments.sweeps.executors import make_pool
     from experiments.sweeps.policy_store import PolicyStore
     from experiments.sweeps.trial_stream import TrialStream
     from interfaces.terminal import progress, say
@@ -159,9 +156,9 @@ def sweep(
     check_folder(out, size=missing * ROW_SIZE)
 
     say(f"{plan.specification.title}: {plan.wanted:,} trials, {plan.wanted - missing:,} of them done already")
-    with Executor(backend, jobs=jobs, address=address, tell=say) as executor:
+    with make_pool(backend, jobs=jobs, address=address, tell=say) as pool:
         if missing:
-            say(plan.cost.text(executor.workers))
+            say(plan.cost.text(pool.workers))
         if plan_only:
             return None
         name = keep_specification(path, plan.specification.text, out)
@@ -170,12 +167,12 @@ def sweep(
         unrecorded = store.unrecorded(plan.sets)
         if unrecorded:
             with progress("demonstrations", unrecorded) as advance:
-                store.record(plan.sets, executor, advance)
+                store.record(plan.sets, pool, advance)
         if plan.policies:
             with progress("policies", len(plan.policies)) as advance:
-                store.make(plan.policies, executor, advance)
+                store.make(plan.policies, pool, advance)
         with progress("trials", missing) as advance:
-            ended = TrialStream(plan.todo, store, executor, advance).run()
+            ended = TrialStream(plan.todo, store, pool, advance).run()
     _report(ended, out, name)
     return ended
 
@@ -185,6 +182,7 @@ def keep_specification(path: Path, text: str, out: Path) -> Path:
     import time
 
     from experiments.outputs.folder_lock import BusyError, locked_file
+    from experiments.sweeps.trial_files import SWEEPS
     from skill.data.tables import write_atomically
 
     k = 1
@@ -206,9 +204,7 @@ def _check_results(out: Path) -> None:
     """Refuses a folder that holds something else than results of sweeps."""
     import os
 
-    from experiments.scoreboard.result_store import PUBLISHED
-    from experiments.sweeps.policy_store import SETS, SKILLS
-    from experiments.sweeps.result_blocks import TRIALS
+    from experiments.sweeps.trial_files import PUBLISHED, SETS, SKILLS, SWEEPS, TRIALS
 
     if not os.path.lexists(out):
         return
@@ -235,7 +231,7 @@ def _distinct(items: Iterable[Any]) -> list[Any]:
 
 
 def _report(ended: Ended, out: Path, name: Path) -> None:
-    from experiments.sweeps.result_blocks import TRIALS
+    from experiments.sweeps.trial_files import TRIALS
     from interfaces.terminal import say
 
     elsewhere = f", {ended.elsewhere:,} by another sweep at the same time" if ended.elsewhere else ""

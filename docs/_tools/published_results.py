@@ -22,9 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from benchmarks.command_line import run
 from experiments.outputs.new_folder import new_folder
-from experiments.scoreboard.result_store import PUBLISHED
-from experiments.sweeps.result_blocks import TRIALS
-from scripts.sweep import SWEEPS
+from experiments.sweeps.trial_files import PUBLISHED, SWEEPS, TRIALS
 
 
 def publish(results: Path, out: Path) -> None:
@@ -51,7 +49,7 @@ def publish(results: Path, out: Path) -> None:
 
 def published_files(folder: Path) -> set[str]:
     """Returns the paths of the files of a published copy, relative to its folder."""
-    paths = [*(folder / TRIALS).rglob(PUBLISHED), *(folder / SWEEPS).glob("*.yaml")]
+    paths = [*(folder / TRIALS).rglob(PUBLISHED), *(folder / SWEEPS).glob("*.yaml"), *folder.glob("scoreboard.html")]
     return {path.relative_to(folder).as_posix() for path in paths}
 
 

@@ -1,9 +1,9 @@
 """Makes of published results a folder with which their sweep goes on.
 
-    python NEWER/docs/_tools/restored_results.py NEWER/docs/ladder out/sweeps/clearance
+    python docs/_tools/restored_results.py NEWER/docs/ladder out/sweeps/clearance
 
 A sweep knows only rows of its own code: run this in a checkout of a commit with that code, with the Python of its
-environment; NEWER is the checkout that has the copy. Only names that such a commit has are imported here.
+environment; NEWER is the checkout that has the copy.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from pathlib import Path
 import pyarrow.parquet as pq
 
 from experiments.sweeps.assignments import assignments
-from experiments.sweeps.result_blocks import TRIALS, hold
+from experiments.sweeps.result_blocks import hold
 from experiments.sweeps.specification import read_specification
+from experiments.sweeps.trial_files import SWEEPS, TRIALS
 from experiments.sweeps.trial_rows import row_key
 from experiments.trial import trial_scenario
 from models.scenario import dump_scenario
-from scripts.sweep import SWEEPS
 
 
 def restore(published: Path, results: Path) -> tuple[int, int]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,18 +22,15 @@ def wilson(successes: int, n: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def mcnemar(a: Sequence[dict[str, Any]], b: Sequence[dict[str, Any]]) -> float:
+def mcnemar(better: int, worse: int) -> float:
     """p-value of the exact test that two policies insert equally often in the trials that both performed.
 
     Only the trials in which one of them fails count (McNemar, Psychometrika 12, 1947).
+
+    Args:
+        better: number of trials in which only the one inserted.
+        worse: number of trials in which only the other inserted.
     """
-    other = {row["seed"]: row["inserted"] for row in b}
-    pairs = [(row["inserted"], other[row["seed"]]) for row in a if row["seed"] in other]
-    return mcnemar_of_counts(sum(x and not y for x, y in pairs), sum(y and not x for x, y in pairs))
-
-
-def mcnemar_of_counts(better: int, worse: int) -> float:
-    """p-value of the same test from the numbers of trials in which only one or only the other inserted."""
     return float(binomtest(better, better + worse).pvalue) if better + worse else 1.0
 
 

@@ -6,21 +6,16 @@ import json
 import shlex
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from experiments.scoreboard.columns import COLUMNS
 from experiments.scoreboard.summary import Cell, Scoreboard
+from experiments.sweeps.trial_files import TRIALS, partition
 
 BOTH = (
     "a.trial = b.trial AND (a.demonstration_set = b.demonstration_set OR a.demonstration_set IS NULL"
     " OR b.demonstration_set IS NULL)"
 )
 """Which trials of two policies are a pair; see `experiments.scoreboard.summary.compare`."""
-
-
-def partition(folder: Path, policy: str, cell: Cell) -> Path:
-    """Returns the folder of the trials of one policy in a cell, and of the same policy with other factors."""
-    return folder / "trials" / f"policy={quote(policy, safe='')}" / f"arm={cell.arm}" / f"engine={cell.engine}"
 
 
 def sweep_commands(board: Scoreboard) -> list[str]:
@@ -42,7 +37,7 @@ def row_sql(board: Scoreboard, policy: str, cell: Cell) -> str:
 def table_sql(board: Scoreboard, cell: Cell) -> str:
     """Returns the statement of DuckDB that recomputes all rows of a table; policies are named as their folders."""
     chosen = ", ".join(f"{column.sql} AS {_name(column.name)}" for column in COLUMNS if column.sql)
-    pattern = str(board.folder / "trials" / "*" / f"arm={cell.arm}" / f"engine={cell.engine}" / "*.parquet")
+    pattern = str(board.folder / TRIALS / "*" / f"arm={cell.arm}" / f"engine={cell.engine}" / "*.parquet")
     return (
         f"SELECT policy, count(*) AS trials, {chosen} FROM read_parquet({_text(pattern)}, hive_partitioning=true)"
         f" WHERE {_conditions(board, cell)} GROUP BY policy ORDER BY policy"
@@ -66,7 +61,7 @@ def row_pandas(board: Scoreboard, policy: str, cell: Cell) -> str:
     if board.skills:
         filters.append(("skill", "in", list(board.skills)))
     values = ", ".join(f"{column.name!r}: {column.pandas}" for column in COLUMNS if column.pandas)
-    folder = str(partition(board.folder, policy, cell))
+    folder = str(partition(board.folder, policy, cell.arm, cell.engine))
     return (
         f"import pandas; d = pandas.read_parquet({folder!r}, filters={filters!r});"
         f" r = pandas.Series({{'trials': len(d), {values}}}); print(r)"
@@ -90,7 +85,7 @@ def cell_commands(board: Scoreboard, policy: str, cell: Cell) -> list[tuple[str,
 
 
 def _source(board: Scoreboard, policy: str, cell: Cell) -> str:
-    pattern = str(partition(board.folder, policy, cell) / "*.parquet")
+    pattern = str(partition(board.folder, policy, cell.arm, cell.engine) / "*.parquet")
     return f"read_parquet({_text(pattern)}, hive_partitioning=false)"
 
 

@@ -5,18 +5,30 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from experiments.scoreboard.paired_statistics import holm, mcnemar_of_counts, over_sets, sign_flip_test, wilson
+from experiments.scoreboard.columns import COLUMNS, Column
+from experiments.scoreboard.paired_statistics import holm, mcnemar, over_sets, sign_flip_test, wilson
 from experiments.scoreboard.result_store import Origin, Trials
-from skill.data.outcome import Outcome
 
 PRODUCT = "CA states, contexts + LWR"
 """The policy with which the others are compared by default, if it is there."""
+
+FACTOR_NAMES = {
+    "training.size": "number of demonstrations",
+    "training.good": "number of good demonstrations",
+    "training.bad": "number of bad demonstrations",
+}
+"""How factors are called that have no name of their own but the key that they set."""
+
+
+def factor_name(factor: str) -> str:
+    """Returns how a factor is called: ``mount stiffness`` for ``rig.mount_stiffness``."""
+    return FACTOR_NAMES.get(factor, factor.rpartition(".")[2].replace("_", " "))
 
 
 @dataclass(frozen=True)
@@ -43,7 +55,7 @@ class Cell:
     def title(self) -> str:
         """The conditions as text."""
         factors = [
-            f"{name} {value:g}" if _is_number(value) else f"{name} {value}" for name, value in self.values.items()
+            f"{factor_name(name)} {f'{value:g}' if _is_number(value) else value}" for name, value in self.values.items()
         ]
         return ", ".join([f"{self.arm} arm", self.engine, *factors])
 
@@ -56,64 +68,41 @@ class Cell:
 
 @dataclass(frozen=True)
 class Summary:
-    """The trials of one policy in one cell. NaN: not recorded, or nothing to take a mean of.
+    """The trials of one policy in one cell.
 
     Attributes:
         cell: the conditions.
         policy: name.
         trials: their number.
-        inserted: number of trials that inserted.
-        interval: 95 % Wilson interval of the share.
-        sets: number of demonstration sets.
+        numbers: by the names of the `COLUMNS` that are computed from the trials; NaN: not recorded, or nothing to take
+            a mean of.
+        interval: 95 % Wilson interval of the share of insertions.
         over_sets: 95 % interval of the share by a bootstrap over the sets; None for fewer than two.
-        time: median duration of the insertions, s.
-        contact: median of the largest force of a single contact, N.
-        load: median of the largest load, N.
-        mean_load: median of the mean load in contact, N.
-        above_20n: mean time with a load above 20 N, s a trial.
-        jams: number of trials that ended jammed.
-        wedges: number of trials in which the peg was wedged (`experiments.metrics.wedging`; not for less than 0.1 s).
         faults: number of trials by the fault that ended them.
-        lost_steps: of both steppers, in all trials.
-        back_offs: in all trials.
-        untrusted: number of trials whose physics is not trusted.
-        score: mean of the field's score.
-        demonstrations: mean number of demonstrations that were used.
-        train: mean CPU time of the training, s.
-        states: mean number of states.
-        query: mean time of a decision, ms.
-        cpu: mean CPU time of a trial, s.
     """
 
     cell: Cell
     policy: str
     trials: int
-    inserted: int
+    numbers: dict[str, float]
     interval: tuple[float, float]
-    sets: int
     over_sets: tuple[float, float] | None
-    time: float
-    contact: float
-    load: float
-    mean_load: float
-    above_20n: float
-    jams: int
-    wedges: int
     faults: dict[str, int]
-    lost_steps: int
-    back_offs: int
-    untrusted: int
-    score: float
-    demonstrations: float
-    train: float
-    states: float
-    query: float
-    cpu: float
+
+    @property
+    def inserted(self) -> int:
+        """Number of trials that inserted."""
+        return int(self.numbers["inserted"])
 
     @property
     def share(self) -> float:
         """Share of the trials that inserted."""
         return self.inserted / self.trials
+
+    @property
+    def untrusted(self) -> int:
+        """Number of trials whose physics is not trusted."""
+        return int(self.numbers["physics"])
 
 
 @dataclass(frozen=True)
@@ -143,6 +132,45 @@ class Row:
 
     summary: Summary
     paired: Paired | None
+
+    def key(self, column: Column) -> float:
+        """Returns the number by which a column is sorted; NaN for nothing."""
+        if column.pandas:
+            return self.summary.share if column.name == "inserted" else self.summary.numbers[column.name]
+        if self.paired is None:
+            return math.nan
+        return float(self.paired.better - self.paired.worse) if column.name == "against" else self.paired.slower
+
+    def text(self, column: Column) -> str:
+        """Returns what a cell shows; "–" for nothing."""
+        s, key = self.summary, self.key(column)
+        if column.name == "inserted" or (column.name == "physics" and s.untrusted):
+            return f"{s.numbers[column.name]:.0f} of {s.trials}"
+        if math.isnan(key) or (column.name == "over sets" and key == 0):
+            return "–"
+        if column.name == "against" and self.paired is not None:
+            return f"+{self.paired.better} −{self.paired.worse}"
+        if column.name == "slower by":
+            return f"{key:+.2f}".replace("-", "−")
+        return f"{0.0 if abs(key) < 0.5 * 10**-column.digits else key:.{column.digits}f}"
+
+    def note(self, column: Column) -> str:
+        """Returns the small text below it; empty for none."""
+        s = self.summary
+        match column.name:
+            case "inserted":
+                return _share(s.interval)
+            case "over sets":
+                return "" if s.over_sets is None else _share(s.over_sets)
+            case "against":
+                return "" if self.paired is None else _p(self.paired.p)
+            case "slower by":
+                return "" if self.paired is None else _p(self.paired.p_time)
+            case "faults":
+                return ", ".join(f"{count} {name.split(':')[0]}" for name, count in s.faults.items())
+            case "physics":
+                return "not trusted" if s.untrusted else ""
+        return ""
 
 
 @dataclass(frozen=True)
@@ -193,34 +221,17 @@ def make_scoreboard(found: Trials, against: str | None = None) -> Scoreboard:
 
 def summarise(cell: Cell, policy: str, rows: pd.DataFrame) -> Summary:
     """Summarises the trials of one policy in one cell; ``rows`` as in `Trials.table`, at least one."""
-    inserted = int(rows["inserted"].sum())
+    numbers = {column.name: float(eval(column.pandas, {"d": rows})) for column in COLUMNS if column.pandas}
     shares = rows.groupby("demonstration_set")["inserted"].mean()
     faults = rows.loc[rows["fault"] != "", "fault"].value_counts()
     return Summary(
         cell=cell,
         policy=policy,
         trials=len(rows),
-        inserted=inserted,
-        interval=wilson(inserted, len(rows)),
-        sets=len(shares),
+        numbers=numbers,
+        interval=wilson(int(numbers["inserted"]), len(rows)),
         over_sets=over_sets(shares.to_list())[1:] if len(shares) > 1 else None,
-        time=float(rows.loc[rows["inserted"], "time_s"].median()),
-        contact=float(rows["peak_contact_n"].median()),
-        load=float(rows["peak_load_n"].median()),
-        mean_load=float(rows["mean_load_n"].median()),
-        above_20n=float(rows["seconds_above_20n"].mean()),
-        jams=int((rows["outcome"] == Outcome.JAMMED.value).sum()),
-        wedges=int((rows["wedged_s"] > 0.0).sum()),
         faults={str(name): int(count) for name, count in faults.items() if count},
-        lost_steps=int(rows["lost_steps"].sum()),
-        back_offs=int(rows["back_offs"].sum()),
-        untrusted=int((rows["trusted"] == 0.0).sum()),
-        score=float(rows["field_score"].mean()),
-        demonstrations=float(rows["demonstrations"].mean()),
-        train=float(rows["train_s"].mean()),
-        states=float(rows["states"].mean()),
-        query=float(rows["query_ms"].mean()),
-        cpu=float(rows["cpu_s"].mean()),
     )
 
 
@@ -246,33 +257,31 @@ def compare(rows: pd.DataFrame, other: pd.DataFrame) -> Paired | None:
         pairs=len(pairs),
         better=better,
         worse=worse,
-        p=mcnemar_of_counts(better, worse),
+        p=mcnemar(better, worse),
         slower=float(differences.mean()),
         p_time=sign_flip_test(of_trials.to_numpy()),
     )
 
 
+def numeric_factors(tables: Sequence[Table]) -> list[str]:
+    """Returns the names of the factors that are numbers in all cells that have them, sorted."""
+    names = sorted({name for table in tables for name in table.cell.values})
+    found = {name: [t.cell.values[name] for t in tables if name in t.cell.values] for name in names}
+    return [name for name in names if all(_is_number(value) for value in found[name])]
+
+
 def _table(cell: Cell, rows: pd.DataFrame, reference: str) -> Table:
-    """The rows of a cell, compared with those of the reference."""
+    """The rows of a cell, compared with those of the reference; the p-values are corrected over the table."""
     by_policy = {str(name): part for name, part in rows.groupby("policy", observed=True)}
     summaries = [summarise(cell, name, part) for name, part in by_policy.items()]
-    summaries.sort(key=lambda s: (-s.share, math.inf if math.isnan(s.time) else s.time, s.policy))
-    paired = {}
-    if reference in by_policy:
-        other = by_policy[reference]
-        compared = {name: compare(part, other) for name, part in by_policy.items() if name != reference}
-        paired = _corrected({name: pair for name, pair in compared.items() if pair is not None})
-    return Table(cell, [Row(summary, paired.get(summary.policy)) for summary in summaries])
-
-
-def _corrected(pairs: dict[str, Paired]) -> dict[str, Paired]:
-    """The comparisons of a table with p-values corrected by Holm's method: those of insertions, and those of times."""
-    found = list(pairs.values())
-    p, p_time = holm([pair.p for pair in found]), holm([pair.p_time for pair in found])
-    return {
-        name: Paired(pair.pairs, pair.better, pair.worse, p[k], pair.slower, p_time[k])
-        for k, (name, pair) in enumerate(pairs.items())
-    }
+    summaries.sort(key=lambda s: (-s.share, math.inf if math.isnan(s.numbers["time"]) else s.numbers["time"], s.policy))
+    paired: dict[str, Paired] = {}
+    for name in by_policy if reference in by_policy else ():
+        if name != reference and (pair := compare(by_policy[name], by_policy[reference])) is not None:
+            paired[name] = pair
+    p, p_time = (holm([getattr(pair, key) for pair in paired.values()]) for key in ("p", "p_time"))
+    corrected = {name: replace(pair, p=p[k], p_time=p_time[k]) for k, (name, pair) in enumerate(paired.items())}
+    return Table(cell, [Row(summary, corrected.get(summary.policy)) for summary in summaries])
 
 
 def _reference(table: pd.DataFrame, against: str | None) -> str:
@@ -301,8 +310,11 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def numeric_factors(tables: Sequence[Table]) -> list[str]:
-    """Returns the names of the factors that are numbers in all cells that have them, sorted."""
-    names = sorted({name for table in tables for name in table.cell.values})
-    found = {name: [t.cell.values[name] for t in tables if name in t.cell.values] for name in names}
-    return [name for name in names if all(_is_number(value) for value in found[name])]
+def _share(interval: tuple[float, float]) -> str:
+    """An interval of a share as text."""
+    return f"{100 * interval[0]:.0f}–{100 * interval[1]:.0f} %"
+
+
+def _p(p: float) -> str:
+    """A p-value as text."""
+    return "p < 0.001" if p < 0.001 else f"p {p:.3f}" if p < 0.1 else f"p {p:.2f}"

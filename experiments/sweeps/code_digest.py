@@ -6,17 +6,20 @@ import ast
 import hashlib
 import json
 import sysconfig
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cache, lru_cache
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from typing import Any
 
+from experiments.provenance import version_of
+
 PACKAGES = ("models", "skill", "systems", "experiments")
 """The packages of this project whose modules decide the result of a trial."""
 
-DATA = {"models": ("*.sdf", "*.xml")}
-"""Files of a package that are not imported, but read."""
+DATA = (("models", "*.sdf"), ("models", "*.xml"))
+"""Packages with files that are not imported, but read."""
 
 INSTALLED = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")})
 """Where Python and installed packages are."""
@@ -27,19 +30,7 @@ def values_digest(values: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def code_digest(modules: Iterable[str], packages: Iterable[str] = PACKAGES) -> str:
-    """Returns a digest of the source of some modules and of all modules of ``packages`` that they import.
-
-    Imports are read from the source, wherever they stand in it; a module that is imported by a name made at run time
-    is not seen. A changed line in a module that is not imported, such as that of a page, does not change the digest.
-
-    Raises:
-        ValueError: if a module cannot be found.
-    """
-    return _digest_of(sorted(modules_of(modules, packages)), packages, _module_source, _package_data)
-
-
-def first_digest(modules: Iterable[str]) -> str:
+def code_digest(modules: Iterable[str]) -> str:
     """Returns a digest of the source of some modules, without their imports, and of the data files of `PACKAGES`.
 
     Each module counts as this process found it first: a line that changes later is not in what the process has loaded.
@@ -47,63 +38,44 @@ def first_digest(modules: Iterable[str]) -> str:
     Raises:
         ValueError: if a module cannot be found.
     """
-    return _digest_of(modules, PACKAGES, _first_module_source, _first_package_data)
+    sources = {name: _file_digest(_source(name)) for name in sorted(modules)}
+    data = {str(path.name): _file_digest(path) for package, pattern in DATA for path in _data_files(package, pattern)}
+    return values_digest({**sources, **data})
 
 
-def _digest_of(
-    modules: Iterable[str],
-    packages: Iterable[str],
-    module_source: Callable[[str], bytes],
-    package_data: Callable[[str], bytes],
-) -> str:
-    digest = hashlib.sha256()
-    for name in modules:
-        digest.update(module_source(name))
-    for package in packages:
-        digest.update(package_data(package))
-    return digest.hexdigest()[:16]
+@cache
+def _file_digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _module_source(name: str) -> bytes:
-    """Name and digest of the source of a module."""
-    return f"{name} {hashlib.sha256(_source(name).read_bytes()).hexdigest()}\n".encode()
+@cache
+def _data_files(package: str, pattern: str) -> list[Path]:
+    return sorted(_source(package).parent.glob(pattern))
 
 
-def _package_data(package: str) -> bytes:
-    """Names and digests of the data files of a package."""
-    patterns = DATA.get(package, ())
-    paths = [path for pattern in patterns for path in sorted(_source(package).parent.glob(pattern))]
-    lines = [f"{package}/{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}\n" for path in paths]
-    return "".join(lines).encode()
+def modules_of(modules: Iterable[str]) -> set[str]:
+    """Returns the names of modules and of all that they import from `PACKAGES` and from a user's own modules.
 
+    Imports are read from the source, wherever they stand in it; a module that is imported by a name made at run time
+    is not seen. A changed line in a module that is not imported, such as that of a page, does not change the digest.
 
-_first_module_source, _first_package_data = cache(_module_source), cache(_package_data)
-
-
-def modules_of(modules: Iterable[str], packages: Iterable[str] = PACKAGES) -> set[str]:
-    """Returns the names of the modules whose source `code_digest` reads."""
-    return set(_closure(frozenset(modules), (*packages,)))
-
-
-@lru_cache(maxsize=64)
-def _closure(modules: frozenset[str], packages: tuple[str, ...]) -> dict[str, Path]:
-    """The source files of modules and of what they import from the packages, by the names of the modules.
-
-    If one of the modules is a user's own, the other own modules that they import belong to them too.
+    Raises:
+        ValueError: if a module cannot be found.
     """
-    own = any(is_local(name.split(".")[0]) for name in modules if name.split(".")[0] not in PACKAGES)
-    found: dict[str, Path] = {}
-    waiting = sorted(modules)
+    found: set[str] = set()
+    waiting = [*modules]
     while waiting:
         name = waiting.pop()
-        if name in found:
-            continue
-        found[name] = _source(name)
-        for imported in _imports(found[name], name):
-            package = imported.split(".")[0]
-            if (package in packages or (own and is_local(package))) and _is_module(imported):
-                waiting.append(imported)
+        if name not in found:
+            found.add(name)
+            waiting += _own_imports(name)
     return found
+
+
+@cache
+def _own_imports(module: str) -> list[str]:
+    """The names of the modules of `PACKAGES` and of the user's own that the source of a module imports."""
+    return [name for name in {*_imports(_source(module), module)} if is_own(name.split(".")[0]) and _is_module(name)]
 
 
 def _imports(path: Path, module: str) -> Iterator[str]:
@@ -122,19 +94,11 @@ def _imports(path: Path, module: str) -> Iterator[str]:
             yield from (".".join(parts[: k + 1]) for k in range(len(parts)))
 
 
-@lru_cache(maxsize=4096)
-def _is_module(name: str) -> bool:
-    """Whether a name is that of a module with a source file; a folder without one has no source."""
-    try:
-        spec = find_spec(name)
-    except ModuleNotFoundError:  # its parent is a module, and this a name in it
-        return False
-    return spec is not None and (spec.origin or "").endswith(".py")
-
-
-@lru_cache(maxsize=4096)
-def is_local(package: str) -> bool:
-    """Whether a top-level package or module is neither installed nor a part of Python, but a user's own."""
+@cache
+def is_own(package: str) -> bool:
+    """Whether a top-level package or module is one of `PACKAGES`, or neither installed nor a part of Python."""
+    if package in PACKAGES:
+        return True
     try:
         spec = find_spec(package)
     except (ModuleNotFoundError, ValueError):
@@ -145,6 +109,16 @@ def is_local(package: str) -> bool:
     return not any(Path(places[0]).is_relative_to(folder) for folder in INSTALLED)
 
 
+@cache
+def _is_module(name: str) -> bool:
+    """Whether a name is that of a module with a source file; a folder without one has no source."""
+    try:
+        return bool(_source(name))
+    except ValueError:  # its parent is a module, and this a name in it
+        return False
+
+
+@cache
 def _source(name: str) -> Path:
     try:
         spec = find_spec(name)
@@ -153,3 +127,36 @@ def _source(name: str) -> Path:
     if spec is None or not (spec.origin or "").endswith(".py"):
         raise ValueError(f"module {name}: no source found; expected one that can be imported from the current folder")
     return Path(str(spec.origin))
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """What a worker must have to do the work of a client: the same code and the same packages.
+
+    Attributes:
+        modules: names of all modules that the work may import.
+        code: digest of their source.
+        versions: names and versions of Python and of packages.
+    """
+
+    modules: tuple[str, ...]
+    code: str
+    versions: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def of(cls, modules: Iterable[str], versions: Mapping[str, str]) -> Requirements:
+        """Returns the requirements of work with some modules, as they are here, and versions of packages."""
+        names = tuple(sorted(modules))
+        return cls(names, code_digest(names), tuple(versions.items()))
+
+    def check(self) -> None:
+        """Checks that this process has the same.
+
+        Raises:
+            ValueError: if it has other code, or another version of a package.
+        """
+        if code_digest(self.modules) != self.code:
+            raise ValueError("a worker has other code than the client; install the same revision, or start again")
+        for name, version in self.versions:
+            if version_of(name) != version:
+                raise ValueError(f"a worker has {name} {version_of(name)}, the client {version}; install the same")

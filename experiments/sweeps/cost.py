@@ -8,12 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.machine_speed import machine_speed
 from experiments.sweeps.result_blocks import read_block
 from experiments.sweeps.trial_engines import DRAKE, MUJOCO
+
+REFERENCE_SPEED = 105.0
+"""`machine_speed` of the machine with these CPU times, ms."""
 
 TRIAL_CPU = {DRAKE: 1.8, MUJOCO: 1.6}  # in units of s; of the default skill
 DEMONSTRATION_CPU = 2.0  # in units of s
 POLICY_CPU = 6.0  # in units of s
+START_CPU = 5.0  # in units of s, until a process has imported what it needs
+
 SAMPLED = 20
 """Number of blocks of an engine whose trials tell what a trial costs."""
 
@@ -25,7 +31,7 @@ class Cost:
     Attributes:
         trials, demonstrations, policies: numbers that are missing.
         unknown: number of these policies that functions make, which may tune them for long.
-        cpu: of all but those, s.
+        cpu: of all but those, on this machine, s.
         measured: whether the cost of a trial was measured in these results.
     """
 
@@ -41,8 +47,9 @@ class Cost:
         parts = [f"{self.trials:,} trials"]
         parts += [f"{self.demonstrations:,} demonstrations"] if self.demonstrations else []
         parts += [f"{self.policies:,} policies"] if self.policies else []
-        source = "measured in these results" if self.measured else "a guess from other machines"
-        time = f"{duration(self.cpu)} of CPU, {duration(self.cpu / workers)} with {workers} processes"
+        source = "trials cost what they did in these results" if self.measured else "from the speed of this machine"
+        cpu = self.cpu + workers * START_CPU
+        time = f"{duration(cpu)} of CPU, {duration(cpu / workers)} with {workers} idle cores"
         rest = f", without the making of {self.unknown:,} policies by functions" if self.unknown else ""
         return f"to do: {', '.join(parts)}; about {time} ({source}){rest}"
 
@@ -63,13 +70,14 @@ def cost_of(
         ValueError: if a file of the data set is damaged.
     """
     measured = {engine: _measured(data, engine) for engine in {engine for engine, _ in trials}}
-    cpu = sum(number * (measured[engine] or TRIAL_CPU[engine]) for engine, number in trials)
+    speed = machine_speed() / REFERENCE_SPEED
+    cpu = sum(number * (measured[engine] or speed * TRIAL_CPU[engine]) for engine, number in trials)
     return Cost(
         trials=sum(number for _, number in trials),
         demonstrations=demonstrations,
         policies=policies,
         unknown=unknown,
-        cpu=cpu + demonstrations * DEMONSTRATION_CPU + (policies - unknown) * POLICY_CPU,
+        cpu=cpu + speed * (demonstrations * DEMONSTRATION_CPU + (policies - unknown) * POLICY_CPU),
         measured=all(measured.values()),
     )
 

@@ -5,19 +5,21 @@ from __future__ import annotations
 import itertools
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from scipy.stats import qmc
 
-from experiments.sweeps.checked_mapping import CheckedMapping
 from models.document import brief
 from skill.arrays import Array
 
 MAX_CELLS = 100_000
 TRAINING = "training."
 """Begins the keys that change how a policy is made; the others are keys of the scenario."""
+
+RANGES = ("uniform", "log_uniform")
+"""How numbers are drawn from a range."""
 
 Overrides = dict[str, Any]
 """Values by their dotted keys, such as ``contact.friction``."""
@@ -90,94 +92,101 @@ class Factor:
         return Level(value, {self.name: value})
 
 
-def read_factors(section: CheckedMapping) -> list[Factor]:
-    """Reads the section ``vary``: a list or mapping of levels, or a range, for each factor.
+def make_cells(vary: dict[str, Any], design: str | dict[str, Any], where: str) -> list[Cell]:
+    """Returns the cells of a design.
 
     A key of the scenario, or ``training.`` and a key of ``demonstrations``, takes a list of values, or ``{uniform: [a,
     b]}`` or ``{log_uniform: [a, b]}``. Any other name takes named levels, each with the keys that it sets together:
     ``{wide: {geometry.hole_radius: 0.0114, start.tilt_range: 0.1}}``.
 
-    Raises:
-        ValueError: naming the factor and what is wrong.
-    """
-    factors = []
-    for name in section.values:
-        if not isinstance(name, str) or not name:
-            raise section.error(brief(name), "no text", "the name of a factor")
-        value = section.values[name]
-        if isinstance(value, list):
-            factors.append(_list_factor(section, name, value))
-        else:
-            factors.append(_mapping_factor(section, name))
-    return factors
-
-
-def _list_factor(section: CheckedMapping, name: str, values: list[Any]) -> Factor:
-    if not values:
-        raise section.error(name, "[]", "at least one value")
-    try:
-        texts = [json.dumps(value) for value in values]
-    except TypeError as error:
-        raise section.error(name, brief(values), "numbers, texts or lists of them") from error
-    if len(set(texts)) < len(texts):
-        raise section.error(name, brief(values), "each value once")
-    return Factor(name, tuple(Level(value, {name: value}) for value in values))
-
-
-def _mapping_factor(section: CheckedMapping, name: str) -> Factor:
-    own = section.section(name)
-    kind = next((kind for kind in ("uniform", "log_uniform") if kind in own.values), None)
-    if kind is None:
-        levels = []
-        for level, overrides in own.values.items():
-            if not isinstance(level, str | int | float):
-                raise section.error(name, f"a mapping with the level {brief(level)}", "texts or numbers as levels")
-            if not isinstance(overrides, Mapping) or not overrides or not all(isinstance(k, str) for k in overrides):
-                raise own.error(str(level), brief(overrides), "keys with values, which this level sets together")
-            levels.append(Level(level, dict(overrides)))
-        if not levels:
-            raise section.error(name, "{}", "levels, each with the keys that it sets")
-        return Factor(name, tuple(levels))
-    limits = own.take(kind, list)
-    own.finish()
-    numbers = [limit for limit in limits if isinstance(limit, int | float) and not isinstance(limit, bool)]
-    if not (len(numbers) == len(limits) == 2 and all(map(math.isfinite, numbers)) and numbers[0] < numbers[1]):
-        raise own.error(kind, brief(limits), "two numbers, the smaller first")
-    if kind == "log_uniform" and numbers[0] <= 0:
-        raise own.error(kind, brief(limits), "two numbers above 0")
-    return Factor(name, low=float(numbers[0]), high=float(numbers[1]), logarithmic=kind == "log_uniform")
-
-
-def read_cells(specification: CheckedMapping) -> list[Cell]:
-    """Reads the sections ``vary`` and ``design`` and returns the cells of the design.
-
     The random design is a scrambled Sobol sequence: a larger number of samples begins with the same ones. Combinations
     of listed levels that are drawn again count once.
+
+    Args:
+        vary: the factors by their names.
+        design: ``grid``, or ``{random: N, seed: S}``.
+        where: name of the file, for messages.
 
     Raises:
         ValueError: naming the key and what is wrong.
     """
-    factors = read_factors(specification.section("vary"))
-    design = specification.values.get("design", "grid")
-    if isinstance(design, Mapping):
-        section = specification.section("design")
-        samples = section.count("random", least=1, most=MAX_CELLS)
-        seed = section.count("seed", 0, least=0, most=2**32 - 1)
-        section.finish()
+    factors = [_factor(name, values, where) for name, values in vary.items()]
+    if isinstance(design, dict):
+        samples, seed = _random_design(design, where)
         if not factors:
-            raise specification.error("design", "random", "grid, because nothing is varied")
+            raise _wrong(where, "design", "random", "grid, because nothing is varied")
         shares = _sobol(len(factors), samples, seed)
         chosen = [[f.at(float(share)) for f, share in zip(factors, row, strict=True)] for row in shares]
-        cells = [_cell(factors, levels, specification) for levels in chosen]
-        return list({cell.label: cell for cell in cells}.values())  # lists of levels may be drawn alike
-    if specification.take("design", str, "grid") != "grid":
-        raise specification.error("design", brief(design), "grid, or {random: N, seed: S}")
+        cells = [_cell(factors, levels, where) for levels in chosen]
+        return list({cell.label: cell for cell in cells}.values())
+    if design != "grid":
+        raise _wrong(where, "design", brief(design), "grid, or {random: N, seed: S}")
     for factor in factors:
         if not factor.levels:
-            raise specification.error(f"vary.{factor.name}", "a range", "a list of values in a grid")
+            raise _wrong(where, f"vary.{factor.name}", "a range", "a list of values in a grid")
     if math.prod(len(factor.levels) for factor in factors) > MAX_CELLS:
-        raise specification.error("vary", "a grid of more than 100,000 cells", "fewer")
-    return [_cell(factors, levels, specification) for levels in itertools.product(*(f.levels for f in factors))]
+        raise _wrong(where, "vary", f"a grid of more than {MAX_CELLS:,} cells", "fewer")
+    return [_cell(factors, levels, where) for levels in itertools.product(*(f.levels for f in factors))]
+
+
+def _wrong(where: str, name: str, found: str, expected: str) -> ValueError:
+    return ValueError(f"{where}: {name} is {found}, expected {expected}")
+
+
+def _factor(name: Any, values: Any, where: str) -> Factor:
+    """Reads a factor: a list of values, a range, or named levels."""
+    path = f"vary.{name}"
+    if not isinstance(name, str) or not name:
+        raise _wrong(where, path, "no text", "the name of a factor")
+    if isinstance(values, list):
+        return _list_factor(name, values, where)
+    if not isinstance(values, dict) or not values:
+        raise _wrong(where, path, brief(values), "a list of values, a range, or levels with the keys that they set")
+    if any(kind in values for kind in RANGES):
+        return _range_factor(name, values, where)
+    for level, overrides in values.items():
+        if not isinstance(level, str | int | float):
+            raise _wrong(where, path, f"a mapping with the level {brief(level)}", "texts or numbers as levels")
+        if not isinstance(overrides, dict) or not overrides or not all(isinstance(key, str) for key in overrides):
+            raise _wrong(where, f"{path}.{level}", brief(overrides), "keys with values, which this level sets together")
+    return Factor(name, tuple(Level(level, overrides) for level, overrides in values.items()))
+
+
+def _list_factor(name: str, values: list[Any], where: str) -> Factor:
+    path = f"vary.{name}"
+    if not values:
+        raise _wrong(where, path, "[]", "at least one value")
+    try:
+        texts = [json.dumps(value) for value in values]
+    except TypeError as error:
+        raise _wrong(where, path, brief(values), "numbers, texts or lists of them") from error
+    if len(set(texts)) < len(texts):
+        raise _wrong(where, path, brief(values), "each value once")
+    return Factor(name, tuple(Level(value, {name: value}) for value in values))
+
+
+def _range_factor(name: str, values: dict[str, Any], where: str) -> Factor:
+    (kind, limits), *others = values.items()
+    if others:
+        raise _wrong(where, f"vary.{name}", brief(values), f"one of {list(RANGES)} and nothing else")
+    numbers = [limit for limit in limits if type(limit) in (int, float)] if isinstance(limits, list) else []
+    if not (len(numbers) == len(limits) == 2 and all(map(math.isfinite, numbers)) and numbers[0] < numbers[1]):
+        raise _wrong(where, f"vary.{name}.{kind}", brief(limits), "two numbers, the smaller first")
+    if kind == "log_uniform" and numbers[0] <= 0:
+        raise _wrong(where, f"vary.{name}.{kind}", brief(limits), "two numbers above 0")
+    return Factor(name, low=float(numbers[0]), high=float(numbers[1]), logarithmic=kind == "log_uniform")
+
+
+def _random_design(design: dict[str, Any], where: str) -> tuple[int, int]:
+    """The number of samples and the seed of a random design."""
+    samples: Any = design.get("random")
+    seed: Any = design.get("seed", 0)
+    for name, number, least, most in (("random", samples, 1, MAX_CELLS), ("seed", seed, 0, 2**32 - 1)):
+        if type(number) is not int or not least <= number <= most:
+            raise _wrong(where, f"design.{name}", brief(number), f"{least} to {most}")
+    if not set(design) <= {"random", "seed"}:
+        raise _wrong(where, "design", brief(design), "the keys random and seed only")
+    return samples, seed
 
 
 def _sobol(dimensions: int, samples: int, seed: int) -> Array:
@@ -188,11 +197,11 @@ def _sobol(dimensions: int, samples: int, seed: int) -> Array:
     return points
 
 
-def _cell(factors: list[Factor], levels: Any, specification: CheckedMapping) -> Cell:
+def _cell(factors: list[Factor], levels: Sequence[Level], where: str) -> Cell:
     overrides: Overrides = {}
     for factor, level in zip(factors, levels, strict=True):
         for key, value in level.overrides.items():
             if key in overrides:
-                raise specification.error("vary", f"{key} in two factors, the second {factor.name}", "each key once")
+                raise _wrong(where, "vary", f"{key} in two factors, the second {factor.name}", "each key once")
             overrides[key] = value
     return Cell({f.name: level.value for f, level in zip(factors, levels, strict=True)}, overrides)

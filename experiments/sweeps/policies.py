@@ -9,7 +9,7 @@ import re
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from experiments.provenance import version_of, versions
-from experiments.sweeps.code_digest import PACKAGES, code_digest, is_local, modules_of, values_digest
+from experiments.sweeps.code_digest import code_digest, is_own, modules_of, values_digest
 from experiments.sweeps.specification import PolicyPlan
 from experiments.trial import Arm
 from models.document import brief
@@ -237,25 +237,25 @@ def policy_digest(plan: PolicyPlan, made_from: Mapping[str, Any]) -> str:
         {
             **{"carried_over": plan.carried_over, "make": plan.make, "options": plan.options, "select": select},
             **{"from": dict(made_from), "versions": versions()},
-            "code": [_own_code(path.partition(":")[0]) for path in named_by(plan)],
+            "code": [code_digest(own_modules(plan)), named_packages(plan)],
         }
     )
 
 
 def own_modules(plan: PolicyPlan) -> set[str]:
     """Returns the names of the modules that a plan names and of what they import, without installed packages."""
-    found: set[str] = set()
-    for path in named_by(plan):
-        module = path.partition(":")[0]
-        package = module.split(".")[0]
-        if package in PACKAGES or is_local(package):
-            found |= modules_of([module])
-    return found
+    return modules_of(module for module in _named_modules(plan) if is_own(module.split(".")[0]))
 
 
-def named_packages(plan: PolicyPlan) -> set[str]:
-    """Returns the names of the installed distributions that hold what a plan names."""
-    return {name for path in named_by(plan) for name in _distributions(path.partition(":")[0])}
+def named_packages(plan: PolicyPlan) -> dict[str, str]:
+    """Returns the versions of the installed distributions that hold what a plan names."""
+    tops = {module.split(".")[0] for module in _named_modules(plan)}
+    names = {name for top in tops if not is_own(top) for name in _distributions().get(top, ())}
+    return {name: version_of(name) for name in sorted(names)}
+
+
+def _named_modules(plan: PolicyPlan) -> list[str]:
+    return [path.partition(":")[0] for path in named_by(plan)]
 
 
 def named_by(plan: PolicyPlan) -> list[str]:
@@ -264,19 +264,9 @@ def named_by(plan: PolicyPlan) -> list[str]:
     return import_paths(plan.make, select, *plan.options.values())
 
 
-@lru_cache(maxsize=256)
-def _own_code(module: str) -> str:
-    """The digest of a module and what it imports; of an installed package its version."""
-    package = module.split(".")[0]
-    if package in PACKAGES or is_local(package):
-        return code_digest([module])
-    return ", ".join(f"{name} {version_of(name)}" for name in _distributions(module))
-
-
-@lru_cache(maxsize=256)
-def _distributions(module: str) -> list[str]:
-    """The names of the installed distributions that hold a module."""
-    return sorted({*packages_distributions().get(module.split(".")[0], ())})
+@cache
+def _distributions() -> Mapping[str, list[str]]:
+    return packages_distributions()
 
 
 def query_time(policy: RigPolicy, demonstrations: list[Demonstration]) -> float:

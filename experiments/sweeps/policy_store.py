@@ -6,7 +6,7 @@ import json
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
@@ -17,7 +17,7 @@ from experiments.outputs.output_set import OutputSet, open_set
 from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex
 from experiments.provenance import versions
 from experiments.sweeps.assignments import DemonstrationSource, PolicySource
-from experiments.sweeps.executors import Executor, LostWorkerError
+from experiments.sweeps.code_digest import Requirements
 from experiments.sweeps.policies import (
     CarriedOver,
     MadePolicy,
@@ -25,11 +25,14 @@ from experiments.sweeps.policies import (
     chosen,
     imported,
     make_policy,
+    named_packages,
     own_modules,
 )
-from experiments.sweeps.requirements import Requirements
+from experiments.sweeps.specification import PolicyPlan
 from experiments.sweeps.trial_engines import DRAKE
-from experiments.sweeps.trial_rows import trial_code
+from experiments.sweeps.trial_files import SETS, SKILLS
+from experiments.sweeps.trial_rows import engine_versions, trial_code, trial_modules
+from experiments.worker_pool import LostWorkerError, WorkerPool
 from models.scenario import dump_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.strict_json import parse_object
@@ -38,50 +41,38 @@ from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
 from systems.control.faults import one_line
 
-SETS, SKILLS = "demonstrations", "skills"
-"""Folders within the results."""
-
 WAIT = 1.0
 """Time between two looks at what another sweep is making, s."""
 
 MAX_LOADED = 64
 """Skills that are kept in memory, beside their files."""
 
-TASKS_HELD, SETS_HELD = 16, 200
-"""Demonstrations for each worker, and sets, from which on no further set is held; each takes a file descriptor."""
-
 Advance = Callable[[str], None]
 R = TypeVar("R")
 
 
-@dataclass(frozen=True)
-class DemonstrationTask:
-    """Records one demonstration, in a worker."""
-
-    source: DemonstrationSource
-    request: Request
-    requirements: Requirements
-
-    def __call__(self) -> tuple[DemonstrationSource, Request, Demonstration]:
-        """Returns the demonstration and what it was made for."""
-        self.requirements.check()
-        return self.source, self.request, demonstrate(self.source.scenario, self.request, seed=self.source.seed)
+def requirements_of(engine: str, plan: PolicyPlan | None = None) -> Requirements:
+    """Returns what work with an engine, and with the policy of a plan, requires of a worker."""
+    own, packages = (own_modules(plan), named_packages(plan)) if plan else (set(), {})
+    return Requirements.of({*trial_modules(), *own}, engine_versions(engine) | packages)
 
 
-@dataclass(frozen=True)
-class PolicyTask:
-    """Makes one policy, in a worker."""
+def recorded(
+    source: DemonstrationSource, request: Request, requirements: Requirements
+) -> tuple[DemonstrationSource, Request, Demonstration]:
+    """Records one demonstration, in a worker, and returns it with what it was made for."""
+    requirements.check()
+    return source, request, demonstrate(source.scenario, request, seed=source.seed)
 
-    source: PolicySource
-    demonstrations: list[Demonstration]
-    requirements: Requirements
 
-    def __call__(self) -> tuple[PolicySource, MadePolicy]:
-        """Returns the policy and what it was made for."""
-        self.requirements.check()
-        of, seed = self.source, 0 if self.source.demonstrations is None else self.source.demonstrations.seed
-        arm = None if of.plan.for_all_arms else of.arm
-        return of, make_policy(of.plan, TrainingContext(of.scenario, arm, self.demonstrations, seed))
+def made(
+    source: PolicySource, demonstrations: list[Demonstration], requirements: Requirements
+) -> tuple[PolicySource, MadePolicy]:
+    """Makes one policy, in a worker, and returns it with what it was made for."""
+    requirements.check()
+    seed = 0 if source.demonstrations is None else source.demonstrations.seed
+    arm = None if source.plan.for_all_arms else source.arm
+    return source, make_policy(source.plan, TrainingContext(source.scenario, arm, demonstrations, seed))
 
 
 class PolicyStore:
@@ -110,10 +101,10 @@ class PolicyStore:
             for request in source.requests()
         )
 
-    def record(self, sources: Iterable[DemonstrationSource], executor: Executor, advance: Advance) -> None:
+    def record(self, sources: Iterable[DemonstrationSource], pool: WorkerPool, advance: Advance) -> None:
         """Records the demonstrations of some sets that are not there yet; waits for sets that another sweep records.
 
-        It holds as many sets at once as give its workers enough to do, so that another sweep finds others.
+        A set is held only while it is recorded, so that another sweep finds others.
 
         Raises:
             ValueError: if a habit gives no demonstration of the outcome.
@@ -121,31 +112,43 @@ class PolicyStore:
         """
         waiting = [source for source in sources if self.unrecorded([source])]
         while waiting:
+            busy: list[DemonstrationSource] = []
             with ExitStack() as stack:
-                held: dict[str, OutputSet] = {}
-                tasks: list[DemonstrationTask] = []
-                later, busy = [], []
-                requirements = Requirements.of(DRAKE)
-                for source in waiting:
-                    if len(tasks) >= TASKS_HELD * executor.workers or len(held) >= SETS_HELD:
-                        later.append(source)
-                        continue
-                    try:
-                        files = stack.enter_context(open_set(self.folder(source), _set_index(source), overwrite=False))
-                    except BusyError:
-                        busy.append(source)
-                        continue
-                    held[source.digest] = files
-                    missing = [request for request in source.requests() if request.file_name not in files.finished]
-                    tasks += [DemonstrationTask(source, request, requirements) for request in missing]
-                for done in _results(executor, tasks, "a demonstration was recorded"):
+                held: dict[str, tuple[OutputSet, ExitStack]] = {}
+                tasks = self._demonstration_tasks(waiting, held, busy, stack)
+                for done in _results(pool, tasks, "a demonstration was recorded"):
                     source, request, demonstration = done
-                    files = held[source.digest]
+                    files, own = held[source.digest]
                     files.write(request.file_name, partial(write_demonstration, demonstration))
                     advance(f"set {source.seed}, {request.habit}: {demonstration.reason}")
-            waiting = [*later, *busy]
-            if busy and not held:
+                    if not self.unrecorded([source]):
+                        own.close()
+            waiting = busy
+            if busy:
                 time.sleep(WAIT)
+
+    def _demonstration_tasks(
+        self,
+        sources: Iterable[DemonstrationSource],
+        held: dict[str, tuple[OutputSet, ExitStack]],
+        busy: list[DemonstrationSource],
+        stack: ExitStack,
+    ) -> Iterator[Callable[[], tuple[DemonstrationSource, Request, Demonstration]]]:
+        """Yields the missing demonstrations of the sets that no other sweep holds; the others become ``busy``."""
+        requirements = requirements_of(DRAKE)
+        for source in sources:
+            own = stack.enter_context(ExitStack())
+            try:
+                files = own.enter_context(open_set(self.folder(source), _set_index(source), overwrite=False))
+            except BusyError:
+                busy.append(source)
+                continue
+            missing = [request for request in source.requests() if request.file_name not in files.finished]
+            if not missing:  # another sweep has just recorded them
+                own.close()
+            held[source.digest] = files, own
+            for request in missing:
+                yield partial(recorded, source, request, requirements)
 
     # ----------------------------------------------------------------- policies
 
@@ -153,7 +156,7 @@ class PolicyStore:
         """Whether a policy is there: a skill file that was given or kept, or one in memory."""
         return source.given is not None or source.digest in self._made or self._notes(source).is_file()
 
-    def make(self, sources: Iterable[PolicySource], executor: Executor, advance: Advance) -> None:
+    def make(self, sources: Iterable[PolicySource], pool: WorkerPool, advance: Advance) -> None:
         """Makes the policies that are not there, and keeps the skills; their demonstrations must be there.
 
         Two sweeps may make the same skill at the same time; both get the same file.
@@ -163,13 +166,13 @@ class PolicyStore:
             OSError: if a file cannot be written.
         """
         tasks = (
-            PolicyTask(source, self._training_context(source), Requirements.of_policy(DRAKE, source.plan))
+            partial(made, source, self._training_context(source), requirements_of(DRAKE, source.plan))
             for source in sources
             if not self.is_made(source)
         )
-        for done in _results(executor, tasks, "a policy was made"):
-            source, made = done
-            self._keep(source, made)
+        for done in _results(pool, tasks, "a policy was made"):
+            source, policy = done
+            self._keep(source, policy)
             advance(f"{source.plan.name}: made")
 
     def policy(self, source: PolicySource) -> MadePolicy:
@@ -255,10 +258,10 @@ def _remade(law: dict[str, Any], source: PolicySource) -> RigPolicy:
     return remade
 
 
-def _results(executor: Executor, tasks: Iterable[Callable[[], R]], work: str) -> Iterator[R]:
+def _results(pool: WorkerPool, tasks: Iterable[Callable[[], R]], work: str) -> Iterator[R]:
     """Yields the results of tasks as they end; a worker that dies is an OSError."""
     try:
-        for done in executor.run(tasks):
+        for done in pool.run(tasks):
             if done is not None:
                 yield done
     except LostWorkerError as error:

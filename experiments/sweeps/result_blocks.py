@@ -12,21 +12,18 @@ from collections.abc import Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import quote
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from experiments.outputs.folder_lock import BusyError, locked_file
 from experiments.outputs.output_checks import named_errors
-from experiments.sweeps.trial_rows import SCHEMA, Row, row_key
+from experiments.sweeps.trial_files import SCHEMA, partition
+from experiments.sweeps.trial_rows import Row, row_key
 from skill.data.tables import named_parquet_errors, write_atomically
 
 BLOCK = 100
 """Trials in a block. A block is rewritten as its trials end; with more, that would cost more."""
-
-TRIALS = "trials"
-"""The folder of the data set within the results."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,7 @@ def blocks_of(results: Path, source: str, numbers: Iterable[int], *, policy: str
         arm: name.
         engine: name.
     """
-    folder = results / TRIALS / f"policy={quote(policy, safe='')}" / f"arm={arm}" / f"engine={engine}"
+    folder = partition(results, policy, arm, engine)
     ranges: dict[int, list[int]] = {}
     for number in numbers:
         ranges.setdefault(number // BLOCK, []).append(number)

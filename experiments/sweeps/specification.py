@@ -15,10 +15,9 @@ For example:
     trials: {first: 1000, number: 100}
 """
 
-from __future__ import annotations
-
+# Without the future import of annotations: `check_document` reads the types of the fields.
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -27,25 +26,20 @@ from urllib.parse import quote
 import yaml
 
 from experiments.demonstration_set import MAX_DEMONSTRATIONS
-from experiments.sweeps.checked_mapping import CheckedMapping
-from experiments.sweeps.factors import Cell, Overrides, read_cells
+from experiments.sweeps.factors import Cell, Overrides, make_cells
 from experiments.sweeps.trial_engines import ENGINES
 from experiments.trial import Arm
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.document import brief, read_document, read_text
 from models.scenario import Scenario, dump_scenario, load_scenario, parse_scenario
+from models.validation import Violation, check_document, raise_first
 
 MAX_TRIALS = 1_000_000
-MAX_FOLDER_NAME = (
-    200  # bytes of the percent-encoded name of a policy; file systems allow 255 with what stands before it
-)
-GOOD, BAD = 24, 6
-"""Numbers of good and bad demonstrations of a set, if the specification gives none."""
+MAX_NAME = 80  # characters of the name of a policy
+MAX_FOLDER_NAME = 200  # bytes of it, percent-encoded; file systems allow 255 with what stands before it
 
-BASE, CELL = "base", "cell"
-PLACES = (BASE, CELL)
+BASE, CELL = PLACES = ("base", "cell")
 """Where is demonstrated: in the scenario of the sweep, or in that of each cell."""
-
 
 RULES: dict[str, Callable[[Scenario], Scenario]] = {
     "numerics": numerics_of_clearance,
@@ -56,7 +50,7 @@ RULES: dict[str, Callable[[Scenario], Scenario]] = {
 
 @dataclass(frozen=True)
 class DemonstrationPlan:
-    """The demonstrations that a policy learns from.
+    """The demonstrations that a policy learns from: the section ``demonstrations`` of the file.
 
     Attributes:
         sets: seeds of the sets. The policy is made once for each.
@@ -68,13 +62,13 @@ class DemonstrationPlan:
         select: import path of a function that chooses from the demonstrations, or None.
     """
 
-    sets: tuple[int, ...] = (0,)
-    good: int = GOOD
-    bad: int = BAD
+    sets: list[int] = field(default_factory=lambda: [0])
+    good: int = 24
+    bad: int = 6
     size: int | None = None
     divided: bool = False
     demonstrated_in: str = BASE
-    scenario: Overrides = field(default_factory=dict)
+    scenario: dict[str, Any] = field(default_factory=dict)
     select: str | None = None
 
 
@@ -121,12 +115,13 @@ class Specification:
     scenario: Scenario
     cells: list[Cell]
     policies: list[PolicyPlan]
-    arms: tuple[Arm, ...]
-    engines: tuple[str, ...]
-    rules: tuple[str, ...]
+    arms: list[Arm]
+    engines: list[str]
+    rules: list[str]
     first: int
     number: int
     text: str
+    _known: dict[str, Scenario] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def scenario_with(self, overrides: Overrides, where: str) -> Scenario:
         """Returns the scenario with some overrides, to which the rules are applied.
@@ -138,10 +133,49 @@ class Specification:
         Raises:
             ValueError: naming the key that is unknown, or the value that is not allowed.
         """
-        chosen = overridden(self.scenario, overrides, where)
-        for rule in self.rules:
-            chosen = RULES[rule](chosen)
-        return chosen
+        key = json.dumps(overrides, sort_keys=True)
+        if key not in self._known:
+            chosen = overridden(self.scenario, overrides, where)
+            for rule in self.rules:
+                chosen = RULES[rule](chosen)
+            self._known[key] = chosen
+        return self._known[key]
+
+
+@dataclass(frozen=True)
+class TrialNumbers:
+    """The section ``trials`` of the file."""
+
+    first: int = 0
+    number: int = 20
+
+
+@dataclass(frozen=True)
+class PolicySection:
+    """A section of ``policies`` of the file, without its ``with``, which are the options of ``make``."""
+
+    learn: dict[str, Any] | None = None
+    skill: str | None = None
+    make: str | None = None
+    demonstrations: dict[str, Any] | None = None
+    carried_over: bool = False
+    for_all_arms: bool = False
+
+
+@dataclass(frozen=True)
+class Document:
+    """The keys of the file."""
+
+    title: str = ""
+    scenario: str = "nominal"
+    vary: dict[str, Any] = field(default_factory=dict)
+    design: str | dict[str, Any] = "grid"
+    demonstrations: dict[str, Any] = field(default_factory=dict)
+    policies: dict[str, Any] = field(default_factory=dict)
+    arms: list[str] = field(default_factory=lambda: [Arm.DEFAULT.value])
+    engines: list[str] = field(default_factory=lambda: [ENGINES[0]])
+    clearance_rules: list[str] = field(default_factory=list)
+    trials: TrialNumbers = field(default_factory=TrialNumbers)
 
 
 def read_specification(path: Path) -> Specification:
@@ -155,117 +189,144 @@ def read_specification(path: Path) -> Specification:
     if not path.is_file():
         raise ValueError(f"{where}: no such file; expected a YAML file")
     text = read_text(path, where)
-    whole = CheckedMapping(read_document(text, where), where)
-    scenario = load_scenario(whole.take("scenario", str, "nominal"))
-    cells = read_cells(whole)
-    shared = whole.section("demonstrations")
-    trials = whole.section("trials")
-    found = Specification(
-        title=whole.take("title", str, path.stem),
-        scenario=scenario,
-        cells=cells,
-        policies=_policies(whole.section("policies"), dict(shared.values)),
-        arms=tuple(Arm(name) for name in whole.choices("arms", list(Arm), Arm.DEFAULT)),
-        engines=whole.choices("engines", ENGINES, ENGINES[0]),
-        rules=whole.choices("clearance_rules", RULES, "") if "clearance_rules" in whole.values else (),
-        first=trials.count("first", 0, least=0, most=2**31 - 1),
-        number=trials.count("number", 20, least=1, most=MAX_TRIALS),
+    found = read_document(text, where)
+    check_document(found, Document, where)
+    document = Document(**{**found, "trials": TrialNumbers(**found.get("trials", {}))})
+    raise_first(_document_violations(document), where)
+    read_plan(document.demonstrations, where, "demonstrations")
+    specification = Specification(
+        title=document.title or path.stem,
+        scenario=load_scenario(document.scenario),
+        cells=make_cells(document.vary, document.design, where),
+        policies=[_policy(name, own, document.demonstrations, where) for name, own in document.policies.items()],
+        arms=[Arm(name) for name in document.arms],
+        engines=document.engines,
+        rules=document.clearance_rules,
+        first=document.trials.first,
+        number=document.trials.number,
         text=text,
     )
-    trials.finish()
-    whole.optional("clearance_rules", list)
-    whole.finish()
-    read_plan(shared, {})
-    varied = sorted({key for cell in cells for key in cell.training_overrides()})
-    if varied and not any(policy.demonstrations for policy in found.policies):
-        raise ValueError(f"{where}: training.{varied[0]} is varied, but no policy learns from demonstrations")
-    for cell in cells:
-        found.scenario_with(cell.scenario_overrides(), where)
-        for policy in found.policies:
-            plan_in(policy, cell, where)
-    return found
+    _check_cells(specification, where)
+    return specification
 
 
-def _policies(section: CheckedMapping, shared: Mapping[str, Any]) -> list[PolicyPlan]:
-    found = []
-    for name in section.values:
-        if not isinstance(name, str) or not name.strip() or not name.isprintable() or len(name) > 80:
-            raise section.error(brief(name), "no name", "a printable name of at most 80 characters")
-        if len(quote(name, safe="")) > MAX_FOLDER_NAME:
+def _document_violations(document: Document) -> Iterator[Violation]:
+    """Checks the values of the keys of a file."""
+    for name, chosen, known in (
+        ("arms", document.arms, [arm.value for arm in Arm]),
+        ("engines", document.engines, list(ENGINES)),
+        ("clearance_rules", document.clearance_rules, list(RULES)),
+    ):
+        if not set(chosen) <= set(known) or (not chosen and name != "clearance_rules"):
+            yield Violation(name, brief(chosen), f"a list of some of {known}")
+        yield from _repetitions(name, chosen)
+    yield from _outside("trials.first", document.trials.first, 0, 2**31 - 1)
+    yield from _outside("trials.number", document.trials.number, 1, MAX_TRIALS)
+    if not document.policies:
+        yield Violation("policies", "empty", "at least one, such as skill: {learn: {}}")
+    for name in document.policies:
+        if not isinstance(name, str) or not name.strip() or not name.isprintable() or len(name) > MAX_NAME:
+            yield Violation(f"policies.{brief(name)}", "no name", f"a printable one of at most {MAX_NAME} characters")
+        elif len(quote(name, safe="")) > MAX_FOLDER_NAME:
             limit = f"at most {MAX_FOLDER_NAME} bytes, percent-encoded: it is the name of a folder"
-            raise section.error(brief(name), "too long a name", limit)
-        found.append(_policy(name, section.section(name), shared))
-    if not found:
-        raise ValueError(f"{section.where}: policies is empty, expected at least one, such as skill: {{learn: {{}}}}")
-    return found
+            yield Violation(f"policies.{brief(name)}", "too long a name", limit)
 
 
-def _policy(name: str, own: CheckedMapping, shared: Mapping[str, Any]) -> PolicyPlan:
-    kinds = [kind for kind in ("learn", "skill", "make") if kind in own.values]
-    if len(kinds) != 1:
-        raise ValueError(f"{own.where}: {own.path} has {kinds or 'none'}, expected one of learn, skill and make")
-    learn, skill, make = own.section("learn"), own.optional("skill", str), own.optional("make", str)
-    options = dict(learn.values if kinds == ["learn"] else own.section("with").values if kinds == ["make"] else {})
-    if not all(isinstance(name, str) and _is_json(value) for name, value in options.items()):
-        raise ValueError(f"{own.where}: {own.path} has options {brief(options)}, expected names with plain values")
-    if make is not None and make.count(":") != 1:
-        raise own.error("make", brief(make), "an import path such as package.module:function")
-    teaches = kinds == ["learn"] or (make is not None and "demonstrations" in own.values)
-    given = own.section("demonstrations")
-    plan = read_plan(given, shared) if teaches else None
-    if not teaches and given.values:
-        raise ValueError(f"{own.where}: {given.path} is given, but a skill file has learnt already")
-    found = PolicyPlan(
+def _policy(name: str, given: Any, shared: dict[str, Any], where: str) -> PolicyPlan:
+    """Reads a section of ``policies``; ``shared`` are the demonstrations of the whole sweep."""
+    path = f"policies.{name}"
+    options = given.get("with") if isinstance(given, dict) and given.get("make") is not None else None
+    checked = {key: value for key, value in given.items() if key != "with"} if options is not None else given
+    check_document(checked, PolicySection, where, path)
+    own = PolicySection(**checked)
+    options = own.learn if own.make is None else options
+    teaches = own.learn is not None or (own.make is not None and own.demonstrations is not None)
+    raise_first(_policy_violations(own, options, path), where)
+    plan = read_plan({**shared, **(own.demonstrations or {})}, where, f"{path}.demonstrations") if teaches else None
+    return PolicyPlan(
         name=name,
-        skill=None if skill is None else Path(skill),
-        make=make,
-        options=options,
+        skill=None if own.skill is None else Path(own.skill),
+        make=own.make,
+        options=options or {},
         demonstrations=plan,
-        carried_over=own.take("carried_over", bool, False),
-        for_all_arms=make is not None and own.take("for_all_arms", bool, False),
+        carried_over=own.carried_over,
+        for_all_arms=own.for_all_arms,
     )
-    own.finish()
-    return found
 
 
-def read_plan(own: CheckedMapping, shared: Mapping[str, Any]) -> DemonstrationPlan:
-    """Reads the section ``demonstrations`` of a policy; keys that are missing are those of the whole sweep.
+def _policy_violations(own: PolicySection, options: Any, path: str) -> Iterator[Violation]:
+    kinds = [kind for kind in ("learn", "skill", "make") if getattr(own, kind) is not None]
+    if len(kinds) != 1:
+        yield Violation(path, f"made in {len(kinds)} ways {kinds}", "one of learn, skill and make")
+    if options is not None and not (isinstance(options, dict) and all(map(_is_plain, options.items()))):
+        yield Violation(f"{path}.{'learn' if own.make is None else 'with'}", brief(options), "names with plain values")
+    yield from _no_import_path(f"{path}.make", own.make)
+    if own.skill is not None and own.demonstrations:
+        yield Violation(f"{path}.demonstrations", "given", "none: a skill file has learnt already")
+    if own.for_all_arms and own.make is None:
+        yield Violation(f"{path}.for_all_arms", "true", "false: there is no function that could be told the arm")
+
+
+def read_plan(values: dict[str, Any], where: str, path: str) -> DemonstrationPlan:
+    """Reads a section ``demonstrations``; ``path`` is its name in the file.
 
     Raises:
         ValueError: naming the key and what is wrong.
     """
-    section = CheckedMapping({**shared, **own.values}, own.where, own.path)
-    good = section.count("good", GOOD, least=1, most=MAX_DEMONSTRATIONS)
-    bad = section.count("bad", BAD, least=0, most=MAX_DEMONSTRATIONS - good)
-    place = section.take("demonstrated_in", str, BASE)
-    if place not in PLACES:
-        raise section.error("demonstrated_in", brief(place), f"one of {list(PLACES)}")
-    plan = DemonstrationPlan(
-        sets=section.numbers("sets", (0,)),
-        good=good,
-        bad=bad,
-        size=section.count("size", good + bad, least=1, most=good + bad) if "size" in section.values else None,
-        divided=section.take("divided", bool, False),
-        demonstrated_in=place,
-        scenario=dict(section.section("scenario").values),
-        select=section.optional("select", str),
-    )
-    if plan.select is not None and plan.select.count(":") != 1:
-        raise section.error("select", brief(plan.select), "an import path such as package.module:function")
-    if not all(isinstance(key, str) for key in plan.scenario):
-        raise section.error("scenario", brief(plan.scenario), "dotted keys with values")
-    section.optional("size", int)
-    section.finish()
+    check_document(values, DemonstrationPlan, where, path)
+    plan = DemonstrationPlan(**values)
+    raise_first(_plan_violations(plan, path), where)
     return plan
 
 
-def _is_json(value: Any) -> bool:
-    """Whether a value can be written as JSON: dates cannot."""
+def _plan_violations(plan: DemonstrationPlan, path: str) -> Iterator[Violation]:
+    if not plan.sets or min(plan.sets) < 0:
+        yield Violation(f"{path}.sets", brief(plan.sets), "a list of whole numbers of at least 0")
+    yield from _repetitions(f"{path}.sets", plan.sets)
+    yield from _outside(f"{path}.good", plan.good, 1, MAX_DEMONSTRATIONS)
+    yield from _outside(f"{path}.bad", plan.bad, 0, MAX_DEMONSTRATIONS - plan.good)
+    yield from _outside(f"{path}.size", plan.size, 1, plan.good + plan.bad)
+    if plan.demonstrated_in not in PLACES:
+        yield Violation(f"{path}.demonstrated_in", brief(plan.demonstrated_in), f"one of {list(PLACES)}")
+    if not all(isinstance(key, str) for key in plan.scenario):
+        yield Violation(f"{path}.scenario", brief(plan.scenario), "dotted keys with values")
+    yield from _no_import_path(f"{path}.select", plan.select)
+
+
+def _outside(name: str, number: int | None, least: int, most: int) -> Iterator[Violation]:
+    if number is not None and not least <= number <= most:
+        yield Violation(name, number, f"{least} to {most}")
+
+
+def _repetitions(name: str, values: Iterable[Any]) -> Iterator[Violation]:
+    values = list(values)
+    if len(set(values)) < len(values):
+        yield Violation(name, brief(values), "each one once")
+
+
+def _no_import_path(name: str, value: str | None) -> Iterator[Violation]:
+    if value is not None and value.count(":") != 1:
+        yield Violation(name, brief(value), "an import path such as package.module:function")
+
+
+def _is_plain(option: tuple[Any, Any]) -> bool:
+    """Whether a name and a value can be written as JSON: dates cannot."""
     try:
-        json.dumps(value)
+        json.dumps(option[1])
     except TypeError:
         return False
-    return True
+    return isinstance(option[0], str)
+
+
+def _check_cells(specification: Specification, where: str) -> None:
+    """Checks that every cell has a scenario, and every policy its demonstrations there."""
+    varied = sorted({key for cell in specification.cells for key in cell.training_overrides()})
+    if varied and not any(policy.demonstrations for policy in specification.policies):
+        raise ValueError(f"{where}: training.{varied[0]} is varied, but no policy learns from demonstrations")
+    for cell in specification.cells:
+        specification.scenario_with(cell.scenario_overrides(), where)
+        for policy in specification.policies:
+            plan_in(policy, cell, where)
 
 
 def plan_in(policy: PolicyPlan, cell: Cell, where: str) -> DemonstrationPlan | None:
@@ -277,9 +338,7 @@ def plan_in(policy: PolicyPlan, cell: Cell, where: str) -> DemonstrationPlan | N
     plan, overrides = policy.demonstrations, cell.training_overrides()
     if plan is None or not overrides:
         return plan
-    given = {name: value for name, value in vars(plan).items() if value is not None}
-    given |= {"sets": list(plan.sets)}
-    return read_plan(CheckedMapping({**given, **overrides}, where, "training"), {})
+    return read_plan({**vars(plan), **overrides}, where, "training")
 
 
 def overridden(scenario: Scenario, overrides: Overrides, where: str) -> Scenario:

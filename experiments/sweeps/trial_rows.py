@@ -10,14 +10,14 @@ from datetime import UTC, datetime
 from functools import cache
 from typing import Any
 
-import pyarrow as pa
 from threadpoolctl import threadpool_limits
 
 from experiments.provenance import version_of, versions
-from experiments.sweeps.code_digest import first_digest, modules_of, values_digest
+from experiments.sweeps.code_digest import code_digest, modules_of, values_digest
 from experiments.sweeps.trial_engines import MUJOCO, RigBench
+from experiments.sweeps.trial_files import COUNTS, MEASURED_NUMBERS
 from experiments.trial import Arm, run_rig, trial_scenario
-from experiments.trial_result import COUNTS, NUMBERS, TrialResult
+from experiments.trial_result import TrialResult
 from models.scenario import Scenario, dump_scenario
 from skill.policy import RigPolicy
 
@@ -25,25 +25,6 @@ Row = dict[str, Any]
 
 _bench = RigBench()
 """The rig of this process."""
-
-MEASURED_NUMBERS = ("tilt_x_deg", "tilt_y_deg", *NUMBERS)
-
-SCHEMA = pa.schema(
-    [
-        *(("key", pa.string()), ("trial", pa.int64()), ("factors", pa.string()), ("inserted", pa.bool_())),
-        *(("outcome", pa.string()), ("fault", pa.string()), ("reason", pa.string()), ("trusted", pa.bool_())),
-        *((name, pa.float64()) for name in MEASURED_NUMBERS),
-        *((name, pa.int64()) for name in COUNTS),
-        *(("skill", pa.string()), ("states", pa.int64())),
-        *(("demonstration_set", pa.int64()), ("demonstrations", pa.int64())),
-        *(("train_s", pa.float64()), ("query_ms", pa.float64()), ("cpu_s", pa.float64())),
-        *((name, pa.float64()) for name in ("friction", "pivot_mm", "peg_radius_mm", "hole_radius_mm", "clearance")),
-        *((name, pa.float64()) for name in ("force_limit_n", "time_limit_s")),
-        *((name, pa.string()) for name in ("scenario", "versions", "code", "began")),
-    ]
-)
-"""The columns of every file; ``policy``, ``arm`` and ``engine`` are the names of its folders. docs/sweeps.md has their
-units and meanings."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +65,7 @@ def row_key(source_digest: str, number: int) -> str:
 @cache
 def trial_code() -> str:
     """Returns the digest of the code that simulates trials and makes policies, as this process found it first."""
-    return first_digest(trial_modules())
+    return code_digest(trial_modules())
 
 
 @cache

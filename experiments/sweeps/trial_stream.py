@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 import json
-import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 from experiments.sweeps.assignments import Assignment
-from experiments.sweeps.executors import Executor, LostWorkerError
-from experiments.sweeps.policy_store import WAIT, PolicyStore
-from experiments.sweeps.requirements import Requirements
+from experiments.sweeps.code_digest import Requirements
+from experiments.sweeps.policy_store import WAIT, PolicyStore, requirements_of
 from experiments.sweeps.result_blocks import Block, HeldBlock, hold
 from experiments.sweeps.trial_rows import Row, TrialSource, engine_versions, perform, trial_code
+from experiments.worker_pool import LostWorkerError, WorkerPool
 from skill.policy import RigPolicy
 from systems.control.faults import one_line
 
 WRITE_PERIOD = 1.0
 """Longest time that the row of a trial waits to be written, s."""
-
-Advance = Callable[[str], None]
-Place = tuple[Block, int]
-"""A trial: its block and number."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,7 @@ class TrialStream:
     Args:
         todo: assignments and the blocks that lack trials, with the number of trials that each lacks.
         store: of the policies.
-        executor: that runs the trials.
+        pool: whose workers perform the trials.
         advance: is called with a note for each row.
 
     Attributes:
@@ -79,17 +74,13 @@ class TrialStream:
         self,
         todo: list[tuple[Assignment, Block, int]],
         store: PolicyStore,
-        executor: Executor,
-        advance: Advance,
+        pool: WorkerPool,
+        advance: Callable[[str], None],
     ) -> None:
-        self._todo = [(assignment, block) for assignment, block, _ in todo]
-        self._expected = {block: lacking for _, block, lacking in todo}
-        self._store, self._executor, self._advance = store, executor, advance
+        self._todo, self._store, self._pool, self._advance = list(todo), store, pool, advance
         self._held: dict[Block, HeldBlock] = {}
-        self._busy: list[tuple[Assignment, Block]] = []
-        self._in_flight: dict[Place, TrialTask] = {}
-        self._given_up: set[Place] = set()
-        self._lock, self._pass_number = threading.Lock(), 0
+        self._in_flight: dict[tuple[Block, int], TrialTask] = {}
+        self._given_up: set[tuple[Block, int]] = set()
         self._written_at = time.monotonic()
         self.ended = Ended()
 
@@ -100,10 +91,11 @@ class TrialStream:
             OSError: if rows cannot be written. What was written stays.
         """
         try:
-            while self._todo or self._busy:
-                self._pass(self._tasks())
-                self._todo, self._busy = self._busy, []
-                if self._todo:
+            while self._todo:
+                busy: list[tuple[Assignment, Block, int]] = []
+                self._perform(self._tasks(busy))
+                self._todo = busy
+                if busy:
                     time.sleep(WAIT)
             return self.ended
         finally:
@@ -113,74 +105,46 @@ class TrialStream:
                 for held in list(self._held.values()):
                     held.release()
 
-    def _pass(self, tasks: Iterator[TrialTask]) -> None:
-        """Performs tasks; those that were under way when a worker died are performed again."""
+    def _perform(self, tasks: Iterator[TrialTask]) -> None:
+        """Performs tasks; those that were under way when a worker died are performed again, one at a time."""
         while True:
             try:
-                self._take(self._executor.run(self._begun(tasks)))
+                self._take(tasks)
                 return
             except LostWorkerError:
-                self._repeat()
+                for task in list(self._in_flight.values()):
+                    self._perform_alone(task)
 
-    def _repeat(self) -> None:
-        """Performs the tasks again that were under way: all together, and if workers die again one at a time."""
+    def _perform_alone(self, task: TrialTask) -> None:
+        """Performs a task; gives it up if its process dies."""
         try:
-            self._take(self._executor.run(self._begun(iter(self._lost()))))
-        except LostWorkerError:
-            self._repeat_singly()
+            self._take([task])
+        except LostWorkerError as error:
+            self._fail(task.block, task.number, f"its process died: {one_line(error)}")
 
-    def _lost(self) -> list[TrialTask]:
-        """Takes the tasks that were under way; no executor of an earlier pass gets another one."""
-        with self._lock:
-            self._pass_number += 1
-            lost = list(self._in_flight.values())
-            self._in_flight.clear()
-        return lost
-
-    def _repeat_singly(self) -> None:
-        for task in self._lost():
-            try:
-                self._take(self._executor.run(self._begun(iter([task]))))
-            except LostWorkerError as error:
-                self._in_flight.clear()
-                self._fail(task.block, task.number, f"its process died: {one_line(error)}")
-
-    def _begun(self, tasks: Iterator[TrialTask]) -> Iterator[TrialTask]:
-        """Yields tasks and notes that they are under way; ends when a later pass has begun.
-
-        An executor whose workers have died may still ask for tasks, from its own thread.
-        """
-        with self._lock:
-            self._pass_number += 1
-            number = self._pass_number
-
-        def pass_tasks() -> Iterator[TrialTask]:
-            while True:
-                with self._lock:
-                    task = next(tasks, None) if number == self._pass_number else None
-                    if task is None:
-                        return
-                    self._in_flight[task.block, task.number] = task
-                yield task
-
-        return pass_tasks()
-
-    def _take(self, results: Iterator[tuple[Block, int, Row | str] | None]) -> None:
-        """Takes results as they come, and writes them."""
-        for result in results:
+    def _take(self, tasks: Iterable[TrialTask]) -> None:
+        """Takes the results of tasks as they come, and writes them."""
+        for result in self._pool.run(self._begun(tasks)):
             if result is not None:
                 block, number, row = result
-                self._in_flight.pop((block, number), None)
                 if isinstance(row, str):
                     self._fail(block, number, row)
                 else:
+                    self._in_flight.pop((block, number), None)
                     self._held[block].add(row)
             self._write()
         self._write(now=True)
 
+    def _begun(self, tasks: Iterable[TrialTask]) -> Iterator[TrialTask]:
+        """Yields tasks and notes that they are under way."""
+        for task in tasks:
+            self._in_flight[task.block, task.number] = task
+            yield task
+
     def _fail(self, block: Block, number: int, reason: str) -> None:
-        self.ended.failures[reason] += 1
+        self._in_flight.pop((block, number), None)
         self._given_up.add((block, number))
+        self.ended.failures[reason] += 1
         self._advance(f"trial {number}: {reason}")
 
     def _write(self, *, now: bool = False) -> None:
@@ -194,8 +158,8 @@ class TrialStream:
             except OSError as error:
                 errors.append(error)
                 continue
+            self.ended.written += count
             for _ in range(count):
-                self.ended.written += 1
                 self._advance(held.title)
             if all((block, number) in self._given_up for number in held.missing):
                 held.release()
@@ -204,35 +168,31 @@ class TrialStream:
         if errors:
             raise errors[0]
 
-    def _tasks(self) -> Iterator[TrialTask]:
-        """Yields the missing trials of the blocks that no other sweep holds."""
-        while self._todo:
-            assignment, block = self._todo.pop(0)
+    def _tasks(self, busy: list[tuple[Assignment, Block, int]]) -> Iterator[TrialTask]:
+        """Yields the missing trials of the blocks that no other sweep holds; the others become ``busy``."""
+        for assignment, block, expected in self._todo:
             held = hold(block, assignment.source.name)
             if held is None:
-                self._count_elsewhere(block, len(block.missing()))
-                self._busy.append((assignment, block))
+                busy.append((assignment, block, expected))
                 continue
             missing = sorted(held.missing)
-            self._count_elsewhere(block, len(missing))
+            self.ended.elsewhere += expected - len(missing)
+            for _ in range(expected - len(missing)):
+                self._advance("by another sweep")
             if not missing:
                 held.release()
                 continue
-            made, seed = self._store.policy(assignment.policy), assignment.policy.demonstrations
-            requirements = Requirements.of_policy(assignment.source.engine, assignment.policy.plan)
-            stored_versions = json.dumps(engine_versions(assignment.source.engine))
-            known = {
-                **{"skill": assignment.policy.digest, "demonstrations": made.demonstrations},
-                **{"demonstration_set": None if seed is None else seed.seed, "train_s": made.train_s},
-                **{"query_ms": made.query_ms, "code": trial_code(), "versions": stored_versions},
-            }
             self._held[block] = held
+            policy, taught_by = self._store.policy(assignment.policy), assignment.policy.demonstrations
+            known = {
+                "skill": assignment.policy.digest,
+                "demonstrations": policy.demonstrations,
+                "demonstration_set": None if taught_by is None else taught_by.seed,
+                "train_s": policy.train_s,
+                "query_ms": policy.query_ms,
+                "code": trial_code(),
+                "versions": json.dumps(engine_versions(assignment.source.engine)),
+            }
+            requirements = requirements_of(assignment.source.engine, assignment.policy.plan)
             for number in missing:
-                yield TrialTask(block, number, assignment.source, made.policy, known, requirements)
-
-    def _count_elsewhere(self, block: Block, lacking: int) -> None:
-        """Counts the trials of a block that another sweep has written."""
-        for _ in range(self._expected[block] - lacking):
-            self.ended.elsewhere += 1
-            self._advance("by another sweep")
-        self._expected[block] = lacking
+                yield TrialTask(block, number, assignment.source, policy.policy, known, requirements)

@@ -14,7 +14,7 @@ from scipy.stats import binomtest
 
 from experiments.trial_result import PHYSICS, TrialResult
 from interfaces.reports.histogram import histogram
-from interfaces.reports.page_template import definitions, fill_page, tiles
+from interfaces.reports.page_template import definitions, fill_page, svg_element, tiles
 from interfaces.reports.result_tables import known, median
 from skill.arrays import Array
 from skill.states.state_style import state_colours
@@ -177,7 +177,7 @@ def _histogram_panel(results: Sequence[TrialResult], title: str, unit: str, fiel
     if not known_results:
         return ""
     values = np.array([getattr(r, field) for r in known_results], dtype=float)
-    svg = histogram(values, np.array([r.inserted for r in known_results]), unit=unit)
+    svg = svg_element(histogram(values, np.array([r.inserted for r in known_results]), unit=unit))
     return f'<div class="panel"><h3>{title}{f" ({unit})" if unit else ""}</h3>{svg}</div>'
 
 

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import html
+import io
 import json
+import re
 from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from string import Template
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def fill_page(name: str, **values: str) -> str:
@@ -44,6 +49,18 @@ def script_value(value: Any) -> str:
     JSON with every ``<`` escaped, so that no text in it can end or reopen the element.
     """
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def svg_element(figure: Figure) -> str:
+    """Returns a figure of Matplotlib as an SVG element that is as wide as there is room; its texts stay texts."""
+    from matplotlib import rc_context
+
+    file = io.StringIO()
+    with rc_context({"svg.fonttype": "none", "svg.hashsalt": "haptic-skill"}):
+        figure.savefig(file, format="svg", transparent=True)
+    element = file.getvalue()
+    element = re.sub(r"<metadata>.*?</metadata>", "", element[element.index("<svg") :], flags=re.DOTALL)
+    return re.sub(r' (?:width|height)="[\d.]+pt"', "", element, count=2)
 
 
 def _read(name: str) -> str:

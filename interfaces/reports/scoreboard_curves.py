@@ -1,16 +1,18 @@
-"""Curves over a factor of a sweep: one line per policy, as inline SVG that also reads in black and white."""
+"""Curves over a factor of a sweep: one line per policy, which also differ in black and white."""
 
 from __future__ import annotations
 
-import html
 import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from experiments.scoreboard.columns import shown
-from experiments.scoreboard.summary import Cell, Scoreboard, Summary, Table, numeric_factors
-from interfaces.reports.round_step import round_step
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.transforms import ScaledTranslation
+
+from experiments.scoreboard.summary import Cell, Scoreboard, Summary, Table, factor_name, numeric_factors
 
 MIN_VALUES = 3
 """Smallest number of values of a factor that makes a curve."""
@@ -18,22 +20,14 @@ MIN_VALUES = 3
 LOGARITHMIC = 25.0
 """Ratio of the largest to the smallest value from which the axis of a factor is logarithmic."""
 
-WIDTH, HEIGHT = 380, 236  # in units of the drawing
-LEFT, RIGHT, TOP, BOTTOM = 40, 14, 30, 40  # margins, in units of the drawing
-CHARACTER, GAP = 6.5, 8.0  # width of a character of a label, least gap between two; in units of the drawing
-DODGE = 2.5  # sideways distance of the intervals of neighbouring policies, in units of the drawing
-COLOURS = 6  # of the style sheet
-
-DASHES = ("", "7 3", "2 3", "9 3 2 3", "14 4")
-MARKERS = (  # outlines around the origin
-    "M-3.5,0a3.5,3.5 0 1,0 7,0a3.5,3.5 0 1,0 -7,0Z",
-    "M-3.2,-3.2H3.2V3.2H-3.2Z",
-    "M0,-4.2L4,3H-4Z",
-    "M0,-4.4L4.4,0L0,4.4L-4.4,0Z",
-    "M0,4.2L4,-3H-4Z",
-    "M-1.4,-4H1.4V-1.4H4V1.4H1.4V4H-1.4V1.4H-4V-1.4H-1.4Z",
-    "M0,-4.4L4.2,-1.4L2.6,3.6H-2.6L-4.2,-1.4Z",
-)
+PANEL_SIZE = (3.9, 2.5)  # in units of inches
+LEAST_GAP = 0.09  # between the labels of two values, over the width of the axis
+DODGE = 2.0  # sideways distance of the intervals of neighbouring policies, in units of points
+INK, FAINT, LINE = "#1d2329", "#56616b", "#d3dae0"
+COLOURS = ("#0072b2", "#c04a00", "#00795a", "#9b3a78", "#7a5c00", "#3a3f44")
+DASHES = ("-", "--", ":", "-.")
+MARKERS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "p": "⬟"}
+"""Markers of Matplotlib, and the character that shows each in the key of a page."""
 
 
 @dataclass(frozen=True)
@@ -60,29 +54,37 @@ class Quantity:
     Attributes:
         title: with the unit.
         value: what is drawn; NaN leaves a gap.
-        interval: drawn as a bar.
-        top: end of the axis; None for the largest value.
-        digits: of the tooltip.
+        has_interval: whether the interval of the share is drawn.
     """
 
     title: str
     value: Callable[[Summary], float]
-    interval: Callable[[Summary], tuple[float, float]] | None
-    top: float | None
-    digits: int
+    has_interval: bool = False
 
 
 QUANTITIES = (
-    Quantity(
-        "inserted (%), bars: 95 % Wilson interval",
-        lambda s: 100 * s.share,
-        lambda s: (100 * s.interval[0], 100 * s.interval[1]),
-        100.0,
-        0,
-    ),
-    Quantity("median time of the insertions (s)", lambda s: s.time, None, None, 2),
-    Quantity("median peak load (N)", lambda s: s.load, None, None, 1),
+    Quantity("inserted (%), bars: 95 % Wilson interval", lambda s: 100 * s.share, has_interval=True),
+    Quantity("median time of the insertions (s)", lambda s: s.numbers["time"]),
+    Quantity("median peak load (N)", lambda s: s.numbers["load"]),
 )
+
+
+@dataclass(frozen=True)
+class Style:
+    """How a policy is drawn."""
+
+    colour: str
+    dash: str
+    marker: str
+
+
+def styles_of(policies: Sequence[str]) -> dict[str, Style]:
+    """Returns a style for each policy; the styles of the first 28 differ without colour."""
+    markers = list(MARKERS)
+    return {
+        policy: Style(COLOURS[k % len(COLOURS)], DASHES[k % len(DASHES)], markers[k % len(markers)])
+        for k, policy in enumerate(policies)
+    }
 
 
 def curves_of(board: Scoreboard) -> list[Curve]:
@@ -113,116 +115,71 @@ def _curve(factor: str, title: str, tables: Sequence[Table]) -> Curve:
     )
 
 
-def draw_curve(curve: Curve, styles: dict[str, int]) -> str:
-    """Returns the panels of a curve and their key as HTML.
-
-    Args:
-        curve: what to draw.
-        styles: number of the style of each policy; the same on the whole page.
-    """
-    panels = "".join(f'<div class="panel">{_panel(curve, quantity, styles)}</div>' for quantity in QUANTITIES)
-    key = "".join(f"<span>{_sample(styles[policy])} {html.escape(policy)}</span>" for policy in curve.summaries)
-    return f'<div class="curve"><div class="panels">{panels}</div><p class="key">{key}</p></div>'
+def panel_figures(curve: Curve, styles: dict[str, Style]) -> list[Figure]:
+    """Returns a figure for each of the `QUANTITIES`; ``styles`` are those of all policies of the page."""
+    figures = []
+    for quantity in QUANTITIES:
+        figure = Figure(figsize=PANEL_SIZE, layout="constrained")
+        _draw(figure.subplots(), curve, quantity, styles)
+        figures.append(figure)
+    return figures
 
 
-def _panel(curve: Curve, quantity: Quantity, styles: dict[str, int]) -> str:
-    """One quantity over the factor."""
-    points = {policy: _points(curve, quantity, policy) for policy in curve.summaries}
-    largest = max([1e-9, *(quantity.value(s) for found in points.values() for _, s in found)])
-    step = round_step(quantity.top or largest, 5)
-    top = quantity.top or step * math.ceil(largest / step - 1e-9)
-    x = _axis(curve.values)
+def curve_figure(curve: Curve, styles: dict[str, Style]) -> Figure:
+    """Returns one figure with all panels side by side, a heading and a key."""
+    width, height = PANEL_SIZE
+    figure = Figure(figsize=(width * len(QUANTITIES), height + 0.8), layout="constrained")
+    panels = figure.subplots(1, len(QUANTITIES))
+    for axes, quantity in zip(panels, QUANTITIES, strict=True):
+        _draw(axes, curve, quantity, styles)
+    figure.suptitle(f"{factor_name(curve.factor)}; {curve.title}", color=INK, fontsize=11, parse_math=False)
+    lines, labels = panels[-1].get_legend_handles_labels()
+    figure.legend(lines, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    return figure
 
-    def y(value: float) -> float:
-        return TOP + (HEIGHT - TOP - BOTTOM) * (1.0 - value / top)
 
-    lines = [
-        f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y(k * step):.1f}" y2="{y(k * step):.1f}"/>'
-        f'<text x="{LEFT - 6}" y="{y(k * step) + 4:.1f}" text-anchor="end">{k * step:g}</text>'
-        for k in range(round(top / step) + 1)
-    ]
-    for number, (policy, found) in enumerate(points.items()):
-        shift = DODGE * (number - 0.5 * (len(points) - 1)) if quantity.interval else 0.0
-        places = [x(value) + shift for value, _ in found]
+def _draw(axes: Axes, curve: Curve, quantity: Quantity, styles: dict[str, Style]) -> None:
+    """Draws one quantity over the factor."""
+    for number, (policy, summaries) in enumerate(curve.summaries.items()):
         style = styles[policy]
-        joined = [k > 0 and _are_neighbours(curve, found[k - 1][0], value) for k, (value, _) in enumerate(found)]
-        path = "".join(
-            f"{'L' if join else 'M'}{px:.1f},{y(quantity.value(s)):.1f}"
-            for join, px, (_, s) in zip(joined, places, found, strict=True)
+        shift = DODGE * (number - 0.5 * (len(curve.summaries) - 1)) if quantity.has_interval else 0.0
+        place = axes.transData + ScaledTranslation(shift / 72.0, 0.0, axes.figure.dpi_scale_trans)
+        values = np.array([math.nan if s is None else quantity.value(s) for s in summaries])
+        axes.plot(
+            curve.values,
+            values,
+            color=style.colour,
+            linestyle=style.dash,
+            marker=style.marker,
+            markerfacecolor="white",
+            markersize=5,
+            linewidth=1.4,
+            label=policy,
+            transform=place,
         )
-        dashes = DASHES[style % len(DASHES)]
-        line = f'<path class="line" d="{path}" stroke-dasharray="{dashes}"/>' if found else ""
-        marks = [_mark(curve.factor, quantity, px, *point, y, style) for px, point in zip(places, found, strict=True)]
-        lines.append(f'<g class="series-{style % COLOURS}">{line}{"".join(marks)}</g>')
-    label = f"{quantity.title} over {curve.factor}; {curve.title}"
-    return (
-        f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{html.escape(label)}">'
-        f'<text class="title" x="2" y="14">{html.escape(quantity.title)}</text>{"".join(lines)}'
-        f"{_ticks(curve.values, x, y(0.0))}"
-        f'<text x="{0.5 * (LEFT + WIDTH - RIGHT)}" y="{HEIGHT - 6}" text-anchor="middle">'
-        f"{html.escape(curve.factor)}</text></svg>"
-    )
+        axes.update_datalim(np.column_stack([curve.values, np.nan_to_num(values)]))
+        if quantity.has_interval:
+            low, high = ([math.nan if s is None else 100 * s.interval[end] for s in summaries] for end in (0, 1))
+            axes.vlines(curve.values, low, high, color=style.colour, linewidth=1.0, transform=place)
+    axes.autoscale_view()
+    axes.set_title(quantity.title, loc="left", fontsize=9, color=INK)
+    axes.set_xlabel(factor_name(curve.factor), fontsize=9, color=FAINT, parse_math=False)
+    _set_scale(axes, curve.values)
+    axes.set_ylim(0.0, 105.0 if quantity.has_interval else None)
+    axes.tick_params(colors=FAINT, labelsize=8)
+    axes.grid(axis="y", color=LINE)
+    axes.spines[:].set_visible(False)
 
 
-def _points(curve: Curve, quantity: Quantity, policy: str) -> list[tuple[float, Summary]]:
-    """The values of the factor at which a policy has the quantity, with its summaries."""
-    pairs = zip(curve.values, curve.summaries[policy], strict=True)
-    return [(value, s) for value, s in pairs if s is not None and not math.isnan(quantity.value(s))]
-
-
-def _are_neighbours(curve: Curve, first: float, second: float) -> bool:
-    """Whether no value of the factor lies between two."""
-    return curve.values.index(second) - curve.values.index(first) == 1
-
-
-def _mark(
-    factor: str,
-    quantity: Quantity,
-    px: float,
-    value: float,
-    summary: Summary,
-    y: Callable[[float], float],
-    style: int,
-) -> str:
-    """The marker of a point, with its interval and a tooltip."""
-    bar = ""
-    if quantity.interval is not None:
-        low, high = quantity.interval(summary)
-        bar = f'<line x1="{px:.1f}" x2="{px:.1f}" y1="{y(low):.1f}" y2="{y(high):.1f}"/>'
-    number = quantity.value(summary)
-    told = f"{summary.policy}, {factor} {value:g}: {shown(number, quantity.digits)} ({summary.trials} trials)"
-    place = f"translate({px:.1f},{y(number):.1f})"
-    outline = MARKERS[style % len(MARKERS)]
-    return f'{bar}<path class="marker" d="{outline}" transform="{place}"><title>{html.escape(told)}</title></path>'
-
-
-def _sample(style: int) -> str:
-    """The line and the marker of a policy, for the key."""
-    return (
-        f'<svg class="sample series-{style % COLOURS}" viewBox="-22 -7 44 14" aria-hidden="true">'
-        f'<path class="line" d="M-22,0H22" stroke-dasharray="{DASHES[style % len(DASHES)]}"/>'
-        f'<path class="marker" d="{MARKERS[style % len(MARKERS)]}"/></svg>'
-    )
-
-
-def _axis(values: Sequence[float]) -> Callable[[float], float]:
-    """The place of a value of the factor; logarithmic for positive values that differ much."""
-    logarithmic = values[0] > 0.0 and values[-1] >= LOGARITHMIC * values[0]
-    scale: Callable[[float], float] = math.log if logarithmic else float
-    low, high = scale(values[0]), scale(values[-1])
-    inner = WIDTH - LEFT - RIGHT - 24  # points keep off the ends
-    return lambda value: LEFT + 12 + inner * (scale(value) - low) / (high - low)
-
-
-def _ticks(values: Sequence[float], x: Callable[[float], float], bottom: float) -> str:
-    """The values of the factor below the axis, as far as there is room for them."""
-    parts, end = [], -math.inf
-    for value in values:
-        px = x(value)
-        parts.append(f'<line class="axis" x1="{px:.1f}" x2="{px:.1f}" y1="{bottom:.1f}" y2="{bottom + 4:.1f}"/>')
-        label = f"{value:g}"
-        half = 0.5 * CHARACTER * len(label)
-        if px - half >= end + GAP:
-            parts.append(f'<text x="{px:.1f}" y="{bottom + 16:.1f}" text-anchor="middle">{label}</text>')
-            end = px + half
-    return "".join(parts)
+def _set_scale(axes: Axes, values: Sequence[float]) -> None:
+    """Chooses the scale of the factor, and labels its values as far as there is room for them."""
+    if values[0] > 0.0 and values[-1] >= LOGARITHMIC * values[0]:
+        axes.set_xscale("log")
+    places = axes.transScale.transform([(value, 1.0) for value in values])[:, 0]
+    shares = (places - places[0]) / (places[-1] - places[0])
+    labelled = [0]
+    for k in range(1, len(values)):
+        if shares[k] - shares[labelled[-1]] >= LEAST_GAP:
+            labelled.append(k)
+    axes.set_xticks([values[k] for k in labelled], [f"{values[k]:g}" for k in labelled])
+    axes.minorticks_off()

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
-from urllib.parse import quote
 
 from experiments.scoreboard.columns import COLUMNS
 from experiments.scoreboard.queries import sweep_commands, table_sql
 from experiments.scoreboard.summary import Row, Scoreboard, Table
-from interfaces.reports.scoreboard_page import about, board_title, link, warnings
+from interfaces.reports.scoreboard_page import about, address, board_title, link, warnings
 
 
 def scoreboard_markdown(board: Scoreboard, out: Path) -> str:
@@ -30,10 +28,7 @@ def _sweeps(board: Scoreboard, out: Path) -> str:
     """The commands that make the trials."""
     if not board.sweeps:
         return ""
-    specifications = []
-    for sweep in board.sweeps:
-        relative = os.path.relpath(sweep.path.resolve(), out.parent.resolve())
-        specifications.append(f"[{_plain(sweep.title)}]({quote(Path(relative).as_posix())})")
+    specifications = [f"[{_plain(sweep.title)}]({address(sweep.path, out)})" for sweep in board.sweeps]
     commands = "\n".join(f"    {command}" for command in sweep_commands(board))
     return f"The trials are those of {', '.join(specifications)}:\n\n{commands}"
 
@@ -53,8 +48,8 @@ def _table(table: Table, board: Scoreboard, out: Path) -> str:
 def _row(row: Row, board: Scoreboard, out: Path) -> str:
     cells = [f"[{_plain(row.summary.policy)}]({link(board, row, out)})"]
     for column in COLUMNS:
-        note = column.note(row)
-        cells.append(_plain(f"{column.text(row)} ({note})" if note else column.text(row)))
+        note = row.note(column)
+        cells.append(_plain(f"{row.text(column)} ({note})" if note else row.text(column)))
     return f"| {' | '.join(cells)} |"
 
 

@@ -12,10 +12,11 @@ from pathlib import Path
 from urllib.parse import quote, unquote
 
 from experiments.scoreboard.columns import COLUMNS, Column
-from experiments.scoreboard.queries import cell_commands, partition, sweep_commands
-from experiments.scoreboard.summary import Row, Scoreboard, Table
-from interfaces.reports.page_template import fill_page
-from interfaces.reports.scoreboard_curves import curves_of, draw_curve
+from experiments.scoreboard.queries import cell_commands, sweep_commands
+from experiments.scoreboard.summary import Row, Scoreboard, Table, factor_name
+from experiments.sweeps.trial_files import partition
+from interfaces.reports.page_template import fill_page, svg_element
+from interfaces.reports.scoreboard_curves import MARKERS, Curve, Style, curves_of, panel_figures, styles_of
 
 FORCES = ("contact", "load", "mean load", "above 20 N")
 """Columns that say little where the physics is not trusted."""
@@ -26,20 +27,14 @@ DIGEST = 12
 
 def scoreboard_page(board: Scoreboard, out: Path) -> str:
     """Returns the page as HTML text, which needs no other file; links lead from ``out`` to the files of the trials."""
-    curves = curves_of(board)
-    policies = sorted({row.summary.policy for table in board.tables for row in table.rows})
-    styles = {policy: number for number, policy in enumerate(policies)}
+    styles = styles_of(sorted({row.summary.policy for table in board.tables for row in table.rows}))
     return fill_page(
         "scoreboard",
         title=html.escape(board_title(board)),
         about=html.escape(about(board)),
         warnings="".join(f'<p class="warning">{html.escape(text)}</p>' for text in warnings(board)),
         contents=_contents(board.tables),
-        curves="".join(
-            f"<section><h2>{html.escape(curve.factor)}</h2>"
-            f'<p class="about">{html.escape(curve.title)}</p>{draw_curve(curve, styles)}</section>'
-            for curve in curves
-        ),
+        curves="".join(_curve(curve, styles) for curve in curves_of(board)),
         tables="\n".join(_table(number, table, board, out) for number, table in enumerate(board.tables)),
         reference=html.escape(board.reference),
         columns="".join(
@@ -93,12 +88,32 @@ def warnings(board: Scoreboard) -> list[str]:
     return found
 
 
+def address(path: Path, out: Path) -> str:
+    """The address of a file, relative to the page."""
+    return quote(Path(os.path.relpath(path.resolve(), out.parent.resolve())).as_posix())
+
+
 def link(board: Scoreboard, row: Row, out: Path) -> str:
     """The address of the file of a row's trials, or of their folder if there are several, relative to the page."""
-    folder = partition(board.folder, row.summary.policy, row.summary.cell)
+    cell = row.summary.cell
+    folder = partition(board.folder, row.summary.policy, cell.arm, cell.engine)
     files = list(folder.glob("*.parquet"))
-    relative = os.path.relpath((files[0] if len(files) == 1 else folder).resolve(), out.parent.resolve())
-    return "/".join(quote(part) for part in Path(relative).parts) + ("" if len(files) == 1 else "/")
+    return address(files[0], out) if len(files) == 1 else f"{address(folder, out)}/"
+
+
+def _curve(curve: Curve, styles: dict[str, Style]) -> str:
+    """A section with the panels of a curve, and which policy is which line."""
+    panels = "".join(f'<div class="panel">{svg_element(figure)}</div>' for figure in panel_figures(curve, styles))
+    key = "".join(
+        f'<span><i style="color: {style.colour}">{MARKERS[style.marker]}</i>{html.escape(policy)}</span>'
+        for policy, style in styles.items()
+        if policy in curve.summaries
+    )
+    return (
+        f'<section class="curve"><h2>Over the {html.escape(factor_name(curve.factor))}</h2>'
+        f'<p class="about">{html.escape(curve.title)}</p><div class="panels">{panels}</div>'
+        f'<p class="key">{key}</p></section>'
+    )
 
 
 def _contents(tables: list[Table]) -> str:
@@ -124,53 +139,58 @@ def _table(number: int, table: Table, board: Scoreboard, out: Path) -> str:
 
 def _heading(column: Column) -> str:
     first = "ascending" if column.low_is_good else "descending"
+    style = "" if column.is_main else "more"
     return (
-        f'<th scope="col" title="{html.escape(column.tip)}"><button type="button" data-first="{first}">'
+        f'<th scope="col" class="{style}" title="{html.escape(column.tip)}"><button type="button" data-first="{first}">'
         f"{html.escape(column.name)}<small>{html.escape(column.unit)}</small></button></th>"
     )
 
 
 def _row(how: str, row: Row, board: Scoreboard, out: Path) -> str:
     """The table row of a policy."""
-    policy, address = row.summary.policy, link(board, row, out)
+    policy, trials = row.summary.policy, link(board, row, out)
     role = "reference, " if policy == board.reference else ""
     head = (
-        f'<th scope="row" class="text"><a href="{address}">{html.escape(policy)}</a>'
+        f'<th scope="row" class="text"><a href="{trials}">{html.escape(policy)}</a>'
         f'<small>{role}<a href="#{how}">commands</a></small></th>'
     )
-    cells = "".join(_cell(column, row, board, address) for column in COLUMNS)
+    cells = "".join(_cell(column, row, board, trials) for column in COLUMNS)
     return f"<tr>{head}{cells}</tr>"
 
 
-def _cell(column: Column, row: Row, board: Scoreboard, address: str) -> str:
+def _cell(column: Column, row: Row, board: Scoreboard, trials: str) -> str:
     """A cell: the number links the trials, and its title tells how it was made."""
-    key, s = column.key(row), row.summary
+    key, s = row.key(column), row.summary
     doubtful = column.name in FORCES and s.untrusted > 0
-    style = "doubtful" if doubtful else "words" if column.name == "faults" else ""
+    style = " ".join(
+        name
+        for name, applies in (("more", not column.is_main), ("doubtful", doubtful), ("words", column.name == "faults"))
+        if applies
+    )
     title = [
         column.tip,
         *([f"{s.untrusted} of {s.trials} trials not trusted"] if doubtful else []),
         *([f"recompute: {column.sql}"] if column.sql else []),
         *(f"made by: {command}" for command in sweep_commands(board)),
     ]
-    note = column.note(row)
+    note = row.note(column)
     return (
         f'<td class="{style}" data-key="{"" if math.isnan(key) else f"{key:.9g}"}">'
-        f'<a href="{address}" title="{html.escape(chr(10).join(title))}">{html.escape(column.text(row))}</a>'
+        f'<a href="{trials}" title="{html.escape(chr(10).join(title))}">{html.escape(row.text(column))}</a>'
         f"{f'<small>{html.escape(note)}</small>' if note else ''}</td>"
     )
 
 
 def _how(how: str, row: Row, board: Scoreboard, out: Path) -> str:
     """The commands behind a row, folded."""
-    s, address = row.summary, link(board, row, out)
+    s, trials = row.summary, link(board, row, out)
     commands = "".join(
         f"<dt>{html.escape(name)}</dt><dd><pre>{html.escape(command)}</pre></dd>"
         for name, command in cell_commands(board, s.policy, s.cell)
     )
     return (
         f'<details class="row"><summary>{html.escape(s.policy)}</summary><dl id="{how}">'
-        f'<dt>trials</dt><dd><a href="{address}">{html.escape(unquote(address))}</a></dd>'
+        f'<dt>trials</dt><dd><a href="{trials}">{html.escape(unquote(trials))}</a></dd>'
         f"{commands}</dl></details>"
     )
 
@@ -179,11 +199,9 @@ def _sweeps(board: Scoreboard, out: Path) -> str:
     """The stored specifications with the commands that make their trials."""
     if not board.sweeps:
         return "<p>none stored</p>"
-    items = []
-    for sweep, command in zip(board.sweeps, sweep_commands(board), strict=True):
-        relative = os.path.relpath(sweep.path.resolve(), out.parent.resolve())
-        address = "/".join(quote(part) for part in Path(relative).parts)
-        items.append(
-            f'<dt><a href="{address}">{html.escape(sweep.title)}</a></dt><dd><pre>{html.escape(command)}</pre></dd>'
-        )
-    return f"<dl>{''.join(items)}</dl>"
+    items = "".join(
+        f'<dt><a href="{address(sweep.path, out)}">{html.escape(sweep.title)}</a></dt>'
+        f"<dd><pre>{html.escape(command)}</pre></dd>"
+        for sweep, command in zip(board.sweeps, sweep_commands(board), strict=True)
+    )
+    return f"<dl>{items}</dl>"

@@ -9,19 +9,16 @@ from experiments.scoreboard.columns import COLUMNS
 from experiments.scoreboard.summary import Scoreboard, Table
 from interfaces.reports.result_tables import plain_table
 
-SHOWN = ("inserted", "against", "time", "slower by", "score", "load", "physics")
-"""Names of the columns at the terminal."""
-
 
 def terminal_table(table: Table, board: Scoreboard) -> RichTable:
     """One row per policy; below a number what stands below it on the page."""
-    columns = [column for column in COLUMNS if column.name in SHOWN]
+    columns = [column for column in COLUMNS if column.is_main]
     found = plain_table(table.cell.title)
     found.add_column("policy", overflow="fold")
     for column in columns:
         found.add_column(f"{column.name}\n({column.unit})", justify="right")
     for row in table.rows:
         name = f"{row.summary.policy} (reference)" if row.summary.policy == board.reference else row.summary.policy
-        cells = [f"{column.text(row)}\n{column.note(row)}".strip() for column in columns]
+        cells = [f"{row.text(column)}\n{row.note(column)}".strip() for column in columns]
         found.add_row(Text(name), *(Text(cell, justify="right") for cell in cells))
     return found

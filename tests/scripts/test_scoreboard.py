@@ -23,7 +23,7 @@ def test_page_and_markdown_are_written_and_the_results_unchanged(results, tmp_pa
     assert files(tmp_path) == ["a.html", "docs/a.md"]
     assert files(results) == before
     assert "scoreboard of 300 trials, compared with CA states, contexts + LWR" in done.stdout
-    assert "contact.friction 0.2" in done.stdout
+    assert "friction 0.2" in done.stdout
     assert f"{LEARNT} (reference)" in done.stdout
     assert LAW in done.stdout
     scoreboard(results, "--out", tmp_path / "a.html", "--markdown", tmp_path / "docs" / "a.md")  # replaces its own

@@ -1,54 +1,13 @@
 """Folders of results as `haptic-skill sweep` writes them, with simulated trials."""
 
 import json
-from urllib.parse import quote
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-SCHEMA = pa.schema(
-    [
-        ("key", pa.string()),
-        ("trial", pa.int64()),
-        ("factors", pa.string()),
-        ("demonstration_set", pa.int64()),
-        ("demonstrations", pa.int64()),
-        ("skill", pa.string()),
-        ("train_s", pa.float64()),
-        ("states", pa.int64()),
-        ("query_ms", pa.float64()),
-        ("seed", pa.int64()),
-        ("tilt_x_deg", pa.float64()),
-        ("tilt_y_deg", pa.float64()),
-        ("time_s", pa.float64()),
-        ("depth_mm", pa.float64()),
-        ("penetration_um", pa.float64()),
-        ("peak_contact_n", pa.float64()),
-        ("peak_load_n", pa.float64()),
-        ("mean_load_n", pa.float64()),
-        ("seconds_above_20n", pa.float64()),
-        ("wedged_s", pa.float64()),
-        ("path_mm", pa.float64()),
-        ("jerk_ms3", pa.float64()),
-        ("field_score", pa.float64()),
-        ("steps", pa.int64()),
-        ("lost_steps", pa.int64()),
-        ("back_offs", pa.int64()),
-        ("trusted", pa.bool_()),
-        ("outcome", pa.string()),
-        ("fault", pa.string()),
-        ("reason", pa.string()),
-        ("inserted", pa.bool_()),
-        ("cpu_s", pa.float64()),
-        ("clearance", pa.float64()),
-        ("time_limit_s", pa.float64()),
-        ("scenario", pa.string()),
-        ("versions", pa.string()),
-        ("code", pa.string()),
-        ("began", pa.string()),
-    ]
-)
+from experiments.sweeps.trial_files import SCHEMA, partition
+
 PLAIN = {
     **{"factors": "{}", "demonstration_set": None, "demonstrations": None, "skill": "s0", "train_s": None},
     **{"states": 6, "query_ms": None, "tilt_x_deg": 1.0, "tilt_y_deg": -2.0, "time_s": 2.5, "depth_mm": 24.7},
@@ -66,7 +25,7 @@ LAW = "straight push <b>"
 
 def write_trials(folder, rows, *, policy=LEARNT, arm="default", engine="drake", block="0000"):
     """Writes rows, each a dictionary of what differs from a plain insertion, as one file; returns its path."""
-    place = folder / "trials" / f"policy={quote(policy, safe='')}" / f"arm={arm}" / f"engine={engine}"
+    place = partition(folder, policy, arm, engine)
     place.mkdir(parents=True, exist_ok=True)
     path = place / f"{block}.parquet"
     full = []
@@ -74,7 +33,7 @@ def write_trials(folder, rows, *, policy=LEARNT, arm="default", engine="drake", 
         trial = row.get("trial", number)
         factors, code = row.get("factors", "{}"), row.get("code", PLAIN["code"])
         key = f"{policy}/{arm}/{engine}/{factors}/{row.get('demonstration_set')}/{trial}/{code}"
-        full.append({**PLAIN, "trial": trial, "seed": trial, "key": key, **row})
+        full.append({**PLAIN, "trial": trial, "key": key, **row})
     pq.write_table(pa.Table.from_pylist(full, schema=SCHEMA), path)
     return path
 

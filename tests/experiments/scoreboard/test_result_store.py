@@ -9,17 +9,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from experiments.scoreboard.result_store import COLUMNS, NUMBERS, read_trials
-from tests.experiments.scoreboard.simulated_trials import (
-    FAILED,
-    LAW,
-    LEARNT,
-    SCHEMA,
-    write_results,
-    write_sweep,
-    write_trials,
-)
-from tests.trial_results import PLAIN
+from experiments.scoreboard.result_store import read_trials
+from tests.experiments.scoreboard.simulated_trials import FAILED, LAW, LEARNT, write_results, write_sweep, write_trials
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -91,13 +82,6 @@ def test_a_stored_sweep_that_is_none_is_named(tmp_path, text):
     write_trials(tmp_path, [{}])
     write_sweep(tmp_path, "b").write_text(text)
     refused(tmp_path, tmp_path / "sweeps" / "b.yaml")
-
-
-def test_the_numbers_of_a_trial_are_those_of_its_record():
-    of_the_sweep = {"trial", "demonstration_set", "demonstrations", "train_s", "states", "query_ms"}
-    of_the_sweep |= {"time_limit_s", "cpu_s"}
-    assert set(NUMBERS) - of_the_sweep <= set(PLAIN.record())
-    assert set(COLUMNS) <= set(SCHEMA.names)
 
 
 def test_unfinished_files_are_not_read(tmp_path):
@@ -173,12 +157,9 @@ def change(path, **columns):
     ("name", "values", "part"),
     [
         ("wedged_s", None, "lacks the columns ['wedged_s']"),
-        ("time_s", pa.array(["2.5"]), "column 'time_s' has type string, expected numbers"),
-        ("inserted", pa.array([1]), "column 'inserted' has type int64, expected true or false"),
-        ("factors", pa.array([1.0]), "column 'factors' has type double, expected texts"),
-        ("time_s", pa.array([None], pa.float64()), "column 'time_s' is empty in row 0"),
-        ("code", pa.array([None], pa.string()), "column 'code' is empty in row 0"),
-        ("began", pa.array(["yesterday"]), "'began' is 'yesterday'"),
+        ("time_s", pa.array(["2.5"]), "column 'time_s' has type string, expected double"),
+        ("code", pa.array([None], pa.string()), "column 'code' is empty in 1 rows, expected a value"),
+        ("began", pa.array(["yesterday"]), "'began' is no time"),
     ],
 )
 def test_a_file_with_other_columns_is_named(tmp_path, name, values, part):
@@ -220,7 +201,7 @@ def test_ten_thousand_trials_need_little_memory(tmp_path):
     code = """
 import resource, sys
 from pathlib import Path
-from experiments.scoreboard.result_store import COLUMNS, NUMBERS, read_trials
+from experiments.scoreboard.result_store import read_trials
 from experiments.scoreboard.summary import make_scoreboard
 import tests.experiments.scoreboard.simulated_trials as simulated
 small, large = (Path(a) for a in sys.argv[1:])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from experiments.sweeps.trial_rows import COUNTS, MEASURED_NUMBERS
+from experiments.sweeps.trial_files import COUNTS, MEASURED_NUMBERS
 
 
 def made_up_row(number, **known):

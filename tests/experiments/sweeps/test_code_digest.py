@@ -1,11 +1,17 @@
-"""The digest of code: it sees every module that a trial runs, and no other."""
+"""The digest of code: it sees every module that a trial runs, and no other; a worker with other code does nothing."""
 
 import json
 import sys
+from dataclasses import replace
+from importlib.metadata import version
 
 import pytest
 
-from experiments.sweeps.code_digest import _closure, _is_module, code_digest, is_local, modules_of
+from experiments.sweeps import code_digest as digests
+from experiments.sweeps.code_digest import code_digest, is_own, modules_of
+from experiments.sweeps.policies import named_packages
+from experiments.sweeps.policy_store import requirements_of
+from experiments.sweeps.specification import DemonstrationPlan, PolicyPlan
 from tests.scripts.commands import run_python
 
 PACKAGE = {
@@ -26,49 +32,39 @@ def package(tmp_path, monkeypatch):
         path = tmp_path / "own_package" / name
         path.parent.mkdir(exist_ok=True, parents=True)
         path.write_text(text)
+    (tmp_path / "beside.py").write_text("import json, numpy\n")
     monkeypatch.syspath_prepend(tmp_path)
+    forget()
     yield tmp_path / "own_package"
+    forget()
     for name in [name for name in sys.modules if name.split(".")[0] == "own_package"]:
         del sys.modules[name]
 
 
-def digest():
-    _closure.cache_clear()
-    _is_module.cache_clear()
-    return code_digest(["own_package.entry"], packages=["own_package"])
+def forget():
+    for known in (digests._own_imports, digests._is_module, digests._source, digests._file_digest, is_own):
+        known.cache_clear()
 
 
-def test_modules_are_followed_into_functions_and_packages(package):
-    found = modules_of(["own_package.entry"], packages=["own_package"])
-    names = ("own_package", "own_package.entry", "own_package.used", "own_package.lazy", "own_package.late")
-    assert found == {*names, "own_package.late.deep"}
+def test_modules_are_followed_into_functions_packages_and_relative_imports(package):
+    common = {"own_package", "own_package.lazy", "own_package.late", "own_package.late.deep"}
+    assert modules_of(["own_package.entry"]) == {*common, "own_package.entry", "own_package.used"}
+    assert modules_of(["own_package.late.near"]) == {*common, "own_package.late.near", "beside"}  # no installed ones
 
 
-@pytest.mark.parametrize("name", ["entry.py", "used.py", "lazy.py", "late/__init__.py", "late/deep.py"])
-def test_a_changed_line_of_what_is_imported_changes_the_digest(package, name):
-    before = digest()
+@pytest.mark.parametrize(("name", "changes"), [("lazy.py", True), ("late/__init__.py", True), ("unused.py", False)])
+def test_a_changed_line_of_what_is_imported_changes_the_digest_and_no_other(package, name, changes):
+    before = code_digest(modules_of(["own_package.entry"]))
     (package / name).write_text(PACKAGE[name] + "# changed\n")
-    assert digest() != before
+    assert code_digest(modules_of(["own_package.entry"])) == before  # as this process found it first
+    forget()
+    assert (code_digest(modules_of(["own_package.entry"])) != before) == changes
 
 
-def test_a_changed_line_of_what_is_not_imported_does_not(package):
-    before = digest()
-    (package / "unused.py").write_text("x = 2\n")
-    assert digest() == before
-
-
-def test_relative_imports_and_modules_beside_the_package_are_followed(package):
-    (package.parent / "beside.py").write_text("import json, numpy\n")
-    is_local.cache_clear()
-    _closure.cache_clear()
-    found = modules_of(["own_package.late.near"])
-    names = {"own_package", "own_package.late", "own_package.late.near", "own_package.late.deep", "own_package.lazy"}
-    assert found == {*names, "beside"}  # and neither Python's nor installed ones
-
-
-def test_installed_and_built_in_modules_are_not_local():
-    assert [is_local(name) for name in ("numpy", "json", "math", "sys", "no_such_module")] == [False] * 5
-    assert is_local("tests")
+def test_installed_and_built_in_modules_are_not_a_users_own():
+    assert [is_own(name) for name in ("numpy", "json", "math", "sys", "no_such_module")] == [False] * 5
+    assert is_own("tests")
+    assert is_own("models")
 
 
 def test_a_module_that_is_not_there_is_named():
@@ -76,13 +72,37 @@ def test_a_module_that_is_not_there_is_named():
         code_digest(["own_package.nothing"])
 
 
+def test_a_policy_requires_the_modules_and_packages_that_it_names():
+    plain = requirements_of("drake")
+    plain.check()
+    assert "systems.rig" in plain.modules
+    make = PolicyPlan("a", None, "joblib:Memory", {"states": "benchmarks.rig.learners:one_state"}, None, False)
+    found = requirements_of("drake", make)
+    assert "benchmarks.rig.learners" in found.modules
+    assert found.code != plain.code
+    assert dict(found.versions)["joblib"] == version("joblib")
+    learn = PolicyPlan("a", None, None, {"regressor": "sklearn.linear_model:Ridge"}, DemonstrationPlan(), False)
+    assert named_packages(learn) == {"scikit-learn": version("scikit-learn")}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"code": "another revision"}, "other code than the client"),
+        ({"versions": (("drake", "0.1"),)}, r"a worker has drake 1\.\d+.*, the client 0\.1"),
+    ],
+)
+def test_another_revision_or_version_is_refused(change, message):
+    with pytest.raises(ValueError, match=message):
+        replace(requirements_of("drake"), **change).check()
+
+
 @pytest.mark.slow
 def test_every_module_that_a_trial_and_its_training_load_is_in_the_digest(skill_file, demonstration_folder):
     code = f"""
 import json, sys
 from pathlib import Path
-before = set(sys.modules)
-from experiments.sweeps.trial_rows import TrialSource, perform
+from experiments.sweeps.trial_rows import TrialSource, perform, trial_modules
 from experiments.sweeps.policies import TrainingContext, make_policy
 from experiments.sweeps.specification import DemonstrationPlan, PolicyPlan
 from skill.data.demonstration import read_demonstrations
@@ -94,12 +114,11 @@ plan = PolicyPlan("a", None, None, {{}}, DemonstrationPlan(), False)
 made = make_policy(plan, TrainingContext(scenario, Arm.DEFAULT, shown, 0))
 row = perform(TrialSource(scenario, Arm.DEFAULT, "drake", "", "a", "{{}}"), made.policy, 84001, {{}})
 loaded = [name for name in sys.modules if name.split(".")[0] in ("models", "skill", "systems", "experiments")]
-print(json.dumps([loaded, row["trial"]]))
+print(json.dumps([loaded, trial_modules(), row["trial"]]))
 """
     done = run_python("-c", code)
     assert done.returncode == 0, done.stderr
-    loaded, trial = json.loads(done.stdout.splitlines()[-1])
-    entries = ["experiments.sweeps.trial_rows", "experiments.sweeps.policies", "experiments.demonstration_set"]
+    loaded, known, trial = json.loads(done.stdout.splitlines()[-1])
     assert trial == 84001
     assert len(loaded) > 80
-    assert set(loaded) <= modules_of(entries)
+    assert set(loaded) <= set(known)

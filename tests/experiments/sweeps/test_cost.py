@@ -2,23 +2,31 @@
 
 import pytest
 
-from experiments.sweeps.cost import DEMONSTRATION_CPU, POLICY_CPU, TRIAL_CPU, cost_of, duration
-from experiments.sweeps.result_blocks import TRIALS, blocks_of, hold
+from experiments.sweeps import cost as costs
+from experiments.sweeps.cost import DEMONSTRATION_CPU, POLICY_CPU, REFERENCE_SPEED, TRIAL_CPU, cost_of, duration
+from experiments.sweeps.result_blocks import blocks_of, hold
+from experiments.sweeps.trial_files import TRIALS
 from tests.experiments.sweeps.made_up_rows import made_up_row
 
 
-def test_without_results_the_cost_is_a_guess(tmp_path):
+@pytest.fixture(autouse=True)
+def slow_machine(monkeypatch):
+    """A machine of half the speed of the one with the stated CPU times."""
+    monkeypatch.setattr(costs, "machine_speed", lambda: 2 * REFERENCE_SPEED)
+
+
+def test_without_results_the_cost_follows_from_the_speed_of_the_machine(tmp_path):
     cost = cost_of(tmp_path / TRIALS, trials=[("drake", 10), ("mujoco", 5)], demonstrations=30, policies=2)
     expected = 10 * TRIAL_CPU["drake"] + 5 * TRIAL_CPU["mujoco"] + 30 * DEMONSTRATION_CPU + 2 * POLICY_CPU
-    assert cost.cpu == pytest.approx(expected)
+    assert cost.cpu == pytest.approx(2 * expected)
     assert "to do: 15 trials, 30 demonstrations, 2 policies; about" in cost.text(2)
-    assert "a guess from other machines" in cost.text(2)
+    assert "(from the speed of this machine)" in cost.text(2)
 
 
 def test_what_functions_make_is_not_estimated(tmp_path):
     known = {"trials": [("drake", 10)], "demonstrations": 0}
     cost = cost_of(tmp_path / TRIALS, **known, policies=3, unknown=2)
-    assert cost.cpu == pytest.approx(10 * TRIAL_CPU["drake"] + POLICY_CPU)
+    assert cost.cpu == pytest.approx(2 * (10 * TRIAL_CPU["drake"] + POLICY_CPU))
     assert cost.text(1).endswith(", without the making of 2 policies by functions")
     assert "by functions" not in cost_of(tmp_path / TRIALS, **known, policies=3).text(1)
 
@@ -32,8 +40,9 @@ def test_with_results_a_trial_costs_what_trials_of_this_engine_have_cost(tmp_pat
         held.write()
     cost = cost_of(tmp_path / TRIALS, trials=[("drake", 1000), ("drake", 1000)], demonstrations=0, policies=0)
     assert cost.cpu == pytest.approx(2000 * 4.5)
-    assert (
-        cost.text(3) == "to do: 2,000 trials; about 2.5 h of CPU, 50.0 min with 3 processes (measured in these results)"
+    assert cost.text(3) == (
+        "to do: 2,000 trials; about 2.5 h of CPU, 50.1 min with 3 idle cores"
+        " (trials cost what they did in these results)"
     )
 
 

@@ -5,25 +5,23 @@ import pytest
 from experiments.outputs.folder_lock import BusyError
 from experiments.sweeps import policy_store
 from experiments.sweeps.assignments import DemonstrationSource
+from experiments.sweeps.policies import GivenSkill
 from experiments.sweeps.policy_store import PolicyStore
 from models.scenario import load_scenario
 from skill.data.demonstration import read_demonstrations
+from skill.manipulation_skill import ManipulationSkill
 
 
 class ReadyDemonstrations:
-    """Yields demonstrations that are there already, as an `Executor` yields results."""
-
-    workers = 1
+    """Yields demonstrations that are there already, as a `WorkerPool` yields results."""
 
     def __init__(self, demonstration):
         self._demonstration = demonstration
-        self.portions = []
 
     def run(self, tasks):
-        tasks = list(tasks)
-        self.portions.append(len(tasks))
         for task in tasks:
-            yield task.source, task.request, self._demonstration
+            source, request, _ = task.args
+            yield source, request, self._demonstration
 
 
 @pytest.fixture
@@ -36,19 +34,7 @@ def sets():
     return [DemonstrationSource(load_scenario(), good=2, bad=1, seed=seed) for seed in range(4)]
 
 
-@pytest.mark.parametrize(("limits", "portions"), [({"TASKS_HELD": 4}, [6, 6]), ({"SETS_HELD": 3}, [9, 3])])
-def test_sets_are_held_in_portions(ready, sets, tmp_path, monkeypatch, limits, portions):
-    for name, limit in limits.items():
-        monkeypatch.setattr(policy_store, name, limit)
-    notes = []
-    PolicyStore(tmp_path).record(sets, ready, notes.append)
-    assert ready.portions == portions
-    assert len(notes) == 12
-    assert PolicyStore(tmp_path).unrecorded(sets) == 0
-
-
 def test_sets_of_another_sweep_are_left_to_the_end(ready, sets, tmp_path, monkeypatch):
-    monkeypatch.setattr(policy_store, "SETS_HELD", 1)
     store, real = PolicyStore(tmp_path), policy_store.open_set
     busy, unrecorded = {store.folder(sets[0])}, []
 
@@ -66,3 +52,14 @@ def test_sets_of_another_sweep_are_left_to_the_end(ready, sets, tmp_path, monkey
     store.record(sets, ready, lambda note: None)
     assert unrecorded == [3]  # all others were recorded before
     assert store.unrecorded(sets) == 0
+
+
+def test_a_skill_file_that_changes_while_the_sweep_runs_is_refused(skill_file, tmp_path):
+    own = tmp_path / "own.npz"
+    own.write_bytes(skill_file.read_bytes())
+    given = GivenSkill.read(own)
+    skill = ManipulationSkill.load(own)
+    skill.name_states([f"state {k}" for k in range(skill.n_states)])
+    skill.save(own)
+    with pytest.raises(ValueError, match="changed since the sweep began"):
+        given.load()

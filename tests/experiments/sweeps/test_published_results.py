@@ -8,6 +8,7 @@ from docs._tools.restored_results import restore
 from experiments.scoreboard.queries import sweep_commands
 from experiments.scoreboard.result_store import read_trials
 from experiments.scoreboard.summary import make_scoreboard
+from tests.experiments.scoreboard.simulated_trials import write_sweep, write_trials
 from tests.experiments.sweeps.conftest import rows_in
 
 pytestmark = pytest.mark.slow
@@ -28,30 +29,10 @@ def test_a_sweep_goes_on_from_restored_rows(specification, perform, tmp_path, ca
     assert "6 trials, 4 of them done already" in capsys.readouterr().out
     assert more[more.key.isin(rows.key)].reset_index(drop=True).equals(rows)
 
-
-def test_no_sweep_goes_on_in_a_published_copy(specification, perform, tmp_path):
-    path = specification(policies={"push": PUSH}, trials={"first": 84000, "number": 1})
-    perform(path)
-    publish(tmp_path / "results", tmp_path / "copy")
     with pytest.raises(ValueError, match="holds a published copy of results, with which no sweep goes on"):
-        perform(path, results="copy")
-    (command,) = sweep_commands(make_scoreboard(read_trials(tmp_path / "copy")))
-    assert command == f"haptic-skill sweep {tmp_path}/copy/sweeps/sweep.yaml --out out/sweeps/copy"
-
-
-def test_a_published_copy_is_not_replaced_by_nothing(specification, perform, tmp_path):
-    path = specification(policies={"push": PUSH}, trials={"first": 84000, "number": 1})
-    perform(path)
-    publish(tmp_path / "results", tmp_path / "copy")
-    before = sorted(tmp_path.rglob("copy/**/*"))
-    for source in (tmp_path / "none", path.parent / "copy" / "sweeps"):
-        with pytest.raises(ValueError, match="expected a folder that haptic-skill sweep wrote"):
-            publish(source, tmp_path / "copy")
-    assert sorted(tmp_path.rglob("copy/**/*")) == before
-    publish(tmp_path / "results", tmp_path / "copy")
-    assert sorted(tmp_path.rglob("copy/**/*")) == before
-    with pytest.raises(ValueError, match=r"results: holds .* more files, which is not replaced"):
-        publish(tmp_path / "results", tmp_path / "results")  # results are no published copy
+        perform(specification(**keys, trials={"first": 84099, "number": 2}), results="published")
+    (command,) = sweep_commands(make_scoreboard(read_trials(tmp_path / "published")))
+    assert command == f"haptic-skill sweep {tmp_path}/published/sweeps/sweep.yaml --out out/sweeps/published"
 
 
 def test_rows_of_other_code_are_not_restored(specification, perform, tmp_path, monkeypatch):
@@ -60,3 +41,17 @@ def test_rows_of_other_code_are_not_restored(specification, perform, tmp_path, m
     monkeypatch.setattr("experiments.sweeps.trial_rows.trial_code", lambda: "other")
     assert restore(tmp_path / "published", tmp_path / "restored") == (0, 1)
     assert not (tmp_path / "restored").exists()
+
+
+def test_a_published_copy_is_not_replaced_by_nothing(tmp_path):
+    write_sweep(tmp_path / "results")
+    write_trials(tmp_path / "results", [{}])
+    publish(tmp_path / "results", tmp_path / "copy")
+    (tmp_path / "copy" / "scoreboard.html").write_text("its page")
+    before = sorted(tmp_path.rglob("copy/**/*"))
+    with pytest.raises(ValueError, match="expected a folder that haptic-skill sweep wrote"):
+        publish(tmp_path / "none", tmp_path / "copy")
+    assert sorted(tmp_path.rglob("copy/**/*")) == before
+    publish(tmp_path / "results", tmp_path / "copy")
+    with pytest.raises(ValueError, match=r"results: holds .* more files?, which is not replaced"):
+        publish(tmp_path / "results", tmp_path / "results")  # results are no published copy

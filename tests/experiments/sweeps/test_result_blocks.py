@@ -13,7 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.sweeps.result_blocks import BLOCK, Block, blocks_of, hold, read_block
-from experiments.sweeps.trial_rows import SCHEMA, row_key
+from experiments.sweeps.trial_files import SCHEMA
+from experiments.sweeps.trial_rows import row_key
 from tests.experiments.sweeps.made_up_rows import made_up_row
 
 NAMES = {"policy": "CA states, contexts + LWR", "arm": "default", "engine": "drake"}
@@ -77,21 +78,6 @@ def test_a_block_is_let_go_when_nothing_is_missing(tmp_path):
     assert block.missing() == []
 
 
-def test_a_killed_process_holds_nothing(tmp_path):
-    block = one_block(tmp_path, [7])
-    code = f"""
-import os, signal
-from pathlib import Path
-from experiments.sweeps.result_blocks import Block, hold
-held = hold(Block(Path({str(block.path)!r}), {block.source!r}, (7,)))
-os.kill(os.getpid(), signal.SIGKILL)
-"""
-    assert subprocess.run([sys.executable, "-c", code], check=False, env=environment()).returncode == -9
-    held = hold(block)
-    assert held.missing == {7}
-    held.release()
-
-
 def test_a_write_that_fails_keeps_what_was_there_and_can_be_repeated(tmp_path, monkeypatch):
     held = hold(one_block(tmp_path, range(3)))
     held.add(made_up_row(0))
@@ -120,25 +106,15 @@ def test_a_file_that_is_no_block_is_named(tmp_path):
     assert str(block.path) in str(error.value)
 
 
-def test_a_block_under_a_wrong_name_is_refused(tmp_path):
+def test_a_block_under_a_wrong_name_is_refused_and_its_columns_are_those_of_the_schema(tmp_path):
     held = hold(one_block(tmp_path, [7]))
-    held.add(made_up_row(7))
+    held.add({**made_up_row(7), "train_s": None, "demonstrations": None, "trusted": None})
     held.write()
+    assert pq.read_schema(held.block.path).equals(SCHEMA)
     other = Block(held.block.path.with_name("b" * 16 + "_0000000000.parquet"), "b" * 16, (7,))
     held.block.path.rename(other.path)
     with pytest.raises(ValueError, match="holds other trials than its name says"):
         other.missing()
-
-
-def test_the_columns_have_the_same_types_in_every_file(tmp_path):
-    for number, source in enumerate(("a" * 16, "b" * 16)):
-        held = hold(one_block(tmp_path, [number], source))
-        row = made_up_row(number)
-        held.add(row if number else {**row, "train_s": None, "demonstrations": None, "trusted": None})
-        held.write()
-    schemas = [pq.read_schema(path) for path in sorted(tmp_path.rglob("*.parquet"))]
-    assert schemas[0].equals(schemas[1])
-    assert schemas[0].equals(SCHEMA)
 
 
 def environment():

@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.sweeps.checked_mapping import CheckedMapping
-from experiments.sweeps.factors import read_cells
-from experiments.sweeps.specification import overridden, plan_in, read_specification
+from experiments.sweeps.factors import make_cells
+from experiments.sweeps.specification import DemonstrationPlan, overridden, plan_in, read_specification
 from experiments.trial import Arm
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.scenario import load_scenario
@@ -19,7 +18,7 @@ PLAIN = "policies: {skill: {learn: {}}}\n"
 
 
 def cells(vary, design="grid"):
-    return read_cells(CheckedMapping({"vary": vary, "design": design}, "sweep"))
+    return make_cells(vary, design, "sweep")
 
 
 def read(tmp_path, text):
@@ -76,17 +75,6 @@ def test_combinations_of_listed_levels_that_are_drawn_again_count_once():
     assert len({cell.label for cell in found}) == 6
 
 
-@pytest.mark.parametrize("design", ["grid", "{random: 4}"])
-def test_a_specification_may_name_its_design(tmp_path, design):
-    found = read(tmp_path, PLAIN + f"design: {design}\nvary: {{contact.friction: [0.1, 0.3]}}\n")
-    assert [cell.factors["contact.friction"] for cell in found.cells] in ([0.1, 0.3], [0.3, 0.1])
-
-
-def test_other_seeds_give_other_cells():
-    vary = {"contact.friction": {"uniform": [0.1, 0.3]}}
-    assert cells(vary, {"random": 4, "seed": 0}) != cells(vary, {"random": 4, "seed": 1})
-
-
 @pytest.mark.parametrize(
     ("vary", "design", "message"),
     [
@@ -99,7 +87,11 @@ def test_other_seeds_give_other_cells():
             "vary.a.uniform is [1, 0], expected two numbers, the small",
         ),
         ({"a": {"log_uniform": [0, 1]}}, {"random": 3}, "vary.a.log_uniform is [0, 1], expected two numbers above 0"),
-        ({"a": {"uniform": [0, 1], "of": 2}}, {"random": 3}, "unknown key 'vary.a.of', expected one of ['uniform']"),
+        (
+            {"a": {"uniform": [0, 1], "of": 2}},
+            {"random": 3},
+            "'log_uniform'] and nothing else",
+        ),
         ({"a": {"x": 3}}, "grid", "vary.a.x is 3, expected keys with values, which this level sets together"),
         (
             {"a": {"x": {"k": 1}}, "b": {"y": {"k": 2}}},
@@ -122,10 +114,10 @@ def test_a_design_that_makes_no_sense_is_refused(vary, design, message):
 def test_the_defaults_are_one_set_of_thirty_and_twenty_default_trials_in_drake(tmp_path):
     found = read(tmp_path, PLAIN)
     (policy,) = found.policies
-    assert (found.title, found.arms, found.engines) == ("sweep", (Arm.DEFAULT,), ("drake",))
+    assert (found.title, found.arms, found.engines) == ("sweep", [Arm.DEFAULT], ["drake"])
     assert (found.first, found.number) == (0, 20)
     plan = policy.demonstrations
-    assert (plan.sets, plan.good, plan.bad, plan.size, plan.divided) == ((0,), 24, 6, None, False)
+    assert plan == DemonstrationPlan([0], good=24, bad=6)
 
 
 def test_a_policy_takes_the_demonstrations_of_the_sweep_and_its_own_keys(tmp_path):
@@ -137,8 +129,8 @@ policies:
   law: {make: "benchmarks.rig.policies:straight_push"}
 """
     every, few, law = read(tmp_path, text).policies
-    assert (every.demonstrations.sets, every.demonstrations.divided) == ((3, 4), True)
-    assert (few.demonstrations.sets, few.demonstrations.size, few.demonstrations.good) == ((3, 4), 5, 12)
+    assert (every.demonstrations.sets, every.demonstrations.divided) == ([3, 4], True)
+    assert (few.demonstrations.sets, few.demonstrations.size, few.demonstrations.good) == ([3, 4], 5, 12)
     assert law.demonstrations is None
 
 
@@ -153,31 +145,25 @@ def test_a_factor_of_the_training_changes_the_demonstrations_of_every_policy_tha
     ("text", "message"),
     [
         ("policies: {}", "policies is empty"),
-        ("title: 3\n" + PLAIN, "title is 3, expected a text"),
+        ("title: 3\n" + PLAIN, "title is 3, expected a name"),
         ("trails: {number: 3}\n" + PLAIN, "unknown key 'trails'"),
-        ("trials: {number: 0}\n" + PLAIN, "trials.number is 0, expected 1 to 1000000"),
         ("arms: [hard]\n" + PLAIN, "arms is ['hard'], expected a list of some of"),
-        ("engines: [drake, drake]\n" + PLAIN, "expected each name once"),
-        ("clearance_rules: [facets]\n" + PLAIN, "expected a list of some of ['numerics', 'start']"),
-        ("engines: [bullet]\n" + PLAIN, "expected a list of some of ['drake', 'mujoco']"),
+        ("engines: [drake, drake]\n" + PLAIN, "expected each one once"),
         ("vary: {contact.frictoin: [0.1]}\n" + PLAIN, "unknown key 'contact.frictoin' of the scenario"),
         ("vary: {contact.friction: [-1]}\n" + PLAIN, "contact.friction is -1"),
         ("vary: {training.goods: [1]}\n" + PLAIN, "unknown key 'training.goods'"),
-        ("demonstrations: {sets: []}\n" + PLAIN, "demonstrations.sets is []"),
-        ("demonstrations: {sets: [1, 1]}\n" + PLAIN, "expected each number once"),
         ("demonstrations: {demonstrated_in: here}\n" + PLAIN, "expected one of ['base', 'cell']"),
-        ("policies: {a: {learn: {}, skill: x.npz}}", "has ['learn', 'skill'], expected one of learn, skill and make"),
-        ("policies: {a: {}}", "has none, expected one of learn, skill and make"),
+        (
+            "policies: {a: {learn: {}, skill: x.npz}}",
+            "['learn', 'skill'], expected one of learn, skill and make",
+        ),
         ("policies: {a: {make: push}}", "expected an import path such as package.module:function"),
-        ("policies: {a: {skill: x.npz, with: {b: 1}}}", "unknown key 'policies.a.with'"),
-        ("policies: {a: {learn: {}, for_all_arms: true}}", "unknown key 'policies.a.for_all_arms'"),
-        ("policies: {a: {make: 'b:c', for_all_arms: 1}}", "policies.a.for_all_arms is 1"),
+        ("policies: {a: {learn: {}, for_all_arms: true}}", "policies.a.for_all_arms is true, expected false"),
         ("policies: {a: {make: 'b:c', with: {d: 2026-01-01}}}", "expected names with plain values"),
         ("vary: {training.size: [3]}\npolicies: {a: {make: 'b:c'}}", "is varied, but no policy learns"),
         ("demonstrations: {select: first}\n" + PLAIN, "demonstrations.select is 'first', expected an import path"),
         ("policies: {a: {skill: x.npz, demonstrations: {good: 3}}}", "a skill file has learnt already"),
-        ("policies: {a: {learn: {}, sets: [1]}}", "unknown key 'policies.a.sets'"),
-        ('policies: {"a\\nb": {learn: {}}}', "expected a printable name"),
+        ('policies: {"a\\nb": {learn: {}}}', "is no name, expected a printable one"),
         (f"policies: {{{70 * 'ä'}: {{learn: {{}}}}}}", "is too long a name, expected at most 200 bytes"),
         ("- a\n- b\n", "the file is ['a', 'b'], expected keys with values"),
         ("policies: [\n", "line"),
@@ -188,11 +174,6 @@ def test_a_specification_that_is_wrong_is_one_line_that_names_the_file_and_the_k
         read(tmp_path, text)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
-
-
-def test_a_specification_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"none\.yaml: no such file"):
-        read_specification(tmp_path / "none.yaml")
 
 
 def test_an_overridden_scenario_differs_in_these_keys_only():

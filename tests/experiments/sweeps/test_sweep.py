@@ -8,14 +8,13 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import pytest
 
 from experiments.sweeps import executors, trial_rows
-from experiments.sweeps.policies import GivenSkill
 from experiments.sweeps.policy_store import PolicyStore
-from experiments.sweeps.trial_rows import MEASURED_NUMBERS, result_columns
+from experiments.sweeps.trial_files import MEASURED_NUMBERS
+from experiments.sweeps.trial_rows import result_columns
 from experiments.trial import run_trials
 from models.scenario import load_scenario
 from skill.manipulation_skill import ManipulationSkill
@@ -45,48 +44,26 @@ def test_a_skill_performs_the_trials_of_the_rig(specification, perform, skill_fi
         assert row.clearance == pytest.approx(0.005)
 
 
-def test_a_sweep_that_is_given_again_performs_only_what_is_missing(specification, perform, capsys):
-    keys = {"policies": {"push": PUSH}, "arms": ["default"]}
-    first = perform(specification(**keys, trials={"first": 84000, "number": 2}))
-    again = perform(specification(**keys, trials={"first": 84000, "number": 2}))
-    assert again.equals(first)  # the times of the trials too
-    assert "2 trials, 2 of them done already" in capsys.readouterr().out
-    more = perform(specification(**keys, trials={"first": 83999, "number": 4}))
-    assert len(more) == 4
-    assert more[more.key.isin(first.key)].reset_index(drop=True).equals(first)
-    other = perform(specification(**keys, trials={"first": 84000, "number": 2}, vary={"contact.friction": [0.25]}))
-    assert len(other) == 6
-
-
-def test_a_random_design_is_performed_and_a_larger_one_goes_on_with_it(specification, perform):
-    keys = {"policies": {"push": PUSH}, "vary": {"contact.friction": {"uniform": [0.1, 0.3]}}, "trials": {"number": 1}}
-    first = perform(specification(**keys, design={"random": 2}))
+def test_a_sweep_that_is_given_again_performs_only_what_is_missing(
+    specification, perform, tmp_path, capsys, monkeypatch
+):
+    keys = {"policies": {"push": PUSH}, "vary": {"contact.friction": {"uniform": [0.1, 0.3]}}}
+    path = specification(**keys, design={"random": 2}, trials={"number": 1})
+    first = perform(path)
     assert first.friction.between(0.1, 0.3).all()
-    more = perform(specification(**keys, design={"random": 3}))
+    assert perform(path).equals(first)  # the times of the trials too
+    assert "2 trials, 2 of them done already" in capsys.readouterr().out
+    larger = specification("larger", **keys, design={"random": 3}, trials={"number": 1})
+    more = perform(larger)
     assert more.friction.nunique() == len(more) == 3
     assert more[more.key.isin(first.key)].reset_index(drop=True).equals(first)
-
-
-def test_a_specification_is_stored_once_also_if_nothing_is_missing(specification, perform, tmp_path):
     stored = tmp_path / "results" / "sweeps"
-    keys = {"policies": {"push": PUSH}, "trials": {"first": 84000, "number": 2}}
-    path = specification(**keys)
-    path.write_bytes(path.read_bytes().replace(b"\n", b"\r\n"))
-    for _ in range(2):
-        perform(path)
-    assert [p.name for p in stored.glob("*.yaml")] == ["sweep.yaml"]
+    assert sorted(p.name for p in stored.glob("*.yaml")) == ["larger.yaml", "sweep.yaml"]
     assert (stored / "sweep.yaml").read_bytes() == path.read_bytes()
-    perform(specification("part", **keys | {"trials": {"first": 84000, "number": 1}}))
-    assert sorted(p.name for p in stored.glob("*.yaml")) == ["part.yaml", "sweep.yaml"]
-
-
-def test_another_line_of_code_makes_other_rows(specification, perform, monkeypatch):
-    path = specification(policies={"push": PUSH}, trials={"number": 1})
-    perform(path)
     monkeypatch.setattr(trial_rows, "trial_code", lambda: "another revision")
-    both = perform(path)
-    assert len(both) == 2
-    assert both.key.is_unique
+    again = perform(path)
+    assert len(again) == 5  # another line of code makes other rows
+    assert again.key.is_unique
 
 
 def test_policies_that_learn_are_taught_once_and_kept(specification, perform, tmp_path, monkeypatch):
@@ -114,71 +91,12 @@ def test_a_law_is_made_once_and_kept_as_its_parameters(specification, perform, t
     with monkeypatch.context() as patched:
         patched.setattr(PolicyStore, "make", None)  # nothing is made again
         assert len(perform(specification(**keys, trials={"number": 2}), jobs=1)) == 2
-    for law, message in (
-        ({"class": "os:system", "parameters": {"command": "true"}}, "its notes name os, which the policy does not"),
-        (
-            {"class": "tests.experiments.sweeps.pushes:Push", "parameters": {"speed": 1}},
-            "its notes do not fit its class",
-        ),
-    ):
-        notes.write_text(json.dumps(kept | {"law": law}))
-        with pytest.raises(ValueError, match=f"policies.push: {message}"):
-            perform(specification(**keys, trials={"number": 3}), jobs=1)
+    notes.write_text(json.dumps(kept | {"law": {"class": "os:system", "parameters": {"command": "true"}}}))
+    with pytest.raises(ValueError, match=r"policies\.push: its notes name os, which the policy does not"):
+        perform(specification(**keys, trials={"number": 3}), jobs=1)
 
 
-@pytest.mark.parametrize(("for_all_arms", "made"), [(True, 1), (False, 2)])
-def test_a_policy_may_be_made_once_for_all_arms(specification, perform, for_all_arms, made):
-    keys = {"policies": {"push": {**PUSH, "for_all_arms": for_all_arms}}, "trials": {"number": 1}}
-    rows = perform(specification(**keys, vary={"rig.pivot_range": [0.003]}, arms=["default", "stress"]))
-    assert sorted(rows.arm) == ["default", "stress"]
-    assert rows.skill.nunique() == made
-
-
-def test_a_carried_over_policy_serves_another_hole(specification, perform, skill_file):
-    keys = {"vary": {"geometry.hole_radius": [0.0102]}, "trials": {"number": 1}}
-    with pytest.raises(ValueError, match="set carried_over: true"):
-        perform(specification(**keys, policies={"mine": {"skill": str(skill_file)}}))
-    rows = perform(specification(**keys, policies={"mine": {"skill": str(skill_file), "carried_over": True}}))
-    assert rows.hole_radius_mm.tolist() == [pytest.approx(10.2)]
-    assert rows.outcome.tolist() != ["failed"]
-
-
-def test_a_skill_file_that_changes_while_the_sweep_runs_is_refused(specification, perform, skill_file, tmp_path):
-    own = tmp_path / "own.npz"
-    own.write_bytes(skill_file.read_bytes())
-    path = specification(policies={"mine": {"skill": str(own)}}, trials={"number": 1})
-    perform(path)
-    given = GivenSkill.read(own)
-    skill = ManipulationSkill.load(own)
-    skill.name_states([f"state {k}" for k in range(skill.n_states)])
-    skill.save(own)
-    with pytest.raises(ValueError, match="changed since the sweep began"):
-        given.load()
-
-
-@pytest.mark.parametrize(
-    ("policy", "message"),
-    [
-        ({"make": "tests.experiments.sweeps.pushes:shove"}, "policies.push: .*pushes:shove: cannot be imported"),
-        ({"make": "no_such_package:push"}, "policies.push: no_such_package:push: cannot be imported"),
-        ({**PUSH, "with": {"speed": 3}}, r"policies.push: cannot be made \(TypeError: .*speed"),
-        ({"make": "tests.experiments.sweeps.pushes:unwilling", "with": {"speed": 3}}, "policies.push: .*speed"),
-        ({"learn": {"regresor": "a:b"}}, "policies.push.learn.regresor: unknown key"),
-        ({"learn": {"skill": 5}}, "policies.push.learn.skill is 5, expected an import path"),
-    ],
-)
-def test_a_policy_that_cannot_be_made_is_one_line(specification, perform, policy, message):
-    with pytest.raises(ValueError, match=message) as error:
-        perform(specification(policies={"push": policy}, trials={"number": 1}))
-    assert "\n" not in str(error.value)
-
-
-def test_a_process_that_dies_while_a_policy_is_made_is_one_line(specification, perform):
-    path = specification(policies={"push": {"make": "tests.experiments.sweeps.pushes:fatal"}}, trials={"number": 1})
-    with pytest.raises(OSError, match=r"a process died while a policy was made .* give the command again"):
-        perform(path)
-
-
+@pytest.mark.nightly
 def test_both_engines_perform_the_same_trials(specification, perform):
     pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
     path = specification(policies={"push": PUSH}, engines=["drake", "mujoco"], trials={"number": 2})
@@ -189,30 +107,17 @@ def test_both_engines_perform_the_same_trials(specification, perform):
     assert "mujoco" in rows.versions[rows.engine == "mujoco"].iloc[0]
 
 
-def test_a_trial_that_cannot_be_performed_has_no_row_and_the_others_have(specification, perform, tmp_path):
-    policies = {"push": PUSH, "none": {"make": "tests.experiments.sweeps.pushes:unwilling"}}
-    path = specification(policies=policies, trials={"number": 2})
+def test_a_killed_worker_costs_its_trial_once_and_what_always_kills_is_given_up(specification, perform, tmp_path):
+    deadly, fatal = ({**PUSH, "with": {"deaths": str(tmp_path / f"{k}"), "times": k}} for k in (1, 99))
+    rows = perform(specification(policies={"push": deadly}, trials={"number": 2}))
+    assert (tmp_path / "1").read_text() == "x"
+    quiet = perform(specification("quiet", policies={"push": PUSH}, trials={"number": 2}), results="quiet")
+    rows, quiet = (frame.sort_values("trial", ignore_index=True)[list(MEASURED_NUMBERS)] for frame in (rows, quiet))
+    assert rows.equals(quiet)
+    policies = {"fatal": fatal, "none": {"make": "tests.experiments.sweeps.pushes:unwilling"}, "push": PUSH}
     with pytest.raises(ValueError, match="2 trials could not be performed and have no row"):
-        perform(path)
-    assert set(rows_in(tmp_path / "results").policy) == {"push"}
-
-
-def test_a_killed_worker_of_this_machine_costs_its_trial_only_once(specification, perform, tmp_path):
-    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 1}}
-    rows = perform(specification(policies={"push": deadly}, trials={"number": 5}))
-    assert (tmp_path / "deaths").read_text() == "x"
-    assert sorted(rows.trial) == [0, 1, 2, 3, 4]
-    quiet = perform(specification("quiet", policies={"push": PUSH}, trials={"number": 5}), results="quiet")
-    for name in MEASURED_NUMBERS:
-        assert rows.sort_values("trial")[name].tolist() == quiet.sort_values("trial")[name].tolist(), name
-
-
-def test_a_trial_that_always_kills_its_worker_is_given_up_and_the_others_are_not(specification, perform, tmp_path):
-    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 99}}
-    path = specification(policies={"deadly": deadly, "push": PUSH}, trials={"number": 1})
-    with pytest.raises(ValueError, match=r"1 trials could not be performed .* its process died"):
-        perform(path)
-    assert rows_in(tmp_path / "results").policy.tolist() == ["push"]
+        perform(specification("fatal", policies=policies, trials={"number": 1}), results="fatal")
+    assert rows_in(tmp_path / "fatal").policy.tolist() == ["push"]
 
 
 def test_a_killed_client_loses_no_row_and_a_second_one_goes_on(specification, tmp_path):
@@ -235,6 +140,7 @@ def test_a_killed_client_loses_no_row_and_a_second_one_goes_on(specification, tm
     assert after[after.key.isin(before.key)].reset_index(drop=True).equals(before)
 
 
+@pytest.mark.nightly
 def test_two_sweeps_side_by_side_share_the_trials(specification, tmp_path):
     path = specification(
         policies={"push": PUSH}, arms=["default"], vary={"contact.friction": [0.1, 0.2, 0.3]}, trials={"number": 6}
@@ -255,26 +161,6 @@ def test_two_sweeps_side_by_side_share_the_trials(specification, tmp_path):
     rows = rows_in(results)
     assert len(rows) == 18
     assert rows.key.is_unique
-
-
-def test_a_full_disk_ends_the_sweep_with_one_line_and_keeps_what_was_written(
-    specification, perform, tmp_path, monkeypatch
-):
-    path = specification(policies={"push": PUSH}, trials={"number": 3})
-    perform(specification("before", policies={"push": PUSH}, trials={"number": 1}), jobs=1)
-    real = os.fsync
-
-    def full(handle):
-        if "parquet" in str(Path(f"/proc/self/fd/{handle}").readlink()):
-            raise OSError(28, "No space left on device")
-        real(handle)
-
-    with monkeypatch.context() as patched:
-        patched.setattr(os, "fsync", full)
-        with pytest.raises(OSError, match=r"parquet: not written \(No space left on device\); the rows that were"):
-            perform(path, jobs=1)
-    assert rows_in(tmp_path / "results").trial.tolist() == [0]
-    assert sorted(perform(path, jobs=1).trial) == [0, 1, 2]
 
 
 def wait_for(condition, seconds=120.0):
@@ -333,6 +219,7 @@ def test_a_dask_cluster_gives_the_same_rows_though_one_worker_is_killed_in_mid_t
     assert without_times(rows).equals(without_times(local))
 
 
+@pytest.mark.nightly
 def test_a_sweep_whose_dask_workers_are_all_killed_says_so_and_goes_on_with_a_new_one(
     specification, perform, dask_cluster, tmp_path, monkeypatch
 ):
@@ -355,6 +242,7 @@ def test_a_sweep_whose_dask_workers_are_all_killed_says_so_and_goes_on_with_a_ne
     assert said[1:] in ([], [f"--address {dask_cluster.address}: workers: 1"])
 
 
+@pytest.mark.nightly
 def test_a_sweep_whose_dask_scheduler_is_killed_keeps_its_rows_and_says_so(
     specification, perform, dask_cluster, tmp_path
 ):
@@ -376,24 +264,7 @@ def kill_after_a_row(cluster, processes, folder):
     cluster.kill(*processes)
 
 
-def test_a_dask_worker_with_more_than_one_thread_is_refused(specification, perform):
-    distributed = pytest.importorskip("distributed", reason="needs the extra [dask]")
-    settings = {"n_workers": 1, "threads_per_worker": 2, "processes": False, "dashboard_address": None}
-    with distributed.LocalCluster(**settings, host="127.0.0.1", protocol="tcp://") as cluster:
-        address = cluster.scheduler_address
-        with pytest.raises(OSError, match=f"{address}: a Dask worker has 2 threads; start workers with --nthreads 1"):
-            perform(specification(policies={"push": PUSH}, trials={"number": 1}), backend="dask", address=address)
-
-
-def test_a_dask_cluster_of_its_own_gives_up_the_trial_that_kills_every_worker(specification, perform, tmp_path):
-    pytest.importorskip("distributed", reason="needs the extra [dask]")
-    deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 99}}
-    path = specification(policies={"deadly": deadly, "push": PUSH}, trials={"number": 1})
-    with pytest.raises(ValueError, match=r"1 trials could not be performed .* its process died"):
-        perform(path, backend="dask")
-    assert rows_in(tmp_path / "results").policy.tolist() == ["push"]
-
-
+@pytest.mark.nightly
 def test_ray_gives_the_same_rows_though_one_worker_is_killed_in_mid_trial(specification, perform, tmp_path):
     pytest.importorskip("ray", reason="needs the extra [ray]")
     deadly = {**PUSH, "with": {"deaths": str(tmp_path / "deaths"), "times": 1}}

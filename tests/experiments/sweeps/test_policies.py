@@ -1,0 +1,38 @@
+"""How the policies of a sweep are found and made; what is wrong with one is told in one line."""
+
+import pytest
+
+from experiments.sweeps.policies import TrainingContext, check_imports, make_policy
+from experiments.sweeps.specification import PolicyPlan
+from experiments.trial import Arm
+from models.scenario import load_scenario
+
+PUSHES = "tests.experiments.sweeps.pushes"
+
+
+def plan(make, **options):
+    return PolicyPlan("push", None, make, options, None, False)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (plan(f"{PUSHES}:shove"), "policies.push: .*pushes:shove: cannot be imported"),
+        (plan("no_such_package:push"), "policies.push: no_such_package:push: cannot be imported"),
+        (plan(f"{PUSHES}:unwilling", speed=3), "policies.push: .*speed"),
+        (plan(None, regresor="a:b"), "policies.push.learn.regresor: unknown key"),
+        (plan(None, skill=5), "policies.push.learn.skill is 5, expected an import path"),
+    ],
+)
+def test_what_cannot_be_imported_or_is_unknown_is_named_before_anything_is_made(wrong, message):
+    with pytest.raises(ValueError, match=message) as error:
+        check_imports(wrong)
+    assert "\n" not in str(error.value)
+
+
+def test_a_policy_that_cannot_be_made_is_named():
+    context = TrainingContext(load_scenario(), Arm.DEFAULT, [], 0)
+    with pytest.raises(ValueError, match=r"policies.push: cannot be made \(TypeError: .*speed"):
+        make_policy(plan(f"{PUSHES}:push", speed=3), context)
+    made = make_policy(plan(f"{PUSHES}:push", depth=0.003), context)
+    assert (made.policy.depth, made.query_ms, made.demonstrations) == (0.003, None, None)
