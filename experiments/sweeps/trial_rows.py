@@ -15,9 +15,9 @@ from threadpoolctl import threadpool_limits
 from experiments.provenance import version_of, versions
 from experiments.sweeps.code_digest import code_digest, modules_of, values_digest
 from experiments.sweeps.trial_engines import MUJOCO, RigBench
-from experiments.sweeps.trial_files import COUNTS, MEASURED_NUMBERS
+from experiments.sweeps.trial_files import MEASURED_NUMBERS
 from experiments.trial import Arm, run_rig, trial_scenario
-from experiments.trial_result import TrialResult
+from experiments.trial_result import COUNTS, TrialResult
 from models.scenario import Scenario, dump_scenario
 from skill.policy import RigPolicy
 
