@@ -7,7 +7,7 @@ from interfaces.live.controls import LiveControls
 START, GOOD, BAD, DISCARD, QUIT = "start (Space)", "keep as good (G)", "keep as bad (B)", "discard (X)", "quit (Q)"
 KEYS = {START: "Space", GOOD: "KeyG", BAD: "KeyB", DISCARD: "KeyX", QUIT: "KeyQ"}
 
-# Help for page and console: (keys, what they do).
+# Help for the console: (keys, what they do). On the page the name of each control has its keys.
 MOTION_HELP = [
     (["W", "S"], "feed, retract"),
     (["←", "→", "↑", "↓"], "tilt the peg"),

@@ -16,7 +16,7 @@ import numpy as np
 
 from experiments.corrections import StuckTrial, find_query_state, practice_trial
 from experiments.trial_result import TrialResult
-from interfaces.live.buttons import MOTION_HELP, SESSION_HELP, START
+from interfaces.live.buttons import START
 from interfaces.live.page import LivePage
 from interfaces.live.rig_view import RigView
 from interfaces.live.session import BUSY, IDLE_PERIOD, READING_PERIOD, READY, LiveSession, asked_scenario, live_scenario
@@ -67,8 +67,6 @@ class CorrectionSession(LiveSession):
         )
         page.controls.AddButton(SKIP, SKIP_KEY)
         self._skips = 0
-        help_lines = [*([] if driver else MOTION_HELP), *SESSION_HELP]
-        page.show(keys=[*help_lines[:-1], SKIP_HELP, help_lines[-1]])
         announce(f"  {' '.join(SKIP_HELP[0]):10s} {SKIP_HELP[1]}")
         self._rig = RigView(page, self._display)
 

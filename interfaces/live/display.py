@@ -78,10 +78,10 @@ class LiveDisplay:
 
     Args:
         page: page with the scene, the buttons of the views, and the panel of readings and messages.
-        help_lines: help for the controls, (keys, what they do) for each line.
+        moves_hand: whether the controls of the page move the peg, and not a haptic device.
     """
 
-    def __init__(self, page: LivePage, *, help_lines: list[tuple[list[str], str]]) -> None:
+    def __init__(self, page: LivePage, *, moves_hand: bool = True) -> None:
         self._page = page
         self._contact = Arrow(page.scene, "live/contact_force", scale=CONTACT_SCALE, colour=CONTACT, order=10.0)
         self._rendered = Arrow(page.scene, "live/rendered_force", scale=RENDERED_SCALE, colour=LOW, order=11.0)
@@ -90,7 +90,7 @@ class LiveDisplay:
             page.controls.AddButton(label, key)
         self._view_clicks = dict.fromkeys(VIEWS, 0)
         self._view = next(iter(VIEWS))
-        page.show(keys=help_lines)
+        page.show(motion=moves_hand)
         self.reset_camera()
 
     def show_message(self, message: str, phase: str | None = None) -> None:

@@ -69,9 +69,8 @@ class LiveSession:
         self._policy = policy
         self._buttons = Buttons(page.controls)
         self._input = PageInput(page.controls, self._move_hand) if driver is None else None
-        help_lines = SESSION_HELP if driver is not None else MOTION_HELP + SESSION_HELP
-        self._display = LiveDisplay(page, help_lines=help_lines)
-        for keys, action in help_lines:
+        self._display = LiveDisplay(page, moves_hand=driver is None)
+        for keys, action in SESSION_HELP if driver is not None else MOTION_HELP + SESSION_HELP:
             announce(f"  {' '.join(keys):10s} {action}")
         self._servo: ServoClient | None = None
         self._has_gamepad = False

@@ -71,10 +71,10 @@ for (const command of sceneCommands) {
     byId("title").textContent = data.title;
     byId("about").textContent = data.about;
     byId("colouring").textContent = data.colouring;
-    byId("force-scale").textContent = "force, 10 mm = " + data.force_scale;
-    byId("moment-scale").textContent = "moment, 10 mm = " + data.moment_scale;
+    byId("force-scale").textContent = "force on the peg, 10 mm = " + data.force_scale;
+    byId("moment-scale").textContent = "moment on the peg, 10 mm = " + data.moment_scale;
     byId("dial-ring").textContent = ringStep + "\u00b0";
-    byId("contact-scale").textContent = "each contact, 10 mm = " + data.force_scale;
+    byId("contact-scale").textContent = "each contact on the peg, 10 mm = " + data.force_scale;
     if (!data.guard) document.querySelectorAll(".rig").forEach(row => row.remove());
     if (!data.context) document.querySelectorAll(".context").forEach(row => row.remove());
     if (!data.contacts) document.querySelectorAll(".contacts").forEach(element => element.remove());

@@ -1,7 +1,7 @@
 // Shows the values of the session. All are in SI units except tilts, which are in degrees as the person sees them:
 //   force N, moment N m, load (of the device, 1 is its limit), colour (of the force), depth {tip, full} m,
 //   tilt {right, away}, rate (simulated over wall-clock time), deadlines {late_steps, steps, late_ticks, ticks},
-//   energy J, min_energy J, kept (a count), status (a line of text), keys ([keys, what they do] for each item),
+//   energy J, min_energy J, kept (a count), status (a line of text), motion whether the controls move the peg,
 //   contact {load N, limit N, peak N, held} or null: the load that the rig's guard would see, its limit, the largest of
 //     this demonstration, and whether the guard would already slow the feed,
 //   phase "ready", "recording", "verdict", "busy" or "over",
@@ -9,6 +9,7 @@
 //   skill {state, colour, known, feed m/s, turn rad/s, tilt, turned} or null, over: the session has ended.
 (function () {
   const {byId, formatNumber, onValues} = livePanel;
+  const SLOW = 0.5;  // simulated over wall-clock time, below which the page warns
   const SCALE = 0.8;  // share of the bar of the contact load at which its limit is
 
   // Text of each value by the id of its element.
@@ -77,20 +78,16 @@
     }
   }
 
-  /** Shows the help for the controls. */
-  function showKeys(help) {
-    byId("keys").replaceChildren(...help.map(([keys, action]) => {
-      const item = document.createElement("span");
-      for (const key of keys) {
-        item.appendChild(document.createElement("kbd")).textContent = key;
-        item.append(" ");
-      }
-      item.append(action);
-      return item;
-    }));
+  /** Warns while a demonstration is recorded far below real time. */
+  function showSlowness({rate, phase}) {
+    const isSlow = phase === "recording" && rate > 0 && rate < SLOW;
+    byId("slow").hidden = !isSlow;
+    if (isSlow) {
+      byId("slow").textContent = `Too slow: ${formatNumber(100 * rate, 0)} % of real time, forces come late. `
+        + "Close other programs.";
+    }
   }
 
-  let shownKeys = null;
   onValues(values => {
     for (const id in formats) if (id in values) byId(id).textContent = formats[id](values[id]);
     if ("load" in values) showLoad(values);
@@ -98,9 +95,6 @@
     if ("contact" in values) showContact(values.contact, values.hand !== false);
     if ("tilt" in values) showTilt(values.tilt);
     if ("skill" in values) showSkill(values.skill);
-    if ("keys" in values && JSON.stringify(values.keys) !== shownKeys) {
-      shownKeys = JSON.stringify(values.keys);
-      showKeys(values.keys);
-    }
+    showSlowness(values);
   });
 })();

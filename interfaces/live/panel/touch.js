@@ -64,8 +64,6 @@
     }, () => place(0, 0));
   }
 
-  // A session with a device has no keys that move the peg.
-  onValues(({keys}) => {
-    if (keys) byId("overlay").classList.toggle("motionless", !keys.some(([caps]) => caps.includes("W")));
-  });
+  // In a session with a device the controls do not move the peg.
+  onValues(({motion}) => byId("overlay").classList.toggle("motionless", motion === false));
 })();

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from experiments.served_run import Deadlines
-from interfaces.live.buttons import MOTION_HELP, SESSION_HELP, Buttons
+from interfaces.live.buttons import Buttons
 from interfaces.live.display import LiveDisplay, Readings
 from interfaces.live.page import LivePage, open_live_page
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
@@ -158,7 +158,7 @@ def open_panel(*, flags=()):
         scenario = resolve_scenario(load_scenario("live"), seed=0, stream=LIVE_STREAM)
         Buttons(live.controls)
         PageInput(live.controls, lambda wanted: None).start(RigidTransform([0.0, 0.0, scenario.start.height]))
-        display = LiveDisplay(live, help_lines=MOTION_HELP + SESSION_HELP)
+        display = LiveDisplay(live)
         display.draw_start(scenario)
         display.draw_forces(np.zeros(3), np.zeros(3), load=0.0, contact=None)
         with open_page(live.address, size=SIZE, flags=flags) as page:

@@ -103,10 +103,6 @@ def test_clicks_from_before_neither_start_nor_skip(dut, page, monkeypatch):
     assert dut._place == 0
 
 
-def test_the_help_names_the_key_to_skip_before_the_views(page, dut):
-    assert [keys for keys, _ in page.values["keys"]][-3:] == [["Q"], ["N"], ["1", "2", "3"]]
-
-
 @pytest.mark.parametrize("leave", [lambda page: page.click(QUIT), lambda page: setattr(page, "is_shown", False)])
 def test_a_computation_ends_when_the_person_quits_or_stays_away(dut, page, leave):
     def compute():

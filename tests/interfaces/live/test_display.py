@@ -58,7 +58,7 @@ def browser():
 
 @pytest.fixture
 def display(browser):
-    return LiveDisplay(browser, help_lines=[(["Q"], "quit")])
+    return LiveDisplay(browser)
 
 
 def test_colour_changes_at_half_the_limit_of_the_device_and_at_the_limit():
@@ -131,9 +131,9 @@ def test_the_readings_are_in_si_units_and_the_tilt_in_degrees_as_the_person_sees
     assert [values[k] for k in ("load", "rate", "energy", "min_energy", "kept")] == [1.5, 0.9, 0.5, -0.1, 7]
 
 
-def test_the_page_shows_the_help_and_messages(browser, display):
+def test_the_page_shows_messages_and_whether_it_moves_the_hand(browser, display):
     display.show_message("hello")
-    assert browser.values == {"keys": [(["Q"], "quit")], "status": "hello"}
+    assert browser.values == {"motion": True, "status": "hello"}
 
 
 def view(browser):

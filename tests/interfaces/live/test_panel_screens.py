@@ -147,13 +147,22 @@ def test_fingers_do_what_keys_do_and_holding_repeats(panel):
 @pytest.mark.browser
 def test_a_session_with_a_device_has_no_touch_controls_that_move_the_peg(panel):
     panel.screen(*PHONE)
-    keys = panel.live._values["keys"]
-    panel.feed(keys=[(["Space"], "start")])
+    panel.feed(motion=False)
     assert not panel.is_shown("pads")
     assert not panel.is_shown("feed")
     assert panel.is_shown("choices")
-    panel.feed(keys=keys)
+    panel.feed(motion=True)
     assert panel.is_shown("pads")
+
+
+@pytest.mark.browser
+def test_the_page_warns_while_it_records_below_half_of_real_time(panel):
+    panel.screen(*DESKTOP)
+    for phase, rate, warns in (("recording", 0.06, True), ("recording", 0.6, False), ("verdict", 0.06, False)):
+        panel.feed(phase=phase, rate=rate)
+        assert panel.is_shown("slow") is warns
+        assert not warns or panel.text("slow").startswith("Too slow: 6 % of real time")
+    panel.feed(phase="ready", rate=1.0)
 
 
 @contextmanager

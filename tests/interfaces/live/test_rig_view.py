@@ -43,7 +43,7 @@ def trial(quick_scenario):
 
 
 def perform(page, trial, has_left=lambda: False):
-    view = RigView(page, LiveDisplay(page, help_lines=[]))
+    view = RigView(page, LiveDisplay(page))
     return view.perform(trial, Level(), number=2, kept=3, on_picture=page.take_picture, has_left=has_left)
 
 

@@ -490,8 +490,8 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         assert blankness(ready).colours > 20
         assert row(page, "depth").is_displayed()  # the controls are open from the start
         assert row(page, "start (Space)").is_displayed()
-        for words in ("feed, retract", "tilt the peg", "keep as good", "quit"):
-            assert words in text_of(page, "keys")
+        for name in ("depth mm", "tilt right", "keep as good (G)", "quit (Q)"):
+            assert page.run("return document.body.innerText").count(name) == 1  # each action stands once
         assert text_of(page, "depth") == "-0.50 of 3.7 mm"
         pictures = [ready]
         for key in "231":

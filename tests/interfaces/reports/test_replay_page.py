@@ -60,7 +60,13 @@ def test_page_of_a_rig_run_shows_the_scene_and_the_sample_at_a_time(write_page):
             motion = motion_of_run(make_rig_run())
             assert peg[3] == motion.colours[int(row["state"])]
         text = browser.run("return document.body.innerText")
-        for name in (*STATE_NAMES, "moment, 10 mm", "back-off", "rig run: inserted"):
+        for name in (
+            *STATE_NAMES,
+            "moment on the peg, 10 mm",
+            "force on the peg, 10 mm",
+            "back-off",
+            "rig run: inserted",
+        ):
             assert name in text
         picture = browser.screenshot()
         content = blankness(picture)
