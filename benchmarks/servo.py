@@ -98,7 +98,7 @@ def shown_page() -> Iterator[Callable[[ServedRun], None]]:
         ModuleNotFoundError: if selenium is not installed.
     """
     page = open_live_page()
-    display = LiveDisplay(page, help_lines=[])
+    display = LiveDisplay(page)
     drawn = 0.0
 
     def draw(served: ServedRun) -> None:
