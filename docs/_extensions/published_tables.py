@@ -68,8 +68,8 @@ def row_text(cell: Cell, row: Row) -> list[str]:
     found = [conditions, row.summary.policy]
     for column in COLUMNS:
         if column.name in SHOWN:
-            note = "" if column.name == "physics" else column.note(row)
-            parts = [column.text(row), f"({note})" if note else ""]
+            note = "" if column.name == "physics" else row.note(column)
+            parts = [row.text(column), f"({note})" if note else ""]
             found.append(" ".join(part.replace(" ", "\N{NO-BREAK SPACE}") for part in parts).strip(" "))
     return [text.replace("|", "\\|").replace("<", "&lt;") for text in found]
 
