@@ -10,6 +10,7 @@ from benchmarks import servo
 KEYS = {"tick_ms_p50", "tick_ms_p99", "tick_ms_p999", "tick_ms_max", "late_share", "force_rms_error_n"}
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_the_servo_is_measured(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(servo, "CONDITIONS", ("alone",))
