@@ -58,11 +58,11 @@ from benchmarks.state_scores import MIN_DURATION, boundary_f1, recognition
 from experiments.exact_states import exact_labels
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console, progress
+from skill.arrays import sequences
 from skill.data.demonstration import read_demonstrations
 from skill.features.wrench_features import MEASURED
 from skill.recordings.reading import read_recordings
 from skill.recordings.recording import Recording
-from skill.sequences import sequences
 from skill.states.contact_states import ContactStates
 
 FAST = 1000.0  # sampling rate of the long recordings, Hz

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from skill.arrays import Array
-from skill.sequences import sequences
+from skill.arrays import Array, sequences
 
 MIN_DURATION = 3
 """Samples; a label that lasts a shorter time need not be recognised."""

@@ -223,6 +223,6 @@ def progress(title: str, total: int) -> Iterator[Callable[[str], None]]:
 
 def write_json(path: Path, value: Any) -> None:
     """Writes ``value`` as a JSON file, completely or not at all."""
-    from skill.data.tables import write_atomically  # imports pandas
+    from skill.data.files import write_atomically  # imports pandas
 
     write_atomically(path, (json.dumps(value, indent=1) + "\n").encode())

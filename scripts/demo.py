@@ -63,7 +63,7 @@ def main(
     from interfaces.terminal import only_progress, say, show
     from models.clearance import load_scenario_of_clearance
     from models.scenario import dump_scenario
-    from skill.data.tables import write_atomically
+    from skill.data.files import write_atomically
     from skill.manipulation_skill import ManipulationSkill
     from skill.states.context_mixture import MAX_CONTEXTS
 

@@ -20,7 +20,7 @@ def write_svg(diagram: Diagram, path: Path) -> None:
     Raises:
         ValueError: if Graphviz is not installed.
     """
-    from skill.data.tables import write_atomically
+    from skill.data.files import write_atomically
 
     text = diagram.GetGraphvizString(max_depth=1)
     try:

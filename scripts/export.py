@@ -94,8 +94,8 @@ def export_mcap(run: Run, out: Log = None) -> None:
     from interfaces.exports.mcap_log import recording_log
     from interfaces.terminal import busy, say
     from skill.data.demonstration import read_demonstration
+    from skill.data.files import write_atomically
     from skill.data.rig_run import read_rig_run
-    from skill.data.tables import write_atomically
 
     log = run.with_suffix(".mcap") if out is None else out
     if log.resolve() == run.resolve():

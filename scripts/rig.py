@@ -168,8 +168,8 @@ def write_report(runs: OutputSet, results: list[TrialResult], *, made_by: dict[s
     from interfaces.reports.batch_page import batch_report
     from interfaces.reports.replay_page import write_replay
     from interfaces.terminal import progress
+    from skill.data.files import write_atomically
     from skill.data.rig_run import read_rig_run
-    from skill.data.tables import write_atomically
 
     replays = {result.seed: REPLAY.format(result.seed) for result in results}
     missing = [number for number, name in replays.items() if not runs.path(name).is_file()]

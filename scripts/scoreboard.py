@@ -75,7 +75,7 @@ def main(
     from interfaces.reports.scoreboard_page import scoreboard_page, warnings
     from interfaces.reports.scoreboard_table import terminal_table
     from interfaces.terminal import busy, progress, say, show
-    from skill.data.tables import write_atomically
+    from skill.data.files import write_atomically
 
     out = out or results / "scoreboard.html"
     files = trial_files(results)

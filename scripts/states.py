@@ -130,7 +130,7 @@ def main(
     from interfaces.reports.result_tables import discovered_table, phase_table
     from interfaces.reports.states_page import StatesReport, states_page
     from interfaces.terminal import busy, say, show
-    from skill.data.tables import write_atomically
+    from skill.data.files import write_atomically
     from skill.recordings.reading import read_recordings
     from skill.states.phase_agreement import compare_with_phases
     from skill.states.state_summary import summarise_states
@@ -328,7 +328,7 @@ def write_state_table(path: Path, labelled: Sequence[LabelledRecording]) -> None
     import numpy as np
     import pandas as pd
 
-    from skill.data.tables import write_atomically
+    from skill.data.files import write_atomically
 
     parts = [
         pd.DataFrame(

@@ -183,7 +183,7 @@ def keep_specification(path: Path, text: str, out: Path) -> Path:
 
     from experiments.outputs.folder_lock import BusyError, locked_file
     from experiments.sweeps.trial_files import SWEEPS
-    from skill.data.tables import write_atomically
+    from skill.data.files import write_atomically
 
     k = 1
     while k < 1000:

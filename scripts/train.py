@@ -69,7 +69,7 @@ def train(
         out: file of the skill.
         seed: of the random draws of the learner.
         contexts: largest number of contexts that is discovered.
-        policy: one of ``skill.skill_schema.POLICIES``.
+        policy: one of ``skill.skill_file.POLICIES``.
 
     Raises:
         ValueError: if a folder holds no valid demonstrations, none of all inserts, or a folder is given twice.

@@ -30,8 +30,7 @@ from skill.prediction import Prediction, Query
 from skill.regression.bandwidth_selection import tuned_regressor
 from skill.regression.protocols import ExplainableRegressor, LocalRegressor, Regressor, StateRegressor
 from skill.skill_explanation import SkillExplanation
-from skill.skill_file import SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file
-from skill.skill_schema import POLICIES
+from skill.skill_file import POLICIES, SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file
 from skill.states.contact_state_filter import ContactStateFilter
 from skill.states.context_filter import ContextFilter, pair_probabilities
 from skill.states.context_mixture import ContextMixture

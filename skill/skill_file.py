@@ -1,41 +1,113 @@
-"""The file of a manipulation skill: one npz archive with named arrays and a JSON header, without pickle."""
+"""The file of a manipulation skill: one npz archive with named arrays and a JSON header, without pickle.
+
+Everything in a file is checked before anything is built from it: the header, each array (`check_arrays`), and that the
+parts of the skill fit together.
+"""
 
 from __future__ import annotations
 
 import io
 import json
+import math
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skill.array_schema import ArrayRule, check_arrays
+from skill.array_schema import MAX_MAGNITUDE, MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.clustering.gaussian_states import GaussianStates
+from skill.data.files import UNSEALED, check_seal, one_line, parse_object, read_bounded, seal, write_atomically
+from skill.data.geometry import PegHoleGeometry
 from skill.data.npz_archive import read_archive
-from skill.data.sealed_file import UNSEALED, is_sealed, read_bounded, seal
-from skill.data.strict_json import parse_object
-from skill.data.tables import one_line, write_atomically
 from skill.features.contact_features import ContactFeatures
+from skill.features.responses import N_INPUTS, N_OUTPUTS
 from skill.features.wrench_features import CanonicalFeatures, NormalisedFeatures, RawFeatures, WrenchFeatures
 from skill.planning.planning_model import PlanningModel
 from skill.regression.locally_weighted_regression import LWRegressor
-from skill.skill_schema import PARAMETERS, check_header, check_parts, feature_part
 from skill.states.context_mixture import ContextMixture
 from skill.states.state_graph import StateGraph
 
-SKILL_VERSION = 7
-"""Version of the files that are written."""
-
-OLDER_VERSIONS = (4, 5, 6)
-"""The other versions that are read; their files have no plans, those before 6 no contexts, and those of 4 no digest."""
+SKILL_VERSION = 8
+"""Version of the files that are written and read."""
 
 MAX_BYTES = 50_000_000
 """Largest size of a file; a skill of thirty demonstrations has 0.3 MB, one that plans 1.4 MB."""
+
+MAX_PERIOD = 1.0
+"""Largest sample period, s."""
+
+MAX_ACTION = 10.0
+"""Largest turn (rad) or feed (m) over one sample period."""
+
+MAX_SEED = 2**32 - 1
+"""Largest seed of NumPy's and scikit-learn's generators."""
+
+POLICIES = ("imitate", "plan")
+"""How a skill can act; see `skill.imitation` and `skill.planning.planner`."""
+
+N_ACTIONS = 3
+"""Number of outputs of the regressor: turn about x and y, and feed."""
+
+Check = Callable[[Any], bool]
+
+
+def is_number(value: object) -> bool:
+    """Whether a value of JSON is a number, which may be infinite or NaN."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _at_least_zero(value: Any) -> bool:
+    return is_number(value) and 0.0 <= value <= MAX_MAGNITUDE
+
+
+def _positive(value: Any) -> bool:
+    return is_number(value) and MIN_POSITIVE <= value <= MAX_MAGNITUDE
+
+
+PARAMETERS: dict[str, tuple[Check, str]] = {
+    "still": (_at_least_zero, "a length in m of at least 0"),
+    "rough": (
+        lambda value: is_number(value) and (0.0 < value <= MAX_MAGNITUDE or value == math.inf),
+        "a positive length in m",
+    ),
+    "correction_time": (_positive, "a positive time in s"),
+    "feed_time": (_positive, "a positive time in s"),
+    "force_noise": (_at_least_zero, "a force in N of at least 0"),
+    "moment_noise": (_at_least_zero, "a moment in N m of at least 0"),
+    "policy": (lambda value: value in POLICIES, f"one of {list(POLICIES)}"),
+    "random_state": (
+        lambda value: value is None or (type(value) is int and 0 <= value <= MAX_SEED),
+        "an integer from 0 to 2^32 - 1",
+    ),
+}
+"""The constructor parameters of a `ManipulationSkill` that are stored, and what they may be."""
+
+ENTRIES: dict[str, tuple[Check, str]] = {
+    "skill_version": (lambda value: type(value) is int, "an integer"),
+    "parameters": (lambda value: isinstance(value, dict), "an object"),
+    "features": (lambda value: _is_part(value), "a class name and its parameters"),
+    "state_features": (lambda value: _is_part(value), "a class name and its parameters"),
+    "period": (lambda value: is_number(value) and 0.0 < value <= MAX_PERIOD, "a positive time of at most 1 s"),
+    "metadata": (lambda value: isinstance(value, dict), "an object"),
+    "names": (lambda value: value is None or _are_texts(value), "null or a list of texts"),
+    "least_log_support": (lambda value: is_number(value) and value <= MAX_MAGNITUDE, "a number of at most 1e12"),
+}
+"""The entries of the header, and what they may be."""
+
+
+def _is_part(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2 and isinstance(value[0], str) and isinstance(value[1], dict)
+
+
+def _are_texts(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(name, str) for name in value)
+
 
 SKILL_PARAMETERS = tuple(PARAMETERS)
 """The constructor parameters of a `ManipulationSkill` that are stored."""
@@ -50,7 +122,7 @@ class ArrayPart(Protocol):
         """The fitted part as plain arrays."""
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Self:
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Any:
         """Restores the part from its arrays."""
 
 
@@ -62,7 +134,7 @@ FEATURE_TYPES: dict[str, type[WrenchFeatures]] = {
 }
 
 ARRAY_PARTS: dict[str, type[ArrayPart]] = {
-    "states": CompetitiveAgglomeration,
+    "states": GaussianStates,
     "regressor": LWRegressor,
     "graph": StateGraph,
 }
@@ -131,14 +203,11 @@ def read_skill_file(path: Path) -> SkillContents:
         ValueError: if the file is missing, damaged, changed, too large, not a skill file, or of another version. The
             message names the file and what is wrong in it.
     """
-    header, arrays, sealed = _read_archive(Path(path))
+    header, arrays = _read_archive(Path(path))
     version = header.get("skill_version")
-    if type(version) is not int or version not in (*OLDER_VERSIONS, SKILL_VERSION):
-        expected = f"{OLDER_VERSIONS[0]} to {SKILL_VERSION}"
-        raise ValueError(f"{path}: skill file version {version}, expected {expected}; train the skill again")
+    if type(version) is not int or version != SKILL_VERSION:
+        raise ValueError(f"{path}: skill file version {version}, expected {SKILL_VERSION}; train the skill again")
     try:
-        if version > OLDER_VERSIONS[0] and not sealed:
-            raise ValueError(f"damaged: a file of version {version} without its digest")
         return _contents(header, arrays)
     except ValueError as error:
         raise ValueError(f"{path}: not a complete skill file ({one_line(error)})") from error
@@ -177,16 +246,16 @@ def _contents(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
     )
 
 
-def _read_archive(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], bool]:
-    """Returns the header, the arrays, and whether the file carries a digest."""
+def _read_archive(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Returns the header and the arrays."""
     try:
         data = read_bounded(path, MAX_BYTES)
-        sealed = is_sealed(data)
+        check_seal(data)
         arrays = read_archive(data)
         header = arrays.pop("header", None)
         if header is None or header.dtype != np.uint8:
             raise ValueError("no header")
-        return parse_object(header.tobytes()), arrays, sealed
+        return parse_object(header.tobytes()), arrays
     except FileNotFoundError:
         raise ValueError(f"{path}: no such skill file; train one first") from None
     except (OSError, ValueError) as error:
@@ -194,10 +263,11 @@ def _read_archive(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]], 
 
 
 def _check_types(parts: Mapping[str, Any]) -> None:
-    expected = {
+    expected: dict[str, tuple[type, ...]] = {
         **{name: tuple(FEATURE_TYPES.values()) for name in FEATURE_PARTS},
         **{name: (part_type,) for name, part_type in ARRAY_PARTS.items()},
         **{name: (part_type, type(None)) for name, part_type in OPTIONAL_PARTS.items()},
+        "states": (CompetitiveAgglomeration, GaussianStates),
     }
     for name, types in expected.items():
         if type(parts[name]) not in types:
@@ -205,3 +275,111 @@ def _check_types(parts: Mapping[str, Any]) -> None:
                 f"{name}: a {type(parts[name]).__name__} cannot be stored;"
                 f" expected one of {sorted(part_type.__name__ for part_type in types)}"
             )
+
+
+def check_header(header: Mapping[str, Any]) -> None:
+    """Checks the header of a skill file.
+
+    Raises:
+        ValueError: naming the entry, what was found and what was expected.
+    """
+    _check_entries(header, ENTRIES, "entries of the header", complete=True)
+    _check_entries(header["parameters"], PARAMETERS, "parameters", complete=False)
+    PegHoleGeometry.find(header["metadata"], "header")
+    for name in ("demonstrations", "good", "practice_trials", "max_contexts"):
+        count = header["metadata"].get(name, 1)
+        if type(count) is not int or not 1 <= count <= MAX_MAGNITUDE:
+            raise ValueError(f"header: metadata '{name}' is {count!r}, expected a positive integer of at most 1e12")
+
+
+def feature_part(name: str, entry: list[Any], types: Mapping[str, type[WrenchFeatures]]) -> WrenchFeatures:
+    """Returns the features that a header describes.
+
+    Args:
+        name: name of the part, for error messages.
+        entry: name of the class, and its parameters.
+        types: the classes that may be made, by their names.
+
+    Raises:
+        ValueError: if the class or a parameter is unknown, or a parameter is not a positive number of usual size.
+    """
+    kind, settings = entry
+    if kind not in types:
+        raise ValueError(f"{name}: class {kind!r}, expected one of {sorted(types)}")
+    known = sorted(types[kind]().get_params())
+    if sorted(settings) != known:
+        raise ValueError(f"{name}: parameters {sorted(settings)} of {kind}, expected {known}")
+    for key, value in settings.items():
+        if not (is_number(value) and MIN_POSITIVE <= value <= MAX_MAGNITUDE):
+            raise ValueError(f"{name}: '{key}' is {value!r}, expected a positive number in SI units, 1e-12 to 1e12")
+    return types[kind](**settings)
+
+
+def check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, Any]) -> None:
+    """Checks that the parts of a skill fit together.
+
+    Args:
+        parts: the parts by their names (see `skill.skill_file`).
+        sources: (n, 2), demonstration number and time (s) of each sample of the regressor.
+        header: the header of the file.
+
+    Raises:
+        ValueError: naming the part, what was found and what was expected.
+    """
+    states, regressor, graph, contexts = (parts[name] for name in ("states", "regressor", "graph", "contexts"))
+    measured = len(parts["state_features"].get_feature_names_out())
+    channels = measured + len(parts["state_features"].hidden_names())
+    features = len(parts["features"].get_feature_names_out())
+    K, P = len(states.means_), regressor.memberships_
+    if P is None:
+        raise ValueError(f"regressor: array 'memberships' is missing, expected one column for each of {K} states")
+    for what, found, expected in (
+        ("states: number of channels", states.means_.shape[1], channels),
+        ("graph: number of states", len(graph.visits_), K),
+        ("regressor: number of features", regressor.X_.shape[1], features),
+        ("regressor: number of outputs", regressor.y_.shape[1], N_ACTIONS),
+        ("regressor: number of states and contexts", P.shape[1], K * (1 if contexts is None else contexts.n_contexts_)),
+        ("sources: number of samples", len(sources), len(regressor.X_)),
+    ):
+        if found != expected:
+            raise ValueError(f"{what} is {found}, expected {expected} as the other parts have")
+    if not (np.isfinite(sources).all() and (sources[:, 0] >= 0).all() and (sources[:, 0] % 1 == 0).all()):
+        raise ValueError("sources: expected the number of a demonstration and a time in s for each sample")
+    if regressor.rows_[-1] >= len(sources):
+        raise ValueError(f"regressor: array 'rows' goes up to {regressor.rows_[-1]}, expected below {len(sources)}")
+    largest = float(np.abs(regressor.y_).max())
+    if largest > MAX_ACTION:
+        raise ValueError(f"regressor: array 'y' goes up to {largest:g} rad or m, expected at most {MAX_ACTION:g}")
+    if contexts is not None:
+        shape = tuple(len(spread) for spread in contexts.scales_)
+        if shape != (features, N_INPUTS, N_OUTPUTS):
+            raise ValueError(
+                f"contexts: {shape} features, inputs and outputs, expected {(features, N_INPUTS, N_OUTPUTS)}"
+            )
+    planning, plans = parts["planning"], header["parameters"].get("policy") == "plan"
+    if (planning is not None) != plans:
+        raise ValueError(f"planning: {'missing' if plans else 'unexpected'} for this policy")
+    if planning is not None:
+        sizes = [*(len(spread) for spread in planning.scales_), len(planning.lower_), planning.memberships_.shape[1]]
+        of_skill = [features, N_INPUTS, N_OUTPUTS, K, P.shape[1]]
+        if sizes != of_skill:
+            raise ValueError(f"planning: {sizes} features, inputs, outputs, states and pairs, expected {of_skill}")
+    names = header["names"]
+    if names is not None and len(names) < K:
+        raise ValueError(f"header: {len(names)} names, expected one for each of {K} states")
+
+
+def _check_entries(
+    found: Mapping[str, Any], expected: Mapping[str, tuple[Check, str]], what: str, *, complete: bool
+) -> None:
+    unknown = sorted(set(found) - set(expected))
+    if unknown:
+        raise ValueError(f"unknown {what} {unknown}; expected {'' if complete else 'some of '}{list(expected)}")
+    missing = [name for name in expected if name not in found]
+    if missing and complete:
+        raise ValueError(f"missing {what} {missing}")
+    for name, value in found.items():
+        fits, wanted = expected[name]
+        if not fits(value):
+            text = repr(value)
+            raise ValueError(f"'{name}' is {text if len(text) < 60 else f'{text[:60]}...'}, expected {wanted}")

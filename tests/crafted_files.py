@@ -10,7 +10,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from skill.data.sealed_file import UNSEALED, seal
+from skill.data.files import UNSEALED, seal
 
 
 def sealed_parquet(table: pa.Table, metadata: dict[str, str | bytes]) -> bytes:
@@ -38,15 +38,6 @@ def rewrite(path: Path, kind: str, change=None, **header) -> Path:
     return path
 
 
-def write_unsealed(path: Path, kind: str, version: int) -> Path:
-    """Rewrites a file as earlier versions wrote it: without a digest, with the metadata of pandas."""
-    frame, header = contents(path, kind)
-    table = pa.Table.from_pandas(frame, preserve_index=False)
-    text = json.dumps({**header, "format_version": version})
-    pq.write_table(table.replace_schema_metadata({**table.schema.metadata, kind.encode(): text.encode()}), path)
-    return path
-
-
 def sealed_archive(members: dict[str, bytes], compression: int = zipfile.ZIP_DEFLATED) -> bytes:
     """A zip archive with these members and a digest."""
     stream = io.BytesIO()
@@ -65,13 +56,3 @@ def sealed_arrays(arrays: dict[str, np.ndarray]) -> bytes:
         np.save(stream, array, allow_pickle=True)
         members[f"{name}.npy"] = stream.getvalue()
     return sealed_archive(members)
-
-
-def write_unsealed_skill(path: Path, version: int) -> Path:
-    """Rewrites a skill as earlier versions wrote it: without a digest."""
-    with np.load(path) as stored:
-        arrays = dict(stored)
-    header = {**json.loads(arrays["header"].tobytes()), "skill_version": version}
-    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
-    np.savez_compressed(path, **arrays)
-    return path

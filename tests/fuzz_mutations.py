@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from skill.data.sealed_file import MARK, UNSEALED, seal
+from skill.data.files import MARK, UNSEALED, seal
 from tests.crafted_files import sealed_archive, sealed_arrays, sealed_parquet
 
 ODD_VALUES: list[Any] = [

@@ -33,12 +33,12 @@ from benchmarks.command_line import JsonFile, finish, run
 from benchmarks.learners import cluster_sets as sets
 from benchmarks.learners.cluster_sets import Labels
 from benchmarks.learners.gaussian_mixture_regression import best_mixture
+from benchmarks.learners.published_competition import PublishedCompetition
 from interfaces.terminal import progress
 from skill.arrays import Array
-from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.clustering.expectation_maximization import CovariancePrior
-from skill.clustering.gaussian_components import log_densities, precision_factors
+from skill.clustering.expectation_maximization import CovariancePrior, components_of_partition
+from skill.clustering.gaussian_components import log_normalizers, precision_factors, squared_mahalanobis
 
 DEFAULT = "competition"
 
@@ -103,6 +103,12 @@ def agglomerate(data: LabelledSet, seed: int, *, ignore: tuple[str, ...] = (), *
     return np.asarray(CompetitiveAgglomeration(random_state=seed, **parameters).fit(data.X, **known).labels_)
 
 
+def published(data: LabelledSet, seed: int, *, distance: str, ignore: tuple[str, ...] = ()) -> Labels:
+    """Competitive Agglomeration as published."""
+    known = {name: value for name, value in data.demonstrations.items() if name not in ignore}
+    return np.asarray(PublishedCompetition(distance, random_state=seed).fit(data.X, **known).labels_)
+
+
 def mixture_by_bic(data: LabelledSet, seed: int, *, starts: int) -> Labels:
     """The Gaussian mixture of smallest BIC among 1 to 15 components."""
     best = best_mixture(data.X, 15, n_init=starts, random_state=seed, reg_covar=1e-6)
@@ -127,7 +133,8 @@ def oracle(data: LabelledSet, seed: int) -> Labels:
     floor = CovariancePrior(count=0.0, variance=1.0, floor=np.full(d, 1e-6), diagonal=False)
     true = components_of_partition(data.X[known], data.y[known], floor)
     factors = precision_factors(true.covariances)
-    return np.asarray(np.argmax(log_densities(data.X, true.weights, true.means, factors), axis=1))
+    squared = squared_mahalanobis(data.X, true.means, factors)
+    return np.asarray(np.argmax(log_normalizers(true.weights, factors) - 0.5 * squared, axis=1))
 
 
 LEARNERS: dict[str, Callable[[LabelledSet, int], Labels]] = {
@@ -135,8 +142,8 @@ LEARNERS: dict[str, Callable[[LabelledSet, int], Labels]] = {
     "eta0 = 0": partial(agglomerate, eta0=0.0),
     "heavy tails": partial(agglomerate, tails="heavy"),
     "samples independent": partial(agglomerate, ignore=("groups",)),
-    "printed equations": partial(agglomerate, bias="literal", merge=None, n_init=1),
-    "Gustafson-Kessel": partial(agglomerate, distance="gk", merge=None, n_init=1, ignore=("phase",)),
+    "printed equations": partial(published, distance="fmle"),
+    "Gustafson-Kessel": partial(published, distance="gk", ignore=("phase",)),
     "GMM-BIC, 1 start": partial(mixture_by_bic, starts=1),
     "GMM-BIC, 5 starts": partial(mixture_by_bic, starts=5),
     "BayesianGaussianMixture": bayesian_mixture,

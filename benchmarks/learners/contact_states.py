@@ -65,9 +65,8 @@ from benchmarks.state_scores import recognition
 from interfaces.terminal import progress
 from models.contact_geometry import ContactLabel
 from skill.arrays import Array
-from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.clustering.expectation_maximization import CovariancePrior
+from skill.clustering.expectation_maximization import CovariancePrior, components_of_partition
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import STATE_FLOOR
 from skill.states.contact_state_filter import ContactStateFilter

@@ -15,9 +15,8 @@ from sklearn.metrics import adjusted_rand_score, normalized_mutual_info_score, s
 from sklearn.mixture import BayesianGaussianMixture, GaussianMixture
 
 from benchmarks.learners.gaussian_mixture_regression import best_mixture
-from skill.arrays import Array
+from skill.arrays import Array, sequences
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
-from skill.sequences import sequences
 from skill.states.contact_states import ContactStates
 
 MAX_STATES = 15  # largest number of states of the learners that choose by a criterion

@@ -26,6 +26,7 @@ from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
 from benchmarks.learners.gaussian_mixture_regression import best_mixture, gmr_predict
+from benchmarks.learners.published_competition import PublishedCompetition
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_components import GaussianComponents
@@ -50,9 +51,9 @@ def one_state() -> CompetitiveAgglomeration:
     return CompetitiveAgglomeration(m_init=1)
 
 
-def literal_competition() -> CompetitiveAgglomeration:
+def literal_competition() -> PublishedCompetition:
     """Competitive Agglomeration as printed in the paper: one start, no merging."""
-    return CompetitiveAgglomeration(bias="literal", merge=None, n_init=1, random_state=0)
+    return PublishedCompetition(random_state=0)
 
 
 def bad_left_out(demonstrations: Demonstrations) -> Demonstrations:

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from skill.data.tables import TEMPORARY_MARK
+from skill.data.files import TEMPORARY_MARK
 
 LOCK_NAME = ".haptic-skill.lock"
 HOLDER = "held by "

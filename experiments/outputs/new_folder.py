@@ -12,7 +12,7 @@ from glob import escape
 from pathlib import Path
 
 from experiments.outputs.folder_lock import locked_file
-from skill.data.tables import TEMPORARY_MARK
+from skill.data.files import TEMPORARY_MARK
 
 REPLACED = ".haptic-skill-replaced"
 """What is added to the hidden name of a folder while it is replaced."""

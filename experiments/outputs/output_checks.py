@@ -12,7 +12,7 @@ from pathlib import Path
 
 from experiments.outputs.folder_lock import LOCK_NAME
 from experiments.outputs.set_index import INDEX_NAME, read_index
-from skill.data.tables import TEMPORARY_MARK
+from skill.data.files import TEMPORARY_MARK
 
 RECORDING_SIZE = 60_000  # bytes of a recording or a run, about
 REPORT_SIZE = 3_000_000  # bytes of a page with a scene or figures, at most

@@ -11,9 +11,8 @@ from typing import Any
 
 from experiments.trial_result import TrialResult
 from skill.data.demonstration import read_demonstration
+from skill.data.files import one_line, read_bounded, write_atomically
 from skill.data.rig_run import read_rig_run
-from skill.data.sealed_file import read_bounded
-from skill.data.tables import one_line, write_atomically
 
 INDEX_NAME = "index.json"
 INDEX_VERSION = 1

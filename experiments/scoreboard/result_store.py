@@ -14,7 +14,8 @@ from pandas.api.types import union_categoricals
 
 from experiments.sweeps.trial_files import PARTITIONS, PUBLISHED, SCHEMA, SWEEPS, TRIALS
 from models.document import read_document, read_text
-from skill.data.tables import TEMPORARY_MARK, named_parquet_errors
+from skill.data.files import TEMPORARY_MARK
+from skill.data.tables import named_parquet_errors
 
 TEXTS = ("factors", "outcome", "fault", "code", "skill")
 """Columns with few different texts."""

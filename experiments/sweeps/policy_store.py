@@ -35,8 +35,7 @@ from experiments.sweeps.trial_rows import engine_versions, trial_code, trial_mod
 from experiments.worker_pool import LostWorkerError, WorkerPool
 from models.scenario import dump_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
-from skill.data.strict_json import parse_object
-from skill.data.tables import write_atomically
+from skill.data.files import parse_object, write_atomically
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
 from systems.control.faults import one_line

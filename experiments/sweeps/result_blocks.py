@@ -20,7 +20,8 @@ from experiments.outputs.folder_lock import BusyError, locked_file
 from experiments.outputs.output_checks import named_errors
 from experiments.sweeps.trial_files import SCHEMA, partition
 from experiments.sweeps.trial_rows import Row, row_key
-from skill.data.tables import named_parquet_errors, write_atomically
+from skill.data.files import write_atomically
+from skill.data.tables import named_parquet_errors
 
 BLOCK = 100
 """Trials in a block. A block is rewritten as its trials end; with more, that would cost more."""

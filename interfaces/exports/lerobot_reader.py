@@ -19,11 +19,9 @@ from interfaces.exports import demonstration_episodes, run_episodes
 from interfaces.exports.lerobot_writer import ABOUT, ABOUT_VERSION, HEADER, NAME, VERSION
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstration, write_demonstration
+from skill.data.files import MAX_LENGTH, one_line, parse_object, read_bounded
 from skill.data.outcome import parse_outcome
 from skill.data.rig_run import RigRun, read_rig_run, write_rig_run
-from skill.data.sealed_file import read_bounded
-from skill.data.strict_json import MAX_LENGTH, parse_object
-from skill.data.tables import one_line
 from skill.recordings.parquet_file import read_columns
 
 KINDS = (demonstration_episodes.KIND, run_episodes.KIND)

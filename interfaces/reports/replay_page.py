@@ -24,7 +24,7 @@ from interfaces.reports.replay_scene import (
     draw_scene,
     viewer_source,
 )
-from skill.data.tables import write_atomically
+from skill.data.files import write_atomically
 
 
 def replay_page(motion: Motion, *, title: str, speed: float = 1.0) -> str:

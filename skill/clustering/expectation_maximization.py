@@ -1,30 +1,21 @@
-"""Expectation-maximisation of Gaussian mixtures, in blocks of samples that fit into the processor's cache.
+"""Expectation-maximisation of mixtures, in blocks of samples that fit into the processor's cache.
 
-The same pass over the samples serves Competitive Agglomeration (memberships u biased by the cardinalities, moments
-weighted by u^2) and ordinary expectation-maximisation (posteriors h, moments weighted by h). No array of size N x M
-is stored, so the memory needed is that of the samples.
+The same E step serves Competitive Agglomeration (memberships u biased by the cardinalities, moments weighted by u^2)
+and ordinary expectation-maximisation (posteriors h, moments weighted by h). It sums the moments block by block: no
+array of size N x M is stored, so the memory needed is that of the samples.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.clustering.gaussian_components import (
-    GaussianComponents,
-    QuadraticFeatures,
-    log_density_coefficients,
-    log_normalizers,
-    parameters_per_component,
-    precision_factors,
-    shrunk_covariances,
-)
-from skill.clustering.student_tails import tail_weights, tailed_log_densities
+from skill.clustering.gaussian_components import GaussianComponents, MixtureDensities
 
 BLOCK = 2048
 """Samples in a block. With 14 channels, features and memberships take 2.4 MB, which fits a second-level cache."""
@@ -36,7 +27,7 @@ class CovariancePrior:
 
     Attributes:
         count: nu, weight of the prior as a number of samples.
-        variance: g, mean variance of the channels. The prior of M clusters is 0.1 g M^(-2/d) I, a tenth of the
+        variance: g, mean variance of the channels. The prior of M clusters is S_0 = 0.1 g M^(-2/d) I, a tenth of the
             variance of each cluster when M of them tile the data.
         floor: shape (d,), variance added to each channel.
         diagonal: whether covariances are diagonal.
@@ -48,31 +39,32 @@ class CovariancePrior:
     diagonal: bool
 
     def apply(self, covariances: Array, counts: Array) -> Array:
-        """Returns regularised covariances, shape (M, d, d).
+        """Returns (n_i F_i + nu S_0) / (n_i + nu) + floor, shape (M, d, d).
 
         Args:
-            covariances: shape (M, d, d), sample covariances.
-            counts: shape (M,), number of samples behind each covariance.
+            covariances: shape (M, d, d), weighted sample covariances F_i.
+            counts: shape (M,), number n_i of samples behind each covariance.
         """
         M, d = covariances.shape[:2]
-        return shrunk_covariances(
-            covariances,
-            counts,
-            prior_count=self.count,
-            prior_variance=0.1 * self.variance * M ** (-2.0 / d),
-            floor=self.floor,
-            diagonal=self.diagonal,
+        identity = np.eye(d)
+        n = counts[:, None, None]
+        shrunk = (n * covariances + self.count * (0.1 * self.variance * M ** (-2.0 / d)) * identity) / np.maximum(
+            n + self.count, np.finfo(float).tiny
         )
+        if self.diagonal:
+            shrunk = shrunk * identity
+        return np.asarray(shrunk + np.diag(self.floor), dtype=np.float64)
 
     @property
     def parameters(self) -> int:
-        """Number T of free parameters of one component."""
-        return parameters_per_component(len(self.floor), diagonal=self.diagonal)
+        """Number T of free parameters of one component: d + d (d + 1) / 2, or 2 d with a diagonal covariance."""
+        d = len(self.floor)
+        return 2 * d if self.diagonal else d + d * (d + 1) // 2
 
 
 @dataclass(frozen=True)
-class EmStep:
-    """Result of one pass over the samples.
+class Moments:
+    """Result of one E step: the sums over the samples that the M step needs.
 
     Attributes:
         cardinalities: shape (M,), N_i = sum_j u_ij.
@@ -90,7 +82,7 @@ class EmStep:
 
 
 class Block(NamedTuple):
-    """Result of an E step for n samples.
+    """The posteriors of n samples.
 
     Attributes:
         features: shape (size, n), quadratic features; the next block overwrites them.
@@ -105,27 +97,7 @@ class Block(NamedTuple):
     weights: Array | None
 
 
-class MixtureDensities:
-    """The densities of a mixture as functions of the quadratic features of samples."""
-
-    def __init__(self, components: GaussianComponents) -> None:
-        self.d = components.means.shape[1]
-        self.degrees = components.degrees
-        self.features = QuadraticFeatures(self.d)
-        self._coefficients = log_density_coefficients(components, self.features)
-        self._normalizers = log_normalizers(components.weights, precision_factors(components.covariances))[:, None]
-
-    def at(self, phi: Array) -> tuple[Array, Array | None]:
-        """Returns the log-densities log P_i p_i of samples with features ``phi`` (size, n), and their tail weights."""
-        gaussian = self._coefficients @ phi
-        if np.isinf(self.degrees):
-            return gaussian, None
-        squared = 2.0 * (self._normalizers - gaussian)
-        densities = tailed_log_densities(self._normalizers, squared, self.d, self.degrees)
-        return densities, tail_weights(squared, self.d, self.degrees)
-
-
-def e_step(Z: Array, densities: MixtureDensities) -> Iterator[Block]:
+def posterior_blocks(Z: Array, densities: MixtureDensities) -> Iterator[Block]:
     """Computes the posteriors h_ij = P_i p(z_j | v_i, F_i) / sum_k P_k p(z_j | v_k, F_k) block by block.
 
     Args:
@@ -144,14 +116,14 @@ def e_step(Z: Array, densities: MixtureDensities) -> Iterator[Block]:
         yield Block(phi, posteriors, peak + np.log(evidence), weights)
 
 
-def em_step(
+def e_step(
     Z: Array,
     components: GaussianComponents,
     *,
     eta: float = 0.0,
     cardinalities: Array | None = None,
     fuzzy: bool = False,
-) -> EmStep:
+) -> Moments:
     """Computes the memberships and the weighted moments of all samples.
 
     With the posteriors h, the memberships under competition are u_ij = h_ij [1 + alpha (N_i - sum_k h_kj N_k)] with
@@ -162,7 +134,7 @@ def em_step(
         Z: samples, shape (N, d).
         components: the current M Gaussians.
         eta: strength of the competition.
-        cardinalities: shape (M,), N_i of the previous pass; None means no competition.
+        cardinalities: shape (M,), N_i of the previous step; None means no competition.
         fuzzy: whether to weight the moments by u^2 (fuzzifier 2) instead of u. Student distributions weight them by
             the weights of the tails in addition; the covariance is divided by the sum of all weights, which converges
             faster to the same result (Kent, Tyler and Vardi, Communications in Statistics - Simulation 23, 1994).
@@ -174,7 +146,7 @@ def em_step(
     totals = np.zeros(M)
     log_likelihood = 0.0
     alpha = 0.0 if cardinalities is None or M == 1 else eta * N / float(cardinalities @ cardinalities)
-    for phi, U, log_evidence, weights in e_step(Z, densities):
+    for phi, U, log_evidence, weights in posterior_blocks(Z, densities):
         log_likelihood += float(np.sum(log_evidence))
         if cardinalities is not None and alpha > 0.0:
             _add_competition(U, cardinalities, alpha)
@@ -185,7 +157,7 @@ def em_step(
             U *= weights
         sums += U @ phi.T
     weight_sums, means, covariances = densities.features.moments(sums)
-    return EmStep(totals, weight_sums, means, covariances, log_likelihood)
+    return Moments(totals, weight_sums, means, covariances, log_likelihood)
 
 
 def _add_competition(U: Array, cardinalities: Array, alpha: float) -> None:
@@ -196,24 +168,13 @@ def _add_competition(U: Array, cardinalities: Array, alpha: float) -> None:
     U /= U.sum(axis=0)
 
 
-def updated_components(step: EmStep, prior: CovariancePrior, degrees: float = np.inf) -> GaussianComponents:
-    """Returns the components with the moments of ``step``, their covariances regularised by ``prior``."""
+def m_step(moments: Moments, prior: CovariancePrior, degrees: float = np.inf) -> GaussianComponents:
+    """Returns the components with the given moments, their covariances regularised by ``prior``."""
     return GaussianComponents(
-        weights=step.cardinalities / step.cardinalities.sum(),
-        means=step.means,
-        covariances=prior.apply(step.covariances, step.weight_sums),
+        weights=moments.cardinalities / moments.cardinalities.sum(),
+        means=moments.means,
+        covariances=prior.apply(moments.covariances, moments.weight_sums),
         degrees=degrees,
-    )
-
-
-def retained(components: GaussianComponents, keep: NDArray[np.bool_]) -> GaussianComponents:
-    """Returns the components selected by the mask ``keep`` (M,), their weights normalised again."""
-    weights = components.weights[keep]
-    return replace(
-        components,
-        weights=weights / weights.sum(),
-        means=components.means[keep],
-        covariances=components.covariances[keep],
     )
 
 
@@ -243,14 +204,27 @@ def expectation_maximization(
     log_likelihood = -np.inf
     for _ in range(max_iter):
         evaluated = components
-        step = em_step(Z, components)
-        log_likelihood = step.log_likelihood
+        moments = e_step(Z, components)
+        log_likelihood = moments.log_likelihood
         if log_likelihood - previous < tol:
             return evaluated, log_likelihood, True
         previous = log_likelihood
-        components = updated_components(step, prior, components.degrees)
-        alive = step.cardinalities >= 1.0
+        components = m_step(moments, prior, components.degrees)
+        alive = moments.cardinalities >= 1.0
         if not alive.all() and alive.any():
-            components = retained(components, alive)
+            components = components.retained(alive)
             previous = -np.inf
     return evaluated, log_likelihood, False
+
+
+def components_of_partition(Z: Array, labels: NDArray[np.intp], prior: CovariancePrior) -> GaussianComponents:
+    """Returns one Gaussian for each label that occurs: share, mean and regularised covariance of its samples."""
+    _, labels = np.unique(labels, return_inverse=True)
+    counts = np.bincount(labels).astype(float)
+    order = np.argsort(labels, kind="stable")
+    members = np.split(order, np.cumsum(counts.astype(np.intp))[:-1])
+    means = np.stack([Z[rows].mean(axis=0) for rows in members])
+    covariances = np.stack(
+        [(Z[rows] - mean).T @ (Z[rows] - mean) / len(rows) for rows, mean in zip(members, means, strict=True)]
+    )
+    return GaussianComponents(counts / counts.sum(), means, prior.apply(covariances, counts))

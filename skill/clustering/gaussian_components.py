@@ -1,10 +1,16 @@
-"""Components of a mixture: log-densities and weighted moments as matrix products, and regularised covariances.
+"""Components of a mixture, Gaussian or Student: log-densities and weighted moments as matrix products.
 
 The *quadratic features* of a sample are phi(z) = (1, z_a, z_a z_b for a <= b). Every squared Mahalanobis distance
 is linear in phi, and every weighted moment up to the second is a weighted sum of phi. The E step is therefore one
 matrix product and the M step another. The cost is cancellation: the relative error is of the order of
-eps * cond(F). For this reason samples are centred and scaled first, and `log_densities`, which serves prediction,
-uses the triangular factors instead.
+eps * cond(F). For this reason samples are centred and scaled first. Prediction uses `squared_mahalanobis` instead.
+
+A multivariate Student distribution with location v, scale matrix F and nu degrees of freedom is a Gaussian whose
+covariance is F / w with a random w, which follows a gamma distribution of mean one (Peel and McLachlan, "Robust mixture
+modelling using the t distribution", Statistics and Computing 10, 2000). A sample at squared Mahalanobis distance q has
+the expected weight (nu + d) / (nu + q) in the location and the scale. Samples far from all components, such as those of
+an impact, therefore hardly change them. A mixture of Gaussians spends a component on such samples, which is so wide
+that it covers several of the others.
 """
 
 from __future__ import annotations
@@ -12,16 +18,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
+from scipy.special import gammaln
+from scipy.stats import chi2, f
 
 from skill.arrays import Array
 
 LOG_2PI = float(np.log(2.0 * np.pi))
 
+STUDENT_DEGREES = 4.0
+"""Degrees of freedom of heavy tails, the fewest whole number for which the variance of the squares of samples is
+borderline: a usual choice for robust estimation (Lange, Little and Taylor, JASA 84, 1989)."""
+
 
 @dataclass(frozen=True)
 class GaussianComponents:
-    """M weighted Gaussians in d channels, or Student distributions (`skill.clustering.student_tails`).
+    """M weighted Gaussians or Student distributions in d channels.
 
     Attributes:
         weights: shape (M,), mixture weights P_i; positive, their sum is one.
@@ -38,6 +51,21 @@ class GaussianComponents:
 
     def __len__(self) -> int:
         return len(self.weights)
+
+    def retained(self, keep: NDArray[np.bool_]) -> GaussianComponents:
+        """Returns the components selected by the mask ``keep`` (M,), their weights normalised again."""
+        weights = self.weights[keep]
+        return GaussianComponents(weights / weights.sum(), self.means[keep], self.covariances[keep], self.degrees)
+
+    def rescaled(self, shift: Array, scale: Array) -> GaussianComponents:
+        """Returns the components of samples shift + scale Z, largest weight first; ``shift``, ``scale`` (d,)."""
+        order = np.argsort(-self.weights, kind="stable")
+        return GaussianComponents(
+            self.weights[order],
+            shift + scale * self.means[order],
+            scale[:, None] * self.covariances[order] * scale,
+            self.degrees,
+        )
 
 
 class QuadraticFeatures:
@@ -100,7 +128,7 @@ def cholesky_factors(covariances: Array) -> Array:
     """Returns the lower Cholesky factors L, shape (M, d, d), with F = L L'.
 
     Raises:
-        ValueError: if a covariance is not positive definite. The message names the parameters to raise.
+        ValueError: if a covariance is not positive definite. The message names the parameter to raise.
     """
     try:
         return np.asarray(np.linalg.cholesky(covariances), dtype=np.float64)
@@ -109,7 +137,7 @@ def cholesky_factors(covariances: Array) -> Array:
         raise ValueError(
             f"a covariance is not positive definite (smallest eigenvalue {smallest:.3g});"
             " within a state, a channel is constant or a combination of other channels:"
-            " raise reg_covar or sensor_variance, or drop the channel"
+            " raise reg_covar, or drop the channel"
         ) from None
 
 
@@ -145,11 +173,6 @@ def log_normalizers(weights: Array, factors: Array) -> Array:
     return normalizers
 
 
-def log_densities(X: Array, weights: Array, means: Array, factors: Array) -> Array:
-    """Returns log P_i N(x_j | v_i, F_i), shape (n, M), without a determinant, an inverse or an exponential."""
-    return log_normalizers(weights, factors) - 0.5 * squared_mahalanobis(X, means, factors)
-
-
 def log_density_coefficients(components: GaussianComponents, features: QuadraticFeatures) -> Array:
     """Returns C, shape (M, size), with C phi(z) = log P_i N(z | v_i, F_i)."""
     factors = precision_factors(components.covariances)
@@ -160,36 +183,76 @@ def log_density_coefficients(components: GaussianComponents, features: Quadratic
     return features.coefficients(-0.5 * precisions, linear, constant)
 
 
-def shrunk_covariances(
-    covariances: Array,
-    counts: Array,
-    *,
-    prior_count: float,
-    prior_variance: float,
-    floor: Array,
-    diagonal: bool,
-) -> Array:
-    """Returns (n_i F_i + nu S_0) / (n_i + nu) + floor, with S_0 = prior_variance I, shape (M, d, d).
+def tailed_log_densities(log_normalizers: Array, squared: Array, d: int, degrees: float) -> Array:
+    """Returns the log-densities log P_i p(x_j | v_i, F_i), in the shape of ``squared``.
 
     Args:
-        covariances: shape (M, d, d), weighted sample covariances F_i.
-        counts: shape (M,), number n_i of samples behind each covariance.
-        prior_count: nu >= 0, weight of the prior as a number of samples.
-        prior_variance: variance of the spherical prior.
-        floor: shape (d,), variance added to each channel (sensor noise and round-off).
-        diagonal: whether to keep only the diagonal.
+        log_normalizers: log P_i - d/2 log(2 pi) - 1/2 log |F_i|; its shape broadcasts with ``squared``.
+        squared: squared Mahalanobis distances.
+        d: number of channels.
+        degrees: degrees of freedom nu; infinite for Gaussians.
     """
-    d = covariances.shape[-1]
-    identity = np.eye(d)
-    n = counts[:, None, None]
-    shrunk = (n * covariances + prior_count * prior_variance * identity) / np.maximum(
-        n + prior_count, np.finfo(float).tiny
-    )
-    if diagonal:
-        shrunk = shrunk * identity
-    return shrunk + np.diag(floor)
+    if np.isinf(degrees):
+        return log_normalizers - 0.5 * squared
+    ratio = gammaln(0.5 * (degrees + d)) - gammaln(0.5 * degrees) - 0.5 * d * (np.log(degrees * np.pi) - LOG_2PI)
+    densities: Array = log_normalizers + ratio - 0.5 * (degrees + d) * np.log1p(squared / degrees)
+    return densities
 
 
-def parameters_per_component(d: int, *, diagonal: bool) -> int:
-    """Number of free parameters of one Gaussian: d + d (d + 1) / 2, or 2 d with a diagonal covariance."""
-    return 2 * d if diagonal else d + d * (d + 1) // 2
+def tail_weights(squared: Array, d: int, degrees: float) -> Array:
+    """Returns the expected weights (nu + d) / (nu + q) of samples at squared Mahalanobis distances q."""
+    return (degrees + d) / (degrees + squared)
+
+
+def distance_gate(probability: float, d: int, degrees: float = np.inf) -> float:
+    """Returns the squared Mahalanobis distance that a share ``probability`` of a component's samples does not exceed.
+
+    It is a quantile of the chi-square distribution for Gaussians. For Student distributions, it is d times one of the F
+    distribution with d and nu degrees of freedom.
+
+    Args:
+        probability: between 0 and 1, exclusive.
+        d: number of channels.
+        degrees: degrees of freedom nu; infinite for Gaussians.
+
+    Raises:
+        ValueError: if the probability is out of range.
+    """
+    if not 0.0 < probability < 1.0:
+        raise ValueError(f"gate={probability!r}: expected a probability between 0 and 1, for example 0.999")
+    return float(chi2.ppf(probability, d) if np.isinf(degrees) else d * f.ppf(probability, d, degrees))
+
+
+def score_variances(d: int, degrees: float) -> tuple[float, float]:
+    """Returns the variances of the scores of one sample, relative to those of a Gaussian.
+
+    With the whitened sample y, the scores are w y_a for the location, w y_a y_b for the scale with a < b, and
+    (w y_a^2 - 1) / sqrt(2) for a = b. w q / (nu + d) follows the beta distribution with parameters d / 2 and nu / 2,
+    and is independent of the direction of y.
+
+    Returns:
+        (nu + d) / (nu + d + 2) for the first two kinds, and (nu + d - 1) / (nu + d + 2) for the third; 1 for Gaussians.
+    """
+    if np.isinf(degrees):
+        return 1.0, 1.0
+    return (degrees + d) / (degrees + d + 2.0), (degrees + d - 1.0) / (degrees + d + 2.0)
+
+
+class MixtureDensities:
+    """The densities of a mixture as functions of the quadratic features of samples."""
+
+    def __init__(self, components: GaussianComponents) -> None:
+        self.d = components.means.shape[1]
+        self.degrees = components.degrees
+        self.features = QuadraticFeatures(self.d)
+        self._coefficients = log_density_coefficients(components, self.features)
+        self._normalizers = log_normalizers(components.weights, precision_factors(components.covariances))[:, None]
+
+    def at(self, phi: Array) -> tuple[Array, Array | None]:
+        """Returns the log-densities log P_i p_i of samples with features ``phi`` (size, n), and their tail weights."""
+        gaussian = self._coefficients @ phi
+        if np.isinf(self.degrees):
+            return gaussian, None
+        squared = 2.0 * (self._normalizers - gaussian)
+        densities = tailed_log_densities(self._normalizers, squared, self.d, self.degrees)
+        return densities, tail_weights(squared, self.d, self.degrees)

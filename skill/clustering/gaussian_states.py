@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import logsumexp
 from sklearn.base import BaseEstimator, ClusterMixin
-from sklearn.utils.validation import check_array, check_is_fitted, validate_data
+from sklearn.exceptions import NotFittedError
+from sklearn.utils.validation import check_array, validate_data
 
-from skill.array_schema import MAX_MAGNITUDE, MIN_POSITIVE, ArrayRule, check_arrays
+from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array
 from skill.clustering.gaussian_components import (
     GaussianComponents,
+    distance_gate,
     log_normalizers,
-    parameters_per_component,
     precision_factors,
     squared_mahalanobis,
+    tailed_log_densities,
 )
-from skill.clustering.prototype_competition import log_squared_distances
-from skill.clustering.state_number import bayesian_information_criterion
-from skill.clustering.student_tails import distance_gate, tailed_log_densities
-from skill.data.strict_json import parse_object
-
-NUMERIC_DTYPE = re.compile(r"[<|>=][biuf][1248]")
-"""The types of parameters that are arrays, as `numpy.dtype.str` names them."""
 
 FACTOR_ERROR = 1e-2
 """Largest element of R' F R - I that rounding explains for stored precision factors."""
@@ -49,14 +42,12 @@ RULES = {
     "precision_factors": ArrayRule(("M", "d", "d")),
     "design_effect": ArrayRule(low=MIN_POSITIVE),
     "degrees_of_freedom": ArrayRule(low=1.0, optional=True),
-    "distance": ArrayRule(holds="texts", choices=("fmle", "gk", "euclid")),
-    "parameters": ArrayRule(holds="texts", optional=True),
 }
 """The arrays of `GaussianStates.to_arrays`: M states in d channels."""
 
 
 class GaussianStates(ClusterMixin, BaseEstimator):
-    """Base class of clusterers whose result is a set of states, each a Gaussian or a Student distribution.
+    """Fitted states, each a Gaussian or a Student distribution; base class of the clusterers that find such states.
 
     Attributes:
         n_clusters_: number of states M.
@@ -67,7 +58,6 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         degrees_of_freedom_: of the Student distributions; infinite for Gaussians.
         precision_factors_: shape (M, d, d), upper triangular R with inv(F) = R R'.
         design_effect_: number of samples that carry the information of one independent sample.
-        distance_: distance that assigns samples to states: "fmle" (posterior), "gk" or "euclid".
     """
 
     weights_: Array
@@ -78,11 +68,8 @@ class GaussianStates(ClusterMixin, BaseEstimator):
     n_clusters_: int
     n_features_in_: int
     design_effect_: float
-    distance_: str
 
-    def _set_states(
-        self, components: GaussianComponents, *, distance: str = "fmle", design_effect: float = 1.0
-    ) -> None:
+    def _set_states(self, components: GaussianComponents, *, design_effect: float = 1.0) -> None:
         """Sets the fitted attributes, except ``n_features_in_``."""
         self.weights_ = components.weights
         self.means_ = components.means
@@ -90,8 +77,11 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         self.precision_factors_ = precision_factors(components.covariances)
         self.degrees_of_freedom_ = components.degrees
         self.n_clusters_ = len(components)
-        self.distance_ = distance
         self.design_effect_ = float(design_effect)
+
+    def _check_fitted(self) -> None:
+        if not hasattr(self, "means_"):  # scikit-learn's check would ask for a method `fit`
+            raise NotFittedError(f"this {type(self).__name__} is not fitted yet; call 'fit' first")
 
     def marginal(self, channels: ArrayLike | None = None) -> tuple[GaussianComponents, Array]:
         """Returns the states in some channels, with the other channels marginalised out.
@@ -105,7 +95,7 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         Raises:
             ValueError: if there is no index, or an index is out of range or repeated.
         """
-        check_is_fitted(self, "means_")
+        self._check_fitted()
         if channels is None:
             components = GaussianComponents(self.weights_, self.means_, self.covariances_, self.degrees_of_freedom_)
             return components, self.precision_factors_
@@ -136,20 +126,15 @@ class GaussianStates(ClusterMixin, BaseEstimator):
             raise ValueError(f"X has {checked.shape[1]} columns, expected {k}: one for each of channels={channels!r}")
         return np.clip(checked, -MAX_VALUE, MAX_VALUE), components, factors
 
-    def _log_memberships(self, X: ArrayLike, channels: ArrayLike | None) -> tuple[Array, Array, Array]:
-        """Returns log memberships (not normalised), log-densities and squared Mahalanobis distances, each (n, M)."""
-        return self._log_memberships_of(*self._validated(X, channels))
-
-    def _log_memberships_of(
-        self, Z: Array, components: GaussianComponents, factors: Array
-    ) -> tuple[Array, Array, Array]:
-        """The same for checked samples and the result of `marginal` for their channels."""
+    def _log_densities(self, Z: Array, components: GaussianComponents, factors: Array) -> tuple[Array, Array]:
+        """Returns log P_i p_i of checked samples, and their squared Mahalanobis distances, each (n, M)."""
         distances = squared_mahalanobis(Z, components.means, factors)
         normalizers = log_normalizers(components.weights, factors)
-        densities = tailed_log_densities(normalizers, distances, Z.shape[1], components.degrees)
-        if self.distance_ == "fmle":
-            return densities, densities, distances
-        return -log_squared_distances(Z, components, self.distance_), densities, distances
+        return tailed_log_densities(normalizers, distances, Z.shape[1], components.degrees), distances
+
+    def log_densities(self, X: ArrayLike, channels: ArrayLike | None = None) -> Array:
+        """Returns the log-density of each sample in each state with its weight, log P_i p_i, shape (n, M)."""
+        return self._log_densities(*self._validated(X, channels))[0]
 
     def predict(self, X: ArrayLike, channels: ArrayLike | None = None, gate: float | None = None) -> NDArray[np.intp]:
         """Returns the most probable state of each sample, shape (n,); -1 (unknown) outside the gate.
@@ -160,8 +145,8 @@ class GaussianStates(ClusterMixin, BaseEstimator):
             gate: probability in (0, 1). A sample is unknown if the squared Mahalanobis distance to its state exceeds
                 `distance_gate` of this probability. None means no gate.
         """
-        memberships, _, distances = self._log_memberships(X, channels)
-        labels: NDArray[np.intp] = np.argmax(memberships, axis=1)
+        densities, distances = self._log_densities(*self._validated(X, channels))
+        labels: NDArray[np.intp] = np.argmax(densities, axis=1)
         if gate is not None:
             nearest = distances[np.arange(len(labels)), labels]
             k = self.n_features_in_ if channels is None else np.asarray(channels).size
@@ -169,48 +154,25 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         return labels
 
     def predict_proba(self, X: ArrayLike, channels: ArrayLike | None = None) -> Array:
-        """Returns the posterior of each state (the membership for gk and euclid), shape (n, M); rows sum to one.
+        """Returns the posterior of each state, shape (n, M); rows sum to one.
 
         Far away the posterior of the state with the smallest Mahalanobis distance is one, however improbable the sample
-        is: `mahalanobis`, `score_samples` and the gate of `predict` tell how far it is. Values beyond 1e100 count as
-        1e100.
+        is: `score_samples` and the gate of `predict` show how far it is. Values beyond 1e100 count as 1e100.
         """
-        memberships, _, _ = self._log_memberships(X, channels)
-        return np.exp(memberships - logsumexp(memberships, axis=1, keepdims=True))
+        densities = self.log_densities(X, channels)
+        return np.exp(densities - logsumexp(densities, axis=1, keepdims=True))
 
     def score_samples(self, X: ArrayLike, channels: ArrayLike | None = None) -> Array:
         """Returns the log-density of each sample under the mixture of all states, shape (n,)."""
-        _, densities, _ = self._log_memberships(X, channels)
-        return np.asarray(logsumexp(densities, axis=1))
+        return np.asarray(logsumexp(self.log_densities(X, channels), axis=1))
 
     def score(self, X: ArrayLike, y: Any = None, channels: ArrayLike | None = None) -> float:
         """Returns the mean log-density of the samples; ``y`` is ignored."""
         return float(np.mean(self.score_samples(X, channels)))
 
-    def mahalanobis(self, X: ArrayLike, channels: ArrayLike | None = None) -> Array:
-        """Returns the squared Mahalanobis distance of each sample to each state, shape (n, M)."""
-        Z, components, factors = self._validated(X, channels)
-        return squared_mahalanobis(Z, components.means, factors)
-
-    def bic(self, X: ArrayLike) -> float:
-        """Returns the Bayesian information criterion of ``X`` at the effective sample size; smaller is better."""
-        log_likelihood = self.score_samples(X)
-        d = self.n_features_in_
-        off_diagonal = self.covariances_ * (1.0 - np.eye(d))
-        T = parameters_per_component(d, diagonal=not off_diagonal.any())
-        return bayesian_information_criterion(
-            float(log_likelihood.sum()), self.n_clusters_, T, len(log_likelihood), self.design_effect_
-        )
-
     def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """Returns the fitted states and the constructor parameters as arrays that can be stored without pickle.
-
-        The array "parameters" holds the parameters as JSON. A ``random_state`` object is stored as None.
-
-        Raises:
-            TypeError: if a parameter cannot be stored.
-        """
-        check_is_fitted(self, "means_")
+        """Returns the fitted states as arrays that can be stored without pickle."""
+        self._check_fitted()
         tails = {} if np.isinf(self.degrees_of_freedom_) else {"degrees_of_freedom": np.array(self.degrees_of_freedom_)}
         return {
             **tails,
@@ -219,88 +181,28 @@ class GaussianStates(ClusterMixin, BaseEstimator):
             "covariances": self.covariances_.copy(),
             "precision_factors": self.precision_factors_.copy(),
             "design_effect": np.array(self.design_effect_),
-            "distance": np.array(self.distance_),
-            "parameters": np.array(json.dumps(self.get_params(deep=False), default=_to_json)),
         }
 
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Self:
-        """Restores fitted states from the result of `to_arrays`.
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, NDArray[Any]]) -> GaussianStates:
+        """Restores fitted states from the result of `to_arrays`; they predict identically to the last bit.
 
-        The restored states have the same parameters and predict identically to the last bit. The attributes that
-        describe the fit, such as labels and history, are not restored. Arrays of earlier versions have no entry
-        "parameters"; the parameters are then unknown, and `get_params` reports the defaults.
+        What describes the fit, such as its parameters, labels and history, is not restored.
 
         Raises:
-            ValueError: if an array is missing, unknown, has the wrong shape, is not finite or does not fit the others,
-                or if a stored parameter is not a parameter of this class or out of range.
+            ValueError: if an array is missing, unknown, has the wrong shape, is not finite or does not fit the others.
         """
-        sizes = check_arrays(arrays, RULES, f"{cls.__name__}.to_arrays")
+        sizes = check_arrays(arrays, RULES, "GaussianStates.to_arrays")
         names = ("weights", "means", "covariances", "precision_factors")
         values = {name: np.array(arrays[name], dtype=np.float64) for name in names}
         _check_components(values["weights"], values["covariances"], values["precision_factors"])
-        states = cls(**cls._stored_parameters(arrays))
+        states = GaussianStates()
         states.weights_, states.means_ = values["weights"], values["means"]
         states.covariances_, states.precision_factors_ = values["covariances"], values["precision_factors"]
         states.n_clusters_, states.n_features_in_ = sizes["M"], sizes["d"]
         states.degrees_of_freedom_ = float(arrays.get("degrees_of_freedom", np.inf))
-        states.distance_ = str(arrays["distance"])
         states.design_effect_ = float(arrays["design_effect"])
         return states
-
-    @classmethod
-    def _stored_parameters(cls, arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-        """Returns the constructor parameters in the arrays; empty for arrays of earlier versions."""
-        if "parameters" not in arrays:
-            return {}
-        try:
-            parameters = parse_object(str(arrays["parameters"]), _from_json)
-        except ValueError as error:
-            raise ValueError(f"array 'parameters': {error}") from error
-        unknown = sorted(set(parameters) - set(cls().get_params(deep=False)))
-        if unknown:
-            raise ValueError(f"stored parameters {unknown} are not parameters of {cls.__name__}")
-        cls(**parameters)._validate_params()
-        for name, default in cls().get_params(deep=False).items():
-            _check_parameter(name, parameters.get(name, default), default)
-        return parameters
-
-
-def _check_parameter(name: str, value: Any, default: Any) -> None:
-    """Checks what scikit-learn does not: that truth values are no numbers, and the size of numbers."""
-    if isinstance(default, bool) is not isinstance(value, bool):
-        expected = "true or false" if isinstance(default, bool) else "no truth value"
-        raise ValueError(f"parameter '{name}' is {value!r}, expected {expected}")
-    if value is None or isinstance(value, str):
-        return
-    try:
-        sizes = np.abs(np.asarray(value, dtype=float))
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"parameter '{name}' does not hold numbers") from None
-    if not (sizes <= MAX_MAGNITUDE).all():
-        raise ValueError(f"parameter '{name}' is up to {sizes.max():g}, expected at most {MAX_MAGNITUDE:g}")
-
-
-def _to_json(value: Any) -> Any:
-    """Converts a parameter that JSON does not know: arrays with their type, NumPy scalars, generators to None."""
-    if isinstance(value, np.random.RandomState):
-        return None
-    if isinstance(value, np.generic):
-        return value.item()
-    if hasattr(value, "__array__"):
-        array = np.asarray(value)
-        return {"array": array.tolist(), "dtype": array.dtype.str}
-    raise TypeError(f"a parameter of type {type(value).__name__} cannot be stored")
-
-
-def _from_json(value: dict[str, Any]) -> Any:
-    """Restores the arrays of `_to_json`."""
-    if set(value) != {"array", "dtype"}:
-        return value
-    dtype = str(value["dtype"])
-    if not NUMERIC_DTYPE.fullmatch(dtype):
-        raise ValueError(f"an array of type {dtype[:40]!r}, expected numbers")
-    return np.array(value["array"], dtype=dtype)
 
 
 def _check_components(weights: Array, covariances: Array, factors: Array) -> None:

@@ -46,7 +46,7 @@ ACTIONS = ("ux", "uy", "uz", "rx", "ry", "rz")
 COLUMNS = ("time", *CHANNELS, *ACTIONS)
 
 FORMAT_VERSION = 2
-"""Version of the files that are written; those of version 1 have no digest."""
+"""Version of the files that are written and read."""
 
 
 @dataclass(frozen=True)
@@ -143,9 +143,7 @@ def read_demonstration(path: Path) -> Demonstration:
         ValueError: if the file is missing, damaged, changed, implausible, or of another kind or version. The message
             names the file.
     """
-    samples, header = read_table(
-        path, COLUMNS, kind="demonstration", versions=range(1, FORMAT_VERSION + 1), keys=("good", "outcome")
-    )
+    samples, header = read_table(path, COLUMNS, kind="demonstration", version=FORMAT_VERSION, keys=("good", "outcome"))
     good, text, duration = header.pop("good"), header.pop("outcome"), header.pop("duration_s", None)
     if not isinstance(text, str):
         raise ValueError(f"{path}: 'outcome' is {text!r}, expected a text")

@@ -76,8 +76,7 @@ OPTIONAL = (CONTEXT_COLUMNS, CONTROL_COLUMNS, CONTACT_COLUMNS)
 """Groups of columns that files of earlier versions do not have."""
 
 RUN_VERSION = 6
-"""Version of the files that are written; those of version 2 have no digest, those before 4 no contacts, those
-before 5 no contexts, those before 6 no ``turning``."""
+"""Version of the files that are written and read."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,7 @@ def read_rig_run(path: Path) -> RigRun:
         path,
         RUN_COLUMNS,
         kind="rig_run",
-        versions=(2, 3, 4, 5, RUN_VERSION),
+        version=RUN_VERSION,
         keys=("result", "metadata"),
         optional=OPTIONAL,
         min_rows=1,

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,9 +13,16 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from skill.data.parquet_footer import column_chunks
-from skill.data.sealed_file import UNSEALED, is_sealed, read_bounded, seal
-from skill.data.strict_json import MAX_LENGTH, parse_object
+from skill.data.files import (
+    MAX_LENGTH,
+    UNSEALED,
+    check_seal,
+    one_line,
+    parse_object,
+    read_bounded,
+    seal,
+    write_atomically,
+)
 
 MAX_ROWS = 300_000
 """Largest number of samples of a file: five minutes at 1 kHz. Reading them takes below 500 MB and a second."""
@@ -25,15 +30,8 @@ MAX_ROWS = 300_000
 MAX_BYTES = 100_000_000
 """Largest size of a file; ``MAX_ROWS`` samples of 41 columns have at most 99 MB."""
 
-COMPRESSIONS = ("SNAPPY", "UNCOMPRESSED")
-"""Compressions that are read: these unpack to at most some twenty times the size."""
-
 MIN_CHUNK, MAX_ROW_BYTES = 65_536, 20
-"""Bytes that a column may have, and that it may have more for each row; numbers need 8."""
-
-
-TEMPORARY_MARK = ".tmp-"
-"""What the name of a temporary file has between the name of its target and eight random characters."""
+"""Bytes to which a column may unpack, and more for each row; numbers need 8."""
 
 
 class TooShortError(ValueError):
@@ -99,34 +97,6 @@ def _holds_numbers(column: pd.Series) -> bool:
     return types.is_numeric_dtype(column) and not (types.is_bool_dtype(column) or types.is_complex_dtype(column))
 
 
-def write_atomically(path: Path, data: bytes) -> None:
-    """Writes a file completely or not at all: to a temporary file in the same folder, which is then renamed.
-
-    The temporary file of ``name`` is ``.name.tmp-`` and eight random characters.
-
-    Args:
-        path: target; missing parent folders are created.
-        data: content of the file.
-
-    Raises:
-        OSError: if the data cannot be written; an existing file at ``path`` is then unchanged.
-    """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}{TEMPORARY_MARK}")
-    temporary = Path(name)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-
-
 def write_table(
     table: pd.DataFrame,
     columns: Sequence[str],
@@ -168,7 +138,7 @@ def read_table(
     columns: Sequence[str],
     *,
     kind: str,
-    versions: Sequence[int],
+    version: int,
     keys: Sequence[str],
     optional: Sequence[Sequence[str]] = (),
     min_rows: int = 2,
@@ -179,7 +149,7 @@ def read_table(
         path: file to read.
         columns: columns that the table must have.
         kind: expected kind of file.
-        versions: versions of the file format that are read. The first has no digest, all later ones must have one.
+        version: expected version of the file format.
         keys: entries that the header must have.
         optional: groups of columns; those of a group are all there or all missing.
         min_rows: minimum number of rows.
@@ -192,10 +162,10 @@ def read_table(
             `validate_table`. The message names the file.
     """
     with named_parquet_errors(path, f"{kind} file"):
-        file, sealed = _open(path)
+        file = _open(path)
         metadata = file.metadata.metadata or {}
         schema = file.schema_arrow
-    header = _header(metadata, path, kind=kind, versions=versions, keys=keys, sealed=sealed)
+    header = _header(metadata, path, kind=kind, version=version, keys=keys)
     columns = with_optional(columns, optional, schema.names)
     check_columns(schema.names, columns, str(path))
     for field in schema:
@@ -214,24 +184,23 @@ def stored_kind(path: Path, kinds: Sequence[str]) -> str | None:
         ValueError: if the file is missing, truncated, changed or too large. The message names the file.
     """
     with named_parquet_errors(path, "file"):
-        metadata = _open(path)[0].metadata.metadata or {}
+        metadata = _open(path, sealed=False).metadata.metadata or {}
     return next((kind for kind in kinds if kind.encode() in metadata), None)
 
 
-def _open(path: Path) -> tuple[pq.ParquetFile, bool]:
-    """Returns a Parquet file in memory, and whether it carries a digest; what it will unpack to is bounded."""
+def _open(path: Path, *, sealed: bool = True) -> pq.ParquetFile:
+    """Returns a Parquet file in memory, after checking its digest, if it must have one, and to what it will unpack."""
     data = read_bounded(Path(path), MAX_BYTES)
-    sealed = is_sealed(data)
-    for chunk in column_chunks(data):
-        if chunk.compression not in COMPRESSIONS or chunk.size > MIN_CHUNK + MAX_ROW_BYTES * chunk.rows:
-            raise ValueError(
-                f"{chunk.size} bytes with compression {chunk.compression} for {chunk.rows} samples of a column,"
-                f" expected at most {MAX_ROW_BYTES} each with {' or '.join(COMPRESSIONS)}"
-            )
+    check_seal(data, required=sealed)
     file = pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
     groups = [file.metadata.row_group(k) for k in range(file.num_row_groups)]
-    _check_length(max(file.metadata.num_rows, sum(group.num_rows for group in groups)), str(path))
-    return file, sealed
+    rows = max(file.metadata.num_rows, sum(group.num_rows for group in groups))
+    _check_length(rows, str(path))
+    size = sum(group.total_byte_size for group in groups)
+    most = file.metadata.num_columns * (MIN_CHUNK + MAX_ROW_BYTES * rows)
+    if size > most:
+        raise ValueError(f"{size} bytes after unpacking, expected at most {most} for {rows} samples")
+    return file
 
 
 @contextmanager
@@ -246,7 +215,7 @@ def named_parquet_errors(path: Path, what: str = "file") -> Iterator[None]:
 
 
 def _header(
-    metadata: dict[bytes, bytes], path: Path, *, kind: str, versions: Sequence[int], keys: Sequence[str], sealed: bool
+    metadata: dict[bytes, bytes], path: Path, *, kind: str, version: int, keys: Sequence[str]
 ) -> dict[str, Any]:
     """Returns the header of a file, without its version."""
     raw = metadata.get(kind.encode())
@@ -257,19 +226,12 @@ def _header(
     except ValueError as error:
         raise ValueError(f"{path}: damaged '{kind}' metadata ({one_line(error)})") from error
     found = header.pop("format_version", None)
-    if type(found) is not int or found not in versions:
-        raise ValueError(f"{path}: {kind} format version {found}, expected {' or '.join(map(str, versions))}")
-    if found != versions[0] and not sealed:
-        raise ValueError(f"{path}: damaged: a {kind} file of version {found} without its digest")
+    if type(found) is not int or found != version:
+        raise ValueError(f"{path}: {kind} format version {found}, expected {version}")
     missing = [key for key in keys if key not in header]
     if missing:
         raise ValueError(f"{path}: '{kind}' metadata lacks {missing}; expected a {kind} file of this program")
     return header
-
-
-def one_line(error: BaseException) -> str:
-    """Returns the message of an exception on one line, at most 200 characters of it."""
-    return " ".join(str(error).split())[:200] or type(error).__name__
 
 
 def _check_length(rows: int, where: str) -> None:

@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration
+from skill.data.files import write_atomically
 from skill.data.rig_run import RigRun
-from skill.data.tables import write_atomically
 from skill.states.state_style import state_colours, state_labels
 
 INK = "#1D2329"

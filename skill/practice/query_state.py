@@ -8,9 +8,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Self
 
-from skill.data.sealed_file import read_bounded
-from skill.data.tables import one_line
-from skill.skill_schema import is_number
+from skill.data.files import one_line, read_bounded
+from skill.skill_file import is_number
 
 MAX_SIZE = 10_000_000  # bytes of a file
 

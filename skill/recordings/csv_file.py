@@ -14,7 +14,7 @@ from typing import TextIO, cast
 import numpy as np
 import pandas as pd
 
-from skill.data.tables import one_line
+from skill.data.files import one_line
 from skill.recordings.column_table import Selection, check_length, select_columns, table_recordings
 from skill.recordings.columns import FORCES, MOMENTS, listed
 from skill.recordings.recording import Recording

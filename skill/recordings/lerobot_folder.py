@@ -14,9 +14,7 @@ import pandas as pd
 import pyarrow as pa
 
 from skill.arrays import Array
-from skill.data.sealed_file import read_bounded
-from skill.data.strict_json import MAX_LENGTH, parse_object
-from skill.data.tables import one_line
+from skill.data.files import MAX_LENGTH, one_line, parse_object, read_bounded
 from skill.recordings.column_table import Selection, check_length, select_columns, table_recordings
 from skill.recordings.columns import FORCES, MOMENTS, PHASE_COLUMNS, label_column, listed
 from skill.recordings.parquet_file import read_columns

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from skill.data.files import one_line, read_bounded
 from skill.data.npz_archive import read_archive
-from skill.data.sealed_file import read_bounded
-from skill.data.tables import one_line
 from skill.recordings.column_table import check_length, select_columns, table_recordings
 from skill.recordings.columns import FORCES, MOMENTS
 from skill.recordings.recording import Recording

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,8 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from skill.data.demonstration import ACTIONS
-from skill.data.parquet_footer import column_chunks, unpacked_columns
-from skill.data.sealed_file import is_sealed, read_bounded
+from skill.data.files import check_seal, read_bounded
 from skill.data.tables import named_parquet_errors
 from skill.recordings.column_table import Selection, check_length, select_columns, table_recordings
 from skill.recordings.columns import listed
@@ -77,25 +77,27 @@ def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, wi
     """
     with named_parquet_errors(path):
         data = read_bounded(Path(path), MAX_BYTES)
-        is_sealed(data)
-        if any(chunk.compression == "unknown" for chunk in column_chunks(data)):
-            raise ValueError("an unknown compression")
-        unpacked = unpacked_columns(data)
+        check_seal(data, required=False)
         metadata = pq.read_metadata(pa.BufferReader(data))
-        groups = [metadata.row_group(k).num_rows for k in range(metadata.num_row_groups)]
+        groups = [metadata.row_group(k) for k in range(metadata.num_row_groups)]
+        chunks = [group.column(k) for group in groups for k in range(metadata.num_columns)]
         schema = metadata.schema.to_arrow_schema().with_metadata(metadata.metadata)
-    rows = max(metadata.num_rows, sum(groups))
+    rows = max(metadata.num_rows, sum(group.num_rows for group in groups))
     check_length(rows, str(path))
     names = list(dict.fromkeys(choose(schema)))
-    missing = [name for name in names if name not in unpacked]
+    missing = [name for name in names if name not in schema.names]
     if missing:
         raise ValueError(f"{path}: no column {listed(missing)}; columns are {listed(schema.names)}")
     twice = [name for name in names if schema.names.count(name) > 1]
     if twice:
         raise ValueError(f"{path}: columns {listed(twice)} occur more than once")
-    # PyArrow reads "a.b" too where "a" is asked for.
-    size = sum(column.size for name, column in unpacked.items() if name in names or name.partition(".")[0] in names)
-    values = max(unpacked[name].values for name in names)
+    size, counts = 0, Counter[str]()
+    for chunk in chunks:
+        # PyArrow reads "a.b" too where "a" is asked for.
+        if any(chunk.path_in_schema == name or chunk.path_in_schema.startswith(f"{name}.") for name in names):
+            size += chunk.total_uncompressed_size
+            counts[chunk.path_in_schema] += chunk.num_values
+    values = max(counts.values(), default=0)
     if size > MAX_UNPACKED or values > rows * width:
         raise ValueError(
             f"{path}: columns {listed(names)} unpack to {size / 1e6:.0f} MB and {values} values in {rows} rows,"

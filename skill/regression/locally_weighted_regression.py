@@ -16,8 +16,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from skill.arrays import Array
-from skill.channel_scale import resolved_scale
+from skill.arrays import Array, standard_scale
 from skill.regression.explanation import Explanation
 from skill.regression.kernel_neighbourhood import Kernel, KernelNeighbourhood
 from skill.regression.leave_one_out import StoredSamples
@@ -398,3 +397,22 @@ class LWRegressor(RegressorMixin, BaseEstimator):
 
     def _shaped(self, values: Array) -> Array:
         return values[:, 0] if self.single_output_ else values
+
+
+def resolved_scale(feature_scale: ArrayLike | str | None, X: Array) -> Array:
+    """Returns the factors (d,) that a parameter asks for: numbers, "standard" (see `standard_scale`), or None for ones.
+
+    Raises:
+        ValueError: if they are not d positive, finite numbers.
+    """
+    if feature_scale is None:
+        return np.ones(X.shape[1])
+    if isinstance(feature_scale, str):
+        return 1.0 / standard_scale(X)
+    scale = np.asarray(feature_scale, dtype=float)
+    expected = f"expected {X.shape[1]} positive, finite numbers, one for each feature"
+    if scale.shape != (X.shape[1],):
+        raise ValueError(f"feature_scale has shape {scale.shape}; {expected}")
+    if not (np.isfinite(scale).all() and (scale > 0).all()):
+        raise ValueError(f"feature_scale is {scale}; {expected}")
+    return scale

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skill.arrays import Array
-from skill.clustering.gaussian_components import log_normalizers
+from skill.clustering.gaussian_components import distance_gate, log_normalizers, tailed_log_densities
 from skill.clustering.gaussian_states import MAX_VALUE, GaussianStates
-from skill.clustering.student_tails import distance_gate, tailed_log_densities
 
 MAX_ROW_SUM_ERROR = 1e-9
 """Maximum deviation from one of the row sums of a transition matrix."""

@@ -11,12 +11,10 @@ from sklearn.base import BaseEstimator, ClusterMixin, clone
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from skill.arrays import Array
-from skill.clustering.clustering_arguments import checked_groups
-from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from skill.arrays import Array, sequences
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration, checked_groups
 from skill.clustering.component_sets import component_sets, densest_component, set_log_likelihoods
 from skill.clustering.gaussian_states import GaussianStates
-from skill.sequences import sequences
 from skill.states.hidden_markov import MarkovChain, by_sequence, forward, learnt_chain, smoothed
 from skill.states.recurrence import recurrent_sets
 
@@ -133,7 +131,7 @@ class ContactStates(ClusterMixin, BaseEstimator):
 
     def _densities(self, samples: Array) -> Array:
         """Returns the log-density of each sample in each component with its weight, shape (N, K)."""
-        return self.components_._log_memberships(samples, None)[1]
+        return self.components_.log_densities(samples)
 
     def _n_alike(self, share: float) -> float:
         """Returns the number of samples whose evidence counts as that of one."""

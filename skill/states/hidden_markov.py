@@ -1,6 +1,6 @@
 """Forward and backward recursions of a hidden Markov model (Rabiner, Proc. IEEE 77(2), 1989).
 
-Sequences are groups of rows in the order of time (`skill.sequences`).
+Sequences are groups of rows in the order of time (`skill.arrays.sequences`).
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skill.arrays import Array
-from skill.sequences import sequences
+from skill.arrays import Array, sequences
 
 EM_ITERATIONS = 5
 """Iterations in which the transitions are learnt."""

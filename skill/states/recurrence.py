@@ -14,9 +14,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from skill.arrays import Array
+from skill.arrays import Array, sequences
 from skill.clustering.component_sets import set_log_likelihoods
-from skill.sequences import sequences
 from skill.states.hidden_markov import by_sequence, learnt_chain, smoothed
 
 MIN_RECORDINGS = 3

@@ -14,7 +14,7 @@ from pydrake.geometry import Meshcat, MeshcatParams, MeshcatVisualizer, MeshcatV
 from pydrake.systems.framework import DiagramBuilder
 
 from skill.arrays import Array
-from skill.data.tables import write_atomically
+from skill.data.files import write_atomically
 from skill.states.state_style import state_colours
 from systems.plant.contact_plant import ContactPlant
 from systems.visualization.force_display import FORCE_COLOUR, NEWTONS_PER_CENTIMETRE, ForceDisplay

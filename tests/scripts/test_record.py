@@ -15,7 +15,7 @@ import skill.figures.paper_figures  # noqa: F401  imports write_atomically befor
 from models.scenario import dump_scenario
 from scripts.record import record_live
 from skill.data.demonstration import read_demonstration
-from skill.data.tables import write_atomically
+from skill.data.files import write_atomically
 from tests.scripts.commands import HAPTIC_SKILL, ROOT, error_line, invoke
 
 QUICK = {

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from skill.data.tables import one_line
+from skill.data.files import one_line
 from skill.recordings.messages.wrench_topics import TakeMessage, WrenchTopics, check_file
 from skill.recordings.recording import Recording
 

@@ -6,7 +6,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-from skill.data.tables import one_line
+from skill.data.files import one_line
 from skill.recordings.messages.wrench_topics import WrenchTopics, check_file
 from skill.recordings.recording import Recording
 

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from skill.data.strict_json import parse_object
+from skill.data.files import parse_object
 
 SCHEMAS = ("geometry_msgs/WrenchStamped", "geometry_msgs/msg/WrenchStamped")
 """Names of the type in ROS 1 and ROS 2."""

@@ -1,6 +1,7 @@
 """Gaussian components and priors for the tests of this folder."""
 
 import numpy as np
+from scipy.stats import multivariate_t
 
 from skill.clustering.expectation_maximization import CovariancePrior
 from skill.clustering.gaussian_components import GaussianComponents
@@ -42,3 +43,7 @@ def weighted_moments(Z, W):
     means = np.stack([np.average(Z, axis=0, weights=w) for w in W.T])
     covariances = np.stack([np.atleast_2d(np.cov(Z.T, aweights=w, bias=True)) for w in W.T])
     return means, covariances
+
+
+def student_samples(seed, n, v, F, degrees):
+    return multivariate_t(v, F, df=degrees, seed=np.random.default_rng(seed)).rvs(n)

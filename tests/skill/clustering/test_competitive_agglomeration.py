@@ -1,11 +1,14 @@
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.exceptions import ConvergenceWarning
 from sklearn.metrics import adjusted_rand_score
 from sklearn.utils.estimator_checks import parametrize_with_checks
+from threadpoolctl import threadpool_limits
 
 from benchmarks.learners.cluster_sets import (
     demonstrations_and_phase,
@@ -16,55 +19,36 @@ from benchmarks.learners.cluster_sets import (
     separated,
     spheres,
 )
-from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
+from benchmarks.learners.clustering import with_outliers
+from skill.clustering import competitive_agglomeration
+from skill.clustering.competitive_agglomeration import (
+    CompetitiveAgglomeration,
+    checked_groups,
+    checked_phase,
+    nearest_centre,
+    phase_slices,
+    survivors,
+)
+from skill.clustering.expectation_maximization import CovariancePrior, components_of_partition
+from tests.skill.clustering.components import densities, no_prior, spherical, weighted_moments
 
-GOLDEN = Path(__file__).parents[2] / "data" / "golden_ca.npz"
+SYMMETRIC = np.array([[-1.0], [1.0]])
+
+
+def fit(X, groups=None, phase=None, **parameters):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return CompetitiveAgglomeration(**{"n_init": 1, "random_state": 0, **parameters}).fit(
+            X, groups=groups, phase=phase
+        )
 
 
 @pytest.mark.slow
-@parametrize_with_checks(
-    [
-        CompetitiveAgglomeration(random_state=0),
-        CompetitiveAgglomeration("gk", merge=None, n_init=1, random_state=0),
-        CompetitiveAgglomeration("euclid", merge=None, n_init=1, random_state=0),
-        CompetitiveAgglomeration(covariance_type="diag", schedule="ramp", n_init=1, random_state=0),
-    ]
-)
+@parametrize_with_checks([CompetitiveAgglomeration(n_init=1, random_state=0)])
 def test_scikit_learn_conventions(estimator, check):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         check(estimator)
-
-
-# --- known answers ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("case", ["A", "B", "C"])
-def test_euclidean_competition_agrees_with_the_program_of_its_authors(case):
-    with np.load(GOLDEN) as golden:
-        X, centres = golden[f"X_{case}"], golden[f"C0_{case}"]
-        eta0, tau, rise, decay, max_iter, tol, _ = golden[f"params_{case}"]
-        expected_centres, expected_sizes = golden[f"centers_{case}"], golden[f"sizes_{case}"]
-    dut = CompetitiveAgglomeration(
-        "euclid",
-        schedule="ramp",
-        eta0=eta0,
-        tau=tau,
-        rise=int(rise),
-        decay=int(decay),
-        max_iter=int(max_iter),
-        tol=tol,
-        merge=None,
-        init=centres,
-        standardize=False,
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        dut.fit(X)
-    assert dut.n_clusters_ == len(expected_centres)
-    nearest = np.argmin(np.linalg.norm(dut.means_[:, None] - expected_centres, axis=2), axis=0)
-    np.testing.assert_allclose(dut.means_[nearest], expected_centres, atol=1e-6)
-    np.testing.assert_array_equal(np.bincount(dut.labels_)[nearest], expected_sizes)
 
 
 @pytest.mark.slow
@@ -86,30 +70,6 @@ def test_finds_the_number_of_gaussian_clusters(generate, number, min_ari, seed):
     dut = CompetitiveAgglomeration(random_state=seed).fit(X)
     assert dut.n_clusters_ == number
     assert adjusted_rand_score(y, dut.labels_) >= min_ari
-
-
-@pytest.mark.parametrize(
-    ("distance", "generate", "number"), [("euclid", spheres, 4), ("gk", ellipses, 6)], ids=["euclid", "gk"]
-)
-def test_published_distances_on_the_published_figures(distance, generate, number):
-    right = 0
-    for seed in range(100, 105):
-        X, y = generate(seed)
-        dut = CompetitiveAgglomeration(distance, merge=None, n_init=1, random_state=seed).fit(X)
-        right += dut.n_clusters_ == number and adjusted_rand_score(y, dut.labels_) > 0.94
-    # The published competition depends on its start; it is kept for comparison.
-    assert right >= 4
-
-
-def test_printed_equations_collapse_and_warn():
-    X, _ = ellipses(0)
-    dut = CompetitiveAgglomeration(bias="literal", merge=None, n_init=1, random_state=0)
-    with pytest.warns(UserWarning, match="use bias='posterior'"):
-        dut.fit(X)
-    assert dut.n_clusters_ <= 2
-
-
-# --- demonstrations: the number of states does not grow with the sampling rate ------------------------------
 
 
 @pytest.mark.slow
@@ -142,42 +102,16 @@ def test_repeated_samples_change_nothing_if_groups_are_given():
     assert thrice.design_effect_ == pytest.approx(3 * once.design_effect_, rel=0.1)
 
 
-def test_single_demonstration_warns():
-    X, _ = separated(0, N=300, d=3)
-    with pytest.warns(UserWarning, match="use two or more demonstrations"):
-        CompetitiveAgglomeration(n_init=1, random_state=0).fit(X, groups=np.zeros(300))
-
-
-# --- the course of the competition --------------------------------------------------------------------------
-
-
 def test_history_contains_number_strength_and_likelihood():
     X, _ = spheres(0)
-    dut = CompetitiveAgglomeration(n_init=1, tau=5.0, eta0=2.0, random_state=0).fit(X)
+    dut = CompetitiveAgglomeration(n_init=1, eta0=2.0, random_state=0).fit(X)
     history = dut.history_
-    assert set(history) == {"n_clusters", "eta", "log_likelihood"}
-    assert {len(a) for a in history.values()} == {dut.n_iter_}
-    np.testing.assert_allclose(history["eta"], 2.0 * np.exp(-np.arange(dut.n_iter_) / 5.0))
-    assert (np.diff(history["n_clusters"]) <= 0).all()
-    assert np.isfinite(history["log_likelihood"]).all()
+    assert len(history.n_clusters) == len(history.eta) == len(history.log_likelihood) == dut.n_iter_
+    np.testing.assert_allclose(history.eta, 2.0 * np.exp(-np.arange(dut.n_iter_) / 10.0))
+    assert (np.diff(history.n_clusters) <= 0).all()
+    assert np.isfinite(history.log_likelihood).all()
     assert dut.merge_path_[-1, 0] == 1
     assert dut.n_clusters_ == dut.merge_path_[np.argmin(dut.merge_path_[:, 2]), 0]
-
-
-def test_labels_as_initial_partition():
-    X, y = separated(0, N=800, d=4)
-    dut = CompetitiveAgglomeration(init=y).fit(X)
-    assert dut.history_["n_clusters"][0] == 6
-    assert adjusted_rand_score(y, dut.labels_) > 0.95
-
-
-def test_sensor_variance_is_in_squared_units_of_the_channel():
-    X, _ = spheres(0)
-    noise = np.array([4.0, 0.0])
-    plain = CompetitiveAgglomeration(m_init=1, n_init=1, shrinkage=0.0, reg_covar=0.0).fit(X)
-    noisy = CompetitiveAgglomeration(m_init=1, n_init=1, shrinkage=0.0, reg_covar=0.0, sensor_variance=noise).fit(X)
-    np.testing.assert_allclose(noisy.covariances_[0] - plain.covariances_[0], np.diag(noise), atol=1e-9)
-    np.testing.assert_allclose(plain.covariances_[0], np.cov(X.T, bias=True), rtol=1e-9)
 
 
 def test_diagonal_covariances_are_diagonal():
@@ -196,3 +130,359 @@ def test_a_table_with_named_columns_is_fitted_and_predicted_without_a_warning():
     np.testing.assert_array_equal(dut.labels_, CompetitiveAgglomeration(random_state=0, n_init=1).fit(X).labels_)
     with pytest.raises(ValueError, match="feature names"):
         dut.predict(frame[frame.columns[::-1]])
+
+
+@pytest.mark.parametrize("seed", [100, 101])
+def test_outliers_are_no_state(seed):
+    X, y = with_outliers(seed)
+    normal = CompetitiveAgglomeration(random_state=seed).fit(X)
+    heavy = CompetitiveAgglomeration(tails="heavy", random_state=seed).fit(X)
+    assert (normal.n_clusters_, heavy.n_clusters_) == (7, 6)
+    known = y >= 0
+    assert adjusted_rand_score(y[known], heavy.labels_[known]) > 0.95
+
+
+def test_clusters_without_outliers_are_found_too():
+    X, y = ellipses(0)
+    dut = CompetitiveAgglomeration(tails="heavy", random_state=0).fit(X)
+    assert dut.n_clusters_ == 6
+    assert adjusted_rand_score(y, dut.labels_) > 0.95
+
+
+# --- starts, competition and selection ---------------------------------------------------------------------
+
+
+@pytest.fixture
+def starts(monkeypatch):
+    """Arguments of each start: samples, components, prior and the initial strength of the competition."""
+    recorded = []
+    original = CompetitiveAgglomeration._run_start
+
+    def recording(self, *arguments):
+        recorded.append(arguments)
+        return original(self, *arguments)
+
+    monkeypatch.setattr(CompetitiveAgglomeration, "_run_start", recording)
+    return recorded
+
+
+def test_defaults_of_the_starts(starts):
+    X, _ = spheres(0)  # 575 samples, 2 channels
+    fit(X, n_init=5)
+    assert len(starts) == 5
+    Z, components, prior, eta0 = starts[0]
+    np.testing.assert_allclose(Z, (X - X.mean(axis=0)) / X.std(axis=0))
+    assert (len(components), eta0) == (30, 1.0)
+    assert (prior.count, prior.variance, prior.diagonal) == (3.0, pytest.approx(1.0), False)
+    np.testing.assert_allclose(prior.floor, 1e-6)
+
+
+def test_few_samples_have_few_initial_clusters(starts):
+    rng = np.random.default_rng(0)
+    fit(rng.normal(size=(59, 4)))
+    fit(rng.normal(size=(9, 4)))
+    assert [len(arguments[1]) for arguments in starts] == [5, 1]  # N // (2 (d + 1)), at least 1
+
+
+def test_constant_samples_have_a_unit_prior(starts):
+    fit(np.full((20, 2), 2.5))
+    assert starts[0][2].variance == 1.0
+
+
+def test_starts_by_phase(starts):
+    X, y = insertion(0, 1500)
+    groups, phase = demonstrations_and_phase(y)
+    fit(X, groups, phase, n_init=5)
+    assert [len(arguments[1]) for arguments in starts] == [30, 21, 15, 11, 8]
+    assert starts[0][3] == 5.0
+    np.testing.assert_allclose(starts[4][1].weights, np.bincount((8 * phase).astype(int)) / len(X))
+    starts.clear()
+    fit(X, groups, phase, n_init=5, m_init=3)
+    assert [len(arguments[1]) for arguments in starts] == [3, 2, 1]  # starts of equal numbers run once
+
+
+def test_large_sets_are_searched_by_a_part(starts, monkeypatch):
+    monkeypatch.setattr(competitive_agglomeration, "MAX_SEARCHED", 500)
+    X, y = spheres(0)
+    dut = fit(X, n_init=2)
+    assert [len(arguments[0]) for arguments in starts] == [500, 500]
+    assert dut.n_clusters_ == 4
+    assert adjusted_rand_score(y, dut.labels_) > 0.98
+    # All samples polish the candidates and count in the criterion.
+    best = dut.merge_path_[np.argmin(dut.merge_path_[:, 2])]
+    assert best[1] == pytest.approx(dut.score(X) * len(X) + len(X) * np.log(X.std(axis=0)).sum(), rel=1e-3)
+    assert best[2] == pytest.approx(-2.0 * best[1] + 23 * np.log(len(X)))
+    starts.clear()
+    fit(X, groups=np.arange(len(X)) % 9)
+    fit(X[:500])
+    assert [len(arguments[0]) for arguments in starts] == [575, 500]
+
+
+def reference_competition(Z, components, prior, eta0, min_cardinality, iterations):
+    """The equations of the competition without blocks and features; one death in an iteration at most."""
+    weights, means, covariances = components.weights, components.means, components.covariances
+    N_i = weights * len(Z)
+    numbers, log_likelihoods = [], []
+    for k in range(iterations):
+        p = densities(Z, type(components)(weights, means, covariances))
+        h = p / p.sum(axis=1, keepdims=True)
+        numbers.append(len(weights))
+        log_likelihoods.append(np.log(p.sum(axis=1)).sum())
+        eta = eta0 * np.exp(-k / 10.0)
+        u = h * (1.0 + eta * len(Z) / np.sum(N_i**2) * (N_i - h @ N_i[:, None]))
+        u = np.clip(u, 0.0, 1.0)
+        u /= u.sum(axis=1, keepdims=True)
+        N_i = u.sum(axis=0)
+        means, covariances = weighted_moments(Z, u**2)
+        covariances = prior.apply(covariances, (u**2).sum(axis=0))
+        weights = N_i / N_i.sum()
+        if N_i.min() < min_cardinality:
+            keep = np.arange(len(N_i)) != np.argmin(N_i)
+            N_i, means, covariances = N_i[keep], means[keep], covariances[keep]
+            weights = weights[keep] / weights[keep].sum()
+    return weights, means, covariances, numbers, log_likelihoods
+
+
+def test_competition_against_its_equations():
+    X, _ = spheres(0)
+    Z = (X - X.mean(0)) / X.std(0)
+    prior = CovariancePrior(count=3.0, variance=1.0, floor=np.full(2, 1e-6), diagonal=False)
+    start = components_of_partition(Z, np.random.default_rng(0).integers(0, 12, len(Z)), prior)
+    found, history, converged = CompetitiveAgglomeration(tol=0.0, max_iter=25)._compete(Z, start, prior, 1.0)
+    weights, means, covariances, numbers, log_likelihoods = reference_competition(Z, start, prior, 1.0, 5.0, 25)
+    assert history.n_clusters == numbers
+    assert numbers[0] == 12
+    assert numbers[-1] < 12 - 1  # several clusters died
+    np.testing.assert_allclose(history.eta, [1.0 * np.exp(-k / 10.0) for k in range(25)])
+    np.testing.assert_allclose(history.log_likelihood, log_likelihoods, rtol=1e-9)
+    np.testing.assert_allclose(found.weights, weights, rtol=1e-6)
+    np.testing.assert_allclose(found.means, means, rtol=1e-6, atol=1e-8)
+    np.testing.assert_allclose(found.covariances, covariances, rtol=1e-6, atol=1e-8)
+    assert not converged
+
+
+@pytest.mark.parametrize(("centre", "iterations"), [(0.0, 3), (1.0, 4)])
+def test_competition_converges_after_three_still_iterations(centre, iterations):
+    # From 1, the first iteration moves the centre to 0, the next three do not.
+    dut = CompetitiveAgglomeration(max_iter=10, tol=0.5)
+    found, history, converged = dut._compete(SYMMETRIC, spherical([1.0], [[centre]]), no_prior(1), 1.0)
+    assert converged
+    assert len(history.eta) == iterations
+    np.testing.assert_allclose(found.covariances, [[[1.0]]])
+
+
+def test_death_restarts_the_count_of_still_iterations():
+    Z = np.tile(SYMMETRIC, (4, 1))
+    start = spherical([0.5, 0.5], [[0.0], [0.0]])
+    # Two equal components share every sample: neither moves, but one of them is too small and dies at once.
+    found, history, converged = CompetitiveAgglomeration(max_iter=10)._compete(Z, start, no_prior(1), 0.0)
+    assert converged
+    assert history.n_clusters == [2, 1, 1, 1]
+    np.testing.assert_allclose(found.weights, [1.0])
+
+
+def test_competition_ends_when_it_becomes_negligible():
+    dut = CompetitiveAgglomeration(max_iter=40, tol=0.0)
+    _, history, converged = dut._compete(SYMMETRIC, spherical([1.0], [[0.0]]), no_prior(1), 1.0)
+    assert converged
+    assert history.eta[-1] * np.exp(-0.1) < 0.05 <= history.eta[-1]
+    # A competition that is negligible from the start does not end for that reason.
+    _, history, converged = dut._compete(SYMMETRIC, spherical([1.0], [[0.0]]), no_prior(1), 0.01)
+    assert not converged
+
+
+@pytest.mark.parametrize("stage", ["_compete", "expectation_maximization"])
+def test_fit_converges_if_competition_and_em_converge(monkeypatch, stage):
+    X, _ = spheres(0)
+    assert fit(X).converged_
+    owner = CompetitiveAgglomeration if stage == "_compete" else competitive_agglomeration
+    original = getattr(owner, stage)
+    monkeypatch.setattr(owner, stage, lambda *args, **kwargs: (*original(*args, **kwargs)[:2], False))
+    with pytest.warns(ConvergenceWarning, match="not converged after max_iter=100 iterations") as record:
+        assert not CompetitiveAgglomeration(n_init=1, random_state=0).fit(X).converged_
+    assert {warning.filename for warning in record} == {__file__}  # the line that calls fit
+
+
+def test_effective_number_of_samples():
+    X, y = insertion(0, 600)
+    groups, phase = demonstrations_and_phase(y)
+    dut = fit(X, groups, phase)
+    assert dut.design_effect_ > 1.1
+    assert dut.n_effective_ == pytest.approx(len(X) / dut.design_effect_)
+    tau, row = dut.design_effect_, dut.merge_path_[dut.merge_path_[:, 0] == dut.n_clusters_][0]
+    expected = -2.0 * row[1] / tau + (120 * row[0] - 1) * np.log(len(X) / tau)
+    assert row[2] == pytest.approx(expected)
+
+
+def test_at_most_a_tenth_of_the_clusters_dies_in_an_iteration():
+    keep = survivors(np.arange(20.0), 15.0)
+    np.testing.assert_array_equal(np.flatnonzero(~keep), [0, 1])
+    np.testing.assert_array_equal(survivors(np.array([3.0, 1.0, 2.0]), 5.0), [True, False, True])
+    np.testing.assert_array_equal(np.flatnonzero(~survivors(np.arange(29.0), 15.0)), [0, 1])
+
+
+def test_last_cluster_survives():
+    assert survivors(np.array([1.0]), 10.0).all()
+
+
+def test_cluster_of_the_minimum_cardinality_survives():
+    np.testing.assert_array_equal(survivors(np.array([5.0, 7.0]), 5.0), [True, True])
+    np.testing.assert_array_equal(survivors(np.array([4.999, 7.0]), 5.0), [False, True])
+
+
+@pytest.mark.parametrize("block", [8192, 3])
+def test_nearest_centre(block):
+    rng = np.random.default_rng(1)
+    Z, centres = rng.normal(size=(40, 3)), rng.normal(size=(6, 3))
+    expected = np.argmin(np.linalg.norm(Z[:, None] - centres, axis=2), axis=1)
+    np.testing.assert_array_equal(nearest_centre(Z, centres, block=block), expected)
+
+
+def test_phase_slices():
+    slices = phase_slices(np.array([0.0, 0.24, 0.25, 0.99, 1.0]), 4)
+    np.testing.assert_array_equal(slices, [0, 0, 1, 3, 3])
+
+
+@pytest.fixture(scope="module")
+def demonstrated():
+    X, y = insertion(0, 900)
+    groups, phase = demonstrations_and_phase(y)
+    return X, groups, phase, fit(X, groups=groups, phase=phase)
+
+
+@given(seed=st.integers(0, 2**31))
+@settings(max_examples=5, deadline=None)
+def test_units_of_the_channels_do_not_matter(demonstrated, seed):
+    X, groups, phase, plain = demonstrated
+    rng = np.random.default_rng(seed)
+    scale, shift = np.exp(rng.uniform(-8, 8, 14)), rng.normal(size=14) * 10
+    other = fit(X * scale + shift * scale, groups=groups, phase=phase)
+    assert other.n_clusters_ == plain.n_clusters_
+    assert adjusted_rand_score(plain.labels_, other.labels_) > 0.999
+    np.testing.assert_allclose(other.means_, (plain.means_ + shift) * scale, rtol=1e-4, atol=1e-4 * scale.max())
+
+
+@given(seed=st.integers(0, 2**31))
+@settings(max_examples=5, deadline=None)
+def test_order_of_samples_and_channels_does_not_matter(demonstrated, seed):
+    X, groups, phase, plain = demonstrated
+    rng = np.random.default_rng(seed)
+    rows, channels = rng.permutation(len(X)), rng.permutation(14)
+    other = fit(X[rows][:, channels], groups=groups[rows], phase=phase[rows])
+    assert other.n_clusters_ == plain.n_clusters_
+    assert adjusted_rand_score(plain.labels_[rows], other.labels_) > 0.999
+
+
+def test_names_of_demonstrations_do_not_matter():
+    X, y = insertion(1, 900)
+    groups, phase = demonstrations_and_phase(y)
+    names = np.array([f"demonstration {g * 7 % 30}" for g in groups])
+    a, b = fit(X, groups=groups, phase=phase), fit(X, groups=names, phase=phase)
+    np.testing.assert_array_equal(a.labels_, b.labels_)
+
+
+def test_same_seed_and_any_number_of_threads_give_the_same_bits():
+    X, _ = separated(0, N=1200)
+    with threadpool_limits(1):
+        one = CompetitiveAgglomeration(n_init=1, random_state=3).fit(X)
+    with threadpool_limits(2):
+        two = CompetitiveAgglomeration(n_init=1, random_state=3).fit(X)
+    np.testing.assert_array_equal(one.means_, two.means_)
+    np.testing.assert_array_equal(one.covariances_, two.covariances_)
+
+
+@given(N=st.integers(2, 40), d=st.integers(1, 6), seed=st.integers(0, 2**31), kind=st.sampled_from(["full", "diag"]))
+@settings(max_examples=30, deadline=None)
+def test_any_finite_data_gives_finite_states(N, d, seed, kind):
+    rng = np.random.default_rng(seed)
+    X = np.round(rng.normal(size=(N, d)) * 2.0)  # many duplicates and ties
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        dut = CompetitiveAgglomeration(covariance_type=kind, n_init=2, random_state=0).fit(X)
+    assert 1 <= dut.n_clusters_ <= max(1, N // (2 * (d + 1)))
+    assert np.isfinite(dut.covariances_).all()
+    np.testing.assert_allclose(dut.predict_proba(X).sum(axis=1), 1.0)
+    assert dut.weights_.sum() == pytest.approx(1.0)
+
+
+def test_constant_and_repeated_channels_do_not_matter():
+    X, y = separated(0, N=900, d=4)
+    dut = fit(np.column_stack([X, np.full(900, 3.7), X[:, 0]]))
+    assert dut.n_clusters_ == 6
+    assert adjusted_rand_score(y, dut.labels_) > 0.95
+    assert fit(np.full((50, 3), 2.5)).n_clusters_ == 1
+
+
+def test_forces_may_be_exactly_zero_in_free_motion():
+    X, y = insertion(0)
+    X[y == 0, 3:9] = 0.0
+    groups, phase = demonstrations_and_phase(y)
+    dut = CompetitiveAgglomeration(random_state=0).fit(X, groups=groups, phase=phase)
+    assert adjusted_rand_score(y, dut.labels_) >= 0.95
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"covariance_type": "tied"}, "'covariance_type' .* Got 'tied'"),
+        ({"m_init": 0}, r"'m_init' .* must be an int in the range \[1, inf\). Got 0"),
+        ({"n_init": 1.5}, "'n_init' .* Got 1.5"),
+        ({"reg_covar": -1.0}, "'reg_covar' .* Got -1.0"),
+        ({"eta0": np.inf}, "'eta0' .* Got inf"),
+        ({"tol": np.nan}, "'tol' .* Got nan"),
+        ({"random_state": "seed"}, "'random_state' .* Got 'seed'"),
+    ],
+)
+def test_parameters_out_of_range_are_errors(parameters, message):
+    with pytest.raises(ValueError, match=message):
+        CompetitiveAgglomeration(**parameters).fit(spheres(0)[0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"groups": [0, 1]}, r"groups has shape \(2,\), expected \(575,\)"),
+        ({"phase": [0.5]}, r"phase has shape \(1,\)"),
+        ({"phase": np.linspace(0, 2, 575)}, "divide the time since the start"),
+        ({"phase": np.linspace(-0.1, 1, 575)}, r"phase lies between -0.1 and 1, expected \[0, 1\]"),
+        ({"phase": np.full(575, np.nan)}, r"expected \[0, 1\]"),
+    ],
+)
+def test_wrong_groups_and_phases_are_errors(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        CompetitiveAgglomeration().fit(spheres(0)[0], **arguments)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_samples_that_are_not_finite_are_errors(value):
+    X, _ = spheres(0)
+    X[7, 1] = value
+    with pytest.raises(ValueError, match=r"NaN|infinity"):
+        CompetitiveAgglomeration().fit(X)
+
+
+def test_checked_groups_are_indices():
+    np.testing.assert_array_equal(checked_groups(["b", "a", "b"], 3), [1, 0, 1])
+    assert checked_groups(None, 3) is None
+
+
+def test_two_demonstrations_are_enough():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert checked_groups([0, 0, 1], 3) is not None
+
+
+def test_checked_phase_includes_both_ends():
+    np.testing.assert_array_equal(checked_phase([0, 1], 2), [0.0, 1.0])
+    assert checked_phase(None, 2) is None
+
+
+def test_single_demonstration_warns():
+    with pytest.warns(UserWarning, match="use two or more demonstrations"):
+        assert checked_groups([4, 4, 4], 3) is None
+
+
+def test_two_samples_are_enough():
+    assert fit(np.array([[0.0], [1.0]])).n_clusters_ == 1
+    with pytest.raises(ValueError, match="minimum of 2 is required"):
+        fit(np.array([[0.0]]))

@@ -1,28 +1,38 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.stats import multivariate_t
 from sklearn.mixture import GaussianMixture
 
 from benchmarks.learners.cluster_sets import ellipses, separated, spheres
-from skill.clustering.cluster_initialization import components_of_partition
 from skill.clustering.expectation_maximization import (
     CovariancePrior,
-    EmStep,
-    em_step,
+    Moments,
+    components_of_partition,
+    e_step,
     expectation_maximization,
-    retained,
-    updated_components,
+    m_step,
 )
-from skill.clustering.gaussian_components import log_densities, precision_factors
-from tests.skill.clustering.components import densities, no_prior, random_components, spherical, weighted_moments
+from tests.skill.clustering.components import (
+    densities,
+    no_prior,
+    random_components,
+    spherical,
+    student_samples,
+    weighted_moments,
+)
+
+NU = 4.0
 
 
 def test_block_size_does_not_matter(monkeypatch):
     X, _ = separated(0, N=900, d=5)
     components = random_components(1, 4, 5)
     arguments = {"eta": 1.0, "cardinalities": np.array([500.0, 200.0, 100.0, 100.0]), "fuzzy": True}
-    whole = em_step(X, components, **arguments)
+    whole = e_step(X, components, **arguments)
     monkeypatch.setattr("skill.clustering.expectation_maximization.BLOCK", 7)
-    blocks = em_step(X, components, **arguments)
+    blocks = e_step(X, components, **arguments)
     np.testing.assert_allclose(blocks.means, whole.means, rtol=1e-9)
     np.testing.assert_allclose(blocks.covariances, whole.covariances, rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(blocks.cardinalities, whole.cardinalities, rtol=1e-9)
@@ -36,10 +46,9 @@ def test_posteriors_equal_those_of_scikit_learn():
     mixture.weights_, mixture.means_ = components.weights, components.means
     mixture.covariances_ = components.covariances
     mixture.precisions_cholesky_ = np.linalg.inv(np.linalg.cholesky(components.covariances)).transpose(0, 2, 1)
-    log_density = log_densities(X, components.weights, components.means, precision_factors(components.covariances))
-    posterior = np.exp(log_density - np.logaddexp.reduce(log_density, axis=1)[:, None])
-    np.testing.assert_allclose(posterior, mixture.predict_proba(X), atol=1e-10)
-    assert em_step(X, components).log_likelihood == pytest.approx(mixture.score(X) * len(X), rel=1e-12)
+    p = densities(X, components)
+    np.testing.assert_allclose(p / p.sum(axis=1, keepdims=True), mixture.predict_proba(X), atol=1e-10)
+    assert e_step(X, components).log_likelihood == pytest.approx(mixture.score(X) * len(X), rel=1e-12)
 
 
 @pytest.mark.parametrize("fuzzy", [False, True])
@@ -54,7 +63,7 @@ def test_moments_worked_by_hand(fuzzy, eta):
     u /= u.sum(axis=1, keepdims=True)
     if eta:
         assert (u == 0.0).any()  # some memberships are clipped
-    step = em_step(Z, components, eta=eta, cardinalities=N_i, fuzzy=fuzzy)
+    step = e_step(Z, components, eta=eta, cardinalities=N_i, fuzzy=fuzzy)
     weights = u**2 if fuzzy else u
     means, covariances = weighted_moments(Z, weights)
     np.testing.assert_allclose(step.cardinalities, u.sum(axis=0))
@@ -65,14 +74,14 @@ def test_moments_worked_by_hand(fuzzy, eta):
 
 
 def test_distant_samples_do_not_underflow():
-    step = em_step(np.array([[1e3], [-1e3]]), spherical([0.5, 0.5], [[0.0], [1.0]]))
+    step = e_step(np.array([[1e3], [-1e3]]), spherical([0.5, 0.5], [[0.0], [1.0]]))
     np.testing.assert_allclose(step.cardinalities, [1.0, 1.0])
     assert np.isfinite(step.log_likelihood)
 
 
 def test_single_component_has_all_memberships():
     Z = np.random.default_rng(0).normal(size=(20, 2))
-    alone = em_step(Z, spherical([1.0], [[0.0, 0.0]]), eta=5.0, cardinalities=np.array([20.0]))
+    alone = e_step(Z, spherical([1.0], [[0.0, 0.0]]), eta=5.0, cardinalities=np.array([20.0]))
     np.testing.assert_array_equal(alone.cardinalities, [20.0])
 
 
@@ -81,8 +90,8 @@ def test_competition_moves_samples_from_small_to_large_clusters():
     labels = (X[:, 0] > 60).astype(int)
     Z = (X - X.mean(0)) / X.std(0)
     components = components_of_partition(Z, labels, no_prior(2))
-    plain = em_step(Z, components)
-    biased = em_step(Z, components, eta=1.0, cardinalities=plain.cardinalities)
+    plain = e_step(Z, components)
+    biased = e_step(Z, components, eta=1.0, cardinalities=plain.cardinalities)
     large = int(np.argmax(plain.cardinalities))
     assert biased.cardinalities[large] > plain.cardinalities[large]
     assert biased.cardinalities.sum() == pytest.approx(len(Z))
@@ -99,8 +108,8 @@ def test_prior_worked_by_hand():
     assert CovariancePrior(count=0.0, variance=1.0, floor=np.zeros(2), diagonal=True).parameters == 4
 
 
-def test_updated_components_have_the_moments_of_the_step():
-    step = EmStep(
+def test_m_step_gives_components_that_have_the_moments_of_the_step():
+    step = Moments(
         cardinalities=np.array([6.0, 2.0]),
         weight_sums=np.array([4.0, 1.0]),
         means=np.array([[1.0], [2.0]]),
@@ -108,7 +117,7 @@ def test_updated_components_have_the_moments_of_the_step():
         log_likelihood=0.0,
     )
     prior = CovariancePrior(count=1.0, variance=10.0, floor=np.array([0.5]), diagonal=False)
-    components = updated_components(step, prior)
+    components = m_step(step, prior)
     np.testing.assert_allclose(components.weights, [0.75, 0.25])
     np.testing.assert_array_equal(components.means, step.means)
     # 0.1 * 10 * 2^-2 = 0.25 counts as one sample beside the weight sums 4 and 1.
@@ -117,7 +126,7 @@ def test_updated_components_have_the_moments_of_the_step():
 
 def test_retained_components_are_normalised():
     components = spherical([0.5, 0.3, 0.2], [[0.0], [1.0], [2.0]], [1.0, 2.0, 3.0])
-    kept = retained(components, np.array([True, False, True]))
+    kept = components.retained(np.array([True, False, True]))
     np.testing.assert_allclose(kept.weights, [5 / 7, 2 / 7])
     np.testing.assert_array_equal(kept.means[:, 0], [0.0, 2.0])
     np.testing.assert_array_equal(kept.covariances[:, 0, 0], [1.0, 3.0])
@@ -129,9 +138,9 @@ def test_likelihood_never_falls_without_competition_and_prior():
     components = components_of_partition(X, rng.integers(0, 5, len(X)), no_prior(2))
     values = []
     for _ in range(60):
-        step = em_step(X, components)
+        step = e_step(X, components)
         values.append(step.log_likelihood)
-        components = updated_components(step, no_prior(2))
+        components = m_step(step, no_prior(2))
     assert np.diff(values).min() > -1e-8 * abs(values[0])
 
 
@@ -140,17 +149,17 @@ def test_em_stops_when_the_gain_is_small():
     start = components_of_partition(X, y, no_prior(2))
     gains = []
     components = start
-    previous = em_step(X, start).log_likelihood
+    previous = e_step(X, start).log_likelihood
     while not gains or gains[-1] >= 1e-3:
-        components = updated_components(em_step(X, components), no_prior(2))
-        value = em_step(X, components).log_likelihood
+        components = m_step(e_step(X, components), no_prior(2))
+        value = e_step(X, components).log_likelihood
         gains.append(value - previous)
         previous = value
     found, log_likelihood, converged = expectation_maximization(X, start, no_prior(2), max_iter=200, tol=1e-3)
     assert converged
     assert log_likelihood == previous
     np.testing.assert_array_equal(found.means, components.means)
-    assert em_step(X, found).log_likelihood == log_likelihood
+    assert e_step(X, found).log_likelihood == log_likelihood
     # Its last pass only evaluates: it needs one iteration more than the number of gains.
     assert expectation_maximization(X, start, no_prior(2), max_iter=len(gains) + 1, tol=1e-3)[2]
     assert not expectation_maximization(X, start, no_prior(2), max_iter=len(gains), tol=1e-3)[2]
@@ -175,7 +184,7 @@ def test_em_drops_components_with_less_than_one_sample():
     np.testing.assert_allclose(found.means[:, 0], [0.0, 10.0], atol=1e-6)
     assert found.weights.sum() == pytest.approx(1.0)
     # The likelihood fell when the component was dropped; EM continued all the same.
-    assert log_likelihood == em_step(Z, found).log_likelihood
+    assert log_likelihood == e_step(Z, found).log_likelihood
 
 
 def test_component_with_exactly_one_sample_stays():
@@ -183,3 +192,56 @@ def test_component_with_exactly_one_sample_stays():
     prior = CovariancePrior(count=1.0, variance=1.0, floor=np.array([1e-2]), diagonal=False)
     found, _, _ = expectation_maximization(Z, spherical([0.75, 0.25], [[0.0], [1000.0]]), prior, max_iter=20, tol=1e-9)
     np.testing.assert_allclose(found.means[:, 0], [0.0, 1000.0])
+
+
+def test_components_of_a_partition_worked_by_hand():
+    Z = np.array([[0.0, 0.0], [10.0, 0.0], [2.0, 0.0], [10.0, 4.0], [1.0, 3.0]])
+    labels = np.array([5, 2, 5, 2, 5])
+    prior = CovariancePrior(count=1.0, variance=1.0, floor=np.array([0.5, 0.0]), diagonal=False)
+    found = components_of_partition(Z, labels, prior)
+    np.testing.assert_allclose(found.weights, [0.4, 0.6])
+    np.testing.assert_allclose(found.means, [[10.0, 2.0], [1.0, 1.0]])
+    # Two samples of variance (0, 4) and one of the prior's, 0.1 / 2 with two clusters in two channels.
+    np.testing.assert_allclose(found.covariances[0], np.diag([0.05 / 3 + 0.5, 8.05 / 3]))
+
+
+def test_moments_are_weighted_by_the_tails():
+    Z = np.random.default_rng(2).standard_t(3.0, size=(50, 2))
+    components = replace(random_components(3, M=2, d=2), degrees=NU)
+    columns, weights = [], []
+    for P, v, F in zip(components.weights, components.means, components.covariances, strict=True):
+        columns.append(P * multivariate_t(v, F, df=NU).pdf(Z))
+        weights.append((NU + 2) / (NU + np.einsum("na,ab,nb->n", Z - v, np.linalg.inv(F), Z - v)))
+    p, w = np.stack(columns, axis=1), np.stack(weights, axis=1)
+    h = p / p.sum(axis=1, keepdims=True)
+    step = e_step(Z, components)
+    assert step.log_likelihood == pytest.approx(np.log(p.sum(axis=1)).sum())
+    np.testing.assert_allclose(step.cardinalities, h.sum(axis=0))
+    np.testing.assert_allclose(step.weight_sums, (h * w).sum(axis=0))
+    for i in range(2):
+        np.testing.assert_allclose(step.means[i], np.average(Z, axis=0, weights=h[:, i] * w[:, i]))
+        np.testing.assert_allclose(step.covariances[i], np.cov(Z.T, aweights=h[:, i] * w[:, i], bias=True))
+
+
+def test_the_likelihood_with_tails_never_falls():
+    Z = np.vstack(
+        [student_samples(4, 200, np.zeros(2), np.eye(2), NU), student_samples(5, 100, [4.0, 0.0], np.eye(2), NU)]
+    )
+    components = replace(spherical([0.5, 0.5], [[-1.0, 0.0], [1.0, 0.0]]), degrees=NU)
+    values = []
+    for _ in range(40):
+        components, value, _ = expectation_maximization(Z, components, no_prior(2), max_iter=2, tol=-np.inf)
+        values.append(value)
+    assert (np.diff(values) > -1e-9).all()
+    assert values[-1] > values[0] + 5.0
+
+
+def test_location_and_scale_of_a_student_distribution_are_found():
+    F = np.array([[2.0, 0.7], [0.7, 0.5]])
+    Z = student_samples(6, 20_000, [1.0, -2.0], F, NU)
+    start = replace(components_of_partition(Z, np.zeros(len(Z), dtype=int), no_prior(2)), degrees=NU)
+    found, _, converged = expectation_maximization(Z, start, no_prior(2), max_iter=200, tol=1e-9)
+    assert converged
+    assert found.degrees == NU
+    np.testing.assert_allclose(found.means[0], [1.0, -2.0], atol=0.03)
+    np.testing.assert_allclose(found.covariances[0], F, rtol=0.04)

@@ -2,20 +2,23 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import multivariate_normal
+from scipy.stats import chi2, multivariate_normal, multivariate_t
 
 from skill.clustering.gaussian_components import (
     QuadraticFeatures,
     cholesky_factors,
-    log_densities,
+    distance_gate,
     log_density_coefficients,
     log_normalizers,
-    parameters_per_component,
     precision_factors,
-    shrunk_covariances,
+    score_variances,
     squared_mahalanobis,
+    tail_weights,
+    tailed_log_densities,
 )
-from tests.skill.clustering.components import random_components
+from tests.skill.clustering.components import densities, random_components, student_samples
+
+NU = 4.0
 
 
 @given(seed=st.integers(0, 2**31), d=st.integers(1, 8), M=st.integers(1, 5))
@@ -26,7 +29,7 @@ def test_quadratic_features_give_log_densities_and_moments(seed, d, M):
     Z = rng.normal(size=(40, d))
     features = QuadraticFeatures(d)
     phi = features.transform(Z)
-    direct = log_densities(Z, components.weights, components.means, precision_factors(components.covariances))
+    direct = np.log(densities(Z, components))
     np.testing.assert_allclose(log_density_coefficients(components, features) @ phi, direct.T, rtol=1e-8, atol=1e-8)
     W = rng.uniform(size=(M, 40))
     totals, means, covariances = features.moments(W @ phi.T)
@@ -62,16 +65,6 @@ def test_moments_without_weight_are_zero():
     assert not covariances.any()
 
 
-def test_log_densities_against_scipy():
-    components = random_components(1)
-    Z = np.random.default_rng(2).normal(size=(10, 3))
-    factors = precision_factors(components.covariances)
-    found = log_densities(Z, components.weights, components.means, factors)
-    for i in range(4):
-        gaussian = multivariate_normal(components.means[i], components.covariances[i])
-        np.testing.assert_allclose(found[:, i], np.log(components.weights[i]) + gaussian.logpdf(Z))
-
-
 def test_factors_and_squared_distances():
     components = random_components(3)
     R = precision_factors(components.covariances)
@@ -94,29 +87,46 @@ def test_singular_covariance_is_reported_with_its_smallest_eigenvalue():
         precision_factors(np.array([np.eye(2), [[1.0, 2.0], [2.0, 1.0]]]))
 
 
-def test_shrunk_covariances_worked_by_hand():
-    covariances = np.array([[[4.0, 1.0], [1.0, 2.0]]])
-    arguments = {"prior_count": 3.0, "prior_variance": 0.5, "floor": np.array([0.1, 0.2])}
-    # (5 F + 3 * 0.5 I) / 8 + diag(0.1, 0.2)
-    expected = [[21.5 / 8 + 0.1, 5 / 8], [5 / 8, 11.5 / 8 + 0.2]]
-    full = shrunk_covariances(covariances, np.array([5.0]), diagonal=False, **arguments)
-    np.testing.assert_allclose(full[0], expected)
-    diagonal = shrunk_covariances(covariances, np.array([5.0]), diagonal=True, **arguments)
-    np.testing.assert_allclose(diagonal[0], np.diag(np.diag(expected)))
+def test_rescaled_components_have_the_units_of_the_samples():
+    shift, scale = np.array([5.0, 0.0, -2.0]), np.array([1.0, 10.0, 0.1])
+    components = random_components(0)
+    found = components.rescaled(shift, scale)
+    order = np.argsort(components.weights)[::-1]
+    np.testing.assert_array_equal(found.weights, components.weights[order])
+    np.testing.assert_allclose(found.means, shift + scale * components.means[order])
+    S = np.diag(scale)
+    np.testing.assert_allclose(found.covariances, S @ components.covariances[order] @ S)
 
 
-def test_shrunk_covariance_without_samples_and_prior_is_the_floor():
-    shrunk = shrunk_covariances(
-        np.zeros((1, 2, 2)),
-        np.zeros(1),
-        prior_count=0.0,
-        prior_variance=1.0,
-        floor=np.array([1.0, 2.0]),
-        diagonal=False,
-    )
-    np.testing.assert_array_equal(shrunk[0], np.diag([1.0, 2.0]))
+@pytest.mark.parametrize("degrees", [1.0, 4.0, np.inf])
+def test_densities_are_those_of_scipy(degrees):
+    components = random_components(0, M=3, d=4)
+    X = np.random.default_rng(1).normal(scale=4.0, size=(20, 4))
+    factors = precision_factors(components.covariances)
+    squared = squared_mahalanobis(X, components.means, factors)
+    found = tailed_log_densities(log_normalizers(components.weights, factors), squared, 4, degrees)
+    for i, (P, v, F) in enumerate(zip(components.weights, components.means, components.covariances, strict=True)):
+        true = multivariate_normal(v, F) if np.isinf(degrees) else multivariate_t(v, F, df=degrees)
+        np.testing.assert_allclose(found[:, i], np.log(P) + true.logpdf(X), rtol=1e-10)
 
 
-def test_numbers_of_parameters():
-    assert parameters_per_component(3, diagonal=False) == 3 + 6
-    assert parameters_per_component(3, diagonal=True) == 3 + 3
+def test_gate_worked_by_hand():
+    # In two channels, P(q > x) = (1 + x / nu)^(-nu / 2).
+    assert distance_gate(0.99, 2, NU) == pytest.approx(NU * (0.01 ** (-2.0 / NU) - 1.0))
+    assert distance_gate(0.99, 3) == pytest.approx(chi2.ppf(0.99, 3))
+
+
+def test_weights_worked_by_hand():
+    np.testing.assert_allclose(tail_weights(np.array([0.0, 3.0, 60.0]), 3, NU), [7 / 4, 1.0, 7 / 64])
+
+
+@pytest.mark.parametrize("d", [1, 3])
+def test_variances_of_the_scores(d):
+    y = student_samples(7, 400_000, np.zeros(d), np.eye(d), NU).reshape(-1, d)
+    w = tail_weights((y**2).sum(axis=1), d, NU)
+    usual, of_diagonal = score_variances(d, NU)
+    assert (w * y[:, 0]).var() == pytest.approx(usual, rel=0.01)
+    assert (w * y[:, 0] ** 2).var() / 2.0 == pytest.approx(of_diagonal, rel=0.01)
+    if d > 1:
+        assert (w * y[:, 0] * y[:, 1]).var() == pytest.approx(usual, rel=0.01)
+    assert score_variances(d, np.inf) == (1.0, 1.0)

@@ -18,7 +18,7 @@ from skill.data.demonstration import (
     write_demonstration,
 )
 from skill.data.outcome import Outcome
-from tests.crafted_files import rewrite, sealed_parquet, write_unsealed
+from tests.crafted_files import rewrite, sealed_parquet
 from tests.trajectories import make_demonstration
 
 
@@ -142,20 +142,13 @@ def test_a_truncated_file_is_refused(path, kept):
 
 def test_a_file_of_another_version_is_refused(path):
     message = error_message(with_header(path, format_version=FORMAT_VERSION + 1))
-    assert f"version {FORMAT_VERSION + 1}, expected 1 or {FORMAT_VERSION}" in message
-
-
-def test_files_of_version_1_stay_readable(path):
-    new = read_demonstration(path)
-    old = read_demonstration(write_unsealed(path, "demonstration", 1))
-    pd.testing.assert_frame_equal(old.samples, new.samples, check_exact=True)
-    assert (old.good, old.reason, old.metadata) == (new.good, new.reason, new.metadata)
+    assert f"version {FORMAT_VERSION + 1}, expected {FORMAT_VERSION}" in message
 
 
 def test_a_foreign_parquet_file_is_refused(tmp_path):
     path = tmp_path / "foreign.parquet"
     pd.DataFrame({"a": [1.0, 2.0]}).to_parquet(path)
-    assert "expected a demonstration file" in error_message(path)
+    assert "expected a file of this program" in error_message(path)
 
 
 @pytest.mark.parametrize(
@@ -227,7 +220,7 @@ def test_a_failed_write_leaves_no_file(demonstration, tmp_path, monkeypatch):
     def full(handle):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(tables.os, "fsync", full)
+    monkeypatch.setattr("skill.data.files.os.fsync", full)
     with pytest.raises(OSError, match="No space"):
         write_demonstration(demonstration, tmp_path / "demonstration.parquet")
     assert list(tmp_path.iterdir()) == []
@@ -239,7 +232,7 @@ def test_a_failed_write_leaves_the_old_file(demonstration, path, monkeypatch):
     def full(handle):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(tables.os, "fsync", full)
+    monkeypatch.setattr("skill.data.files.os.fsync", full)
     other = Demonstration(demonstration.samples.head(5), good=False, outcome="jammed")
     with pytest.raises(OSError, match="No space"):
         write_demonstration(other, path)
@@ -297,11 +290,11 @@ def test_a_table_is_written_with_its_header(tmp_path):
     path = tmp_path / "new" / "folder" / "a.parquet"
     tables.write_table(TABLE, ("a", "time"), path, kind="thing", version=7, header={"x": 1})
     assert path.stat().st_mode & 0o777 == 0o644
-    table, header = tables.read_table(path, ("a", "time"), kind="thing", versions=(6, 7), keys=("x",))
+    table, header = tables.read_table(path, ("a", "time"), kind="thing", version=7, keys=("x",))
     assert list(table.columns) == ["a", "time"]
     assert header == {"x": 1}
     with pytest.raises(ValueError, match="metadata lacks"):
-        tables.read_table(path, ("a", "time"), kind="thing", versions=(6, 7), keys=("y",))
+        tables.read_table(path, ("a", "time"), kind="thing", version=7, keys=("y",))
 
 
 def test_an_axis_may_be_rounded_and_a_duration_is_the_time_between_the_first_and_the_last_sample():
@@ -357,8 +350,7 @@ def test_the_columns_that_pandas_would_take_for_an_index_are_unknown(path):
     frame = table.to_pandas().set_index("fx")
     indexed = pa.Table.from_pandas(frame, preserve_index=True)
     header = json.loads(table.schema.metadata[b"demonstration"])
-    metadata = {**indexed.schema.metadata, b"demonstration": json.dumps({**header, "format_version": 1}).encode()}
-    pq.write_table(indexed.replace_schema_metadata(metadata), path)
+    path.write_bytes(sealed_parquet(indexed, {**indexed.schema.metadata, "demonstration": json.dumps(header)}))
     assert tuple(sorted(read_demonstration(path).samples.columns)) == tuple(sorted(COLUMNS))
 
 
@@ -370,7 +362,7 @@ def test_a_changed_bit_is_noticed_wherever_it_is(path):
 
 
 def test_a_page_carries_a_checksum_of_its_own(path, monkeypatch):
-    monkeypatch.setattr(tables, "is_sealed", lambda data: True)
+    monkeypatch.setattr(tables, "check_seal", lambda data, required: None)
     data = path.read_bytes()
     start = pq.ParquetFile(path).metadata.row_group(0).column(5).data_page_offset
     place = start + 200
@@ -382,7 +374,7 @@ def test_a_recording_without_its_digest_is_refused(path):
     table = pq.read_table(path)
     header = {b"demonstration": table.schema.metadata[b"demonstration"]}
     pq.write_table(table.replace_schema_metadata(header), path)
-    assert "damaged: a demonstration file of version 2 without its digest" in error_message(path)
+    assert "no SHA-256 digest of the content" in error_message(path)
 
 
 def test_the_number_of_samples_is_limited(demonstration, path, tmp_path, monkeypatch):
@@ -398,15 +390,6 @@ def test_the_size_of_a_file_is_limited(path):
     assert "100 MB, expected at most 100 MB" in error_message(path)
 
 
-@pytest.mark.parametrize("compression", ["ZSTD", "GZIP"])
-def test_a_compression_that_can_hide_gigabytes_is_refused(path, compression):
-    table = pq.read_table(path)
-    header = json.loads(table.schema.metadata[b"demonstration"])
-    metadata = {b"demonstration": json.dumps({**header, "format_version": 1}).encode()}
-    pq.write_table(table.replace_schema_metadata(metadata), path, compression=compression)
-    assert f"with compression {compression} for" in error_message(path)
-
-
 def test_a_column_of_more_bytes_than_its_samples_need_is_refused(path):
     table = pq.read_table(path)
     k = table.column_names.index("fx")
@@ -414,7 +397,7 @@ def test_a_column_of_more_bytes_than_its_samples_need_is_refused(path):
     wide = pa.array([rng.random(3000).tolist()] * table.num_rows)
     changed = table.set_column(k, "fx", wide)
     path.write_bytes(sealed_parquet(changed, {"demonstration": table.schema.metadata[b"demonstration"]}))
-    assert f"bytes with compression SNAPPY for {table.num_rows} samples of a column, expected" in error_message(path)
+    assert "'fx' has type list<element: double>, expected numbers" in error_message(path)
 
 
 def test_the_length_of_metadata_is_limited(demonstration, path, tmp_path):
@@ -434,6 +417,6 @@ def test_the_longest_recording_is_read_in_seconds(tmp_path):
     tables.write_table(table, COLUMNS, tmp_path / "long.parquet", kind="thing", version=2, header={})
     assert (tmp_path / "long.parquet").stat().st_size < tables.MAX_BYTES
     start = time.monotonic()
-    again, _ = tables.read_table(tmp_path / "long.parquet", COLUMNS, kind="thing", versions=(1, 2), keys=())
+    again, _ = tables.read_table(tmp_path / "long.parquet", COLUMNS, kind="thing", version=2, keys=())
     assert time.monotonic() - start < 10.0
     pd.testing.assert_frame_equal(again, table, check_exact=True)

@@ -19,7 +19,7 @@ from skill.data.rig_run import (
     read_rig_run,
     write_rig_run,
 )
-from tests.crafted_files import rewrite, sealed_parquet, write_unsealed
+from tests.crafted_files import rewrite, sealed_parquet
 from tests.trajectories import make_rig_run
 
 
@@ -80,13 +80,7 @@ def test_a_bad_table_is_refused(path, change, message):
 
 def test_a_run_of_another_version_is_refused(path):
     rewrite(path, "rig_run", format_version=RUN_VERSION + 1)
-    assert f"version {RUN_VERSION + 1}, expected 2 or 3 or 4 or 5 or {RUN_VERSION}" in error_message(path)
-
-
-def test_runs_of_version_2_stay_readable(run, path):
-    again = read_rig_run(write_unsealed(path, "rig_run", 2))
-    pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
-    assert (again.result, again.metadata) == (run.result, run.metadata)
+    assert f"version {RUN_VERSION + 1}, expected {RUN_VERSION}" in error_message(path)
 
 
 def test_a_truncated_run_is_refused(path):
@@ -125,10 +119,9 @@ def test_a_run_may_have_a_single_row(run, tmp_path):
     assert len(read_rig_run(tmp_path / "one.parquet").samples) == 1
 
 
-def test_a_run_of_an_earlier_version_has_no_contacts_and_no_contexts(tmp_path):
+def test_a_run_may_have_no_contacts_and_no_contexts(tmp_path):
     old = make_rig_run(contacts=False)
     write_rig_run(old, tmp_path / "old.parquet")
-    rewrite(tmp_path / "old.parquet", "rig_run", format_version=3)
     assert tuple(read_rig_run(tmp_path / "old.parquet").samples.columns) == RUN_COLUMNS
 
 

@@ -1,13 +1,13 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
 from benchmarks.learners.cluster_sets import separated
-from skill.clustering.cluster_initialization import components_of_partition
-from skill.clustering.cluster_merging import (
+from skill.clustering.component_merging import (
     Mixture,
     best_of_each_number,
-    log_determinants,
     merge_closest,
     merge_path,
     merged_pair,
@@ -15,7 +15,7 @@ from skill.clustering.cluster_merging import (
     polished,
     runnalls_costs,
 )
-from skill.clustering.expectation_maximization import expectation_maximization
+from skill.clustering.expectation_maximization import components_of_partition, expectation_maximization
 from tests.skill.clustering.components import no_prior, random_components, spherical
 
 
@@ -32,11 +32,6 @@ def test_merging_keeps_the_moments():
         np.testing.assert_allclose(a, b, atol=1e-12)
     pair = merged_pair(components, np.array([0]), np.array([0]))
     np.testing.assert_allclose(pair.covariances[0], components.covariances[0])
-
-
-def test_log_determinants():
-    components = random_components(1)
-    np.testing.assert_allclose(log_determinants(components.covariances), np.log(np.linalg.det(components.covariances)))
 
 
 def test_cost_of_a_merger_worked_by_hand():
@@ -105,3 +100,9 @@ def test_polishing_improves_mixtures_and_drops_duplicates():
     expected = expectation_maximization(X, rough, no_prior(3), max_iter=10, tol=negligible_gain(9, 500))
     assert found[4].log_likelihood == expected[1]
     np.testing.assert_array_equal(found[4].components.means, expected[0].means)
+
+
+def test_mergers_keep_the_tails():
+    components = replace(random_components(9, M=3, d=2), degrees=4.0)
+    assert merged_pair(components, np.array([0]), np.array([1])).degrees == 4.0
+    assert merge_closest(components).degrees == 4.0

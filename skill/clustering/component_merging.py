@@ -19,13 +19,6 @@ from skill.clustering.gaussian_components import GaussianComponents, cholesky_fa
 Indices = NDArray[np.intp]
 
 
-def log_determinants(covariances: Array) -> Array:
-    """Returns log |F_i| of covariances (M, d, d), shape (M,)."""
-    factors = cholesky_factors(covariances)
-    logs: Array = 2.0 * np.log(np.einsum("mdd->md", factors)).sum(axis=1)
-    return logs
-
-
 def merged_pair(components: GaussianComponents, i: Indices, j: Indices) -> GaussianComponents:
     """Returns one component for each pair (i[k], j[k]), with the weight, mean and covariance of the pair's mixture."""
     P = components.weights
@@ -41,6 +34,13 @@ def merged_pair(components: GaussianComponents, i: Indices, j: Indices) -> Gauss
     return GaussianComponents(weights, means, covariances, components.degrees)
 
 
+def _log_determinants(covariances: Array) -> Array:
+    """Returns log |F_i| of covariances (M, d, d), shape (M,)."""
+    factors = cholesky_factors(covariances)
+    logs: Array = 2.0 * np.log(np.einsum("mdd->md", factors)).sum(axis=1)
+    return logs
+
+
 def runnalls_costs(components: GaussianComponents) -> tuple[Indices, Indices, Array]:
     """Returns the cost of merging each pair, 1/2 [P_ij log|F_ij| - P_i log|F_i| - P_j log|F_j|].
 
@@ -51,8 +51,8 @@ def runnalls_costs(components: GaussianComponents) -> tuple[Indices, Indices, Ar
     """
     i, j = np.triu_indices(len(components), k=1)
     pairs = merged_pair(components, i, j)
-    own = components.weights * log_determinants(components.covariances)
-    return i, j, 0.5 * (pairs.weights * log_determinants(pairs.covariances) - own[i] - own[j])
+    own = components.weights * _log_determinants(components.covariances)
+    return i, j, 0.5 * (pairs.weights * _log_determinants(pairs.covariances) - own[i] - own[j])
 
 
 def merge_closest(components: GaussianComponents) -> GaussianComponents:

@@ -7,30 +7,38 @@ The algorithm is that of Frigui and Krishnapuram, "Clustering by competitive agg
 - ``gk``: |F|^(1/d) (z - v)' F^-1 (z - v) (Gustafson and Kessel, 1979);
 - ``fmle``: |F|^(1/2) / P exp((z - v)' F^-1 (z - v) / 2) (Gath and Geva, 1989).
 
-The competition with ``fmle`` is dominated by the few samples of lowest density and leaves one or two clusters. It is
-evaluated in the log domain, so this collapse is a property of the equations and not of floating-point overflow.
-
-The memberships of all samples are stored, N x M numbers.
+The competition with ``fmle``, the printed equations of the paper, is dominated by the few samples of lowest density and
+leaves one or two clusters. It is evaluated in the log domain, so this collapse is a property of the equations and not
+of floating-point overflow. The memberships of all samples are stored, N x M numbers.
 """
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import logsumexp
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.utils import check_random_state
 
-from skill.arrays import Array
-from skill.clustering.cluster_competition import History, Schedule
+from skill.arrays import Array, standard_scale
+from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration, History, nearest_centre
 from skill.clustering.expectation_maximization import CovariancePrior
 from skill.clustering.gaussian_components import (
     LOG_2PI,
     GaussianComponents,
-    log_densities,
+    log_normalizers,
     precision_factors,
     squared_mahalanobis,
 )
+from skill.clustering.number_of_states import design_effect
+
+Schedule = Callable[[int], float]
+"""Strength of the competition, eta, as a function of the iteration."""
 
 MIN_SQUARED_DISTANCE = 1e-6
 """Minimum squared distance in units of Z, so that a sample at a prototype has a finite weight."""
@@ -40,6 +48,118 @@ FUZZY_ITERATIONS = 3
 
 MAX_EXPONENT = 690.0
 """Maximum argument of the exponential function; larger ones would overflow."""
+
+MIN_COUNT = 5.0
+"""Clusters with a smaller cardinality die; or, in the authors' program, with fewer nearest samples."""
+
+
+class PublishedCompetition(CompetitiveAgglomeration):
+    """The published algorithm: one start, without mergers; the number of states is that of the surviving clusters.
+
+    Its states are Gaussians, whatever the distance; ``labels_`` are those of the distance.
+
+    Args:
+        distance: "fmle", "gk" or "euclid"; see the module.
+        init: initial centres, shape (M, d); None for the partition of `CompetitiveAgglomeration`.
+        ramp: first and last iteration of a plateau of the competition, which rises before it and decays after it, with
+            the rule of deaths of the authors' program; None for a competition that decays.
+        eta0: largest strength of the competition.
+        tau: number of iterations in which the strength changes by a factor e.
+        max_iter: maximum number of iterations.
+        tol: limit of the sum of the absolute changes of all centres.
+        standardize: whether to scale the channels to variance one.
+        random_state: seed of the start.
+    """
+
+    _parameter_constraints: dict[str, list[Any]] = {}
+
+    def __init__(
+        self,
+        distance: str = "fmle",
+        *,
+        init: ArrayLike | None = None,
+        ramp: tuple[int, int] | None = None,
+        eta0: float = 5.0,
+        tau: float = 10.0,
+        max_iter: int = 100,
+        tol: float = 1e-3,
+        standardize: bool = True,
+        random_state: Any = None,
+    ) -> None:
+        super().__init__(n_init=1, eta0=eta0, max_iter=max_iter, tol=tol, random_state=random_state)
+        self.distance = distance
+        self.init = init
+        self.ramp = ramp
+        self.tau = tau
+        self.standardize = standardize
+
+    def _fit(self, X: Array, groups: NDArray[np.intp] | None, phase: Array | None) -> None:
+        centred = self.standardize or self.distance == "fmle"
+        shift = X.mean(axis=0) if centred else np.zeros(X.shape[1])
+        scale = standard_scale(X) if self.standardize else np.ones(X.shape[1])
+        Z = (X - shift) / scale
+        prior = self._prior(Z)
+        if self.init is None:
+            components = self._initialize(Z, prior, phase, check_random_state(self.random_state))[0]
+        else:
+            components = components_at_centres(Z, (np.asarray(self.init) - shift) / scale, prior)
+        eta0, tau = float(self.eta0 or 0.0), self.tau
+        competition = compete_for_prototypes(
+            Z,
+            components,
+            prior,
+            exponential_schedule(eta0, tau) if self.ramp is None else ramp_schedule(eta0, tau, *self.ramp),
+            distance=self.distance,
+            death_rule="cardinality" if self.ramp is None else "nearest",
+            min_count=MIN_COUNT,
+            max_iter=self.max_iter,
+            tol=self.tol,
+        )
+        self.history_, self.converged_ = competition.history, competition.converged
+        self.n_iter_ = len(competition.history.eta)
+        if not self.converged_:
+            warnings.warn(f"not converged after max_iter={self.max_iter} iterations", ConvergenceWarning, stacklevel=3)
+        found = competition.components
+        effect = 1.0 if groups is None else design_effect(Z, found, groups)
+        self._set_states(found.rescaled(shift, scale), design_effect=effect)
+        rank = np.argsort(np.argsort(-found.weights, kind="stable"))
+        self.labels_ = rank[competition.labels]
+
+
+def exponential_schedule(eta0: float, tau: float) -> Schedule:
+    """Returns eta(k) = eta0 exp(-(k - 3) / tau), and eta0 in the iterations before, which are fuzzy c-means."""
+    return lambda k: eta0 * float(np.exp(-max(k - FUZZY_ITERATIONS, 0) / tau))
+
+
+def ramp_schedule(eta0: float, tau: float, rise: int, decay: int) -> Schedule:
+    """Returns a schedule that rises to a plateau and falls again.
+
+    eta(k) is eta0 exp((k - rise) / tau) before iteration ``rise``, eta0 exp((decay - k) / tau) from iteration
+    ``decay``, and eta0 in between.
+    """
+
+    def eta(k: int) -> float:
+        exponent = (k - rise) / tau if k < rise else 0.0 if k < decay else (decay - k) / tau
+        return eta0 * float(np.exp(exponent))
+
+    return eta
+
+
+def components_at_centres(Z: Array, centres: Array, prior: CovariancePrior) -> GaussianComponents:
+    """Returns Gaussians with the given means, shape (M, d).
+
+    The covariance of each is the regularised second moment, about its centre, of the samples nearest to it.
+    """
+    M, d = centres.shape
+    labels = nearest_centre(Z, centres)
+    counts = np.bincount(labels, minlength=M).astype(float)
+    covariances = np.zeros((M, d, d))
+    for i in np.flatnonzero(counts):
+        offsets = Z[labels == i] - centres[i]
+        covariances[i] = offsets.T @ offsets / counts[i]
+    # A centre without samples gets the weight of one sample, so that it can still attract samples.
+    weights = np.maximum(counts, 1.0)
+    return GaussianComponents(weights / weights.sum(), centres, prior.apply(covariances, counts))
 
 
 @dataclass(frozen=True)
@@ -73,7 +193,8 @@ def log_squared_distances(Z: Array, components: GaussianComponents, distance: st
     if distance == "fmle":
         factors = precision_factors(components.covariances)
         constant: float = 0.5 * Z.shape[1] * LOG_2PI
-        return -constant - log_densities(Z, components.weights, components.means, factors)
+        squared = squared_mahalanobis(Z, components.means, factors)
+        return -constant - (log_normalizers(components.weights, factors) - 0.5 * squared)
     if distance == "euclid":
         factors = np.broadcast_to(np.eye(Z.shape[1]), components.covariances.shape)
         log_volumes = np.zeros(len(components))
@@ -176,7 +297,8 @@ def compete_for_prototypes(
         competing = k >= FUZZY_ITERATIONS
         eta = schedule(k)
         log_d2 = log_squared_distances(Z, components, distance if competing else "euclid")
-        history.append(len(components), eta, float("nan"))
+        history.n_clusters.append(len(components))
+        history.eta.append(eta)
         U = competitive_memberships(log_d2, U if competing else None, eta)
         keep = np.ones(len(components), dtype=bool)
         if competing and death_rule == "cardinality":

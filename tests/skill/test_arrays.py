@@ -1,6 +1,6 @@
 import numpy as np
 
-from skill.sequences import sequences
+from skill.arrays import sequences
 
 
 def test_sequences_are_the_rows_of_each_group_in_their_order():
