@@ -19,7 +19,6 @@ def states(M=3, d=4, seed=0):
             "covariances": covariances,
             "precision_factors": factors,
             "design_effect": np.array(1.0),
-            "distance": np.array("fmle"),
         }
     )
 
@@ -33,7 +32,10 @@ def test_probabilities_without_transitions_are_the_posterior(channels):
     np.testing.assert_allclose(probabilities, model.predict_proba(X, channels=channels), atol=1e-12)
     distances = [dut.step(dut.initial_log_belief(), x).mahalanobis for x in X]
     labels = model.predict(X, channels=channels)
-    np.testing.assert_allclose(distances, model.mahalanobis(X, channels=channels)[np.arange(20), labels])
+    components, _ = model.marginal(channels)
+    offsets = X - components.means[labels]
+    inverse = np.linalg.inv(components.covariances)[labels]
+    np.testing.assert_allclose(distances, np.einsum("na,nab,nb->n", offsets, inverse, offsets))
 
 
 def test_forward_recursion_worked_by_hand():
