@@ -15,7 +15,6 @@ import yaml
 from pydrake.math import RigidTransform
 
 import interfaces.live.session
-from experiments.demonstration_run import DemonstrationRun
 from experiments.outputs.folder_lock import LOCK_NAME
 from experiments.served_run import Deadlines
 from interfaces.live.buttons import BAD, DISCARD, GOOD, QUIT, START, Buttons
@@ -36,7 +35,6 @@ from systems.math.rotation import from_rotation_vector
 from systems.operators.person_frame import R_HV
 from tests.browser import blankness
 from tests.interfaces.live.live_session import QUICK, drag, live, press, row, text_of, wait_for_text
-from tests.interfaces.live.panel_page import FLAWS
 from tests.trajectories import make_demonstration
 
 PICTURES = os.environ.get("LIVE_PICTURES")  # folder in which the screenshots are kept, if set
@@ -400,15 +398,6 @@ def test_a_demonstration_that_is_refused_is_discarded_with_its_reason(quiet, wal
     assert (quiet.clicks, quiet.kept) == ([], [])
 
 
-@pytest.mark.slow
-def test_a_simulation_of_one_sample_is_too_short_to_keep(quiet):
-    _, resolved = quiet._next()
-    run = DemonstrationRun(resolved)
-    assert run.advance(1e-3) is None
-    assert quiet._judge(run, Ending(Outcome.STOPPED), 3) is False
-    assert quiet.messages[-1] == "too short to keep; Space starts another"
-
-
 def test_a_demonstration_that_cannot_be_written_can_be_kept_again_or_discarded(quiet, wall, monkeypatch):
     fails = iter([True, False, True])
 
@@ -422,28 +411,6 @@ def test_a_demonstration_that_cannot_be_written_can_be_kept_again_or_discarded(q
     assert verdict(quiet, GOOD, DISCARD) == (False, [True])
     assert "not kept, No space left on device: make room and press again, or X to discard" in quiet.messages
     assert len(quiet.kept) == 1
-
-
-def test_the_session_looks_at_the_buttons_about_thirty_times_a_second(quiet, wall, monkeypatch):
-    class PageOpenForAWhile(Page):
-        @property
-        def is_shown(self):
-            if wall.now > 1001.0:
-                quiet.clicks.append(QUIT)
-            return True
-
-        @is_shown.setter
-        def is_shown(self, value):
-            pass
-
-    quiet._page = PageOpenForAWhile()
-    assert quiet.run() == []
-    assert all(1 / 50 < seconds < 1 / 25 for seconds in wall.sleeps)
-    wall.sleeps.clear()
-    wall.now = 1000.0
-    assert verdict(quiet) == (True, [])
-    assert all(1 / 50 < seconds < 1 / 25 for seconds in wall.sleeps)
-    assert wall.now == pytest.approx(1001.0, abs=0.1)
 
 
 def test_a_gamepad_is_announced_once_when_it_comes_and_once_when_it_goes(quiet):
@@ -595,12 +562,6 @@ def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, q
         keep_picture(page, "skill")
         assert not page.run("return document.getElementById('skill').hidden")
         assert page.run("return document.getElementById('skill-turn').getAttribute('visibility')") == "visible"
-        for width, height, mobile in ((1280, 720, False), (844, 390, True)):  # of a laptop, of a phone
-            metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile}
-            page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
-            time.sleep(0.5)
-            keep_picture(page, f"skill_{width}")
-            assert page.run(FLAWS) == []
         press(page, "x")
         session.wait_for("discarded: Space starts another")
         wait_for_text(page, "status", "discarded")

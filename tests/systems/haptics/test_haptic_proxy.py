@@ -31,12 +31,6 @@ def proxy(fixture, *, X_HD=None, V_HD=(0.0,) * 6, X_HP=None, V_HP=(0.0,) * 6):
     return dut, fixed_context(dut, probe_pose=X_HD, probe_velocity=list(V_HD), peg_state=peg_state(X_HP, V_HP))
 
 
-def test_the_wrench_is_zero_if_probe_and_peg_coincide():
-    X = pose([0.1, -0.2, 0.3], [0.01, 0.02, 0.03])
-    dut, context = proxy(FreeFixture(), X_HD=X, X_HP=X)
-    np.testing.assert_allclose(dut.GetOutputPort("coupling_wrench").Eval(context), np.zeros(6), atol=1e-9)
-
-
 def test_the_force_is_that_of_a_spring_and_a_damper():
     p_HD, p_HP = np.array([0.003, -0.001, 0.002]), np.array([0.001, 0.001, -0.004])
     v_HD, v_HP = np.array([0.01, 0.0, -0.02]), np.array([0.0, 0.03, -0.01])
@@ -177,7 +171,3 @@ def test_a_guide_is_a_spring_and_dissipates_power(fixture, data):
     )
     # The damper takes power from every motion.
     assert (guide(fixture, X, V) - elastic) @ V <= 1e-9
-
-
-def test_the_free_fixture_exerts_no_wrench():
-    np.testing.assert_array_equal(guide(FreeFixture(), pose([0.3, 0.2, 0.1], [1, 2, 3]), [1] * 6), np.zeros(6))

@@ -139,21 +139,20 @@ def random_motion(scenario, *, seed, push, reach, angle, duration):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("fixture", ["free", "rig"])
-def test_free_motion_generates_no_energy(quick_scenario, fixture, seed):
+def test_free_motion_generates_no_energy(quick_scenario, fixture):
     quick_scenario.fixture = fixture
     quick_scenario.geometry.facets = FREE_FACETS
     quick_scenario.start.height = 0.02
-    scenario = resolve_scenario(quick_scenario, seed=seed, stream=DEMONSTRATION_STREAM)
-    energy, total, touch = random_motion(scenario, seed=seed, push=0.0, reach=0.004, angle=0.02, duration=1.5)
+    scenario = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
+    energy, total, touch = random_motion(scenario, seed=0, push=0.0, reach=0.004, angle=0.02, duration=1.5)
     assert touch == 0.0
     assert energy.max() > 1e-5  # the hand has done work
     assert total.min() > -1e-9
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("fixture", ["free", "rig"])
 def test_contact_generates_no_energy(quick_scenario, fixture, seed):
     quick_scenario.fixture = fixture

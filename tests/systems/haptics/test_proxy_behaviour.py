@@ -91,7 +91,7 @@ def test_the_peg_slides_on_the_top_face_to_the_point_nearest_the_probe():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("angle", [0.0, 0.7, 2.9])
+@pytest.mark.parametrize("angle", [0.0, 0.7])
 def test_the_peg_slides_along_the_wall_of_the_bore_to_the_depth_of_the_probe(angle):
     c, s = math.cos(angle), math.sin(angle)
     a, b = at(0.0, 0.0, INSIDE), at(0.002 * c, 0.002 * s, INSIDE - 0.004)

@@ -24,19 +24,6 @@ def test_the_error_for_an_unknown_fixture_lists_the_known_ones():
         MakeFixture("loose", pivot_height=0.0)
 
 
-def test_the_free_fixture_has_no_deviation():
-    assert FreeFixture().deviation(RigidTransform([1.0, 2.0, 3.0])) is None
-
-
-@given(tilt=tilts, height=st.floats(-0.03, 0.01))
-def test_the_rigs_deviation_is_zero_if_the_axis_passes_the_centre_of_the_mouth(tilt, height):
-    R = from_rotation_vector(np.array([*tilt, 0.0]))
-    found = RigFixture().deviation(RigidTransform(R, height * R.col(2)))
-    np.testing.assert_allclose(found.d_HQ, 0.0, atol=1e-15)
-    np.testing.assert_allclose(found.theta_H, 0.0, atol=1e-12)
-    np.testing.assert_allclose(found.free_axis_H, R.col(2))
-
-
 @given(
     tilt=tilts, height=st.floats(-0.03, 0.01), distance=st.floats(-0.005, 0.005), direction=st.floats(0.0, 2 * math.pi)
 )
