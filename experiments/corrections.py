@@ -122,7 +122,7 @@ def find_query_state(run: RigRun, scenario: Scenario, *, number: int, inserted: 
         inserted: whether the trial inserted.
     """
     samples = run.samples
-    began = np.flatnonzero(np.diff(samples["guard"].to_numpy(), prepend=0.0) > 0.0)
+    began = np.flatnonzero(np.diff(samples["back_off"].to_numpy(), prepend=0.0) > 0.0)
     if not len(began) and inserted:
         return None
     row = samples.iloc[int(began[0]) if len(began) else -1]

@@ -54,9 +54,9 @@ class TrialRecord:
 
     def add_row(self, context: Context) -> None:
         """Records what is kept once a controller period."""
-        X_HP = self._rig.contact.peg_in_hole(context)
+        X_HP = self._rig.plant.peg_in_hole(context)
         self._poses.append(np.concatenate([X_HP.translation(), X_HP.rotation().col(2)]))
-        contacts = self._rig.contact.contacts(context)
+        contacts = self._rig.plant.contacts(context)
         self.forces.add_row(contacts)
         self.wedges.add_row(contacts)
 
@@ -66,11 +66,11 @@ class TrialRecord:
         The single contacts cost more than the net wrench: between two rows they are read only where
         `ForceMetrics.needs_contacts` says so.
         """
-        self.motion.add_step(self._rig.contact.peg_in_hole(context).translation())
+        self.motion.add_step(self._rig.plant.peg_in_hole(context).translation())
         if context.get_time() > 0:
             self.forces.add_step(wrench)
-            if self.forces.needs_contacts(wrench, self._rig.contact.contact_extent(context)):
-                self.forces.add_contacts(self._rig.contact.contacts(context))
+            if self.forces.needs_contacts(wrench, self._rig.plant.contact_extent(context)):
+                self.forces.add_contacts(self._rig.plant.contacts(context))
 
     def penetration(self) -> float:
         """Returns the deepest overlap of the round bodies at one pose per controller period, m."""
@@ -131,7 +131,7 @@ class TrialMonitor:
     def _ending_of_step(self, context: Context) -> Ending | None:
         """Records a step of the plant, and returns how it has ended the trial, if it has."""
         wrench = self._rig.contact_wrench(context)
-        self.depth = -self._rig.contact.tip_height(context)
+        self.depth = -self._rig.plant.tip_height(context)
         if not (np.isfinite(wrench).all() and np.isfinite(self.depth)):
             return Ending(Outcome.DIVERGED, "a force or a position is not finite")
         force = math.hypot(*wrench[:3])
@@ -319,7 +319,7 @@ def _result(
         trusted=penetration <= TRUSTED_OVERLAP * scenario.geometry.clearance,
         steps=int(last["pitch_taken"] + last["yaw_taken"]),
         lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
-        back_offs=int((samples["guard"].diff() > 0).sum()),
+        back_offs=int((samples["back_off"].diff() > 0).sum()),
         unknown_time=period * float((samples["known"] == 0).sum()),
         unsupported_time=period * float((samples["support"] < 1.0).sum()),
         states=tuple(int(s) for s in states[np.flatnonzero(np.diff(states, prepend=-1))]),

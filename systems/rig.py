@@ -44,17 +44,17 @@ def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = N
         ValueError: if the scenario is not resolved, or the policy was trained for another peg or hole.
     """
     builder = DiagramBuilder()
-    contact = AddRigPlant(builder, scenario)
+    plant = AddRigPlant(builder, scenario)
     if meshcat is not None:
-        AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
-    return WireRig(builder, scenario, skill, contact, meshcat=meshcat)
+        AddVisualization(builder=builder, contact=plant, meshcat=meshcat)
+    return WireRig(builder, scenario, skill, plant, meshcat=meshcat)
 
 
 def WireRig(
     builder: DiagramBuilder,
     scenario: Scenario,
     skill: RigPolicy,
-    contact: RigPlant,
+    plant: RigPlant,
     *,
     meshcat: Meshcat | None = None,
 ) -> RigDiagram:
@@ -68,22 +68,22 @@ def WireRig(
         )
     check_geometry(scenario, skill)
     pitch, yaw = start_angles(scenario)
-    parts = _add_parts(builder, scenario, skill, contact, angles={"pitch": pitch, "yaw": yaw})
-    _connect_sensors(builder, contact, parts)
+    parts = _add_parts(builder, scenario, skill, plant, angles={"pitch": pitch, "yaw": yaw})
+    _connect_sensors(builder, plant, parts)
     _connect_controller(builder, parts)
-    _connect_motors(builder, contact, parts)
+    _connect_motors(builder, plant, parts)
     if meshcat is not None:
-        _add_state_display(builder, scenario, skill, contact, parts, meshcat)
-    recorder = _add_recorder(builder, scenario, contact, parts)
+        _add_state_display(builder, scenario, skill, plant, parts, meshcat)
+    recorder = _add_recorder(builder, scenario, plant, parts)
     diagram = builder.Build()
     diagram.set_name("rig")
     return RigDiagram(
         diagram,
-        contact,
+        plant,
         recorder,
         parts.controller,
         parts.watchdog,
-        guard=parts.guard,
+        force_guard=parts.force_guard,
         sensor=parts.sensor,
         steppers=(parts.steppers["pitch"], parts.steppers["yaw"]),
         scenario=scenario,
@@ -102,7 +102,7 @@ class _Parts:
     drive_monitor: DriveMonitor
     self_check: SelfCheck
     watchdog: Watchdog
-    guard: ForceGuard
+    force_guard: ForceGuard
     motor: DcMotor
     steppers: dict[str, StepperMotor]  # pitch, then yaw
     gimbal_angles: Demultiplexer  # pitch, yaw and their rates
@@ -112,16 +112,16 @@ def _add_parts(
     builder: DiagramBuilder,
     scenario: Scenario,
     policy: RigPolicy,
-    contact: RigPlant,
+    plant: RigPlant,
     *,
     angles: dict[str, float],
 ) -> _Parts:
     sensor, control, step = scenario.sensor, scenario.controller, scenario.contact.time_step
-    tare = np.array([0.0, 0.0, contact.weight, 0.0, 0.0, 0.0])  # the reaction in free air
+    tare = np.array([0.0, 0.0, plant.weight, 0.0, 0.0, 0.0])  # the reaction in free air
     resolution = scenario.rig.encoder_resolution
     return _Parts(
         sensor=builder.AddNamedSystem(
-            "wrench_sensor", WrenchSensor(parameters=sensor, seed=scenario.seed, weld=contact.sensor, tare=tare)
+            "wrench_sensor", WrenchSensor(parameters=sensor, seed=scenario.seed, weld=plant.sensor, tare=tare)
         ),
         encoder=builder.AddNamedSystem("depth_encoder", DepthEncoder(home=sensor.height, resolution=resolution)),
         estimator=builder.AddNamedSystem(
@@ -162,7 +162,7 @@ def _add_parts(
                 sensor=sensor,
                 motor=scenario.feed,
                 stepper=scenario.stepper,
-                parts=MovingParts.of(scenario, mass=contact.moving_mass, peg_weight=contact.weight),
+                parts=MovingParts.of(scenario, mass=plant.moving_mass, peg_weight=plant.weight),
                 drive_period=step,
             ),
         ),
@@ -175,7 +175,7 @@ def _add_parts(
                 step_angle=scenario.stepper.step_angle,
             ),
         ),
-        guard=builder.AddNamedSystem("force_guard", _force_guard(scenario, contact)),
+        force_guard=builder.AddNamedSystem("force_guard", _force_guard(scenario, plant)),
         motor=builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=step)),
         steppers={
             name: builder.AddNamedSystem(
@@ -187,11 +187,11 @@ def _add_parts(
     )
 
 
-def _force_guard(scenario: Scenario, contact: RigPlant) -> ForceGuard:
+def _force_guard(scenario: Scenario, plant: RigPlant) -> ForceGuard:
     p = scenario.controller
     return ForceGuard(
         parameters=p.guard,
-        stopping=StoppingModel.of(scenario, mass=contact.moving_mass, inertia=contact.turning_inertia),
+        stopping=StoppingModel.of(scenario, mass=plant.moving_mass, inertia=plant.turning_inertia),
         peg_radius=scenario.geometry.peg_radius,
         max_turn_rate=p.max_turn_rate,
         max_turn=p.max_turn,
@@ -199,12 +199,12 @@ def _force_guard(scenario: Scenario, contact: RigPlant) -> ForceGuard:
     )
 
 
-def _connect_sensors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) -> None:
-    builder.Connect(contact.reaction_forces, parts.sensor.GetInputPort("reaction_forces"))
-    builder.Connect(contact.carriage_state, parts.encoder.GetInputPort("carriage_state"))
+def _connect_sensors(builder: DiagramBuilder, plant: RigPlant, parts: _Parts) -> None:
+    builder.Connect(plant.reaction_forces, parts.sensor.GetInputPort("reaction_forces"))
+    builder.Connect(plant.carriage_state, parts.encoder.GetInputPort("carriage_state"))
     builder.Connect(parts.sensor.GetOutputPort("wrench"), parts.monitor.GetInputPort("raw_wrench"))
     builder.Connect(parts.encoder.GetOutputPort("depth"), parts.monitor.GetInputPort("raw_depth"))
-    for reader in (parts.estimator, parts.controller, parts.drive_monitor, parts.self_check, parts.guard):
+    for reader in (parts.estimator, parts.controller, parts.drive_monitor, parts.self_check, parts.force_guard):
         for name in ("wrench", "depth"):
             builder.Connect(parts.monitor.GetOutputPort(name), reader.GetInputPort(name))
 
@@ -213,11 +213,11 @@ def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
     builder.Connect(parts.estimator.GetOutputPort("estimate"), parts.controller.GetInputPort("estimate"))
     for name in ("target_pitch", "target_yaw"):
         for reader in (parts.estimator, parts.controller):
-            builder.Connect(parts.guard.GetOutputPort(name), reader.GetInputPort(name))
+            builder.Connect(parts.force_guard.GetOutputPort(name), reader.GetInputPort(name))
     for name in COMMANDS:
         builder.Connect(parts.controller.GetOutputPort(name), parts.watchdog.GetInputPort(name))
     for name in (*COMMANDS, "blind"):
-        builder.Connect(parts.watchdog.GetOutputPort(name), parts.guard.GetInputPort(name))
+        builder.Connect(parts.watchdog.GetOutputPort(name), parts.force_guard.GetInputPort(name))
     builder.Connect(parts.controller.GetOutputPort("failed"), parts.watchdog.GetInputPort("controller_failed"))
     reporters: tuple[LeafSystem, ...] = (parts.monitor, parts.drive_monitor, parts.self_check)
     for reporter, port in zip(reporters, MONITORS, strict=True):
@@ -230,28 +230,28 @@ def _connect_controller(builder: DiagramBuilder, parts: _Parts) -> None:
         builder.Connect(stepper.GetOutputPort("shaft"), parts.self_check.GetInputPort(f"{name}_shaft"))
 
 
-def _connect_motors(builder: DiagramBuilder, contact: RigPlant, parts: _Parts) -> None:
-    builder.Connect(parts.guard.GetOutputPort("feed_speed"), parts.motor.GetInputPort("speed_command"))
-    builder.Connect(parts.guard.GetOutputPort("feed_speed"), parts.drive_monitor.GetInputPort("feed_speed"))
+def _connect_motors(builder: DiagramBuilder, plant: RigPlant, parts: _Parts) -> None:
+    builder.Connect(parts.force_guard.GetOutputPort("feed_speed"), parts.motor.GetInputPort("speed_command"))
+    builder.Connect(parts.force_guard.GetOutputPort("feed_speed"), parts.drive_monitor.GetInputPort("feed_speed"))
     builder.Connect(parts.drive_monitor.GetOutputPort("feed_enabled"), parts.motor.GetInputPort("enabled"))
-    builder.Connect(contact.carriage_state, parts.motor.GetInputPort("carriage_state"))
-    builder.Connect(parts.motor.GetOutputPort("carriage_force"), contact.carriage_force)
+    builder.Connect(plant.carriage_state, parts.motor.GetInputPort("carriage_state"))
+    builder.Connect(parts.motor.GetOutputPort("carriage_force"), plant.carriage_force)
     rates = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(2)))
     equilibrium = builder.AddNamedSystem("equilibrium", Multiplexer([1, 1, 2]))
-    builder.Connect(contact.gimbal_state, parts.gimbal_angles.get_input_port())
+    builder.Connect(plant.gimbal_state, parts.gimbal_angles.get_input_port())
     for k, (name, stepper) in enumerate(parts.steppers.items()):
-        builder.Connect(parts.guard.GetOutputPort(f"target_{name}"), stepper.GetInputPort("target_angle"))
+        builder.Connect(parts.force_guard.GetOutputPort(f"target_{name}"), stepper.GetInputPort("target_angle"))
         builder.Connect(parts.gimbal_angles.get_output_port(k), stepper.GetInputPort("measured_angle"))
         builder.Connect(stepper.GetOutputPort("equilibrium_angle"), equilibrium.get_input_port(k))
     builder.Connect(rates.get_output_port(), equilibrium.get_input_port(2))
-    builder.Connect(equilibrium.get_output_port(), contact.gimbal_equilibrium)
+    builder.Connect(equilibrium.get_output_port(), plant.gimbal_equilibrium)
 
 
 def _add_state_display(
     builder: DiagramBuilder,
     scenario: Scenario,
     policy: RigPolicy,
-    contact: RigPlant,
+    plant: RigPlant,
     parts: _Parts,
     meshcat: Meshcat,
 ) -> None:
@@ -266,24 +266,24 @@ def _add_state_display(
         ),
     )
     builder.Connect(parts.estimator.GetOutputPort("state"), display.GetInputPort("state"))
-    builder.Connect(contact.carriage_state, display.GetInputPort("carriage_state"))
+    builder.Connect(plant.carriage_state, display.GetInputPort("carriage_state"))
 
 
-def _add_recorder(builder: DiagramBuilder, scenario: Scenario, contact: RigPlant, parts: _Parts) -> RunRecorder:
+def _add_recorder(builder: DiagramBuilder, scenario: Scenario, plant: RigPlant, parts: _Parts) -> RunRecorder:
     return AddRunRecorder(
         builder=builder,
         ports={
             ("fx", "fy", "fz", "mx", "my", "mz"): parts.monitor.GetOutputPort("wrench"),
             ("depth",): parts.monitor.GetOutputPort("depth"),
             **{(name,): parts.estimator.GetOutputPort(name) for name in READINGS},
-            **{(name,): parts.guard.GetOutputPort(name) for name in ("target_pitch", "target_yaw", "feed_speed")},
-            **{(name,): parts.controller.GetOutputPort(name) for name in ("guard", "support", *CONTROL_COLUMNS)},
+            **{(name,): parts.force_guard.GetOutputPort(name) for name in ("target_pitch", "target_yaw", "feed_speed")},
+            **{(name,): parts.controller.GetOutputPort(name) for name in ("back_off", "support", *CONTROL_COLUMNS)},
             ("fault",): parts.watchdog.GetOutputPort("fault"),
             **{
                 (f"{name}_taken", f"{name}_lost"): stepper.GetOutputPort("step_counts")
                 for name, stepper in parts.steppers.items()
             },
-            ("carriage", "carriage_speed"): contact.carriage_state,
+            ("carriage", "carriage_speed"): plant.carriage_state,
             **{(name,): parts.gimbal_angles.get_output_port(k) for k, name in enumerate(parts.steppers)},
         },
         period=scenario.controller.period,

@@ -27,22 +27,22 @@ class RigDiagram:
 
     Attributes:
         diagram: the diagram, for a Simulator.
-        contact: the plant and its bodies.
+        plant: the plant and its bodies.
         recorder: recorder of measurements, commands and motions.
         controller: the system that runs the policy.
         watchdog: the system between controller and motors.
-        guard: the system that limits the load, before the motors.
+        force_guard: the system that limits the load, before the motors.
         sensor: the force/torque sensor.
         steppers: the axes of pitch and yaw.
         scenario: of which the diagram was built.
     """
 
     diagram: Diagram
-    contact: RigPlant
+    plant: RigPlant
     recorder: RunRecorder
     controller: PolicyController
     watchdog: Watchdog
-    guard: ForceGuard
+    force_guard: ForceGuard
     sensor: WrenchSensor
     steppers: tuple[StepperMotor, StepperMotor]
     scenario: Scenario
@@ -50,7 +50,7 @@ class RigDiagram:
     def set_start(self, context: Context) -> None:
         """Moves carriage and gimbal to the start of the scenario; ``context`` is the diagram's."""
         carriage, (pitch, yaw) = _home(self.scenario), start_angles(self.scenario)
-        self.contact.set_start(context, carriage=carriage, pitch=pitch, yaw=yaw)
+        self.plant.set_start(context, carriage=carriage, pitch=pitch, yaw=yaw)
 
     def set_trial(self, context: Context, trial: Scenario) -> None:
         """Replaces in a new context all that one trial has of its own, and moves carriage and gimbal to its start.
@@ -65,25 +65,25 @@ class RigDiagram:
             ValueError: if the scenario differs in more than `resolve_scenario` draws.
             TypeError: if the bodies are not those of `AddRigPlant`.
         """
-        if not isinstance(self.contact, HydroelasticRig):
-            raise TypeError(f"a {type(self.contact).__name__} cannot change its trial; expected a HydroelasticRig")
+        if not isinstance(self.plant, HydroelasticRig):
+            raise TypeError(f"a {type(self.plant).__name__} cannot change its trial; expected a HydroelasticRig")
         _check_same_rig(self.scenario, trial)
-        inertia = self.contact.set_trial(context, trial)
-        stopping = StoppingModel.of(trial, mass=self.contact.moving_mass, inertia=inertia)
-        self.guard.set_stopping(self.guard.GetMyMutableContextFromRoot(context), stopping)
+        inertia = self.plant.set_trial(context, trial)
+        stopping = StoppingModel.of(trial, mass=self.plant.moving_mass, inertia=inertia)
+        self.force_guard.set_stopping(self.force_guard.GetMyMutableContextFromRoot(context), stopping)
         self.sensor.set_seed(self.sensor.GetMyMutableContextFromRoot(context), trial.seed)
         angles = start_angles(trial)
         for stepper, angle in zip(self.steppers, angles, strict=True):
             stepper.set_start_angle(stepper.GetMyMutableContextFromRoot(context), angle)
-        self.contact.set_start(context, carriage=_home(trial), pitch=angles[0], yaw=angles[1])
+        self.plant.set_start(context, carriage=_home(trial), pitch=angles[0], yaw=angles[1])
 
     def poses(self, context: Context) -> tuple[RigidTransform, RigidTransform]:
         """Returns the poses X_WP of the peg and X_WH of the block for a picture; ``context`` is the diagram's.
 
         Their relative pose is exact. The mount lets both move sideways by micrometres, which is left out.
         """
-        X_WP = RigidTransform([0.0, 0.0, self.contact.tip_height(context)])
-        return X_WP, X_WP @ self.contact.peg_in_hole(context).inverse()
+        X_WP = RigidTransform([0.0, 0.0, self.plant.tip_height(context)])
+        return X_WP, X_WP @ self.plant.peg_in_hole(context).inverse()
 
     def contact_wrench(self, context: Context) -> Array:
         """Returns the true wrench (6,) on the peg about its tip, in P: force (N), then moment (N m).
@@ -95,7 +95,7 @@ class RigDiagram:
 
     def peak_measured_load(self, context: Context) -> float:
         """Returns the largest load (N) that the sensor has measured; ``context`` is the diagram's."""
-        return self.guard.peak_load(self.guard.GetMyContextFromRoot(context))
+        return self.force_guard.peak_load(self.force_guard.GetMyContextFromRoot(context))
 
     def fault(self, context: Context) -> Fault:
         """Returns the fault that the rig has detected; ``context`` is the diagram's."""

@@ -85,8 +85,8 @@ def make_rig_run(*, tilt: float = np.radians(3.0), contacts: bool = True, **meta
         samples[name] = angle[0] * part + steps * STEP
     samples["time"], samples["depth"], samples["tip_z"], samples["state"] = time, -z, z, state
     samples["known"] = samples["support"] = 1.0
-    samples["guard"] = ((time > 0.82) & (time < 0.92)).astype(float)
-    samples["feed_speed"] = np.where(samples["guard"] > 0, 0.01, np.gradient(z, time))
+    samples["back_off"] = ((time > 0.82) & (time < 0.92)).astype(float)
+    samples["feed_speed"] = np.where(samples["back_off"] > 0, 0.01, np.gradient(z, time))
     # The peg tilts in the hole by the opposite of the rotation of the hole.
     samples["fx"] = -push * share["yaw"] + 0.05 * rng.standard_normal(len(time))
     samples["fy"] = push * share["pitch"] + 0.05 * rng.standard_normal(len(time))
@@ -95,7 +95,7 @@ def make_rig_run(*, tilt: float = np.radians(3.0), contacts: bool = True, **meta
     samples["mx"], samples["my"] = -lever * samples["fy"], lever * samples["fx"]
     if contacts:
         samples[list(CONTEXT_COLUMNS)] = np.column_stack([time > 0.5, np.where(time > 0.5, 0.97, 0.6), time > 0.5])
-        turning = np.select([samples["guard"] > 0, time > 0.95], [0.0, -1.0], default=1.0)
+        turning = np.select([samples["back_off"] > 0, time > 0.95], [0.0, -1.0], default=1.0)
         samples[list(CONTROL_COLUMNS)] = turning[:, None]
         samples = samples.join(pd.DataFrame(0.0, index=samples.index, columns=list(CONTACT_COLUMNS)))
         below = np.minimum(z, 0.0)

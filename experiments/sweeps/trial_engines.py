@@ -69,7 +69,7 @@ class RigBench:
         if self._rig is None or self._built_for != cell:
             self._rig = None  # also if the next one cannot be built
             rig = make_rig(engine, scenario, policy)
-            if not isinstance(rig.contact, HydroelasticRig):
+            if not isinstance(rig.plant, HydroelasticRig):
                 return rig
             self._rig, self._built_for = rig, cell
         return self._rig

@@ -39,7 +39,7 @@ JSON_TYPES: dict[str, dict[str, dict[str, str]]] = {
     "haptic_skill.Context": {"number": WHOLE, "probability": NUMBER, "evidence": NUMBER},
     "haptic_skill.RigCommand": {
         **dict.fromkeys(("target_pitch", "target_yaw", "feed_speed", "support"), NUMBER),
-        **{"guard": FLAG, "turning": NUMBER},
+        **{"back_off": FLAG, "turning": NUMBER},
     },
     "haptic_skill.HandMotion": dict.fromkeys(ACTIONS, NUMBER),
     "haptic_skill.RigState": dict.fromkeys(("depth", "pitch_taken", "pitch_lost", "yaw_taken", "yaw_lost"), NUMBER),
@@ -120,7 +120,7 @@ def _run_messages(run: RigRun) -> Iterator[tuple[int, _Message]]:
             fields = dict(zip(("number", "probability", "evidence"), values, strict=True))
             yield time, _Message("/context", "haptic_skill.Context", fields)
         command = {name: row[name] for name in ("target_pitch", "target_yaw", "feed_speed", "support")}
-        command |= {"guard": row["guard"] > 0.5, "turning": row.get(CONTROL_COLUMNS[0], 1.0)}
+        command |= {"back_off": row["back_off"] > 0.5, "turning": row.get(CONTROL_COLUMNS[0], 1.0)}
         yield time, _Message("/command", "haptic_skill.RigCommand", command)
         rig = {name: row[name] for name in JSON_TYPES["haptic_skill.RigState"]}
         yield time, _Message("/rig_state", "haptic_skill.RigState", rig)

@@ -73,16 +73,16 @@ class Episode:
         estimate: Estimate = rig.controller.GetInputPort("estimate").Eval(context)
         found |= {"probabilities": estimate.states, "contexts": estimate.contexts}
         targets = [rig.controller.GetInputPort(name).Eval(context)[0] for name in ("target_pitch", "target_yaw")]
-        modes = [rig.controller.GetOutputPort(name).Eval(context)[0] for name in ("turning", "guard")]
-        feed = rig.guard.GetOutputPort("feed_speed").Eval(rig.guard.GetMyContextFromRoot(self._context))
+        modes = [rig.controller.GetOutputPort(name).Eval(context)[0] for name in ("turning", "back_off")]
+        feed = rig.force_guard.GetOutputPort("feed_speed").Eval(rig.force_guard.GetMyContextFromRoot(self._context))
         return {**found, "angles": np.array(targets), "feed": np.array(feed), "control": np.array(modes)}
 
-    def contact(self) -> ContactLabel | None:
+    def contact_label(self) -> ContactLabel | None:
         """Returns the exact contact state of the true pose, or None where it is not defined.
 
         That is in a simulation that has diverged, and for a tilt above 44.9 degrees.
         """
-        X_HP = self._rig.contact.peg_in_hole(self._context)
+        X_HP = self._rig.plant.peg_in_hole(self._context)
         p_HP, axis_H = X_HP.translation(), X_HP.rotation().col(2)
         if self.outcome in UNPHYSICAL or not (np.isfinite(p_HP).all() and axis_H[2] > MIN_UPRIGHT):
             return None

@@ -208,9 +208,9 @@ class PegInHole(gymnasium.Env[Any, Any]):
     def _info(self, episode: Episode) -> dict[str, Any]:
         info: dict[str, Any] = {"trial_number": self._number, "time": episode.time, "load": episode.true_load()}
         if self._labels:
-            contact = episode.contact()
-            info["contact_label"] = -1 if contact is None else int(contact)
-            info["contact"] = "" if contact is None else contact.label
+            label = episode.contact_label()
+            info["contact_label"] = -1 if label is None else int(label)
+            info["contact"] = "" if label is None else label.label
         return info
 
 

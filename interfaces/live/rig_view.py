@@ -97,7 +97,7 @@ class RigView:
         """Draws the present moment of a trial, with the last two samples of its recorder."""
         scenario, now = rig.scenario, samples.iloc[-1]
         X_WP, X_WH = rig.poses(run.context)
-        X_HP = rig.contact.peg_in_hole(run.context)
+        X_HP = rig.plant.peg_in_hole(run.context)
         self._display.move_peg(X_WP)
         self._display.move_hole(X_WH)
         self._display.move_hand(X_WP)  # hides the ghost in the peg: no hand moves the rig

@@ -48,7 +48,7 @@ class Motion:
         phases: names of the phases.
         colours: colours of the phases, hexadecimal.
         colouring: meaning of the colours, "contact state" or "contact force".
-        guard: (n,), whether the controller was backing the peg off; None for a demonstration.
+        back_off: (n,), whether the controller was backing the peg off; None for a demonstration.
         reversed: (n,), whether the policy's turns were reversed; None for a demonstration.
         force_limit: load that the force guard is to keep, N; None for a demonstration.
         steps: (n, 2), microsteps taken so far by the motors for pitch and yaw; None for a demonstration.
@@ -72,7 +72,7 @@ class Motion:
     phases: list[str]
     colours: list[str]
     colouring: str
-    guard: NDArray[np.bool_] | None
+    back_off: NDArray[np.bool_] | None
     reversed: NDArray[np.bool_] | None
     force_limit: float | None
     steps: NDArray[np.int64] | None
@@ -167,7 +167,7 @@ def motion_of_demonstration(
         phases=phases,
         colours=colours,
         colouring=colouring,
-        guard=None,
+        back_off=None,
         reversed=None,
         force_limit=None,
         steps=None,
@@ -219,7 +219,7 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
         phases=phases,
         colours=colours,
         colouring="contact state",
-        guard=samples["guard"].to_numpy() > 0.5,
+        back_off=samples["back_off"].to_numpy() > 0.5,
         reversed=samples.get("turning", pd.Series(np.ones(n))).to_numpy() < 0.0,
         force_limit=run.metadata.get("force_limit"),
         steps=np.rint(_columns(samples, "pitch_taken", "yaw_taken")).astype(np.int64),

@@ -75,7 +75,7 @@ for (const command of sceneCommands) {
     byId("moment-scale").textContent = "moment on the peg, 10 mm = " + data.moment_scale;
     byId("dial-ring").textContent = ringStep + "\u00b0";
     byId("contact-scale").textContent = "each contact on the peg, 10 mm = " + data.force_scale;
-    if (!data.guard) document.querySelectorAll(".rig").forEach(row => row.remove());
+    if (!data.back_off) document.querySelectorAll(".rig").forEach(row => row.remove());
     if (!data.context) document.querySelectorAll(".context").forEach(row => row.remove());
     if (!data.contacts) document.querySelectorAll(".contacts").forEach(element => element.remove());
   }
@@ -103,7 +103,7 @@ for (const command of sceneCommands) {
 
   const MARGIN = 4, STRIP_HEIGHT = 12, LABEL_HEIGHT = 14, CONTEXT_HEIGHT = 11;  // pixels
   const CONTEXT_COLOURS = ["#332288", "#DDAA33", "#117733"];
-  const push = data.guard ? data.load : data.force;  // the curve in the colour of the force, N
+  const push = data.back_off ? data.load : data.force;  // the curve in the colour of the force, N
   const maxPush = Math.max(...push, data.limit ?? 0, 1e-9);
   const minDepth = Math.min(0, ...data.depth), maxDepth = Math.max(...data.depth);
 
@@ -115,7 +115,7 @@ for (const command of sceneCommands) {
     const chart = { context, width, height, top, bottom, xOf };
     drawPhases(chart);
     if (data.context) drawContext(chart);
-    if (data.guard) drawGuard(chart);
+    if (data.back_off) drawBackOffs(chart);
     drawCurves(chart);
     if (data.steps) drawSteps(chart);
     drawLabels(chart);
@@ -166,14 +166,14 @@ for (const command of sceneCommands) {
   }
 
   /** Marks the samples in which the peg is backed off and, pale, those in which the turns are reversed. */
-  function drawGuard({ context, bottom, xOf }) {
+  function drawBackOffs({ context, bottom, xOf }) {
     const mark = active => active.forEach((value, k) => {
       if (!value) return;
       const left = xOf(data.time[k]), right = xOf(data.time[Math.min(k + 1, sampleCount - 1)]);
       context.fillRect(left, bottom - 1, Math.max(1, right - left), 4);
     });
     context.fillStyle = INK;
-    mark(data.guard);
+    mark(data.back_off);
     context.globalAlpha = 0.4;
     mark(data.reversed);
     context.globalAlpha = 1;
@@ -208,10 +208,10 @@ for (const command of sceneCommands) {
   function drawLabels({ context, width }) {
     const depth = "depth, down to " + formatNumber(1e3 * maxDepth, 1) + " mm";
     const limit = data.limit ? " (limit " + data.limit + " N)" : "";
-    const force = data.guard ? "load, up to " + formatNumber(Math.max(...push), 1) + " N" + limit
+    const force = data.back_off ? "load, up to " + formatNumber(Math.max(...push), 1) + " N" + limit
       : "force, up to " + formatNumber(maxPush, 1) + " N";
     const marks = [];
-    if (data.guard && data.guard.some(Boolean)) {
+    if (data.back_off && data.back_off.some(Boolean)) {
       marks.push("\u25ac backs off" + (data.reversed.some(Boolean) ? ", pale: turns reversed" : ""));
     }
     if (data.context) marks.push("\u25a0 context, pale: unsure");
@@ -317,7 +317,7 @@ for (const command of sceneCommands) {
     if (data.contacts) {
       byId("reading-contacts").textContent = data.contacts[sample].map(force => formatNumber(force, 1)).join(", ") + " N";
     }
-    if (!data.guard) return;
+    if (!data.back_off) return;
     const load = data.load[sample], limit = data.limit ?? Math.max(...data.load);
     byId("reading-load").textContent = formatNumber(load, 1) + " of " + formatNumber(limit, 0) + " N";
     byId("load-bar").className = load > limit ? "over" : "";
@@ -327,7 +327,7 @@ for (const command of sceneCommands) {
       byId("reading-context").textContent = contextName(sample) + " " +
         formatNumber(100 * data.context_probability[sample], 0) + " % (" + sign + formatNumber(Math.abs(moved), 1) + ")";
     }
-    byId("reading-guard").textContent = data.guard[sample] ? "backing off"
+    byId("reading-back-off").textContent = data.back_off[sample] ? "backing off"
       : data.reversed[sample] ? "turns reversed" : "inactive";
     byId("reading-steps").textContent = data.steps[0][sample] + ", " + data.steps[1][sample];
   }

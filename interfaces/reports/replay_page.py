@@ -90,7 +90,7 @@ def _overlay_data(motion: Motion, title: str, speed: float) -> dict[str, Any]:
         "phases": motion.phases,
         "colours": motion.colours,
         "colouring": motion.colouring,
-        "guard": None if motion.guard is None else motion.guard.tolist(),
+        "back_off": None if motion.back_off is None else motion.back_off.tolist(),
         "reversed": None if motion.reversed is None else motion.reversed.tolist(),
         "load": _rounded(motion.load, 4),
         "limit": motion.force_limit,

@@ -159,7 +159,7 @@ def check_run(samples: pd.DataFrame, geometry: PegHoleGeometry | None, states: i
     _check_columns(samples, dict.fromkeys(contact_columns(samples, forces=False), reach), where)
     _check_columns(samples, dict.fromkeys(contact_columns(samples), Limits(-MAX_FORCE, MAX_FORCE, "N")), where)
     whole = {"state": Limits(0.0, 1e3 if states is None else states - 1.0, "", f"{states or 'no'} state names")}
-    whole |= {"known": flag, "guard": flag, "fault": Limits(0.0, 1e3)}
+    whole |= {"known": flag, "back_off": flag, "fault": Limits(0.0, 1e3)}
     if "context" in samples:
         whole["context"] = Limits(0.0, 1e3)
         _check_columns(samples, {"context_probability": flag}, where)

@@ -16,7 +16,7 @@ context_evidence                      1      what the measurement added to the l
 known                                 1      1 where the measurement lies within the gate of the state, else 0
 target_pitch target_yaw               rad    commanded angles of the hole, relative to its start
 feed_speed                            m/s    commanded speed of the peg, negative into the hole
-guard                                 1      1 while the controller backs the peg off, else 0
+back_off                              1      1 while the controller backs the peg off, else 0
 turning                               1      1 where the policy's turns are applied, -1 reversed, 0 not applied
 support                               1      support of the action, in [0, 1]; 1 where it is sufficient
 fault                                 1      number of the detected fault, 0 if none
@@ -50,7 +50,7 @@ from skill.data.tables import read_table, validate_table, with_optional, write_t
 
 RUN_COLUMNS = (
     *("time", "fx", "fy", "fz", "mx", "my", "mz", "depth", "state", "known"),
-    *("target_pitch", "target_yaw", "feed_speed", "guard", "support", "fault"),
+    *("target_pitch", "target_yaw", "feed_speed", "back_off", "support", "fault"),
     *("pitch_taken", "pitch_lost", "yaw_taken", "yaw_lost"),
     *("tip_z", "pitch", "yaw"),
 )

@@ -95,7 +95,7 @@ def _shown(samples: pd.DataFrame, result: Mapping[str, Any]) -> dict[str, tuple[
     exact = {
         "steps": last["pitch_taken"] + last["yaw_taken"],
         "lost_steps": last["pitch_lost"] + last["yaw_lost"],
-        "back_offs": (samples["guard"].diff() > 0).sum(),
+        "back_offs": (samples["back_off"].diff() > 0).sum(),
     }
     if len(steps):
         exact["unknown_s"] = period * (samples["known"] == 0).sum()

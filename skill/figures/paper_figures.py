@@ -161,9 +161,9 @@ def _draw_corrections(axes: Axes, data: pd.DataFrame) -> None:
     axes.set_ylabel("correction (deg)", fontsize=9)
     axes.set_xlabel("time (s)", fontsize=9)
     handles, texts = axes.get_legend_handles_labels()
-    guard = data["guard"].to_numpy(dtype=float) > 0.5
-    if guard.any():
-        for start, end, on in _stretches(time, guard.astype(int)):
+    back_off = data["back_off"].to_numpy(dtype=float) > 0.5
+    if back_off.any():
+        for start, end, on in _stretches(time, back_off.astype(int)):
             if on:
                 axes.axvspan(start, end, ymin=0.0, ymax=0.09, color=INK, linewidth=0)
         handles, texts = [*handles, Patch(color=INK)], [*texts, "back-off"]

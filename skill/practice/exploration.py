@@ -168,8 +168,8 @@ def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill], cost: Co
     features = skill.features_.transform(measured)
     observed = rig_observations(measured, samples[["target_pitch", "target_yaw"]].to_numpy(dtype=float))
     memberships = filtered_pairs(skill, observed)
-    guard = samples["guard"].to_numpy() > 0.5
-    acted = ~np.append(guard[1:], guard[-1])  # a command is recorded one row after the measurement it responds to
+    back_off = samples["back_off"].to_numpy() > 0.5
+    acted = ~np.append(back_off[1:], back_off[-1])  # a command is recorded one row after the measurement it responds to
     costs_to_go = np.cumsum(cost.of_steps(run)[::-1])[::-1][acted]
     return Rollout(
         features=features[acted],

@@ -46,7 +46,7 @@ class BackOffState:
         anchor: depth from which progress or the back-off is measured, m.
         doubt: time for which the policy has not recognised its measurements, s.
         best: largest depth at which an attempt ended, m.
-        contact: number of the contact state in which the last attempt ended; -1 before the first.
+        contact_state: number of the contact state in which the last attempt ended; -1 before the first.
         repeats: attempts in a row that ended like the one before.
         reversing: 1 if the turns of the policy are reversed, else 0.
         changes: how often that has changed within the present attempt.
@@ -58,7 +58,7 @@ class BackOffState:
     anchor: float = -1.0
     doubt: float = 0.0
     best: float = -1.0
-    contact: float = -1.0
+    contact_state: float = -1.0
     repeats: float = 0.0
     reversing: float = 0.0
     changes: float = 0.0
@@ -66,7 +66,7 @@ class BackOffState:
 
     def as_list(self) -> list[float]:
         """Returns the numbers of a discrete state, in the order of the attributes."""
-        attempt = (self.best, self.contact, self.repeats, self.reversing, self.changes)
+        attempt = (self.best, self.contact_state, self.repeats, self.reversing, self.changes)
         return [float(self.mode), self.elapsed, self.anchor, self.doubt, *attempt, *astuple(self.watch)]
 
     @classmethod
@@ -106,7 +106,7 @@ def back_off_step(
     depth: float,
     known: bool,
     support: float,
-    contact: int,
+    contact_state: int,
     angles: tuple[float, float],
     side: float,
 ) -> BackOffDecision:
@@ -148,7 +148,7 @@ def back_off_step(
         depth: measured depth of the tip, m.
         known: whether the estimator recognises the contact state.
         support: support of the action, 0 to 1 (see `Action`).
-        contact: number of the most probable contact state.
+        contact_state: number of the most probable contact state.
         angles: commanded pitch and yaw of the hole, rad.
         side: lateral force, N.
     """
@@ -177,7 +177,7 @@ def back_off_step(
         state = replace(state, elapsed=state.elapsed + period, doubt=doubt)
     pushing = feed_speed < 0.0
     if overloaded or (pushing and (state.elapsed > p.stall_time or state.doubt > p.doubt_time)):
-        return BackOffDecision(_attempt_over(p, state, depth, contact), p.retract_speed, turning=0.0)
+        return BackOffDecision(_attempt_over(p, state, depth, contact_state), p.retract_speed, turning=0.0)
     if pushing:
         feed_speed *= support if known else support * p.unknown_feed
     return BackOffDecision(state, feed_speed, turning=-1.0 if state.reversing else 1.0)
@@ -185,22 +185,22 @@ def back_off_step(
 
 def _worse(p: BackOffParameters, state: BackOffState, here: TurnWatch) -> bool:
     """Whether the turn since the watch began, in an attempt after the first, has made it worse."""
-    watch, first = state.watch, state.contact < 0.0
+    watch, first = state.watch, state.contact_state < 0.0
     turn = math.hypot(here.pitch - watch.pitch, here.yaw - watch.yaw)
     grown = here.side - watch.side >= p.worse_force
     return not first and grown and turn >= p.worse_turn and watch.elapsed >= p.worse_time
 
 
-def _attempt_over(p: BackOffParameters, state: BackOffState, depth: float, contact: int) -> BackOffState:
+def _attempt_over(p: BackOffParameters, state: BackOffState, depth: float, contact_state: int) -> BackOffState:
     """Returns the state at the start of a back-off."""
     deeper = depth >= state.best + p.stall_depth
-    repeated = not deeper and contact == state.contact
+    repeated = not deeper and contact_state == state.contact_state
     reverse = not deeper and not state.changes
     return BackOffState(
         BackOffMode.BACKING_OFF,
         anchor=depth,
         best=depth if deeper else state.best,
-        contact=float(contact),
+        contact_state=float(contact_state),
         repeats=state.repeats + 1.0 if repeated else 0.0,
         reversing=1.0 - state.reversing if reverse else state.reversing,
     )

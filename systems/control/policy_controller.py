@@ -60,7 +60,7 @@ OUTPUTS: dict[str, Callable[[ControllerState], float]] = {
     "yaw_rate": lambda state: state.rates[1],
     "feed_speed": lambda state: state.feed_speed,
     "unwinding": lambda state: state.unwinding,
-    "guard": lambda state: state.back_off.mode,
+    "back_off": lambda state: state.back_off.mode,
     "support": lambda state: state.support,
     "turning": lambda state: state.turning,
     "given_up": lambda state: state.given_up,
@@ -84,7 +84,7 @@ class PolicyController(LeafSystem):
         - yaw_rate
         - feed_speed
         - unwinding
-        - guard
+        - back_off
         - support
         - turning
         - given_up
@@ -95,11 +95,11 @@ class PolicyController(LeafSystem):
 
         pitch rate = -g omega_x/T_s,   yaw rate = -g omega_y/T_s,   feed speed = u/T_s,
 
-    each within its limit. `back_off_step` reduces the feed where the policy is unsure, and draws the peg back when it
-    is stuck: ``guard`` is 1 meanwhile, and ``unwinding`` is 1 while the hole is to turn back to its angles at the last
-    light load. ``support`` is the support of the action, and ``turning`` is 1 where its turn is applied, -1 where it is
-    reversed, and 0 where it is not applied. When the policy has nothing new to try, ``given_up`` is 1 and
-    nothing moves any more. The load is limited behind this system, by the `ForceGuard`.
+    each within its limit. `back_off_step` reduces the feed where the policy is unsure, and draws the peg back when
+    it is stuck: ``back_off`` is 1 meanwhile, and ``unwinding`` is 1 while the hole is to turn back to its angles at the
+    last light load. ``support`` is the support of the action, and ``turning`` is 1 where its turn is applied, -1 where
+    it is reversed, and 0 where it is not applied. When the policy has nothing new to try, ``given_up`` is 1 and nothing
+    moves any more. The load is limited behind this system, by the `ForceGuard`.
 
     A policy that raises an exception, or returns a NaN or infinite action, has failed and is not called again: feed and
     turns stop, and ``failed`` is 1.
@@ -142,8 +142,8 @@ class PolicyController(LeafSystem):
         if not state.given_up:
             return ""
         attempts, best = 1 + int(state.back_off.repeats), 1e3 * state.back_off.best
-        contact = self._policy.state_names()[int(state.back_off.contact)]
-        return f"{attempts} attempts in a row ended in {contact!r}, none deeper than {best:.1f} mm"
+        name = self._policy.state_names()[int(state.back_off.contact_state)]
+        return f"{attempts} attempts in a row ended in {name!r}, none deeper than {best:.1f} mm"
 
     def _controller_state(self, context: Context) -> ControllerState:
         return ControllerState.from_vector(context.get_discrete_state(self._state).value())
@@ -201,7 +201,7 @@ class PolicyController(LeafSystem):
             depth=depth,
             known=estimate.known,
             support=action.support,
-            contact=estimate.state,
+            contact_state=estimate.state,
             angles=angles,
             side=math.hypot(wrench[0], wrench[1]),
         )

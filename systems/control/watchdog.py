@@ -11,7 +11,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from systems.control.faults import FEED_FAULTS, SENSOR_FAULTS, Fault
 
 COMMANDS = ("pitch_rate", "yaw_rate", "feed_speed", "unwinding")
-MONITORS = ("measurement_fault", "drive_fault", "sensor_fault")
+MONITORS = ("sensor_monitor_fault", "drive_monitor_fault", "self_check_fault")
 AXES = {"pitch": Fault.PITCH_STEPS_LOST, "yaw": Fault.YAW_STEPS_LOST}
 LOST_LAG = 2.5  # steps; a rotor that lags by two has slipped, and lags by four as soon as it rests
 
@@ -35,9 +35,9 @@ class Watchdog(LeafSystem):
         - feed_speed
         - unwinding
         - controller_failed
-        - measurement_fault
-        - drive_fault
-        - sensor_fault
+        - sensor_monitor_fault
+        - drive_monitor_fault
+        - self_check_fault
         - pitch_shaft
         - yaw_shaft
         output_ports:
@@ -49,9 +49,9 @@ class Watchdog(LeafSystem):
         - blind
         - stopped
 
-    Every period the watchdog collects the faults of the `SensorMonitor` (``measurement_fault``), the `DriveMonitor` and
-    the `SelfCheck` (``sensor_fault``) and of the controller. A stepper has lost steps if the encoder on its shaft lags
-    its commanded angle by more than `LOST_LAG` steps; a ``shaft`` is [commanded, measured] angle, rad.
+    Every period the watchdog collects the faults of the `SensorMonitor`, the `DriveMonitor`, the `SelfCheck` and the
+    controller. A stepper has lost steps if the encoder on its shaft lags its commanded angle by more than `LOST_LAG`
+    steps; a ``shaft`` is [commanded, measured] angle, rad.
 
     ``fault`` (`Fault`) is the first fault and stays. From then on the turns stop, and the peg is retracted with
     ``retract_speed`` for ``retract_time``. Then the feed stops, and ``stopped`` is 1. The feed is not moved if its

@@ -39,7 +39,7 @@ class Push(ControlLaw):
 
 def test_a_policy_is_stuck_where_the_first_back_off_begins(quick_scenario):
     run, resolved = make_rig_run(), practice_trial(quick_scenario, 12)
-    row = run.samples[run.samples["guard"] > 0].iloc[0]
+    row = run.samples[run.samples["back_off"] > 0].iloc[0]
     found = find_query_state(run, resolved, number=12, inserted=True)
     assert found.trial == 12
     assert (found.time, found.depth) == (row["time"], row["depth"])
@@ -51,7 +51,7 @@ def test_a_policy_is_stuck_where_the_first_back_off_begins(quick_scenario):
 
 def test_a_run_without_a_back_off_was_stuck_at_its_end_unless_it_inserted(quick_scenario):
     run = make_rig_run()
-    run = replace(run, samples=run.samples.assign(guard=0.0))
+    run = replace(run, samples=run.samples.assign(back_off=0.0))
     assert find_query_state(run, quick_scenario, number=1, inserted=True) is None
     found = find_query_state(run, quick_scenario, number=1, inserted=False)
     assert found.depth == run.samples["depth"].iloc[-1]
@@ -59,7 +59,7 @@ def test_a_run_without_a_back_off_was_stuck_at_its_end_unless_it_inserted(quick_
 
 def test_a_back_off_in_the_first_sample_counts(quick_scenario):
     run = make_rig_run()
-    run = replace(run, samples=run.samples.assign(guard=1.0))
+    run = replace(run, samples=run.samples.assign(back_off=1.0))
     assert find_query_state(run, quick_scenario, number=1, inserted=True).time == 0.0
 
 
@@ -101,7 +101,7 @@ def test_a_correction_begins_in_the_pose_in_which_the_rig_was_stuck(quick_scenar
     context = simulator.get_mutable_context()
     rig.set_start(context)
     simulator.AdvanceTo(0.14)
-    X_HP = rig.contact.peg_in_hole(context)
+    X_HP = rig.plant.peg_in_hole(context)
     samples = rig.recorder.samples(context)
     depth = -X_HP.translation()[2]
     assert depth > LIFT

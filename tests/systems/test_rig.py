@@ -57,8 +57,8 @@ def test_the_diagrams_graph_names_every_system(resolved, skill):
 
 def test_the_force_guard_knows_the_masses_of_the_rig(resolved, skill):
     rig = MakeRig(resolved, skill)
-    mass, inertia = rig.contact.moving_mass, rig.contact.turning_inertia
-    stopping = rig.guard.stopping(rig.guard.CreateDefaultContext())
+    mass, inertia = rig.plant.moving_mass, rig.plant.turning_inertia
+    stopping = rig.force_guard.stopping(rig.force_guard.CreateDefaultContext())
     assert stopping == StoppingModel.of(resolved, mass=mass, inertia=inertia)
 
 
@@ -70,9 +70,9 @@ def test_an_unresolved_scenario_is_an_error(quick_scenario, skill):
 def test_the_hole_starts_at_the_opposite_of_the_pegs_tilt(resolved, skill):
     rig = MakeRig(resolved, skill)
     simulator = started(rig)
-    plant = rig.contact.plant
+    plant = rig.plant.plant
     own = plant.GetMyContextFromRoot(simulator.get_context())
-    X_WH, X_WP = (plant.EvalBodyPoseInWorld(own, body) for body in (rig.contact.block, rig.contact.peg))
+    X_WH, X_WP = (plant.EvalBodyPoseInWorld(own, body) for body in (rig.plant.block, rig.plant.peg))
     np.testing.assert_allclose(X_WP.translation(), [0.0, 0.0, resolved.start.height], atol=1e-12)
     np.testing.assert_allclose(X_WP.rotation().matrix(), np.eye(3), atol=1e-12)
     axis = (X_WH.inverse() @ X_WP).rotation().col(2)
@@ -88,7 +88,7 @@ def test_the_gimbal_holds_its_start_angles_without_commands(resolved, skill):
     rig = MakeRig(resolved, foreign)
     simulator = started(rig)
     simulator.AdvanceTo(0.1)
-    plant = rig.contact.plant
+    plant = rig.plant.plant
     own = plant.GetMyContextFromRoot(simulator.get_context())
     angles = [plant.GetJointByName(name).get_angle(own) for name in ("pitch", "yaw")]
     np.testing.assert_allclose(angles, [-t for t in resolved.start.tilt], atol=2e-3)
@@ -102,7 +102,7 @@ def test_two_interleaved_contexts_are_independent(resolved, skill):
     for t in steps:
         alone.AdvanceTo(t)
     first, second = started(rig), started(rig)
-    plant = rig.contact.plant
+    plant = rig.plant.plant
     plant.GetJointByName("pitch").set_angle(
         plant.GetMyMutableContextFromRoot(second.get_mutable_context()), -resolved.start.tilt[0] + 1e-3
     )
@@ -134,9 +134,9 @@ def test_the_same_seed_gives_a_bit_identical_run_and_another_seed_does_not(quick
 def test_the_log_agrees_with_the_state_of_the_plant(resolved, skill):
     rig = MakeRig(resolved, skill)
     simulator = started(rig)
-    plant, peg = rig.contact.plant, rig.contact.peg
+    plant, peg = rig.plant.plant, rig.plant.peg
     period, sensor = resolved.controller.period, resolved.sensor
-    block = plant.GetCollisionGeometriesForBody(rig.contact.block)[0]
+    block = plant.GetCollisionGeometriesForBody(rig.plant.block)[0]
     rows = []
 
     def record(context):
@@ -211,10 +211,10 @@ def test_the_guard_and_the_stopping_model_follow_the_pivot_of_the_trial(resolved
     rig = MakeRig(resolved, skill)
     context = rig.diagram.CreateDefaultContext()
     rig.set_trial(context, other)
-    expected = MakeRig(other, skill).guard
-    stopping = rig.guard.stopping(rig.guard.GetMyContextFromRoot(context))
+    expected = MakeRig(other, skill).force_guard
+    stopping = rig.force_guard.stopping(rig.force_guard.GetMyContextFromRoot(context))
     assert stopping == expected.stopping(expected.CreateDefaultContext())
-    assert stopping != rig.guard.stopping(rig.guard.CreateDefaultContext())
+    assert stopping != rig.force_guard.stopping(rig.force_guard.CreateDefaultContext())
 
 
 @pytest.mark.parametrize(

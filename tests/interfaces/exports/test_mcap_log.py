@@ -118,7 +118,7 @@ def test_states_commands_and_the_result_of_a_run():
     assert [s["number"] for s in states] == run.samples["state"].tolist()
     assert all(s["name"] == names[s["number"]] for s in states)
     assert [c["feed_speed"] for c in contents(log, "/command")] == run.samples["feed_speed"].tolist()
-    assert [c["guard"] for c in contents(log, "/command")] == (run.samples["guard"] > 0).tolist()
+    assert [c["back_off"] for c in contents(log, "/command")] == (run.samples["back_off"] > 0).tolist()
     assert [c["probability"] for c in contents(log, "/context")] == run.samples["context_probability"].tolist()
     [outcome] = contents(log, "/outcome")
     assert outcome == {"outcome": "inserted", "success": True, "result": run.result}

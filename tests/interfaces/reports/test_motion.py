@@ -132,7 +132,7 @@ def test_hole_without_a_stored_pivot_turns_about_its_mouth():
 def test_guard_and_steps_are_those_of_the_run():
     run = make_rig_run()
     motion = motion_of_run(run)
-    np.testing.assert_array_equal(motion.guard, (run.samples["time"] > 0.82) & (run.samples["time"] < 0.92))
+    np.testing.assert_array_equal(motion.back_off, (run.samples["time"] > 0.82) & (run.samples["time"] < 0.92))
     np.testing.assert_array_equal(motion.steps, run.samples[["pitch_taken", "yaw_taken"]])
     assert motion.steps[-1].min() > 0
     assert motion.force_limit == 50.0

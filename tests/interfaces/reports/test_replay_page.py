@@ -206,7 +206,7 @@ def third_of_everything() -> Motion:
         contact_points=None,
         contact_forces=None,
         phase=np.array([0, 1]),
-        guard=np.array([False, True]),
+        back_off=np.array([False, True]),
         reversed=np.array([False, False]),
         steps=np.array([[0, 0], [3, 5]]),
     )
@@ -230,7 +230,7 @@ def test_page_holds_the_labels_and_the_steps_of_both_motors():
     data = data_of(replay_page(third_of_everything(), title="t", speed=2.0))
     assert (data["speed"], data["about"], data["limit"]) == (2, "rig run: inserted", 50)
     assert (data["phase"], data["phases"]) == ([0, 1], STATE_NAMES)
-    assert data["guard"] == [False, True]
+    assert data["back_off"] == [False, True]
     assert data["steps"] == [[0, 3], [0, 5]]
     assert (data["force_colour"], data["moment_colour"]) == ("#C1121F", "#6A1B9A")
     # The camera stands at x = 124 mm, y = 110 mm.
@@ -288,7 +288,7 @@ def test_a_run_of_a_policy_with_a_single_context_shows_none():
 def test_page_of_a_demonstration_holds_no_guard_and_no_steps():
     data = data_of(replay_page(motion_of_demonstration(make_demonstration()), title="t"))
     assert data["speed"] == 1
-    assert [data["guard"], data["reversed"], data["steps"], data["limit"]] == [None, None, None, None]
+    assert [data["back_off"], data["reversed"], data["steps"], data["limit"]] == [None, None, None, None]
 
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, np.inf, np.nan])

@@ -48,7 +48,7 @@ def make_motion(**changes: Any) -> Motion:
         phases=["a", "b", "c"],
         colours=["#102030", "#C0FF80", "#08519C"],
         colouring="contact state",
-        guard=None,
+        back_off=None,
         reversed=None,
         force_limit=None,
         steps=None,

@@ -185,7 +185,7 @@ RUN_FAULTS = {
     "mm/s": (lambda s: scaled(s, ["feed_speed"], 1e3), ["'feed_speed'", "looks like millimetres per second"]),
     "ms": (lambda s: scaled(s, ["time"], 1e3), ["'time'", "looks like milliseconds"]),
     "support": (lambda s: at(s, 3, support=1.5), ["'support' lies between 1 and 1.5, expected 0 to 1"]),
-    "guard": (lambda s: at(s, 3, guard=0.5), ["'guard' holds 0.5 in row 3, expected whole numbers"]),
+    "back_off": (lambda s: at(s, 3, back_off=0.5), ["'back_off' holds 0.5 in row 3, expected whole numbers"]),
     "known": (lambda s: at(s, 3, known=-1.0), ["'known' lies between -1 and 1, expected 0 to 1"]),
     "state": (lambda s: at(s, 3, state=4.0), ["'state' lies between 0 and 4, expected 0 to 3 (4 state names)"]),
     "steps": (lambda s: at(s, 3, pitch_taken=-2.0), ["'pitch_taken' lies between -2"]),

@@ -67,7 +67,7 @@ def test_a_file_of_the_other_kind_is_refused(path, demonstrations, tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda f: f.drop(columns="guard"), "missing columns ['guard']"),
+        (lambda f: f.drop(columns="back_off"), "missing columns ['back_off']"),
         (lambda f: f.rename(columns={"depth": "z"}), "unknown columns ['z']"),
         (lambda f: f.assign(fx=np.where(f.index == 3, np.nan, f["fx"])), "'fx' is not finite in row 3"),
         (lambda f: f.iloc[::-1], "'time' does not increase"),

@@ -66,7 +66,7 @@ def test_steps_and_the_guard_of_a_run_are_drawn():
     yaw = next(line for line in steps.lines if line.get_label() == "yaw")
     np.testing.assert_allclose(yaw.get_ydata(), np.degrees(run.samples["target_yaw"]))
     assert "back-off" in [t.get_text() for t in steps.get_legend().get_texts()]
-    guarded = run.samples.loc[run.samples["guard"] > 0, "time"]
+    guarded = run.samples.loc[run.samples["back_off"] > 0, "time"]
     dark = [p for p in steps.patches if p.get_height() < 0.5]
     assert [p.get_x() for p in dark] == [guarded.iloc[0]]
 

@@ -102,7 +102,7 @@ def test_the_cost_of_a_trial_grows_with_lateral_force_and_failure():
 
 
 def test_a_rollout_holds_the_features_and_factors_of_each_row(skill):
-    run = run_of(make_rig_run().samples.assign(guard=0.0))
+    run = run_of(make_rig_run().samples.assign(back_off=0.0))
     rollout = rollout_of(run, PerturbedPolicy(skill, PERTURBATION), Cost())
     n, k = len(run.samples), 61
     assert len(rollout.features) == len(rollout.costs) == n
@@ -134,9 +134,9 @@ def test_the_filtered_pairs_are_those_of_the_estimator():
 
 
 def test_rows_of_a_back_off_are_left_out_and_their_costs_added_to_the_row_before(skill):
-    """The guard of a row is the command that responded to the row before."""
-    samples = make_rig_run().samples.assign(guard=0.0)
-    samples.loc[[40, 41], "guard"] = 1.0
+    """The back-off of a row is the command that responded to the row before."""
+    samples = make_rig_run().samples.assign(back_off=0.0)
+    samples.loc[[40, 41], "back_off"] = 1.0
     run = run_of(samples)
     rollout = rollout_of(run, PerturbedPolicy(skill, PERTURBATION), Cost())
     costs = Cost().of_steps(run)
@@ -176,7 +176,7 @@ def short_run(**result):
         fx=[0.0, 3.0, 0.0, 6.0, 90.0],
         fy=[0.0, 4.0, 0.0, 8.0, 90.0],
         depth=[0.0, 0.005, 0.005, 0.010, 0.030],
-        guard=[0.0, 0.0, 1.0, 0.0, 1.0],
+        back_off=[0.0, 0.0, 1.0, 0.0, 1.0],
     )  # fmt: skip
     return run_of(samples, **result)
 

@@ -16,7 +16,7 @@ CALM = {
     "depth": 0.0,
     "known": True,
     "support": 1.0,
-    "contact": 0,
+    "contact_state": 0,
     "angles": (0.0, 0.0),
     "side": 0.0,
 }
@@ -72,7 +72,7 @@ def test_a_feed_out_of_the_hole_is_not_reduced():
 def test_above_the_force_limit_the_peg_is_backed_off_by_the_distance_and_then_fed_again():
     depth = 0.005
     decision = step(BackOffState(anchor=depth), overloaded=True, depth=depth)
-    assert decision.state == BackOffState(BackOffMode.BACKING_OFF, anchor=depth, best=depth, contact=0.0)
+    assert decision.state == BackOffState(BackOffMode.BACKING_OFF, anchor=depth, best=depth, contact_state=0.0)
     while decision.state.mode == BackOffMode.BACKING_OFF:
         assert decision.feed_speed == P.retract_speed
         assert not decision.turning
@@ -168,7 +168,7 @@ def test_a_state_survives_its_list_of_numbers():
         anchor=0.005,
         doubt=0.3,
         best=0.006,
-        contact=2.0,
+        contact_state=2.0,
         repeats=1.0,
         reversing=1.0,
         changes=2.0,
@@ -186,22 +186,22 @@ def test_the_first_measurement_counts_as_progress_at_any_depth():
     assert (state.anchor, state.elapsed) == (-0.05, 0.0)
 
 
-def attempt(state, *, depth, contact=0):
+def attempt(state, *, depth, contact_state=0):
     """Pushes at a depth until the peg is drawn back, and draws it back; returns the decision after it."""
     while state.mode is BackOffMode.WORKING:
-        state = step(state, depth=depth, contact=contact).state
-    decision = step(state, depth=depth - 1.1 * P.distance, contact=contact)
+        state = step(state, depth=depth, contact_state=contact_state).state
+    decision = step(state, depth=depth - 1.1 * P.distance, contact_state=contact_state)
     assert decision.state.mode is BackOffMode.WORKING or decision.given_up
     return decision
 
 
-@pytest.mark.parametrize("contact", [0, 3])
-def test_after_an_attempt_that_is_not_deeper_the_next_turns_the_other_way(contact):
+@pytest.mark.parametrize("contact_state", [0, 3])
+def test_after_an_attempt_that_is_not_deeper_the_next_turns_the_other_way(contact_state):
     state = attempt(BackOffState(), depth=0.005).state  # the first: nothing to compare with
     assert step(state).turning == 1.0
-    state = attempt(state, depth=0.005, contact=contact).state
+    state = attempt(state, depth=0.005, contact_state=contact_state).state
     assert step(state).turning == -1.0
-    state = attempt(state, depth=0.005 + 0.9 * P.stall_depth, contact=contact).state
+    state = attempt(state, depth=0.005 + 0.9 * P.stall_depth, contact_state=contact_state).state
     assert step(state).turning == 1.0
 
 
@@ -227,7 +227,7 @@ def test_attempts_that_end_alike_are_given_up_with_the_peg_drawn_back():
     "attempts",
     [
         [{"depth": 0.005 + 1.01 * k * P.stall_depth} for k in range(12)],  # each a little deeper
-        [{"depth": 0.005, "contact": k % 2} for k in range(12)],  # each in another contact state
+        [{"depth": 0.005, "contact_state": k % 2} for k in range(12)],  # each in another contact state
     ],
 )
 def test_an_attempt_that_shows_something_new_is_not_given_up(attempts):
@@ -241,7 +241,7 @@ def test_an_attempt_that_shows_something_new_is_not_given_up(attempts):
 
 def later():
     """The state at the beginning of a second attempt, whose turns are not reversed."""
-    return BackOffState(contact=0.0, best=0.004)
+    return BackOffState(contact_state=0.0, best=0.004)
 
 
 def turned(*, degrees=1.0, rise=10.0, time=0.4, gain=0.0, state=None):
@@ -308,7 +308,11 @@ def test_a_new_attempt_is_not_judged_by_the_force_of_the_last():
 
 def test_an_attempt_whose_turns_are_reversed_again_and_again_ends():
     """A force that rises in either direction of the turn must not keep the peg in place for ever."""
-    state, reversals, time = BackOffState(anchor=0.005, best=0.005, contact=0.0, watch=TurnWatch(depth=0.005)), 0, 0.0
+    state, reversals, time = (
+        BackOffState(anchor=0.005, best=0.005, contact_state=0.0, watch=TurnWatch(depth=0.005)),
+        0,
+        0.0,
+    )
     while state.mode is BackOffMode.WORKING:
         start, sign = time, state.reversing
         while state.mode is BackOffMode.WORKING and state.reversing == sign:

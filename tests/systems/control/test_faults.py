@@ -66,7 +66,7 @@ class LockedMonitor(TrialMonitor):
 
     def __call__(self, context):
         if context.get_time() >= BEGIN - 1e-9:
-            plant = self._rig.contact.plant
+            plant = self._rig.plant.plant
             joint = plant.GetJointByName(self.joint)
             own = plant.GetMyMutableContextFromRoot(context)
             if not joint.is_locked(own):

@@ -14,7 +14,7 @@ from systems.control.policy_controller import ControllerState, PolicyController
 from tests.stepping import fixed_context, update_unrestricted
 
 RADIUS = 0.01
-COMMANDS = ("pitch_rate", "yaw_rate", "feed_speed", "unwinding", "guard")
+COMMANDS = ("pitch_rate", "yaw_rate", "feed_speed", "unwinding", "back_off")
 
 
 class FixedPolicy:
@@ -76,7 +76,7 @@ def test_the_hole_turns_opposite_to_the_action_and_the_feed_has_its_speed(skill,
         assert found["pitch_rate"] == pytest.approx(-GENTLE.gain * action.turn[0] / skill.period_, rel=1e-12, abs=1e-15)
         assert found["yaw_rate"] == pytest.approx(-GENTLE.gain * action.turn[1] / skill.period_, rel=1e-12, abs=1e-15)
         assert found["feed_speed"] == pytest.approx(action.feed / skill.period_, rel=1e-12, abs=1e-15)
-        assert found["guard"] == 0.0
+        assert found["back_off"] == 0.0
         turned += np.linalg.norm(action.turn) > 1e-5
     assert turned > 3  # the demonstration does correct its tilt
 
@@ -137,10 +137,10 @@ def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, meas
     row[3:6] = 0.0
     row[:3] = 19.99 * np.array(direction)
     found = step(*controller(skill, row, GUARDED)[:2], GUARDED)
-    assert found["guard"] == 0.0
+    assert found["back_off"] == 0.0
     row[:3] = 20.01 * np.array(direction)
     found = step(*controller(skill, row, GUARDED)[:2], GUARDED)
-    drawn_back = {"feed_speed": BACK_OFF.retract_speed, "unwinding": 0.0, "guard": 1.0}
+    drawn_back = {"feed_speed": BACK_OFF.retract_speed, "unwinding": 0.0, "back_off": 1.0}
     assert found == {"pitch_rate": 0.0, "yaw_rate": 0.0, **drawn_back}
 
 
@@ -149,7 +149,7 @@ def test_a_moment_contributes_to_the_load(skill, measurements):
     row = measurements[len(measurements) // 3].copy()
     for size, guard in ((19.99, 0.0), (20.01, 1.0)):
         row[:6] = [0.0, 0.0, 0.0, 0.6 * size * RADIUS, 0.8 * size * RADIUS, 0.0]
-        assert step(*controller(skill, row, GUARDED)[:2], GUARDED)["guard"] == guard
+        assert step(*controller(skill, row, GUARDED)[:2], GUARDED)["back_off"] == guard
 
 
 def test_an_unknown_state_halves_the_feed_and_not_the_turn(skill, measurements):
@@ -220,7 +220,7 @@ def test_turns_are_to_be_unwound_if_the_peg_does_not_rise(skill, measurements):
     wrench.FixValue(context, [0.0, 0.0, 1.01 * GENTLE.guard.force_limit, 0.0, 0.0, 0.0])
     periods = round(0.5 * BACK_OFF.time / GENTLE.period)
     held = step(dut, context, times=periods)
-    assert (held["guard"], held["yaw_rate"], held["unwinding"]) == (1.0, 0.0, 0.0)
+    assert (held["back_off"], held["yaw_rate"], held["unwinding"]) == (1.0, 0.0, 0.0)
     assert step(dut, context, times=periods - 2)["unwinding"] == 1.0
 
 
@@ -259,7 +259,9 @@ def test_the_state_survives_its_list_of_numbers():
         rates=np.array([0.1, -0.2]),
         feed_speed=-0.01,
         unwinding=True,
-        back_off=BackOffState(BackOffMode.BACKING_OFF, elapsed=0.3, anchor=0.004, doubt=0.5, best=0.005, contact=2.0),
+        back_off=BackOffState(
+            BackOffMode.BACKING_OFF, elapsed=0.3, anchor=0.004, doubt=0.5, best=0.005, contact_state=2.0
+        ),
         support=0.7,
         turning=0.0,
         given_up=True,
@@ -274,7 +276,7 @@ def test_turns_that_raise_the_lateral_force_are_reversed(skill, measurements):
     """The controller judges its own turns by the angles that the guard permits and the measured force."""
     action = Action(turn=np.array([1e-3, 0.0]), feed=-1e-4)
     dut, context, _ = controller(FixedPolicy(skill, action), measurements[0])
-    later = ControllerState(back_off=BackOffState(contact=0.0, best=0.004))
+    later = ControllerState(back_off=BackOffState(contact_state=0.0, best=0.004))
     context.SetDiscreteState(later.as_list())
     found = []
     for k in range(20):  # the lateral force rises by 3.2 N, and neither of its components by 3 N

@@ -43,9 +43,9 @@ def test_without_a_fault_commands_pass_at_once():
 
 FAULTS = [
     ({"controller_failed": [1.0]}, Fault.CONTROLLER_FAILED),
-    ({"measurement_fault": [float(Fault.SENSOR_STUCK)]}, Fault.SENSOR_STUCK),
-    ({"drive_fault": [float(Fault.ENCODER_CONTRADICTED)]}, Fault.ENCODER_CONTRADICTED),
-    ({"sensor_fault": [float(Fault.SENSOR_LOW)]}, Fault.SENSOR_LOW),
+    ({"sensor_monitor_fault": [float(Fault.SENSOR_STUCK)]}, Fault.SENSOR_STUCK),
+    ({"drive_monitor_fault": [float(Fault.ENCODER_CONTRADICTED)]}, Fault.ENCODER_CONTRADICTED),
+    ({"self_check_fault": [float(Fault.SENSOR_LOW)]}, Fault.SENSOR_LOW),
     ({"pitch_shaft": [0.0, 1.01 * LOST_LAG * STEP]}, Fault.PITCH_STEPS_LOST),
     ({"yaw_shaft": [0.0, -1.01 * LOST_LAG * STEP]}, Fault.YAW_STEPS_LOST),
 ]
@@ -72,7 +72,7 @@ def test_after_a_fault_the_peg_is_retracted_and_then_stopped(change, fault):
 )
 def test_a_feed_that_does_not_obey_or_is_at_its_upper_end_is_not_retracted(fault):
     dut, context = watchdog()
-    assert step(dut, context, drive_fault=[float(fault)]) == fault
+    assert step(dut, context, drive_monitor_fault=[float(fault)]) == fault
     periods = 0
     while not stopped(dut, context):
         assert commands(dut, context) == STOPPED
@@ -96,7 +96,7 @@ def test_the_first_fault_stays_and_monitors_come_in_order():
         assert step(dut, context, **FAULTS[kept][0]) == first
         for change, _ in FAULTS:
             assert step(dut, context, **change) == first
-    order = ("measurement_fault", "drive_fault", "sensor_fault")
+    order = ("sensor_monitor_fault", "drive_monitor_fault", "self_check_fault")
     found = (Fault.SENSOR_STUCK, Fault.FEED_DEAD, Fault.SENSOR_LOW)
     for k in range(3):
         dut, context = watchdog(**{name: [float(fault)] for name, fault in list(zip(order, found, strict=True))[k:]})
@@ -119,5 +119,5 @@ def test_every_output_is_one_number():
 def test_the_wrench_is_unknown_after_a_fault_of_the_sensor(fault, blind):
     dut, context = watchdog()
     assert dut.GetOutputPort("blind").Eval(context)[0] == 0.0
-    step(dut, context, sensor_fault=[float(fault)])
+    step(dut, context, self_check_fault=[float(fault)])
     assert dut.GetOutputPort("blind").Eval(context)[0] == blind

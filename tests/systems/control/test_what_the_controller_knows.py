@@ -12,7 +12,7 @@ from systems.hardware.wrench_sensor import WrenchSensor
 from systems.rig import MakeRig
 
 SENSORS = {"wrench_sensor", "depth_encoder"}
-COMMANDED = [*CONTEXT_COLUMNS, "target_pitch", "target_yaw", "feed_speed", "guard", "state", "known", "support"]
+COMMANDED = [*CONTEXT_COLUMNS, "target_pitch", "target_yaw", "feed_speed", "back_off", "state", "known", "support"]
 
 
 @pytest.fixture
