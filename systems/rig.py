@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -10,7 +10,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Multiplexer
 
 from models.scenario import Scenario
-from skill.data.geometry import PegHoleGeometry
+from skill.data.geometry import PegHoleGeometry, fit_difference
 from skill.data.rig_run import CONTROL_COLUMNS
 from skill.policy import RigPolicy
 from systems.control.drive_monitor import DriveMonitor, Travel
@@ -300,10 +300,9 @@ def check_geometry(scenario: Scenario, policy: RigPolicy) -> None:
     trained = PegHoleGeometry.find(policy.metadata_, "the skill")
     if trained is None:
         return  # foreign demonstrations need not state their geometry
-    for name in ("peg_radius", "hole_radius", "hole_depth", "chamfer"):
-        found, expected = getattr(trained, name), getattr(scenario.geometry, name)
-        if found != expected:
-            raise ValueError(
-                f"the skill was trained for geometry.{name} = {found} m, the scenario has {expected} m;"
-                " train a skill with demonstrations of this geometry"
-            )
+    difference = fit_difference(asdict(trained), asdict(scenario.geometry))
+    if difference:
+        raise ValueError(
+            f"the skill was trained for {difference} as in the scenario; train a skill with demonstrations of this"
+            " geometry"
+        )

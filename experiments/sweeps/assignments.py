@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from experiments.sweeps.specification import BASE, PolicyPlan, Specification, pl
 from experiments.sweeps.trial_rows import TrialSource, trial_code
 from experiments.trial import Arm, trial_scenario
 from models.scenario import Geometry, Scenario, dump_scenario
-from skill.data.geometry import PegHoleGeometry
+from skill.data.geometry import PegHoleGeometry, fit_difference
 
 
 @dataclass(frozen=True)
@@ -174,10 +174,9 @@ def _require_geometry(
     """Checks that a policy that is not carried over learns for the peg and hole of its cell; None: it does not say."""
     if plan.carried_over or learnt is None:
         return
-    for name in ("peg_radius", "hole_radius", "hole_depth", "chamfer"):
-        own, needed = getattr(learnt, name), getattr(scenario.geometry, name)
-        if own != needed:
-            raise ValueError(
-                f"{where}: policies.{plan.name} learns for geometry.{name} {own} m, a cell has {needed} m; set"
-                " carried_over: true, or demonstrations.demonstrated_in: cell"
-            )
+    difference = fit_difference(asdict(learnt), asdict(scenario.geometry))
+    if difference:
+        raise ValueError(
+            f"{where}: policies.{plan.name} learns for {difference} as a cell needs; set carried_over: true, or"
+            " demonstrations.demonstrated_in: cell"
+        )

@@ -125,6 +125,18 @@ def common_geometry(metadata_of: Sequence[tuple[str, Mapping[str, Any]]]) -> Peg
     return usual
 
 
+def fit_difference(learnt: Mapping[str, Any], needed: Mapping[str, Any]) -> str:
+    """Compares the sizes (m) on which a policy depends, of two geometries as mappings.
+
+    Returns:
+        the first difference, such as "geometry.chamfer 0.001 m, not 0.002 m", or "".
+    """
+    for name in ("peg_radius", "hole_radius", "hole_depth", "chamfer"):
+        if learnt[name] != needed[name]:
+            return f"geometry.{name} {learnt[name]} m, not {needed[name]} m"
+    return ""
+
+
 def _difference(odd: PegHoleGeometry | None, usual: PegHoleGeometry | None) -> str:
     """What is special about a geometry."""
     if odd is None or usual is None:

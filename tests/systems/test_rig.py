@@ -191,7 +191,7 @@ def test_the_rig_runs_with_every_key_changed(quick_scenario, skill):
 def test_a_skill_for_another_geometry_is_an_error(skill, quick_scenario):
     quick_scenario.geometry.hole_radius = 0.01006
     resolved = resolve_scenario(quick_scenario, seed=0, stream=TRIAL_STREAM)
-    with pytest.raises(ValueError, match=r"trained for geometry.hole_radius = 0.01005 m, the scenario has 0.01006 m"):
+    with pytest.raises(ValueError, match=r"trained for geometry.hole_radius 0.01005 m, not 0.01006 m"):
         MakeRig(resolved, skill)
 
 
