@@ -52,11 +52,6 @@ class TriangleMesh:
         lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in self.triangles]
         return "\n".join(lines) + "\n"
 
-    def volume(self) -> float:
-        """Returns the enclosed volume (m^3) of a closed surface; negative if its normals point inwards."""
-        a, b, c = (self.vertices[self.triangles[:, k]] for k in range(3))
-        return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0)
-
 
 def facet_sagitta(radius: float, facets: int) -> float:
     """Returns the sagitta (m) of a regular polygon in a circle of ``radius`` r (m): r (1 - cos(pi/n))."""

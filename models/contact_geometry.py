@@ -86,11 +86,6 @@ class Contacts:
     side: NDArray[np.bool_]
     surface: NDArray[np.intp]
 
-    def points_on_peg(self) -> Array:
-        """Returns the contact points on the peg (n, m, 3), in H, m."""
-        gap = np.where(np.isfinite(self.gap), self.gap, 0.0)
-        return self.point + self.normal * gap[..., None]
-
 
 @dataclass(frozen=True)
 class PegInHole:

@@ -21,8 +21,8 @@ from skill.manipulation_skill import ManipulationSkill
 from tests import browser
 from tests.quick_scenario import REQUESTS, make_quick_scenario
 
-# The same examples in every run; `pytest --hypothesis-profile default` draws new ones.
-settings.register_profile("repeatable", derandomize=True)
+# The same examples in every run, however busy the machine is; `pytest --hypothesis-profile default` draws new ones.
+settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.load_profile("repeatable")
 
 PROGRAMS = {  # marker: (alternative names of a program, Debian package) of every program that its tests need

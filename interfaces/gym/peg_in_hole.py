@@ -18,7 +18,6 @@ from interfaces.gym.episode import Episode, Observation
 from interfaces.gym.picture import Picture
 from interfaces.gym.rewards import REWARDS, Reward, Transition
 from interfaces.gym.spaces import action_space, checked_action, observation_space
-from models.contact_geometry import ContactLabel
 from models.scenario import Scenario, load_scenario, validate_scenario
 from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Outcome
@@ -111,7 +110,6 @@ class PegInHole(gymnasium.Env[Any, Any]):
         self._episode: Episode | None = None
         self._number = 0
         self._last: Observation = {}
-        self._contact: ContactLabel | None = None
         self._over = True
 
     @property

@@ -43,6 +43,11 @@ def assert_watertight(mesh):
         assert edges[(b, a)] == 1, f"edge {a}-{b} belongs to one triangle only"
 
 
+def volume(mesh):
+    """The enclosed volume; negative if the normals of the triangles point inwards."""
+    return np.linalg.det(mesh.vertices[mesh.triangles]).sum() / 6.0
+
+
 def closed_volume(*, radius, depth, chamfer, facets, block_radius, floor):
     """Volume of the block's prism minus the bore's prism and the chamfer's frustum."""
 
@@ -56,24 +61,20 @@ def closed_volume(*, radius, depth, chamfer, facets, block_radius, floor):
 
 
 @given(sizes=shapes)
-@settings(max_examples=40, deadline=None)
-def test_every_edge_is_shared_by_two_triangles_in_opposite_directions(sizes):
-    assert_watertight(make_bore(**sizes))
-
-
-@given(sizes=shapes)
-@settings(max_examples=40, deadline=None)
-def test_volume_equals_the_closed_form(sizes):
-    assert make_bore(**sizes).volume() == pytest.approx(closed_volume(**sizes), rel=1e-9)
+@settings(max_examples=40)
+def test_a_block_is_watertight_and_has_the_volume_of_the_closed_form(sizes):
+    mesh = make_bore(**sizes)
+    assert_watertight(mesh)
+    assert volume(mesh) == pytest.approx(closed_volume(**sizes), rel=1e-9)
 
 
 @given(sizes=shapes, first=st.integers(0, 30), count=st.integers(1, 69))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_a_cut_block_is_watertight_and_has_its_share_of_the_volume(sizes, first, count):
     count = min(count, sizes["facets"] - 1)
     mesh = make_bore(**sizes, sector=(first, first + count))
     assert_watertight(mesh)
-    assert mesh.volume() == pytest.approx(closed_volume(**sizes) * count / sizes["facets"], rel=1e-9)
+    assert volume(mesh) == pytest.approx(closed_volume(**sizes) * count / sizes["facets"], rel=1e-9)
 
 
 def test_a_sector_of_all_facets_is_the_whole_ring():
@@ -123,7 +124,6 @@ def test_wavefront_text_gives_the_same_mesh():
     ("change", "message"),
     [
         ({"facets": 2}, "2 facets"),
-        ({"radius": 0.0}, "radius 0.0"),
         ({"radius": -0.01}, "radius -0.01"),
         ({"chamfer": -1e-4}, "chamfer -0.0001"),
         ({"chamfer": 0.025}, "chamfer 0.025"),
@@ -193,7 +193,7 @@ def test_a_broken_edge_adds_one_ring_above_the_mouth():
     np.testing.assert_allclose(np.hypot(ring[:, 0], ring[:, 1]), SIZES["radius"] + 3e-6, rtol=1e-12)
     # The band adds material: the triangle between the edge, its own upper corner and the upper edge of the chamfer.
     area = 0.5 * (SIZES["chamfer"] * 2e-5 - SIZES["chamfer"] * 3e-6)
-    added = broken.volume() - sharp.volume()
+    added = volume(broken) - volume(sharp)
     assert added == pytest.approx(2.0 * math.pi * SIZES["radius"] * area, rel=0.03)
 
 

@@ -55,10 +55,6 @@ def disconnected(wrench, since, memory):
     return np.full(6, math.nan)
 
 
-def half_disconnected(wrench, since, memory):
-    return np.array([wrench[0], math.nan, *wrench[2:]])
-
-
 class LockedMonitor(TrialMonitor):
     """Locks a joint at `BEGIN`."""
 
@@ -116,7 +112,6 @@ def check_safe_ending(result, run, fault, *, retracts=True, within=2.0):
         (stuck, Fault.SENSOR_STUCK),
         (saturated, Fault.SENSOR_SATURATED),
         (disconnected, Fault.SENSOR_DISCONNECTED),
-        (half_disconnected, Fault.SENSOR_DISCONNECTED),
     ],
 )
 def test_a_trial_with_a_faulty_sensor_ends_safely(scenario, skill, change, fault):
@@ -136,23 +131,10 @@ def test_a_delayed_sensor_is_not_a_stuck_one(quick_scenario, skill):
     assert result.inserted, result.reason
 
 
-@pytest.mark.slow
-def test_a_stuck_sensor_with_a_delay_ends_a_trial_safely(scenario, skill):
-    scenario.sensor.delay = 0.02
-    with faulty_sensor(stuck):
-        result, run = run_trial(scenario, skill, seed=7)
-    after = check_safe_ending(result, run, Fault.SENSOR_STUCK)
-    assert after["time"].iloc[0] - BEGIN < 0.1
-
-
 SOUND_SENSORS = {  # section, values
-    "measures twenty times a step": ("sensor", {"period": 1e-4}),
     "measures once in ten steps": ("sensor", {"period": 0.02, "delay": 0.02}),
     "has no noise": ("sensor", {"force_noise": [0.0] * 3, "torque_noise": [0.0] * 3, "force_drift": 0.0}),
-    "has coarse steps": ("sensor", {"force_quantum": 0.125, "torque_quantum": 0.005}),
-    "is slow": ("sensor", {"bandwidth": 0.5}),
     "is an encoder with coarse counts": ("rig", {"encoder_resolution": 0.5e-3}),
-    "is an encoder with fine counts": ("rig", {"encoder_resolution": 1e-9}),
 }
 
 
@@ -174,7 +156,6 @@ def test_a_sound_sensor_of_any_setting_raises_no_alarm(scenario, skill, section,
     ("change", "fault"),
     [
         (lambda depth, since, memory: depth + 0.004, Fault.ENCODER_JUMPED),
-        (lambda depth, since, memory: depth - 0.004, Fault.ENCODER_JUMPED),
         (lambda depth, since, memory: math.nan, Fault.ENCODER_DISCONNECTED),
     ],
 )
@@ -194,29 +175,26 @@ def test_a_trial_with_a_stuck_depth_encoder_ends_safely(scenario, skill):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("height", "fault"), [(2e-4, Fault.SENSOR_LOW), (0.01, Fault.MOTOR_STALLED)])
-def test_a_trial_with_a_stalled_motor_ends_safely(scenario, skill, monkeypatch, height, fault):
-    """In the hole a blocked feed cannot be told from a sensor that reads too little."""
-    scenario.start.height = height
+def test_a_trial_with_a_stalled_motor_ends_safely(scenario, skill, monkeypatch):
+    scenario.start.height = 0.01
     monkeypatch.setattr(trial_module, "TrialMonitor", LockedMonitor)
     result, run = run_trial(scenario, skill, seed=7)
-    after = check_safe_ending(result, run, fault)
+    after = check_safe_ending(result, run, Fault.MOTOR_STALLED)
     assert np.ptp(after["tip_z"]) == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("joint", "fault"), [("pitch", Fault.PITCH_STEPS_LOST), ("yaw", Fault.YAW_STEPS_LOST)])
-def test_a_trial_with_a_blocked_stepper_ends_safely(scenario, skill, monkeypatch, joint, fault):
-    monkeypatch.setattr(LockedMonitor, "joint", joint)
+def test_a_trial_with_a_blocked_stepper_ends_safely(scenario, skill, monkeypatch):
+    monkeypatch.setattr(LockedMonitor, "joint", "yaw")
     monkeypatch.setattr(trial_module, "TrialMonitor", LockedMonitor)
     result, run = run_trial(scenario, skill, seed=7)
-    check_safe_ending(result, run, fault)
+    check_safe_ending(result, run, Fault.YAW_STEPS_LOST)
 
 
-WHOLE_TRIALS = [
+WHOLE_TRIALS = [  # one for each test of the self-check and of the drive monitor
     *("sensor gain 0.1", "sensor sign, all channels", "sensor bias 15 N, 1 N m", "sensor noise 5 N, 0.1 N m"),
-    *("sensor spikes, ten a second", "encoder drift 2 mm/s", "encoder scale 0.8", "encoder sign"),
-    *("feed runs away into the hole", "feed runs away upwards", "feed reversed", "feed dead", "pitch blocked"),
+    *("sensor spikes, ten a second", "encoder drift 2 mm/s", "feed runs away into the hole", "feed reversed"),
+    *("feed dead", "pitch blocked"),
 ]
 
 
@@ -271,7 +249,6 @@ def test_an_exception_in_the_skill_ends_one_trial_and_not_the_batch(quick_scenar
     ("error", "reason"),
     [
         (KeyError("count"), "failed: KeyError: 'count'"),
-        (KeyError(), "failed: KeyError"),
         (RuntimeError(), "diverged: RuntimeError"),
     ],
 )
@@ -301,10 +278,7 @@ def test_a_fault_is_reported_even_if_the_time_runs_out_before_the_rig_stops(scen
 @pytest.mark.parametrize(
     ("error", "line"),
     [
-        (RuntimeError("one\ntwo"), "RuntimeError: one"),
         (RuntimeError(), "RuntimeError"),
-        (RuntimeError(""), "RuntimeError"),
-        (RuntimeError("\n \n"), "RuntimeError"),
         (RuntimeError("\n  two\nthree"), "RuntimeError: two"),
         (ValueError("x" * 500), "ValueError: " + "x" * 120),
     ],

@@ -38,17 +38,6 @@ def test_the_motor_makes_one_turn_per_lead():
     assert P.ratio * P.screw_lead == pytest.approx(2 * math.pi)
 
 
-def test_the_current_of_one_period_at_standstill_is_that_of_an_rl_circuit():
-    v = 1e-4
-    dut, context = motor(v)
-    command = P.ratio * v
-    u = (P.speed_kp + P.torque_constant) * command  # the integral is still zero
-    update(dut, context, period=PERIOD)
-    assert current(dut, context) == pytest.approx(
-        u / P.resistance * (1 - math.exp(-P.resistance * PERIOD / P.inductance)), rel=1e-12
-    )
-
-
 def test_the_current_of_one_period_in_motion_matches_a_finely_integrated_circuit():
     v, command = -0.012, -0.013
     parameters = DcMotorParameters(inductance=4e-3)  # a time constant longer than the period
@@ -206,11 +195,6 @@ def test_a_small_step_of_the_speed_loop_is_that_of_a_second_order_transfer_funct
     _, expected = step(TransferFunction(numerator, denominator), T=np.concatenate([[0.0], times]))
     found = speeds(p, command, times, period=1e-4)
     np.testing.assert_allclose(found / command, expected[1:], atol=0.02)
-
-
-def test_every_output_is_one_number():
-    dut = motor(0.0)[0]
-    assert [dut.GetOutputPort(name).size() for name in ("carriage_force", "current")] == [1, 1]
 
 
 def test_a_disabled_motor_is_short_circuited():

@@ -86,7 +86,7 @@ def test_a_released_axis_vibrates_at_its_frequency_and_decays_with_its_damping()
     assert theta.min() < -0.05 * start
 
 
-@pytest.mark.parametrize("share", [-0.9, 0.2, 0.6, 0.9])
+@pytest.mark.parametrize("share", [-0.9, 0.2, 0.9])
 def test_a_load_below_the_holding_torque_deflects_the_axis_by_torque_over_stiffness(share):
     p = Scenario().stepper
     axis = PitchAxis(load=share * p.holding_torque)

@@ -63,14 +63,6 @@ def test_the_wrench_without_contact_is_tared():
     np.testing.assert_array_equal(read(dut, context, p, times=3), np.zeros(6))
 
 
-def test_a_force_at_the_tip_has_no_moment_about_the_tip():
-    h = 0.08
-    force = np.array([3.0, -2.0, 10.0])  # of the contact, at the tip
-    at_mount = np.cross([0.0, 0.0, -h], force)  # its moment about the sensor
-    dut, context, p = sensor([*-force, *-at_mount], height=h, **IMMEDIATE)
-    np.testing.assert_allclose(read(dut, context, p), [*force, 0.0, 0.0, 0.0], atol=1e-9)
-
-
 def test_a_force_above_the_tip_has_a_moment_about_the_tip():
     h, above = 0.08, 0.02
     force = np.array([5.0, 0.0, 0.0])
