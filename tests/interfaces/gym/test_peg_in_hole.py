@@ -50,13 +50,6 @@ def test_the_checker_of_gymnasium_finds_nothing(make, arguments):
         check_env(env.unwrapped)
 
 
-@pytest.mark.slow
-def test_the_stress_arm_passes_the_checker_too(make):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        check_env(make("PegInHole-Stress-v0").unwrapped)
-
-
 def test_a_policy_adds_its_estimates_and_the_support(make, skill):
     env = make(policy=skill)
     observation, _ = env.reset(seed=TRIAL)
@@ -74,13 +67,6 @@ def test_an_episode_is_deterministic_bit_for_bit(make):
     for _ in range(2):
         env = make()
         runs.append((env.reset(seed=TRIAL), [env.step(action) for action in actions]))
-    assert same(*runs)
-
-
-@pytest.mark.slow
-def test_a_second_episode_equals_the_first(make):
-    env = make(labels=False)
-    runs = [(env.reset(seed=TRIAL), steps(env, PUSH, 12)) for _ in range(2)]
     assert same(*runs)
 
 
@@ -159,6 +145,7 @@ def test_the_label_is_that_of_the_true_pose(make):
         ({"observation": "image"}, r"observation is 'image'; expected one of \['dict', 'flat'\]"),
         ({"reward": "big"}, r"reward is 'big'; expected one of \['dense', 'sparse'\]"),
         ({"scenario": "nowhere"}, "no such file"),
+        ({"render_mode": "film"}, "render_mode is 'film'"),
     ],
 )
 def test_a_wrong_choice_is_named(arguments, message):
@@ -166,12 +153,7 @@ def test_a_wrong_choice_is_named(arguments, message):
         PegInHole(**arguments)
 
 
-def test_an_unknown_render_mode_is_named():
-    with pytest.raises(ValueError, match="render_mode is 'film'"):
-        PegInHole(render_mode="film")
-
-
-@pytest.mark.parametrize("action", [np.zeros(4), np.zeros((1, 3)), np.array([0.0, np.nan, 0.0]), 1.0])
+@pytest.mark.parametrize("action", [np.zeros(4), np.array([0.0, np.nan, 0.0])])
 def test_a_wrong_action_is_named(make, action):
     env = make().unwrapped
     env.reset(seed=TRIAL)

@@ -169,11 +169,6 @@ def test_the_driver_does_not_compensate_lost_steps():
     assert equilibrium(dut, context) == pytest.approx(-P.step_angle)
 
 
-def test_the_outputs_are_an_angle_and_two_counts():
-    dut = motor(0.0)[0]
-    assert [dut.GetOutputPort(name).size() for name in ("equilibrium_angle", "step_counts")] == [1, 2]
-
-
 @pytest.mark.parametrize("start", [0.0, 0.0411])
 def test_the_shaft_shows_the_commanded_and_the_measured_angle(start):
     """A rotor that lags by 1.3 steps, measured in whole counts."""
