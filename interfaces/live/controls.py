@@ -61,6 +61,7 @@ class LiveControls:
     def __init__(self, outbox: Outbox) -> None:
         self._outbox = outbox
         self._clicks: dict[str, int] = {}
+        self._handled: dict[str, int] = {}
         self._sliders: dict[str, Slider] = {}
         self._gamepad = Gamepad()
         self._gamepad_browser: int | None = None
@@ -72,12 +73,26 @@ class LiveControls:
 
     def AddButton(self, name: str, keycode: str) -> None:
         """Adds a button and its key."""
-        self._clicks[name] = 0
+        self._clicks[name] = self._handled[name] = 0
         self._show(name, callback=BUTTON % json.dumps(name), keycode1=keycode)
 
     def GetButtonClicks(self, name: str) -> int:
         """Returns the number of clicks since the button was added."""
         return self._clicks[name]
+
+    def clicked(self, name: str) -> bool:
+        """Whether a button has been clicked since the last call for it: every click is handled once."""
+        before, self._handled[name] = self._handled[name], self._clicks[name]
+        return self._handled[name] != before
+
+    def any_waiting(self, *names: str) -> bool:
+        """Whether one of the buttons has been clicked; the click still counts for `clicked`."""
+        return any(self._clicks[name] != self._handled[name] for name in names)
+
+    def forget_clicks(self, *names: str) -> None:
+        """Ignores all clicks on the buttons so far."""
+        for name in names:
+            self.clicked(name)
 
     def AddSlider(
         self, name: str, low: float, high: float, step: float, value: float, decrement_key: str, increment_key: str

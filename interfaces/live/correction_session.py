@@ -16,10 +16,19 @@ import numpy as np
 
 from experiments.corrections import StuckTrial, find_query_state, practice_trial
 from experiments.trial_result import TrialResult
-from interfaces.live.buttons import START
 from interfaces.live.page import LivePage
 from interfaces.live.rig_view import RigView
-from interfaces.live.session import BUSY, IDLE_PERIOD, READING_PERIOD, READY, LiveSession, asked_scenario, live_scenario
+from interfaces.live.session import (
+    BUSY,
+    IDLE_PERIOD,
+    KEYS,
+    READING_PERIOD,
+    READY,
+    START,
+    LiveSession,
+    asked_scenario,
+    live_scenario,
+)
 from interfaces.terminal import Terminated
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration
@@ -66,7 +75,6 @@ class CorrectionSession(LiveSession):
             start_of=self._start, out=out, page=page, announce=announce, driver=driver, absence_limit=absence_limit
         )
         page.controls.AddButton(SKIP, SKIP_KEY)
-        self._skips = 0
         announce(f"  {' '.join(SKIP_HELP[0]):10s} {SKIP_HELP[1]}")
         self._rig = RigView(page, self._display)
 
@@ -147,8 +155,7 @@ class CorrectionSession(LiveSession):
         self._is_shown = self._is_announced = False
         for place in range(len(query_states)):  # all are checked before the first
             self._query_state_scenario(place, 0)
-        self._buttons.forget_clicks()
-        self._forget_skips()
+        self._buttons.forget_clicks(*KEYS, SKIP)
         self.run()
         if self._place < len(self._asked):
             raise PersonLeftError
@@ -163,7 +170,7 @@ class CorrectionSession(LiveSession):
 
     def _is_complete(self) -> bool:
         """Whether all query states are done. Goes on to the next query state, and says which one it is."""
-        if self._is_shown or self._forget_skips():
+        if self._buttons.clicked(SKIP) or self._is_shown:
             self._place += 1
             self._is_shown = self._is_announced = False
             self._prepare_next()
@@ -177,7 +184,7 @@ class CorrectionSession(LiveSession):
 
     def _record_one(self) -> bool:
         quits = super()._record_one()
-        self._forget_skips()  # only between demonstrations the key has a meaning
+        self._buttons.forget_clicks(SKIP)  # only between demonstrations the key has a meaning
         return quits
 
     def _keep(self, demonstration: Demonstration) -> bool:
@@ -185,11 +192,6 @@ class CorrectionSession(LiveSession):
         if is_kept:
             self._is_shown, self._is_announced = demonstration.good, False
         return is_kept
-
-    def _forget_skips(self) -> bool:
-        """Whether the person has pressed the key to skip since the last call."""
-        before, self._skips = self._skips, self._page.controls.GetButtonClicks(SKIP)
-        return self._skips != before
 
     # ------------------------------------------------------- the rig
 
@@ -233,7 +235,7 @@ class CorrectionSession(LiveSession):
         result, run = trial.record(policy)
         now = find_query_state(run, resolved, number=number, inserted=result.inserted)
         self._say(f"{title}: {course(result, now)}; before: {before}. Space: {then}")
-        self._buttons.forget_clicks()
+        self._buttons.forget_clicks(*KEYS)
         while not self._buttons.clicked(START):
             if self._has_left():
                 raise PersonLeftError

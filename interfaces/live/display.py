@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Cylinder, Rgba
@@ -11,10 +13,10 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from experiments.served_run import Deadlines
-from interfaces.live.contact_load import ContactLoad
 from interfaces.live.page import LivePage
 from models.scenario import Scenario
 from skill.arrays import Array
+from skill.features.measurement import load_of_components
 from skill.practice.policy_observer import Judgement
 from skill.states.state_style import state_colours
 from systems.math.rotation import from_rotation_vector
@@ -42,6 +44,39 @@ VIEWS = {
     "view from the side (3)": ("Digit3", [0.058, -0.058, 0.010]),
 }
 CAMERA_TARGET = np.array([0.0, 0.0, 0.004])  # in units of m, in W
+
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")  # columns of a sample
+
+
+class ContactLoad:
+    """The contact load as the rig's force guard counts it: of the newest sample of a run, and the largest so far.
+
+    Args:
+        scenario: of the run, with the limits of the guard.
+
+    Attributes:
+        load: sqrt(|f|^2 + |m/r|^2) of the contact wrench, N.
+        peak: largest load so far, N.
+    """
+
+    def __init__(self, scenario: Scenario) -> None:
+        self._radius, self._guard = scenario.geometry.peg_radius, scenario.controller.guard
+        self.load = self.peak = 0.0
+
+    def take(self, sample: Mapping[Any, float]) -> None:
+        """Takes a sample of the recorder; ignores one that is not finite, of a run that has diverged."""
+        load = load_of_components([sample[name] for name in WRENCH], self._radius)
+        if math.isfinite(load):
+            self.load, self.peak = load, max(self.peak, load)
+
+    def values(self) -> dict[str, float | bool]:
+        """Returns what the panel shows; ``held`` says whether the rig's guard would slow the feed."""
+        return {
+            "load": self.load,
+            "limit": self._guard.force_limit,
+            "peak": self.peak,
+            "held": self.load > self._guard.soft_force,
+        }
 
 
 @dataclass(frozen=True)
@@ -88,7 +123,6 @@ class LiveDisplay:
         self._feed = Arrow(page.scene, "live/skill_feed", scale=FEED_SCALE, colour=FEED, order=12.0)
         for label, (key, _) in VIEWS.items():
             page.controls.AddButton(label, key)
-        self._view_clicks = dict.fromkeys(VIEWS, 0)
         self._view = next(iter(VIEWS))
         page.show(motion=moves_hand)
         self.reset_camera()
@@ -207,9 +241,8 @@ class LiveDisplay:
     def follow_view_buttons(self) -> None:
         """Moves the camera if the button of a view has been clicked."""
         for label in VIEWS:
-            clicks = self._page.controls.GetButtonClicks(label)
-            if clicks != self._view_clicks[label]:
-                self._view_clicks[label], self._view = clicks, label
+            if self._page.controls.clicked(label):
+                self._view = label
                 self.reset_camera()
 
 

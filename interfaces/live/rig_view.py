@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.trial import TrialRun
-from interfaces.live.contact_load import ContactLoad
-from interfaces.live.display import LiveDisplay, Readings
+from interfaces.live.display import ContactLoad, LiveDisplay, Readings
 from interfaces.live.page import LivePage
 from interfaces.live.session import PICTURE_PERIOD
 from models.scenario import Scenario

@@ -13,9 +13,7 @@ from experiments.corrections import correction_scenario
 from experiments.demonstration_run import DemonstrationRun
 from experiments.demonstration_set import attempt_seed
 from experiments.served_run import ServedRun
-from interfaces.live.buttons import BAD, DISCARD, GOOD, MOTION_HELP, QUIT, SESSION_HELP, START, Buttons
-from interfaces.live.contact_load import ContactLoad
-from interfaces.live.display import LiveDisplay, Readings
+from interfaces.live.display import ContactLoad, LiveDisplay, Readings
 from interfaces.live.page import LivePage
 from models.scenario import LIVE_STREAM, Scenario, resolve_scenario
 from skill.arrays import Array
@@ -34,6 +32,24 @@ IDLE_PERIOD = 0.03  # in units of s, between two checks of the buttons
 ABSENCE_NOTICE = 5.0  # in units of s without an open page, after which the console says so
 PICTURE_PERIOD = 1 / 60  # in units of s, between two pictures
 READING_PERIOD = 0.1  # in units of s, between two updates of the panel
+
+START, GOOD, BAD, DISCARD, QUIT = "start (Space)", "keep as good (G)", "keep as bad (B)", "discard (X)", "quit (Q)"
+KEYS = {START: "Space", GOOD: "KeyG", BAD: "KeyB", DISCARD: "KeyX", QUIT: "KeyQ"}
+
+# Help for the console: (keys, what they do). On the page the name of each control has its keys.
+MOTION_HELP = [
+    (["W", "S"], "feed, retract"),
+    (["←", "→", "↑", "↓"], "tilt the peg"),
+    (["J", "L", "I", "K"], "move sideways"),
+]
+SESSION_HELP = [
+    (["Space"], "start"),
+    (["G"], "keep as good"),
+    (["B"], "keep as bad"),
+    (["X"], "discard"),
+    (["Q"], "quit"),
+    (["1", "2", "3"], "views"),
+]
 
 READY, RECORDING, VERDICT, BUSY, OVER = "ready", "recording", "verdict", "busy", "over"
 """The phases of a session, which the page knows. While it is busy, the person can do nothing but quit."""
@@ -67,7 +83,9 @@ class LiveSession:
         self._start_of, self._out, self._page = start_of, out, page
         self._announce, self._driver, self._absence_limit = announce, driver, absence_limit
         self._policy = policy
-        self._buttons = Buttons(page.controls)
+        self._buttons = page.controls
+        for label, key in KEYS.items():
+            page.controls.AddButton(label, key)
         self._input = PageInput(page.controls, self._move_hand) if driver is None else None
         self._display = LiveDisplay(page, moves_hand=driver is None)
         for keys, action in SESSION_HELP if driver is not None else MOTION_HELP + SESSION_HELP:
@@ -87,7 +105,7 @@ class LiveSession:
             self._say("ready: press Space to start", READY)
             while not (self._has_left() or self._is_complete()):
                 if self._buttons.clicked(START):
-                    self._buttons.forget_clicks()
+                    self._buttons.forget_clicks(*KEYS)
                     if self._record_one():
                         self._say("session over", OVER)
                         break
@@ -213,7 +231,7 @@ class LiveSession:
             short = isinstance(error, TooShortError)
             reason = "too short to keep" if short else f"discarded: {error}"
             self._say(f"{reason}; Space starts another", READY)
-            self._buttons.forget_clicks()
+            self._buttons.forget_clicks(*KEYS)
             return False
         self._say(f"{reason}: G keep as good, B keep as bad, X discard", VERDICT)
         while True:

@@ -8,9 +8,9 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from experiments.served_run import Deadlines
-from interfaces.live.buttons import Buttons
 from interfaces.live.display import LiveDisplay, Readings
 from interfaces.live.page import LivePage, open_live_page
+from interfaces.live.session import KEYS
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
 from systems.operators.page_hand import PageInput
 from systems.operators.person_frame import hand_pose
@@ -156,7 +156,8 @@ def open_panel(*, flags=()):
     live = open_live_page()
     try:
         scenario = resolve_scenario(load_scenario("live"), seed=0, stream=LIVE_STREAM)
-        Buttons(live.controls)
+        for label, key in KEYS.items():
+            live.controls.AddButton(label, key)
         PageInput(live.controls, lambda wanted: None).start(RigidTransform([0.0, 0.0, scenario.start.height]))
         display = LiveDisplay(live)
         display.draw_start(scenario)

@@ -47,6 +47,21 @@ def test_events_of_the_page_are_handled(dut):
     assert state(dut) == (1, 3.0, Gamepad())
 
 
+def test_every_click_is_handled_once_and_may_wait_or_be_forgotten(dut):
+    dut.AddButton("quit", "KeyQ")
+    click = pack(type="button", name="keep")
+    assert not dut.clicked("keep")
+    dut.receive(click, PAGE)
+    assert dut.any_waiting("keep", "quit")
+    assert not dut.any_waiting("quit")
+    assert [dut.clicked(name) for name in ("quit", "keep", "keep")] == [False, True, False]
+    assert not dut.any_waiting("keep", "quit")
+    for name in ("keep", "quit"):
+        dut.receive(pack(type="button", name=name), PAGE)
+    dut.forget_clicks("keep")
+    assert [dut.clicked(name) for name in ("quit", "keep")] == [True, False]
+
+
 def test_motions_are_told_and_counted_but_not_what_the_session_sets(dut):
     told = []
     dut.call_after_motion(lambda: told.append((dut.GetSliderValue("depth"), dut.slider_moves("depth"))))

@@ -8,9 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from interfaces.live.buttons import QUIT
 from interfaces.live.correction_session import SKIP, CorrectionSession, PersonLeftError, course, describe
-from interfaces.live.session import LiveSession
+from interfaces.live.session import QUIT, LiveSession
 from interfaces.terminal import Terminated
 from models.scenario import load_scenario
 from skill.data.outcome import Outcome

@@ -12,6 +12,8 @@ from interfaces.live.display import (
     LOW,
     SATURATED,
     VIEWS,
+    WRENCH,
+    ContactLoad,
     LiveDisplay,
     Readings,
     load_colour,
@@ -32,7 +34,7 @@ class Recorder(Canvas):
 
     def __init__(self):
         super().__init__()
-        self.clicks, self.keys, self.values = {}, {}, {}
+        self.clicks, self.keys, self.values = set(), {}, {}
         self.scene = self.controls = self
 
     def draw_plant(self, contact):
@@ -42,10 +44,12 @@ class Recorder(Canvas):
         self.camera, self.target = np.array(camera_in_world), np.array(target_in_world)
 
     def AddButton(self, label, key):
-        self.keys[label], self.clicks[label] = key, 0
+        self.keys[label] = key
 
-    def GetButtonClicks(self, label):
-        return self.clicks[label]
+    def clicked(self, label):
+        found = label in self.clicks
+        self.clicks.discard(label)
+        return found
 
     def show(self, **values):
         self.values |= values
@@ -153,7 +157,7 @@ def test_each_view_has_a_key_and_looks_from_its_side(browser, display, name, ele
     assert f"({number})" in label
     assert browser.keys[label] == f"Digit{number}"
     browser.camera = None
-    browser.clicks[label] += 1
+    browser.clicks.add(label)
     display.follow_view_buttons()
     distance, *angles = view(browser)
     assert 0.07 < distance < 0.13
@@ -167,7 +171,7 @@ def test_the_camera_only_moves_when_a_button_of_a_view_is_clicked(browser, displ
     browser.camera = None
     display.follow_view_buttons()
     assert browser.camera is None
-    browser.clicks[above] += 1
+    browser.clicks.add(above)
     display.follow_view_buttons()
     assert view(browser)[1] > 89.0
     browser.camera = None
@@ -175,7 +179,7 @@ def test_the_camera_only_moves_when_a_button_of_a_view_is_clicked(browser, displ
     assert browser.camera is None
     display.reset_camera()
     assert view(browser)[1] > 89.0  # the view chosen last
-    browser.clicks[cut] += 1
+    browser.clicks.add(cut)
     display.follow_view_buttons()
     assert view(browser)[1] < 30.0
 
@@ -223,3 +227,30 @@ def test_before_a_demonstration_the_block_is_upright(browser, display):
     display.draw_start(resolve_scenario(load_scenario("live"), seed=1, stream=LIVE_STREAM))
     assert browser.transforms["plant/hole"].IsExactlyIdentity()
     assert browser.values["hand"] is True
+
+
+SAMPLE = dict.fromkeys(WRENCH, 0.0)
+
+
+def test_the_load_is_force_and_moment_over_the_radius_of_the_peg():
+    """A peg of 10 mm: 3 N across, 4 N along and 0.12 N m are 13 N."""
+    dut = ContactLoad(load_scenario("live"))
+    assert dut.values() == {"load": 0.0, "limit": 40.0, "peak": 0.0, "held": False}
+    dut.take(SAMPLE | {"fx": 3.0, "fz": 4.0, "my": 0.12})
+    assert dut.load == pytest.approx(13.0)
+    dut.take(SAMPLE | {"fy": -2.0})
+    assert (dut.load, dut.peak) == pytest.approx((2.0, 13.0))
+
+
+@pytest.mark.parametrize(("load", "held"), [(9.9, False), (10.1, True)])
+def test_the_guard_slows_the_feed_above_its_soft_force(load, held):
+    dut = ContactLoad(load_scenario("live"))
+    dut.take(SAMPLE | {"fx": load})
+    assert dut.values()["held"] is held
+
+
+def test_a_sample_of_a_run_that_has_diverged_is_ignored():
+    dut = ContactLoad(load_scenario("live"))
+    dut.take(SAMPLE | {"fx": 5.0})
+    dut.take(SAMPLE | {"mx": np.nan})
+    assert (dut.load, dut.peak) == (5.0, 5.0)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from interfaces.live.buttons import BAD, DISCARD, GOOD, START
+from interfaces.live.session import BAD, DISCARD, GOOD, START
 from systems.operators.person_frame import hand_pose
 from tests.interfaces.live.live_session import press
 from tests.interfaces.live.panel_page import DESKTOP, FLAWS, LOW, PHONE, SKILL, contact, open_panel, readings

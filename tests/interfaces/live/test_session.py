@@ -17,13 +17,23 @@ from pydrake.math import RigidTransform
 import interfaces.live.session
 from experiments.outputs.folder_lock import LOCK_NAME
 from experiments.served_run import Deadlines
-from interfaces.live.buttons import BAD, DISCARD, GOOD, QUIT, START, Buttons
-from interfaces.live.contact_load import ContactLoad
 from interfaces.live.controls import LiveControls
-from interfaces.live.display import SATURATED
+from interfaces.live.display import SATURATED, ContactLoad
 from interfaces.live.messages import Outbox
 from interfaces.live.page import LivePage, open_live_page
-from interfaces.live.session import READY, RECORDING, VERDICT, LiveSession, live_scenario, next_number
+from interfaces.live.session import (
+    BAD,
+    DISCARD,
+    GOOD,
+    QUIT,
+    READY,
+    RECORDING,
+    START,
+    VERDICT,
+    LiveSession,
+    live_scenario,
+    next_number,
+)
 from interfaces.live.viewer_scene import ViewerScene
 from interfaces.terminal import write_json
 from models.scenario import dump_scenario, load_scenario
@@ -77,9 +87,9 @@ def press_in_turn(monkeypatch, session, buttons, wait=60.0):
         return waiting[:1] == [button] and bool(waiting.pop(0))
 
     monkeypatch.setattr(LivePage, "is_shown", True)
-    monkeypatch.setattr(Buttons, "clicked", clicked)
-    monkeypatch.setattr(Buttons, "any_waiting", lambda _, *labels: False)
-    monkeypatch.setattr(Buttons, "forget_clicks", lambda _, *labels: None)
+    monkeypatch.setattr(LiveControls, "clicked", clicked)
+    monkeypatch.setattr(LiveControls, "any_waiting", lambda _, *labels: False)
+    monkeypatch.setattr(LiveControls, "forget_clicks", lambda _, *labels: None)
 
 
 def test_session_without_an_open_page_gives_its_address_and_ends(session, monkeypatch):
@@ -159,11 +169,11 @@ def quiet(tmp_path, monkeypatch):
         announce=messages.append,
     )
     dut.messages, dut.values, dut.clicks, dut.page = messages, page.values, clicks, page
-    monkeypatch.setattr(Buttons, "clicked", lambda _, label: clicks[:1] == [label] and bool(clicks.pop(0)))
-    monkeypatch.setattr(Buttons, "any_waiting", lambda _, *labels: clicks[:1] != [] and clicks[0] in labels)
+    monkeypatch.setattr(LiveControls, "clicked", lambda _, label: clicks[:1] == [label] and bool(clicks.pop(0)))
+    monkeypatch.setattr(LiveControls, "any_waiting", lambda _, *labels: clicks[:1] != [] and clicks[0] in labels)
     servo = SimpleNamespace(close=lambda: None, move_hand=lambda wanted: None)
     monkeypatch.setattr(interfaces.live.session, "ServoClient", lambda driver: servo)
-    monkeypatch.setattr(Buttons, "forget_clicks", lambda _, *labels: clicks.clear())
+    monkeypatch.setattr(LiveControls, "forget_clicks", lambda _, *labels: clicks.clear())
     return dut
 
 
