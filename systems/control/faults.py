@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
-from models.hardware import WrenchSensorParameters
 from models.labelled_enum import LabelledEnum
+
+if TYPE_CHECKING:
+    from models.hardware import WrenchSensorParameters  # it imports yaml, which reading a run does not need
 
 
 class Fault(LabelledEnum):
