@@ -47,7 +47,7 @@ HOLD = """  // a key that is held repeats
 
 def film(page: Page) -> tuple[list[Image.Image], list[int]]:
     """Returns the pictures of a demonstration and how long each is shown, ms."""
-    shown, began = [reduced(page)], [time.monotonic()]
+    shown, began = [reduced(Image.fromarray(page.screenshot()))], [time.monotonic()]
 
     def hold(code: str, presses: int) -> None:
         page.run(HOLD, code, presses)
@@ -55,7 +55,7 @@ def film(page: Page) -> tuple[list[Image.Image], list[int]]:
             if "inserted" in text_of(page, "status") or len(shown) > MAX_PICTURES:
                 return
             began.append(time.monotonic())
-            shown.append(reduced(page))
+            shown.append(reduced(Image.fromarray(page.screenshot())))
 
     press(page, " ")
     hold("KeyW", 7)
@@ -66,7 +66,7 @@ def film(page: Page) -> tuple[list[Image.Image], list[int]]:
     hold("KeyW", 2 * MAX_PICTURES)
     time.sleep(1.0)
     began.append(time.monotonic())
-    shown.append(reduced(page))
+    shown.append(reduced(Image.fromarray(page.screenshot())))
     return shown, [round(1000 * (b - a)) for a, b in pairwise([*began, began[-1] + 2.0])]
 
 

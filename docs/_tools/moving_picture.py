@@ -9,20 +9,21 @@ docs/pictures/NAME.webp, 640 pixels wide and smaller than 400 kB.
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from interfaces.reports.replay_page import write_replay  # noqa: E402
-from tests.browser import Page, open_page  # noqa: E402
+from tests.browser import open_page  # noqa: E402
 
 SIZE, WIDTH = (960, 820), 640
 RATE = 6  # pictures per second
@@ -33,29 +34,25 @@ LARGEST = 400_000  # in units of bytes
 PLAIN = "for (const id of ['dial-box', 'arrows']) document.getElementById(id).style.display = 'none'"
 
 
-def pictures(replays: Sequence[Path], *, start: float = 0.0, end: float | None = None) -> Iterator[Image.Image]:
-    """Yields the pictures of replays that are shown side by side, from ``start`` to ``end``, s."""
-    with ExitStack() as stack:
-        size = (SIZE[0] // len(replays), SIZE[1])
-        pages = [stack.enter_context(open_page(replay, size=size)) for replay in replays]
-        for page in pages:
-            page.wait("window.replay && window.replay.ready")
-            if len(pages) > 1:
-                page.run(PLAIN)
-        last = max(float(page.run("return window.replay.end")) for page in pages) if end is None else end
-        for k in range(int((last - start) * RATE * SLOW) + 1):
-            for page in pages:
-                page.run("window.replay.pause(); window.replay.seek(arguments[0])", start + k / RATE / SLOW)
+def film(replay: Path, times: Sequence[float], *, narrow: bool) -> list[Image.Image]:
+    """Returns pictures of a replay at times, s; ``narrow`` leaves the place of a second one beside it."""
+    shown = []
+    with open_page(replay, size=(SIZE[0] // 2, SIZE[1]) if narrow else SIZE) as page:
+        page.wait("window.replay && window.replay.ready")
+        if narrow:
+            page.run(PLAIN)
+        for time_shown in times:
+            page.run("window.replay.pause(); window.replay.seek(arguments[0])", time_shown)
             time.sleep(0.1)  # until it is drawn
-            yield reduced(*pages)
+            shown.append(Image.fromarray(page.screenshot()))
+    return shown
 
 
-def reduced(*pages: Page) -> Image.Image:
-    """Returns a picture of pages side by side, ``WIDTH`` pixels wide."""
-    shown = [Image.fromarray(page.screenshot()) for page in pages]
-    together = Image.new("RGB", (sum(picture.width for picture in shown), shown[0].height))
-    for k, picture in enumerate(shown):
-        together.paste(picture, (k * shown[0].width, 0))
+def reduced(*pictures: Image.Image) -> Image.Image:
+    """Returns pictures side by side as one, ``WIDTH`` pixels wide."""
+    together = Image.new("RGB", (sum(picture.width for picture in pictures), pictures[0].height))
+    for k, picture in enumerate(pictures):
+        together.paste(picture, (k * pictures[0].width, 0))
     return together.resize((WIDTH, round(WIDTH * together.height / together.width)), Image.Resampling.LANCZOS)
 
 
@@ -63,10 +60,12 @@ def write(path: Path, shown: Sequence[Image.Image], times: Sequence[int]) -> Non
     """Writes an animation that repeats: pictures and their times, ms; the last one stays for two seconds."""
     first, *others = shown
     durations = [*times[:-1], 2000]
-    for quality in (45, 35, 25, 15):
-        first.save(path, save_all=True, append_images=others, duration=durations, loop=0, quality=quality, method=6)
-        if path.stat().st_size < LARGEST:
+    for quality in (40, 25, 15):
+        file = io.BytesIO()  # the encoder takes long: whoever stops it keeps the picture before
+        first.save(file, "webp", save_all=True, append_images=others, duration=durations, loop=0, quality=quality)
+        if file.tell() < LARGEST:
             break
+    path.write_bytes(file.getvalue())
     print(f"{path}: {len(times)} pictures, {path.stat().st_size / 1e3:.0f} kB")
 
 
@@ -82,11 +81,13 @@ def main() -> None:
     options = parser.parse_args()
     titles = options.title or [options.name] * len(options.recordings)
     with tempfile.TemporaryDirectory() as folder:
-        replays = []
+        replays, ends = [], []
         for recording, title in zip(options.recordings, titles, strict=True):
             replays.append(Path(folder) / f"{len(replays)}.html")
-            write_replay(recording, replays[-1], title=title, skill=options.skill)
-        shown = list(pictures(replays, start=options.start, end=options.end))
+            ends.append(write_replay(recording, replays[-1], title=title, skill=options.skill).time[-1])
+        times = np.arange(options.start, options.end or max(ends), 1 / RATE / SLOW).tolist()
+        films = [film(replay, times, narrow=len(replays) > 1) for replay in replays]
+    shown = [reduced(*pictures) for pictures in zip(*films, strict=True)]
     write(PICTURES / f"{options.name}.webp", shown, [1000 // RATE] * len(shown))
 
 
