@@ -33,15 +33,13 @@ def export_lerobot(folder: Folder, out: Out, skill: OptionalSkillFile = None, ov
     from experiments.outputs.new_folder import check_new_folder, new_folder
     from experiments.outputs.output_checks import RECORDING_SIZE, check_folder, named_errors
     from experiments.provenance import version_of
-    from interfaces.exports import demonstration_episodes, run_episodes
-    from interfaces.exports.episodes import check_times
-    from interfaces.exports.lerobot_reader import dataset_files
-    from interfaces.exports.lerobot_writer import LeRobotWriter
+    from interfaces.exports.episodes import DEMONSTRATIONS, ROBOTS, RUNS, check_times
+    from interfaces.exports.lerobot import LeRobotWriter, dataset_files
     from interfaces.terminal import progress, say
     from skill.manipulation_skill import ManipulationSkill
 
     paths, are_runs = find_exported(folder)
-    kind = run_episodes if are_runs else demonstration_episodes
+    kind = RUNS if are_runs else DEMONSTRATIONS
     check_folder(out.absolute().parent, option="OUT", size=2 * RECORDING_SIZE * len(paths))
     if dataset_files(out) is not None and not overwrite:
         raise ValueError(f"{out}: holds a data set; choose another OUT, or add --overwrite to replace it")
@@ -53,7 +51,7 @@ def export_lerobot(folder: Folder, out: Out, skill: OptionalSkillFile = None, ov
         learnt = ManipulationSkill.load(skill)
     with new_folder(out, files_of=dataset_files) as staged, named_errors(out, "the recordings are unchanged"):
         fps, first = rate_and_features(paths, are_runs, learnt)
-        writer = LeRobotWriter(staged, fps=fps, features=first, robot=kind.ROBOT)
+        writer = LeRobotWriter(staged, fps=fps, features=first, robot=ROBOTS[kind])
         frames, outcomes = 0, Counter[str]()
         with progress("episodes", len(paths)) as advance:
             for path, episode, features in episodes(paths, are_runs, learnt):
@@ -63,28 +61,28 @@ def export_lerobot(folder: Folder, out: Out, skill: OptionalSkillFile = None, ov
                 frames += len(episode)
                 outcomes[episode.outcome] += 1
                 advance(f"{path.name}: {episode.outcome}")
-        writer.finish({"kind": kind.KIND, "haptic_skill": version_of("haptic-skill")})
+        writer.finish({"kind": kind, "haptic_skill": version_of("haptic-skill")})
     found = ", ".join(f"{number} {outcome}" for outcome, number in sorted(outcomes.items()))
-    say(f"{out}: {len(paths)} {kind.KIND} as episodes ({found}), {frames} frames at {fps} Hz")
+    say(f"{out}: {len(paths)} {kind} as episodes ({found}), {frames} frames at {fps} Hz")
 
 
 def import_lerobot(folder: Folder, out: Out) -> None:
     """Makes the recordings of an exported data set again, unchanged: `import lerobot out/dataset out/again`."""
     from experiments.outputs.new_folder import check_new_folder, new_folder
     from experiments.outputs.output_checks import check_folder, named_errors
-    from interfaces.exports.lerobot_reader import read_dataset, write_recording
+    from interfaces.exports.lerobot import read_dataset, write_recording
     from interfaces.terminal import busy, progress, say
 
     check_folder(out.absolute().parent, option="OUT")
     check_new_folder(out)
     with busy(f"reading {folder.name}"):
-        found = read_dataset(folder)
+        kind, recordings = read_dataset(folder)
     unchanged = named_errors(out, "the data set is unchanged")
-    with new_folder(out) as staged, unchanged, progress(found.kind, len(found.recordings)) as advance:
-        for stored in found.recordings:
-            write_recording(stored, found.kind, staged / stored.name)
+    with new_folder(out) as staged, unchanged, progress(kind, len(recordings)) as advance:
+        for stored in recordings:
+            write_recording(stored, kind, staged / stored.name)
             advance(stored.name)
-    say(f"{out}: {len(found.recordings)} {found.kind}")
+    say(f"{out}: {len(recordings)} {kind}")
 
 
 def export_mcap(run: Run, out: Log = None) -> None:
@@ -152,8 +150,7 @@ def is_run(path: Path) -> bool:
 
 def episodes(paths: list[Path], are_runs: bool, skill: ManipulationSkill | None) -> Iterator[Recorded]:
     """Reads recordings as episodes, with the features of each."""
-    from interfaces.exports.demonstration_episodes import demonstration_episode, demonstration_features
-    from interfaces.exports.run_episodes import run_episode, run_features
+    from interfaces.exports.episodes import demonstration_episode, demonstration_features, run_episode, run_features
     from skill.data.demonstration import read_demonstration
     from skill.data.rig_run import read_rig_run
 

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike
 from torch.utils.data import DataLoader, default_collate
 
 from interfaces.exports.episodes import WRENCH, WRENCH_UNITS, Episode, Feature, frame_rate
-from interfaces.exports.lerobot_writer import LeRobotWriter
+from interfaces.exports.lerobot import LeRobotWriter
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import with_following_actions

@@ -1,31 +1,62 @@
 """Demonstrations and rig runs as logs in MCAP: what Foxglove and the tools of ROS 2 open.
 
-Wrench and poses are messages of ROS 2; contact state, commands, faults and the outcome are JSON with a JSON Schema. All
-messages of a sample have its time, counted from 1970 where the recording counts from its start.
+Wrench and poses are messages of ROS 2, encoded in CDR, which aligns each number to its size, counted from the end of
+the four bytes that say the byte order (OMG, DDSI-RTPS 2.3, section 10). Contact state, commands, faults and the outcome
+are JSON with a JSON Schema. All messages of a sample have its time, counted from 1970 where the recording counts from
+its start.
 """
 
 from __future__ import annotations
 
 import io
 import json
+import struct
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from experiments.exact_states import UNKNOWN
 from experiments.provenance import version_of
-from interfaces.exports.demonstration_episodes import contact_labels
-from interfaces.exports.ros_messages import BILLION, POSE, SCHEMAS, WRENCH, stamped
+from interfaces.exports.episodes import demonstration_labels
 from interfaces.reports.motion import Motion, motion_of_demonstration, motion_of_run
 from models.contact_geometry import ContactLabel
 from skill.arrays import Array
 from skill.data.demonstration import ACTIONS, Demonstration
 from skill.data.rig_run import CONTEXT_COLUMNS, CONTROL_COLUMNS, RigRun
 from systems.control.faults import Fault
+
+WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
+
+LITTLE_ENDIAN = b"\0\1\0\0"
+BILLION = 1_000_000_000
+
+_TYPES = {
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "geometry_msgs/Wrench": "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+}
+
+
+def _schema(field: str, *parts: str) -> str:
+    """The definition of a message with a header and a field, followed by those of the types in it."""
+    types = ("std_msgs/Header", "builtin_interfaces/Time", *(f"geometry_msgs/{part}" for part in parts))
+    definitions = [f"MSG: {name}\n{_TYPES[name]}" for name in types]
+    return f"\n{80 * '='}\n".join([f"std_msgs/Header header\n{types[2]} {field}", *definitions]) + "\n"
+
+
+SCHEMAS = {
+    WRENCH: _schema("wrench", "Wrench", "Vector3"),
+    POSE: _schema("pose", "Pose", "Point", "Quaternion"),
+}
+"""Definitions of the messages in the notation of ROS 2 (schema encoding ``ros2msg``)."""
 
 FRAMES = {"peg": "peg_tip", "hole": "hole", "world": "world"}
 """Names of the coordinate frames: P, H and W."""
@@ -62,8 +93,10 @@ class Log:
     messages: Mapping[str, int]
 
 
-@dataclass(frozen=True)
-class _Message:
+class _Message(NamedTuple):
+    """A message at a time, ns; its content is encoded, or the fields of a message in JSON."""
+
+    time: int
     topic: str
     kind: str
     content: bytes | Mapping[str, Any]
@@ -84,8 +117,7 @@ def recording_log(recording: Demonstration | RigRun) -> Log:
     schemas: dict[str, int] = {}
     channels: dict[str, int] = {}
     messages = _run_messages(recording) if isinstance(recording, RigRun) else _demonstration_messages(recording)
-    for time, message in messages:
-        kind, topic = message.kind, message.topic
+    for time, topic, kind, content in messages:
         if kind not in schemas:
             definition = SCHEMAS.get(kind)
             encoding = "jsonschema" if definition is None else "ros2msg"
@@ -93,64 +125,79 @@ def recording_log(recording: Demonstration | RigRun) -> Log:
         if topic not in channels:
             encoding = "cdr" if kind in SCHEMAS else "json"
             channels[topic] = writer.register_channel(topic, encoding, schemas[kind])
-        content = message.content
         data = content if isinstance(content, bytes) else json.dumps(content).encode()
         writer.add_message(channels[topic], log_time=time, publish_time=time, data=data)
         counts[topic] += 1
-    writer.add_metadata("haptic_skill", _header(recording))
+    kind = "rig_run" if isinstance(recording, RigRun) else "demonstration"
+    metadata = {str(name): json.dumps(value) for name, value in recording.metadata.items()}
+    writer.add_metadata("haptic_skill", {"kind": kind, **metadata})
     writer.finish()  # type: ignore[no-untyped-call]
     return Log(stream.getvalue(), counts)
 
 
-def _run_messages(run: RigRun) -> Iterator[tuple[int, _Message]]:
+def _run_messages(run: RigRun) -> Iterator[_Message]:
     samples, names = run.samples, run.metadata.get("state_names") or []
     motion = motion_of_run(run)
     times = _nanoseconds(samples["time"].to_numpy())
     contexts = set(CONTEXT_COLUMNS) <= set(samples.columns)
     fault = None
     for k, (time, row) in enumerate(zip(times, samples.to_dict("records"), strict=True)):
-        yield time, _wrench(time, motion, k)
+        yield _wrench(time, motion, k)
         for body in ("peg", "hole"):
-            yield time, _pose(time, motion, k, body, "world")
+            yield _pose(time, motion, k, body, "world")
         state = int(row["state"])
         name = names[state] if state < len(names) else str(state)
-        yield time, _state("/contact_state", state, name, known=row["known"] > 0.5)
+        yield _state(time, "/contact_state", state, name, known=row["known"] > 0.5)
         if contexts:
-            values = (int(row["context"]), row["context_probability"], row["context_evidence"])
-            fields = dict(zip(("number", "probability", "evidence"), values, strict=True))
-            yield time, _Message("/context", "haptic_skill.Context", fields)
+            context = {"probability": row["context_probability"], "evidence": row["context_evidence"]}
+            yield _Message(time, "/context", "haptic_skill.Context", {"number": int(row["context"]), **context})
         command = {name: row[name] for name in ("target_pitch", "target_yaw", "feed_speed", "support")}
         command |= {"back_off": row["back_off"] > 0.5, "turning": row.get(CONTROL_COLUMNS[0], 1.0)}
-        yield time, _Message("/command", "haptic_skill.RigCommand", command)
+        yield _Message(time, "/command", "haptic_skill.RigCommand", command)
         rig = {name: row[name] for name in JSON_TYPES["haptic_skill.RigState"]}
-        yield time, _Message("/rig_state", "haptic_skill.RigState", rig)
+        yield _Message(time, "/rig_state", "haptic_skill.RigState", rig)
         if row["fault"] != fault:  # at the start, and where it changes
             fault = row["fault"]
             found = {"number": int(fault), "name": FAULTS.get(int(fault), "not known")}
-            yield time, _Message("/fault", "haptic_skill.Fault", found)
+            yield _Message(time, "/fault", "haptic_skill.Fault", found)
+    # JSON has neither NaN nor infinite numbers.
+    result = {name: v for name, v in run.result.items() if not (isinstance(v, float) and not np.isfinite(v))}
     reason = str(run.result.get("reason", ""))
-    yield times[-1], _outcome(reason, success=bool(run.result.get("inserted")), result=_finite(run.result))
+    yield _outcome(times[-1], reason, success=bool(run.result.get("inserted")), result=result)
 
 
-def _demonstration_messages(demonstration: Demonstration) -> Iterator[tuple[int, _Message]]:
+def _demonstration_messages(demonstration: Demonstration) -> Iterator[_Message]:
     samples = demonstration.samples
     motion = motion_of_demonstration(demonstration)
     times = _nanoseconds(samples["time"].to_numpy())
-    labels = contact_labels(demonstration)
+    labels = demonstration_labels(demonstration)
     motions = samples[list(ACTIONS)].to_numpy().tolist()
     for k, (time, moved) in enumerate(zip(times, motions, strict=True)):
-        yield time, _wrench(time, motion, k)
-        yield time, _pose(time, motion, k, "peg", "hole")
+        yield _wrench(time, motion, k)
+        yield _pose(time, motion, k, "peg", "hole")
         label = int(labels[k])
         name = "not known" if label == UNKNOWN else ContactLabel(label).label
-        yield time, _state("/exact_contact", label, name, known=label != UNKNOWN)
-        yield time, _Message("/command", "haptic_skill.HandMotion", dict(zip(ACTIONS, moved, strict=True)))
-    yield times[-1], _outcome(demonstration.reason, success=demonstration.good, result={})
+        yield _state(time, "/exact_contact", label, name, known=label != UNKNOWN)
+        yield _Message(time, "/command", "haptic_skill.HandMotion", dict(zip(ACTIONS, moved, strict=True)))
+    yield _outcome(times[-1], demonstration.reason, success=demonstration.good, result={})
+
+
+def stamped(nanoseconds: int, frame: str, numbers: Sequence[float]) -> bytes:
+    """Returns a message of a header and 64-bit floats: a wrench (6) or a pose (7).
+
+    Args:
+        nanoseconds: time of the header, not negative.
+        frame: name of the coordinate frame.
+        numbers: force (N) and torque (N m); or position (m) and quaternion x y z w.
+    """
+    name = frame.encode() + b"\0"
+    head = struct.pack("<iII", nanoseconds // BILLION, nanoseconds % BILLION, len(name)) + name
+    return LITTLE_ENDIAN + head + bytes(-len(head) % 8) + struct.pack(f"<{len(numbers)}d", *numbers)
 
 
 def _wrench(time: int, motion: Motion, k: int) -> _Message:
     numbers = [*motion.force[k].tolist(), *motion.moment[k].tolist()]
-    return _Message("/wrench", WRENCH, stamped(time, FRAMES["peg"], numbers))
+    return _Message(time, "/wrench", WRENCH, stamped(time, FRAMES["peg"], numbers))
 
 
 def _pose(time: int, motion: Motion, k: int, body: str, frame: str) -> _Message:
@@ -158,21 +205,16 @@ def _pose(time: int, motion: Motion, k: int, body: str, frame: str) -> _Message:
     rotation: Rotation
     rotation, position = (motion.R_WP, motion.p_WP) if body == "peg" else (motion.R_WH, motion.p_WH)
     numbers = [*position[k].tolist(), *rotation[k].as_quat(canonical=True).tolist()]
-    return _Message(f"/{body}/pose", POSE, stamped(time, FRAMES[frame], numbers))
+    return _Message(time, f"/{body}/pose", POSE, stamped(time, FRAMES[frame], numbers))
 
 
-def _state(topic: str, number: int, name: str, *, known: bool) -> _Message:
-    return _Message(topic, "haptic_skill.ContactState", {"number": number, "name": name, "known": bool(known)})
+def _state(time: int, topic: str, number: int, name: str, *, known: bool) -> _Message:
+    return _Message(time, topic, "haptic_skill.ContactState", {"number": number, "name": name, "known": bool(known)})
 
 
-def _outcome(reason: str, *, success: bool, result: Mapping[str, Any]) -> _Message:
+def _outcome(time: int, reason: str, *, success: bool, result: Mapping[str, Any]) -> _Message:
     content = {"outcome": reason, "success": success, "result": dict(result)}
-    return _Message("/outcome", "haptic_skill.Outcome", content)
-
-
-def _finite(result: Mapping[str, Any]) -> dict[str, Any]:
-    """A result without NaN and infinite numbers, which JSON does not have."""
-    return {name: value for name, value in result.items() if not (isinstance(value, float) and not np.isfinite(value))}
+    return _Message(time, "/outcome", "haptic_skill.Outcome", content)
 
 
 def _nanoseconds(times: Array) -> list[int]:
@@ -187,9 +229,3 @@ def _json_schema(kind: str) -> str:
     fields = JSON_TYPES[kind]
     schema = {"title": kind, "type": "object", "properties": fields, "required": list(fields)}
     return json.dumps(schema)
-
-
-def _header(recording: Demonstration | RigRun) -> dict[str, str]:
-    """Geometry, scenario, seed and versions of a recording, as JSON texts."""
-    kind = "rig_run" if isinstance(recording, RigRun) else "demonstration"
-    return {"kind": kind, **{str(name): json.dumps(value) for name, value in recording.metadata.items()}}

@@ -13,8 +13,7 @@ from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
-from interfaces.exports.mcap_log import JSON_TYPES, recording_log
-from interfaces.exports.ros_messages import POSE, SCHEMAS, WRENCH
+from interfaces.exports.mcap_log import JSON_TYPES, POSE, SCHEMAS, WRENCH, recording_log
 from skill.data.rig_run import CONTACT_COLUMNS, CONTEXT_COLUMNS
 from skill.recordings.messages.mcap_file import read_mcap_file
 from tests.trajectories import make_demonstration, make_rig_run
