@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,6 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from interfaces.reports.motion import Motion, make_block
-from interfaces.reports.round_step import round_step
 from models.bore import cutaway_sector
 from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
@@ -81,8 +81,9 @@ def arrow_scale(motion: Motion) -> ArrowScale:
     """Returns round scales (1, 2 or 5 times a power of ten per cm) at which the largest arrows fit the scene."""
 
     def fit(vectors: Array, minimum: float) -> float:
-        largest = max(float(np.linalg.norm(vectors, axis=1).max()), minimum)
-        return 100.0 * round_step(0.01 * largest / MAX_ARROW_LENGTH)
+        least = 0.01 * max(float(np.linalg.norm(vectors, axis=1).max()), minimum) / MAX_ARROW_LENGTH
+        decade = 10.0 ** math.floor(math.log10(least))
+        return 100.0 * next(m * decade for m in (1, 2, 5, 10) if m * decade >= least * (1 - 1e-9))  # rounding errors
 
     contacts = np.zeros((1, 3)) if motion.contact_forces is None else motion.contact_forces.reshape(-1, 3)
     return ArrowScale(force=fit(np.vstack([motion.force, contacts]), 1.0), moment=fit(motion.moment, 0.01))

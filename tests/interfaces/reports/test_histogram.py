@@ -5,7 +5,6 @@ import pytest
 
 from interfaces.reports.histogram import BAD, GOOD, bin_edges, histogram
 from interfaces.reports.page_template import svg_element
-from interfaces.reports.round_step import round_step
 
 
 @pytest.mark.parametrize(
@@ -37,11 +36,3 @@ def test_bars_are_stacked_and_the_median_is_marked():
 def test_the_label_of_the_median_stays_in_the_drawing(median, side):
     figure = histogram(np.array([0.0, median, 9.9]), np.full(3, True), unit="s")
     assert figure.axes[0].texts[0].get_ha() == side
-
-
-def test_round_steps_cover_the_span():
-    for span in np.geomspace(1e-6, 1e6, 97):
-        step = round_step(float(span), 7)
-        assert 7 * step >= span * (1 - 1e-9)
-        assert f"{step:.0e}"[0] in "125"
-        assert step == pytest.approx(float(f"{step:.0e}"))

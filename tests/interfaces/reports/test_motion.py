@@ -5,7 +5,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from interfaces.reports.motion import make_block, motion_of_demonstration, motion_of_run, read_motion
-from interfaces.reports.replay_scene import arrow_scale
 from skill.data.demonstration import write_demonstration
 from skill.data.rig_run import write_rig_run
 from skill.features.measurement import contact_load
@@ -58,13 +57,6 @@ def test_demonstration_with_a_skill_is_coloured_by_its_states():
     assert motion.colouring == "contact state"
     assert np.array_equal(motion.phase == 1, demonstration.samples["z"] < -0.01)
     assert motion.phases == ["near the mouth", "deep"]
-
-
-def test_largest_arrow_fits_the_scene_at_a_round_scale():
-    motion = motion_of_run(make_rig_run())
-    scale = arrow_scale(motion)
-    assert np.linalg.norm(motion.force, axis=1).max() / scale.force <= 0.035
-    assert f"{0.01 * scale.force:g}".strip("0.") in ("1", "2", "5")
 
 
 def test_load_is_the_load_that_the_force_guard_monitors():

@@ -297,10 +297,6 @@ def test_speed_that_is_not_a_finite_number_above_0_is_an_error(speed):
         replay_page(third_of_everything(), title="t", speed=speed)
 
 
-def test_slow_motion_is_allowed():
-    assert data_of(replay_page(third_of_everything(), title="t", speed=0.1))["speed"] == 0.1
-
-
 def test_page_contains_the_viewer_and_the_commands_of_the_scene():
     page = replay_page(third_of_everything(), title="t")
     assert viewer_source() in page

@@ -4,6 +4,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from experiments.trial import TrialRun, trial_scenario
+from interfaces.reports import replay_scene
 from interfaces.reports.motion import motion_of_run
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from systems.plant.contact_plant import AddRigPlant
@@ -64,4 +65,4 @@ def test_recording_and_replay_show_the_force_of_one_moment_in_the_same_direction
 
 
 def test_the_colour_is_that_of_the_replay():
-    assert FORCE_COLOUR == "#C1121F"
+    assert f"#{replay_scene.FORCE_COLOUR:06X}" == FORCE_COLOUR
