@@ -45,7 +45,8 @@ RESEND_TIME = 0.01
 """Time after which a signal that was lost in a destructor is sent again, s."""
 
 EXTRAS = {
-    **dict.fromkeys(("pydrake", "joblib", "yaml", "tornado"), "sim"),
+    **dict.fromkeys(("pydrake", "joblib", "tornado", "meshcat", "umsgpack"), "sim"),
+    **{"matplotlib": "figures", "pyarrow": "data"},
     **{"distributed": "dask", "mcap": "recordings", "mujoco": "mujoco", "ray": "ray"},
     **{"hmmlearn": "peers", "ruptures": "peers"},
     **{"gymnasium": "gym", "lerobot": "lerobot", "stable_baselines3": "rl", "torch": "lerobot"},

@@ -6,12 +6,10 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from skill.data.files import (
     MAX_LENGTH,
@@ -23,6 +21,9 @@ from skill.data.files import (
     seal,
     write_atomically,
 )
+
+if TYPE_CHECKING:
+    import pyarrow.parquet as pq  # part of an extra: the learner works without it
 
 MAX_ROWS = 300_000
 """Largest number of samples of a file: five minutes at 1 kHz. Reading them takes below 500 MB and a second."""
@@ -119,6 +120,9 @@ def write_table(
     Raises:
         ValueError: if the table has more than ``MAX_ROWS`` rows, or the header is too long.
     """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     _check_length(len(table), str(path))
     rows = pa.Table.from_pandas(table[list(columns)].astype(float), preserve_index=False)
     rows = rows.replace_schema_metadata(None)
@@ -161,6 +165,8 @@ def read_table(
         ValueError: if the file is missing, truncated, changed, too large, of another kind or version, or fails
             `validate_table`. The message names the file.
     """
+    import pyarrow as pa
+
     with named_parquet_errors(path, f"{kind} file"):
         file = _open(path)
         metadata = file.metadata.metadata or {}
@@ -190,6 +196,9 @@ def stored_kind(path: Path, kinds: Sequence[str]) -> str | None:
 
 def _open(path: Path, *, sealed: bool = True) -> pq.ParquetFile:
     """Returns a Parquet file in memory, after checking its digest, if it must have one, and to what it will unpack."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
     data = read_bounded(Path(path), MAX_BYTES)
     check_seal(data, required=sealed)
     file = pq.ParquetFile(pa.BufferReader(data), page_checksum_verification=True)
@@ -206,6 +215,8 @@ def _open(path: Path, *, sealed: bool = True) -> pq.ParquetFile:
 @contextmanager
 def named_parquet_errors(path: Path, what: str = "file") -> Iterator[None]:
     """Turns all errors of reading a Parquet file into one `ValueError` that names it."""
+    import pyarrow as pa
+
     try:
         yield
     except FileNotFoundError:

@@ -7,12 +7,18 @@ from pathlib import Path
 from typing import Any
 
 from skill.recordings.csv_file import read_bare_file, read_csv_file
-from skill.recordings.lerobot_folder import read_lerobot_folder
 from skill.recordings.messages.mcap_file import read_mcap_file
 from skill.recordings.messages.sqlite_bag import read_sqlite_bag
 from skill.recordings.npz_file import read_npz_file
-from skill.recordings.parquet_file import read_parquet_file
 from skill.recordings.recording import Recording
+
+
+def read_parquet_file(path: Path, **options: Any) -> list[Recording]:
+    """Reads a Parquet file; see `skill.recordings.parquet_file`, which needs an extra."""
+    from skill.recordings import parquet_file
+
+    return parquet_file.read_parquet_file(path, **options)
+
 
 TABLES = {
     **dict.fromkeys((".csv", ".tsv", ".txt"), read_csv_file),
@@ -84,6 +90,8 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
     suffix = path.suffix.lower()
     if path.is_dir():
         if (path / "meta" / "info.json").is_file():
+            from skill.recordings.lerobot_folder import read_lerobot_folder  # needs an extra
+
             return read_lerobot_folder(
                 path, **_chosen(path, options, {"columns", "phase_column", "feature"}, "a data set of LeRobot")
             )
