@@ -111,11 +111,12 @@ def test_an_interruption_in_a_destructor_is_not_lost(error, code):
     assert ended.value.code == code
 
 
-def test_a_missing_package_of_the_simulation_names_the_extra(capsys):
+@pytest.mark.parametrize(("package", "extra"), [("pydrake.geometry", "sim"), ("pyarrow", "data")])
+def test_a_missing_package_names_its_extra(capsys, package, extra):
     with pytest.raises(SystemExit) as ended:
-        raising(ModuleNotFoundError("no pydrake", name="pydrake.geometry"))()
+        raising(ModuleNotFoundError(f"no {package}", name=package))()
     assert ended.value.code == 1
-    assert "install haptic-skill[sim]" in capsys.readouterr().err
+    assert f"install haptic-skill[{extra}]" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("error", [KeyError("x"), ImportError("x"), ModuleNotFoundError("x", name="numpy")])
