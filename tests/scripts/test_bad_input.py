@@ -1,7 +1,5 @@
 """The messages of the commands about bad input: one line, and no file is written or removed."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -113,20 +111,16 @@ def test_training_without_an_insertion_is_one_error(tmp_path, demonstration_fold
     assert files(tmp_path) == ["shown/000.parquet"]
 
 
-@pytest.mark.parametrize("fault", ["missing", "truncated", "another version"])
+@pytest.mark.parametrize("fault", ["missing", "truncated", "no digest"])
 def test_running_with_a_bad_skill_is_one_error_and_writes_nothing(tmp_path, skill_file, fault):
     skill = tmp_path / "skill.npz"
     if fault == "truncated":
         skill.write_bytes(skill_file.read_bytes()[:500])
-    elif fault == "another version":
+    elif fault == "no digest":
         with np.load(skill_file) as stored:
-            arrays = dict(stored)
-        header = json.loads(arrays["header"].tobytes())
-        header["skill_version"] += 1
-        arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
-        np.savez(skill, **arrays)
+            np.savez(skill, **stored)
     line = error_line(invoke("rig", "--skill", skill, "--out", tmp_path / "rig", "--trials", 1))
-    messages = {"missing": "no such skill file", "another version": "version"}
+    messages = {"missing": "no such skill file"}
     assert messages.get(fault, "not a skill file") in line
     assert "skill.npz" in line
     assert set(files(tmp_path)) <= {"skill.npz"}
