@@ -1,10 +1,12 @@
 """The messages of the commands about bad input: one line, and no file is written or removed."""
 
+import json
+
 import numpy as np
 import pytest
 
 from models.scenario import dump_scenario
-from tests.crafted_files import rewrite
+from tests.crafted_files import rewrite, sealed_arrays
 from tests.quick_scenario import REQUESTS, make_quick_scenario
 from tests.scripts.commands import error_line, files, invoke
 
@@ -111,7 +113,7 @@ def test_training_without_an_insertion_is_one_error(tmp_path, demonstration_fold
     assert files(tmp_path) == ["shown/000.parquet"]
 
 
-@pytest.mark.parametrize("fault", ["missing", "truncated", "no digest"])
+@pytest.mark.parametrize("fault", ["missing", "truncated", "no digest", "another version"])
 def test_running_with_a_bad_skill_is_one_error_and_writes_nothing(tmp_path, skill_file, fault):
     skill = tmp_path / "skill.npz"
     if fault == "truncated":
@@ -119,8 +121,15 @@ def test_running_with_a_bad_skill_is_one_error_and_writes_nothing(tmp_path, skil
     elif fault == "no digest":
         with np.load(skill_file) as stored:
             np.savez(skill, **stored)
+    elif fault == "another version":
+        with np.load(skill_file) as stored:
+            arrays = dict(stored)
+        header = json.loads(arrays["header"].tobytes())
+        header["skill_version"] += 1
+        arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+        skill.write_bytes(sealed_arrays(arrays))
     line = error_line(invoke("rig", "--skill", skill, "--out", tmp_path / "rig", "--trials", 1))
-    messages = {"missing": "no such skill file"}
+    messages = {"missing": "no such skill file", "another version": "version", "no digest": "SHA-256"}
     assert messages.get(fault, "not a skill file") in line
     assert "skill.npz" in line
     assert set(files(tmp_path)) <= {"skill.npz"}
