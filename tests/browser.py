@@ -83,18 +83,19 @@ def shared_browser() -> Any:
 
 @contextmanager
 def open_page(
-    path: Path | str, *, size: tuple[int, int] = (1100, 720), fragment: str = "", flags: tuple[str, ...] = ()
+    path: Path | str, *, size: tuple[int, int] = (1100, 720), fragment: str = "", flags: tuple[str, ...] | None = None
 ) -> Iterator[Page]:
-    """Opens a file or an address in a new tab.
+    """Opens a file or an address: in a new tab of the shared browser, or in a browser of its own.
 
     Args:
         path: file, or address.
         size: width and height of the window, pixels.
         fragment: appended to the address, beginning with ``#``.
-        flags: more flags of the command line, of a browser of its own.
+        flags: of the command line of a browser of its own, which a page needs that must draw at full speed; None
+            takes the shared one.
     """
     address = (path if isinstance(path, str) else Path(path).resolve().as_uri()) + fragment
-    if flags:
+    if flags is not None:
         with headless_browser(address, size=size, flags=flags, logs=True) as driver:
             yield Page(driver)
         return

@@ -116,7 +116,6 @@ def gaussian_states(Z: Array, states: States) -> CompetitiveAgglomeration:
             "covariances": components.covariances,
             "precision_factors": factors,
             "design_effect": np.array(1.0),
-            "distance": np.array("fmle"),
         }
     )
 

@@ -30,6 +30,9 @@ STALL = 0.05
 SPIN = 3e-4
 """Last part of a wait, s, in which the process does not sleep: a sleep ends up to so much late."""
 
+REST = 1e-4
+"""Shortest sleep in each tick, s: a real-time process that never sleeps is stopped by Linux for 50 ms in a second."""
+
 PRIORITY = 10
 """Real-time priority of the process, where the system grants one."""
 
@@ -114,10 +117,8 @@ class Pace:
             self.late, self.stalls = self.late + 1, self.stalls + 1
             self._next = now + self.period
             return False
-        if behind > 0.0:
-            self.late += 1
-        elif -behind > self._spin:
-            time.sleep(-behind - self._spin)
+        self.late += behind > 0.0
+        time.sleep(max(-behind - self._spin, REST))
         while self._clock() < self._next:
             pass
         self._next += self.period

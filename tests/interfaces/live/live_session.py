@@ -47,7 +47,7 @@ class Session:
         return self.wait_for(r"open (http\S+) in a browser").group(1)
 
     def page(self):
-        return open_page(self.address(), size=SIZE)
+        return open_page(self.address(), size=SIZE, flags=())
 
 
 @contextmanager

@@ -17,7 +17,7 @@ from skill.data.outcome import Outcome
 from systems.operators.page_hand import PAGE, HandInput
 from systems.operators.person_frame import hand_coordinates
 from systems.servo.servo_client import SILENCE, ServoClient
-from systems.servo.servo_process import STALL, Pace
+from systems.servo.servo_process import REST, STALL, Pace
 from systems.servo.shared_value import SharedValue
 from systems.virtual_environment import start_pose
 
@@ -237,6 +237,9 @@ def test_the_pace_sleeps_until_its_last_part(monkeypatch, spin, looks):
     assert pace.wait()
     assert slept == [pytest.approx(1e-3 - spin, abs=2e-5)]
     assert (clock.now - begun - slept[0]) / 1e-5 == pytest.approx(looks, abs=1.5)
+    clock.now += 0.01
+    assert pace.wait()
+    assert slept[1:] == [REST]  # a late servo too leaves its core to others for a while
 
 
 def count_up(value, stop):
