@@ -105,24 +105,27 @@ class Pace:
 
     def __init__(self, period: float, clock: Callable[[], float] = time.monotonic, *, spin: float = SPIN) -> None:
         self.period, self._clock, self._spin = period, clock, spin
-        self._next = clock() + period
+        self._last = clock()
+        self._next = self._last + period
         self.ticks = self.late = self.stalls = 0
 
     def wait(self) -> bool:
-        """Waits until the tick's time has passed; returns False after a stall, for which the ticks start anew."""
+        """Waits until the tick's time has passed; returns False after a stall.
+
+        Delays up to `STALL` are made up for; from a longer one, or many short ones, the ticks go on from the present.
+        """
         self.ticks += 1
         now = self._clock()
         behind = now - self._next
+        stalled = now - self._last > STALL
+        self.late, self.stalls = self.late + (behind > 0.0), self.stalls + stalled
         if behind > STALL:
-            self.late, self.stalls = self.late + 1, self.stalls + 1
-            self._next = now + self.period
-            return False
-        self.late += behind > 0.0
+            self._next = now
         time.sleep(max(-behind - self._spin, REST))
-        while self._clock() < self._next:
+        while (now := self._clock()) < self._next:
             pass
-        self._next += self.period
-        return True
+        self._last, self._next = now, self._next + self.period
+        return not stalled
 
 
 def serve(driver: str, link: ServoLink, connection: Connection, parent: int) -> None:
@@ -139,7 +142,7 @@ def serve(driver: str, link: ServoLink, connection: Connection, parent: int) -> 
         parent: process number of the parent.
     """
     gc.disable()  # a collection would be a late tick
-    has_priority = ask_for_priority()
+    has_priority = driver != PAGE and ask_for_priority()  # a hand without motors must not take time from the browser
     device: LiveDevice | None = None
     try:
         device = PageHand(link.hand.read_new) if driver == PAGE else find_device(driver)()

@@ -7,7 +7,7 @@ from benchmarks.forward_models import KINDS, judged
 from tests.skill.test_skill_contexts import hinged_demonstrations
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_law_that_depends_on_the_context_is_predicted_with_the_context(monkeypatch):
     """The lateral force answers to turns, with opposite signs in two halves of the demonstrations."""
     monkeypatch.setattr(forward_models, "FOLDS", 2)

@@ -47,7 +47,7 @@ def test_the_rule_is_better_than_the_nominal_numerics_at_half_the_clearance():
     assert abs(rule["firm"]) < 0.15
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_rule_is_better_than_the_nominal_numerics_at_eight_times_the_clearance():
     nominal, rule = (NUMERICS[name](scenario_of(0.038)) for name in ("nominal", "rule"))
     for moment in (LIGHT, FIRM):

@@ -66,6 +66,7 @@ def test_a_sweep_that_is_given_again_performs_only_what_is_missing(
     assert again.key.is_unique
 
 
+@pytest.mark.nightly
 def test_policies_that_learn_are_taught_once_and_kept(specification, perform, tmp_path, monkeypatch):
     keys = {
         "policies": {"all": {"learn": {}}, "few": {"learn": {}, "demonstrations": {"size": 2}}},
@@ -120,6 +121,7 @@ def test_a_killed_worker_costs_its_trial_once_and_what_always_kills_is_given_up(
     assert rows_in(tmp_path / "fatal").policy.tolist() == ["push"]
 
 
+@pytest.mark.nightly
 def test_a_killed_client_loses_no_row_and_a_second_one_goes_on(specification, tmp_path):
     path = specification(policies={"push": PUSH}, trials={"number": 14})
     results = tmp_path / "results"
@@ -207,6 +209,7 @@ def dask_cluster(tmp_path):
     cluster.kill()
 
 
+@pytest.mark.nightly
 def test_a_dask_cluster_gives_the_same_rows_though_one_worker_is_killed_in_mid_trial(
     specification, perform, dask_cluster, tmp_path
 ):

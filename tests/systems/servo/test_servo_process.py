@@ -222,6 +222,15 @@ def test_the_pace_counts_late_ticks_and_starts_anew_after_a_stall():
     assert clock.now - begun == pytest.approx(1e-3, abs=1e-4)
 
 
+def test_a_servo_that_is_always_late_does_not_stall():
+    clock = Clock()
+    pace = Pace(1e-3, clock)
+    for _ in range(200):
+        clock.now += 1.5e-3
+        assert pace.wait()
+    assert (pace.ticks, pace.late, pace.stalls) == (200, 200, 0)
+
+
 @pytest.mark.parametrize(("spin", "looks"), [(0.0, 3), (5e-4, 52)])
 def test_the_pace_sleeps_until_its_last_part(monkeypatch, spin, looks):
     """A look at this clock takes 0.01 ms: the last 0.5 ms are 50 of them."""
