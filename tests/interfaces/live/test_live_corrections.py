@@ -51,6 +51,7 @@ def hole(picture):
     return picture[300:420, 400:700].astype(int)
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
 def test_a_skill_practises_is_shown_learns_and_performs_on_one_page(place, tmp_path, demonstration_folder):
     """The tab is closed once in the middle, and the command is given again at the end."""

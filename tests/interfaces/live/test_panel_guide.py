@@ -156,6 +156,7 @@ def test_the_contact_load_is_heard_on_request_while_a_demonstration_is_recorded(
     assert panel.text("sound-state") == "sound off"
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
 def test_whoever_follows_the_guide_inserts_a_tilted_peg_within_two_minutes(tmp_path):
     """A person who only does what the guide of a real session says, one press at a time.
