@@ -18,7 +18,7 @@ from models.contact_geometry import axes_of_rotation_vectors
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import Demonstration
 from skill.data.outcome import Ending, Outcome
-from systems.control.faults import one_line
+from systems.control.faults import error_summary
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.virtual_environment import MakeVirtualEnvironment, PegEnvironment
@@ -46,7 +46,7 @@ class DemonstrationRun:
         try:
             status = self.simulator.AdvanceTo(min(time, self._scenario.recorder.time_limit))
         except RuntimeError as error:  # Drake's solver failed
-            return Ending(Outcome.DIVERGED, one_line(error))
+            return Ending(Outcome.DIVERGED, error_summary(error))
         if status.system() is not None:
             return Ending(Outcome(status.message()))
         return Ending(Outcome.TIME_OVER) if time >= self._scenario.recorder.time_limit else None

@@ -30,7 +30,7 @@ from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Ending, Outcome
 from skill.data.rig_run import CONTACT_COLUMNS, RigRun
 from skill.policy import RigPolicy
-from systems.control.faults import Fault, one_line
+from systems.control.faults import Fault, error_summary
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.rig import MakeRig
 from systems.rig_diagram import RigDiagram
@@ -253,9 +253,9 @@ class TrialRun:
         try:
             self.simulator.AdvanceTo(time)
         except RuntimeError as error:  # Drake's solver failed
-            self.monitor.outcome, self.monitor.detail = Outcome.DIVERGED, one_line(error)
+            self.monitor.outcome, self.monitor.detail = Outcome.DIVERGED, error_summary(error)
         except (Exception, SystemExit) as error:  # one trial must not end the others; Drake's asserts raise SystemExit
-            self.monitor.outcome, self.monitor.detail = Outcome.FAILED, one_line(error)
+            self.monitor.outcome, self.monitor.detail = Outcome.FAILED, error_summary(error)
 
     @property
     def has_ended(self) -> bool:

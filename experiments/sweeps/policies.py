@@ -30,7 +30,7 @@ from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy, WrappedPolicy
 from skill.states.estimate import estimates
-from systems.control.faults import one_line
+from systems.control.faults import error_summary
 
 IMPORT_PATH = re.compile(r"[A-Za-z_][\w.]*:\w+")
 """What names something in a module."""
@@ -132,7 +132,7 @@ def imported(path: str) -> Any:
     try:
         return getattr(importlib.import_module(module), name)
     except Exception as error:  # whatever a module raises
-        raise ValueError(f"{path}: cannot be imported ({one_line(error)})") from error
+        raise ValueError(f"{path}: cannot be imported ({error_summary(error)})") from error
 
 
 def learn(training_context: TrainingContext, *, skill: str | None = None, **options: Any) -> RigPolicy:
@@ -194,7 +194,7 @@ def make_policy(plan: PolicyPlan, training_context: TrainingContext) -> MadePoli
     try:
         return _made(plan, training_context)
     except Exception as error:  # whatever a part of the user raises
-        raise ValueError(f"policies.{plan.name}: cannot be made ({one_line(error)})") from error
+        raise ValueError(f"policies.{plan.name}: cannot be made ({error_summary(error)})") from error
 
 
 def _made(plan: PolicyPlan, training_context: TrainingContext) -> MadePolicy:
@@ -221,7 +221,7 @@ def chosen(plan: PolicyPlan, paths: list[Path]) -> list[Demonstration]:
         try:
             found = imported(plan.demonstrations.select)(found)
         except Exception as error:  # whatever a user's function raises
-            raise ValueError(f"policies.{plan.name}: {plan.demonstrations.select}: {one_line(error)}") from error
+            raise ValueError(f"policies.{plan.name}: {plan.demonstrations.select}: {error_summary(error)}") from error
     return found
 
 

@@ -38,7 +38,7 @@ from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.files import parse_object, write_atomically
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
-from systems.control.faults import one_line
+from systems.control.faults import error_summary
 
 WAIT = 1.0
 """Time between two looks at what another sweep is making, s."""
@@ -264,7 +264,7 @@ def _results(pool: WorkerPool, tasks: Iterable[Callable[[], R]], work: str) -> I
             if done is not None:
                 yield done
     except LostWorkerError as error:
-        reason = f"a process died while {work} ({one_line(error)}); what is finished is kept"
+        reason = f"a process died while {work} ({error_summary(error)}); what is finished is kept"
         raise OSError(f"{reason}: give the command again, perhaps with fewer --jobs") from error
 
 

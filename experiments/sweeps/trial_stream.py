@@ -16,7 +16,7 @@ from experiments.sweeps.result_blocks import Block, HeldBlock, hold
 from experiments.sweeps.trial_rows import Row, TrialSource, engine_versions, perform, trial_code
 from experiments.worker_pool import LostWorkerError, WorkerPool
 from skill.policy import RigPolicy
-from systems.control.faults import one_line
+from systems.control.faults import error_summary
 
 WRITE_PERIOD = 1.0
 """Longest time that the row of a trial waits to be written, s."""
@@ -39,7 +39,7 @@ class TrialTask:
             self.requirements.check()
             return self.block, self.number, perform(self.source, self.policy, self.number, self.known)
         except Exception as error:  # the other trials go on
-            return self.block, self.number, one_line(error)
+            return self.block, self.number, error_summary(error)
 
 
 @dataclass
@@ -120,7 +120,7 @@ class TrialStream:
         try:
             self._take([task])
         except LostWorkerError as error:
-            self._fail(task.block, task.number, f"its process died: {one_line(error)}")
+            self._fail(task.block, task.number, f"its process died: {error_summary(error)}")
 
     def _take(self, tasks: Iterable[TrialTask]) -> None:
         """Takes the results of tasks as they come, and writes them."""

@@ -79,7 +79,7 @@ def reading_deviation(p: WrenchSensorParameters) -> tuple[float, float]:
     return force, math.hypot(torque, p.height * force)
 
 
-def one_line(error: BaseException) -> str:
+def error_summary(error: BaseException) -> str:
     """Returns the type of an exception and, if there is one, the first line of its message with text.
 
     At most 120 characters of this line are returned.

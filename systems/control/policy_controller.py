@@ -17,7 +17,7 @@ from skill.features.measurement import contact_load, measurement
 from skill.policy import Action, RigPolicy
 from skill.states.estimate import Estimate
 from systems.control.back_off import BackOffState, back_off_step
-from systems.control.faults import one_line
+from systems.control.faults import error_summary
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class PolicyController(LeafSystem):
             action = self._checked_action(measurement(wrench, depth), estimate)
         except Exception as error:  # a foreign policy may raise anything, and the rig must stop
             command = replace(command, rates=np.zeros(2), feed_speed=0.0, unwinding=False, turning=0.0)
-            state.get_mutable_abstract_state(int(self._failure)).set_value(one_line(error))
+            state.get_mutable_abstract_state(int(self._failure)).set_value(error_summary(error))
         else:
             pitch, yaw = (float(port.Eval(context)[0]) for port in self._targets)
             command = self._next_state(command, action, wrench, depth, estimate, angles=(pitch, yaw))

@@ -16,7 +16,7 @@ import numpy as np
 from models.hardware import DEVICE_PRESETS
 from models.scenario import Scenario
 from skill.arrays import Array
-from systems.control.faults import one_line
+from systems.control.faults import error_summary
 from systems.operators.device_operator import DeviceOperator, LiveDevice, find_device
 from systems.operators.page_hand import PAGE, PageHand
 from systems.servo.local_contact import LocalContact
@@ -161,7 +161,7 @@ def serve(driver: str, link: ServoLink, connection: Connection, parent: int) -> 
     except (EOFError, BrokenPipeError):  # the parent has gone
         return
     except BaseException as error:  # whatever a driver raises; SystemExit too
-        connection.send(("error", str(error) if isinstance(error, OSError) else one_line(error)))
+        connection.send(("error", str(error) if isinstance(error, OSError) else error_summary(error)))
     finally:
         if device is not None:
             device.close()

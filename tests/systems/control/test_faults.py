@@ -17,7 +17,7 @@ from models.scenario import validate_scenario
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
 from systems import rig as rig_module
-from systems.control.faults import FEED_FAULTS, Fault, one_line
+from systems.control.faults import FEED_FAULTS, Fault, error_summary
 from systems.hardware.depth_encoder import DepthEncoder
 
 BEGIN = 0.12  # in units of s; the peg touches the chamfer by then
@@ -284,7 +284,7 @@ def test_a_fault_is_reported_even_if_the_time_runs_out_before_the_rig_stops(scen
     ],
 )
 def test_an_exception_is_shortened_to_one_line(error, line):
-    assert one_line(error) == line
+    assert error_summary(error) == line
 
 
 def test_the_numbers_in_stored_runs_keep_their_meaning():
