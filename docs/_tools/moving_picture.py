@@ -30,8 +30,11 @@ RATE = 6  # pictures per second
 SLOW = 3  # times slower than it was
 PICTURES = ROOT / "docs" / "pictures"
 LARGEST = 400_000  # in units of bytes
-# Two replays side by side are narrow: only the scene, the readings and the timeline have a place there.
-PLAIN = "for (const id of ['dial-box', 'arrows']) document.getElementById(id).style.display = 'none'"
+UNUSED = ".dg.main"
+"""The viewer's own controls."""
+NARROW = "#dial-box, #arrows"
+"""What has no place where two replays stand side by side."""
+HIDE = "for (const part of document.querySelectorAll(arguments[0])) part.style.display = 'none'"
 
 
 def film(replay: Path, times: Sequence[float], *, narrow: bool) -> list[Image.Image]:
@@ -39,8 +42,7 @@ def film(replay: Path, times: Sequence[float], *, narrow: bool) -> list[Image.Im
     shown = []
     with open_page(replay, size=(SIZE[0] // 2, SIZE[1]) if narrow else SIZE) as page:
         page.wait("window.replay && window.replay.ready")
-        if narrow:
-            page.run(PLAIN)
+        page.run(HIDE, f"{UNUSED}, {NARROW}" if narrow else UNUSED)
         for time_shown in times:
             page.run("window.replay.pause(); window.replay.seek(arguments[0])", time_shown)
             time.sleep(0.1)  # until it is drawn
