@@ -11,7 +11,7 @@ import pandas as pd
 from skill.arrays import Array
 from skill.policy import Action
 from skill.prediction import Plan, Prediction, Query
-from skill.regression.explanation import Explanation
+from skill.regression.protocols import Explanation
 
 MAX_PRINTED = 5  # samples in the printed explanation
 

@@ -33,7 +33,7 @@ from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.context_mixture import ContextMixture
 from skill.states.state_graph import StateGraph
 
-SKILL_VERSION = 8
+SKILL_VERSION = 9
 """Version of the files that are written and read."""
 
 MAX_BYTES = 50_000_000

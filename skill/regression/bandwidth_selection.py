@@ -16,9 +16,9 @@ from sklearn.base import clone
 from sklearn.model_selection import GroupKFold
 
 from skill.arrays import Array
-from skill.regression.kernel_neighbourhood import Kernel
 from skill.regression.leave_one_out import candidate_bandwidths
 from skill.regression.locally_weighted_regression import LWRegressor
+from skill.regression.neighbourhood import Kernel
 
 FOLDS = 5
 """Number of folds of the cross-validation over demonstrations."""
@@ -35,13 +35,11 @@ class BandwidthSelection:
         bandwidths: (B,), the candidates, ascending.
         errors: (B,), normalised mean squared error, averaged over the folds. The error of each output is divided by its
             variance, so that units do not matter; the overall mean has the error 1.
-        standard_errors: (B,), standard errors of ``errors``, from the scatter between folds.
     """
 
     bandwidth: float
     bandwidths: Array
     errors: Array
-    standard_errors: Array
 
 
 @dataclass(frozen=True)
@@ -71,7 +69,6 @@ def select_bandwidth(
     memberships: ArrayLike | None = None,
     sample_weight: ArrayLike | None = None,
     n_splits: int = 5,
-    rule: str = "minimum",
 ) -> BandwidthSelection:
     """Selects the bandwidth with the minimum error on left-out groups.
 
@@ -84,14 +81,10 @@ def select_bandwidth(
         memberships: (n, K), see `LWRegressor`.
         sample_weight: (n,), see `LWRegressor`; the errors are weighted by it too.
         n_splits: number of folds; at most one for each group is used.
-        rule: "minimum", or "one_standard_error" for the greatest bandwidth whose error is within one standard error of
-            the minimum (Breiman et al., "Classification and regression trees", 1984, section 3.4.3).
 
     Raises:
-        ValueError: if there are fewer than two groups, a candidate is not positive, or the rule is unknown.
+        ValueError: if there are fewer than two groups, or a candidate is not positive.
     """
-    if rule not in ("minimum", "one_standard_error"):
-        raise ValueError(f"rule = {rule!r}; expected 'minimum' or 'one_standard_error'")
     data = GroupedSamples.checked(X, y, groups, memberships, sample_weight, n_splits)
     template = clone(regressor).set_params(bandwidth=1.0)  # any number: fits with "auto" would select one in vain
     fitted = data.fit(clone(template), np.arange(len(data.X)))
@@ -106,11 +99,7 @@ def select_bandwidth(
             model.set_params(bandwidth=float(bandwidth))
             errors[i, j] = data.error(model, test)
     mean = errors.mean(axis=0)
-    scatter = errors.std(axis=0, ddof=1) / np.sqrt(len(errors))
-    best = int(mean.argmin())
-    if rule == "one_standard_error":
-        best = int(np.flatnonzero(mean <= mean[best] + scatter[best])[-1])
-    return BandwidthSelection(float(candidates[best]), candidates, mean, scatter)
+    return BandwidthSelection(float(candidates[mean.argmin()]), candidates, mean)
 
 
 def select_feature_scale(

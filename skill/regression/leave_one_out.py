@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.regression.kernel_neighbourhood import Kernel, KernelNeighbourhood
 from skill.regression.local_model import equivalent_kernels, normalised_weights
+from skill.regression.neighbourhood import Kernel, KernelNeighbourhood
 
 MAX_LEFT_OUT = 500
 """Number of samples that are left out, one by one, to select a bandwidth. They are evenly spaced among all samples."""
@@ -41,37 +41,27 @@ class StoredSamples:
         *,
         ridge: float,
         degree: int,
-        closed: bool = False,
-        with_copies: bool = False,
     ) -> Array:
-        """Predictions (B, r, p) by B kernels at the samples ``rows`` (r,), each without the sample itself.
+        """Predictions (B, r, p) by B kernels at the samples ``rows`` (r,), each without the sample and its copies.
+
+        Copies are samples with the same features; they stay if there are no others.
 
         Args:
             rows: numbers of the samples.
             kernels: kernels that differ in their bandwidths only.
             ridge: penalty of the squared slope.
             degree: 0 or 1.
-            closed: whether to divide the residual of the fit with the sample by 1 - l_ii, instead of leaving it out.
-            with_copies: whether to leave out all samples with the same features too, unless there are no others.
         """
-        queries, outputs = self.X[rows], self.y[rows]
+        queries = self.X[rows]
         P = None if self.memberships is None else self.memberships[rows]
-        out = np.empty((len(kernels), *outputs.shape))
+        out = np.empty((len(kernels), len(rows), self.y.shape[1]))
         blocks = self.neighbourhood.blocks_of_kernels(queries, P, kernels, extra=1)
         for number, block, found, x, log_w in blocks:
-            itself = found == rows[block, None]
-            if with_copies:
-                itself = (x == queries[block][:, None, :]).all(axis=2)
-                itself &= (~itself & np.isfinite(log_w)).any(axis=1, keepdims=True)
-            if not closed:
-                log_w = np.where(itself, -np.inf, log_w)
-            weights, _, scaled_ridge = normalised_weights(log_w, ridge)
+            copies = (x == queries[block][:, None, :]).all(axis=2)
+            copies &= (~copies & np.isfinite(log_w)).any(axis=1, keepdims=True)
+            weights, _, scaled_ridge = normalised_weights(np.where(copies, -np.inf, log_w), ridge)
             influence = equivalent_kernels(queries[block], x, weights, scaled_ridge, degree)
-            fitted = (influence[:, None, :] @ self.y[found])[:, 0, :]
-            if closed:
-                own_influence = np.where(itself, influence, 0.0).sum(axis=1)[:, None]
-                fitted = outputs[block] - (outputs[block] - fitted) / (1.0 - own_influence)
-            out[number, block] = fitted
+            out[number, block] = (influence[:, None, :] @ self.y[found])[:, 0, :]
         return out
 
     def best_bandwidth(self, kernel: Kernel, *, ridge: float, degree: int) -> float:
@@ -92,7 +82,7 @@ class StoredSamples:
         rows = np.unique(np.linspace(0, len(self.X) - 1, MAX_LEFT_OUT).astype(np.intp))
         candidates = candidate_bandwidths(np.unique(self.X, axis=0), kernel)[::-1]
         kernels = [replace(kernel, bandwidth=float(bandwidth)) for bandwidth in candidates]
-        predicted = self.predictions(rows, kernels, ridge=ridge, degree=degree, with_copies=True)
+        predicted = self.predictions(rows, kernels, ridge=ridge, degree=degree)
         squares = np.average((predicted - self.y[rows]) ** 2, axis=1, weights=self.sample_weight[rows])
         errors = (squares[:, varies] / variance[varies]).mean(axis=1)
         return float(candidates[errors.argmin()])  # the widest of equal ones

@@ -17,8 +17,6 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from skill.arrays import Array, standard_scale
-from skill.regression.explanation import Explanation
-from skill.regression.kernel_neighbourhood import Kernel, KernelNeighbourhood
 from skill.regression.leave_one_out import StoredSamples
 from skill.regression.local_model import (
     LocalPrediction,
@@ -28,7 +26,8 @@ from skill.regression.local_model import (
     local_predictions,
     normalised_weights,
 )
-from skill.regression.membership_index import check_memberships
+from skill.regression.neighbourhood import Kernel, KernelNeighbourhood, check_memberships
+from skill.regression.protocols import Explanation
 from skill.regression.regressor_arrays import check_regressor_arrays
 
 MAX_QUERY = 1e100
@@ -57,7 +56,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             weight among the nearest of each state that the query may be in.
         feature_scale: m, (d,), positive; "standard" for the reciprocal standard deviation of each feature, one for a
             constant feature; None for ones.
-        algorithm: "kd_tree", "brute", or "auto" to choose by number of samples and features.
 
     Attributes:
         X_: (n, d), the samples of positive weight, times ``feature_scale_``.
@@ -80,7 +78,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         "ridge": [Interval(Real, 0, None, closed="left")],
         "n_neighbors": [Interval(Integral, 1, None, closed="left"), None],
         "feature_scale": [StrOptions({"standard"}), "array-like", None],
-        "algorithm": [StrOptions({"auto", "kd_tree", "brute"})],
     }
 
     def __init__(
@@ -92,7 +89,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         ridge: float = 1e-2,
         n_neighbors: int | None = 200,
         feature_scale: ArrayLike | str | None = None,
-        algorithm: str = "auto",
     ) -> None:
         self.bandwidth = bandwidth
         self.bandwidth_type = bandwidth_type
@@ -100,7 +96,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         self.ridge = ridge
         self.n_neighbors = n_neighbors
         self.feature_scale = feature_scale
-        self.algorithm = algorithm
 
     def fit(
         self,
@@ -262,27 +257,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             log_w_max=float(log_w_max[0]),
         )
 
-    def leave_one_out(self, method: str = "direct") -> Array:
-        """Predictions at the samples, each without the sample itself, (n,) or (n, p) like ``y``.
-
-        Args:
-            method: "direct" refits each neighbourhood without the sample; use it to select bandwidths. "closed" divides
-                the residual of the fit with the sample by 1 - l_ii, with the equivalent kernel l. This ignores the
-                neighbour that would replace the sample, and is 0 / 0 where a small bandwidth isolates a sample.
-
-        Raises:
-            ValueError: if there is only one sample, or the method is unknown.
-        """
-        check_is_fitted(self)
-        if method not in ("direct", "closed"):
-            raise ValueError(f"method = {method!r}; expected 'direct' or 'closed'")
-        if len(self.X_) < 2:
-            raise ValueError("leave_one_out needs at least 2 samples; found 1")
-        out = self._stored.predictions(
-            np.arange(len(self.X_)), [self._kernel()], ridge=self.ridge, degree=self.degree, closed=method == "closed"
-        )[0]
-        return self._shaped(out)
-
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """The fitted estimator as plain arrays, which can be stored without pickle."""
         check_is_fitted(self)
@@ -292,7 +266,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             "degree": np.array(int(self.degree)),
             "ridge": np.array(float(self.ridge)),
             "n_neighbors": np.array(-1 if self.n_neighbors is None else int(self.n_neighbors)),
-            "algorithm": np.array(self.algorithm),
             "feature_scale": self.feature_scale_,
             "X": self.X_,
             "y": self.y_,
@@ -322,7 +295,6 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             ridge=float(arrays["ridge"]),
             n_neighbors=None if k < 0 else k,
             feature_scale=scale,
-            algorithm=str(arrays["algorithm"]),
         )
         self.feature_scale_ = scale
         self.X_ = np.array(arrays["X"], dtype=float, order="C")
@@ -346,7 +318,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
     def _build(self) -> None:
         """Computes what follows from the stored samples."""
         self.marginal_variance_ = self.y_.var(axis=0)
-        self._neighbourhood = KernelNeighbourhood(self.X_, self.memberships_, self.sample_weight_, self.algorithm)
+        self._neighbourhood = KernelNeighbourhood(self.X_, self.memberships_, self.sample_weight_)
         self._stored = StoredSamples(self.X_, self.y_, self.memberships_, self.sample_weight_, self._neighbourhood)
 
     def _queries(self, X: ArrayLike, memberships: ArrayLike | None) -> tuple[Array, Array | None]:

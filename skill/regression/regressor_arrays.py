@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
-from skill.regression.membership_index import check_memberships
+from skill.regression.neighbourhood import check_memberships
 
 RULES = {
     "bandwidth": ArrayRule(low=MIN_POSITIVE),
@@ -17,7 +17,6 @@ RULES = {
     "degree": ArrayRule(holds="integers", low=0, high=1),
     "ridge": ArrayRule(low=0.0),
     "n_neighbors": ArrayRule(holds="integers", low=-1),
-    "algorithm": ArrayRule(holds="texts", choices=("auto", "kd_tree", "brute")),
     "feature_scale": ArrayRule(("d",), low=MIN_POSITIVE),
     "X": ArrayRule(("n", "d")),
     "y": ArrayRule(("n", "p")),

@@ -43,14 +43,6 @@ def test_the_selected_bandwidth_is_near_the_best_on_new_groups():
     assert errors[chosen.bandwidth] <= 1.2 * min(errors.values())
 
 
-def test_the_one_standard_error_rule_never_selects_a_narrower_bandwidth():
-    X, y, groups = demonstrations()
-    minimum = select_bandwidth(LWRegressor(), X, y, groups)
-    smooth = select_bandwidth(LWRegressor(), X, y, groups, rule="one_standard_error")
-    assert smooth.bandwidth >= minimum.bandwidth
-    np.testing.assert_array_equal(smooth.errors, minimum.errors)
-
-
 def test_units_of_the_outputs_do_not_matter():
     X, y, groups = demonstrations()
     one = select_bandwidth(LWRegressor(), X, y, groups)
@@ -151,15 +143,6 @@ def test_outputs_that_do_not_vary_and_groups_without_weight_have_no_error():
     model = light.fit(LWRegressor(), np.flatnonzero(groups > 0))
     assert light.error(model, np.flatnonzero(groups == 0)) == 0.0
     assert light.error(model, np.flatnonzero(groups == 1)) > 0.0
-
-
-def test_the_one_standard_error_rule_takes_the_greatest_bandwidth_within_one_standard_error():
-    X, y, groups = demonstrations()
-    found = select_bandwidth(LWRegressor(), X, y, groups, rule="one_standard_error")
-    best = found.errors.argmin()
-    limit = found.errors[best] + found.standard_errors[best]
-    assert found.bandwidth == max(h for h, e in zip(found.bandwidths, found.errors, strict=True) if e <= limit)
-    assert found.bandwidth > found.bandwidths[best]
 
 
 @pytest.mark.parametrize(("n", "step", "k"), [(40, 1, 5), (330, 3, 5), (40, 1, None)])

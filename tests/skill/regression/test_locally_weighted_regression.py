@@ -141,36 +141,6 @@ def test_the_prediction_at_a_far_query_is_a_mean_of_the_outputs(distance, kind, 
     np.testing.assert_allclose(dut.predict(queries[:1]), local.mean[:1], rtol=1e-6)
 
 
-def test_leaving_one_out_directly_is_refitting_without_the_sample():
-    X, Y = wavy(60)
-    dut = LWRegressor(bandwidth=0.5, n_neighbors=20).fit(X, Y)
-    refitted = [
-        LWRegressor(bandwidth=0.5, n_neighbors=20).fit(np.delete(X, i, 0), np.delete(Y, i, 0)).predict(X[i : i + 1])[0]
-        for i in range(60)
-    ]
-    np.testing.assert_allclose(dut.leave_one_out(), refitted, atol=1e-12)
-
-
-def test_closed_and_direct_leave_one_out_agree_at_moderate_bandwidth():
-    X, Y = wavy(200)
-    dut = LWRegressor(bandwidth=0.7, n_neighbors=None).fit(X, Y)
-    np.testing.assert_allclose(dut.leave_one_out("closed"), dut.leave_one_out("direct"), atol=1e-10)
-
-
-def test_the_closed_form_underestimates_the_error_of_a_tiny_bandwidth_and_the_direct_one_does_not():
-    rng = np.random.default_rng(0)
-    X, y = (
-        rng.uniform(size=(200, 4)),
-        rng.normal(size=200),
-    )  # nothing to learn: the error must be that of the noise
-    dut = LWRegressor(bandwidth=0.011, ridge=1e-6).fit(X, y)
-    with np.errstate(all="ignore"):  # 0 / 0 is expected
-        closed = np.sqrt(np.mean((dut.leave_one_out("closed") - y) ** 2))
-    direct = np.sqrt(np.mean((dut.leave_one_out("direct") - y) ** 2))
-    assert direct > 0.9 * y.std()
-    assert not np.isclose(closed, direct, rtol=0.05)
-
-
 def test_prediction_intervals_have_their_coverage_and_variance_only_ones_are_narrower():
     covered, narrow = [], []
     for seed in range(5):
@@ -300,14 +270,6 @@ def test_the_explanation_adds_up_to_the_prediction():
     np.testing.assert_allclose(why.influence.sum(), 1.0)
 
 
-@pytest.mark.parametrize("algorithm", ["kd_tree", "brute"])
-def test_both_searches_predict_the_same(algorithm):
-    X, Y = wavy(3000, 7)
-    one = LWRegressor(bandwidth=0.5, n_neighbors=50).fit(X, Y).predict(X[:100])
-    other = LWRegressor(bandwidth=0.5, n_neighbors=50, algorithm=algorithm).fit(X, Y).predict(X[:100])
-    np.testing.assert_allclose(one, other, atol=1e-12)
-
-
 def test_arrays_restore_an_estimator_that_predicts_the_same_bits(tmp_path):
     X, Y = wavy()
     P = np.random.default_rng(0).dirichlet([0.3] * 3, 400)
@@ -349,10 +311,6 @@ def test_other_errors_name_the_remedy():
         dut.predict(X[:1], [[1.0]])
     with pytest.raises(ValueError, match="one for each feature"):
         LWRegressor(feature_scale=[1.0]).fit(X, Y)
-    with pytest.raises(ValueError, match="'direct' or 'closed'"):
-        dut.leave_one_out("other")
-    with pytest.raises(ValueError, match="at least 2 samples"):
-        LWRegressor().fit(X[:1], Y[:1]).leave_one_out()
     with pytest.raises(ValueError, match="'prediction' or 'variance_only'"):
         dut.predict_local(X[:1]).interval(kind="other")
     with pytest.raises(ValueError, match="between 0 and 1"):

@@ -3,9 +3,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skill.regression.kernel_neighbourhood import Kernel, KernelNeighbourhood
-from skill.regression.membership_index import MembershipIndex, check_memberships
-from skill.regression.neighbour_index import NeighbourIndex
+from skill.regression.neighbourhood import (
+    SEARCH_BLOCK,
+    Kernel,
+    KernelNeighbourhood,
+    MembershipIndex,
+    NeighbourIndex,
+    check_memberships,
+)
 
 
 def naive(points, query, k):
@@ -17,31 +22,22 @@ def naive(points, query, k):
     st.integers(1, 300),
     st.integers(1, 6),
     st.integers(1, 20),
-    st.sampled_from(["kd_tree", "brute", "auto"]),
     st.integers(0, 10_000),
 )
-def test_the_search_finds_the_nearest_points(n, d, k, algorithm, seed):
+def test_the_search_finds_the_nearest_points(n, d, k, seed):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(n, d)) * rng.uniform(0.01, 100, d) + 1e3
     queries = points[rng.integers(0, n, 7)] + 0.1 * rng.normal(size=(7, d))
     rows = 10 + np.arange(n)
-    dut = NeighbourIndex(points, rows, algorithm)
+    dut = NeighbourIndex(points, rows)
     many = dut.nearest_many(queries, k)
     for query, found in zip(queries, many, strict=True):
         expected = {row + 10 for row in naive(points, query, k)}
         assert set(found) == expected == set(dut.nearest(query, k))
 
 
-def test_the_algorithm_depends_on_number_and_dimension_of_the_points():
-    rng = np.random.default_rng(0)
-    assert NeighbourIndex(rng.normal(size=(500, 14))).algorithm == "brute"
-    assert NeighbourIndex(rng.normal(size=(30_000, 14))).algorithm == "kd_tree"
-    assert NeighbourIndex(rng.normal(size=(15_000, 3))).algorithm == "kd_tree"
-
-
-@pytest.mark.parametrize("algorithm", ["kd_tree", "brute"])
-def test_equal_points_are_found(algorithm):
-    dut = NeighbourIndex(np.zeros((1000, 3)), None, algorithm)
+def test_equal_points_are_found():
+    dut = NeighbourIndex(np.zeros((1000, 3)))
     assert dut.nearest_many(np.ones((2, 3)), 5).shape == (2, 5)
 
 
@@ -49,7 +45,7 @@ def test_candidates_come_from_the_states_the_query_may_be_in():
     rng = np.random.default_rng(0)
     points = rng.normal(size=(400, 3))
     P = np.eye(4)[rng.integers(0, 4, 400)]
-    dut = MembershipIndex(points, P, "auto")
+    dut = MembershipIndex(points, P)
     Q = np.array([[1.0, 0, 0, 0], [0.5, 0.5, 0, 0], [0, 0, 0.9995, 0.0005], [0.2, 0.3, 0.4, 0.1]])
     rows, log_share = dut.candidates(points[:4], Q, 10)
     for q, found, log in zip(Q, rows, log_share, strict=True):
@@ -62,7 +58,7 @@ def test_candidates_come_from_the_states_the_query_may_be_in():
 def test_a_sample_that_may_be_in_two_states_counts_once():
     points = np.random.default_rng(0).normal(size=(50, 2))
     P = np.full((50, 2), 0.5)
-    rows, log_share = MembershipIndex(points, P, "auto").candidates(points[:3], P[:3], 20)
+    rows, log_share = MembershipIndex(points, P).candidates(points[:3], P[:3], 20)
     for found, log in zip(rows, log_share, strict=True):
         assert np.isfinite(log).sum() == len(np.unique(found)) == 20
 
@@ -72,7 +68,7 @@ def test_one_query_and_many_have_the_same_neighbourhoods(adaptive):
     rng = np.random.default_rng(1)
     points, weight = rng.normal(size=(3000, 4)), rng.uniform(0.5, 1.0, 3000)
     P, Q = rng.dirichlet([0.2] * 3, 3000), rng.dirichlet([0.2] * 3, 40)
-    dut = KernelNeighbourhood(points, P, weight, "auto")
+    dut = KernelNeighbourhood(points, P, weight)
     kernel = Kernel(0.7, adaptive, 60)
     for block, found, x, log_w in dut.blocks(points[:40], Q, kernel):
         for i, query in enumerate(range(*block.indices(40))):
@@ -81,12 +77,6 @@ def test_one_query_and_many_have_the_same_neighbourhoods(adaptive):
             np.testing.assert_array_equal(found[i][a], one[b])
             np.testing.assert_allclose(log_w[i][a], log_one[b], atol=1e-12)
             np.testing.assert_array_equal(x[i][a], x_one[b])
-
-
-@pytest.mark.parametrize(("dimension", "limit"), [(1, 10_000), (4, 10_000), (5, 12_000), (8, 12_000), (9, 25_000)])
-def test_brute_force_is_used_up_to_a_size_that_grows_with_the_dimension(dimension, limit):
-    assert NeighbourIndex(np.zeros((limit, dimension))).algorithm == "brute"
-    assert NeighbourIndex(np.zeros((limit + 1, dimension))).algorithm == "kd_tree"
 
 
 def test_all_points_are_returned_if_there_are_not_more_than_asked_for():
@@ -99,8 +89,9 @@ def test_all_points_are_returned_if_there_are_not_more_than_asked_for():
 
 def test_a_long_batch_is_searched_in_blocks():
     points = np.random.default_rng(0).normal(size=(3000, 2))
-    dut = NeighbourIndex(points, None, "brute")
+    dut = NeighbourIndex(points)
     queries = np.random.default_rng(1).normal(size=(200, 2))
+    assert len(points) * len(queries) > 2 * SEARCH_BLOCK
     found = dut.nearest_many(queries, 3)
     assert all(set(rows) == naive(points, q, 3) for q, rows in zip(queries, found, strict=True))
 
@@ -111,7 +102,7 @@ def test_the_neighbours_of_greatest_weight_among_those_of_all_states_are_kept(we
     rng = np.random.default_rng(2)
     points, P = rng.normal(size=(300, 2)), rng.dirichlet([1.0] * 3, 300)
     weight = rng.uniform(0.1, 1.0, 300) if weighted else np.ones(300)
-    dut = KernelNeighbourhood(points, P, weight, "auto")
+    dut = KernelNeighbourhood(points, P, weight)
     for query, q in zip(rng.normal(size=(30, 2)), rng.dirichlet([1.0] * 3, 30), strict=True):
         log_w = -((points - query) ** 2).sum(axis=1) / 0.8**2 + np.log(P @ q) + np.log(weight)
         candidates = naive(points, query, 12)  # each state contains nearly every sample
@@ -129,7 +120,7 @@ def test_the_neighbours_of_greatest_weight_among_those_of_all_states_are_kept(we
 def test_of_candidates_from_two_states_the_greatest_weights_are_kept(batched):
     x = np.array([[0.1], [0.2], [0.3], [0.4], [-0.15], [-0.25], [-0.35], [-0.45]])
     P = np.repeat([[1.0, 0.0], [0.0, 1.0]], 4, axis=0)
-    dut = KernelNeighbourhood(x, P, np.ones(8), "auto")
+    dut = KernelNeighbourhood(x, P, np.ones(8))
     for q, expected in (([0.5, 0.5], {0, 1, 4}), ([0.9, 0.1], {0, 1, 2}), ([0.1, 0.9], {4, 5, 6})):
         query, state, kernel = np.zeros(1), np.array(q), Kernel(1.0, False, 3)
         if batched:
@@ -143,16 +134,16 @@ def test_of_candidates_from_two_states_the_greatest_weights_are_kept(batched):
 
 def test_an_adaptive_kernel_has_the_distance_of_the_farthest_neighbour():
     x = np.array([[1.0], [2.0], [-4.0], [8.0]])
-    dut = KernelNeighbourhood(x, None, np.ones(4), "auto")
+    dut = KernelNeighbourhood(x, None, np.ones(4))
     found, _, log_w = dut.of_one(np.zeros(1), None, Kernel(0.5, True, 3))
     np.testing.assert_allclose(log_w, -((x[found, 0] / (0.5 * 4.0)) ** 2))
-    equal = KernelNeighbourhood(np.zeros((4, 1)), None, np.ones(4), "auto").of_one(np.zeros(1), None, Kernel(0.5, True))
+    equal = KernelNeighbourhood(np.zeros((4, 1)), None, np.ones(4)).of_one(np.zeros(1), None, Kernel(0.5, True))
     np.testing.assert_array_equal(equal[2], 0.0)
 
 
 def test_extra_neighbours_are_added():
     x = np.arange(10.0)[:, None]
-    dut = KernelNeighbourhood(x, None, np.ones(10), "auto")
+    dut = KernelNeighbourhood(x, None, np.ones(10))
     assert next(dut.blocks(x[:2], None, Kernel(1.0, False, 3), extra=2))[1].shape == (2, 5)
     assert next(dut.blocks(x[:2], None, Kernel(1.0, False, 3), extra=20))[1].shape == (2, 10)
     assert next(dut.blocks(x[:2], None, Kernel(1.0)))[1].shape == (2, 10)
@@ -161,7 +152,7 @@ def test_extra_neighbours_are_added():
 def test_all_blocks_together_are_the_whole_batch():
     rng = np.random.default_rng(0)
     x, P = rng.normal(size=(2000, 8)), rng.dirichlet([0.3] * 3, 2000)
-    dut = KernelNeighbourhood(x, P, np.ones(2000), "auto")
+    dut = KernelNeighbourhood(x, P, np.ones(2000))
     blocks = list(dut.blocks(x, P, Kernel(1.0, False, 200)))
     assert len(blocks) > 10
     assert [row for block, *_ in blocks for row in range(*block.indices(2000))] == list(range(2000))
@@ -174,7 +165,7 @@ def test_all_blocks_together_are_the_whole_batch():
 
 def test_a_sample_without_a_shared_state_has_the_minimum_share():
     points = np.arange(4.0)[:, None]
-    dut = MembershipIndex(points, np.eye(3)[[0, 0, 1, 1]], "auto")
+    dut = MembershipIndex(points, np.eye(3)[[0, 0, 1, 1]])
     rows, log_share = dut.candidates_of_one(np.zeros(1), np.array([0.0, 0.0, 1.0]), 2)
     assert set(rows) == {0, 1}
     np.testing.assert_allclose(log_share, np.log(1e-300))

@@ -1,0 +1,311 @@
+"""The neighbourhood of a query: the samples of its local model, and their kernel weights.
+
+Each state has its own index of the samples that may be in it. A query searches the indices of the states that it may be
+in. Usually this is one index, which is smaller than the whole and contains no samples that would get no weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from skill.arrays import Array
+
+Rows = NDArray[np.intp]
+
+BLOCK = 1 << 17
+"""Numbers in one block of a batch (queries times neighbours times features); a block fits into the cache."""
+
+SEARCH_BLOCK = 1 << 18
+"""Number of distances that are computed, or of candidates that are found, for many queries together."""
+
+MIN_LOG = -1e300
+"""Minimum logarithm of the weight of a distance; it avoids infinite values, whose differences are NaN."""
+
+NEGLIGIBLE = 1e-3
+"""States with at most this probability are not searched, though they count in the weights. This bounds the weight of a
+sample that the search leaves out, relative to a sample at the same distance in a certain state."""
+
+MIN_SHARE = 1e-300
+"""Minimum probability that a sample shares the state of the query. If all samples have only this share, the distance
+alone decides, and the tiny weights turn the local model into a kernel mean and report that support is missing."""
+
+
+class NeighbourIndex:
+    """Search for the k nearest of n points in Euclidean distance, by all distances.
+
+    Args:
+        points: (n, d), scaled.
+        rows: (n,), row numbers that the search returns for the points; 0..n-1 if None.
+    """
+
+    def __init__(self, points: Array, rows: Rows | None = None) -> None:
+        self.rows = np.arange(len(points)) if rows is None else rows
+        self.size = len(points)
+        # |x - q|^2 is |x|^2 - 2 x.q up to a constant; centring limits the cancellation.
+        self._centre = points.mean(axis=0)
+        centred = points - self._centre
+        norms = np.einsum("ij,ij->i", centred, centred)
+        self._augmented = np.ascontiguousarray(np.column_stack([-2.0 * centred, norms]).T)
+
+    def nearest(self, query: Array, k: int) -> Rows:
+        """Rows (k',) of the k' = min(k, n) nearest to one query (d,), in no particular order."""
+        if k >= self.size:
+            return self.rows
+        extended = np.append(query - self._centre, 1.0)
+        return self.rows[np.argpartition(extended @ self._augmented, k - 1)[:k]]
+
+    def nearest_many(self, queries: Array, k: int) -> Rows:
+        """Rows (m, k') of the k' = min(k, n) nearest to each query (m, d), in no particular order."""
+        m = len(queries)
+        if k >= self.size:
+            return np.broadcast_to(self.rows, (m, self.size))
+        extended = np.column_stack([queries - self._centre, np.ones(m)])
+        found = np.empty((m, k), dtype=np.intp)
+        step = max(1, SEARCH_BLOCK // self.size)
+        for start in range(0, m, step):
+            relative = extended[start : start + step] @ self._augmented
+            found[start : start + step] = np.argpartition(relative, k - 1, axis=1)[:, :k]
+        return self.rows[found]
+
+
+class MembershipIndex:
+    """Finds candidates for the neighbourhood of a query, and the probabilities that they share its state.
+
+    Args:
+        points: (n, d), scaled.
+        memberships: (n, K), contact-state probabilities of the points, or None.
+    """
+
+    def __init__(self, points: Array, memberships: Array | None) -> None:
+        self._whole = NeighbourIndex(points)
+        self._memberships = memberships
+        self._states: list[NeighbourIndex | None] = []
+        if memberships is None:
+            return
+        for state in range(memberships.shape[1]):
+            rows = np.flatnonzero(memberships[:, state] > NEGLIGIBLE)
+            self._states.append(NeighbourIndex(points[rows], rows) if rows.size else None)
+
+    def candidates(self, queries: Array, Q: Array | None, k: int) -> tuple[Rows, Array | None]:
+        """Candidates of many queries.
+
+        Args:
+            queries: (m, d), scaled.
+            Q: (m, K), contact-state probabilities of the queries; None ignores the states.
+            k: number of nearest samples to find in each state.
+
+        Returns:
+            Rows (m, c) of the candidates, c >= min(k, n), and the logarithms (m, c) of the probabilities
+            sum_k Q_qk P_ik that query and candidate share their state. Queries with fewer than c candidates are padded
+            with repeated rows of log probability -inf. The second value is None if Q is None.
+        """
+        if Q is None:
+            return self._whole.nearest_many(queries, k), None
+        active = Q > NEGLIGIBLE
+        patterns, which = np.unique(active, axis=0, return_inverse=True)
+        if len(patterns) == 1:
+            return self._of_states(queries, Q, np.flatnonzero(patterns[0]), k)
+        parts = []
+        for i, pattern in enumerate(patterns):
+            members = np.flatnonzero(which.ravel() == i)
+            found, log_share = self._of_states(queries[members], Q[members], np.flatnonzero(pattern), k)
+            parts.append((members, found, log_share))
+        width = max(found.shape[1] for _, found, _ in parts)
+        rows = np.zeros((len(queries), width), dtype=np.intp)
+        log_shares = np.full((len(queries), width), -np.inf)
+        for members, found, log_share in parts:
+            rows[members, : found.shape[1]] = found
+            log_shares[members, : found.shape[1]] = log_share
+        return rows, log_shares
+
+    def candidates_of_one(self, query: Array, q: Array | None, k: int) -> tuple[Rows, Array | None]:
+        """Candidates of one query (d,) with probabilities (K,); returns arrays (c,) as `candidates` does."""
+        if q is None:
+            return self._whole.nearest(query, k), None
+        states = (q > NEGLIGIBLE).nonzero()[0]
+        if len(states) == 1 and (index := self._states[states[0]]) is not None:
+            found = index.nearest(query, k)
+            return found, self._log_share(found, q)
+        rows, log_shares = self._of_states(query[None], q[None], states, k)
+        return rows[0], log_shares[0]
+
+    def _of_states(self, queries: Array, Q: Array, states: Rows, k: int) -> tuple[Rows, Array]:
+        indices = [index for state in states if (index := self._states[state]) is not None]
+        if not indices:  # no sample is in the state of the query: search all samples
+            indices = [self._whole]
+        found = np.hstack([index.nearest_many(queries, k) for index in indices])
+        if len(indices) == 1:
+            return found, self._log_share(found, Q)
+        # A sample that may be in two states is found twice but counts once.
+        found = np.sort(found, axis=1)
+        log_share = self._log_share(found, Q)
+        log_share[:, 1:][found[:, 1:] == found[:, :-1]] = -np.inf
+        return found, log_share
+
+    def _log_share(self, found: Rows, q: Array) -> Array:
+        """Logarithms of the shared-state probabilities of samples (..., c) and queries (..., K)."""
+        assert self._memberships is not None
+        share = (self._memberships[found] @ q[..., None])[..., 0]
+        return np.asarray(np.log(np.maximum(share, MIN_SHARE, out=share), out=share), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """The Gaussian kernel exp(-distance^2 / h^2), limited to the nearest samples.
+
+    Attributes:
+        bandwidth: h; if ``adaptive``, h over the distance to the farthest neighbour used.
+        adaptive: whether the bandwidth is relative to that distance.
+        n_neighbors: maximum number of samples; None for all.
+    """
+
+    bandwidth: float
+    adaptive: bool = False
+    n_neighbors: int | None = None
+
+
+class KernelNeighbourhood:
+    """Finds neighbourhoods among n samples.
+
+    Args:
+        points: (n, d), scaled features.
+        memberships: (n, K), contact-state probabilities, or None.
+        sample_weight: (n,), positive.
+    """
+
+    def __init__(self, points: Array, memberships: Array | None, sample_weight: Array) -> None:
+        self._points = points
+        self._index = MembershipIndex(points, memberships)
+        uniform = bool((sample_weight == 1.0).all())
+        self._log_sample_weight = None if uniform else np.log(sample_weight)
+
+    def of_one(self, query: Array, q: Array | None, kernel: Kernel) -> tuple[Rows, Array, Array]:
+        """The neighbourhood of one query.
+
+        Args:
+            query: (d,), scaled.
+            q: (K,), contact-state probabilities of the query; None ignores the states.
+            kernel: the kernel.
+
+        Returns:
+            Rows (k,), samples (k, d) and log weights (k,).
+        """
+        k = self._count(kernel)
+        found, log_share = self._index.candidates_of_one(query, q, k)
+        x = self._points[found]
+        offset = x - query
+        log_w = self._log_weights(np.einsum("ij,ij->i", offset, offset), found, log_share, kernel, k)
+        if len(found) > k:
+            keep = np.argpartition(-log_w, k - 1)[:k]
+            found, x, log_w = found[keep], x[keep], log_w[keep]
+        return found, x, log_w
+
+    def blocks(
+        self, queries: Array, Q: Array | None, kernel: Kernel, extra: int = 0
+    ) -> Iterator[tuple[slice, Rows, Array, Array]]:
+        """The neighbourhoods of many queries, block by block.
+
+        Args:
+            queries: (m, d), scaled.
+            Q: (m, K), contact-state probabilities of the queries; None ignores the states.
+            kernel: the kernel.
+            extra: number of additional neighbours, for callers that leave some out.
+
+        Yields:
+            A slice of b queries, with rows (b, k), samples (b, k, d) and log weights (b, k).
+        """
+        for _, block, found, x, log_w in self.blocks_of_kernels(queries, Q, [kernel], extra):
+            yield block, found, x, log_w
+
+    def blocks_of_kernels(
+        self, queries: Array, Q: Array | None, kernels: Sequence[Kernel], extra: int = 0
+    ) -> Iterator[tuple[int, slice, Rows, Array, Array]]:
+        """The same for several kernels that differ in their bandwidths only; the neighbours are searched once.
+
+        Yields:
+            The number of the kernel, then the values of `blocks`.
+        """
+        k = self._count(kernels[0], extra)
+        step = max(1, BLOCK // (k * self._points.shape[1]))
+        stride = step * max(1, SEARCH_BLOCK // (k * step))
+        for first in range(0, len(queries), stride):
+            many = slice(first, min(first + stride, len(queries)))
+            found, log_share = self._index.candidates(queries[many], None if Q is None else Q[many], k)
+            for start in range(first, many.stop, step):
+                block = slice(start, min(start + step, many.stop))
+                part = slice(block.start - first, block.stop - first)
+                for number, kernel in enumerate(kernels):
+                    share = None if log_share is None else log_share[part]
+                    yield number, block, *self._weighted(queries[block], found[part], share, kernel, k)
+
+    def _weighted(
+        self, queries: Array, found: Rows, log_share: Array | None, kernel: Kernel, k: int
+    ) -> tuple[Rows, Array, Array]:
+        """Rows, samples and log weights of the k candidates with the greatest weights, among (b, c)."""
+        x = self._points[found]
+        offset = x - queries[:, None, :]
+        log_w = self._log_weights(np.einsum("mkd,mkd->mk", offset, offset), found, log_share, kernel, k)
+        if found.shape[1] > k:
+            keep = np.argpartition(-log_w, k - 1, axis=1)[:, :k]
+            found, log_w = np.take_along_axis(found, keep, 1), np.take_along_axis(log_w, keep, 1)
+            x = self._points[found]
+        return found, x, log_w
+
+    def _count(self, kernel: Kernel, extra: int = 0) -> int:
+        """Number of neighbours of each query."""
+        n = len(self._points)
+        return n if kernel.n_neighbors is None else min(kernel.n_neighbors + extra, n)
+
+    def _log_weights(self, squared: Array, found: Rows, log_share: Array | None, kernel: Kernel, k: int) -> Array:
+        """Logarithms of the weights (..., c) of candidates at the given squared distances (..., c)."""
+        if kernel.adaptive:
+            valid = np.isfinite(log_share) if log_share is not None else np.ones(squared.shape, dtype=bool)
+            ranked = np.sort(np.where(valid, squared, np.inf), axis=-1)
+            last = np.minimum(k, valid.sum(axis=-1)) - 1
+            farthest = np.take_along_axis(ranked, last[..., None], axis=-1)
+            # If all neighbours coincide with the query, their weights are equal for any bandwidth.
+            h2 = kernel.bandwidth**2 * np.where(farthest > 0, farthest, 1.0)
+            log_w: Array = squared / -h2
+        else:
+            log_w = squared / -(kernel.bandwidth**2)
+        np.maximum(log_w, MIN_LOG, out=log_w)
+        if log_share is not None:
+            log_w += log_share
+        if self._log_sample_weight is not None:
+            log_w += self._log_sample_weight[found]
+        return log_w
+
+
+def check_memberships(values: ArrayLike, n: int, states: int | None = None, exact: bool = False) -> Array:
+    """Checks memberships.
+
+    Args:
+        values: (n, K), non-negative, each row with a sum of one; or of at most one, unless ``exact``.
+        n: expected number of rows.
+        states: expected number K of states, or None if unknown.
+        exact: whether the rows must sum to one.
+
+    Returns:
+        The memberships as an array (n, K).
+
+    Raises:
+        ValueError: if the shape is wrong, or the values are not probabilities.
+    """
+    P = np.asarray(values, dtype=float)
+    if P.ndim != 2 or P.shape[0] != n or P.shape[1] != (states or P.shape[1]) or P.shape[1] == 0:
+        expected = "K, one column a contact state" if states is None else f"{states}"
+        raise ValueError(f"memberships have shape {P.shape}, expected ({n}, {expected}); one row a sample")
+    if n == 0:
+        return P
+    low, sums = P.min(), P.sum(axis=1)
+    if not (low >= 0.0 and sums.max() <= 1.0 + 1e-6 and (not exact or sums.min() >= 1.0 - 1e-6)):
+        at_most = "" if exact else "at most "
+        raise ValueError(
+            f"memberships are not probabilities: minimum {low:.3g}, row sums from {sums.min():.3g} to"
+            f" {sums.max():.3g}; expected non-negative rows that sum to {at_most}one: divide each by its sum"
+        )
+    return P
