@@ -8,26 +8,34 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from interfaces.live.controls import LiveControls
 from interfaces.live.correction_session import SKIP, CorrectionSession, PersonLeftError, course, describe
+from interfaces.live.messages import Outbox
 from interfaces.live.session import QUIT, LiveSession
+from interfaces.live.viewer_scene import ViewerScene
 from interfaces.terminal import Terminated
 from models.scenario import load_scenario
 from skill.data.outcome import Outcome
-from tests.interfaces.live.test_session import Page
 from tests.query_states import QUERY_STATE
 
 OTHER = replace(QUERY_STATE, tilt=(-0.01, 0.02), depth=0.006)
 
 
-class OpenPage(Page):
-    """Replaces the page; keeps all messages."""
+class OpenPage:
+    """Replaces the page: nobody looks at it, and it keeps all messages."""
+
+    address, is_shown = "http://localhost:1", True
 
     def __init__(self):
-        super().__init__()
-        self.messages = []
+        self.values, self.messages = {}, []
+        outbox = Outbox()
+        self.scene, self.controls = ViewerScene(outbox), LiveControls(outbox)
+
+    def refusals(self):
+        return None
 
     def show(self, **values):
-        super().show(**values)
+        self.values |= values
         self.messages += [values["status"]] if "status" in values else []
 
     def click(self, label):
