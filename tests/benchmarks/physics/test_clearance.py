@@ -37,7 +37,7 @@ def test_the_measurements_have_the_numerics_that_are_named():
     assert numbers(stiffer(scenario, 0.3)) == (48, 1e11, 2.5e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_rule_is_better_than_the_nominal_numerics_at_half_the_clearance():
     nominal, rule = (measure(NUMERICS[name](scenario_of(0.0025)), 2) for name in ("nominal", "rule"))
     assert set(rule) == set(nominal) == set(COLUMNS)

@@ -80,7 +80,7 @@ def test_a_block_that_cannot_be_written_costs_no_rows_of_others(specification, t
     assert len(rows_in(tmp_path)) == stream.ended.written == 4
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", sorted(Path("benchmarks/sweeps").glob("*.yaml")), ids=lambda path: path.stem)
 def test_the_sweeps_of_this_project_can_be_planned(path, tmp_path):
     found = assignments(read_specification(path), tmp_path, "sweep")
