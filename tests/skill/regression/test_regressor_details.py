@@ -9,7 +9,7 @@ from tests.skill.regression.samples import wavy
 def test_the_default_parameters():
     assert LWRegressor().get_params() == {
         **{"bandwidth": "auto", "bandwidth_type": "fixed", "degree": 1, "ridge": 0.01, "n_neighbors": 200},
-        **{"feature_scale": None, "algorithm": "auto"},
+        **{"feature_scale": None},
     }
 
 
@@ -17,7 +17,7 @@ def test_the_default_parameters():
     "change",
     [
         *({"bandwidth": 0.0}, {"bandwidth_type": "wide"}, {"degree": 2}, {"degree": -1}, {"ridge": -1e-9}),
-        *({"n_neighbors": 0}, {"feature_scale": "large"}, {"algorithm": "slow"}),
+        *({"n_neighbors": 0}, {"feature_scale": "large"}),
     ],
 )
 def test_a_parameter_out_of_range_is_refused(change):
