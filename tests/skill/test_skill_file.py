@@ -318,10 +318,6 @@ DAMAGES = {
     "ridge": (set_array("regressor/ridge", lambda _: np.array(-1e-9)), "array 'ridge' lies between"),
     "neighbours 0": (set_array("regressor/n_neighbors", lambda _: np.array(0)), "'n_neighbors' is 0"),
     "neighbours -2": (set_array("regressor/n_neighbors", lambda _: np.array(-2)), "'n_neighbors' lies between -2"),
-    "bandwidth_type": (
-        set_array("regressor/bandwidth_type", lambda _: np.array("magic")),
-        "'bandwidth_type' is 'magic', expected one",
-    ),
     "kernel": (set_array("regressor/bandwidth_type", lambda _: np.array("")), "'bandwidth_type' is '', expected one"),
     "feature scale": (put("regressor/feature_scale", 0, 0.0), "'feature_scale' lies between 0"),
     "sample weight": (put("regressor/sample_weight", 0, 0.0), "'sample_weight' lies between 0"),
