@@ -30,7 +30,7 @@ def three_phases(n_trials=6):
     }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_figures_of_all_learners(tmp_path, capsys):
     data, out = tmp_path / "three.npz", tmp_path / "figures.json"
     np.savez(data, **three_phases())

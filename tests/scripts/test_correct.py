@@ -41,6 +41,7 @@ def corrected(place, demonstration_folder):
     return done.output
 
 
+@pytest.mark.nightly
 def test_what_it_asks_for_can_be_shown_by_a_person(place, demonstration_folder, tmp_path):
     before = sorted(place.rglob("*"))
     done = correct(place, demonstration_folder, "--ask", "--json", tmp_path / "asked.json")

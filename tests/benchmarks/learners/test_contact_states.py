@@ -14,6 +14,7 @@ def data(demonstrations):
     return label_demonstrations(demonstrations, seed=0)
 
 
+@pytest.mark.nightly
 def test_gaussians_of_the_true_labels_recover_most_of_them(data):
     best, states, _ = evaluate(data, "Gaussians of true labels", 0)
     skill, _, _ = evaluate(data, "CA-FMLE", 0)

@@ -37,7 +37,7 @@ def found(results):
     return {key: value for key, value in json.loads(out.read_text()).items() if key != "machine_speed"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_same_code_gives_the_same_records_and_a_changed_figure_is_named(results):
     assert found(results) == {
         **{"code": trial_code(), "present_code": trial_code(), "trials": 2, "same": 2, "differences": []}

@@ -15,6 +15,7 @@ pytestmark = pytest.mark.slow
 PUSH = {"make": "tests.experiments.sweeps.pushes:push"}
 
 
+@pytest.mark.nightly
 def test_a_sweep_goes_on_from_restored_rows(specification, perform, tmp_path, capsys):
     keys = {"policies": {"push": PUSH}, "vary": {"contact.friction": [0.1, 0.3]}}
     rows = perform(specification(**keys, trials={"first": 84099, "number": 2}))  # in two blocks of each cell

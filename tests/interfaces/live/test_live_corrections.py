@@ -112,6 +112,7 @@ def test_to_quit_during_practice_leaves_no_process_and_no_file(place, tmp_path, 
     assert not (tmp_path / "live" / LOCK_NAME).exists()
 
 
+@pytest.mark.nightly
 def test_a_recording_begins_in_the_query_state_that_it_was_made_for(place, demonstration_folder):
     scenario = load_scenario(place / "quick.yaml")
     skill = ManipulationSkill.load(place / "straight.npz")

@@ -215,8 +215,8 @@ def test_a_person_begins_in_the_pose_that_a_skill_asked_to_be_shown(tmp_path):
     assert first["angle"] == pytest.approx(0.02, abs=2e-3)
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
-@pytest.mark.slow
 def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, quick_scenario, skill, skill_file):
     """The script pushes a tilted peg onto the chamfer: the skill sees another contact state than in free motion."""
     quick_scenario.start.tilt = [0.035, 0.0]
