@@ -18,10 +18,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from skill.array_schema import MAX_MAGNITUDE, MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_states import GaussianStates
+from skill.data.array_schema import MAX_MAGNITUDE, MIN_POSITIVE, ArrayRule, check_arrays
 from skill.data.files import UNSEALED, check_seal, one_line, parse_object, read_bounded, seal, write_atomically
 from skill.data.geometry import PegHoleGeometry
 from skill.data.npz_archive import read_archive

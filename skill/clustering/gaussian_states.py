@@ -12,7 +12,6 @@ from sklearn.base import BaseEstimator, ClusterMixin
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.validation import check_array, validate_data
 
-from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array
 from skill.clustering.gaussian_components import (
     GaussianComponents,
@@ -22,6 +21,7 @@ from skill.clustering.gaussian_components import (
     squared_mahalanobis,
     tailed_log_densities,
 )
+from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 
 FACTOR_ERROR = 1e-2
 """Largest element of R' F R - I that rounding explains for stored precision factors."""

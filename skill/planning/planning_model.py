@@ -25,8 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array, standard_scale
+from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.planning.transitions import Transitions
 from skill.prediction import DesiredState
 from skill.regression.response_model import (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
+from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.regression.neighbourhood import check_memberships
 
 RULES = {

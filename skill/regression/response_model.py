@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skill.array_schema import MIN_POSITIVE, ArrayRule
 from skill.arrays import Array
+from skill.data.array_schema import MIN_POSITIVE, ArrayRule
 
 PRIOR_SAMPLES = 3.0
 """n_0. The choice matters only where the weights add up to a few samples."""

@@ -38,8 +38,8 @@ from scipy.special import log_softmax, logsumexp, softmax
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array
+from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.regression.response_model import (
     RESPONSE_RULES,
     ResponseModel,

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from skill.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.arrays import Array
+from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 
 DWELL = ArrayRule(("K",), low=0.0, unknown=True)
 
