@@ -8,7 +8,9 @@ from skill.data.outcome import Outcome
 
 
 def transition(*, depth=0.0, load=0.0, outcome=None, remaining=5.0):
-    return Transition(depth_before=0.001, depth=0.001 + depth, load=load, duration=0.02, remaining=remaining, outcome=outcome)
+    return Transition(
+        depth_before=0.001, depth=0.001 + depth, load=load, duration=0.02, remaining=remaining, outcome=outcome
+    )
 
 
 @pytest.mark.parametrize(
