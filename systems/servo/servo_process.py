@@ -118,13 +118,14 @@ class Pace:
         now = self._clock()
         behind = now - self._next
         stalled = now - self._last > STALL
+        self._last = now
         self.late, self.stalls = self.late + (behind > 0.0), self.stalls + stalled
         if behind > STALL:
             self._next = now
         time.sleep(max(-behind - self._spin, REST))
-        while (now := self._clock()) < self._next:
+        while self._clock() < self._next:
             pass
-        self._last, self._next = now, self._next + self.period
+        self._next += self.period
         return not stalled
 
 

@@ -221,6 +221,21 @@ def test_the_pace_counts_late_ticks_and_starts_anew_after_a_stall():
     assert clock.now - begun == pytest.approx(1e-3, abs=1e-4)
 
 
+def test_a_stop_while_it_waits_is_a_stall(monkeypatch):
+    clock = Clock()
+    pace = Pace(1e-3, clock)
+    assert pace.wait()
+
+    def stopped(seconds):
+        clock.now += 2 * STALL
+
+    monkeypatch.setattr(time, "sleep", stopped)
+    pace.wait()
+    monkeypatch.undo()
+    assert not pace.wait()
+    assert pace.stalls == 1
+
+
 def test_a_servo_that_is_always_late_does_not_stall():
     clock = Clock()
     pace = Pace(1e-3, clock)
