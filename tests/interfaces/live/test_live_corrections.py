@@ -8,16 +8,14 @@ import pytest
 
 from experiments.corrections import CorrectionPlan, demonstrate_correction, run_practice
 from experiments.outputs.folder_lock import LOCK_NAME
-from models.scenario import dump_scenario, load_scenario
+from models.scenario import load_scenario
 from scripts.correct import begins_in
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
 from tests.campaign import is_alive
 from tests.interfaces.live.live_session import press, served, text_of, wait_for_text
 from tests.interfaces.live.people import insert
-from tests.interfaces.live.test_session import keep_picture
 from tests.query_states import write_stuck_skill
-from tests.quick_scenario import make_quick_scenario
 
 pytestmark = pytest.mark.slow
 
@@ -74,7 +72,6 @@ def test_a_skill_practises_is_shown_learns_and_performs_on_one_page(place, tmp_p
             assert [path.name for path in out.glob("*.parquet")] == ["000_good_live.parquet"]
             wait_for_text(page, "status", "the skill learns from what you have shown: [0-9]+ s")
             wait_for_text(page, "status", "rig 1 of 1: [0-9.]+ s, load [0-9]+ N; before: stuck at")
-            keep_picture(page, "correction")
             assert float(text_of(page, "contact-limit").removesuffix(" N")) > 0.0
             assert text_of(page, "skill-state")
             wait_for_text(
@@ -95,6 +92,7 @@ def test_a_skill_practises_is_shown_learns_and_performs_on_one_page(place, tmp_p
         assert session.process.wait(30) == 0
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
 def test_to_quit_during_practice_leaves_no_process_and_no_file(place, tmp_path, demonstration_folder):
     with sit(place, tmp_path, demonstration_folder, practice=200) as session, session.page() as page:
@@ -122,18 +120,3 @@ def test_a_recording_begins_in_the_query_state_that_it_was_made_for(place, demon
     assert begins_in(shown, one, scenario)
     assert not begins_in(shown, other, scenario)
     assert not begins_in(read_demonstrations(demonstration_folder)[0], one, scenario)
-
-
-@pytest.mark.browser
-def test_a_skill_that_is_never_stuck_is_saved_as_it_is(tmp_path, demonstration_folder, skill_file):
-    scenario = make_quick_scenario()
-    scenario.start.tilt = [0.0, 0.0]
-    (tmp_path / "easy.yaml").write_text(dump_scenario(scenario))
-    command = ("haptic_skill", "correct", "--live", "--skill", skill_file, "--demonstrations", demonstration_folder)
-    files = ("--out", tmp_path / "same.npz", "--corrections", tmp_path / "live", "--scenario", tmp_path / "easy.yaml")
-    with served(tmp_path, *command, *files, "--practice", 1, "--jobs", 1) as session:
-        session.wait_for("never stuck in 1 practice trials: no corrections are needed")
-        assert session.process.wait(30) == 0
-    first, same = ManipulationSkill.load(skill_file), ManipulationSkill.load(tmp_path / "same.npz")
-    np.testing.assert_array_equal(same.regressor_.y_, first.regressor_.y_)
-    assert not (tmp_path / "live").exists()

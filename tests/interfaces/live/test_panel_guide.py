@@ -8,7 +8,7 @@ from selenium.webdriver.common.keys import Keys
 
 from skill.data.demonstration import read_demonstration
 from tests.interfaces.live.live_session import ROOT, live, press, text_of, wait_for_text
-from tests.interfaces.live.panel_page import DESKTOP, LIMIT, PHONE, contact, open_panel, readings
+from tests.interfaces.live.panel_page import DESKTOP, LIMIT, contact, open_panel, readings
 
 pytestmark = pytest.mark.slow
 SCENARIO = ROOT / "models" / "scenarios" / "live.yaml"
@@ -69,53 +69,6 @@ def test_the_guide_recognises_each_step_and_says_how_to_keep_the_demonstration(p
     assert panel.hints() == ["G", "B", "X"]
     say(panel, phase="ready")
     assert not panel.is_shown("guide")
-
-
-@pytest.mark.browser
-def test_the_guide_is_shown_once_and_on_request_and_can_be_skipped(panel):
-    panel.screen(*DESKTOP)
-    say(panel, phase="ready")
-    panel.page.driver.refresh()
-    panel.page.wait("document.getElementById('kept').textContent")
-    assert not panel.is_shown("guide")
-    press(panel.page, "h")
-    assert panel.is_shown("guide")
-    press(panel.page, Keys.ESCAPE)
-    assert not panel.is_shown("guide")
-    panel.page.run("document.getElementById('guide-show').click()")
-    assert panel.is_shown("guide")
-    panel.page.run("document.getElementById('guide-skip').click()")
-    assert not panel.is_shown("guide")
-
-
-@pytest.mark.browser
-def test_a_demonstration_that_was_not_inserted_begins_the_guide_again(panel):
-    panel.screen(*DESKTOP)
-    press(panel.page, "h")
-    say(panel, phase="recording", load=2.0)
-    say(panel, phase="verdict", depth=0.001)
-    assert panel.text("guide-text").startswith("Not inserted")
-    assert panel.hints() == ["X"]
-    say(panel, phase="ready", depth=-0.002, tilt=(2.0, 0.0))
-    assert panel.is_shown("guide")
-    assert panel.hints() == ["Space"]
-    say(panel, phase="recording", depth=-0.002, tilt=(2.0, 0.0))
-    assert panel.hints() == ["W"]
-    press(panel.page, Keys.ESCAPE)
-
-
-@pytest.mark.browser
-def test_on_a_touch_screen_the_guide_names_and_marks_the_touch_controls(panel):
-    panel.screen(*PHONE)
-    press(panel.page, "h")
-    say(panel, phase="recording", depth=-0.002, tilt=(2.0, 0.0))
-    marked = "return [...document.querySelectorAll('.hinted')].map(e => e.textContent)"
-    assert panel.hints() == panel.page.run(marked) == ["feed in"]
-    say(panel, phase="recording", load=2.0, tilt=(2.0, 0.0))
-    assert panel.hints() == ["tilt: left"]
-    assert panel.page.run(marked) == ["tilt"]
-    press(panel.page, Keys.ESCAPE)
-    assert panel.page.run(marked) == []
 
 
 def heard(panel, wait=0.4):

@@ -58,8 +58,8 @@ def attempt(page, script, *addresses):
     return {address: page.driver.execute_async_script(script, address) for address in addresses}
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
-@pytest.mark.slow
 def test_foreign_pages_press_no_button_and_the_right_address_works_as_before(tmp_path):
     (tmp_path / "site").mkdir()
     with live(tmp_path) as session, foreign_site(tmp_path / "site") as foreign:

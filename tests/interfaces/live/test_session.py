@@ -1,10 +1,8 @@
 """Live sessions: a real page in a real browser, and the session in a process of its own."""
 
-import os
 import re
 import resource
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,7 +30,6 @@ from systems.operators.person_frame import R_HV
 from tests.browser import blankness
 from tests.interfaces.live.live_session import QUICK, drag, live, press, row, text_of, wait_for_text
 
-PICTURES = os.environ.get("LIVE_PICTURES")  # folder in which the screenshots are kept, if set
 JAMS = {**QUICK, "geometry": {**QUICK["geometry"], "hole_depth": 0.01}, "start": {"height": 5e-4, "tilt": [0.055, 0.0]}}
 
 
@@ -120,10 +117,6 @@ def test_recordings_are_numbered_after_the_largest_number(tmp_path):
     assert next_number(tmp_path) == 1001  # not 100, which would replace a recording later
 
 
-def keep_picture(page, name):
-    return page.screenshot(Path(PICTURES) / f"{name}.png" if PICTURES else None)
-
-
 def orange(picture):
     """Fraction of the pixels that have the colour of the peg."""
     red, green, blue = (picture[..., k].astype(int) for k in range(3))
@@ -138,7 +131,7 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         assert (tmp_path / "opened.txt").read_text().strip() == page.driver.current_url
         page.wait("document.body.innerText.includes('view of the cut (1)')")
         time.sleep(0.5)
-        ready = keep_picture(page, "ready")  # before anything is pressed: a large peg and block in the middle
+        ready = page.screenshot()  # before anything is pressed: a large peg and block in the middle
         assert 0.02 < orange(ready[:, 300:800]) < 0.6
         assert blankness(ready).colours > 20
         assert row(page, "depth").is_displayed()  # the controls are open from the start
@@ -150,7 +143,7 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         for key in "231":
             press(page, key)
             time.sleep(1.0)  # a scene that stands still is drawn with all pixels
-            pictures.append(keep_picture(page, f"view_{key}"))
+            pictures.append(page.screenshot())
         for one, other in ((0, 1), (1, 2), (2, 3)):
             assert np.abs(pictures[one].astype(int) - pictures[other]).mean() > 1.0  # the camera moved
         assert np.abs(pictures[3].astype(int) - ready).mean() < 0.5  # and came back
@@ -161,7 +154,6 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
         drag(page, "depth", 0.1)  # to 20 mm
         session.wait_for("inserted: G keep as good")
         wait_for_text(page, "depth", "^(3.[7-9]|4.0)")  # the floor is at 4 mm
-        keep_picture(page, "inserted")
         late_steps, steps, late_ticks, ticks = map(int, re.findall(r"\d+", text_of(page, "deadlines")))
         assert 0 <= late_steps <= steps
         assert 0 <= late_ticks <= ticks
@@ -194,8 +186,8 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["000_good_live.parquet", "index.json"]
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
-@pytest.mark.slow
 def test_a_person_begins_in_the_pose_that_a_skill_asked_to_be_shown(tmp_path):
     asked = {"trial": 5, "time": 1.0, "depth": 0.0018, "tilt": [0.02, 0.0], "load": 12.0, "state": "two-point contact"}
     write_json(tmp_path / "asked.json", [asked | {"pivot_height": -0.001, "friction": 0.2}])
@@ -231,7 +223,6 @@ def test_a_skill_names_the_contact_states_and_shows_what_it_would_do(tmp_path, q
             press(page, "w", times=2, pause=0.1)
             seen.add(text_of(page, "skill-state").removesuffix(" (unlike any demonstration)"))
             turns.append(float(text_of(page, "skill-rate").removesuffix(" °/s")))
-        keep_picture(page, "skill")
         assert not page.run("return document.getElementById('skill').hidden")
         assert page.run("return document.getElementById('skill-turn').getAttribute('visibility')") == "visible"
         press(page, "x")
@@ -256,7 +247,7 @@ def test_saturation_is_red_a_full_disk_is_reported_and_a_killed_session_keeps_it
         drag(page, "depth", 0.45)  # pushes the jammed peg
         page.wait("document.getElementById('gauge-text').textContent.startsWith('saturated')")
         time.sleep(0.3)
-        picture = keep_picture(page, "saturated").astype(int)
+        picture = page.screenshot().astype(int)
         red = [round(255 * c) for c in (SATURATED.r(), SATURATED.g(), SATURATED.b())]
         style = "return getComputedStyle(document.getElementById('gauge-fill')).backgroundColor"
         assert [int(c) for c in re.findall(r"\d+", page.run(style))] == red

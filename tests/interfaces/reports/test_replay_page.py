@@ -98,28 +98,12 @@ def test_page_of_a_run_shows_the_context_its_probability_and_what_moves_it(write
         assert np.abs(sure[:3] - [0xDD, 0xAA, 0x33]).max() < 25
         assert unsure[3] < 0.6 * sure[3]  # opacity
         assert browser.errors() == []
-    with open_page(write_page(motion_of_run(make_rig_run(contacts=False)))) as browser:
+    run = make_rig_run(contacts=False, state_names=[*STATE_NAMES, "never seen"])
+    with open_page(write_page(motion_of_run(run))) as browser:
         browser.wait("window.replay && replay.ready && document.querySelector('.now')")
         assert browser.run("return document.querySelectorAll('.context').length") == 0
-
-
-@pytest.mark.browser
-@pytest.mark.slow
-def test_unvisited_states_have_no_row_in_the_legend(write_page):
-    page = write_page(motion_of_run(make_rig_run(state_names=[*STATE_NAMES, "never seen"])))
-    with open_page(page) as browser:
-        browser.wait("window.replay && replay.ready && document.querySelector('.now')")
         assert browser.run("return document.querySelectorAll('#phases > div').length") == len(STATE_NAMES)
         assert "never: never seen" in browser.run("return document.getElementById('card').innerText")
-
-
-@pytest.mark.browser
-@pytest.mark.slow
-def test_page_of_a_demonstration_has_no_readings_of_the_rig(write_page):
-    with open_page(write_page(motion_of_demonstration(make_demonstration()))) as browser:
-        browser.wait("window.replay && replay.ready && document.querySelector('.now')")
-        assert browser.run("return document.querySelectorAll('.rig').length") == 0
-        assert browser.errors() == []
 
 
 @pytest.mark.browser
@@ -132,6 +116,7 @@ def test_page_of_a_demonstration_plays_to_its_end(write_page):
         last = motion_of_demonstration(make_demonstration()).R_WP[-1].as_quat()
         np.testing.assert_allclose(quaternion, last, atol=1e-6)
         browser.wait("document.getElementById('play').textContent === 'play'")
+        assert browser.run("return document.querySelectorAll('.rig').length") == 0
         browser.run("document.getElementById('play').click(); replay.pause(); replay.seek(0)")
         browser.wait("document.getElementById('reading-time').textContent === '0.00 s'")
         assert browser.run("return document.getElementById('reading-tilt').textContent") == "2.50 °"
@@ -171,16 +156,6 @@ def test_page_is_self_contained_and_shows_any_title_as_text(title):
     assert json.loads(data)["title"] == title
     assert f"<title>{html.escape(title)}</title>" in page
     assert "<!--" not in page[page.index("const data = ") :]
-
-
-@pytest.mark.browser
-@pytest.mark.slow
-def test_any_title_is_shown_in_the_browser(write_page):
-    title = "<!--<script>$data</script>"
-    with open_page(write_page(motion_of_demonstration(make_demonstration()), title=title)) as browser:
-        browser.wait("window.replay && replay.ready")
-        assert browser.run("return [document.title, document.getElementById('title').textContent]") == [title, title]
-        assert browser.errors() == []
 
 
 # -------------------------------------------------------------- data of the page

@@ -215,18 +215,10 @@ def test_the_page_opens_sorts_and_fits(results):
         assert names_of(page) == sorted([LEARNT, OTHER, LAW], key=str.lower)
         assert column_of(page, "inserted", table=1) == sorted(column_of(page, "inserted", table=1), reverse=True)
         assert blankness(page.screenshot()).colours > 20
+        page.run("location.hash = '#how-1-2'")
+        page.wait("document.getElementById('how-1-2').closest('details').open")
         assert page.errors() == []
         assert page.requests() == []
-
-
-@pytest.mark.browser
-@pytest.mark.slow
-def test_commands_open_from_their_link(results):
-    with open_page(results[1], fragment="#how-1-2") as page:
-        page.wait("document.getElementById('how-1-2').closest('details').open")
-        page.run("location.hash = '#how-0-1'")
-        page.wait("document.getElementById('how-0-1').closest('details').open")
-        page.wait("document.getElementById('how-0-1').getBoundingClientRect().height > 50")
 
 
 @pytest.mark.browser

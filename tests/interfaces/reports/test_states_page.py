@@ -294,19 +294,3 @@ def test_channels_are_switched_off_and_a_phone_is_wide_enough(page_file):
         page.wait("document.querySelector('#trial-0 canvas').width < 780")
         assert page.run("return document.documentElement.scrollWidth") <= 390
         assert page.errors() == []
-
-
-@pytest.mark.browser
-@pytest.mark.slow
-def test_a_dark_screen_has_a_dark_page(page_file):
-    with open_page(page_file, size=(1280, 900)) as page:
-        page.wait("window.statesPage && statesPage.ready")
-        page.run("document.getElementById('trial-0').scrollIntoView()")
-        page.wait("document.querySelector('#trial-0 canvas').width > 500")
-        light = picture(page, 0)
-        dark = {"features": [{"name": "prefers-color-scheme", "value": "dark"}]}
-        page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", dark)
-        page.wait("matchMedia('(prefers-color-scheme: dark)').matches")
-        assert page.screenshot().mean() < 110
-        assert (picture(page, 0) != light).any()
-        assert page.errors() == []

@@ -31,11 +31,6 @@ def test_without_load_the_feed_is_not_changed():
     assert (decision.feed_speed, decision.turning, decision.state.mode) == (FEED, 1.0, BackOffMode.WORKING)
 
 
-def test_an_unknown_state_halves_the_feed():
-    assert P.unknown_feed == 0.5
-    assert step(BackOffState(), known=False).feed_speed == pytest.approx(0.5 * FEED)
-
-
 @pytest.mark.parametrize("support", [0.0, 0.3, 1.0])
 def test_the_feed_is_proportional_to_the_support(support):
     assert step(BackOffState(), support=support).feed_speed == pytest.approx(support * FEED)
@@ -63,10 +58,6 @@ def test_one_recognised_measurement_resets_the_doubt():
         state = step(state, depth=k * P.stall_depth, known=k % 40 == 0).state
         assert state.mode == BackOffMode.WORKING
     assert step(BackOffState(doubt=0.9), known=True, support=1.0).state.doubt == 0.0
-
-
-def test_a_feed_out_of_the_hole_is_not_reduced():
-    assert step(BackOffState(), known=False, feed=0.01).feed_speed == 0.01
 
 
 def test_above_the_force_limit_the_peg_is_backed_off_by_the_distance_and_then_fed_again():

@@ -173,11 +173,6 @@ def test_the_outputs_are_zero_before_the_first_sound_sample(dut):
     assert (depth, fault) == (0.0, Fault.SENSOR_DISCONNECTED)
 
 
-def test_the_monitor_checks_from_time_zero(dut):
-    timing = dut.GetUniquePeriodicDiscreteUpdateAttribute()
-    assert (timing.offset_sec(), timing.period_sec()) == (0.0, SENSOR.period)
-
-
 def with_spike(channel, size, k=9):
     spike = sample(k)
     spike[channel] += size

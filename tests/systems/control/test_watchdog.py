@@ -102,11 +102,6 @@ def test_the_first_fault_stays_and_monitors_come_in_order():
         assert step(dut, context, controller_failed=[1.0]) == found[k]
 
 
-def test_the_watchdog_checks_from_time_zero():
-    timing = watchdog()[0].GetUniquePeriodicDiscreteUpdateAttribute()
-    assert (timing.offset_sec(), timing.period_sec()) == (0.0, PERIOD)
-
-
 @pytest.mark.parametrize(
     ("fault", "blind"), [(Fault.SENSOR_STUCK, 1.0), (Fault.SENSOR_MOMENT, 1.0), (Fault.ENCODER_STUCK, 0.0)]
 )

@@ -6,7 +6,7 @@ from pydrake.math import RigidTransform
 from scipy.spatial.transform import Rotation
 
 from models.hardware import DEVICE_PRESETS, HapticDeviceParameters
-from systems.haptics.haptic_device import VELOCITY_BANDWIDTH, DeviceState, HapticDevice
+from systems.haptics.haptic_device import VELOCITY_BANDWIDTH, HapticDevice
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from tests.stepping import fixed_context, update
 
@@ -147,11 +147,6 @@ def test_the_sustained_wrench_is_never_limited():
     dut, context = device(wrench=wrench, parameters=quick)
     update(dut, context, period=T, times=1000)
     np.testing.assert_allclose(rendered(dut, context), wrench, rtol=1e-9)
-
-
-def test_the_state_is_recovered_from_its_list():
-    values = np.arange(1.0, 15.0)
-    assert DeviceState.from_vector(values).as_list() == values.tolist()
 
 
 def test_the_low_pass_of_the_velocity_has_60_hz():

@@ -12,7 +12,7 @@ from models.hardware import DEVICE_PRESETS
 from models.scenario import DEMONSTRATION_STREAM, FREE_FACETS, resolve_scenario
 from systems.haptics.haptic_device import HapticDevice
 from systems.haptics.haptic_proxy import HapticProxy
-from systems.haptics.passivity_observer import ObserverState, PassivityObserver
+from systems.haptics.passivity_observer import PassivityObserver
 from systems.haptics.virtual_fixture import MakeFixture
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.plant.contact_plant import AddVirtualPlant
@@ -44,15 +44,6 @@ def test_the_held_force_of_a_spring_generates_the_energy_of_its_lag():
     assert found[n, 0] == pytest.approx(0.5 * K * (n * d) ** 2 * (1 - 1 / n))
     assert found[-1, 0] == pytest.approx(-K * d**2 * n)
     assert found[-1, 1] == found[:, 0].min()
-
-
-def test_the_minimum_starts_at_zero():
-    X = RigidTransform([0.001, 0.0, 0.02])
-    dut = PassivityObserver(period=T, X_HD_start=X)
-    context = fixed_context(dut, probe_pose=X, rendered_wrench=np.zeros(6))
-    np.testing.assert_array_equal(dut.GetOutputPort("energy").Eval(context), [0.0, 0.0])
-    raised = observed([RigidTransform([0.0, 0.0, 1e-3 * k]) for k in range(5)], [[0, 0, 0, 0, 0, -2.0]] * 5)
-    assert raised[-1] == pytest.approx([2.0 * 4e-3, 0.0])
 
 
 def test_rotation_against_a_moment_adds_energy():
@@ -163,8 +154,3 @@ def test_contact_generates_no_energy(quick_scenario, fixture, seed):
     assert touch > 2.0
     assert energy.max() > 1e-5
     assert total.min() > -1e-9
-
-
-def test_the_state_is_recovered_from_its_list():
-    values = np.arange(1.0, 15.0)
-    assert ObserverState.from_vector(values).as_list() == values.tolist()

@@ -135,12 +135,6 @@ def test_a_stroke_is_smooth_from_rest_to_rest():
     assert np.abs(np.diff(speed)).max() < 0.01
 
 
-def test_the_turning_rate_is_limited():
-    o = person(align_gain=100.0, align_rate=0.02)
-    turn, _ = stroke(*operator(o, tilt=[0.03, -0.04]), o)
-    np.testing.assert_allclose(turn, o.correction_period * np.array([-0.02 * 0.6, 0.02 * 0.8]), rtol=1e-6)
-
-
 @pytest.mark.parametrize(("zone", "corrected"), [(0.0051, False), (0.0049, True)])
 def test_a_tilt_in_the_dead_zone_is_not_corrected(zone, corrected):
     o = person(dead_zone=zone, align_gain=1.0, align_rate=1.0)
@@ -331,11 +325,6 @@ def test_a_habit_does_not_change_the_other_parameters_of_a_person():
     good, bad = (draw_person(OperatorParameters(habit=h), np.random.default_rng(3)) for h in ("expert", "slams"))
     assert bad.sight_bias == good.sight_bias
     assert bad.insertion_speed == pytest.approx(3.0 * good.insertion_speed)
-
-
-def test_the_state_is_recovered_from_its_list():
-    values = np.arange(1.0, 18.0)
-    assert HandState.from_vector(values).as_list() == values.tolist()
 
 
 def test_a_hand_at_the_start_has_decided_nothing_and_does_not_move():
