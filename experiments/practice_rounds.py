@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from experiments.practice_results import Check, Round
 from experiments.trial import run_trial
 from experiments.trial_result import TrialResult
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, Scenario, resolve_scenario
@@ -52,41 +53,6 @@ class Practice:
 
 Perform = Callable[[Mapping[str, Callable[[], Trial]]], list[Trial]]
 """Performs trials, which have names of their own in the whole practice, and returns them in order."""
-
-
-@dataclass(frozen=True)
-class Check:
-    """The check trials of one skill.
-
-    Attributes:
-        results: results of the trials.
-        costs: cost of each trial, s.
-    """
-
-    results: list[TrialResult]
-    costs: list[float]
-
-    def beats(self, other: Check) -> bool:
-        """Returns whether this skill costs less on the same trials and inserts at least as often."""
-        inserted = sum(r.inserted for r in self.results) >= sum(r.inserted for r in other.results)
-        return inserted and sum(self.costs) < sum(other.costs)
-
-
-@dataclass(frozen=True)
-class Round:
-    """One round of practice.
-
-    Attributes:
-        skill: the best skill so far.
-        practised: results of the perturbed trials.
-        check: check of the skill that this round produced.
-        kept: whether that skill replaced the one before it.
-    """
-
-    skill: ManipulationSkill
-    practised: list[TrialResult]
-    check: Check
-    kept: bool
 
 
 def improve(scenario: Scenario, skill: ManipulationSkill, practice: Practice, *, perform: Perform) -> Iterator[Round]:

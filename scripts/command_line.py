@@ -6,7 +6,7 @@ A command imports what it needs when it runs. So help and `replay` start quickly
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -28,6 +28,16 @@ def parse_path(text: str | Path) -> Path:
     if not str(text):
         raise typer.BadParameter("an empty path; expected the name of a file or folder")
     return Path(parse_text(str(text)))
+
+
+def path_option(metavar: str, text: str, *, shown: str | bool = True) -> Any:
+    """An option with a path and the help ``text``, which names ``shown`` as the default."""
+    return typer.Option(parser=parse_path, metavar=metavar, help=text, show_default=shown)
+
+
+def text_option(metavar: str, text: str, *, shown: str | bool = True) -> Any:
+    """An option with a text; see `path_option`."""
+    return typer.Option(parser=parse_text, metavar=metavar, help=text, show_default=shown)
 
 
 SCENARIO = typer.Option(

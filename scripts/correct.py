@@ -19,7 +19,7 @@ from scripts.command_line import (
     Seed,
     SkillFile,
     Verbose,
-    parse_path,
+    path_option,
 )
 
 if TYPE_CHECKING:
@@ -32,16 +32,13 @@ if TYPE_CHECKING:
 
 def main(
     skill: SkillFile = Path("out/skill.npz"),
-    demonstrations: Annotated[
-        Path, typer.Option(parser=parse_path, metavar="FOLDER", help="Recordings that the skill was trained with.")
-    ] = Path("out/demonstrations"),
+    demonstrations: Annotated[Path, path_option("FOLDER", "Recordings that the skill was trained with.")] = Path(
+        "out/demonstrations"
+    ),
     corrections: Annotated[
         Path | None,
-        typer.Option(
-            parser=parse_path,
-            metavar="FOLDER",
-            help="Folder to write the corrections into.",
-            show_default="out/corrections, with --live out/live_corrections",
+        path_option(
+            "FOLDER", "Folder to write the corrections into.", shown="out/corrections, with --live out/live_corrections"
         ),
     ] = None,
     out: OutFile = Path("out/corrected.npz"),
@@ -63,12 +60,7 @@ def main(
         bool, typer.Option("--ask", help="Only say in which query states the skill gets stuck; write nothing.")
     ] = False,
     json: Annotated[
-        Path | None,
-        typer.Option(
-            parser=parse_path,
-            metavar="FILE",
-            help="With --ask: write what it asks for, for `record --live --asked FILE`.",
-        ),
+        Path | None, path_option("FILE", "With --ask: write what it asks for, for `record --live --asked FILE`.")
     ] = None,
     seed: Seed = 0,
     scenario: ScenarioName = "nominal",

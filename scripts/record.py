@@ -21,7 +21,7 @@ from scripts.command_line import (
     Port,
     Seed,
     Verbose,
-    parse_path,
+    path_option,
 )
 
 if TYPE_CHECKING:
@@ -44,18 +44,15 @@ def main(
     driver: Driver = None,
     asked: Annotated[
         Path | None,
-        typer.Option(
-            parser=parse_path,
-            metavar="FILE",
-            help="With --live: begin in the query states of this file, by `haptic-skill correct --ask --json FILE`.",
+        path_option(
+            "FILE", "With --live: begin in the query states of this file, by `haptic-skill correct --ask --json FILE`."
         ),
     ] = None,
     observer: Annotated[
         Path | None,
-        typer.Option(
-            parser=parse_path,
-            metavar="FILE",
-            help="With --live: skill that names the contact states while you demonstrate, and shows what it would do.",
+        path_option(
+            "FILE",
+            "With --live: skill that names the contact states while you demonstrate, and shows what it would do.",
         ),
     ] = None,
     host: Host = None,

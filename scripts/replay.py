@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from scripts import rig
-from scripts.command_line import OptionalSkillFile, parse_path
+from scripts.command_line import OptionalSkillFile, parse_path, path_option
 
 TRIAL = Path("out/replay")
 """Folder of the trial that is performed if no recording is named."""
@@ -28,12 +28,7 @@ def main(
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(
-            parser=parse_path,
-            help="HTML page to write; replaces an existing file.",
-            metavar="FILE",
-            show_default="FILE, ending in .html",
-        ),
+        path_option("FILE", "HTML page to write; replaces an existing file.", shown="FILE, ending in .html"),
     ] = None,
     skill: OptionalSkillFile = None,
     speed: Annotated[

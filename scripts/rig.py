@@ -17,7 +17,7 @@ from scripts.command_line import (
     Seed,
     Trials,
     find_skill,
-    parse_path,
+    path_option,
 )
 
 if TYPE_CHECKING:
@@ -48,13 +48,7 @@ def main(
     scenario: ScenarioName = "nominal",
     out: OutFolder = Path("out/rig"),
     json: Annotated[
-        Path | None,
-        typer.Option(
-            parser=parse_path,
-            metavar="FILE",
-            help="JSON file for a copy of results.json, one object per trial.",
-            show_default="no copy",
-        ),
+        Path | None, path_option("FILE", "JSON file for a copy of results.json, one object per trial.", shown="no copy")
     ] = None,
     jobs: Jobs = 2,
     overwrite: Overwrite = False,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from scripts.command_line import parse_path, parse_text
+from scripts.command_line import parse_path, path_option, text_option
 
 MAX_PRINTED = 12
 """Largest number of tables at the terminal."""
@@ -22,29 +22,18 @@ def main(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(
-            parser=parse_path,
-            metavar="FILE",
-            help="HTML page to write; replaces an existing page.",
-            show_default="scoreboard.html in RESULTS",
-        ),
+        path_option("FILE", "HTML page to write; replaces an existing page.", shown="scoreboard.html in RESULTS"),
     ] = None,
     markdown: Annotated[
         Path | None,
-        typer.Option(
-            parser=parse_path,
-            metavar="FILE",
-            help="File for the same tables in Markdown; replaces an existing scoreboard.",
-            show_default="none",
-        ),
+        path_option("FILE", "File for the same tables in Markdown; replaces an existing scoreboard.", shown="none"),
     ] = None,
     against: Annotated[
         str | None,
-        typer.Option(
-            parser=parse_text,
-            metavar="NAME",
-            help="Policy with which the others are compared.",
-            show_default="the skill of this project if it is there, else the one that inserts most often",
+        text_option(
+            "NAME",
+            "Policy with which the others are compared.",
+            shown="the skill of this project if it is there, else the one that inserts most often",
         ),
     ] = None,
 ) -> None:

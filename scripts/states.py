@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scripts.command_line import Seed, parse_path, parse_text
+from scripts.command_line import Seed, parse_path, path_option, text_option
 
 if TYPE_CHECKING:
     from skill.recordings.recording import Recording
@@ -37,59 +37,41 @@ def main(
             show_default=False,
         ),
     ],
-    out: Annotated[
-        Path,
-        typer.Option(parser=parse_path, metavar="FILE", help="HTML page to write; replaces an existing page."),
-    ] = Path("states.html"),
+    out: Annotated[Path, path_option("FILE", "HTML page to write; replaces an existing page.")] = Path("states.html"),
     labels: Annotated[
         Path | None,
-        typer.Option(
-            parser=parse_path,
-            metavar="FOLDER",
-            help="Folder for the tables of states, NAME.states.csv for each of FILES.",
-            show_default="beside each of FILES",
+        path_option(
+            "FOLDER",
+            "Folder for the tables of states, NAME.states.csv for each of FILES.",
+            shown="beside each of FILES",
         ),
     ] = None,
     columns: Annotated[
         list[str],
-        typer.Option(
-            parser=parse_text,
-            metavar="CHANNEL=COLUMN:UNIT",
-            help="Column of a channel, such as fx=ati_1:N; may be given several times. Usual names need none.",
+        text_option(
+            "CHANNEL=COLUMN:UNIT",
+            "Column of a channel, such as fx=ati_1:N; may be given several times. Usual names need none.",
         ),
     ] = [],  # noqa: B006
     trial_column: Annotated[
         str | None,
-        typer.Option(
-            parser=parse_text,
-            metavar="COLUMN",
-            help="Column with the trial of each row.",
-            show_default="trial, episode, episode_index or run, if it is there",
+        text_option(
+            "COLUMN", "Column with the trial of each row.", shown="trial, episode, episode_index or run, if it is there"
         ),
     ] = None,
     phase_column: Annotated[
         str | None,
-        typer.Option(
-            parser=parse_text,
-            metavar="COLUMN",
-            help="Column with the known phase of each row, to compare with; '' for none.",
-            show_default="phase or label, if it is there",
+        text_option(
+            "COLUMN",
+            "Column with the known phase of each row, to compare with; '' for none.",
+            shown="phase or label, if it is there",
         ),
     ] = None,
     topic: Annotated[
-        str | None,
-        typer.Option(
-            parser=parse_text,
-            metavar="TOPIC",
-            help="Topic of a rosbag2 or of MCAP files.",
-            show_default="the only WrenchStamped",
-        ),
+        str | None, text_option("TOPIC", "Topic of a rosbag2 or of MCAP files.", shown="the only WrenchStamped")
     ] = None,
     feature: Annotated[
-        str | None,
-        typer.Option(
-            parser=parse_text, metavar="NAME", help="Feature of a LeRobot data set.", show_default="the one with forces"
-        ),
+        str | None, text_option("NAME", "Feature of a LeRobot data set.", shown="the one with forces")
     ] = None,
     input_rate: Annotated[
         float | None,

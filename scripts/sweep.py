@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from scripts.command_line import Jobs, parse_path
+from scripts.command_line import Jobs, parse_path, path_option
 
 if TYPE_CHECKING:
     from experiments.sweeps.assignments import Assignment, DemonstrationSource, PolicySource
@@ -28,12 +28,7 @@ def main(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(
-            parser=parse_path,
-            metavar="RESULTS",
-            help="Folder to write into; results that are there are kept.",
-            show_default="out/sweeps/SPEC",
-        ),
+        path_option("RESULTS", "Folder to write into; results that are there are kept.", shown="out/sweeps/SPEC"),
     ] = None,
     engine: Annotated[
         Literal["local", "dask", "ray"],
@@ -67,14 +62,42 @@ def main(
     """
     if address is not None and engine == "local":
         raise ValueError("--address is given, but --engine is local; expected --engine dask or ray")
-    sweep(
-        path=specification,
-        out=out or Path("out/sweeps") / specification.stem,
-        backend=engine,
-        address=address,
-        jobs=jobs,
-        plan_only=plan,
-    )
+    import sys
+
+    from experiments.outputs.output_checks import check_folder
+    from experiments.sweeps.executors import make_pool
+    from experiments.sweeps.policy_store import PolicyStore
+    from experiments.sweeps.trial_stream import TrialStream
+    from interfaces.terminal import progress, say
+
+    out = out or Path("out/sweeps") / specification.stem
+    _check_results(out)
+    if str(Path.cwd()) not in sys.path:
+        sys.path.append(str(Path.cwd()))  # import paths of a specification may name modules in the current folder
+    store = PolicyStore(out)
+    found = plan_sweep(specification, out, store)
+    missing = sum(lacking for _, _, lacking in found.todo)
+    check_folder(out, size=missing * ROW_SIZE)
+
+    say(f"{found.specification.title}: {found.wanted:,} trials, {found.wanted - missing:,} of them done already")
+    with make_pool(engine, jobs=jobs, address=address, tell=say) as pool:
+        if missing:
+            say(found.cost.text(pool.workers))
+        if plan:
+            return
+        name = keep_specification(specification, found.specification.text, out)
+        if not missing:
+            return
+        unrecorded = store.unrecorded(found.sets)
+        if unrecorded:
+            with progress("demonstrations", unrecorded) as advance:
+                store.record(found.sets, pool, advance)
+        if found.policies:
+            with progress("policies", len(found.policies)) as advance:
+                store.make(found.policies, pool, advance)
+        with progress("trials", missing) as advance:
+            ended = TrialStream(found.todo, store, pool, advance).run()
+    _report(ended, out, name)
 
 
 @dataclass(frozen=True)
@@ -128,53 +151,6 @@ def plan_sweep(path: Path, out: Path, store: PolicyStore) -> SweepPlan:
         unknown=sum(policy.plan.make is not None for policy in unmade),
     )
     return SweepPlan(specification, sum(len(block.numbers) for _, block in blocks), todo, unmade, sets, cost)
-
-
-def sweep(
-    *, path: Path, out: Path, backend: str, address: str | None, jobs: int, plan_only: bool = False
-) -> Ended | None:
-    """Performs the trials of a specification that have no row yet; with ``plan_only`` says what they are.
-
-    Raises:
-        ValueError: if the specification is not valid, or a policy cannot be made.
-        OSError: if the results cannot be written, or the cluster does not answer. What is finished stays.
-    """
-    import sys
-
-    from experiments.outputs.output_checks import check_folder
-    from experiments.sweeps.executors import make_pool
-    from experiments.sweeps.policy_store import PolicyStore
-    from experiments.sweeps.trial_stream import TrialStream
-    from interfaces.terminal import progress, say
-
-    _check_results(out)
-    if str(Path.cwd()) not in sys.path:
-        sys.path.append(str(Path.cwd()))  # import paths of a specification may name modules in the current folder
-    store = PolicyStore(out)
-    plan = plan_sweep(path, out, store)
-    missing = sum(lacking for _, _, lacking in plan.todo)
-    check_folder(out, size=missing * ROW_SIZE)
-
-    say(f"{plan.specification.title}: {plan.wanted:,} trials, {plan.wanted - missing:,} of them done already")
-    with make_pool(backend, jobs=jobs, address=address, tell=say) as pool:
-        if missing:
-            say(plan.cost.text(pool.workers))
-        if plan_only:
-            return None
-        name = keep_specification(path, plan.specification.text, out)
-        if not missing:
-            return None
-        unrecorded = store.unrecorded(plan.sets)
-        if unrecorded:
-            with progress("demonstrations", unrecorded) as advance:
-                store.record(plan.sets, pool, advance)
-        if plan.policies:
-            with progress("policies", len(plan.policies)) as advance:
-                store.make(plan.policies, pool, advance)
-        with progress("trials", missing) as advance:
-            ended = TrialStream(plan.todo, store, pool, advance).run()
-    _report(ended, out, name)
-    return ended
 
 
 def keep_specification(path: Path, text: str, out: Path) -> Path:

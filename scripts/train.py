@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from scripts.command_line import OutFile, Seed, parse_path
+from scripts.command_line import OutFile, Seed, path_option
 
 if TYPE_CHECKING:
     from skill.manipulation_skill import ManipulationSkill
@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 def main(
     demonstrations: Annotated[
         list[Path],
-        typer.Option(
-            parser=parse_path,
-            metavar="FOLDER",
-            help="Folder of recordings by `haptic-skill record` or `correct`; may be given several times.",
+        path_option(
+            "FOLDER", "Folder of recordings by `haptic-skill record` or `correct`; may be given several times."
         ),
     ] = [Path("out/demonstrations")],  # noqa: B006
     out: OutFile = Path("out/skill.npz"),

@@ -10,13 +10,13 @@ import copy
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 
-from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe, PosedMeshes
+from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PosedMeshes
 from experiments.metrics.penetration import round_bodies
 from models.contact_geometry import PegInHole, axes_of_rotation_vectors
 from models.contact_theory import (
@@ -30,6 +30,9 @@ from models.contact_theory import (
 )
 from models.scenario import Scenario
 from skill.arrays import Array
+
+if TYPE_CHECKING:
+    from benchmarks.physics.mujoco_probe import MujocoProbe
 
 CRAWLING: dict[str, Any] = {"mass": 0.15, "inertia": 3e-5, "damping": (5.0, 400.0, 0.01)}
 """A probe whose large damping of z makes the peg slide slowly, so that inertia and the damping of the tilt are
@@ -247,7 +250,7 @@ def force_balance(
 
 
 def crawl(
-    probe: PlanarProbe, sizes: PegTheory, friction: float, *, lateral: float, moment: float, depth: float
+    probe: ContactProbe | MujocoProbe, sizes: PegTheory, friction: float, *, lateral: float, moment: float, depth: float
 ) -> tuple[float, Array]:
     """Axial force of a peg that slides slowly under a constant load in two-point contact.
 
@@ -277,7 +280,9 @@ def crawl(
     return float(two_point_axial_force(lateral, moment, depth=now, **law)), np.array(resisted)
 
 
-def press(probe: PlanarProbe, sizes: PegTheory, bodies: PegInHole, tilt: float, force: float) -> dict[str, float]:
+def press(
+    probe: ContactProbe | MujocoProbe, sizes: PegTheory, bodies: PegInHole, tilt: float, force: float
+) -> dict[str, float]:
     """Pushes the peg at a fixed tilt until it is at rest.
 
     Args:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,34 +36,6 @@ class PlanarPose:
     x: float  # in units of m
     z: float  # in units of m
     tilt: float  # in units of rad
-
-
-class PlanarProbe(Protocol):
-    """The interface of a probe in any engine; `ContactProbe` implements it with Drake.
-
-    Attributes:
-        time_step: of the simulation, s.
-    """
-
-    time_step: float
-
-    def place(self, pose: PlanarPose) -> None:
-        """Puts the peg at a pose, at rest, and starts a new simulation."""
-
-    def load(self, force_x: float, force_z: float, moment: float) -> None:
-        """Sets the force on the tip's centre, N, and the moment about y at the tip's centre, N m."""
-
-    def hold(self, *names: str) -> None:
-        """Locks the named freedoms of `AXES` and frees the others."""
-
-    def step(self, count: int = 1) -> None:
-        """Takes ``count`` time steps."""
-
-    def pose(self) -> PlanarPose:
-        """The pose of the peg."""
-
-    def contact_load(self) -> Array:
-        """The contact force along x and z, N, and moment about y at the tip's centre, N m, of the last step: (3,)."""
 
 
 class ContactProbe:

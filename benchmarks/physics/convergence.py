@@ -27,7 +27,7 @@ import copy
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
@@ -43,12 +43,15 @@ from benchmarks.physics.contact_measurements import (
     measured_two_point_depth,
     press,
 )
-from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
+from benchmarks.physics.contact_probe import ContactProbe
 from experiments.metrics.penetration import round_bodies
 from interfaces.terminal import progress
 from models.contact_geometry import PegInHole
 from models.contact_theory import two_point_depth, two_point_push_moment
 from models.scenario import Scenario
+
+if TYPE_CHECKING:
+    from benchmarks.physics.mujoco_probe import MujocoProbe
 
 BEFORE = {"facets": 64, "modulus": 1e10, "dissipation": 1.0, "mouth": "sharp"}
 SETTINGS: list[dict[str, Any]] = [
@@ -98,7 +101,7 @@ class Case:
     """
 
     name: str
-    probe: Callable[..., PlanarProbe]
+    probe: Callable[..., ContactProbe | MujocoProbe]
     scenario: Scenario
     bodies: PegInHole
 

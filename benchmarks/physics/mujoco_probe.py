@@ -15,7 +15,7 @@ from systems.plant.mujoco_model import MujocoContact, bore, document, peg
 
 
 class MujocoProbe:
-    """A `benchmarks.physics.contact_probe.PlanarProbe` in MuJoCo; the middle of a box lies in the plane of motion.
+    """A `ContactProbe` in MuJoCo; the middle of a box lies in the plane of motion.
 
     Args:
         scenario: geometry of the bodies and friction.
@@ -48,14 +48,14 @@ class MujocoProbe:
         self._damping = copy.deepcopy(self.model.dof_damping)
 
     def place(self, pose: PlanarPose) -> None:
-        """See `PlanarProbe`."""
+        """See `ContactProbe`."""
         load = self.data.qfrc_applied.copy()
         mujoco.mj_resetData(self.model, self.data)
         self.data.qfrc_applied[:] = load
         self.data.qpos[:] = [pose.x, pose.z, pose.tilt]
 
     def load(self, force_x: float, force_z: float, moment: float) -> None:
-        """See `PlanarProbe`."""
+        """See `ContactProbe`."""
         self.data.qfrc_applied[:] = [force_x, force_z, moment]
 
     def hold(self, *names: str) -> None:
@@ -66,17 +66,13 @@ class MujocoProbe:
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
 
     def step(self, count: int = 1) -> None:
-        """See `PlanarProbe`."""
+        """See `ContactProbe`."""
         mujoco.mj_step(self.model, self.data, nstep=count)
 
     def pose(self) -> PlanarPose:
-        """See `PlanarProbe`."""
+        """See `ContactProbe`."""
         return PlanarPose(*(float(v) for v in self.data.qpos))
 
-    def velocity(self) -> Array:
-        """The velocities (3,) of `AXES`, m/s, m/s and rad/s."""
-        return np.array(self.data.qvel)
-
     def contact_load(self) -> Array:
-        """See `PlanarProbe`."""
+        """See `ContactProbe`."""
         return np.array(self.data.qfrc_constraint)

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binomtest
 
+from experiments.scoreboard.paired_statistics import wilson
 from experiments.trial_result import PHYSICS, TrialResult
 from interfaces.reports.histogram import histogram
 from interfaces.reports.page_template import definitions, fill_page, svg_element, tiles
@@ -136,15 +136,12 @@ def _about(results: Sequence[TrialResult]) -> str:
 def _summary(results: Sequence[TrialResult]) -> list[tuple[str, str]]:
     """The summary: (value, note) for each tile."""
     n, inserted = len(results), sum(r.inserted for r in results)
-    interval = binomtest(inserted, n).proportion_ci(method="wilson")
+    low, high = wilson(inserted, n)
     times = np.array([r.time for r in results])
     loads = np.array([r.peak_load for r in results if r.peak_load is not None])
     back_offs, lost_steps = sum(r.back_offs for r in results), sum(r.lost_steps for r in results)
     return [
-        (
-            f"{inserted} of {n}",
-            f"inserted; 95 % Wilson interval {100 * interval.low:.1f} to {100 * interval.high:.1f} %",
-        ),
+        (f"{inserted} of {n}", f"inserted; 95 % Wilson interval {100 * low:.1f} to {100 * high:.1f} %"),
         (f"{np.median(times):.2f} s", f"median time; 90th percentile {np.quantile(times, 0.9):.2f} s"),
         *(_force_tiles(results, loads) if loads.size else []),
         (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -13,6 +13,7 @@ from rich.table import Table
 from interfaces.reports.result_tables import plain_table
 
 if TYPE_CHECKING:
+    from experiments.practice_results import Round
     from experiments.trial_result import TrialResult
     from skill.practice.paired_comparison import PairedChange
 
@@ -25,34 +26,6 @@ MEASURES = {
 
 WORTHWHILE = 0.20
 """A change of a median of at least this fraction is named in the caption if its interval excludes zero."""
-
-
-class Check(Protocol):
-    """The check trials of a round: a `experiments.practice_rounds.Check`, which this module does not import."""
-
-    @property
-    def results(self) -> Sequence[TrialResult]:
-        """Results of the check trials."""
-
-    @property
-    def costs(self) -> Sequence[float]:
-        """Their costs, s."""
-
-
-class Round(Protocol):
-    """A round of practice: a `experiments.practice_rounds.Round`, which this module does not import."""
-
-    @property
-    def practised(self) -> Sequence[TrialResult]:
-        """Results of the practice trials."""
-
-    @property
-    def check(self) -> Check:
-        """Check of the skill that was learnt in the round."""
-
-    @property
-    def kept(self) -> bool:
-        """Whether that skill replaced the one before."""
 
 
 def round_table(rounds: Sequence[Round]) -> Table:

@@ -10,7 +10,7 @@ import yaml
 from benchmarks.rig import repeats
 from experiments.sweeps.trial_rows import trial_code
 from models.scenario import dump_scenario
-from scripts.sweep import sweep
+from scripts import sweep
 from tests.scripts.commands import ROOT
 
 
@@ -24,7 +24,7 @@ def results(tmp_path, monkeypatch, quick_scenario, skill_file):
     policies = {"mine": {"skill": str(skill_file)}}
     trials = {"first": 84010, "number": 2}
     path.write_text(yaml.safe_dump({"scenario": str(scenario), "policies": policies, "trials": trials}))
-    sweep(path=path, out=tmp_path / "results", backend="local", address=None, jobs=1)
+    sweep.main(path, tmp_path / "results", jobs=1)
     (digest,) = set(pq.read_table(tmp_path / "results" / "trials")["skill"].to_pylist())
     (tmp_path / "results" / "skills").mkdir(exist_ok=True)
     shutil.copy(skill_file, tmp_path / "results" / "skills" / f"{digest}.npz")

@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from models.scenario import dump_scenario
-from scripts.sweep import sweep
+from scripts import sweep
 from tests.quick_scenario import make_quick_scenario
 from tests.scripts.commands import ROOT
 
@@ -36,7 +36,7 @@ def perform(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
 
     def run(path, *, backend="local", address=None, jobs=2, results="results"):
-        sweep(path=path, out=tmp_path / results, backend=backend, address=address, jobs=jobs)
+        sweep.main(path, tmp_path / results, engine=backend, address=address, jobs=jobs)
         return rows_in(tmp_path / results)
 
     return run

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.practice_rounds import Check, Round
+from experiments.practice_results import Check, Round
 from interfaces.reports.practice_report import change_table, check_costs, practice_record, round_table
 from skill.data.outcome import Outcome
 from skill.practice.paired_comparison import PairedChange
