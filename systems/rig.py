@@ -11,7 +11,6 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Mult
 
 from models.scenario import Scenario
 from skill.data.geometry import PegHoleGeometry, fit_difference
-from skill.data.rig_run import CONTROL_COLUMNS
 from skill.policy import RigPolicy
 from systems.control.drive_monitor import DriveMonitor, Travel
 from systems.control.estimator import READINGS, PolicyEstimator
@@ -277,7 +276,7 @@ def _add_recorder(builder: DiagramBuilder, scenario: Scenario, plant: RigPlant, 
             ("depth",): parts.monitor.GetOutputPort("depth"),
             **{(name,): parts.estimator.GetOutputPort(name) for name in READINGS},
             **{(name,): parts.force_guard.GetOutputPort(name) for name in ("target_pitch", "target_yaw", "feed_speed")},
-            **{(name,): parts.controller.GetOutputPort(name) for name in ("back_off", "support", *CONTROL_COLUMNS)},
+            **{(name,): parts.controller.GetOutputPort(name) for name in ("back_off", "support", "turning")},
             ("fault",): parts.watchdog.GetOutputPort("fault"),
             **{
                 (f"{name}_taken", f"{name}_lost"): stepper.GetOutputPort("step_counts")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
@@ -19,13 +17,6 @@ def unconnected_inputs(diagram: Diagram) -> set[tuple[str, str]]:
         for k in range(system.num_input_ports())
         if not system.get_input_port(k).HasValue(system.GetMyContextFromRoot(context))
     }
-
-
-def graph_names(diagram: Diagram) -> set[str]:
-    """Returns every word in the Graphviz text of a diagram."""
-    text = diagram.GetGraphvizString()
-    assert text.startswith("digraph")
-    return set(re.findall(r"\w+", text))
 
 
 def state_of(simulator: Simulator) -> NDArray[np.float64]:

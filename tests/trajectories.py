@@ -13,7 +13,7 @@ import pandas as pd
 
 from skill.data.demonstration import COLUMNS, Demonstration
 from skill.data.outcome import Outcome
-from skill.data.rig_run import CONTACT_COLUMNS, CONTEXT_COLUMNS, CONTROL_COLUMNS, RUN_COLUMNS, RigRun
+from skill.data.rig_run import CONTEXT_COLUMNS, RUN_COLUMNS, RigRun
 
 GEOMETRY = {
     "peg_radius": 0.010,
@@ -68,11 +68,10 @@ def make_demonstration(*, tilt: float = np.radians(2.5), direction: float = 0.9,
     return Demonstration(samples, True, Outcome.INSERTED, {"seed": 1, "geometry": dict(GEOMETRY), **metadata})
 
 
-def make_rig_run(*, tilt: float = np.radians(3.0), contacts: bool = True, **metadata: Any) -> RigRun:
+def make_rig_run(*, tilt: float = np.radians(3.0), **metadata: Any) -> RigRun:
     """A rig run whose hole turns in steps, by yaw twice as far as by pitch; the controller backs off for 0.1 s.
 
-    With ``contacts``, its peg is held between mouth and tip as well, and its context becomes certain from 0.5 s on;
-    without, it is a run of an earlier version.
+    Its peg is held between mouth and tip as well, and its context becomes certain from 0.5 s on.
     """
     time, z, angle, push, state = _insertion(0.02, tilt)
     rng = np.random.default_rng(7)
@@ -93,17 +92,15 @@ def make_rig_run(*, tilt: float = np.radians(3.0), contacts: bool = True, **meta
     samples["fz"] = 0.2 * push + 0.05 * rng.standard_normal(len(time))
     lever = np.maximum(-z, 0.0) / 2
     samples["mx"], samples["my"] = -lever * samples["fy"], lever * samples["fx"]
-    if contacts:
-        samples[list(CONTEXT_COLUMNS)] = np.column_stack([time > 0.5, np.where(time > 0.5, 0.97, 0.6), time > 0.5])
-        turning = np.select([samples["back_off"] > 0, time > 0.95], [0.0, -1.0], default=1.0)
-        samples[list(CONTROL_COLUMNS)] = turning[:, None]
-        samples = samples.join(pd.DataFrame(0.0, index=samples.index, columns=list(CONTACT_COLUMNS)))
-        below = np.minimum(z, 0.0)
-        for place, side, height in (("mouth", -1.0, 0.0), ("tip", 1.0, below)):  # a wedge of twice the push
-            pushing = np.where(z < 0.0, 2.0 * push, 0.0)
-            samples[f"contact_{place}_x"] = 0.01 * side
-            samples[f"contact_{place}_z"] = height
-            samples[f"contact_{place}_fx"] = -side * pushing
+    samples[list(CONTEXT_COLUMNS)] = np.column_stack([time > 0.5, np.where(time > 0.5, 0.97, 0.6), time > 0.5])
+    turning = np.select([samples["back_off"] > 0, time > 0.95], [0.0, -1.0], default=1.0)
+    samples["turning"] = turning
+    below = np.minimum(z, 0.0)
+    for place, side, height in (("mouth", -1.0, 0.0), ("tip", 1.0, below)):  # a wedge of twice the push
+        pushing = np.where(z < 0.0, 2.0 * push, 0.0)
+        samples[f"contact_{place}_x"] = 0.01 * side
+        samples[f"contact_{place}_z"] = height
+        samples[f"contact_{place}_fx"] = -side * pushing
     result = {"inserted": True, "reason": "inserted", "time_s": 2.4, "depth_mm": 24.7}
     record = {"geometry": dict(GEOMETRY), "state_names": list(STATE_NAMES), "force_limit": 50.0, **metadata}
     return RigRun(samples, result, record)

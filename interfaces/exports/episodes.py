@@ -17,7 +17,7 @@ from skill.data.demonstration import ACTIONS, COLUMNS, Demonstration
 from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import Outcome
 from skill.data.refinement import with_following_actions
-from skill.data.rig_run import CONTACT_COLUMNS, CONTEXT_COLUMNS, ContactPlace, RigRun
+from skill.data.rig_run import RUN_COLUMNS, ContactPlace, RigRun
 from skill.data.run_result import outcome_of
 from skill.manipulation_skill import ManipulationSkill
 from skill.states.estimate import estimates
@@ -173,12 +173,11 @@ def run_features(run: RigRun) -> dict[str, Feature]:
         wrench="measured, on the peg about its tip, in P",
         action=Feature("float32", RIG_COMMANDS, ("rad", "rad", "m/s"), "command until the next frame"),
         label="of the simulated contacts; -1: not known",
-        recorded=run.columns,
+        recorded=RUN_COLUMNS,
     )
     names = tuple(str(name) for name in run.metadata.get("state_names") or ())
     features["contact_state"] = Feature("int64", frame="estimated on the rig", labels=names)
-    if CONTEXT_COLUMNS[0] in run.columns:
-        features["context"] = Feature("int64", frame="estimated on the rig")
+    features["context"] = Feature("int64", frame="estimated on the rig")
     return features
 
 
@@ -194,11 +193,10 @@ def run_episode(run: RigRun, name: str) -> Episode:
         labels=run_labels(samples, PegHoleGeometry.find(run.metadata, name)),
         outcome=outcome,
         success=outcome is Outcome.INSERTED,
-        recorded=run.columns,
+        recorded=RUN_COLUMNS,
     )
     columns["contact_state"] = samples["state"].to_numpy(dtype=np.int64)
-    if CONTEXT_COLUMNS[0] in samples:
-        columns["context"] = samples[CONTEXT_COLUMNS[0]].to_numpy(dtype=np.int64)
+    columns["context"] = samples["context"].to_numpy(dtype=np.int64)
     return Episode(name, str(outcome), columns, {"result": run.result, "metadata": run.metadata})
 
 
@@ -210,14 +208,14 @@ def demonstration_labels(demonstration: Demonstration) -> NDArray[np.int64]:
 
 
 def run_labels(samples: pd.DataFrame, geometry: PegHoleGeometry | None) -> NDArray[np.int64]:
-    """Returns the contact labels (n,) of the simulated contacts; `UNKNOWN` without contacts or a geometry.
+    """Returns the contact labels (n,) of the simulated contacts; `UNKNOWN` without a geometry.
 
     The labels are those of `models.contact_geometry.label_contacts`, but they follow from the forces at mouth, tip and
     face, because the deflection of the mount is not recorded. A face in the lower half of the hole is the floor, and a
     contact at the mouth is on the chamfer until the tip has passed it. Contacts at mouth and tip are a two-point
     contact if their lateral forces oppose each other, and a line contact otherwise.
     """
-    if geometry is None or not set(CONTACT_COLUMNS) <= set(samples.columns):
+    if geometry is None:
         return np.full(len(samples), UNKNOWN, dtype=np.int64)
     force = {
         place: samples[[f"contact_{place}_{axis}" for axis in ("fx", "fy", "fz")]].to_numpy() for place in ContactPlace

@@ -26,7 +26,7 @@ from interfaces.reports.motion import Motion, motion_of_demonstration, motion_of
 from models.contact_geometry import ContactLabel
 from skill.arrays import Array
 from skill.data.demonstration import ACTIONS, Demonstration
-from skill.data.rig_run import CONTEXT_COLUMNS, CONTROL_COLUMNS, RigRun
+from skill.data.rig_run import RigRun
 from systems.control.faults import Fault
 
 WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
@@ -139,7 +139,6 @@ def _run_messages(run: RigRun) -> Iterator[_Message]:
     samples, names = run.samples, run.metadata.get("state_names") or []
     motion = motion_of_run(run)
     times = _nanoseconds(samples["time"].to_numpy())
-    contexts = set(CONTEXT_COLUMNS) <= set(samples.columns)
     fault = None
     for k, (time, row) in enumerate(zip(times, samples.to_dict("records"), strict=True)):
         yield _wrench(time, motion, k)
@@ -148,11 +147,10 @@ def _run_messages(run: RigRun) -> Iterator[_Message]:
         state = int(row["state"])
         name = names[state] if state < len(names) else str(state)
         yield _state(time, "/contact_state", state, name, known=row["known"] > 0.5)
-        if contexts:
-            context = {"probability": row["context_probability"], "evidence": row["context_evidence"]}
-            yield _Message(time, "/context", "haptic_skill.Context", {"number": int(row["context"]), **context})
+        context = {"probability": row["context_probability"], "evidence": row["context_evidence"]}
+        yield _Message(time, "/context", "haptic_skill.Context", {"number": int(row["context"]), **context})
         command = {name: row[name] for name in ("target_pitch", "target_yaw", "feed_speed", "support")}
-        command |= {"back_off": row["back_off"] > 0.5, "turning": row.get(CONTROL_COLUMNS[0], 1.0)}
+        command |= {"back_off": row["back_off"] > 0.5, "turning": row["turning"]}
         yield _Message(time, "/command", "haptic_skill.RigCommand", command)
         rig = {name: row[name] for name in JSON_TYPES["haptic_skill.RigState"]}
         yield _Message(time, "/rig_state", "haptic_skill.RigState", rig)

@@ -220,7 +220,7 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
         colours=colours,
         colouring="contact state",
         back_off=samples["back_off"].to_numpy() > 0.5,
-        reversed=samples.get("turning", pd.Series(np.ones(n))).to_numpy() < 0.0,
+        reversed=samples["turning"].to_numpy() < 0.0,
         force_limit=run.metadata.get("force_limit"),
         steps=np.rint(_columns(samples, "pitch_taken", "yaw_taken")).astype(np.int64),
         geometry=geometry,
@@ -230,16 +230,14 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
 
 
 def _contexts(samples: pd.DataFrame) -> Array | None:
-    """The context of a run; None for a policy with a single one, and for a run of an earlier version."""
-    if CONTEXT_COLUMNS[0] not in samples or (samples["context_probability"] == 1.0).all():
+    """The context of a run; None for a policy with a single one."""
+    if (samples["context_probability"] == 1.0).all():
         return None
     return _columns(samples, *CONTEXT_COLUMNS)
 
 
 def _contacts(samples: pd.DataFrame) -> dict[str, Array]:
-    """The points and forces of the contacts, by field of `Motion`; nothing for a run of an earlier version."""
-    if CONTACT_COLUMNS[0] not in samples:
-        return {}
+    """The points and forces of the contacts, by field of `Motion`."""
     values = _columns(samples, *CONTACT_COLUMNS).reshape(len(samples), len(ContactPlace), 2, 3)
     points, forces = values[:, :, 0], values[:, :, 1]
     # Where nothing touches, an arrow waits, without length, where it is needed next: the viewer moves it in between.

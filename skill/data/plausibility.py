@@ -160,13 +160,9 @@ def check_run(samples: pd.DataFrame, geometry: PegHoleGeometry | None, states: i
     _check_columns(samples, dict.fromkeys(contact_columns(samples), Limits(-MAX_FORCE, MAX_FORCE, "N")), where)
     whole = {"state": Limits(0.0, 1e3 if states is None else states - 1.0, "", f"{states or 'no'} state names")}
     whole |= {"known": flag, "back_off": flag, "fault": Limits(0.0, 1e3)}
-    if "context" in samples:
-        whole["context"] = Limits(0.0, 1e3)
-        _check_columns(samples, {"context_probability": flag}, where)
-        _check_columns(samples, {"context_evidence": Limits(-1e6, 1e6)}, where)
+    whole |= {"context": Limits(0.0, 1e3), "turning": Limits(-1.0, 1.0)}
+    _check_columns(samples, {"context_probability": flag, "context_evidence": Limits(-1e6, 1e6)}, where)
     whole |= dict.fromkeys(("pitch_taken", "yaw_taken", "pitch_lost", "yaw_lost"), count)
-    if "turning" in samples:
-        whole["turning"] = Limits(-1.0, 1.0)
     _check_columns(samples, whole, where)
     for name in whole:
         values = samples[name].to_numpy(dtype=float)

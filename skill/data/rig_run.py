@@ -29,8 +29,8 @@ contact_mouth_fx .._fy .._fz           N      sum of its normal forces on the pe
 contact_tip_x ... contact_face_fz             the same of the contacts at the tip and on a flat face
 ====================================  =====  ==================================================================
 
-The columns of the contacts are for replays and evaluation only; files of earlier versions do not have them, nor those
-of the context, nor ``turning``. A place with two contacts, one on either side, holds the stronger one.
+The columns of the contacts are for replays and evaluation only. A place with two contacts, one on either side, holds
+the stronger one.
 """
 
 from __future__ import annotations
@@ -46,14 +46,19 @@ from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import UNPHYSICAL
 from skill.data.plausibility import check_run
 from skill.data.run_result import check_result, outcome_of, shortened
-from skill.data.tables import read_table, validate_table, with_optional, write_table
+from skill.data.tables import read_table, validate_table, write_table
 
-RUN_COLUMNS = (
+CONTEXT_COLUMNS = ("context", "context_probability", "context_evidence")
+
+LOGGED_COLUMNS = (
     *("time", "fx", "fy", "fz", "mx", "my", "mz", "depth", "state", "known"),
     *("target_pitch", "target_yaw", "feed_speed", "back_off", "support", "fault"),
     *("pitch_taken", "pitch_lost", "yaw_taken", "yaw_lost"),
     *("tip_z", "pitch", "yaw"),
+    *CONTEXT_COLUMNS,
+    "turning",
 )
+"""The columns that the rig logs; its trial adds those of the contacts."""
 
 
 class ContactPlace(StrEnum):
@@ -68,12 +73,7 @@ CONTACT_COLUMNS = tuple(
     f"contact_{place}_{name}" for place in ContactPlace for name in ("x", "y", "z", "fx", "fy", "fz")
 )
 
-CONTEXT_COLUMNS = ("context", "context_probability", "context_evidence")
-
-CONTROL_COLUMNS = ("turning",)
-
-OPTIONAL = (CONTEXT_COLUMNS, CONTROL_COLUMNS, CONTACT_COLUMNS)
-"""Groups of columns that files of earlier versions do not have."""
+RUN_COLUMNS = (*LOGGED_COLUMNS, *CONTACT_COLUMNS)
 
 RUN_VERSION = 6
 """Version of the files that are written and read."""
@@ -84,8 +84,7 @@ class RigRun:
     """One rig run.
 
     Attributes:
-        samples: DataFrame with exactly the columns ``RUN_COLUMNS``, and all or none of each group of ``OPTIONAL``,
-            one row a controller period.
+        samples: DataFrame with exactly the columns ``RUN_COLUMNS``, one row a controller period.
         result: result of the trial (inserted, reason, time_s, depth_mm, peak forces, ...).
         metadata: geometry, resolved scenario, skill, versions.
 
@@ -98,18 +97,13 @@ class RigRun:
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        validate_table(self.samples, self.columns, "rig run", min_rows=1)
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """The columns that the samples must have."""
-        return with_optional(RUN_COLUMNS, OPTIONAL, self.samples.columns)
+        validate_table(self.samples, RUN_COLUMNS, "rig run", min_rows=1)
 
 
 def write_rig_run(run: RigRun, path: Path) -> None:
     """Writes a rig run as one Parquet file, atomically."""
     header = {"result": run.result, "metadata": run.metadata}
-    write_table(run.samples, run.columns, path, kind="rig_run", version=RUN_VERSION, header=header)
+    write_table(run.samples, RUN_COLUMNS, path, kind="rig_run", version=RUN_VERSION, header=header)
 
 
 def read_rig_run(path: Path) -> RigRun:
@@ -125,7 +119,6 @@ def read_rig_run(path: Path) -> RigRun:
         kind="rig_run",
         version=RUN_VERSION,
         keys=("result", "metadata"),
-        optional=OPTIONAL,
         min_rows=1,
     )
     result, metadata = header["result"], header["metadata"]

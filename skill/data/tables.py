@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,12 +54,6 @@ def check_columns(names: Sequence[str], columns: Sequence[str], where: str) -> N
     twice = sorted({c for c in names if list(names).count(c) > 1})
     if twice:
         raise ValueError(f"{where}: columns {twice} occur more than once; expected exactly {list(columns)}")
-
-
-def with_optional(columns: Sequence[str], optional: Sequence[Sequence[str]], names: Iterable[str]) -> tuple[str, ...]:
-    """Returns the columns that a table with these ``names`` must have: those of an optional group if it has one."""
-    found = set(names)
-    return (*columns, *(name for group in optional if found & set(group) for name in group))
 
 
 def validate_table(table: pd.DataFrame, columns: Sequence[str], where: str, *, min_rows: int = 2) -> None:
@@ -144,7 +138,6 @@ def read_table(
     kind: str,
     version: int,
     keys: Sequence[str],
-    optional: Sequence[Sequence[str]] = (),
     min_rows: int = 2,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Reads and validates a file of `write_table`.
@@ -155,7 +148,6 @@ def read_table(
         kind: expected kind of file.
         version: expected version of the file format.
         keys: entries that the header must have.
-        optional: groups of columns; those of a group are all there or all missing.
         min_rows: minimum number of rows.
 
     Returns:
@@ -172,7 +164,6 @@ def read_table(
         metadata = file.metadata.metadata or {}
         schema = file.schema_arrow
     header = _header(metadata, path, kind=kind, version=version, keys=keys)
-    columns = with_optional(columns, optional, schema.names)
     check_columns(schema.names, columns, str(path))
     for field in schema:
         if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):

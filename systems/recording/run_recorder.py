@@ -10,7 +10,7 @@ import pandas as pd
 from pydrake.systems.framework import Context, DiagramBuilder, OutputPort
 from pydrake.systems.primitives import Multiplexer, VectorLogSink
 
-from skill.data.rig_run import CONTEXT_COLUMNS, CONTROL_COLUMNS, RUN_COLUMNS
+from skill.data.rig_run import LOGGED_COLUMNS
 
 
 @dataclass(frozen=True)
@@ -28,12 +28,12 @@ class RunRecorder:
     home: float
 
     def samples(self, context: Context) -> pd.DataFrame:
-        """Returns the rows of a run, with its contexts and ``turning``; ``context`` is the diagram's."""
+        """Returns the rows of a run, ``LOGGED_COLUMNS``; ``context`` is the diagram's."""
         log = self.log.FindLog(context)
         table = pd.DataFrame(np.asarray(log.data()).T, columns=self.names)
         table["time"] = log.sample_times()
         table["tip_z"] = table["carriage"] - self.home
-        return table[[*RUN_COLUMNS, *CONTEXT_COLUMNS, *CONTROL_COLUMNS]]
+        return table[list(LOGGED_COLUMNS)]
 
 
 def AddRunRecorder(

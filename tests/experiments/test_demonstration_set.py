@@ -23,10 +23,6 @@ def test_the_habits_take_turns_and_the_bad_ones_come_last():
     assert [r.habit for r in found] == habits
 
 
-def test_the_operators_take_turns():
-    assert [Request(n, "expert", True).operator for n in (0, 1, 9, 10, 27)] == [0, 1, 9, 0, 7]
-
-
 def test_the_seed_of_an_attempt_is_that_of_a_worked_example():
     """A set has 10,000 demonstrations of 50 attempts, so set 2 begins at 1,000,000."""
     assert attempt_seed(0, 0, 0) == 0
@@ -34,12 +30,6 @@ def test_the_seed_of_an_attempt_is_that_of_a_worked_example():
     assert attempt_seed(0, 1, 0) == 50
     assert attempt_seed(2, 0, 0) == 1_000_000
     assert attempt_seed(2, 34, 5) == 1_000_000 + 1700 + 5
-
-
-def test_the_seeds_of_neighbours_are_consecutive():
-    """So no two attempts share a seed: the last attempt comes just before the next demonstration or set."""
-    assert attempt_seed(3, 7, MAX_ATTEMPTS - 1) + 1 == attempt_seed(3, 8, 0)
-    assert attempt_seed(3, 9_999, MAX_ATTEMPTS - 1) + 1 == attempt_seed(4, 0, 0)
 
 
 class Recorded:
@@ -92,13 +82,6 @@ def test_a_demonstration_that_no_file_may_hold_is_repeated(quick_scenario, recor
     record(ValueError("moments look like N mm"), Outcome.JAMMED)
     found = demonstrate(quick_scenario, Request(0, "overcorrects", False), seed=0)
     assert (found.outcome, found.metadata["attempts"]) == (Outcome.JAMMED, 2)
-
-
-def test_if_no_file_may_hold_any_attempt_the_error_says_why(quick_scenario, record):
-    scenarios = record(ValueError("moments look like N mm"))
-    with pytest.raises(ValueError, match=r"no bad example in 8 attempts \(outcomes: \['moments look like N mm'\]\)"):
-        demonstrate(quick_scenario, Request(0, "overcorrects", False), seed=0)
-    assert len(scenarios) == 8
 
 
 def test_eight_equal_outcomes_end_the_attempts(quick_scenario, record):

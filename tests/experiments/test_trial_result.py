@@ -14,18 +14,25 @@ from tests.trial_results import PLAIN
 
 RESULT = replace(
     PLAIN,
-    tilt=(0.0123456, -0.0234567),
-    time=2.51234,
-    depth=0.02471234,
-    peak_axial_force=6.06,
-    peak_lateral_force=12.34,
-    peak_moment=0.1234,
-    penetration=20.06e-6,
-    lost_steps=1,
+    seed=17,
+    tilt=(0.0123456, -0.0345678),
+    time=2.54321,
+    depth=0.0246789,
+    peak_axial_force=6.1234,
+    peak_lateral_force=12.3456,
+    peak_moment=0.123456,
+    penetration=20.1234e-6,
+    peak_contact_force=15.1234,
+    mean_load=8.1234,
+    force_above_20n=0.1236,
+    wedged_time=0.1604,
+    path_length=0.02775678,
+    mean_jerk=4.5678,
+    field_score=99.2549,
+    unknown_time=0.126,
+    unsupported_time=0.333,
+    lost_steps=3,
     back_offs=2,
-    unknown_time=0.121,
-    unsupported_time=0.1,
-    states=(0, 1),
 )
 ENDINGS = [
     (Outcome.INSERTED, Fault.NONE, ""),
@@ -41,7 +48,7 @@ def test_a_row_gives_back_the_rounded_result(outcome, fault, detail):
     result = replace(RESULT, outcome=outcome, fault=fault, detail=detail)
     found = TrialResult.from_record(result.record())
     assert found.record() == result.record()
-    assert (found.outcome, found.fault, found.detail, found.states) == (outcome, fault, detail, (0, 1))
+    assert (found.outcome, found.fault, found.detail, found.states) == (outcome, fault, detail, RESULT.states)
     assert found.tilt == pytest.approx(result.tilt, abs=math.radians(0.005))
     assert found.depth == pytest.approx(result.depth, abs=5e-6)
     assert found.penetration == pytest.approx(result.penetration, abs=5e-8)
@@ -80,29 +87,7 @@ def test_a_row_that_is_not_a_result_is_one_error(row):
 
 
 def test_the_record_is_in_the_units_of_its_keys_and_rounded():
-    result = replace(
-        PLAIN,
-        seed=17,
-        tilt=(0.0123456, -0.0345678),
-        time=2.54321,
-        depth=0.0246789,
-        peak_axial_force=6.1234,
-        peak_lateral_force=12.3456,
-        peak_moment=0.123456,
-        penetration=20.1234e-6,
-        peak_contact_force=15.1234,
-        mean_load=8.1234,
-        force_above_20n=0.1236,
-        wedged_time=0.1604,
-        path_length=0.02775678,
-        mean_jerk=4.5678,
-        field_score=99.2549,
-        unknown_time=0.126,
-        unsupported_time=0.333,
-        lost_steps=3,
-        back_offs=2,
-    )
-    assert result.record() == {
+    assert RESULT.record() == {
         "seed": 17,
         "tilt_deg": [0.7074, -1.9806],
         "inserted": True,

@@ -5,7 +5,6 @@ import os
 import signal
 import time
 import warnings
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -59,12 +58,6 @@ def test_a_warning_is_one_line_on_stderr_without_the_code_that_issued_it(capsys)
     assert warnings.showwarning is shown
 
 
-def test_a_long_error_is_not_wrapped(capsys):
-    with pytest.raises(SystemExit):
-        raising(ValueError("word " * 100))()
-    assert len(capsys.readouterr().err.splitlines()) == 1
-
-
 def test_an_interruption_is_one_line_with_exit_code_130(capsys):
     during_import = ImportError("initialization failed")
     during_import.__cause__ = KeyboardInterrupt()
@@ -88,11 +81,6 @@ def test_sigterm_ends_a_command_as_ctrl_c_does(capsys):
     assert ended.value.code == 143
     assert capsys.readouterr() == ("", "terminated\n")
     assert signal.getsignal(signal.SIGTERM) is before
-
-
-def test_a_command_runs_in_another_thread_too():
-    with ThreadPoolExecutor(1) as pool:
-        assert pool.submit(terminal.report_errors(lambda: 3)).result() == 3
 
 
 @pytest.mark.parametrize(("error", "code"), [(KeyboardInterrupt, 130), (terminal.Terminated, 143)])
@@ -125,10 +113,6 @@ def test_a_defect_keeps_its_traceback(error):
         raising(error)()
 
 
-def test_a_successful_command_returns_its_value():
-    assert terminal.report_errors(lambda a, *, b: a + b)(1, b=2) == 3
-
-
 # -------------------------------------------------------------- plain text
 
 
@@ -144,11 +128,6 @@ def test_notes_of_a_progress_bar_are_not_markup(capsys):
     output = capsys.readouterr().out
     assert "[red]title" in output
     assert "[bold]note[/x]" in output
-
-
-def test_a_status_text_is_not_markup():
-    with terminal.busy("drawing [/x].parquet"):
-        pass
 
 
 # --------------------------------------------------------------- JSON files

@@ -1,12 +1,8 @@
 """The messages of the commands about bad input: one line, and no file is written or removed."""
 
-import json
-
-import numpy as np
 import pytest
 
 from models.scenario import dump_scenario
-from tests.crafted_files import rewrite, sealed_arrays
 from tests.quick_scenario import REQUESTS, make_quick_scenario
 from tests.scripts.commands import error_line, files, invoke
 
@@ -66,41 +62,13 @@ def test_no_or_too_many_demonstrations_are_an_error(tmp_path):
     assert files(tmp_path) == []
 
 
-@pytest.mark.slow
-def test_a_habit_that_never_gives_the_requested_example_is_one_error(tmp_path):
-    """A tenth of a second is too short to insert."""
-    scenario = make_quick_scenario()
-    scenario.recorder.time_limit = 0.1
-    path = tmp_path / "hasty.yaml"
-    path.write_text(dump_scenario(scenario))
-    line = error_line(
-        invoke(
-            "record",
-            *("--good", 1, "--bad", 0, "--jobs", 1, "--scenario", path, "--out", tmp_path / "out"),
-        )
-    )
-    assert "no good example" in line
-    assert files(tmp_path) == ["hasty.yaml"]
-
-
-@pytest.mark.parametrize("fault", ["none", "truncated", "missing column"])
-def test_training_on_bad_recordings_is_one_error_and_writes_no_skill(tmp_path, demonstration_folder, fault):
-    recordings = tmp_path / "recordings"
-    recordings.mkdir()
-    if fault != "none":
-        source = demonstration_folder / "000.parquet"
-        (recordings / "000.parquet").write_bytes(source.read_bytes())
-        bad = recordings / "001.parquet"
-        if fault == "truncated":
-            bad.write_bytes(source.read_bytes()[:-100])
-        else:
-            bad.write_bytes(source.read_bytes())
-            rewrite(bad, "demonstration", lambda f: f.drop(columns="mz"))
-    line = error_line(invoke("train", "--demonstrations", recordings, "--out", tmp_path / "skill.npz"))
-    messages = {"none": "no demonstrations", "truncated": "001.parquet: not a complete Parquet file"}
-    assert messages.get(fault, "001.parquet") in line
-    if fault not in messages:
-        assert "mz" in line
+def test_training_on_a_damaged_recording_is_one_error_and_writes_no_skill(tmp_path, demonstration_folder):
+    whole = (demonstration_folder / "000.parquet").read_bytes()
+    (tmp_path / "shown").mkdir()
+    (tmp_path / "shown" / "000.parquet").write_bytes(whole)
+    (tmp_path / "shown" / "001.parquet").write_bytes(whole[:-100])
+    line = error_line(invoke("train", "--demonstrations", tmp_path / "shown", "--out", tmp_path / "skill.npz"))
+    assert "001.parquet: not a complete Parquet file" in line
     assert not (tmp_path / "skill.npz").exists()
 
 
@@ -113,24 +81,13 @@ def test_training_without_an_insertion_is_one_error(tmp_path, demonstration_fold
     assert files(tmp_path) == ["shown/000.parquet"]
 
 
-@pytest.mark.parametrize("fault", ["missing", "truncated", "no digest", "another version"])
-def test_running_with_a_bad_skill_is_one_error_and_writes_nothing(tmp_path, skill_file, fault):
+@pytest.mark.parametrize(("size", "message"), [(None, "no such skill file"), (500, "not a skill file")])
+def test_running_with_a_bad_skill_is_one_error_and_writes_nothing(tmp_path, skill_file, size, message):
     skill = tmp_path / "skill.npz"
-    if fault == "truncated":
-        skill.write_bytes(skill_file.read_bytes()[:500])
-    elif fault == "no digest":
-        with np.load(skill_file) as stored:
-            np.savez(skill, **stored)
-    elif fault == "another version":
-        with np.load(skill_file) as stored:
-            arrays = dict(stored)
-        header = json.loads(arrays["header"].tobytes())
-        header["skill_version"] += 1
-        arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
-        skill.write_bytes(sealed_arrays(arrays))
+    if size:
+        skill.write_bytes(skill_file.read_bytes()[:size])
     line = error_line(invoke("rig", "--skill", skill, "--out", tmp_path / "rig", "--trials", 1))
-    messages = {"missing": "no such skill file", "another version": "version", "no digest": "SHA-256"}
-    assert messages.get(fault, "not a skill file") in line
+    assert message in line
     assert "skill.npz" in line
     assert set(files(tmp_path)) <= {"skill.npz"}
 

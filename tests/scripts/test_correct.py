@@ -154,12 +154,6 @@ def test_a_missing_folder_of_demonstrations_is_named_before_anything_is_simulate
     assert "nowhere: no demonstrations (*.parquet) found" in error_line(done)
 
 
-def test_a_file_of_query_states_needs_the_question(place, demonstration_folder):
-    done = correct(place, demonstration_folder, "--json", place / "asked.json")
-    assert done.exit_code == 2
-    assert "--json needs --ask" in done.stderr
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [

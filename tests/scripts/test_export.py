@@ -1,6 +1,5 @@
 """The commands export and import: messages, and what they refuse."""
 
-import numpy as np
 import pytest
 
 from skill.data.demonstration import write_demonstration
@@ -61,18 +60,6 @@ def mixed(folder):
     write_demonstration(make_demonstration(), folder / "b.parquet")
 
 
-def with_a_gap(folder):
-    demonstration = make_demonstration()
-    demonstration.samples.loc[60:, "time"] += 0.1
-    write_demonstration(demonstration, folder / "a.parquet")
-
-
-def slow(folder):
-    demonstration = make_demonstration()
-    demonstration.samples["time"] = 0.03 * np.arange(len(demonstration.samples))
-    write_demonstration(demonstration, folder / "a.parquet")
-
-
 def empty(folder):
     folder.mkdir()
 
@@ -86,8 +73,6 @@ def unfinished(folder):
 REFUSED = {
     "other states": (other_names, "run_0001.parquet: another 'contact_state' than run_0000.parquet has"),
     "two kinds": (mixed, "b.parquet: no 'rig_run' metadata"),
-    "a gap": (with_a_gap, "a.parquet: sample 60 at 1.3 s, expected 1.2 s at 50 samples in a second"),
-    "no whole rate": (slow, "a.parquet: sampled at 33.333 Hz, expected a whole number"),
     "empty": (empty, "no demonstrations (*.parquet) found"),
     "damaged": (unfinished, "001_good_expert.parquet: not a complete Parquet file"),
     "missing": (lambda folder: None, "no such folder; expected one of demonstrations or rig runs"),

@@ -145,31 +145,11 @@ def test_recordings_and_an_index_are_not_replaced_by_another_file(tmp_path, skil
 # ------------------------------------------------------- what is there already
 
 
-@pytest.mark.parametrize(
-    "command", [("record", "--overwrite", "--out", "out/demonstrations"), ("demo", "--out", "out")]
-)
-def test_live_recordings_survive_a_recording_and_a_demo(tmp_path, monkeypatch, command):
-    monkeypatch.chdir(tmp_path)
-    folder = tmp_path / "out" / "demonstrations"
-    write_demonstration(make_demonstration(habit="live"), folder / "000_good_live.parquet")
-    line = error_line(invoke(*command, *FEW))
-    assert "out/demonstrations/000_good_live.parquet: a recording of no set, which no command replaces" in line
-    assert files(tmp_path) == ["out/demonstrations/000_good_live.parquet"]
-
-
 def test_a_demo_is_refused_before_it_records_if_its_rig_folder_holds_something_else(tmp_path):
     make_set(tmp_path / "rig", 1)
     line = error_line(invoke("demo", *FEW, "--out", tmp_path))
     assert "rig: holds demonstrations, not runs" in line
     assert {path.name for path in tmp_path.iterdir()} == {"rig"}
-
-
-def test_training_reads_what_the_index_lists_and_says_so(tmp_path):
-    make_set(tmp_path / "set", 1, NAMES)
-    (tmp_path / "set" / "mine.parquet").write_bytes(b"not a recording")
-    result = invoke("train", "--demonstrations", tmp_path / "set", "--out", tmp_path / "skill.npz")
-    assert "1 files are not in its index and are not read: mine.parquet" in result.output
-    assert "mine.parquet: " not in result.stderr
 
 
 def test_a_second_session_in_one_folder_stops_with_one_line(tmp_path, skill_file):
@@ -223,25 +203,6 @@ def test_the_stress_arm_has_hard_trials_and_is_a_request_of_its_own(tmp_path, sk
     hard = trial_scenario(scenario, number=4, arm=Arm.STRESS)
     assert (run.start.tilt, run.rig.pivot_height) == (hard.start.tilt, hard.rig.pivot_height)
     assert "another" in error_line(rig(skill_file, quick, tmp_path, trials=1, seed=4))
-
-
-@pytest.mark.slow
-def test_a_scenario_without_hard_trials_is_refused_before_anything_is_written(tmp_path, skill_file, quick):
-    line = error_line(rig(skill_file, quick, tmp_path / "out", "--arm", "stress", trials=1))
-    assert "or no trial is one of the stress arm" in line
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.slow
-def test_runs_of_two_requests_are_not_mixed(tmp_path, skill_file, quick):
-    out = tmp_path / "rig"
-    assert rig(skill_file, quick, out, trials=3).exit_code == 0
-    line = error_line(rig(skill_file, quick, out, trials=1))
-    assert "rig: holds 3 runs of another request (trials 3, here 1); choose another --out, or add --overwrite" in line
-    assert agreeing_runs(out) == [0, 1, 2]
-    assert rig(skill_file, quick, out, "--overwrite", trials=1, seed=7).exit_code == 0
-    assert agreeing_runs(out) == [7]
-    assert files(out) == ["index.json", "replay_0007.html", "report.html", "results.json", "run_0007.parquet"]
 
 
 @pytest.mark.slow
@@ -302,8 +263,7 @@ def alive(pid):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_no_worker_outlives_its_parent(tmp_path, number):
+def test_no_worker_outlives_its_parent(tmp_path):
     scenario = tmp_path / "quick.yaml"
     scenario.write_text(yaml.safe_dump({"recorder": {"time_limit": 60.0}}))
     command = [sys.executable, *HAPTIC_SKILL, "record", "--scenario", str(scenario), "--out", str(tmp_path / "out")]
@@ -316,15 +276,13 @@ def test_no_worker_outlives_its_parent(tmp_path, number):
             assert process.poll() is None, process.stderr.read()
             time.sleep(0.05)
         workers = workers_of(process)
-        process.send_signal(number)
-        process.wait(20)
+        process.terminate()
+        assert process.wait(20) == 143
         end = time.monotonic() + 10
         while any(map(alive, workers)):
             assert time.monotonic() < end, workers
             time.sleep(0.05)
-        if number == signal.SIGTERM:
-            assert process.returncode == 143
-            assert process.stderr.read() == "terminated\n"
-            assert not (tmp_path / "out" / LOCK_NAME).exists()
+        assert process.stderr.read() == "terminated\n"
+    assert not (tmp_path / "out" / LOCK_NAME).exists()
     for path in (tmp_path / "out").glob("*.parquet"):
         read_demonstration(path)

@@ -1,6 +1,5 @@
 """Recordings that are finished stay complete, however the session ends."""
 
-import errno
 import json
 import os
 import signal
@@ -15,8 +14,7 @@ import skill.figures.paper_figures  # noqa: F401  imports write_atomically befor
 from models.scenario import dump_scenario
 from scripts.record import record_live
 from skill.data.demonstration import read_demonstration
-from skill.data.files import write_atomically
-from tests.scripts.commands import HAPTIC_SKILL, ROOT, error_line, invoke
+from tests.scripts.commands import HAPTIC_SKILL, ROOT, invoke
 
 QUICK = {
     "geometry": {"hole_depth": 0.003, "peg_length": 0.02},
@@ -56,11 +54,10 @@ def start_recording(out, scenario, *, jobs=1):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seconds", [0.05, 0.7])
-def test_a_killed_recording_leaves_complete_files_and_goes_on_where_it_stopped(tmp_path, quick, seconds):
+def test_a_killed_recording_leaves_complete_files_and_goes_on_where_it_stopped(tmp_path, quick):
     out = tmp_path / "out"
     with start_recording(out, quick) as process:
-        time.sleep(seconds)
+        time.sleep(0.3)
         os.killpg(process.pid, signal.SIGKILL)
     finished = {path: path.stat().st_mtime_ns for path in out.glob("*.parquet")}
     assert 1 <= len(finished) < 40
@@ -91,27 +88,6 @@ def test_ctrl_c_ends_a_recording_with_one_line_and_exit_code_130(tmp_path, quick
     assert stderr == "interrupted\n"
     assert list(out.glob(".*")) == []
     for path in out.glob("*.parquet"):
-        read_demonstration(path)
-
-
-@pytest.mark.slow
-def test_a_full_disk_is_reported_and_finished_recordings_stay(tmp_path, quick, monkeypatch):
-    written = []
-
-    def write_until_full(path, data):
-        if path.suffix == ".parquet" and len(written) == 2:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(path))
-        write_atomically(path, data)
-        written.append(path)
-
-    monkeypatch.setattr("skill.data.tables.write_atomically", write_until_full)
-    out = tmp_path / "out"
-    line = error_line(invoke("record", "--out", out, "--good", 4, "--bad", 0, "--scenario", quick, "--jobs", 1))
-    assert "002_good_expert.parquet: not written (No space left on device); 2 of 4 demonstrations" in line
-    assert "make room and give the same command again" in line
-    finished = sorted(out.glob("*.parquet"))
-    assert [path.name for path in finished] == ["000_good_expert.parquet", "001_good_novice.parquet"]
-    for path in finished:
         read_demonstration(path)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.experiments.scoreboard.simulated_trials import LAW, LEARNT, write_results, write_trials
+from tests.experiments.scoreboard.simulated_trials import LAW, LEARNT, write_results
 from tests.scripts.commands import HAPTIC_SKILL, error_line, files, invoke, run_python
 
 
@@ -39,46 +39,6 @@ def test_the_table_fits_a_narrow_terminal(results, tmp_path):
     ]
     assert max(map(len, tables)) <= 80
     assert "…" not in done.stdout
-
-
-def test_drake_is_not_imported(results, tmp_path):
-    code = (
-        "import sys; sys.modules['pydrake'] = None; sys.argv = ['haptic-skill', *sys.argv[1:]];"
-        " from scripts.haptic_skill import app; app()"
-    )
-    done = run_python("-c", code, "scoreboard", results, "--out", tmp_path / "a.html")
-    assert done.returncode == 0, done.stderr
-
-
-@pytest.mark.parametrize(
-    ("change", "parts"),
-    [
-        (lambda folder: folder / "none", ["none", "no such folder"]),
-        (lambda folder: folder / "sweeps", ["no folder 'trials'", "haptic-skill sweep"]),
-        (lambda folder: next(folder.rglob("*.parquet")), ["is a file"]),
-    ],
-)
-def test_a_folder_without_results_is_one_line(results, tmp_path, change, parts):
-    line = error_line(invoke("scoreboard", change(results), "--out", tmp_path / "a.html"))
-    assert all(part in line for part in parts)
-    assert files(tmp_path) == []
-
-
-def test_a_damaged_file_is_named_and_nothing_is_written(tmp_path):
-    write_trials(tmp_path / "results", [{}])
-    path = write_trials(tmp_path / "results", [{"trial": 1}], block="0001")
-    path.write_bytes(path.read_bytes()[:-100])
-    (tmp_path / "a.html").write_text("<!DOCTYPE html>old")
-    line = error_line(invoke("scoreboard", tmp_path / "results", "--out", tmp_path / "a.html"))
-    assert str(path) in line
-    assert (tmp_path / "a.html").read_text() == "<!DOCTYPE html>old"
-
-
-def test_an_unknown_reference_is_named_with_the_known_ones(results, tmp_path):
-    line = error_line(invoke("scoreboard", results, "--out", tmp_path / "a.html", "--against", "CA"))
-    assert "--against 'CA'" in line
-    assert repr(LEARNT) in line
-    assert files(tmp_path) == []
 
 
 def test_other_files_are_not_replaced(results, tmp_path):

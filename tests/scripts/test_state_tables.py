@@ -50,10 +50,3 @@ def test_tables_are_recognised_by_name_and_first_line(tmp_path, name, text, expe
         check_file(path, ".csv")  # may be replaced
     assert not is_state_table(tmp_path)
     assert not is_state_table(tmp_path / "missing.states.csv")
-
-
-def test_another_csv_file_is_not_replaced(tmp_path):
-    path = tmp_path / "a.states.csv"
-    path.write_text("time,fx\n0,1\n")
-    with pytest.raises(ValueError, match="is another file, and is not replaced by a table of states"):
-        check_file(path, ".csv", option="--labels")

@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 
 from scripts import states as states_command
-from tests.scripts.commands import error_line, files, invoke, run_python
-from tests.skill.recordings.messages.wrench_messages import cdr, write_mcap
+from tests.scripts.commands import error_line, files, invoke
 from tests.state_recordings import CHANNELS, NAMES, three_contacts, write_files
 
 
@@ -77,17 +76,6 @@ def test_the_page_has_every_recording_with_its_states_and_phases(result):
     assert "Competitive Agglomeration found " in page
 
 
-def test_a_row_for_each_state_and_each_phase_is_printed(result):
-    _, text = result
-    words = " ".join(text.split())
-    assert re.search(r"0 free 3\d 1\.0 [01]\.\d\d 0\.\d 0\.0\d 1 \(100 %\)", words)
-    assert re.search(r"1 (?:8|7\.9|8\.1) N along -z 3\d 1\.0 [01]\.\d\d 8\.\d 0\.0\d 2 \(100 %\)", words)
-    assert re.search(r"0\.\d+ N m about \+y 3\d 1\.0 [01]\.\d\d (19|20)\.\d 0\.\d\d end \(100 %\)", words)
-    assert re.search(r"reach <i> (100|9\d) [0-2] 0 \d+", words)
-    ari = float(re.search(r"adjusted Rand index (0\.\d\d|1\.00)", words)[1])
-    assert ari > 0.9
-
-
 def test_the_same_command_replaces_its_own_files_and_does_not_read_its_tables(result, tmp_path):
     paths = write_files(tmp_path, 2, phases=False)
     states(*paths, "--out", tmp_path / "states.html", "--seed", 5)
@@ -129,55 +117,6 @@ def test_trials_units_and_rates_of_one_file(tmp_path):
     assert "<dt>rate</dt><dd>at most 25 Hz</dd>" in page
 
 
-def write_data_set(folder):
-    """A LeRobot data set of three episodes; its wrench is a feature without a usual name."""
-    feature = {"dtype": "float32", "shape": [6], "names": list(CHANNELS)}
-    info = {"codebase_version": "v3.0", "fps": 50, "features": {"observation.ati": feature}}
-    (folder / "meta").mkdir(parents=True)
-    (folder / "meta" / "info.json").write_text(json.dumps(info))
-    (folder / "data" / "chunk-000").mkdir(parents=True)
-    parts = []
-    for k in range(3):
-        wrench = three_contacts(k)[list(CHANNELS)].to_numpy().tolist()
-        frames = np.arange(len(wrench))
-        columns = {"observation.ati": wrench, "timestamp": frames / 50, "frame_index": frames, "episode_index": k}
-        parts.append(pd.DataFrame(columns))
-    pd.concat(parts).to_parquet(folder / "data" / "chunk-000" / "file-000.parquet", index=False)
-
-
-def test_the_table_of_a_folder_lies_beside_it(tmp_path):
-    write_data_set(tmp_path / "data.v1")
-    done = states(tmp_path / "data.v1", "--feature", "observation.ati", "--out", tmp_path / "states.html")
-    assert "3 contact states in 3 recordings" in done.stdout
-    labels = pd.read_csv(tmp_path / "data.v1.states.csv")
-    assert labels["trial"].unique().tolist() == [0, 1, 2]
-    assert labels.groupby("trial")["state"].unique().map(list).tolist() == [[0, 1, 2]] * 3
-    assert "<dt>--feature</dt><dd>observation.ati</dd>" in (tmp_path / "states.html").read_text()
-
-
-def write_rosbag(path, seed):
-    start = 1_700_000_000
-    messages = []
-    for time, *wrench in three_contacts(seed)[["time", *CHANNELS]].itertuples(index=False):
-        stamp = round(time * 10**9)
-        message = cdr(start + stamp // 10**9, stamp % 10**9, wrench=wrench)
-        messages += [(topic, start * 10**9 + stamp, message) for topic in ("/ft/raw", "/ft/wrench")]
-    write_mcap(path, messages, encoding="cdr", schema="geometry_msgs/msg/WrenchStamped")
-
-
-def test_messages_with_the_time_since_1970(tmp_path):
-    pytest.importorskip("mcap")
-    paths = [tmp_path / f"{name}.mcap" for name in ("insert", "again", "third")]
-    for seed, path in enumerate(paths):
-        write_rosbag(path, seed)
-    done = states(*paths, "--topic", "/ft/wrench", "--out", tmp_path / "states.html")
-    assert "3 contact states in 3 recordings" in done.stdout
-    np.testing.assert_allclose(
-        pd.read_csv(tmp_path / "again.states.csv")["time"], 1_700_000_000 + three_contacts(1)["time"], atol=2e-6, rtol=0
-    )
-    assert data_of(tmp_path / "states.html")["trials"][1]["time"][:2] == [0.0, 0.02]
-
-
 def test_numbers_without_names_and_time_need_the_rate_of_their_rows(tmp_path):
     paths = [tmp_path / f"{k}.txt" for k in range(2)]
     for k, path in enumerate(paths):
@@ -205,16 +144,6 @@ def test_a_long_gap_is_mentioned(tmp_path):
     gap = 60.0 - both[0]["time"].iloc[-1]
     assert f"insert_1.csv has a gap of {gap:.1f} s, which counts as one interval; is it one recording?" in done.stdout
     assert "insert_0.csv has" not in done.stdout
-
-
-@pytest.mark.slow
-def test_it_runs_where_drake_cannot_be_imported(tmp_path):
-    paths = write_files(tmp_path, 2)
-    script = "import sys; sys.modules['pydrake'] = None; from scripts.haptic_skill import app; app(sys.argv[1:])"
-    done = run_python("-c", script, "states", *paths, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert done.stderr == ""
-    assert (tmp_path / "states.html").is_file()  # the default of --out
 
 
 # ------------------------------------------------------------ bad input

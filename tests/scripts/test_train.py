@@ -17,20 +17,12 @@ def folder(tmp_path_factory):
     return path
 
 
-def test_train_learns_to_imitate_or_to_plan(folder, tmp_path):
-    policies = []
-    for k, options in enumerate(((), ("--policy", "plan"))):
-        done = invoke("train", "--demonstrations", folder, "--out", tmp_path / f"{k}.npz", *options)
-        assert done.exit_code == 0, done.output
-        policies.append(ManipulationSkill.load(tmp_path / f"{k}.npz").policy)
-    assert policies == ["imitate", "plan"]
-
-
 @pytest.mark.parametrize(
-    ("options", "expected"),
-    [((), "2 contexts"), (("--contexts", 1), "a single context")],
+    ("options", "policy", "contexts"),
+    [((), "imitate", "2 contexts"), (("--policy", "plan", "--contexts", 1), "plan", "a single context")],
 )
-def test_train_discovers_contexts_unless_it_may_not(folder, tmp_path, options, expected):
+def test_train_imitates_or_plans_and_discovers_contexts_unless_it_may_not(folder, tmp_path, options, policy, contexts):
     done = invoke("train", "--demonstrations", folder, "--out", tmp_path / "skill.npz", *options)
     assert done.exit_code == 0, done.output
-    assert expected in done.output
+    assert contexts in done.output
+    assert ManipulationSkill.load(tmp_path / "skill.npz").policy == policy

@@ -139,12 +139,6 @@ def test_the_port_block_matches_the_declared_ports(kind, dut):
     assert block.get("output_ports", []) == outputs
 
 
-def test_text_follows_the_port_block(kind):
-    text = inspect.cleandoc(kind.__doc__)
-    prose = [line for line in text.splitlines()[1:] if line and not line.startswith(" ")]
-    assert len(" ".join(prose)) > 60
-
-
 def test_only_the_listed_outputs_have_direct_feedthrough(dut, kind):
     """An output without declared prerequisites has feedthrough from every input; unlisted systems intend this."""
     feedthrough = {

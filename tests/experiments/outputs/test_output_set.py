@@ -17,7 +17,7 @@ from experiments.outputs.set_index import RUNS, SetIndex, read_index
 from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import write_rig_run
 from tests.experiments.outputs.sets import NAMES, index_of, make_set, write_item
-from tests.scripts.commands import ROOT, error_line, files, invoke
+from tests.scripts.commands import ROOT, files
 from tests.trajectories import make_demonstration, make_rig_run
 
 WHOLE = sorted([*NAMES, "demonstrations.png", "index.json"])
@@ -318,18 +318,6 @@ def test_a_foreign_hidden_folder_is_named_and_stays(tmp_path, foreign, name):
         with pytest.raises(ValueError, match=r"\.ready: .*away"), open_live_folder(folder):
             pass
         assert files(tmp_path) == before
-
-
-def test_a_foreign_hidden_folder_beside_a_practised_skill_is_named_and_stays(tmp_path, foreign, skill_file):
-    for name in (".p.npz.finished", "p.npz.unfinished"):
-        path = tmp_path / name
-        foreign(path)
-        before = files(tmp_path)
-        line = error_line(invoke("practise", "--skill", skill_file, "--out", tmp_path / "p.npz", "--held-out", 2))
-        assert f"{path}: " in line
-        assert "away" in line
-        assert files(tmp_path) == before
-        path.rename(tmp_path / f"away_{name}")
 
 
 # ------------------------------------------------------- failures

@@ -57,12 +57,6 @@ def test_of_a_policy_that_was_made_anew_only_the_newest_counts(tmp_path):
     assert found.left_out == {}
 
 
-def test_where_no_policy_was_made_anew_all_trials_count(tmp_path):
-    write_results(tmp_path)
-    found = read_trials(tmp_path)
-    assert (found.replaced, found.skills) == (0, ())
-
-
 def test_sweeps_are_listed_with_their_titles(tmp_path):
     write_trials(tmp_path, [{}])
     write_sweep(tmp_path, "b", "'Friction: what it does'")
@@ -89,14 +83,6 @@ def test_unfinished_files_are_not_read(tmp_path):
     path.with_name(f".{path.name}.tmp-abcdefgh").write_bytes(b"PAR1")
     path.with_name("note.txt").write_text("x")
     assert len(read_trials(tmp_path).table) == 1
-
-
-def test_progress_is_told_after_each_file(tmp_path):
-    for block in ("0000", "0001"):
-        write_trials(tmp_path, [{"trial": int(block)}], block=block)
-    notes = []
-    read_trials(tmp_path, notes.append)
-    assert notes == ["0000.parquet", "0001.parquet"]
 
 
 # ------------------------------------------------------------ what is refused
@@ -166,12 +152,6 @@ def test_a_file_with_other_columns_is_named(tmp_path, name, values, part):
     path = write_trials(tmp_path, [{}])
     change(path, **{name: values})
     refused(tmp_path, path, part)
-
-
-def test_columns_without_values_may_have_no_type(tmp_path):
-    path = write_trials(tmp_path, [{}])
-    change(path, train_s=pa.nulls(1), trusted=pa.nulls(1))
-    assert read_trials(tmp_path).table[["train_s", "trusted"]].isna().all(axis=None)
 
 
 def test_a_trial_that_is_stored_twice_is_named_with_both_files(tmp_path):

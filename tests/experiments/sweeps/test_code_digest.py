@@ -97,6 +97,7 @@ def test_another_revision_or_version_is_refused(change, message):
         replace(requirements_of("drake"), **change).check()
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_every_module_that_a_trial_and_its_training_load_is_in_the_digest(skill_file, demonstration_folder):
     code = f"""

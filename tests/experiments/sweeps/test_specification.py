@@ -36,11 +36,6 @@ def test_a_grid_has_every_combination_in_the_order_of_the_file():
     assert found[1].overrides == {"contact.friction": 0.1, "start.height": 0.004}
 
 
-def test_a_sweep_that_varies_nothing_has_one_cell_without_factors():
-    (cell,) = cells({})
-    assert (cell.factors, cell.overrides, cell.label) == ({}, {}, "{}")
-
-
 def test_a_named_level_sets_several_keys_together():
     wide = {"geometry.hole_radius": 0.0114, "training.good": 8}
     (cell,) = cells({"hole": {"wide": wide}})

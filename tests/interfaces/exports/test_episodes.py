@@ -48,15 +48,14 @@ def test_times_may_differ_by_half_a_frame():
         check_times(times, 50, "a")
 
 
-@pytest.mark.parametrize("kind", ["demonstration", "run", "run without contacts"])
+@pytest.mark.parametrize("kind", ["demonstration", "run"])
 def test_every_feature_has_its_numbers_and_only_the_last_frame_ends_an_episode(kind):
     if kind == "demonstration":
         recording = make_demonstration()
         episode, features = demonstration_episode(recording, "a.parquet"), demonstration_features(None)
     else:
-        recording = make_rig_run(contacts=kind == "run")
+        recording = make_rig_run()
         episode, features = run_episode(recording, "a.parquet"), run_features(recording)
-        assert ("context" in features) is (kind == "run")
         assert features["contact_state"].labels == tuple(recording.metadata["state_names"])
     assert set(episode.columns) == set(features)
     assert len(episode) == len(recording.samples)
@@ -151,8 +150,7 @@ def test_a_run_holds_what_the_rig_measures_and_commands_and_an_action_the_next_c
     np.testing.assert_array_equal(columns["action"], [*commands[1:], commands[-1]])
 
 
-def test_labels_of_a_run_are_unknown_without_contacts_or_geometry():
-    assert set(run_labels(make_rig_run(contacts=False).samples, SIZES).tolist()) == {-1}
+def test_labels_of_a_run_are_unknown_without_geometry():
     assert set(run_labels(make_rig_run().samples, None).tolist()) == {-1}
 
 

@@ -14,7 +14,6 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 from interfaces.exports.mcap_log import JSON_TYPES, POSE, SCHEMAS, WRENCH, recording_log
-from skill.data.rig_run import CONTACT_COLUMNS, CONTEXT_COLUMNS
 from skill.recordings.messages.mcap_file import read_mcap_file
 from tests.trajectories import make_demonstration, make_rig_run
 
@@ -135,15 +134,6 @@ def test_faults_are_logged_where_they_change():
     assert [fault["name"] for fault in contents(log, "/fault")] == names
     times = [message.log_time for message in read(log)["/fault"][2]]
     assert times == [round(t * 1e9) for t in samples["time"].iloc[[0, 40, 80]]]
-
-
-def test_old_runs_have_no_contexts():
-    run = make_rig_run()
-    samples = run.samples.drop(columns=[*CONTEXT_COLUMNS, *CONTACT_COLUMNS, "turning"])
-    log = recording_log(replace(run, samples=samples, result={**run.result, "field_score": float("nan")}))
-    assert "/context" not in log.messages
-    assert contents(log, "/command")[0]["turning"] == 1.0
-    assert "field_score" not in contents(log, "/outcome")[0]["result"]
 
 
 def test_the_contact_of_a_demonstration_is_exact():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from interfaces.live.controls import LiveControls
-from interfaces.live.correction_session import SKIP, CorrectionSession, PersonLeftError, course, describe
+from interfaces.live.correction_session import SKIP, CorrectionSession, PersonLeftError, course
 from interfaces.live.messages import Outbox
 from interfaces.live.session import QUIT, LiveSession
 from interfaces.live.viewer_scene import ViewerScene
@@ -165,10 +165,6 @@ def result(outcome, time=2.34, reason="drive fault: no current"):
 )
 def test_a_trial_is_told_in_a_few_words(outcome, stuck, text):
     assert course(result(outcome), stuck) == text
-
-
-def test_a_query_state_is_told_with_depth_tilt_and_state():
-    assert describe(OTHER) == "stuck at 6.0 mm, 1.3°, against the wall"
 
 
 def test_a_demonstration_that_cannot_be_written_leaves_its_query_state_open(dut, page, monkeypatch):

@@ -155,6 +155,7 @@ def moving_peg(panel):
     thread.join()
 
 
+@pytest.mark.nightly
 @pytest.mark.browser
 def test_without_a_graphics_card_pictures_are_coarser_and_fine_again_where_they_are_quick(panel):
     panel.screen(*DESKTOP)

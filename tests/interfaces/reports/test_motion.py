@@ -110,17 +110,6 @@ def test_time_starts_at_zero_and_depth_counts_downwards():
         np.testing.assert_array_equal(motion.moment, recording.samples[["mx", "my", "mz"]])
 
 
-def test_peg_of_the_rig_moves_along_z_only():
-    motion = motion_of_run(make_rig_run())
-    assert not motion.p_WP[:, :2].any()
-    np.testing.assert_allclose(motion.R_WP.magnitude(), 0)
-
-
-def test_hole_without_a_stored_pivot_turns_about_its_mouth():
-    np.testing.assert_array_equal(motion_of_run(make_rig_run()).p_WH, 0.0)
-    np.testing.assert_array_equal(motion_of_run(make_rig_run(rig={})).p_WH, 0.0)
-
-
 def test_guard_and_steps_are_those_of_the_run():
     run = make_rig_run()
     motion = motion_of_run(run)
@@ -200,8 +189,3 @@ def test_the_contacts_of_a_run_are_ordered_by_place_and_an_idle_arrow_waits_wher
     np.testing.assert_array_equal(motion.contact_points[:first, 1], [motion.contact_points[first, 1]] * first)
     touched = s["contact_tip_fx"].to_numpy() != 0.0
     np.testing.assert_array_equal(motion.contact_points[touched, 1, 2], s["contact_tip_z"].to_numpy()[touched])
-
-
-def test_a_run_of_an_earlier_version_has_no_contacts():
-    motion = motion_of_run(make_rig_run(contacts=False))
-    assert (motion.contact_points, motion.contact_forces) == (None, None)

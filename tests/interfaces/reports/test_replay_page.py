@@ -98,8 +98,8 @@ def test_page_of_a_run_shows_the_context_its_probability_and_what_moves_it(write
         assert np.abs(sure[:3] - [0xDD, 0xAA, 0x33]).max() < 25
         assert unsure[3] < 0.6 * sure[3]  # opacity
         assert browser.errors() == []
-    run = make_rig_run(contacts=False, state_names=[*STATE_NAMES, "never seen"])
-    with open_page(write_page(motion_of_run(run))) as browser:
+    motion = replace(motion_of_run(make_rig_run(state_names=[*STATE_NAMES, "never seen"])), contexts=None)
+    with open_page(write_page(motion)) as browser:
         browser.wait("window.replay && replay.ready && document.querySelector('.now')")
         assert browser.run("return document.querySelectorAll('.context').length") == 0
         assert browser.run("return document.querySelectorAll('#phases > div').length") == len(STATE_NAMES)
@@ -237,13 +237,6 @@ def test_the_contacts_share_the_scale_of_the_force_and_the_page_gives_their_size
     data = data_of(replay_page(motion, title="t"))
     assert data["contacts"] == [[0, 0, 0], [50, 3, 0]]
     assert data["force_scale"] == "20 N"  # 50 N are 25 mm
-
-
-def test_page_of_a_run_of_an_earlier_version_holds_no_contacts_and_no_contexts():
-    data = data_of(replay_page(motion_of_run(make_rig_run(contacts=False)), title="t"))
-    assert data["contacts"] is None
-    assert data["context"] is None
-    assert not any(data["reversed"])
 
 
 def test_page_of_a_run_marks_the_turns_that_were_reversed():

@@ -132,12 +132,6 @@ def test_text_that_looks_like_html_is_shown_as_text(tmp_path):
     assert "<h1>Scoreboard: &lt;i&gt;friction&lt;/i&gt; $title</h1>" in page
 
 
-def test_the_page_needs_no_other_file(results):
-    page = results[1].read_text()
-    assert not re.search(r'(?:src|<link[^>]*href)="(?!data:)', page)
-    assert "http" not in page.replace("http://www.w3.org", "")
-
-
 # --------------------------------------------------------------------- Markdown
 
 

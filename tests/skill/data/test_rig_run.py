@@ -10,9 +10,6 @@ from experiments.trial import run_trial
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from skill.data.demonstration import read_demonstration, write_demonstration
 from skill.data.rig_run import (
-    CONTACT_COLUMNS,
-    CONTEXT_COLUMNS,
-    CONTROL_COLUMNS,
     RUN_COLUMNS,
     RUN_VERSION,
     RigRun,
@@ -53,7 +50,7 @@ def test_a_run_is_read_back_bit_identically(run, path):
     pd.testing.assert_frame_equal(again.samples, run.samples, check_exact=True)
     assert again.result == run.result
     assert again.metadata == run.metadata
-    assert tuple(again.samples.columns) == (*RUN_COLUMNS, *CONTEXT_COLUMNS, *CONTROL_COLUMNS, *CONTACT_COLUMNS)
+    assert tuple(again.samples.columns) == RUN_COLUMNS
 
 
 def test_a_file_of_the_other_kind_is_refused(path, demonstrations, tmp_path):
@@ -117,12 +114,6 @@ def test_a_run_may_have_a_single_row(run, tmp_path):
     result = {"inserted": False, "reason": "time over", "time_s": 0.004, "depth_mm": -1.0}
     write_rig_run(RigRun(run.samples.head(1), result), tmp_path / "one.parquet")
     assert len(read_rig_run(tmp_path / "one.parquet").samples) == 1
-
-
-def test_a_run_may_have_no_contacts_and_no_contexts(tmp_path):
-    old = make_rig_run(contacts=False)
-    write_rig_run(old, tmp_path / "old.parquet")
-    assert tuple(read_rig_run(tmp_path / "old.parquet").samples.columns) == RUN_COLUMNS
 
 
 @pytest.mark.parametrize(

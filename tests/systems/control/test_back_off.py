@@ -152,24 +152,6 @@ def test_a_peg_that_is_pushed_deeper_has_not_backed_off():
     assert decision.feed_speed == P.retract_speed
 
 
-def test_a_state_survives_its_list_of_numbers():
-    state = BackOffState(
-        BackOffMode.BACKING_OFF,
-        elapsed=0.1,
-        anchor=0.005,
-        doubt=0.3,
-        best=0.006,
-        contact_state=2.0,
-        repeats=1.0,
-        reversing=1.0,
-        changes=2.0,
-        watch=TurnWatch(pitch=0.01, yaw=-0.02, side=3.0, depth=0.004, elapsed=0.06),
-    )
-    assert state.as_list() == [1.0, 0.1, 0.005, 0.3, 0.006, 2.0, 1.0, 1.0, 2.0, 0.01, -0.02, 3.0, 0.004, 0.06]
-    assert BackOffState.from_list(state.as_list()) == state
-    assert BackOffState.from_list(state.as_list()).mode is BackOffMode.BACKING_OFF
-
-
 def test_the_first_measurement_counts_as_progress_at_any_depth():
     """The first anchor is 1 m above the mouth, so that the time since progress begins with the run."""
     assert BackOffState().as_list()[:8] == [0.0, 0.0, -1.0, 0.0, -1.0, -1.0, 0.0, 0.0]

@@ -9,7 +9,7 @@ from models.control import BackOffParameters, ControllerParameters, ForceGuardPa
 from skill.features.wrench_features import MEASURED
 from skill.policy import Action
 from skill.states.estimate import Estimate
-from systems.control.back_off import BackOffMode, BackOffState
+from systems.control.back_off import BackOffState
 from systems.control.policy_controller import ControllerState, PolicyController
 from tests.stepping import fixed_context, update_unrestricted
 
@@ -252,24 +252,6 @@ def test_after_two_attempts_that_end_alike_the_hole_turns_the_other_way(skill, m
     changes = [turning[0], *(now for now, last in zip(turning[1:], turning, strict=False) if now != last)]
     assert changes == [1.0, 0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0]
     assert BACK_OFF.max_repeats == 4
-
-
-def test_the_state_survives_its_list_of_numbers():
-    state = ControllerState(
-        rates=np.array([0.1, -0.2]),
-        feed_speed=-0.01,
-        unwinding=True,
-        back_off=BackOffState(
-            BackOffMode.BACKING_OFF, elapsed=0.3, anchor=0.004, doubt=0.5, best=0.005, contact_state=2.0
-        ),
-        support=0.7,
-        turning=0.0,
-        given_up=True,
-    )
-    back_off = [1.0, 0.3, 0.004, 0.5, 0.005, 2.0, 0.0, 0.0, 0.0, *(0.0, 0.0, 0.0, -1.0, 0.0)]
-    numbers = [0.1, -0.2, -0.01, 1.0, 1.0, *back_off, 0.7, 0.0]
-    assert state.as_list() == numbers
-    assert ControllerState.from_vector(np.array(numbers)).as_list() == numbers
 
 
 def test_turns_that_raise_the_lateral_force_are_reversed(skill, measurements):

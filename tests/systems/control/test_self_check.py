@@ -58,10 +58,6 @@ class Rig:
 TOUCH = (-3.0, 0.0, 1.5, 0.0, -0.03, 0.0)  # one contact at c = (10, 0, 5) mm: m_y = 0.005 f_x - 0.010 f_z
 
 
-def test_one_contact_gives_this_moment():
-    assert np.cross([0.010, 0.0, 0.005], TOUCH[:3]) == pytest.approx(TOUCH[3:])
-
-
 @settings(max_examples=30, deadline=None)
 @given(
     st.integers(0, 10**6),
@@ -80,8 +76,7 @@ def test_a_sound_sensor_is_never_named(seed, angle, lateral, axial, height):
     assert rig.run(wrench, times=30, depth=IN_HOLE) == Fault.NONE
 
 
-@pytest.mark.parametrize("channel", range(6))
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(("channel", "sign"), [(channel, (-1.0) ** channel) for channel in range(6)])
 def test_a_bias_in_free_air_is_named(channel, sign):
     """The bias of a force is 0.05 N; of a moment about the tip, 80 mm below, hypot(1e-3, 0.08 * 0.05) = 4.1e-3 N m."""
     unit = np.zeros(6)

@@ -14,6 +14,7 @@ from tests.stepping import fixed_context, update
 SENSOR = WrenchSensorParameters()
 TOP_SPEED, RESOLUTION = 0.4, 5e-6
 LIMIT, RADIUS = 50.0, 0.010
+SIGNED = [(channel, (-1.0) ** channel) for channel in range(6)]
 
 
 @pytest.fixture
@@ -84,8 +85,7 @@ def test_a_fault_is_reported_and_the_last_sound_measurement_is_held(dut, wrench,
         assert held_depth == 0.001
 
 
-@pytest.mark.parametrize("channel", range(6))
-@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize(("channel", "sign"), SIGNED)
 def test_each_channel_saturates_at_the_end_of_its_range(channel, sign):
     """The range applies to the reading at the mount; the monitor receives the wrench about the tip."""
     ends = np.array([*SENSOR.force_range, *SENSOR.torque_range])
@@ -179,8 +179,7 @@ def with_spike(channel, size, k=9):
     return spike
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize("channel", range(6))
+@pytest.mark.parametrize(("channel", "sign"), SIGNED)
 def test_one_spike_is_replaced_by_the_last_sound_reading(channel, sign):
     """A low-pass of 100 Hz passes 1 - exp(-0.2 pi) = 0.467 of a step within 1 ms: 46.7 N or 0.467 N m of 100 N."""
     size = sign * (60.0 if channel < 3 else 2.0)

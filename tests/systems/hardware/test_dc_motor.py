@@ -34,10 +34,6 @@ def integral_of(context):
     return integral
 
 
-def test_the_motor_makes_one_turn_per_lead():
-    assert P.ratio * P.screw_lead == pytest.approx(2 * math.pi)
-
-
 def test_the_current_of_one_period_in_motion_matches_a_finely_integrated_circuit():
     v, command = -0.012, -0.013
     parameters = DcMotorParameters(inductance=4e-3)  # a time constant longer than the period

@@ -64,15 +64,6 @@ def test_a_slip_loses_four_full_steps_of_any_microsteps(microsteps):
     assert counts(dut, context) == [0, 4 * microsteps]
 
 
-def test_steps_in_both_directions_are_counted():
-    dut, context = motor(2 * P.step_angle)
-    follow(dut, context, times=50)
-    dut.GetInputPort("target_angle").FixValue(context, [-P.step_angle])
-    follow(dut, context, times=50)
-    assert equilibrium(dut, context) == pytest.approx(-P.step_angle)
-    assert counts(dut, context) == [5, 0]
-
-
 def ramp_profile(distance, parameters, times):
     """Positions and speeds of the driver on a move over ``distance`` steps, from rest."""
     dut, context = motor(distance * parameters.step_angle, parameters=parameters)

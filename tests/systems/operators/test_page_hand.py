@@ -19,7 +19,6 @@ from systems.operators.page_hand import (
     SETTLING_TIME,
     SLIDERS,
     UNITS,
-    HandInput,
     PageHand,
     PageInput,
     stick_rates,
@@ -200,9 +199,3 @@ def test_the_sliders_have_their_ranges_steps_and_keys():
     for s in shown:
         named = s["name"][s["name"].index("(") + 1 : -1].split()
         assert (s["keycode1"], s["keycode2"]) == tuple(arrows.get(key, f"Key{key}") for key in named)
-
-
-def test_the_input_is_recovered_from_its_vector():
-    values = np.arange(1.0, 22.0)
-    assert len(values) == HandInput.SIZE
-    np.testing.assert_array_equal(HandInput.from_vector(values).as_vector(), values)

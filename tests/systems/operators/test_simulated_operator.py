@@ -264,11 +264,6 @@ def noisy_motion(seed, *, n=40, **changes):
     return np.array(trace)
 
 
-def test_equal_seeds_give_equal_motions_and_different_seeds_do_not():
-    np.testing.assert_array_equal(noisy_motion(5), noisy_motion(5))
-    assert not np.array_equal(noisy_motion(5), noisy_motion(6))
-
-
 def test_the_seed_affects_both_the_sight_and_the_tremor():
     assert not np.array_equal(
         noisy_motion(5, tremor=0.0, tremor_angle=0.0), noisy_motion(6, tremor=0.0, tremor_angle=0.0)

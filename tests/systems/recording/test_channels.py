@@ -30,12 +30,6 @@ def runs(request):
     return scenarios, [run_demonstration(s) for s in scenarios]
 
 
-def test_the_same_seed_gives_the_same_samples_and_another_seed_different_ones(runs):
-    _, (first, again, other) = runs
-    np.testing.assert_array_equal(first.samples.to_numpy(), again.samples.to_numpy())
-    assert not np.array_equal(first.samples.to_numpy(), other.samples.to_numpy())
-
-
 def test_every_channel_is_finite_named_and_not_constant(runs):
     scenarios, demonstrations = runs
     samples = demonstrations[0].samples
