@@ -77,12 +77,6 @@ def test_a_cut_block_is_watertight_and_has_its_share_of_the_volume(sizes, first,
     assert volume(mesh) == pytest.approx(closed_volume(**sizes) * count / sizes["facets"], rel=1e-9)
 
 
-def test_a_sector_of_all_facets_is_the_whole_ring():
-    whole, sector = make_bore(**SIZES), make_bore(**SIZES, sector=(0, SIZES["facets"]))
-    np.testing.assert_array_equal(whole.triangles, sector.triangles)
-    np.testing.assert_array_equal(whole.vertices, sector.vertices)
-
-
 @pytest.mark.parametrize("facets", [3, 7, 64, 92])
 def test_the_edges_of_the_bore_lie_on_the_cylinder(facets):
     mesh = make_bore(**{**SIZES, "facets": facets})

@@ -182,14 +182,6 @@ def test_every_label_occurs_at_a_pose_constructed_for_it():
     assert len({label.label for label in ContactLabel}) == len(ContactLabel)
 
 
-def test_a_batch_of_poses_gives_the_same_gaps_as_single_poses():
-    rng = np.random.default_rng(0)
-    p = np.c_[rng.normal(size=(200, 2)) * 1e-4, rng.uniform(-0.026, 0.004, 200)]
-    a = axes_of_rotation_vectors(np.c_[rng.normal(size=(200, 2)) * 0.03, np.zeros(200)])
-    together = DUT.gap(p, a)
-    assert [DUT.gap(p[k : k + 1], a[k : k + 1])[0] for k in range(0, 200, 10)] == pytest.approx(together[::10])
-
-
 @pytest.mark.parametrize(
     ("p", "a", "message"),
     [

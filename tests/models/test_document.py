@@ -33,11 +33,6 @@ def test_other_texts_are_not_numbers(text):
     assert isinstance(read_document(f"x: {text}", "text")["x"], str)
 
 
-def test_a_number_with_an_exponent_is_read_in_a_scenario():
-    found = parse_scenario("contact: {modulus: 3e10, time_step: 1e-3}\nstart: {tilt: [1e-2, -2e-2]}", "text")
-    assert (found.contact.modulus, found.contact.time_step, found.start.tilt) == (3e10, 1e-3, [0.01, -0.02])
-
-
 BOMB = "a: &a [1, 1]\n" + "\n".join(f"{y}: &{y} [{', '.join([f'*{x}'] * 9)}]" for x, y in zip("abcdefg", "bcdefgh"))  # noqa: B905
 MERGES = BOMB.replace("[1, 1]", "{x: 1}").replace(": &b [", ": &b {<<: [").replace("]\nc", "]}\nc")
 

@@ -54,8 +54,3 @@ def test_the_three_lists_of_exports_agree():
         module, names = line.strip().removeprefix("from skill.").split(" import ")
         imported.update(dict.fromkeys(names.split(", "), module))
     assert imported == skill._HOMES
-
-
-def test_an_unknown_name_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="module 'skill' has no attribute 'NoSuchThing'"):
-        skill.NoSuchThing  # noqa: B018

@@ -17,13 +17,8 @@ from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.protocols import ExplainableRegressor, StateRegressor
 from skill.states.contact_state_filter import ContactStateFilter
 from skill.states.estimate import Estimate
+from tests.skill.acting import acted
 from tests.trajectories import GEOMETRY, make_demonstration
-
-
-@pytest.fixture(scope="module")
-def rows(demonstrations):
-    """(n, 7), measurements from free air to the bottom."""
-    return np.vstack([d.samples[list(MEASURED)].to_numpy()[::6] for d in demonstrations])
 
 
 def made_up_demonstrations(number=6):
@@ -48,24 +43,7 @@ def measurements(demonstration):
     return demonstration.samples[list(MEASURED)].to_numpy()
 
 
-def acted(skill, rows):
-    """Actions with and without an estimate, as exact texts."""
-    estimate = Estimate(np.full(skill.n_states, 1 / skill.n_states))
-    return [
-        [v.hex() for v in (*map(float, a.turn), a.feed, a.support)]
-        for row in rows
-        for a in (skill.act(row), skill.act(row, estimate))
-    ]
-
-
 # --------------------------------------------------------------------- acts
-
-
-def test_an_action_is_a_turn_across_the_axis_and_a_feed(skill, rows):
-    for row in rows:
-        action = skill.act(row)
-        assert action.turn.shape == (2,)
-        assert np.isfinite([*action.turn, action.feed]).all()
 
 
 def test_actions_stay_within_the_demonstrated_range(skill, rows, demonstrations):
@@ -160,25 +138,6 @@ def test_an_explanation_adds_up_to_the_action(made_up_skill):
     wider = made_up_skill.explain(row)
     assert wider.level == 0.95
     assert (wider.lower < explanation.lower).all()
-
-
-def test_a_printed_explanation_is_in_degrees_and_millimetres(made_up_skill):
-    row = measurements(made_up_demonstrations()[1])[60]
-    explanation = made_up_skill.explain(row, Estimate(np.array([0.004, 0.7, 0.286, 0.01])))
-    lines = str(explanation).splitlines()
-    assert lines[0] == "states: state 1 70%, state 2 29%, state 3 1%"
-    degrees = np.degrees(explanation.turn)
-    assert lines[1] == (
-        f"turn {degrees[0]:+.3f} {degrees[1]:+.3f} deg, feed {1000 * explanation.feed:+.3f} mm, in one sample period"
-    )
-    assert lines[2].startswith(f"95% interval in the contact frame ({np.degrees(explanation.frame_angle):+.0f} deg")
-    low, high = explanation.lower, explanation.upper
-    assert f"turn {np.degrees(low[0]):+.3f}..{np.degrees(high[0]):+.3f}, {np.degrees(low[1]):+.3f}.." in lines[2]
-    assert lines[2].endswith(f"feed {1000 * low[2]:+.3f}..{1000 * high[2]:+.3f} mm")
-    assert lines[3].startswith(f"support {explanation.support:.1f} samples")
-    first = explanation.neighbours.iloc[0]
-    assert lines[4] == f"  demonstration {first.demonstration:.0f} at {first.time:.2f} s: weight 1.00"
-    assert len(lines) == 4 + 5
 
 
 def test_a_regressor_without_explanations_is_named():
@@ -339,9 +298,6 @@ def test_the_noise_of_the_sensor_is_added_to_the_demonstrations():
     draws = np.random.default_rng(5).standard_normal((len(change), 6))  # one demonstration after the other
     np.testing.assert_allclose(change[:, :6], draws * np.repeat([0.3, 0.002], 3), atol=1e-12)
     np.testing.assert_array_equal(change[:, 6], 0.0)
-    defaults = ManipulationSkill()
-    assert (defaults.force_noise, defaults.moment_noise, defaults.still, defaults.rough) == (0.06, 0.005, 2e-5, 4e-4)
-    assert (defaults.correction_time, defaults.feed_time) == (0.4, 0.1)
 
 
 def test_the_covariance_of_a_state_has_a_floor_of_five_percent_of_the_variance(made_up_skill):
@@ -371,22 +327,10 @@ def test_the_feature_scale_is_selected_if_five_demonstrations_are_good(skill):
     np.testing.assert_allclose(few.regressor_.feature_scale_[spread > 0], 1.0 / spread[spread > 0])
 
 
-def test_five_good_demonstrations_are_enough_to_select_the_feature_scale():
-    states = CompetitiveAgglomeration(m_init=1)
-    demonstrations = [replace(d, samples=d.samples.iloc[::3]) for d in made_up_demonstrations(5)]
-    skill = ManipulationSkill(states=states, still=0.0).fit(demonstrations)
-    assert np.shape(skill.regressor_.feature_scale) == (7,)
-
-
 def test_without_a_good_demonstration_there_is_nothing_to_learn(demonstrations):
     bad = [replace(d, good=False, outcome="jammed") for d in demonstrations[:2]] + [demonstrations[5]]
     with pytest.raises(ValueError, match=r"none of the 3 demonstrations.*jammed"):
         ManipulationSkill().fit(bad)
-
-
-def test_without_demonstrations_there_is_nothing_to_learn():
-    with pytest.raises(ValueError, match="none of the 0 demonstrations"):
-        ManipulationSkill().fit([])
 
 
 # ------------------------------------------------------------------ geometry
@@ -434,11 +378,6 @@ def test_the_file_with_the_odd_geometry_is_named(tmp_path):
     message = rf"{tmp_path}/0\.parquet: peg_radius 0\.00995, but 0\.01 in 2 of 3 demonstrations, such as .*1\.parquet;"
     with pytest.raises(ValueError, match=message):
         ManipulationSkill(**single_state()).fit(read_demonstrations(tmp_path))
-
-
-def test_an_incomplete_geometry_is_an_error():
-    with pytest.raises(ValueError, match=r"demonstration: geometry lacks.*hole_radius"):
-        with_geometry(made_up_demonstrations(1)[0], {"peg_radius": 0.01})
 
 
 # ------------------------------------------------------- states and support

@@ -14,12 +14,12 @@ from sklearn.linear_model import LinearRegression
 
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.features.contact_features import ContactFeatures
-from skill.features.wrench_features import MEASURED, CanonicalFeatures, RawFeatures
+from skill.features.wrench_features import CanonicalFeatures, RawFeatures
 from skill.manipulation_skill import ManipulationSkill
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.skill_file import SKILL_VERSION
-from skill.states.estimate import Estimate
 from tests.crafted_files import sealed_arrays
+from tests.skill.acting import acted
 from tests.trajectories import GEOMETRY, make_demonstration
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,22 +29,11 @@ import json, sys
 import numpy as np
 from pathlib import Path
 from skill.manipulation_skill import ManipulationSkill
-from skill.states.estimate import Estimate
-assert "pydrake" not in sys.modules
+from tests.skill.acting import acted
 skill = ManipulationSkill.load(Path(sys.argv[1]))
-estimate = Estimate(np.full(skill.n_states, 1 / skill.n_states))
-out = []
-for row in np.load(sys.argv[2]):
-    for action in (skill.act(row), skill.act(row, estimate)):
-        out.append([v.hex() for v in (*map(float, action.turn), action.feed, action.support)])
-print(json.dumps(out))
+print(json.dumps(acted(skill, np.load(sys.argv[2]))))
+assert "pydrake" not in sys.modules
 """
-
-
-@pytest.fixture(scope="module")
-def rows(demonstrations):
-    """(n, 7), measurements from free air to the bottom."""
-    return np.vstack([d.samples[list(MEASURED)].to_numpy()[::6] for d in demonstrations])
 
 
 @pytest.fixture(scope="module")
@@ -53,16 +42,6 @@ def made_up_skill():
     demonstrations = [make_demonstration(tilt=0.04 + 0.01 * k, direction=k) for k in range(2)]
     parts = {"states": CompetitiveAgglomeration(m_init=1), "regressor": LWRegressor(bandwidth=0.7)}
     return ManipulationSkill(**parts, still=1e-5, random_state=3).fit(demonstrations)
-
-
-def acted(skill, rows):
-    """Actions with and without an estimate, as exact texts."""
-    estimate = Estimate(np.full(skill.n_states, 1 / skill.n_states))
-    return [
-        [v.hex() for v in (*map(float, a.turn), a.feed, a.support)]
-        for row in rows
-        for a in (skill.act(row), skill.act(row, estimate))
-    ]
 
 
 def error_message(path):
@@ -214,7 +193,7 @@ def test_a_skill_of_another_version_is_refused(skill_file, tmp_path):
     assert f"version {SKILL_VERSION + 1}, expected {SKILL_VERSION}; train the skill again" in error_message(path)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.1, 0.6, 0.999])
+@pytest.mark.parametrize("share", [0.0, 0.6, 0.999])
 def test_a_truncated_skill_is_refused(skill_file, tmp_path, share):
     path = tmp_path / "cut.npz"
     data = skill_file.read_bytes()
@@ -236,11 +215,6 @@ def test_a_file_of_another_kind_is_refused(tmp_path, demonstration_folder):
     assert "not a skill file" in error_message(next(demonstration_folder.glob("*.parquet")))
 
 
-def test_a_header_that_is_not_a_mapping_is_refused(skill_file, tmp_path):
-    path = copied(skill_file, tmp_path / "list.npz", with_header(lambda header: [4]))
-    assert "not a skill file" in error_message(path)
-
-
 def test_a_pickle_is_never_loaded(tmp_path):
     path = tmp_path / "evil.npz"
     np.savez(path, header=np.array([{"skill_version": 1}], dtype=object))
@@ -258,16 +232,6 @@ def test_a_skill_without_one_of_its_parts_is_refused(skill_file, tmp_path, lost)
             del arrays[name]
 
     assert "not a complete skill file" in error_message(copied(skill_file, tmp_path / "part.npz", lose))
-
-
-def test_a_skill_with_an_unknown_parameter_is_refused(skill_file, tmp_path):
-    path = copied(skill_file, tmp_path / "strange.npz", with_header(lambda h: h["parameters"].update(courage=3)))
-    assert "unknown parameters ['courage']" in error_message(path)
-
-
-def test_a_skill_with_unknown_features_is_refused(skill_file, tmp_path):
-    path = copied(skill_file, tmp_path / "strange.npz", with_header(lambda h: h.update(features=["LWRegressor", {}])))
-    assert "(features: class 'LWRegressor', expected one of ['CanonicalFeatures'," in error_message(path)
 
 
 def set_array(name, change):
@@ -297,27 +261,15 @@ def part_parameters(**changes):
 NAN, INF = float("nan"), float("inf")
 DAMAGES = {
     "NaN in X": (put("regressor/X", (3, 1), NAN), "regressor: array 'X' is not finite"),
-    "NaN in y": (put("regressor/y", (3, 1), NAN), "regressor: array 'y' is not finite"),
-    "huge X": (put("regressor/X", (3, 1), 1e200), "regressor: array 'X' lies between"),
     "huge action": (put("regressor/y", (3, 1), 11.0), "regressor: array 'y' goes up to 11 rad or m"),
     "short y": (set_array("regressor/y", lambda y: y[:-1]), "regressor: array 'y' has shape"),
     "short memberships": (set_array("regressor/memberships", lambda P: P[:-1]), "array 'memberships' has shape"),
-    "few memberships": (
-        set_array("regressor/memberships", lambda P: np.ones((len(P), 1))),
-        "regressor: number of states and contexts is 1, expected",
-    ),
-    "membership above one": (put("regressor/memberships", (0, 0), 1.5), "array 'memberships' lies between"),
     "memberships of two": (set_array("regressor/memberships", np.ones_like), "memberships are not probabilities"),
     "bandwidth 0": (set_array("regressor/bandwidth", lambda _: np.array(0.0)), "'bandwidth' lies between 0 and 0"),
-    "bandwidth -1": (set_array("regressor/bandwidth", lambda _: np.array(-1.0)), "expected 1e-12 to 1e+12"),
-    "bandwidth inf": (set_array("regressor/bandwidth", lambda _: np.array(INF)), "'bandwidth' is not finite"),
     "bandwidth text": (set_array("regressor/bandwidth", lambda _: np.array("1")), "has type <U1, expected numbers"),
-    "bandwidths": (set_array("regressor/bandwidth", lambda _: np.ones(2)), "'bandwidth' has shape (2,), expected ()"),
     "degree 99": (set_array("regressor/degree", lambda _: np.array(99)), "'degree' lies between 99 and 99, expected 0"),
-    "degree 0.5": (set_array("regressor/degree", lambda _: np.array(0.5)), "'degree' has type float64"),
     "ridge": (set_array("regressor/ridge", lambda _: np.array(-1e-9)), "array 'ridge' lies between"),
     "neighbours 0": (set_array("regressor/n_neighbors", lambda _: np.array(0)), "'n_neighbors' is 0"),
-    "neighbours -2": (set_array("regressor/n_neighbors", lambda _: np.array(-2)), "'n_neighbors' lies between -2"),
     "kernel": (set_array("regressor/bandwidth_type", lambda _: np.array("")), "'bandwidth_type' is '', expected one"),
     "feature scale": (put("regressor/feature_scale", 0, 0.0), "'feature_scale' lies between 0"),
     "sample weight": (put("regressor/sample_weight", 0, 0.0), "'sample_weight' lies between 0"),
@@ -339,11 +291,8 @@ DAMAGES = {
         set_array("states/precision_factors", np.zeros_like),
         "'precision_factors' is not upper",
     ),
-    "other factors": (set_array("states/precision_factors", lambda R: 1.1 * R), "does not belong to 'covariances'"),
-    "lower factors": (put("states/precision_factors", (0, 1, 0), 5.0), "'precision_factors' is not upper"),
     "covariance": (put("states/covariances", (0, 0, 1), 5.0), "array 'covariances' is not symmetric"),
     "weights": (set_array("states/weights", lambda w: 0.5 * w), "array 'weights' sums to 0.5, expected 1"),
-    "negative weight": (set_array("states/weights", lambda w: -w), "array 'weights' lies between"),
     "design effect": (set_array("states/design_effect", lambda _: np.array(0.0)), "'design_effect' lies between"),
     "negative count": (put("graph/counts", (0, 0), -1.0), "graph: array 'counts' lies between -1"),
     "other visits": (put("graph/visits", 0, 1e6), "'visits' is not the number of the transitions"),
@@ -357,11 +306,8 @@ DAMAGES = {
         lambda a: a.update({n: v[:-1, :-1] for n, v in a.items() if n in ("graph/counts", "graph/sample_counts")}),
         "graph: array 'exits' has shape",
     ),
-    "short sources": (set_array("sources", lambda s: s[:-1]), "sources: number of samples is"),
     "sources": (put("sources", (0, 0), 0.5), "sources: expected the number of a demonstration"),
-    "infinite source": (put("sources", (0, 1), INF), "array 'sources' is not finite"),
     "foreign array": (lambda a: a.update({"diary": np.ones(1)}), "arrays ['diary'] are unknown"),
-    "foreign part": (lambda a: a.update({"soul/weight": np.ones(1)}), "arrays ['soul/weight'] are unknown"),
     "no memberships": (
         lambda a: a.pop("regressor/memberships"),
         "regressor: array 'memberships' is missing, expected one column for each of",
@@ -377,26 +323,18 @@ DAMAGES = {
         )
     },
     "dwell of 1e300": (put("graph/dwell_mean", 0, 1e300), "array 'dwell_mean' lies between"),
-    "dwell deviation of 1e300": (put("graph/dwell_std_s", 0, 1e300), "array 'dwell_std_s' lies between"),
-    "tiny bandwidth": (set_array("regressor/bandwidth", lambda _: np.array(1e-300)), "expected 1e-12 to 1e+12"),
     "support of 1e300": (with_header(lambda h: h.update(least_log_support=1e300)), "'least_log_support' is 1e+300"),
-    "noise of 1e300": (with_header(lambda h: h["parameters"].update(force_noise=1e300)), "'force_noise' is 1e+300"),
     "rough of 1e300": (with_header(lambda h: h["parameters"].update(rough=1e300)), "'rough' is 1e+300, expected a pos"),
-    "seed of 1e90": (with_header(lambda h: h["parameters"].update(random_state=10**90)), "an integer from 0 to 2^32"),
-    "true noise": (with_header(lambda h: h["parameters"].update(force_noise=True)), "'force_noise' is True, expected"),
     "peg of 1e300": (part_parameters(peg_radius=1e300), "state_features: 'peg_radius' is 1e+300, expected a positive"),
-    "good of 1e90": (
-        with_header(lambda h: h["metadata"].update(good=10**90)),
-        "expected a positive integer of at most",
+    "unknown parameter": (with_header(lambda h: h["parameters"].update(courage=3)), "unknown parameters ['courage']"),
+    "unknown features": (
+        with_header(lambda h: h.update(features=["LWRegressor", {}])),
+        "(features: class 'LWRegressor', expected one of ['CanonicalFeatures',",
     ),
     "no header": (lambda a: a.pop("header"), "no header"),
-    "header of numbers": (set_array("header", lambda _: np.ones(3)), "no header"),
     "header null": (set_array("header", lambda _: np.frombuffer(b"null", np.uint8)), "found null, expected an object"),
     "period 0": (with_header(lambda h: h.update(period=0)), "'period' is 0, expected a positive time"),
-    "period -1": (with_header(lambda h: h.update(period=-0.02)), "'period' is -0.02, expected a positive time"),
-    "period NaN": (with_header(lambda h: h.update(period=NAN)), "'period' is nan, expected a positive time"),
     "period text": (with_header(lambda h: h.update(period="0.02")), "'period' is '0.02', expected a positive time"),
-    "period true": (with_header(lambda h: h.update(period=True)), "'period' is True, expected a positive time"),
     "period in ms": (with_header(lambda h: h.update(period=20)), "'period' is 20, expected a positive time"),
     "no period": (with_header(lambda h: h.pop("period") and None), "missing entries of the header ['period']"),
     "entry": (with_header(lambda h: h.update(mood=3)), "unknown entries of the header ['mood']"),
@@ -406,10 +344,8 @@ DAMAGES = {
     "geometry": (with_header(lambda h: h["metadata"].update(geometry=[])), "geometry is []"),
     "radius": (with_header(lambda h: h["metadata"]["geometry"].update(peg_radius=-1)), "peg radius -1 m"),
     "negative peg": (part_parameters(peg_radius=-0.01), "state_features: 'peg_radius' is -0.01, expected a positive"),
-    "infinite peg": (part_parameters(peg_radius=INF), "state_features: 'peg_radius' is inf, expected a positive"),
     "foreign setting": (part_parameters(colour=1), "state_features: parameters ['colour', 'force_floor'"),
     "features null": (with_header(lambda h: h.update(features=None)), "'features' is None, expected a class name"),
-    "features text": (with_header(lambda h: h.update(features="ab")), "'features' is 'ab', expected a class name"),
     "one name": (with_header(lambda h: h.update(names=["x"])), "header: 1 names, expected one for each of"),
     "names": (with_header(lambda h: h.update(names=[1, 2, 3])), "'names' is [1, 2, 3], expected null or a list"),
     "support": (with_header(lambda h: h.update(least_log_support=NAN)), "'least_log_support' is nan"),
@@ -425,22 +361,10 @@ def test_a_damaged_part_is_refused_by_its_name(skill_file, tmp_path, damage):
     assert message in error_message(copied(skill_file, tmp_path / "damaged.npz", change))
 
 
-def test_a_part_that_is_replaced_by_itself_loads(skill_file, skill, rows, tmp_path):
-    path = copied(skill_file, tmp_path / "same.npz", lambda arrays: None)
-    assert acted(ManipulationSkill.load(path), rows[::5]) == acted(skill, rows[::5])
-
-
 def test_a_skill_without_its_digest_is_refused(skill_file, tmp_path):
     with np.load(skill_file) as stored:
         np.savez(tmp_path / "bare.npz", **stored)
     assert "no SHA-256 digest of the content" in error_message(tmp_path / "bare.npz")
-
-
-def test_a_changed_byte_is_noticed(skill_file, tmp_path):
-    data = bytearray(skill_file.read_bytes())
-    data[10] ^= 1  # the time of a member, which no checksum covers
-    (tmp_path / "changed.npz").write_bytes(data)
-    assert "differs from its SHA-256 digest" in error_message(tmp_path / "changed.npz")
 
 
 def test_a_folder_and_a_large_file_are_refused(tmp_path, monkeypatch):

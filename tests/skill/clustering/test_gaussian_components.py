@@ -48,16 +48,6 @@ def test_features_of_one_sample():
     np.testing.assert_array_equal(C, [[9, 7, 8, 1, 4, 5]])
 
 
-def test_features_are_written_into_the_buffer():
-    features = QuadraticFeatures(2)
-    Z = np.random.default_rng(0).normal(size=(3, 2))
-    buffer = np.full((features.size, 5), np.nan)
-    phi = features.transform(Z, out=buffer)
-    assert np.shares_memory(phi, buffer)
-    assert np.isnan(buffer[:, 3:]).all()
-    np.testing.assert_array_equal(phi, features.transform(Z))
-
-
 def test_moments_without_weight_are_zero():
     totals, means, covariances = QuadraticFeatures(2).moments(np.zeros((1, 6)))
     assert totals[0] == 0.0

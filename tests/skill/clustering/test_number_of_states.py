@@ -170,16 +170,6 @@ def test_component_without_samples_has_no_weight():
     assert design_effect(Z, two, groups) == pytest.approx(2.0)  # the mean of 4 and 0
 
 
-def test_block_size_does_not_matter(monkeypatch):
-    rng = np.random.default_rng(0)
-    Z = np.cumsum(rng.normal(size=(60, 2)), axis=0)
-    groups = np.repeat([0, 1, 2], 20)
-    components = random_components(0, M=2, d=2)
-    whole = design_effect(Z, components, groups)
-    monkeypatch.setattr("skill.clustering.expectation_maximization.BLOCK", 7)
-    assert design_effect(Z, components, groups) == pytest.approx(whole)
-
-
 def test_tailed_design_effect_of_independent_and_of_repeated_samples():
     Z = student_samples(8, 4000, np.zeros(3), np.eye(3), NU)
     start = replace(spherical([1.0], [np.zeros(3)]), degrees=NU)

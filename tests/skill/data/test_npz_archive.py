@@ -78,11 +78,6 @@ def test_an_npy_file_of_a_later_version_is_refused():
         read_archive(zipped(content))
 
 
-def test_an_object_is_never_unpickled():
-    with pytest.raises(ValueError, match="type object"):
-        read_archive(zipped(npy(np.array([{"a": 1}], dtype=object))))
-
-
 def test_foreign_and_repeated_members_are_refused():
     with pytest.raises(ValueError, match=r"member 'notes\.txt' is foreign"):
         read_archive(zipped(b"", "notes.txt"))
@@ -131,11 +126,6 @@ def test_a_bomb_is_refused_before_it_is_unpacked():
     bomb = zipped(npy(np.zeros(2_000_000)))
     with pytest.raises(ValueError, match="16 MB of arrays, expected at most 15 MB"):
         read_archive(bomb, max_unpacked=15_000_000)
-
-
-def test_without_a_limit_of_its_own_a_caller_has_the_general_one():
-    with pytest.raises(ValueError, match="104 MB of arrays, expected at most 100 MB"):
-        read_archive(zipped(npy(np.zeros(13_000_000))))
 
 
 def test_a_directory_that_lies_about_the_size_is_refused():

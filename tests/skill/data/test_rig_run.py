@@ -1,7 +1,6 @@
 import json
 import re
 
-import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
@@ -59,30 +58,6 @@ def test_a_file_of_the_other_kind_is_refused(path, demonstrations, tmp_path):
     assert "expected a rig_run file" in error_message(other)
     with pytest.raises(ValueError, match="expected a demonstration file"):
         read_demonstration(path)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda f: f.drop(columns="back_off"), "missing columns ['back_off']"),
-        (lambda f: f.rename(columns={"depth": "z"}), "unknown columns ['z']"),
-        (lambda f: f.assign(fx=np.where(f.index == 3, np.nan, f["fx"])), "'fx' is not finite in row 3"),
-        (lambda f: f.iloc[::-1], "'time' does not increase"),
-    ],
-    ids=["missing", "renamed", "not finite", "backwards"],
-)
-def test_a_bad_table_is_refused(path, change, message):
-    assert message in error_message(rewrite(path, "rig_run", change))
-
-
-def test_a_run_of_another_version_is_refused(path):
-    rewrite(path, "rig_run", format_version=RUN_VERSION + 1)
-    assert f"version {RUN_VERSION + 1}, expected {RUN_VERSION}" in error_message(path)
-
-
-def test_a_truncated_run_is_refused(path):
-    path.write_bytes(path.read_bytes()[:-20])
-    assert "not a complete Parquet file" in error_message(path)
 
 
 def test_metadata_without_a_result_is_refused(path):

@@ -6,12 +6,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.ticker import FixedLocator
 
 from skill.data.demonstration import CHANNELS
 from skill.figures.paper_figures import plot_demonstration, plot_outcomes, plot_run, save_figure
-from skill.states.state_style import PALETTE, state_colours, state_labels
-from tests.trajectories import STATE_NAMES, make_demonstration, make_rig_run
+from tests.trajectories import make_demonstration, make_rig_run
 
 
 def make_outcomes(inserted: list[bool]) -> pd.DataFrame:
@@ -37,45 +35,6 @@ def test_every_channel_of_a_demonstration_is_drawn_in_its_unit():
     assert len(drawn) == len(CHANNELS) == 14
 
 
-def test_series_of_a_run_are_normalised_and_stacked():
-    run = make_rig_run()
-    series = plot_run(run).axes[0]
-    curves = [line.get_ydata() for line in series.lines if len(line.get_ydata()) == len(run.samples)]
-    assert len(curves) == 6
-    for height, curve, column in zip(series.get_yticks(), curves, ("fx", "fy", "fz", "mx", "my"), strict=False):
-        values = run.samples[column].to_numpy()
-        np.testing.assert_allclose(curve - height, values / np.abs(values).max(), atol=1e-12)
-    assert [t.get_text() for t in series.get_yticklabels()] == ["$f_x$", "$f_y$", "$f_z$", "$M_x$", "$M_y$", "$z$"]
-
-
-def test_bands_of_a_run_are_its_states():
-    run = make_rig_run()
-    figure = plot_run(run)
-    bands = [p for p in figure.axes[0].patches if p.get_width() > 0]
-    turns = 1 + int(np.count_nonzero(np.diff(run.samples["state"])))
-    assert len(bands) == turns
-    assert sum(p.get_width() for p in bands) == pytest.approx(run.samples["time"].iloc[-1])
-    texts = [t.get_text() for t in figure.legends[0].get_texts()]
-    assert texts == STATE_NAMES
-    assert [t.get_text() for t in plot_run(run, ["a", "b", "c", "d"]).legends[0].get_texts()] == ["a", "b", "c", "d"]
-
-
-def test_steps_and_the_guard_of_a_run_are_drawn():
-    run = make_rig_run()
-    steps = plot_run(run).axes[1]
-    yaw = next(line for line in steps.lines if line.get_label() == "yaw")
-    np.testing.assert_allclose(yaw.get_ydata(), np.degrees(run.samples["target_yaw"]))
-    assert "back-off" in [t.get_text() for t in steps.get_legend().get_texts()]
-    guarded = run.samples.loc[run.samples["back_off"] > 0, "time"]
-    dark = [p for p in steps.patches if p.get_height() < 0.5]
-    assert [p.get_x() for p in dark] == [guarded.iloc[0]]
-
-
-def test_too_few_state_names_are_refused():
-    with pytest.raises(ValueError, match=r"1 state names \['free'\], expected one for each of 4 states"):
-        plot_run(make_rig_run(), ["free"])
-
-
 def test_medians_are_those_of_the_inserted():
     figure = plot_outcomes(make_outcomes([True, True, True, False]))
     assert [axes.texts[0].get_text() for axes in figure.axes] == ["2", "20", "40"]
@@ -89,12 +48,6 @@ def test_trials_without_a_number_are_numbered_from_one():
     assert figure.axes[2].get_xlim() == (0.4, 3.6)
     reached = [points.get_offsets().tolist() for points in figure.axes[1].collections[1:]]
     assert reached == [[[1.0, 10.0], [3.0, 30.0]], [[2.0, 20.0]]]
-
-
-@pytest.mark.parametrize(("number", "listed"), [(20, True), (21, False)])
-def test_up_to_twenty_trials_are_numbered_one_by_one(number, listed):
-    axes = plot_outcomes(make_outcomes([True] * number)).axes[2]
-    assert isinstance(axes.xaxis.get_major_locator(), FixedLocator) == listed
 
 
 def test_the_largest_magnitudes_of_a_run_are_given_in_their_units():
@@ -154,16 +107,6 @@ def test_figures_do_not_use_the_global_state_of_matplotlib():
         [sys.executable, "-c", script], cwd=Path(__file__).parents[3], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-
-
-def test_each_state_has_its_own_colour():
-    assert state_colours(3) == list(PALETTE[:3])
-    many = state_colours(2 * len(PALETTE) + 3)
-    assert len(set(many)) == len(many)
-    with pytest.raises(ValueError, match="28 states"):
-        state_colours(3 * len(PALETTE) + 1)
-    assert state_labels(2) == ["state 0", "state 1"]
-    assert state_labels(1, ["free", "pressed"]) == ["free", "pressed"]
 
 
 def test_outcomes_show_loads_and_single_contacts_where_all_trials_have_them():

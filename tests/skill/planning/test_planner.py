@@ -27,26 +27,11 @@ def planned(response, target, *, bounds=WIDE, usual=(0.0, 0.0, 0.0), spread=SPRE
     )
 
 
-def test_without_an_answer_the_planner_imitates():
-    usual = np.array([0.02, -0.03, 1e-3])
-    np.testing.assert_allclose(planned(np.zeros((5, 3)), [4.0, 0, 0, 0, 0], usual=usual), usual, rtol=1e-9)
-
-
 def test_prior_and_target_are_weighted_by_their_spreads():
     # u = s_u^2 B t / (s_l^2 + s_u^2 B^2): the posterior mean of a normal prior around zero.
     b, t = -300.0, -3.0
     expected = SPREAD[1] ** 2 * b * t / (LOAD_TOLERANCE**2 + SPREAD[1] ** 2 * b**2)
     np.testing.assert_allclose(planned(responding(0, 1, b), [t, 0, 0, 0, 0]), [0.0, expected, 0.0], atol=1e-12)
-
-
-def test_where_demonstrations_contradict_each_other_the_dynamics_decide():
-    usual, b, t = np.array([0.0, -0.02, 0.0]), -300.0, -3.0
-    sure, torn = (
-        planned(responding(0, 1, b), [t, 0, 0, 0, 0], usual=usual, spread=np.array([1e-2, s, 1e-3]))
-        for s in (1e-5, 1e-1)
-    )
-    assert sure[1] == pytest.approx(-0.02, rel=0.01)
-    assert torn[1] == pytest.approx(t / b, rel=0.05)
 
 
 def test_loads_beyond_the_bounds_hold_a_motion_back():

@@ -10,7 +10,6 @@ from skill.practice.exploration import (
     ExplorationNoise,
     Perturbation,
     PerturbedPolicy,
-    Rollout,
     filtered_pairs,
     rollout_of,
 )
@@ -57,15 +56,6 @@ class FixedPolicy:
 
     def act(self, measured, estimate=None):
         return Action(turn=np.array([0.1, -0.2]), feed=-1e-3, support=0.3)
-
-
-def test_a_perturbed_policy_multiplies_turn_and_feed_by_the_factors_at_the_measured_depth(skill):
-    measured = np.array([5.0, 3.0, 2.0, 0.01, 0.02, 0.0, -0.005])
-    action = skill.act(measured)
-    perturbed = PerturbedPolicy(skill, PERTURBATION).act(measured, None)
-    np.testing.assert_allclose(perturbed.turn, 2.0 * action.turn)
-    assert perturbed.feed == pytest.approx(0.5 * action.feed)
-    assert skill.act(measured).feed == action.feed
 
 
 def test_a_perturbed_policy_keeps_the_support_of_the_action(skill):
@@ -145,11 +135,6 @@ def test_rows_of_a_back_off_are_left_out_and_their_costs_added_to_the_row_before
     assert rollout.costs.sum() == pytest.approx(costs.sum())
 
 
-def test_the_cost_to_go_is_the_sum_of_the_costs_from_a_row_on():
-    rollout = Rollout(np.zeros((3, 1)), np.ones((3, 1)), np.zeros((3, 2)), costs=np.array([1.0, 2.0, 4.0]))
-    np.testing.assert_array_equal(rollout.costs_to_go, [7.0, 6.0, 4.0])
-
-
 def test_a_perturbed_policy_takes_the_factors_at_the_depth_that_is_measured_last():
     measured = np.array([5.0, 3.0, 2.0, 0.01, 0.02, 0.03, -0.005])
     action = PerturbedPolicy(FixedPolicy(), PERTURBATION).act(measured, None)
@@ -162,11 +147,6 @@ def test_knots_are_about_the_spacing_apart(full_depth, knots):
     drawn = ExplorationNoise().draw(np.random.default_rng(0), full_depth)
     np.testing.assert_allclose(drawn.depths, np.linspace(0.0, full_depth, knots))
     assert drawn.turn.shape == drawn.feed.shape == (knots,)
-
-
-def test_the_parameters_of_practice_are_those_that_are_documented():
-    assert ExplorationNoise() == ExplorationNoise(turn=2.5, feed=1.5, spacing=5e-3)
-    assert Cost() == Cost(force=25.0, failure=5.0)
 
 
 def short_run(**result):

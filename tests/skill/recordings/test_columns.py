@@ -71,11 +71,6 @@ def test_a_part_of_a_pose_may_be_alone(name):
     assert chosen([*FORCE, name])[channel] == (name, pytest.approx(size, rel=1e-12))
 
 
-def test_the_order_is_that_of_the_standard_names():
-    names = [*reversed(STANDARD), "grip"]
-    assert list(chosen(names, "grip=grip")) == [*STANDARD, "grip"]
-
-
 @given(st.permutations(STANDARD), st.lists(st.booleans(), min_size=len(STANDARD), max_size=len(STANDARD)))
 def test_case_and_order_of_columns_do_not_matter(names, upper):
     names = [n.upper() if u else n for n, u in zip(names, upper, strict=True)]

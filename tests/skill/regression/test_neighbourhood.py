@@ -79,14 +79,6 @@ def test_one_query_and_many_have_the_same_neighbourhoods(adaptive):
             np.testing.assert_array_equal(x[i][a], x_one[b])
 
 
-def test_all_points_are_returned_if_there_are_not_more_than_asked_for():
-    dut = NeighbourIndex(np.random.default_rng(0).normal(size=(4, 2)), np.array([5, 6, 7, 8]))
-    for k in (4, 9):
-        assert set(dut.nearest(np.zeros(2), k)) == {5, 6, 7, 8}
-        assert dut.nearest_many(np.zeros((3, 2)), k).shape == (3, 4)
-    assert dut.nearest_many(np.zeros((3, 2)), 3).shape == (3, 3)
-
-
 def test_a_long_batch_is_searched_in_blocks():
     points = np.random.default_rng(0).normal(size=(3000, 2))
     dut = NeighbourIndex(points)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sklearn.base import clone
 
 from skill.states.context_mixture import MAX_SAMPLES, ContextMixture, correlation_times
 from tests.skill.states.mixtures import agreement, make_mixture
@@ -123,13 +122,6 @@ def test_one_context_more_must_gain_more_than_its_standard_error(second, number)
     assert dut.gains_ == [(pytest.approx(np.mean(second)), pytest.approx(np.std(second, ddof=1) / 2))]
 
 
-def test_repeated_samples_leave_the_same_doubt():
-    X, U, Y, group, _ = make_mixture((0.35, -0.35), groups=12, length=10, noise=0.8)
-    repeated = np.repeat(np.arange(len(X)), 4)
-    dut = fitted(X[repeated], U[repeated], Y[repeated], group[repeated], n_contexts=2)
-    assert dut.responsibilities_.max(axis=1).min() < 0.9
-
-
 def test_repeated_samples_add_no_evidence():
     X, U, Y, group, _ = make_mixture((1.0, -1.0), groups=12, length=20)
     repeated = np.repeat(np.arange(len(X)), 4)
@@ -208,8 +200,3 @@ def test_bad_samples_are_refused():
         fitted(X, U, np.where(group[:, None] == 1, np.nan, Y), group)
     with pytest.raises(ValueError, match="found 1 group, expected at least 2"):
         fitted(X, U, Y, np.zeros(20))
-
-
-def test_it_is_a_scikit_learn_estimator():
-    dut = ContextMixture(bandwidth=2.0)
-    assert clone(dut).get_params() == dut.get_params()

@@ -57,13 +57,6 @@ def test_smoothing_equals_the_reference_implementation():
     np.testing.assert_allclose(smoothed(log_likelihoods, chain), reference.predict_proba(X), atol=1e-9)
 
 
-def test_the_filter_does_not_know_later_samples_and_smoothing_does():
-    log_likelihoods = np.array([[0.0, 0.0], [0.0, 0.0], [-5.0, 0.0]])
-    changed = log_likelihoods * [[1.0], [1.0], [0.0]]
-    np.testing.assert_array_equal(forward(log_likelihoods, CHAIN)[:2], forward(changed, CHAIN)[:2])
-    assert smoothed(log_likelihoods, CHAIN)[0, 1] > smoothed(changed, CHAIN)[0, 1] + 0.1
-
-
 @pytest.mark.parametrize("offset", [-1e4, 1e4])
 def test_likelihoods_beyond_the_range_of_numbers(offset):
     log_likelihoods = np.random.default_rng(0).normal(size=(50, 2)) + offset

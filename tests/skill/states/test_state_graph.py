@@ -42,28 +42,12 @@ def test_probability_of_success_worked_by_hand():
     np.testing.assert_allclose(dut.reach_, [b0, 0.25 * b0 + 0.625, 1.0, 0.5])
 
 
-def test_probability_of_success_agrees_with_a_simulation():
-    dut = example()
-    rng = np.random.default_rng(0)
-    successes = 0
-    for _ in range(4000):
-        state = 0
-        while state < 4:
-            state = rng.choice(6, p=dut.moves_[state])
-        successes += dut.outcomes_[state - 4] == "inserted"
-    assert successes / 4000 == pytest.approx(dut.reach_[0], abs=4 * 0.5 / np.sqrt(4000))
-
-
 def test_values_worked_by_hand():
     # V3 = d3 / 2; V2 = d2; V1 = d1 (1/4 V0 + 1/2 V2 + 1/4 V3); V0 = d0 (4/5 V1 + 1/5 V3), with d = exp(-dwell / tau)
     dut, tau = example(), 0.7
     d0, d1, d2, d3 = np.exp(-dut.dwell_mean_s_ / tau)
     v0 = d0 * (0.8 * d1 * (0.5 * d2 + 0.125 * d3) + 0.1 * d3) / (1 - 0.2 * d0 * d1)
     np.testing.assert_allclose(dut.values(tau), [v0, d1 * (0.25 * v0 + 0.5 * d2 + 0.125 * d3), d2, 0.5 * d3])
-
-
-def test_without_haste_the_value_is_the_probability_of_success():
-    np.testing.assert_allclose(example().values(1e9), example().reach_, rtol=1e-6)
 
 
 def test_a_state_that_was_never_seen_has_no_value():
@@ -99,13 +83,6 @@ def test_desired_next_state_by_its_conditional_probability():
 def test_labels_without_visits_have_rows_too():
     assert StateGraph().fit([[2, 2]], ["inserted"]).visits_.tolist() == [0, 0, 1]
     assert StateGraph(n_states=3).fit([[2, 2]], ["inserted"]).visits_.tolist() == [0, 0, 1]
-
-
-def test_single_sample_has_phase_zero():
-    dut = StateGraph(sample_period=0.5).fit([[0]], ["inserted"])
-    assert dut.phase_.tolist() == [0.0]
-    assert dut.dwell_mean_s_.tolist() == [0.5]
-    assert dut.reach_.tolist() == [1.0]
 
 
 def test_success_may_have_another_name():

@@ -40,11 +40,6 @@ def test_share_of_a_clear_label():
     assert name_states(states, [1] * 5 + [0] * 3 + [2] * 2, LABELS, n_states=1).names == ["tip / free"]
 
 
-def test_single_label():
-    names = name_states([0, 0], [0, 0], ["free"], n_states=1)
-    assert names.names == ["free"]
-
-
 def test_no_samples():
     nothing = np.zeros(0, dtype=int)
     assert name_states(nothing, nothing, LABELS, n_states=2).names == ["state 0", "state 1"]

@@ -184,7 +184,7 @@ BOMBS = {"zstd": "zstandard", "lz4": "lz4.frame"}
 
 
 @pytest.mark.parametrize("compression", BOMBS)
-@pytest.mark.parametrize("claimed", [10, 1_000_001, 10**7, 2**63])
+@pytest.mark.parametrize("claimed", [10, 10**7, 2**63])
 def test_a_bomb_is_refused_before_it_is_unpacked(tmp_path, monkeypatch, compression, claimed):
     packed = pytest.importorskip(BOMBS[compression]).compress(bytes(10**7))
     assert len(packed) < 50_000
