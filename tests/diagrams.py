@@ -19,6 +19,14 @@ def unconnected_inputs(diagram: Diagram) -> set[tuple[str, str]]:
     }
 
 
+def unused_plant_inputs(*instances: str) -> set[tuple[str, str]]:
+    """Returns (system, port) of the inputs of a plant for parts that these model instances do not have."""
+    ports = {"actuation", "applied_generalized_force", "surface_speeds"}  # the last one in newer versions of Drake
+    for instance in ("WorldModelInstance", "DefaultModelInstance", *instances):
+        ports |= {f"{instance}_actuation", f"{instance}_desired_state"}
+    return {("plant", port) for port in ports}
+
+
 def state_of(simulator: Simulator) -> NDArray[np.float64]:
     """Returns the time and all continuous and discrete state of a simulator's context."""
     context = simulator.get_context()

@@ -129,13 +129,6 @@ def test_the_force_decays_when_the_simulation_stands_still():
     np.testing.assert_array_equal(servo.probe().wrench, 0.0)
 
 
-def test_a_model_cannot_come_before_its_step():
-    scenario = scenario_of(1, 0.004)
-    _, ticks = served(scenario, pushed(scenario, 0.1), delay=-5)
-    with pytest.raises(ValueError, match="delay is -5, expected at least -4"):
-        next(ticks)
-
-
 @pytest.mark.skipif(not hasattr(resource, "RUSAGE_THREAD"), reason="Linux counts the page faults of a thread")
 def test_ticks_in_contact_ask_the_system_for_no_memory():
     """Python makes objects in each tick, in memory that it has: without growth, and without a page fault."""

@@ -51,20 +51,6 @@ def test_the_recorded_feed_is_that_of_the_perturbed_skill(brief, skill):
         assert samples["feed_speed"][k + 1] == pytest.approx(limited, rel=0.05)
 
 
-class LittleSupport(ManipulationSkill):
-    """A skill whose actions all have little support."""
-
-    def act(self, measured, estimate=None):
-        return replace(super().act(measured, estimate), support=0.3)
-
-
-@pytest.mark.slow
-def test_the_feed_is_reduced_by_the_support_in_practice_too(brief, skill_file):
-    number, perturbed = practice_rounds._opposite_trials(LittleSupport.load(skill_file), SHORT, brief, 3)[0]
-    _, run = run_trial(resolve_scenario(brief, seed=number, stream=PRACTICE_STREAM), perturbed, seed=number)
-    assert (run.samples["support"][1:] == 0.3).all()
-
-
 def test_practice_checks_and_trials_start_from_different_tilts(quick_scenario):
     starts = {
         (stream, number): tuple(resolve_scenario(quick_scenario, seed=number, stream=stream).start.tilt)

@@ -111,13 +111,3 @@ def test_a_log_is_written_beside_the_run_or_where_it_is_asked_for(tmp_path):
     assert "is the recording; choose another OUT" in error_line(command("export", "mcap", run, run))
     assert "no such file" in error_line(command("export", "mcap", tmp_path / "none.parquet"))
     assert files(tmp_path) == ["000_good_expert.parquet", "logs/a.mcap", "run_0000.mcap", "run_0000.parquet"]
-
-
-def test_a_missing_package_names_the_extra(tmp_path, monkeypatch):
-    import sys
-
-    write_runs(tmp_path, 1)
-    monkeypatch.setitem(sys.modules, "mcap.writer", None)
-    line = error_line(command("export", "mcap", tmp_path / "run_0000.parquet"))
-    assert "'mcap' is missing: install haptic-skill[recordings]" in line
-    assert files(tmp_path) == ["run_0000.parquet"]

@@ -1,23 +1,19 @@
 """What the commands do with outputs: tried before the work, never mixed or replaced unasked, kept after a failure."""
 
 import json
-import os
 import re
 import resource
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
-import yaml
 
-from experiments.outputs.folder_lock import LOCK_NAME
 from experiments.outputs.output_set import open_live_folder, open_set
 from experiments.outputs.set_index import RUNS, SetIndex
 from experiments.trial import Arm, trial_scenario
 from models.scenario import dump_scenario, parse_scenario
-from skill.data.demonstration import read_demonstration, write_demonstration
+from skill.data.demonstration import write_demonstration
 from skill.data.rig_run import read_rig_run, write_rig_run
 from skill.manipulation_skill import ManipulationSkill
 from tests.experiments.outputs.sets import NAMES, make_set
@@ -245,44 +241,3 @@ def test_a_full_disk_keeps_the_runs_and_names_the_file(tmp_path, skill_file, qui
 
 
 # ------------------------------------------------------- signals and workers
-
-
-def workers_of(process):
-    """The processes whose parent is a process."""
-    listing = subprocess.run(["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
-    rows = [line.split(None, 2) for line in listing.splitlines()]
-    return [int(pid) for pid, parent, *_ in rows if int(parent) == process.pid]
-
-
-def alive(pid):
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    return True
-
-
-@pytest.mark.slow
-def test_no_worker_outlives_its_parent(tmp_path):
-    scenario = tmp_path / "quick.yaml"
-    scenario.write_text(yaml.safe_dump({"recorder": {"time_limit": 60.0}}))
-    command = [sys.executable, *HAPTIC_SKILL, "record", "--scenario", str(scenario), "--out", str(tmp_path / "out")]
-    with subprocess.Popen(
-        [*command, "--jobs", "2"], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    ) as process:
-        end = time.monotonic() + 60
-        while len(workers_of(process)) < 3:  # two workers, and the tracker of their resources
-            assert time.monotonic() < end
-            assert process.poll() is None, process.stderr.read()
-            time.sleep(0.05)
-        workers = workers_of(process)
-        process.terminate()
-        assert process.wait(20) == 143
-        end = time.monotonic() + 10
-        while any(map(alive, workers)):
-            assert time.monotonic() < end, workers
-            time.sleep(0.05)
-        assert process.stderr.read() == "terminated\n"
-    assert not (tmp_path / "out" / LOCK_NAME).exists()
-    for path in (tmp_path / "out").glob("*.parquet"):
-        read_demonstration(path)

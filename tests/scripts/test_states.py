@@ -88,14 +88,6 @@ def test_the_same_command_replaces_its_own_files_and_does_not_read_its_tables(re
     assert "Known phases" not in (tmp_path / "states.html").read_text()
 
 
-def test_tables_go_into_a_folder_that_is_named(tmp_path):
-    (tmp_path / "a").mkdir()
-    paths = write_files(tmp_path / "a", 2)
-    states(*paths, "--out", tmp_path / "b" / "states.html", "--labels", tmp_path / "c" / "d")
-    expected = ["a/insert_0.csv", "a/insert_1.csv", "b/states.html"]
-    assert files(tmp_path) == [*expected, "c/d/insert_0.states.csv", "c/d/insert_1.states.csv"]
-
-
 def test_trials_units_and_rates_of_one_file(tmp_path):
     path = tmp_path / "runs.csv"
     table = pd.concat([three_contacts(k, rate=200.0).assign(part=f"p{k}") for k in range(3)])

@@ -12,21 +12,10 @@ from models.scenario import FREE_FACETS, TRIAL_STREAM, load_scenario, resolve_sc
 from skill.data.rig_run import LOGGED_COLUMNS
 from systems.control.force_guard import StoppingModel
 from systems.rig import MakeRig
-from tests.diagrams import state_of, unconnected_inputs
+from tests.diagrams import state_of, unconnected_inputs, unused_plant_inputs
 
-NOT_CONNECTED = {  # inputs of the plant that the motors do not use
-    ("plant", "actuation"),
-    ("plant", "applied_generalized_force"),
-    ("plant", "applied_spatial_force"),
-    ("plant", "surface_speeds"),  # an input in newer versions of Drake
-    *(
-        ("plant", f"{instance}_{port}")
-        for instance in ("WorldModelInstance", "DefaultModelInstance")
-        for port in ("actuation", "desired_state")
-    ),
-    ("plant", "gimbal_actuation"),
-    ("plant", "mount_actuation"),
-    ("plant", "feed_desired_state"),
+NOT_CONNECTED = unused_plant_inputs() | {
+    ("plant", name) for name in ("applied_spatial_force", "gimbal_actuation", "mount_actuation", "feed_desired_state")
 }
 
 

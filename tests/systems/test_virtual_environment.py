@@ -8,18 +8,7 @@ from experiments.demonstration_run import run_demonstration
 from models.scenario import DEMONSTRATION_STREAM, FIXTURES, FREE_FACETS, load_scenario, parse_scenario, resolve_scenario
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.virtual_environment import MakeVirtualEnvironment, start_pose
-from tests.diagrams import unconnected_inputs
-
-NOT_CONNECTED = {  # ports of the plant for parts that this scene does not have
-    ("plant", "actuation"),
-    ("plant", "applied_generalized_force"),
-    ("plant", "surface_speeds"),  # an input in newer versions of Drake
-    *(
-        ("plant", f"{instance}_{port}")
-        for instance in ("WorldModelInstance", "DefaultModelInstance", "peg", "hole")
-        for port in ("actuation", "desired_state")
-    ),
-}
+from tests.diagrams import unconnected_inputs, unused_plant_inputs
 
 
 @pytest.fixture
@@ -38,7 +27,7 @@ def make_simulator(environment):
 
 
 def test_every_used_input_is_connected(resolved):
-    assert unconnected_inputs(MakeVirtualEnvironment(resolved).diagram) - NOT_CONNECTED == set()
+    assert unconnected_inputs(MakeVirtualEnvironment(resolved).diagram) - unused_plant_inputs("peg", "hole") == set()
 
 
 def test_scenario_with_ranges_is_an_error(quick_scenario):

@@ -1,5 +1,4 @@
 import warnings
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from benchmarks.learners.published_competition import (
     log_squared_distances,
 )
 from skill.clustering.expectation_maximization import components_of_partition
-from tests.skill.clustering.components import no_prior, random_components, spherical
+from tests.skill.clustering.components import no_prior, random_components
 
 GOLDEN = Path(__file__).parents[2] / "data" / "golden_ca.npz"
 
@@ -63,21 +62,6 @@ def test_published_distances_on_the_published_figures(distance, generate, number
 def test_printed_equations_collapse():
     X, _ = ellipses(0)
     assert PublishedCompetition(random_state=0).fit(X).n_clusters_ <= 2
-
-
-def test_memberships_are_clipped_and_normalised():
-    d2 = np.array([[1.0, 2.0, 4.0], [4.0, 1.0, 8.0]])
-    previous = np.array([[0.9, 0.1, 0.0], [0.6, 0.3, 0.1]])
-    N_i = previous.sum(axis=0)
-    H = (1.0 / d2) / (1.0 / d2).sum(axis=1, keepdims=True)
-    alpha = 1.5 * np.sum(previous**2 * d2) / np.sum(N_i**2)
-    raw = H + alpha / d2 * (N_i - H @ N_i[:, None])
-    assert raw.min() < 0.0
-    assert raw.max() > 1.0
-    clipped = np.clip(raw, 0.0, 1.0)
-    expected = clipped / clipped.sum(axis=1, keepdims=True)
-    np.testing.assert_allclose(competitive_memberships(np.log(d2), previous, 1.5), expected)
-    np.testing.assert_allclose(competitive_memberships(np.log(d2), previous, 0.0), H)
 
 
 def test_membership_of_the_fmle_distance_is_the_posterior():
@@ -162,45 +146,3 @@ def test_competition_against_its_equations():
     np.testing.assert_array_equal(found.labels, np.argmin(((Z[:, None] - means) ** 2).sum(axis=2), axis=1))
     np.testing.assert_allclose(found.history.eta, [schedule(k) for k in range(20)])
     assert not found.converged
-
-
-def compete(Z, means, **changes):
-    arguments = {"distance": "euclid", "death_rule": "nearest", "min_count": 3.0, "max_iter": 12, "tol": 0.0}
-    start = spherical(np.full(len(means), 1.0 / len(means)), means)
-    return compete_for_prototypes(Z, start, no_prior(1), lambda k: 0.0, **{**arguments, **changes})
-
-
-PAIR = np.array([[0.0], [0.1], [-0.1], [0.05], [10.0], [10.1]])  # four samples and two samples
-
-
-def test_small_clusters_die_in_the_second_half():
-    found = compete(PAIR, [[0.0], [10.0]])
-    assert found.history.n_clusters == [2] * 7 + [1] * 5
-    assert found.components.means[0, 0] < 5.0  # the cluster of four samples survives
-    # With an odd number of iterations the middle one belongs to the first half.
-    assert compete(PAIR, [[0.0], [10.0]], max_iter=13).history.n_clusters == [2] * 8 + [1] * 5
-    assert compete(PAIR, [[0.0], [10.0]], min_count=2.0).history.n_clusters == [2] * 12
-
-
-def test_largest_cluster_survives():
-    found = compete(PAIR, [[0.0], [10.0]], death_rule="cardinality", min_count=100.0)
-    assert len(found.components) == 1
-    assert found.history.n_clusters == [2, 2, 2, 2] + [1] * 8
-    # Right after the deaths, the survivor is still where its four samples are.
-    found = compete(PAIR, [[0.0], [10.0]], death_rule="cardinality", min_count=100.0, max_iter=4)
-    assert abs(found.components.means[0, 0]) < 0.2
-    assert (found.labels == 0).all()
-
-
-def test_prototypes_converge_when_centres_are_still():
-    found = compete(PAIR, [[0.0], [10.0]], death_rule="cardinality", min_count=0.0, max_iter=100, tol=1e-7)
-    assert found.converged
-    assert len(found.history.eta) < 20
-    # The limit is on the sum over all centres: it has to hold for the last change but for none before.
-    centres = [
-        compete(PAIR, [[0.0], [10.0]], death_rule="cardinality", min_count=0.0, max_iter=k).components.means
-        for k in range(1, len(found.history.eta) + 1)
-    ]
-    changes = [np.abs(b - a).sum() for a, b in pairwise(centres)]
-    assert changes[-1] < 1e-7
-    assert min(changes[:-1]) >= 1e-7

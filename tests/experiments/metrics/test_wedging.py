@@ -77,13 +77,6 @@ def test_only_wedges_of_a_tenth_of_a_second_count():
     assert metrics.wedged_time() == pytest.approx(12 * PERIOD)
 
 
-def test_a_trial_without_contacts_has_no_wedge():
-    metrics = WedgeMetrics(0.3, PERIOD)
-    assert metrics.wedged_time() == 0.0
-    metrics.add_row([])
-    assert metrics.wedged_time() == 0.0
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "wedged"), [(0.85, False), (1.25, True)])
 def test_a_simulated_peg_that_stays_squeezed_is_wedged(ratio, wedged):

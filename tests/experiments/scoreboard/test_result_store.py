@@ -171,6 +171,7 @@ def test_a_trial_in_two_scenarios_of_the_same_name_is_named_with_both_files(tmp_
 # ------------------------------------------------------------ memory
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_ten_thousand_trials_need_little_memory(tmp_path):
     """Each row has a scenario of 20 kB, 200 MB in all; reading and summarising adds less than 60 MB."""

@@ -139,29 +139,6 @@ def test_a_killed_client_loses_no_row_and_a_second_one_goes_on(specification, tm
     assert after[after.key.isin(before.key)].reset_index(drop=True).equals(before)
 
 
-@pytest.mark.nightly
-def test_two_sweeps_side_by_side_share_the_trials(specification, tmp_path):
-    path = specification(
-        policies={"push": PUSH}, arms=["default"], vary={"contact.friction": [0.1, 0.2, 0.3]}, trials={"number": 6}
-    )
-    results = tmp_path / "results"
-    arguments = ["-m", "haptic_skill", "sweep", path, "--out", results, "--jobs", "1"]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200", "OPENBLAS_NUM_THREADS": "1"}
-    both = [
-        subprocess.Popen(
-            [sys.executable, *map(str, arguments)], cwd=ROOT, env=environment, stdout=subprocess.PIPE, text=True
-        )
-        for _ in range(2)
-    ]
-    texts = [process.communicate(timeout=300)[0] for process in both]
-    assert [process.returncode for process in both] == [0, 0], texts
-    written = [int(found[1]) for text in texts if (found := re.search(r"(\d+) trials written", text))]
-    assert sum(written) == 18
-    rows = rows_in(results)
-    assert len(rows) == 18
-    assert rows.key.is_unique
-
-
 def wait_for(condition, seconds=120.0):
     end = time.monotonic() + seconds
     while not condition():

@@ -8,17 +8,15 @@ from experiments.trial import Arm, run_trial, trial_scenario
 from interfaces.gym.agents import PolicyAgent, run_episode
 from systems.control.faults import Fault
 
-IDS = {Arm.DEFAULT: "PegInHole-v0", Arm.STRESS: "PegInHole-Stress-v0"}
 TRIAL = 88000
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("arm", list(Arm))
-def test_the_skill_gives_the_record_of_its_trial(make, quick_scenario, skill, arm):
+def test_the_skill_gives_the_record_of_its_trial(make, quick_scenario, skill):
     quick_scenario.trial.time_limit = 8.0
-    env, agent = make(IDS[arm], policy=skill, labels=False), PolicyAgent(skill)
+    env, agent = make(policy=skill, labels=False), PolicyAgent(skill)
     _, info = run_episode(env, agent, trial=TRIAL)
-    result, _ = run_trial(trial_scenario(quick_scenario, number=TRIAL, arm=arm), skill, seed=TRIAL)
+    result, _ = run_trial(trial_scenario(quick_scenario, number=TRIAL), skill, seed=TRIAL)
     assert info["trial"] == result.record()
     assert info["is_success"] is result.inserted
 
@@ -27,7 +25,7 @@ def test_the_skill_gives_the_record_of_its_trial(make, quick_scenario, skill, ar
 def test_a_push_gives_the_records_of_its_trials_with_back_offs(make, quick_scenario):
     quick_scenario.trial.time_limit = 1.6
     push = StraightPush(0.03)
-    env, agent = make(IDS[Arm.STRESS], policy=push, labels=False), PolicyAgent(push)
+    env, agent = make("PegInHole-Stress-v0", policy=push, labels=False), PolicyAgent(push)
     _, info = run_episode(env, agent, trial=TRIAL)
     result, _ = run_trial(trial_scenario(quick_scenario, number=TRIAL, arm=Arm.STRESS), push, seed=TRIAL)
     assert info["trial"] == result.record()

@@ -2,7 +2,6 @@
 
 import copy
 import gc
-import time
 import warnings
 import weakref
 
@@ -250,18 +249,6 @@ def test_the_picture_shows_the_peg_in_the_cut_hole(make):
     assert 0.1 < white < 0.7
     assert not np.array_equal(above, env.render())
     assert env.unwrapped.url is None
-
-
-@pytest.mark.slow
-def test_meshcat_draws_in_real_time(make):
-    env = make(render_mode="human", labels=False)
-    env.reset(seed=TRIAL)
-    assert env.unwrapped.url.startswith("http://127.0.0.1:")
-    began = time.monotonic()
-    steps(env, PUSH, 10)
-    assert time.monotonic() - began > 0.15
-    assert env.render() is None
-    env.reset(seed=TRIAL)  # draws into the same Meshcat
 
 
 def test_the_default_scenario_has_the_default_spaces():

@@ -135,11 +135,6 @@ def test_the_readings_are_in_si_units_and_the_tilt_in_degrees_as_the_person_sees
     assert [values[k] for k in ("load", "rate", "energy", "min_energy", "kept")] == [1.5, 0.9, 0.5, -0.1, 7]
 
 
-def test_the_page_shows_messages_and_whether_it_moves_the_hand(browser, display):
-    display.show_message("hello")
-    assert browser.values == {"motion": True, "status": "hello"}
-
-
 def view(browser):
     """Distance of the camera from its target, m, and its elevation and direction to the right, degrees."""
     x, y, z = R_HV.inverse() @ (browser.camera - browser.target)
@@ -220,13 +215,6 @@ def test_on_the_rig_the_arrow_of_the_skill_follows_the_turned_block_and_the_dial
     start, end = browser.arrow("live/skill_feed")
     np.testing.assert_allclose((end - start) / np.linalg.norm(end - start), -X_WH.rotation().col(2), atol=1e-6)
     assert browser.values["skill"]["tilt"] == {"right": 0.0, "away": 0.0}
-
-
-def test_before_a_demonstration_the_block_is_upright(browser, display):
-    display.move_hole(hand_pose(np.array([0.0, 0.05, 0.0, 0.0, 0.0])))
-    display.draw_start(resolve_scenario(load_scenario("live"), seed=1, stream=LIVE_STREAM))
-    assert browser.transforms["plant/hole"].IsExactlyIdentity()
-    assert browser.values["hand"] is True
 
 
 SAMPLE = dict.fromkeys(WRENCH, 0.0)

@@ -135,8 +135,7 @@ def listening(pid):
     return found
 
 
-@pytest.mark.browser
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="reads the tables of Linux")
 @pytest.mark.parametrize("host", [None, "0.0.0.0"])
 def test_a_session_listens_at_one_port_and_warns_if_others_reach_it(tmp_path, host):
@@ -153,13 +152,6 @@ def test_a_session_listens_at_one_port_and_warns_if_others_reach_it(tmp_path, ho
 @pytest.fixture
 def arguments(tmp_path):
     return ("--live", "--out", tmp_path / "out")
-
-
-def test_a_wrong_port_is_one_line_before_anything_starts(tmp_path, arguments):
-    result = invoke("record", *arguments, "--port", 99999)
-    assert error_line(result) == "error: port is 99999, expected 1 to 65535"
-    assert result.stdout == ""
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_options_of_the_live_session_need_it(tmp_path):

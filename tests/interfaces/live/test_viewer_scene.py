@@ -111,12 +111,3 @@ def test_peg_and_block_look_as_drake_draws_them():
 def test_other_shapes_are_refused(shape):
     with pytest.raises(ValueError, match="expected a cylinder, a cone or a mesh in memory"):
         ViewerScene(Outbox()).SetObject("a", shape)
-
-
-def test_an_object_is_replaced():
-    outbox = Outbox()
-    dut = ViewerScene(outbox)
-    dut.SetObject("a", Cylinder(1.0, 1.0))
-    dut.SetObject("a", Cylinder(2.0, 1.0))
-    (message,) = map(umsgpack.unpackb, outbox.since(0)[1])
-    assert message["object"]["geometries"][0]["radiusTop"] == 2.0

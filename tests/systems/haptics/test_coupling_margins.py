@@ -25,7 +25,6 @@ from models.scenario import (
 )
 from systems.haptics.coupling_margins import (
     STEP_LIMIT,
-    Margin,
     coupling_margins,
     passive_damping,
     require_margins,
@@ -170,15 +169,6 @@ def test_the_conditions_with_and_without_the_filter_are_both_reported():
         passive_damping(stiffness=800.0, damping=36.0, period=T, bandwidth=VELOCITY_BANDWIDTH)
     )
     assert exact.limit == DEVICE_PRESETS["paper"].grip_damping
-
-
-@pytest.mark.parametrize(
-    ("value", "limit", "factor", "holds"),
-    [(0.5, 2.0, 4.0, True), (4.0, 1.0, 0.25, False), (3.0, 3.0, 1.0, False), (0.0, 2.0, math.inf, True)],
-)
-def test_a_margin_is_the_ratio_of_limit_to_value(value, limit, factor, holds):
-    margin = Margin("", value, limit, "")
-    assert (margin.factor, margin.holds) == (factor, holds)
 
 
 COUPLING = CouplingParameters(
