@@ -155,7 +155,7 @@ def test_the_step_is_not_below_the_limit_of_a_scenario():
 
 @given(radius=RADII, ratio=RATIOS, fixture=st.sampled_from(FIXTURES), divisor=st.integers(1, 40))
 @example(radius=0.01, ratio=1.0001 * minimum_clearance(0.01) / 0.01, fixture="free", divisor=10)
-@settings(deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_every_valid_scenario_gets_valid_numerics(radius, ratio, fixture, divisor):
     scenario = scenario_of(ratio, radius=radius, fixture=fixture)
     scenario.contact.modulus = 1e300

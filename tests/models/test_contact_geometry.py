@@ -77,7 +77,7 @@ def min_on_strip(p, a, bottom, top):
 
 
 @pytest.mark.slow
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(poses)
 def test_the_gap_of_a_free_pose_equals_the_brute_force_distance(values):
     p, a = pose(*values)
@@ -94,7 +94,7 @@ def min_on_circle(f):
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(poses)
 def test_the_overlap_equals_that_of_densely_sampled_circles(values):
     p, a = pose(*values)
@@ -122,7 +122,7 @@ def test_the_overlap_equals_that_of_densely_sampled_circles(values):
 # The two deepest overlaps of this pose, at the chamfer and the face, are 0.2 rad apart and differ by 22 nm.
 @pytest.mark.slow
 @example((-0.009765625, 1e-05, 0.0, -0.0008801126686263268, -0.0008801126686263268), 1.25)
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(poses, st.floats(-np.pi, np.pi))
 def test_the_gap_is_invariant_to_rotations_about_the_axis_of_the_bore(values, turn):
     p, a = pose(*values)
@@ -132,7 +132,7 @@ def test_the_gap_is_invariant_to_rotations_about_the_axis_of_the_bore(values, tu
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(poses)
 def test_contact_points_lie_on_both_bodies_and_normals_are_unit_vectors(values):
     p, a = pose(*values)

@@ -103,7 +103,7 @@ def test_the_stiffness_of_the_stepper_is_that_of_a_sine_with_a_period_of_four_st
         }
     )
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_dump_and_parse_keep_every_number_exactly(values):
     scenario = Scenario(seed=values["seed"], fixture=values["fixture"], device=values["device"])
     scenario.geometry.facets = FREE_FACETS

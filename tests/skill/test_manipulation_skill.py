@@ -187,14 +187,6 @@ def test_a_foreign_regressor_with_the_same_methods_acts_like_ours(made_up_skill)
     assert str(skill.explain(rows[2])) == str(made_up_skill.explain(rows[2]))
 
 
-def test_a_regressor_that_does_not_report_its_support_has_full_support(demonstrations):
-    skill = ManipulationSkill(regressor=LinearRegression(), states=CompetitiveAgglomeration(m_init=1)).fit(
-        demonstrations
-    )
-    assert skill.min_log_support_ == -math.inf
-    assert skill.act(np.full(7, 1e3)).support == 1.0
-
-
 # --------------------------------------------------------------------- fit
 
 
@@ -358,19 +350,6 @@ def test_demonstrations_without_a_geometry_get_the_default_features():
     assert skill.metadata_["geometry"] is None
 
 
-@pytest.mark.parametrize(
-    ("other", "difference"),
-    [
-        (None, "no geometry, but there is one in 1 of 2"),
-        ({**GEOMETRY, "hole_depth": 0.03}, "hole_depth 0.03, but 0.025 in 1 of 2"),
-    ],
-)
-def test_demonstrations_with_different_geometries_are_refused(other, difference):
-    one, two = made_up_demonstrations(2)
-    with pytest.raises(ValueError, match=rf"demonstration 1: {difference} demonstrations.*train a skill for each"):
-        ManipulationSkill(**single_state()).fit([one, with_geometry(two, other)])
-
-
 def test_the_file_with_the_odd_geometry_is_named(tmp_path):
     for n, shown in enumerate(made_up_demonstrations(3)):
         odd = with_geometry(shown, {**GEOMETRY, "peg_radius": 0.00995}) if n == 0 else shown
@@ -420,16 +399,6 @@ def test_support_is_the_kernel_weight_over_the_minimum_of_the_demonstrations(mad
     assert log_w[0] < made_up_skill.min_log_support_
     expected = math.exp(log_w[0] - made_up_skill.min_log_support_)
     assert made_up_skill.act(row).support == pytest.approx(expected)
-
-
-def test_support_decreases_with_the_distance_from_all_demonstrations(skill, demonstrations):
-    """A peg far below the bottom, where no demonstration went."""
-    rows = demonstrations[0].samples[list(MEASURED)].to_numpy()
-    assert np.mean([skill.act(row).support == 1.0 for row in rows[::10]]) > 0.8
-    found = [skill.act([*rows[0, :6], z]).support for z in (0.001, -0.1, -10.0, -1e3)]
-    assert found[0] == 1.0
-    assert all(np.diff(found) <= 0.0)
-    assert found[-1] < 1e-6
 
 
 def test_a_single_good_demonstration_has_no_minimum_of_support():

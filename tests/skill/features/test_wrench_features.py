@@ -1,7 +1,7 @@
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
@@ -129,7 +129,7 @@ def test_hidden_features_follow_the_measured_ones(features):
     np.testing.assert_array_equal(both[:, :k], dut.transform(samples))
 
 
-@pytest.mark.slow
+@settings(max_examples=15, deadline=None)
 @given(angles)
 def test_hidden_canonical_features_are_invariant_to_a_turn_of_the_scene(angle):
     samples = random_demonstration()

@@ -41,15 +41,6 @@ def test_medians_are_those_of_the_inserted():
     assert [t.get_text() for t in figure.legends[0].get_texts()][:2] == ["inserted: 3", "not inserted: 1"]
 
 
-def test_trials_without_a_number_are_numbered_from_one():
-    figure = plot_outcomes(make_outcomes([True, False, True]))
-    assert [axes.get_xlabel() for axes in figure.axes] == ["", "", "trial"]
-    assert figure.axes[2].get_xticks().tolist() == [1, 2, 3]
-    assert figure.axes[2].get_xlim() == (0.4, 3.6)
-    reached = [points.get_offsets().tolist() for points in figure.axes[1].collections[1:]]
-    assert reached == [[[1.0, 10.0], [3.0, 30.0]], [[2.0, 20.0]]]
-
-
 def test_the_largest_magnitudes_of_a_run_are_given_in_their_units():
     run = make_rig_run()
     samples = run.samples.copy()

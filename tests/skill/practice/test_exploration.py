@@ -58,16 +58,6 @@ class FixedPolicy:
         return Action(turn=np.array([0.1, -0.2]), feed=-1e-3, support=0.3)
 
 
-def test_a_perturbed_policy_keeps_the_support_of_the_action(skill):
-    """The controller reduces the feed by the support, in practice as in checks and trials."""
-    at_mouth = np.zeros(7)
-    assert PerturbedPolicy(FixedPolicy(), PERTURBATION).act(at_mouth, None).support == 0.3
-    outside = np.array([200.0, 300.0, 200.0, 1.0, 2.0, 0.0, -0.005])  # far from all demonstrations
-    action = skill.act(outside)
-    assert action.support < 0.5
-    assert PerturbedPolicy(skill, PERTURBATION).act(outside, None).support == action.support
-
-
 def test_a_perturbed_policy_changes_nothing_but_the_action():
     policy, measured = FixedPolicy(), np.arange(7.0)
     perturbed = PerturbedPolicy(policy, PERTURBATION)

@@ -17,18 +17,6 @@ def test_equal_measurements_give_no_change():
     assert (c.change, c.lower, c.upper, c.p_value) == (0.0, 0.0, 0.0, 1.0)
 
 
-@pytest.mark.slow
-def test_the_interval_covers_the_true_change_about_as_often_as_its_level():
-    rng = np.random.default_rng(0)
-    covered = 0
-    for k in range(50):
-        before = rng.lognormal(0.0, 0.3, 30)
-        after = 0.8 * before * rng.lognormal(0.0, 0.2, 30)
-        c = paired_change(before, after, random_state=k)
-        covered += c.lower <= -0.2 <= c.upper
-    assert 44 <= covered <= 50
-
-
 @pytest.mark.parametrize(
     ("level", "lower", "upper"), [(0.95, 0.0, 1.0), (0.54, 0.0, 1.0), (0.46, 0.5, 0.5), (0.0, 0.5, 0.5)]
 )
@@ -70,12 +58,8 @@ def test_pairs_are_resampled_together():
         ([1.0, 2.0], [1.0], "shape"),
         ([1.0], [1.0], "at least 2"),
         ([1.0, np.nan], [1.0, 1.0], "finite"),
-        ([1.0, np.inf], [1.0, 1.0], "finite"),
-        ([1.0, 2.0], [np.nan, 1.0], "finite"),
         ([1.0, 2.0], [1.0, -np.inf], "finite"),
         ([0.0, 1.0], [1.0, 1.0], "positive"),
-        ([1.0, -1.0], [1.0, 1.0], "positive"),
-        ([[1.0, 2.0]], [[1.0, 2.0]], "shape"),
         ([[1.0], [2.0]], [[1.0], [2.0]], "shape"),
     ],
 )

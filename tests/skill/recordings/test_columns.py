@@ -189,14 +189,6 @@ def test_an_unclear_choice_is_refused(name):
         chosen(names, *choices)
 
 
-@pytest.mark.parametrize("name", ["_" * 10**6, "(" * 10**6, "a_" * 10**5, "/" * 10**6, "fx" + " " * 10**5 + "[N]"])
-def test_an_endless_name_takes_no_time(name):
-    assert chosen([*FORCE, name], f"grip={name}")["grip"] == (name, 1)
-    assert "mx" not in chosen([*FORCE, name])
-    with pytest.raises(ValueError, match="no column for fx"):
-        chosen(["time", name, "fy", "fz"])
-
-
 def test_label_columns():
     assert label_column(["a", "Trial"], None, TRIAL_COLUMNS, "snap.csv") == "Trial"
     assert label_column(["a", "trial"], "a", TRIAL_COLUMNS, "snap.csv") == "a"

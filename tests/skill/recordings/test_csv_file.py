@@ -160,21 +160,18 @@ REFUSED = {
     "Latin-1": ("time [µs],fx,fy,fz\n".encode("latin-1"), "not a text in UTF-8 ('utf-8' codec can't decode byte 0xb5"),
     "late Latin-1": (HEADER.encode() + b"0,1,2,3\n" * 9000 + b"\xb5", "not a text in UTF-8 ('utf-8' codec can't"),
     "empty": ("", "no line of column names; the file has no data"),
-    "only comments": ("# a\n\n", "no line of column names; the file has no data"),
     "no rows": (HEADER, "no samples; expected at least 2 rows with values"),
     "only empty rows": (HEADER + ",,,\n", "no samples; expected at least 2 rows with values"),
     "no header": (
         "0,1,2,3\n0.01,1,2,3\n",
         "line 1 has numbers ['0', '1', '2', '3'], expected the names of the columns",
     ),
-    "other comment": ("# made\n0,1,2,3\n", "line 2 has numbers ['0', '1', '2', '3'], expected the names"),
     "same name": ("time,fx,fy,fz,fx\n0,1,2,3,4\n", "columns ['fx', 'fx'] could all be fx"),
     "missing trial": ("time,fx,fy,fz,trial\n0,1,2,3,1\n0.01,1,2,3,\n", "column 'trial' has no value in line 3"),
     "long label": (
         f"time,fx,fy,fz,phase\n0,1,2,3,{'a' * 61}\n",
         "'phase' has a text of 61 characters, expected at most 60",
     ),
-    "pickle": (b"\x80\x04\x95\x0c\x8c", "not a text in UTF-8"),
 }
 
 

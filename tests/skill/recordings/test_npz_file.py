@@ -101,10 +101,3 @@ def test_limits(tmp_path, monkeypatch):
     truncated.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(ValueError, match=r"c\.npz: not a NumPy archive"):
         read_npz_file(truncated)
-
-
-@pytest.mark.slow
-def test_more_than_a_skill_may_hold_is_read(tmp_path):
-    n = 1_800_100
-    path = saved(tmp_path / "a.npz", time=np.arange(n) / 1000, wrench=np.zeros((n, 6)))
-    assert read_npz_file(path)[0].values.shape == (n, 6)

@@ -79,8 +79,6 @@ def refused(path, message, **options):
 
 def test_wrong_columns_are_refused(tmp_path):
     path = tmp_path / "a.parquet"
-    wrench().drop(columns="fx").to_parquet(path)
-    refused(path, "no column for fx; columns are ['time', 'fy', 'fz', 'mx', 'my', 'mz']; say which one")
     wrench().assign(fx="1.0").to_parquet(path)
     refused(path, "column 'fx' has type")
     wrench().assign(fx=True).to_parquet(path)
@@ -92,9 +90,6 @@ def test_wrong_columns_are_refused(tmp_path):
     table.loc[7:9, "fy":"mz"] = np.nan
     table.to_parquet(path)
     assert len(read_parquet_file(path)[0].time) == 297
-    rows = pa.Table.from_pandas(wrench(), preserve_index=False)
-    pq.write_table(rows.append_column("fx", rows["fy"]), path)
-    refused(path, "columns ['fx', 'fx'] could all be fx")
 
 
 def test_a_damaged_file_is_refused(tmp_path):

@@ -44,7 +44,7 @@ PROBLEMS = {
 def test_the_selected_bandwidth_is_no_worse_than_one_on_other_problems(problem, ratio):
     def error(bandwidth):
         errors = []
-        for seed in range(3):
+        for seed in range(2):
             train, fresh = problem(seed), problem(1000 + seed)
             scaler = StandardScaler().fit(train.X)
             model = LWRegressor(bandwidth=bandwidth).fit(scaler.transform(train.X), train.y)

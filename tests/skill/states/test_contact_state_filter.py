@@ -87,30 +87,6 @@ def test_gate_uses_the_state_most_probable_with_the_sample():
         assert estimate.known
 
 
-def test_step_changes_neither_its_arguments_nor_the_filter():
-    dut = ContactStateFilter(states(), transitions=np.full((3, 3), 1 / 3))
-    log_belief = dut.initial_log_belief()
-    before = log_belief.copy()
-    first = dut.step(log_belief, np.zeros(4))
-    second = dut.step(log_belief, np.zeros(4))
-    np.testing.assert_array_equal(log_belief, before)
-    np.testing.assert_array_equal(first.log_belief, second.log_belief)
-    first.log_belief[:] = 0.0
-    np.testing.assert_array_equal(dut.step(before, np.zeros(4)).log_belief, second.log_belief)
-
-
-def test_transitions_smooth_a_sample_that_resembles_another_state():
-    model = states(M=2, d=1)
-    sticky = np.array([[0.999, 0.001], [0.001, 0.999]])
-    dut = ContactStateFilter(model, gate=None, transitions=sticky)
-    log_belief = dut.initial_log_belief()
-    np.testing.assert_allclose(log_belief, np.log(model.weights_))
-    for _ in range(20):
-        log_belief = dut.step(log_belief, model.means_[0]).log_belief
-    between = 0.4 * model.means_[0] + 0.6 * model.means_[1]
-    assert dut.step(log_belief, between).probabilities.argmax() == 0
-
-
 def test_certain_belief_can_be_revised():
     model = states(M=2, d=1)
     dut = ContactStateFilter(model, gate=None, transitions=np.array([[0.9, 0.1], [0.1, 0.9]]))

@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
-from sklearn.base import clone
 from sklearn.cluster import KMeans
 from sklearn.metrics import adjusted_rand_score
 
-from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.states.contact_states import CAUSAL_SHARE, SMOOTHED_SHARE, ContactStates
 from skill.states.hidden_markov import forward, smoothed
 
@@ -151,16 +149,6 @@ def test_recordings_do_not_see_each_other(fitted):
     both = fitted.predict_proba(X, groups)
     apart = np.vstack([fitted.predict_proba(X[groups == k]) for k in (0, 1)])
     np.testing.assert_allclose(both, apart, atol=1e-12)
-
-
-def test_components_of_any_clusterer_of_gaussians():
-    X, groups, phases = recordings()
-    components = CompetitiveAgglomeration(tails="heavy", number="density", random_state=1)
-    dut = ContactStates(components).fit(X, groups=groups)
-    assert not hasattr(components, "means_")  # a clone is fitted
-    assert dut.components_.reg_covar == components.reg_covar
-    assert adjusted_rand_score(phases, dut.labels_) > 0.9
-    assert clone(dut).get_params()["valley"] == 0.4
 
 
 def test_the_valley_decides_what_is_merged():

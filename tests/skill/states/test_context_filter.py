@@ -89,14 +89,6 @@ def test_no_context_is_ever_excluded(dut):
         assert estimate.probabilities.sum() == pytest.approx(1.0)
 
 
-def test_a_step_changes_neither_the_filter_nor_its_arguments(dut):
-    (rows,) = runs_of(1, 1, seed=55)
-    memory = dut.initial_memory()
-    first = dut.step(memory, rows[0])
-    np.testing.assert_array_equal(memory, dut.initial_memory())
-    np.testing.assert_array_equal(dut.step(memory, rows[0]).memory, first.memory)
-
-
 @pytest.mark.parametrize("observation", [np.zeros(7), np.full(9, np.nan)])
 def test_a_bad_observation_is_refused(dut, observation):
     with pytest.raises(ValueError, match="expected 9 finite numbers"):

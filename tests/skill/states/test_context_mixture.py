@@ -25,7 +25,7 @@ def test_the_number_and_the_demonstrations_of_contexts_are_found(slopes):
     assert len(dut.gains_) == len(slopes)  # one more did not help
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_there_is_a_single_context_where_there_is_nothing_to_find(seed):
     *data, _ = make_mixture((1.0,), seed=seed)
     dut = fitted(*data)
@@ -46,16 +46,14 @@ def test_a_peculiar_demonstration_alone_is_no_context():
     assert fitted(X, U, Y * strange[:, None], group).n_contexts_ == 1
 
 
-@pytest.mark.parametrize("mixed", ["groups", "samples of all groups"])
-def test_the_order_and_the_names_of_groups_do_not_matter(mixed):
-    X, U, Y, group, contexts = make_mixture((1.0, -1.0))
-    rng = np.random.default_rng(2)
-    if mixed == "groups":
-        order = np.argsort(rng.permutation(24)[group], kind="stable")
-    else:  # interleaved, each group in the order of time
-        order = np.argsort(np.arange(len(group)) % 40, kind="stable")
-    dut, other = fitted(X, U, Y, group), fitted(X[order], U[order], Y[order], 100 + group[order])
-    np.testing.assert_array_equal(other.groups_, np.arange(100, 124))
+def test_the_order_and_the_names_of_groups_do_not_matter():
+    X, U, Y, group, contexts = make_mixture((1.0, -1.0), groups=12)
+    # Mixed, and interleaved; each group is in the order of time.
+    renamed = np.random.default_rng(2).permutation(12)[group]
+    order = np.lexsort([renamed, np.arange(len(group)) % 40])
+    dut = fitted(X, U, Y, group, max_contexts=3)
+    other = fitted(X[order], U[order], Y[order], 100 + group[order], max_contexts=3)
+    np.testing.assert_array_equal(other.groups_, np.arange(100, 112))
     np.testing.assert_allclose(other.responsibilities_, dut.responsibilities_, atol=1e-9)
     np.testing.assert_allclose(other.gains_, dut.gains_, atol=1e-9)
     assert agreement(dut.responsibilities_, contexts) == 1.0

@@ -80,11 +80,6 @@ def test_desired_next_state_by_its_conditional_probability():
     assert not failed.next_given_success_.any()
 
 
-def test_labels_without_visits_have_rows_too():
-    assert StateGraph().fit([[2, 2]], ["inserted"]).visits_.tolist() == [0, 0, 1]
-    assert StateGraph(n_states=3).fit([[2, 2]], ["inserted"]).visits_.tolist() == [0, 0, 1]
-
-
 def test_success_may_have_another_name():
     dut = StateGraph(success="docked").fit([[0, 1], [0, 1]], ["docked", "lost"])
     np.testing.assert_allclose(dut.reach_, [0.5, 0.5])

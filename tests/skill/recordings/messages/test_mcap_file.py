@@ -89,18 +89,6 @@ def test_one_of_several_topics_is_chosen(tmp_path):
         read_mcap_file(path, topic="/camera")
 
 
-def test_a_file_without_the_type_names_its_topics(tmp_path):
-    path = tmp_path / "a.mcap"
-    write_mcap(path, [("/camera", 1, b"")])
-    with pytest.raises(
-        ValueError, match=r"a\.mcap: expected a topic of the type .*; found none, but other topics \['/camera'\]"
-    ):
-        read_mcap_file(path)
-    write_mcap(path, series(), schema="my_msgs/msg/WrenchStamped")
-    with pytest.raises(ValueError, match=r"found none, but other topics \['/camera', '/ft'\]"):
-        read_mcap_file(path)
-
-
 REFUSED = {
     "encoding": (
         {"encoding": "protobuf"},

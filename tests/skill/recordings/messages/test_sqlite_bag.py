@@ -50,16 +50,6 @@ def test_a_folder_of_parts_is_one_recording(tmp_path):
     check(read_sqlite_bag(tmp_path)[0])
 
 
-def test_of_several_topics_the_user_chooses(tmp_path):
-    path = tmp_path / "a.db3"
-    write_db3(path, [*series(3), *series(10, topic="/tool")])
-    assert len(read_sqlite_bag(path, topic="/tool")[0].time) == 10
-    with pytest.raises(ValueError, match=r"a\.db3: .*found topics .'/ft', '/tool'. of this type; say which one"):
-        read_sqlite_bag(path)
-    with pytest.raises(ValueError, match=r"expected topic '/camera' of the type .*; found none, but other topics"):
-        read_sqlite_bag(path, topic="/camera")
-
-
 @pytest.mark.parametrize("plugin", ["SQLITE3", "MCAP"])
 @pytest.mark.parametrize("compression", [None, "MESSAGE"])
 def test_bags_of_another_writer(tmp_path, plugin, compression):
