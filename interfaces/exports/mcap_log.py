@@ -149,8 +149,8 @@ def _run_messages(run: RigRun) -> Iterator[_Message]:
         yield _state(time, "/contact_state", state, name, known=row["known"] > 0.5)
         context = {"probability": row["context_probability"], "evidence": row["context_evidence"]}
         yield _Message(time, "/context", "haptic_skill.Context", {"number": int(row["context"]), **context})
-        command = {name: row[name] for name in ("target_pitch", "target_yaw", "feed_speed", "support")}
-        command |= {"back_off": row["back_off"] > 0.5, "turning": row["turning"]}
+        command = {name: row[name] for name in JSON_TYPES["haptic_skill.RigCommand"]}
+        command["back_off"] = row["back_off"] > 0.5
         yield _Message(time, "/command", "haptic_skill.RigCommand", command)
         rig = {name: row[name] for name in JSON_TYPES["haptic_skill.RigState"]}
         yield _Message(time, "/rig_state", "haptic_skill.RigState", rig)

@@ -15,8 +15,6 @@ from experiments.scoreboard.paired_statistics import wilson
 from experiments.trial_result import PHYSICS, TrialResult
 from interfaces.reports.histogram import histogram
 from interfaces.reports.page_template import definitions, fill_page, svg_element, tiles
-from interfaces.reports.result_tables import known, median
-from skill.arrays import Array
 from skill.states.state_style import state_colours
 
 HISTOGRAMS = (  # title, unit, field of TrialResult
@@ -43,7 +41,7 @@ class Column:
 
     name: str
     unit: str
-    key: Callable[[TrialResult], float | str | None]
+    key: Callable[[TrialResult], float | str]
     form: str = "{}"
     style: str = ""
     tip: str = ""
@@ -65,7 +63,7 @@ COLUMNS = (
     Column("states", "", lambda r: len(r.states), style="text"),
     Column("peak contact", "N", lambda r: r.peak_contact_force, "{:.1f}", style="wide", tip=CONTACT),
     Column("overlap", "um", lambda r: 1e6 * r.penetration, "{:.0f}", style="wide"),
-    Column("physics", "", lambda r: None if r.trusted is None else PHYSICS[r.trusted], style="text wide", tip=TRUST),
+    Column("physics", "", lambda r: PHYSICS[r.trusted], style="text wide", tip=TRUST),
     Column("steps", "", lambda r: r.steps, style="wide"),
     Column("back-offs", "", lambda r: r.back_offs, style="wide"),
     Column("unknown", "s", lambda r: r.unknown_time, "{:.2f}", style="wide"),
@@ -83,7 +81,7 @@ COLUMNS = (
 def worst_trial(results: Sequence[TrialResult]) -> TrialResult:
     """Returns the shallowest trial that did not insert; if all inserted, the one with the largest load."""
     failed = [r for r in results if not r.inserted]
-    return min(failed, key=lambda r: r.depth) if failed else max(results, key=lambda r: r.peak_load or 0.0)
+    return min(failed, key=lambda r: r.depth) if failed else max(results, key=lambda r: r.peak_load)
 
 
 def batch_report(
@@ -138,12 +136,20 @@ def _summary(results: Sequence[TrialResult]) -> list[tuple[str, str]]:
     n, inserted = len(results), sum(r.inserted for r in results)
     low, high = wilson(inserted, n)
     times = np.array([r.time for r in results])
-    loads = np.array([r.peak_load for r in results if r.peak_load is not None])
+    loads = np.array([r.peak_load for r in results])
+    contact = np.median([r.peak_contact_force for r in results])
+    above = sum(r.time_above_20n for r in results) / n
+    distrusted = sum(not r.trusted for r in results)
     back_offs, lost_steps = sum(r.back_offs for r in results), sum(r.lost_steps for r in results)
     return [
         (f"{inserted} of {n}", f"inserted; 95 % Wilson interval {100 * low:.1f} to {100 * high:.1f} %"),
         (f"{np.median(times):.2f} s", f"median time; 90th percentile {np.quantile(times, 0.9):.2f} s"),
-        *(_force_tiles(results, loads) if loads.size else []),
+        (
+            f"{np.median(loads):.1f} N",
+            f"median peak load; 95th percentile {np.quantile(loads, 0.95):.1f} N, largest {loads.max():.1f} N",
+        ),
+        (f"{contact:.1f} N", f"median peak force of a single contact; load above 20 N for {above:.2f} s a trial"),
+        (str(distrusted), "trials whose physics is not trusted: an overlap above a quarter of the clearance"),
         (
             str(back_offs),
             f"back-offs, in {sum(r.back_offs > 0 for r in results)} of the trials; {lost_steps} steps lost",
@@ -151,30 +157,9 @@ def _summary(results: Sequence[TrialResult]) -> list[tuple[str, str]]:
     ]
 
 
-def _force_tiles(results: Sequence[TrialResult], loads: Array) -> list[tuple[str, str]]:
-    """The tiles about forces; ``loads`` are the peak loads that are known."""
-    contact = median(r.peak_contact_force for r in results)
-    distrusted = sum(r.trusted is False for r in results)
-    return [
-        (
-            f"{np.median(loads):.1f} N",
-            f"median peak load; 95th percentile {np.quantile(loads, 0.95):.1f} N, largest {loads.max():.1f} N",
-        ),
-        (
-            f"{known(contact, '.1f')} N",
-            f"median peak force of a single contact; load above 20 N for"
-            f" {sum(r.time_above_20n or 0.0 for r in results) / len(results):.2f} s a trial",
-        ),
-        (str(distrusted), "trials whose physics is not trusted: an overlap above a quarter of the clearance"),
-    ]
-
-
 def _histogram_panel(results: Sequence[TrialResult], title: str, unit: str, field: str) -> str:
-    known_results = [r for r in results if getattr(r, field) is not None]
-    if not known_results:
-        return ""
-    values = np.array([getattr(r, field) for r in known_results], dtype=float)
-    svg = svg_element(histogram(values, np.array([r.inserted for r in known_results]), unit=unit))
+    values = np.array([getattr(r, field) for r in results], dtype=float)
+    svg = svg_element(histogram(values, np.array([r.inserted for r in results]), unit=unit))
     return f'<div class="panel"><h3>{title}{f" ({unit})" if unit else ""}</h3>{svg}</div>'
 
 
@@ -187,8 +172,8 @@ def _worst(worst: TrialResult, replay: str | None) -> str:
     return (
         f"<b>Worst trial: {_link(f'trial {worst.seed}', replay)}</b> &ndash; {why}:"
         f" {html.escape(worst.reason)} after {worst.time:.2f} s at {1e3 * worst.depth:.1f} mm,"
-        f" peak load {known(worst.peak_load, '.1f')} N,"
-        f" peak force of a contact {known(worst.peak_contact_force, '.1f')} N"
+        f" peak load {worst.peak_load:.1f} N,"
+        f" peak force of a contact {worst.peak_contact_force:.1f} N"
     )
 
 
@@ -212,9 +197,7 @@ def _row(r: TrialResult, colours: Sequence[str], replay: str | None) -> str:
     cells = []
     for column in COLUMNS:
         key = column.key(r)
-        shown = drawn.get(column.name) or html.escape("-" if key is None else column.form.format(key))
+        shown = drawn.get(column.name) or html.escape(column.form.format(key))
         tip = f' title="{shown}"' if column.name == "outcome" else ""  # a long reason is cut
-        cells.append(
-            f'<td class="{column.style}" data-key="{html.escape(str("" if key is None else key))}"{tip}>{shown}</td>'
-        )
+        cells.append(f'<td class="{column.style}" data-key="{html.escape(str(key))}"{tip}>{shown}</td>')
     return f'<tr class="{"" if r.inserted else "failed"}">{"".join(cells)}</tr>'

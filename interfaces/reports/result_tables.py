@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,17 +74,6 @@ def query_state_table(query_states: Sequence[QueryState]) -> Table:
         numbers = (f"{s.time:.2f}", f"{1e3 * s.depth:.1f}", f"{np.degrees(np.hypot(*s.tilt)):.1f}", f"{s.load:.0f}")
         table.add_row(str(s.trial), *numbers, Text(s.state))
     return table
-
-
-def known(value: float | None, form: str) -> str:
-    """Returns a number as text, or "-" for a number that a result of an earlier version does not have."""
-    return "-" if value is None else format(value, form)
-
-
-def median(values: Iterable[float | None]) -> float | None:
-    """Returns the median of those values that are not None; None if there are none."""
-    found = [value for value in values if value is not None]
-    return float(np.median(found)) if found else None
 
 
 def state_table(skill: ManipulationSkill) -> Table:
