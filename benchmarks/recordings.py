@@ -1,12 +1,11 @@
 """Contact states that are discovered in recordings of a real sensor, against the phases of its controller.
 
-    python -m benchmarks.recordings --data FILE.npz|FOLDER --train-trials A-B --test-trials C-D [--rate HZ] [--seed 0]
+    python -m benchmarks.recordings --data FILE.npz --train-trials A-B --test-trials C-D [--rate HZ] [--seed 0]
                                     [--hours H] [--json FILE]
 
-The file has the arrays time (s), wrench (N and N m), trial and phase. In place of a file, a folder of simulated
-demonstrations serves: the good ones, counted from 1, with the noise of the rig's sensor; their phases are the exact
-contact states. A phase of less than three samples counts as the next one. Learners see the wrenches of the training
-trials only, scaled to variance one. All figures are of the test trials:
+The file has the arrays time (s), wrench (N and N m), trial and phase. A phase of less than three samples counts as the
+next one. Learners see the wrenches of the training trials only, scaled to variance one. All figures are of the test
+trials:
 
 - states: number of states that were discovered; of segments per trial on average for change point detection;
 - ARI, NMI: adjusted Rand index and normalised mutual information between states and phases;
@@ -42,7 +41,6 @@ from sklearn.preprocessing import StandardScaler
 from threadpoolctl import threadpool_limits
 
 from benchmarks.command_line import JsonFile, finish, run
-from benchmarks.learners.labelled_demonstrations import WRENCH_NOISE
 from benchmarks.learners.state_learners import (
     Found,
     Learner,
@@ -55,12 +53,9 @@ from benchmarks.learners.state_learners import (
     mixture,
 )
 from benchmarks.state_scores import MIN_DURATION, boundary_f1, recognition
-from experiments.exact_states import exact_labels
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console, progress
 from skill.arrays import sequences
-from skill.data.demonstration import read_demonstrations
-from skill.features.wrench_features import MEASURED
 from skill.recordings.reading import read_recordings
 from skill.recordings.recording import Recording
 from skill.states.contact_states import ContactStates
@@ -144,27 +139,6 @@ def compare(train: Samples, test: Samples, seed: int) -> dict[str, Any]:
     return found | {"peers": peers}
 
 
-def simulated(folder: Path, seed: int) -> list[Recording]:
-    """The noisy wrenches of the good demonstrations of a folder, with their exact contact states as phases."""
-    rng = np.random.default_rng(seed)
-    wrench = MEASURED[:6]
-    recordings = []
-    for number, demonstration in enumerate((d for d in read_demonstrations(folder) if d.good), start=1):
-        samples = demonstration.samples
-        noise = WRENCH_NOISE * rng.standard_normal((len(samples), 6))
-        recordings.append(
-            Recording(
-                f"{folder}, good demonstration {number}",
-                samples["time"].to_numpy(),
-                samples[list(wrench)].to_numpy() + noise,
-                wrench,
-                exact_labels(demonstration),
-                str(number),
-            )
-        )
-    return recordings
-
-
 def selected(recordings: list[Recording], trials: str, rate: float) -> list[Recording]:
     """The recordings of the trials "A-B" or "A,C", averaged to the rate.
 
@@ -245,9 +219,7 @@ def cost(recordings: list[Recording], hours: float, rate: float, seed: int) -> d
 
 
 def main(
-    data: Annotated[
-        Path, typer.Option(metavar="PATH", help="Recordings with known phases, or a folder of demonstrations.")
-    ],
+    data: Annotated[Path, typer.Option(metavar="FILE", help="Recordings with known phases.")],
     train_trials: Annotated[str, typer.Option(metavar="A-B", help="Trials to learn from.")],
     test_trials: Annotated[str, typer.Option(metavar="C-D", help="Trials to judge on.")],
     rate: Annotated[float, typer.Option(help="Hz; faster recordings are averaged.")] = 50.0,
@@ -259,7 +231,7 @@ def main(
 ) -> None:
     warnings.simplefilter("ignore")
     logging.getLogger("hmmlearn").setLevel(logging.ERROR)
-    recordings = simulated(data, seed) if data.is_dir() else read_recordings(data)
+    recordings = read_recordings(data)
     parts = [selected(recordings, trials, rate) for trials in (train_trials, test_trials)]
     scaler = StandardScaler().fit(np.concatenate([recording.values for recording in parts[0]]))
     train, test = (samples(part, scaler) for part in parts)

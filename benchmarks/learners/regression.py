@@ -1,6 +1,6 @@
 """Locally weighted regression against other regressors: accuracy on fresh data, and time.
 
-    python -m benchmarks.learners.regression [--quick] [--only accuracy|intervals|latency] [--json FILE]
+    python -m benchmarks.learners.regression [--only accuracy|intervals|latency] [--json FILE]
 
 Every learner chooses its parameters by cross-validation over groups of the training set. Accuracy, one row per learner:
 
@@ -57,52 +57,42 @@ Predict = Callable[[Array], Array]
 Fit = Callable[[Array, Problem], Predict]
 """Trains on standardised inputs (n, d) of a problem."""
 
+SEEDS = range(3)
 MAX_GP_SAMPLES = 1500  # the cost of a Gaussian process grows with their cube
 
 
 def main(
-    quick: Annotated[bool, typer.Option("--quick", help="One seed, small sizes.")] = False,
     only: Annotated[
         Literal["accuracy", "intervals", "latency"] | None, typer.Option(help="Measure this alone.")
     ] = None,
     json: JsonFile = None,
 ) -> None:
-    seeds = range(1 if quick else 3)
-    parts: dict[str, Callable[[], Any]] = {
-        "accuracy": lambda: compare(seeds, quick),
-        "intervals": lambda: coverages(seeds, quick),
-        "latency": lambda: time_queries(quick),
-    }
+    parts: dict[str, Callable[[], Any]] = {"accuracy": compare, "intervals": coverages, "latency": time_queries}
     with threadpool_limits(1), warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
         found = {name: measure() for name, measure in parts.items() if only in (None, name)}
     finish({"python": platform.python_version(), **found}, json)
 
 
-def problems(quick: bool) -> dict[str, Callable[[int], Problem]]:
-    """The problems by name, as functions of the seed."""
-    few = 900 if quick else 3000
-    sets: dict[str, Callable[[int], Problem]] = {
-        "cross 500": lambda s: cross(500, s),
-        "friedman 1000": lambda s: friedman(1000, s),
-        "insertion canonical": lambda s: insertion(few, s, "canonical"),
-        "insertion normalised": lambda s: insertion(few, s, "normalised"),
-        "insertion raw": lambda s: insertion(few, s, "raw"),
-    }
-    if not quick:
-        sets["friedman 10000"] = lambda s: friedman(10_000, s)
-    return sets
+PROBLEMS: dict[str, Callable[[int], Problem]] = {
+    "cross 500": lambda s: cross(500, s),
+    "friedman 1000": lambda s: friedman(1000, s),
+    "insertion canonical": lambda s: insertion(3000, s, "canonical"),
+    "insertion normalised": lambda s: insertion(3000, s, "normalised"),
+    "insertion raw": lambda s: insertion(3000, s, "raw"),
+    "friedman 10000": lambda s: friedman(10_000, s),
+}
+"""The problems by name, as functions of the seed."""
 
 
-def compare(seeds: range, quick: bool) -> dict[str, Any]:
+def compare() -> dict[str, Any]:
     """Accuracy and time of every learner on every problem, by the names of both."""
     table: dict[str, Any] = {}
-    chosen = problems(quick)
-    with progress("regression", len(chosen) * len(LEARNERS)) as advance:
-        for name, problem in chosen.items():
+    with progress("regression", len(PROBLEMS) * len(LEARNERS)) as advance:
+        for name, problem in PROBLEMS.items():
             table[name] = {}
             for learner, fit in LEARNERS.items():
-                pairs = [(problem(seed), problem(1000 + seed)) for seed in seeds]
+                pairs = [(problem(seed), problem(1000 + seed)) for seed in SEEDS]
                 if not (fit is fit_gp and len(pairs[0][0].X) > MAX_GP_SAMPLES):
                     nrmse, seconds, query = np.mean([evaluate(fit, *pair) for pair in pairs], axis=0)
                     table[name][learner] = {"nrmse": nrmse, "fit_s": seconds, "query_us": query}
@@ -219,12 +209,12 @@ LEARNERS: dict[str, Fit] = {
 }
 
 
-def coverages(seeds: range, quick: bool) -> dict[str, dict[str, list[float]]]:
+def coverages() -> dict[str, dict[str, list[float]]]:
     """Coverage of the intervals on each problem: one share per output, averaged over the seeds."""
     table = {}
     print(f"\n{'coverage, one figure per output':32} {'prediction':>22} {'mean, variance only':>22}")
-    for name, problem in problems(quick).items():
-        rows = [coverage(problem(seed), problem(1000 + seed)) for seed in seeds]
+    for name, problem in PROBLEMS.items():
+        rows = [coverage(problem(seed), problem(1000 + seed)) for seed in SEEDS]
         table[name] = {kind: np.mean([row[kind] for row in rows], axis=0).round(3).tolist() for kind in rows[0]}
         print(f"  {name:30} " + " ".join(f"{' '.join(f'{v:.3f}' for v in m):>22}" for m in table[name].values()))
     return table
@@ -244,11 +234,11 @@ def coverage(train: Problem, fresh: Problem) -> dict[str, Array]:
     return {kind: ((v >= lower) & (v <= upper)).mean(axis=0) for kind, ((lower, upper), v) in intervals.items()}
 
 
-def time_queries(quick: bool) -> list[dict[str, Any]]:
+def time_queries() -> list[dict[str, Any]]:
     """Time of single and batched queries with 14 features on trajectories, of LWR and of nearest neighbours."""
     rows = []
     print(f"\n{'microseconds per query, d = 14':38} {'single':>8} {'p95':>8} {'batched':>8} {'ratio':>6}")
-    for n in (1_000, 10_000) if quick else (1_000, 10_000, 100_000):
+    for n in (1_000, 10_000, 100_000):
         X, y, P, queries, Q = trajectories(n)
         one_hot = np.eye(P.shape[1])
         model = LWRegressor().fit(X, y)

@@ -183,10 +183,9 @@ def jamming_trials(
     depth: float,
     count: int,
     seed: int,
-    reach: float = 1.5,
     numerics: Callable[[Scenario, float], Scenario] = converged,
 ) -> JammingTrials:
-    """Trials with random loads, uniform over an area ``reach`` times the parallelogram in both directions.
+    """Trials with random loads, uniform over an area 1.5 times the parallelogram in both directions.
 
     Args:
         scenario: geometry of the bodies.
@@ -194,13 +193,12 @@ def jamming_trials(
         depth: l, m.
         count: number of trials.
         seed: seed of the loads.
-        reach: size of the area over that of the parallelogram.
         numerics: `converged`, or `unchanged` for those of the scenario.
     """
     sizes = PegTheory.of(scenario)
     lam = float(slenderness(depth, peg_radius=sizes.r, friction=friction))
     rng = np.random.default_rng(seed)
-    edge, two_point = rng.uniform(-reach, reach, (2, count))
+    edge, two_point = rng.uniform(-1.5, 1.5, (2, count))
     x = edge / friction
     m = lam * two_point - friction * (1.0 + lam) * x
     probe = ContactProbe(numerics(scenario, friction), mass=0.15, inertia=3e-5, damping=(5.0, 0.0, 0.05))
@@ -317,16 +315,15 @@ def press(
     }
 
 
-def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float, push: float = 1.0) -> float:
+def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float) -> float:
     """Part of its squeeze that a peg in two-point contact keeps 20 ms after the moment on it is removed.
 
-    The squeeze is the tilt beyond that at which both contacts close.
+    The squeeze is the tilt beyond that at which both contacts close. The moment presses each contact with 1 N.
 
     Args:
         probe: without damping of x and z, which would hold the peg.
         sizes: of the bodies.
         tilt: at which both contacts close, rad.
-        push: normal force at each contact under the moment, N.
     """
     facets = probe.facets
     shrunk = np.cos(np.pi / facets)
@@ -339,11 +336,11 @@ def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float, push: float
     depth = float(two_point_depth(tilt, peg_radius=sizes.r, hole_radius=sizes.R))
     probe.hold()
     probe.place(sizes.two_point_pose(tilt, depth))
-    probe.load(0.0, 0.0, push * depth)
+    probe.load(0.0, 0.0, depth)
     probe.step(round(SETTLE / probe.time_step))
     loaded = squeeze()
     for part in (0.8, 0.6, 0.4, 0.2):
-        probe.load(0.0, 0.0, part * push * depth)
+        probe.load(0.0, 0.0, part * depth)
         probe.step(round(0.004 / probe.time_step))
     probe.load(0.0, 0.0, 0.0)
     probe.step(round(0.024 / probe.time_step))

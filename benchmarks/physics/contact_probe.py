@@ -50,7 +50,6 @@ class ContactProbe:
         mass: of the peg, kg.
         inertia: of the peg about its tip, kg m^2.
         damping: of x, z and tilt, N s/m, N s/m and N m s/rad.
-        stiction_tolerance: speed at which friction is fully mobilised, m/s; a stuck contact creeps at up to this speed.
     """
 
     def __init__(
@@ -62,7 +61,6 @@ class ContactProbe:
         mass: float = 0.5,
         inertia: float = 1e-4,
         damping: ArrayLike = (0.0, 0.0, 0.0),
-        stiction_tolerance: float = 1e-6,
     ) -> None:
         scenario = copy.deepcopy(scenario)
         if not matched:
@@ -89,7 +87,7 @@ class ContactProbe:
             joint.set_default_damping(float(drag[k]))
         contact = finish_contact_plant(plant, scene_graph, scenario, stages[3], block, sharp=sharp)
         self.plant: MultibodyPlant = contact.plant
-        self.plant.set_stiction_tolerance(stiction_tolerance)
+        self.plant.set_stiction_tolerance(1e-6)  # m/s; a stuck contact creeps at up to this speed
         self.time_step = scenario.contact.time_step
         self.facets = scenario.geometry.facets
         self._simulator = Simulator(builder.Build())

@@ -1,14 +1,14 @@
 """Errors of the simulated contact over its settings in Drake, and those of MuJoCo beside them.
 
-    python -m benchmarks.physics.convergence [--tilt-deg 1] [--force 5] [--large-force 50] [--mujoco] [--json FILE]
+    python -m benchmarks.physics.convergence [--mujoco] [--json FILE]
 
-A peg with a fixed tilt is pushed into two-point contact, free to move sideways, until it is at rest; and a peg slides
-slowly in two-point contact. Columns, one row per setting:
+A peg with a fixed tilt of 1 degree is pushed into two-point contact, free to move sideways, until it is at rest; and a
+peg slides slowly in two-point contact. Columns, one row per setting:
 
 - play depth: error of the depth at which two-point contact begins, from the meshes alone, relative to the exact h;
 - depth: error of the depth at rest under the push, relative to the same h; it includes the compliance of the contact;
 - moment: moment that keeps the tilt, relative to that of two slipping contacts;
-- overlap: depth of overlap of the round bodies at rest, by exact geometry, um, under --force and under --large-force;
+- overlap: depth of overlap of the round bodies at rest, by exact geometry, um, under 5 N and under 50 N;
 - light, firm: error of the axial contact force of a peg that slides at depths of 10 and 20 mm, relative to Whitney's
   balance, with 4 mN m (light) and 0.2 N m (firm) on it; "spread" is the standard deviation of the last one;
 - ms a step: CPU time of a step in contact.
@@ -53,6 +53,8 @@ from models.scenario import Scenario
 if TYPE_CHECKING:
     from benchmarks.physics.mujoco_probe import MujocoProbe
 
+TILT = np.radians(1.0)
+FORCE, LARGE_FORCE = 5.0, 50.0  # axial pushes, N
 BEFORE = {"facets": 64, "modulus": 1e10, "dissipation": 1.0, "mouth": "sharp"}
 SETTINGS: list[dict[str, Any]] = [
     {"facets": 256, "time_step": 1e-4},
@@ -138,25 +140,18 @@ def mujoco_cases() -> Iterator[Case]:
         yield Case(f"MuJoCo, {name}", probe, scenario, round_bodies(scenario.geometry))
 
 
-def measure(case: Case, tilt: float, force: float, large_force: float) -> dict[str, float]:
-    """The results of one case, by the keys of `COLUMNS`; those from the meshes alone are left out in MuJoCo.
-
-    Args:
-        case: what is measured.
-        tilt: of the peg, rad.
-        force: axial push, N.
-        large_force: axial push for the second overlap, N.
-    """
+def measure(case: Case) -> dict[str, float]:
+    """The results of one case, by the keys of `COLUMNS`; those from the meshes alone are left out in MuJoCo."""
     sizes, friction = PegTheory.of(case.scenario), case.scenario.contact.friction
     size = {"peg_radius": sizes.r, "hole_radius": sizes.R}
     probe = case.probe(**PRESSED)
     row = {}
     if isinstance(probe, ContactProbe):
-        play = measured_two_point_depth(probe, sizes, tilt)
-        row["play_depth_error"] = play / float(two_point_depth(tilt, **size)) - 1.0
-    row |= press(probe, sizes, case.bodies, tilt, force)
-    row["moment_error"] = row.pop("moment") / two_point_push_moment(force, tilt, **size, friction=friction) - 1.0
-    row["large_overlap_um"] = press(case.probe(**PRESSED), sizes, case.bodies, tilt, large_force)["overlap_um"]
+        play = measured_two_point_depth(probe, sizes, TILT)
+        row["play_depth_error"] = play / float(two_point_depth(TILT, **size)) - 1.0
+    row |= press(probe, sizes, case.bodies, TILT, FORCE)
+    row["moment_error"] = row.pop("moment") / two_point_push_moment(FORCE, TILT, **size, friction=friction) - 1.0
+    row["large_overlap_um"] = press(case.probe(**PRESSED), sizes, case.bodies, TILT, LARGE_FORCE)["overlap_um"]
     for name, (moment, depth) in SLIDES.items():
         slow = case.probe(**CRAWLING)
         predicted, measured = crawl(slow, sizes, friction, lateral=0.0, moment=moment, depth=depth)
@@ -177,9 +172,6 @@ def cell(key: str, value: float | None) -> str:
 
 
 def main(
-    tilt_deg: Annotated[float, typer.Option(help="Fixed tilt of the peg, deg.")] = 1.0,
-    force: Annotated[float, typer.Option(help="Axial push, N.")] = 5.0,
-    large_force: Annotated[float, typer.Option(help="Push for the second overlap, N.")] = 50.0,
     mujoco: Annotated[bool, typer.Option("--mujoco", help="Also measure MuJoCo.")] = False,
     json: JsonFile = None,
 ) -> None:
@@ -188,7 +180,7 @@ def main(
     print(f"{'setting':44}" + "".join(f"{title:>11}" for title in COLUMNS.values()))
     with progress("convergence", len(cases)) as advance:
         for case in cases:
-            row = measure(case, np.radians(tilt_deg), force, large_force)
+            row = measure(case)
             rows.append({"setting": case.name, **row})
             print(f"{case.name:44}" + "".join(f"{cell(key, row.get(key)):>11}" for key in COLUMNS), flush=True)
             advance(case.name)

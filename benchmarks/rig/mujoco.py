@@ -33,7 +33,8 @@ from pydrake.systems.framework import DiagramBuilder
 from benchmarks.command_line import JsonFile, SkillFile, finish, run
 from experiments.scoreboard.paired_statistics import wilson
 from experiments.trial import run_rig, trial_scenario
-from interfaces.terminal import progress, write_json
+from interfaces.reports.result_tables import plain_table
+from interfaces.terminal import console, progress, say, write_json
 from models.scenario import Scenario, load_scenario
 from scripts.command_line import ScenarioName
 from skill.manipulation_skill import ManipulationSkill
@@ -102,6 +103,10 @@ def compare(scenario: Scenario, skill: ManipulationSkill, contact: MujocoContact
     return {"number": number, "friction": scenario.contact.friction, "drake": drake, "mujoco": other, "again": again}
 
 
+TITLES = (
+    *("inserted", "time s", "depth mm", "load N", "contact N", "mean load N", "overlap um"),
+    *("CPU s", "physics ms", "CPU s/s"),
+)
 MEASURED = ("time_s", "depth_mm", "peak_load_n", "peak_contact_n", "mean_load_n", "penetration_um")
 
 
@@ -139,45 +144,24 @@ def summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def print_trial(name: str, number: int, trial: dict[str, Any]) -> None:
-    """Prints one line per column of a trial."""
-    for column in ("drake", "mujoco", "again"):
-        r = trial[column]
-        print(
-            f"{name} {number:4d} {column:7} {r['reason']:10} {r['time_s']:6.2f} s {r['depth_mm']:6.2f} mm"
-            f" {r['peak_load_n']:6.1f} N load {r['peak_contact_n']:6.1f} N contact, {r['steps']} steps,"
-            f" {r['cpu_s']:.2f} s of CPU",
-            flush=True,
-        )
-
-
-def print_summary(name: str, found: dict[str, Any]) -> None:
+def show(name: str, found: dict[str, Any]) -> None:
     """Prints the result of `summary`."""
-    titles = (
-        "inserted",
-        "time s",
-        "depth mm",
-        "load N",
-        "contact N",
-        "mean load N",
-        "overlap um",
-        "CPU s",
-        "physics ms",
-        "CPU s/s",
-    )
-    print(f"\n{name:10}" + "".join(f"{title:>12}" for title in titles))
+    table = plain_table(f"trials, {name}")
+    table.add_column("engine")
+    for title in TITLES:
+        table.add_column(title, justify="right")
     for engine in ("drake", "mujoco"):
         e = found[engine]
-        medians = "".join(f"{e[f'median_{key}']:12.2f}" for key in (*MEASURED, "cpu_s", "physics_ms"))
-        print(f"{engine:10}{e['inserted']:12}{medians}{e['cpu_s_per_simulated_s']:12.2f}")
+        medians = (f"{e[f'median_{key}']:.2f}" for key in (*MEASURED, "cpu_s", "physics_ms"))
+        table.add_row(engine, str(e["inserted"]), *medians, f"{e['cpu_s_per_simulated_s']:.2f}")
+    console.print(table)
     for pair, a in (("Drake and MuJoCo", found["engines"]), ("MuJoCo with two draws of noise", found["noise"])):
         low, high = a["interval"]
         differences = ", ".join(f"{key} {value:.2g}" for key, value in a["median_difference"].items())
-        print(
+        say(
             f"{pair}: same outcome in {a['agreed']} of {a['trials']} trials (95 % Wilson interval {low:.2f} to"
-            f" {high:.2f}), same reason in {a['same_reason']};\n    median difference where both insert:"
-            f" {differences}; largest difference in depth: {a['largest_depth_difference_mm']:.2f} mm",
-            flush=True,
+            f" {high:.2f}), same reason in {a['same_reason']}; median difference where both insert: {differences};"
+            f" largest difference in depth: {a['largest_depth_difference_mm']:.2f} mm"
         )
 
 
@@ -200,12 +184,11 @@ def main(
         with progress(f"trials, {name}", count) as advance:
             for number in range(seed, seed + count):
                 compared.append(compare(trial_scenario(chosen, number=number), policy, contact, number))
-                print_trial(name, number, compared[-1])
                 found[name] = {"summary": summary(compared), "trials": compared}
                 if json is not None:  # after every trial, so that an interrupted run leaves its results
                     write_json(json, found)
-                advance(f"trial {number}")
-        print_summary(name, found[name]["summary"])
+                advance(f"trial {number}: {compared[-1]['drake']['reason']}, {compared[-1]['mujoco']['reason']}")
+        show(name, found[name]["summary"])
     finish(found, json)
 
 

@@ -11,8 +11,7 @@ pytest.importorskip("ruptures", reason="needs the extra [peers]")
 
 
 from benchmarks.learners.state_learners import Samples
-from benchmarks.recordings import PEERS, TOLD, change_points, lasting, main, selected, simulated
-from experiments.exact_states import exact_labels
+from benchmarks.recordings import PEERS, TOLD, change_points, lasting, main, selected
 from skill.recordings.recording import Recording
 from tests.state_recordings import CHANNELS, three_contacts
 
@@ -49,17 +48,6 @@ def test_figures_of_all_learners(tmp_path, capsys):
     assert cost["recordings"] >= 36 / 3.6  # of at most 3.6 s each
     assert cost["states"] >= 3
     assert min(cost[key] for key in ("read_s", "average_s", "fit_s", "peak_memory_gb")) > 0.0
-
-
-def test_good_demonstrations_with_sensor_noise_and_exact_states(demonstration_folder, demonstrations):
-    good = [d for d in demonstrations if d.good]
-    recordings = simulated(demonstration_folder, 0)
-    assert [recording.trial for recording in recordings] == [str(k + 1) for k in range(len(good))]
-    for recording, demonstration in zip(recordings, good, strict=True):
-        noise = recording.values - demonstration.samples[list(recording.channels)].to_numpy()
-        assert recording.channels == ("fx", "fy", "fz", "mx", "my", "mz")
-        np.testing.assert_allclose(noise.std(axis=0), [0.06] * 3 + [5e-3] * 3, rtol=0.5)
-        np.testing.assert_array_equal(recording.phases, exact_labels(demonstration))
 
 
 def samples(**changes):

@@ -2,7 +2,6 @@
 
 import json
 
-import numpy as np
 import pytest
 
 from benchmarks.physics import convergence
@@ -11,13 +10,12 @@ from benchmarks.physics.contact_probe import ContactProbe
 from benchmarks.physics.convergence import BEFORE, COLUMNS, SLIDES, drake_case, main, measure, mujoco_cases
 from models.scenario import Scenario
 
-TILT = np.radians(1.0)
 ACCURACY = ("depth_error", "moment_error", "overlap_um", "large_overlap_um", *SLIDES)
 
 
 @pytest.mark.slow
 def test_the_default_is_at_least_as_accurate_as_before_and_overlaps_by_less_than_10_um_under_50_n():
-    now, before = (measure(drake_case(setting), TILT, 5.0, 50.0) for setting in ({}, BEFORE))
+    now, before = (measure(drake_case(setting)) for setting in ({}, BEFORE))
     for name in ACCURACY:
         assert abs(now[name]) <= abs(before[name]), name
     assert abs(now["play_depth_error"]) < 1e-3
@@ -54,6 +52,6 @@ def test_the_table_has_one_row_per_setting(tmp_path, monkeypatch, capsys):
 @pytest.mark.slow
 def test_mujoco_agrees_about_a_firm_slide_and_has_no_meshes_to_measure():
     pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
-    row = measure(next(mujoco_cases()), TILT, 5.0, 50.0)
+    row = measure(next(mujoco_cases()))
     assert set(row) == set(COLUMNS) - {"play_depth_error"}
     assert abs(row["firm_20mm"]) < 0.1

@@ -4,7 +4,7 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra [peers]")
 
-from benchmarks.rig.mujoco import agreement, compare, print_summary, print_trial, summary
+from benchmarks.rig.mujoco import agreement, compare, show, summary
 from experiments.trial import trial_scenario
 from systems.plant.mujoco_model import MujocoContact
 
@@ -30,8 +30,7 @@ def test_a_trial_is_performed_in_both_engines(quick_scenario, skill, capsys):
     quick_scenario.start.tilt = [0.04, -0.035]
     quick_scenario.trial.time_limit = 0.4
     trial = compare(trial_scenario(quick_scenario, number=1000), skill, MujocoContact(), 1000)
-    print_trial("skill", 1000, trial)
-    print_summary("skill", summary([trial]))
+    show("skill", summary([trial]))
     text = capsys.readouterr().out
     assert "same outcome in 1 of 1 trials" in text
     for column in ("drake", "mujoco", "again"):
