@@ -40,8 +40,7 @@ class SampleSettings:
         samples = with_following_actions(demonstration.samples)
         times = {"correction_time": self.correction_time, "feed_time": self.feed_time}
         samples[list(INTENDED)] = intended_actions(samples, **times)
-        refined, _ = refine_demonstration(samples, still=self.still, rough=self.rough)
-        return refined
+        return refine_demonstration(samples, still=self.still, rough=self.rough)
 
     def with_noise(self, samples: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
         """Returns a copy of samples with the noise of the sensor on the rig."""

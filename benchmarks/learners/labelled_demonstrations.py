@@ -56,7 +56,7 @@ def label_demonstrations(demonstrations: list[Demonstration], seed: int) -> Labe
     regressor_features: list[Array] = []
     labels, lengths, phase, times, agrees, gaps = [], [], [], [], [], []
     for demonstration in demonstrations:
-        refined, _ = refine_demonstration(with_following_actions(demonstration.samples), still=STILL, rough=ROUGH)
+        refined = refine_demonstration(with_following_actions(demonstration.samples), still=STILL, rough=ROUGH)
         bodies = exact_bodies(demonstration)
         axis = axes_of_rotation_vectors(refined[["ax", "ay", "az"]].to_numpy() * refined[["angle"]].to_numpy())
         p_HP = refined[["x", "y", "z"]].to_numpy()

@@ -6,12 +6,9 @@ The paper refines the action vectors u in two steps:
 2. Smooth rough control: where ||u_{t+1} - u_t|| > delta_d, "their average value is used".
 
 The paper does not say what happens to the removed motion, nor which of the two actions is replaced. Here the removed
-motion is added to the next sample that is kept (at the end, to the last one). By default the average replaces both
-actions, which preserves the total motion. With ``average="later"`` it replaces the second one only, which does not.
-
-Both variants terminate. "both": with d = u_{t+1} - u_t, each averaging lowers the sum of ||u||^2 by ||d||^2 / 2 >
-delta_d^2 / 2, and the sum cannot be negative. "later": the first action never changes, and once the actions before t
-are constant, each averaging halves the distance of action t from its predecessor.
+motion is added to the next sample that is kept (at the end, to the last one), and the average replaces both actions:
+the total motion is preserved. Smoothing ends: with d = u_{t+1} - u_t, each averaging lowers the sum of ||u||^2 by
+||d||^2 / 2 > delta_d^2 / 2, and the sum cannot be negative.
 
 A person acts late and in strokes, so that one action says little about the moment in which it happens.
 `intended_actions` therefore looks ahead: a good demonstration ends aligned, and the rotation that remains until then is
@@ -19,8 +16,6 @@ what the person has to do, whenever the strokes come.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -37,42 +32,12 @@ ROUNDING = 1e-12
 """Relative rounding error of the averages; smaller differences of actions count as zero."""
 
 
-@dataclass(frozen=True)
-class RefinementReport:
-    """Summary of a refinement.
-
-    Attributes:
-        samples_before: number of samples before the refinement.
-        samples_after: number of samples after it.
-        merged: (samples_after,), number of original samples whose motion each action contains.
-        averagings: number of averages taken.
-        motion_change: (6,), total action after minus before, m and rad; zero up to rounding for ``average="both"``.
-    """
-
-    samples_before: int
-    samples_after: int
-    merged: NDArray[np.intp]
-    averagings: int
-    motion_change: Array
-
-    def __str__(self) -> str:
-        dropped = self.samples_before - self.samples_after
-        moved = 1e3 * np.linalg.norm(self.motion_change[:3])
-        turned = np.rad2deg(np.linalg.norm(self.motion_change[3:]))
-        return (
-            f"{self.samples_before} samples, {dropped} idle samples removed, {self.averagings} averages,"
-            f" total motion changed by {moved:.3g} mm and {turned:.3g} deg"
-        )
+ROTATION_SCALE = 0.01
+"""m; the norm of an action is sqrt(|u|^2 + (ROTATION_SCALE |r|)^2). As this is about the radius of the peg, a rotation
+counts as the distance by which it moves the surface of the peg."""
 
 
-def refine_demonstration(
-    samples: pd.DataFrame,
-    *,
-    still: float,
-    rough: float,
-    average: str = "both",
-    rotation_scale: float = 0.01,
-) -> tuple[pd.DataFrame, RefinementReport]:
+def refine_demonstration(samples: pd.DataFrame, *, still: float, rough: float) -> pd.DataFrame:
     """Removes idle samples and smooths rough actions.
 
     Args:
@@ -81,20 +46,17 @@ def refine_demonstration(
         still: delta_s, m; actions with at most this norm are removed. Zero removes only those without motion.
         rough: delta_d, m, positive; maximum difference of consecutive actions that is not smoothed.
             Infinity skips the second step.
-        average: "both" or "later": which of two differing actions are replaced by their average.
-        rotation_scale: m; the norm of an action is sqrt(|u|^2 + (rotation_scale |r|)^2). With the radius of the
-            peg, a rotation counts as the distance by which it moves the surface of the peg.
 
     Returns:
-        The refined samples, indexed from 0, and a report.
+        The refined samples, indexed from 0.
 
     Raises:
         ValueError: if an action column is missing or not finite, an argument is out of range, or fewer than
             two samples would be left.
     """
-    _check_arguments(samples, still, rough, average, rotation_scale)
+    _check_arguments(samples, still, rough)
     actions = samples[list(ACTIONS)].to_numpy(dtype=float)
-    weights = np.array([1.0, 1.0, 1.0] + [rotation_scale] * 3)
+    weights = np.array([1.0, 1.0, 1.0] + [ROTATION_SCALE] * 3)
     kept = np.flatnonzero(np.linalg.norm(actions * weights, axis=1) > still)
     if len(kept) < 2:
         raise ValueError(
@@ -104,19 +66,10 @@ def refine_demonstration(
     receivers = np.minimum(np.searchsorted(kept, np.arange(len(actions))), len(kept) - 1)
     summed = np.zeros((len(kept), len(ACTIONS)))
     np.add.at(summed, receivers, actions)
-    smoothed, averagings = smooth_actions(summed * weights, rough, average)
-    smoothed /= weights
     refined = samples.iloc[kept].reset_index(drop=True)
-    refined[list(ACTIONS)] = smoothed
+    refined[list(ACTIONS)] = smooth_actions(summed * weights, rough) / weights
     _update_rotation_steps(refined, kept)
-    report = RefinementReport(
-        samples_before=len(actions),
-        samples_after=len(kept),
-        merged=np.bincount(receivers, minlength=len(kept)),
-        averagings=averagings,
-        motion_change=smoothed.sum(axis=0) - actions.sum(axis=0),
-    )
-    return refined, report
+    return refined
 
 
 def with_following_actions(samples: pd.DataFrame) -> pd.DataFrame:
@@ -139,8 +92,8 @@ def intended_actions(samples: pd.DataFrame, *, correction_time: float, feed_time
         T / max(tau_c, T) log(R_t' R_end),        T / tau_f (sum of the feeds from t to t + tau_f).
 
     Args:
-        samples: one row a sample, with ``time`` (s), the orientation (``ax ay az``, ``angle``) and ``uz``, the feed
-            that follows each sample (m).
+        samples: two rows or more, one a sample, with ``time`` (s), the orientation (``ax ay az``, ``angle``) and
+            ``uz``, the feed that follows each sample (m).
         correction_time: tau_c, s, positive.
         feed_time: tau_f, s, positive; at least one sample is used, and none after the end.
 
@@ -148,13 +101,11 @@ def intended_actions(samples: pd.DataFrame, *, correction_time: float, feed_time
         DataFrame (n, 3) with the columns ``INTENDED``.
 
     Raises:
-        ValueError: if a time is not positive or there are fewer than two samples.
+        ValueError: if a time is not positive.
     """
     for name, value in (("correction_time", correction_time), ("feed_time", feed_time)):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"{name} = {value}; expected a positive time in s")
-    if len(samples) < 2:
-        raise ValueError(f"{len(samples)} samples; expected at least 2 to find what the actions intend")
     period = float(np.median(np.diff(samples["time"])))
     R = Rotation.from_rotvec(samples[["ax", "ay", "az"]].to_numpy(dtype=float) * samples[["angle"]].to_numpy())
     turns = (R.inv() * R[-1]).as_rotvec() * min(1.0, period / correction_time)
@@ -165,7 +116,7 @@ def intended_actions(samples: pd.DataFrame, *, correction_time: float, feed_time
     return pd.DataFrame(np.column_stack([turns[:, :2], feeds]), columns=list(INTENDED), index=samples.index)
 
 
-def smooth_actions(actions: Array, rough: float, average: str = "both") -> tuple[Array, int]:
+def smooth_actions(actions: Array, rough: float) -> Array:
     """Averages consecutive actions that differ by more than ``rough``, until no pair does.
 
     Treats all pairs that start at an even sample at once, then all that start at an odd one, and so on. The pairs of
@@ -174,26 +125,21 @@ def smooth_actions(actions: Array, rough: float, average: str = "both") -> tuple
     Args:
         actions: (n, p).
         rough: maximum norm of the difference, positive, in the unit of the actions.
-        average: "both" or "later".
 
     Returns:
-        The smoothed actions (n, p) and the number of averages taken.
+        The smoothed actions (n, p).
     """
     smoothed = np.array(actions, dtype=float)
     # Differences of the size of accumulated rounding errors do not count.
     rough = max(rough, ROUNDING * float(np.abs(smoothed).max(initial=0.0)))
-    averagings = idle = parity = 0
+    idle = parity = 0
     while idle < 2:
         first = np.arange(parity, len(smoothed) - 1, 2)
         parity = 1 - parity
         first = first[np.linalg.norm(smoothed[first + 1] - smoothed[first], axis=1) > rough]
         idle = 0 if len(first) else idle + 1
-        averagings += len(first)
-        mean = 0.5 * (smoothed[first] + smoothed[first + 1])
-        smoothed[first + 1] = mean
-        if average == "both":
-            smoothed[first] = mean
-    return smoothed, averagings
+        smoothed[first] = smoothed[first + 1] = 0.5 * (smoothed[first] + smoothed[first + 1])
+    return smoothed
 
 
 def _update_rotation_steps(refined: pd.DataFrame, kept: NDArray[np.intp]) -> None:
@@ -209,7 +155,7 @@ def _update_rotation_steps(refined: pd.DataFrame, kept: NDArray[np.intp]) -> Non
     refined["dangle"] = steps
 
 
-def _check_arguments(samples: pd.DataFrame, still: float, rough: float, average: str, rotation_scale: float) -> None:
+def _check_arguments(samples: pd.DataFrame, still: float, rough: float) -> None:
     missing = [name for name in ACTIONS if name not in samples.columns]
     if missing:
         raise ValueError(f"samples lack the action columns {missing}; expected {list(ACTIONS)}")
@@ -219,7 +165,3 @@ def _check_arguments(samples: pd.DataFrame, still: float, rough: float, average:
         raise ValueError(f"still = {still}; expected a finite length in metres, zero or more")
     if not rough > 0:
         raise ValueError(f"rough = {rough}; expected a positive length in metres, or infinity to skip")
-    if average not in ("both", "later"):
-        raise ValueError(f"average = {average!r}; expected 'both' or 'later'")
-    if not (np.isfinite(rotation_scale) and rotation_scale > 0):
-        raise ValueError(f"rotation_scale = {rotation_scale}; expected a positive length, such as the peg's radius")

@@ -270,9 +270,9 @@ def test_demonstrations_are_refined():
     samples = demonstration.samples.copy()
     samples[list(ACTIONS)] = samples[list(ACTIONS)].shift(-1, fill_value=0.0)
     samples[list(INTENDED)] = intended_actions(samples, correction_time=0.4, feed_time=0.1)
-    refined, report = refine_demonstration(samples, still=1.4e-4, rough=3e-4)
-    assert report.samples_after < report.samples_before - 5
-    assert report.averagings > 0
+    refined = refine_demonstration(samples, still=1.4e-4, rough=3e-4)
+    assert len(refined) < len(samples) - 5
+    assert not refined["uz"].isin(refine_demonstration(samples, still=1.4e-4, rough=math.inf)["uz"]).all()  # smoothed
     np.testing.assert_array_equal(skill.regressor_.y_, refined[list(INTENDED)])
     np.testing.assert_array_equal(skill.regressor_.X_, RawFeatures().transform(refined))
     span = refined["time"].iloc[-1] - refined["time"].iloc[0]  # the time of removed samples counts
