@@ -18,6 +18,9 @@ from skill.clustering.gaussian_components import GaussianComponents, cholesky_fa
 
 Indices = NDArray[np.intp]
 
+EM_STEPS = 10
+"""Maximum number of EM iterations after each merger, and of those that polish a mixture."""
+
 
 def merged_pair(components: GaussianComponents, i: Indices, j: Indices) -> GaussianComponents:
     """Returns one component for each pair (i[k], j[k]), with the weight, mean and covariance of the pair's mixture."""
@@ -77,16 +80,13 @@ class Mixture:
     log_likelihood: float
 
 
-def merge_path(
-    Z: Array, components: GaussianComponents, prior: CovariancePrior, *, em_steps: int = 10
-) -> list[Mixture]:
+def merge_path(Z: Array, components: GaussianComponents, prior: CovariancePrior) -> list[Mixture]:
     """Merges down to one component, with EM after each merger.
 
     Args:
         Z: samples, shape (N, d).
         components: initial components.
         prior: regularisation of the covariances.
-        em_steps: maximum number of EM iterations after each merger.
 
     Returns:
         The mixture of each number of components after EM, largest number first.
@@ -94,7 +94,7 @@ def merge_path(
     tol = negligible_gain(prior.parameters, len(Z))
     path: list[Mixture] = []
     while True:
-        components, log_likelihood, _ = expectation_maximization(Z, components, prior, max_iter=em_steps, tol=tol)
+        components, log_likelihood, _ = expectation_maximization(Z, components, prior, max_iter=EM_STEPS, tol=tol)
         path.append(Mixture(components, log_likelihood))
         if len(components) == 1:
             return path
@@ -119,9 +119,7 @@ def negligible_gain(T: int, N: int) -> float:
     return 0.005 * T * float(np.log(N))
 
 
-def polished(
-    Z: Array, candidates: dict[int, Mixture], prior: CovariancePrior, *, em_steps: int = 10
-) -> dict[int, Mixture]:
+def polished(Z: Array, candidates: dict[int, Mixture], prior: CovariancePrior) -> dict[int, Mixture]:
     """Improves mixtures by EM on all samples.
 
     EM drops components without samples. A candidate that loses a component duplicates a smaller candidate and is
@@ -131,7 +129,6 @@ def polished(
         Z: samples, shape (N, d).
         candidates: mixture of each number of components.
         prior: regularisation of the covariances.
-        em_steps: maximum number of EM iterations.
 
     Returns:
         The improved mixture of each remaining number of components.
@@ -140,7 +137,7 @@ def polished(
     result: dict[int, Mixture] = {}
     for M, candidate in candidates.items():
         components, log_likelihood, _ = expectation_maximization(
-            Z, candidate.components, prior, max_iter=em_steps, tol=tol
+            Z, candidate.components, prior, max_iter=EM_STEPS, tol=tol
         )
         if len(components) == M:
             result[M] = Mixture(components, log_likelihood)

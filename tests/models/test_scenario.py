@@ -118,16 +118,10 @@ def test_dump_and_parse_keep_every_number_exactly(values):
 INVALID = {
     "an unknown key": ("contact: {fricton: 0.2}", "fricton"),
     "a string for a number": ("contact: {friction: much}", "friction"),
-    "a number for a section": ("contact: 3", "contact"),
     "invalid YAML": ("contact: {friction: 0.2", "mine.yaml"),
     "NaN": ("contact: {friction: .nan}", "contact.friction is nan"),
-    "NaN in a list": ("start: {tilt: [0.01, .nan]}", "start.tilt is nan"),
     "a hole narrower than the peg": ("geometry: {hole_radius: 0.0099}", "clearance .* is -0.1 mm"),
     "a negative radius": ("geometry: {peg_radius: -0.01}", "geometry.peg_radius is -0.01"),
-    "too few facets for a peg that may spin": (
-        "{fixture: free, geometry: {facets: 62}}",
-        "geometry.facets is 62 .sagitta 12.9 um.*at least 63, .*12.5 um.; with fixture free the peg may rotate",
-    ),
     "a chamfer deeper than the hole": ("geometry: {chamfer: 0.03}", "geometry.chamfer is 0.03"),
     "a peg shorter than the hole": ("geometry: {peg_length: 0.02}", "geometry.peg_length is 0.02"),
     "a block narrower than the hole": ("geometry: {block_radius: 0.0102}", "geometry.block_radius is 0.0102"),
@@ -143,7 +137,6 @@ INVALID = {
         "controller.period is 0.0105 s.*multiple",
     ),
     "a tilt about one axis only": ("start: {tilt: [0.01]}", "start.tilt"),
-    "a force range of two": ("sensor: {force_range: [100.0, 100.0]}", "sensor.force_range"),
     "an unknown contact model": ("contact: {approximation: rigid}", "contact.approximation"),
     "a start inside the hole": ("start: {height: -0.001}", "start.height"),
     "a sensor too coarse for the force guard": (
@@ -167,16 +160,10 @@ INVALID = {
         "controller: {guard: {force_limit: 15.0}}",
         "controller.guard.hold_force is 20.0 N.*below force_limit 15.0 N",
     ),
-    "a tiny time step": (
-        "contact: {time_step: 1e-12}",
-        "contact.time_step is 1e-12, expected between 1e-05 and 0.1",
-    ),
-    "a height at which giving up is beyond any recording": ("start: {height: 0.6}", "start.height is 0.6, expected"),
     "a margin of most of the hole": (
         "trial: {full_depth_margin: 0.013}",
         "trial.full_depth_margin is 0.013 m, expected at most half of geometry.hole_depth 0.025 m",
     ),
-    "a number below all limits": ("coupling: {peg_mass: 1e-13}", "coupling.peg_mass is 1e-13, expected between 1e-12"),
     "an element beyond all limits": ("sensor: {force_range: [1, 1, 1e13]}", "sensor.force_range is 10000000000000.0, "),
     "a seed of more than 63 bits": (
         "seed: 9223372036854775808",

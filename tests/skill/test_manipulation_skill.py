@@ -46,16 +46,6 @@ def measurements(demonstration):
 # --------------------------------------------------------------------- acts
 
 
-def test_actions_stay_within_the_demonstrated_range(skill, rows, demonstrations):
-    good = [d.samples for d in demonstrations if d.good]
-    fastest = max(np.abs(s[["rx", "ry"]].to_numpy()).max() for s in good)
-    deepest = max(np.abs(s["uz"]).max() for s in good)
-    actions = [skill.act(row) for row in rows]
-    assert max(np.linalg.norm(a.turn) for a in actions) < 3 * fastest
-    assert max(abs(a.feed) for a in actions) < 3 * deepest
-    assert np.mean([a.feed < 0 for a in actions]) > 0.6  # into the hole
-
-
 def test_a_contact_turned_about_the_axis_gets_the_turned_action(skill, rows):
     angle = 1.1
     c, s = np.cos(angle), np.sin(angle)

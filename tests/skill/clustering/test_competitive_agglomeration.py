@@ -92,16 +92,6 @@ def test_demonstrations_of_one_sample_are_independent():
     assert grouped.design_effect_ < 1.2
 
 
-def test_repeated_samples_change_nothing_if_groups_are_given():
-    X, y = insertion(3, 1500)
-    groups, phase = demonstrations_and_phase(y)
-    once = CompetitiveAgglomeration(n_init=1).fit(X, groups=groups, phase=phase)
-    X3, groups3, phase3 = (np.repeat(a, 3, axis=0) for a in (X, groups, phase))
-    thrice = CompetitiveAgglomeration(n_init=1).fit(X3, groups=groups3, phase=phase3)
-    assert thrice.n_clusters_ == once.n_clusters_
-    assert thrice.design_effect_ == pytest.approx(3 * once.design_effect_, rel=0.1)
-
-
 def test_diagonal_covariances_are_diagonal():
     X, _ = separated(0, N=600, d=4)
     dut = CompetitiveAgglomeration(covariance_type="diag", n_init=1, random_state=0).fit(X)
@@ -432,9 +422,3 @@ def test_checked_groups_are_indices_of_two_demonstrations_or_more():
 def test_checked_phase_includes_both_ends():
     np.testing.assert_array_equal(checked_phase([0, 1], 2), [0.0, 1.0])
     assert checked_phase(None, 2) is None
-
-
-def test_two_samples_are_enough():
-    assert fit(np.array([[0.0], [1.0]])).n_clusters_ == 1
-    with pytest.raises(ValueError, match="minimum of 2 is required"):
-        fit(np.array([[0.0]]))

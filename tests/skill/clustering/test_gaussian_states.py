@@ -5,7 +5,6 @@ import io
 import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal, multivariate_t
-from sklearn.exceptions import NotFittedError
 
 from benchmarks.learners.cluster_sets import ellipses, separated
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
@@ -167,13 +166,6 @@ def test_gate_is_the_chi_square_quantile_of_the_channels():
 def test_gate_is_a_probability_between_zero_and_one(probability):
     with pytest.raises(ValueError, match="expected a probability between 0 and 1"):
         distance_gate(probability, 3)
-
-
-def test_states_have_to_be_fitted():
-    with pytest.raises(NotFittedError):
-        CompetitiveAgglomeration().to_arrays()
-    with pytest.raises(NotFittedError):
-        CompetitiveAgglomeration().marginal()
 
 
 @pytest.fixture(scope="module")

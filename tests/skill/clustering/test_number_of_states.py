@@ -76,10 +76,6 @@ def test_equal_support_keeps_the_smaller_number(monkeypatch):
     assert chosen == 1
 
 
-def test_single_candidate(design_effects):
-    assert number_of_demonstrated(mixtures(M2=0.0), 2, np.zeros((10, 1)), np.zeros(10, dtype=int)) == (2, 5.0)
-
-
 def test_missing_numbers_are_skipped(design_effects):
     candidates = mixtures(M1=-1000.0, M4=-10.0)
     assert number_of_demonstrated(candidates, 2, np.zeros((1000, 1)), np.zeros(1000, dtype=int))[0] == 4

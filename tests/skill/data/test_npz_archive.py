@@ -50,11 +50,9 @@ HEADERS = {
     "negative": (b"(2, 3)", b"(-2,3)", "damaged npy header|shape"),
     "object": (b"'<f8'", b"'|O8'", "type object, expected numbers"),
     "void": (b"'<f8'", b"'|V8'", "type |V8, expected numbers"),
-    "nothing": (b"'<f8'", b"'|V0'", "expected numbers"),
     "type": (b"'<f8'", b"'<q!'", "descr is not a valid dtype"),
     "missing": (b"'fortran_order'", b"'fortran_ordem'", "keys"),
     "code": (b"'<f8'", b"exit(", "member 'a.npy': "),
-    "brackets": (b"(2, 3)", b"(((((", "member 'a.npy': "),
 }
 
 

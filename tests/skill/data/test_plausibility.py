@@ -31,18 +31,15 @@ def at(samples, row, **values):
 DEGREES = 180.0 / np.pi
 FAULTS = {
     "mm": (lambda s: scaled(s, POSITIONS, 1e3), ["'z'", "24.7 m", "looks like millimetres"]),
-    "um": (lambda s: scaled(s, POSITIONS, 1e6), ["'z'", "looks like micrometres"]),
     "x in mm": (lambda s: scaled(s, ["x"], 1e3), ["'x'", "looks like millimetres", "inside a bore of radius 10.05 mm"]),
     "N mm": (lambda s: scaled(s, MOMENTS, 1e3), ["mx, my, mz look like N mm", "lever"]),
     "kN": (lambda s: scaled(s, FORCES, 1e-3), ["fx, fy, fz look like kilonewtons"]),
     "mN": (lambda s: scaled(s, FORCES, 1e3 * 200), ["'fx'", "looks like millinewtons"]),
     "degrees": (lambda s: scaled(s, ["angle", "dangle"], DEGREES), ["angle", "looks like degrees"]),
-    "angle in degrees": (lambda s: scaled(s, ["angle"], 0.5 * DEGREES), ["angle", "looks like degrees"]),
     "dangle in degrees": (lambda s: scaled(s, ["dangle"], DEGREES), ["'dangle' looks like degrees"]),
     "hand in degrees": (lambda s: scaled(s, ["rx", "ry", "rz"], DEGREES), ["rx, ry", "look like degrees"]),
     "hand in mm": (lambda s: scaled(s, ["ux", "uy", "uz"], 1e3), ["'uz'", "looks like millimetres per second"]),
     "ms": (lambda s: scaled(s, ["time"], 1e3), ["'time' is 20 s", "looks like milliseconds"]),
-    "us": (lambda s: scaled(s, ["time"], 1e6), ["'time'", "looks like microseconds"]),
     "a step of 0.6 s": (lambda s: scaled(s, ["time"], 30.0), ["is 0.6 s, expected 0 to 0.5 s"]),
     "a long gap": (lambda s: s.assign(time=s["time"] + 1.1 * (s.index > 40)), ["gap of 1.12 s after", "at most 1 s"]),
     "z down": (
@@ -55,7 +52,6 @@ FAULTS = {
         lambda s: s.assign(time=s["time"] + 1.7e9),
         ["'time'", "; are these seconds since 1970?"],
     ),
-    "gap": (lambda s: s.assign(time=s["time"] + 1e3 * (s.index > 40)), ["gap of 1000.02 s after row 40"]),
     "a metre deep": (lambda s: at(s, 70, z=-1.0), ["'z' lies between", "1 m, expected at most 0.0285", "25 mm depth"]),
     "a metre beside": (lambda s: at(s, 0, x=1.5), ["'x' lies between", "1.5 m, expected -1 to 1 m"]),
     "negative angle": (lambda s: at(s, 5, angle=-1.0), ["'angle' lies between -1 and", "expected 0 to 3.142 rad"]),
@@ -115,7 +111,7 @@ def test_a_peg_that_slams_may_be_inserted_after_the_last_sample():
     Demonstration(samples, False, "inserted roughly", {"geometry": GEOMETRY})
 
 
-@pytest.mark.parametrize("fault", ["mm", "um", "N mm", "kN", "mN", "degrees", "ms", "gap", "a metre deep", "epoch"])
+@pytest.mark.parametrize("fault", ["mm", "N mm", "kN", "mN", "degrees", "ms", "a metre deep", "epoch"])
 def test_wrong_units_are_found_without_the_sizes_too(demonstrations, fault):
     change, _ = FAULTS[fault]
     Demonstration(demonstrations[0].samples, True, "inserted")

@@ -261,12 +261,6 @@ def test_hidden_features_are_the_pose_over_its_scales(features):
     assert tuple(dut.hidden_names()) == HIDDEN
 
 
-def test_actions_turn_about_the_axis_of_the_peg():
-    dut, X = CanonicalFeatures(), measurement([0.0, 5.0, 0.0], [0.0, 0.0, 0.0])  # the frame is P turned by 90 degrees
-    np.testing.assert_allclose(dut.actions_to_frame(X, [[0.0, 2.0, 3.0]]), [[2.0, 0.0, 3.0]], atol=1e-15)
-    np.testing.assert_allclose(dut.actions_from_frame(X, [[1.0, 0.0, 3.0]]), [[0.0, 1.0, 3.0]], atol=1e-15)
-
-
 def test_the_first_value_that_is_not_finite_is_named():
     X, A = random_measurements(5), np.zeros((5, 3))
     X[3, 5] = np.nan

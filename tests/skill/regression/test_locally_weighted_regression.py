@@ -163,15 +163,6 @@ def test_the_variance_of_a_wide_local_line_is_that_of_ordinary_least_squares():
     np.testing.assert_allclose(high[:, 0], frame["mean_ci_upper"], atol=1e-6)
 
 
-def test_an_isolated_sample_has_a_wide_interval():
-    X, Y = wavy()
-    X = np.vstack([X, [[50.0, 50.0, 50.0]]])
-    Y = np.vstack([Y, [[0.0, 0.0]]])
-    local = LWRegressor(bandwidth=0.3).fit(X, Y).predict_local([[50.0, 50.0, 50.0]])
-    assert np.all(local.standard_deviation() > Y.std(axis=0))
-    assert local.support[0] == pytest.approx(1.0)
-
-
 def one_hot(labels, K):
     return np.eye(K)[labels]
 
@@ -203,15 +194,6 @@ def test_soft_memberships_multiply_the_kernel():
     np.testing.assert_allclose(dut.predict(queries, Q), expected, atol=2e-3)
     singly = np.vstack([dut.predict(queries[i : i + 1], Q[i : i + 1]) for i in range(25)])
     np.testing.assert_allclose(singly, dut.predict(queries, Q), atol=1e-12)
-
-
-def test_the_greatest_weights_are_kept_with_soft_memberships():
-    rng = np.random.default_rng(5)
-    X, Y = wavy(2000)
-    P, Q = rng.dirichlet([0.3] * 3, 2000), np.array([[0.5, 0.3, 0.2]])
-    few = LWRegressor(bandwidth=0.15, n_neighbors=400).fit(X, Y, memberships=P).predict(X[:1], Q)
-    every = LWRegressor(bandwidth=0.15, n_neighbors=None).fit(X, Y, memberships=P).predict(X[:1], Q)
-    np.testing.assert_allclose(few, every, atol=1e-3)
 
 
 @pytest.mark.parametrize("q", [[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.2, 0.0, 0.0]])

@@ -88,26 +88,6 @@ def test_a_long_batch_is_searched_in_blocks():
     assert all(set(rows) == naive(points, q, 3) for q, rows in zip(queries, found, strict=True))
 
 
-@pytest.mark.parametrize("weighted", [False, True])
-def test_the_neighbours_of_greatest_weight_among_those_of_all_states_are_kept(weighted):
-    """w_i = exp(-|x_i - q|^2 / h^2) s_i sum_k Q_k P_ik; the search returns more candidates than are kept."""
-    rng = np.random.default_rng(2)
-    points, P = rng.normal(size=(300, 2)), rng.dirichlet([1.0] * 3, 300)
-    weight = rng.uniform(0.1, 1.0, 300) if weighted else np.ones(300)
-    dut = KernelNeighbourhood(points, P, weight)
-    for query, q in zip(rng.normal(size=(30, 2)), rng.dirichlet([1.0] * 3, 30), strict=True):
-        log_w = -((points - query) ** 2).sum(axis=1) / 0.8**2 + np.log(P @ q) + np.log(weight)
-        candidates = naive(points, query, 12)  # each state contains nearly every sample
-        expected = sorted(candidates, key=lambda row: -log_w[row])
-        found, x, found_log_w = dut.of_one(query, q, Kernel(0.8, False, 12))
-        np.testing.assert_allclose(found_log_w, log_w[found], atol=1e-12)
-        np.testing.assert_array_equal(x, points[found])
-        assert len(found) == 12
-        assert len(set(found) & set(expected)) >= 9
-        batch = next(dut.blocks(query[None], q[None], Kernel(0.8, False, 12)))
-        assert set(batch[1][0]) == set(found)
-
-
 @pytest.mark.parametrize("batched", [False, True])
 def test_of_candidates_from_two_states_the_greatest_weights_are_kept(batched):
     x = np.array([[0.1], [0.2], [0.3], [0.4], [-0.15], [-0.25], [-0.35], [-0.45]])

@@ -35,8 +35,7 @@ def test_there_is_a_single_context_where_there_is_nothing_to_find(seed):
 
 def test_a_different_level_within_one_law_of_motion_is_no_context_without_an_effect():
     # Groups differ in where they are, not in how they answer.
-    *data, _ = make_mixture((1.0,), seed=1)
-    X, U, Y, group = data
+    X, U, Y, group, _ = make_mixture((1.0,), groups=12, seed=1)
     assert fitted(X + 0.2 * (group % 2)[:, None], U, Y, group).n_contexts_ == 1
 
 

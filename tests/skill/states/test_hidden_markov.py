@@ -87,10 +87,10 @@ def test_transitions_are_learnt_from_uncertain_states():
     rng = np.random.default_rng(5)
     true = np.array([[0.97, 0.03], [0.06, 0.94]])
     state, states = 0, []
-    for _ in range(20_000):
+    for _ in range(8_000):
         states.append(state)
         state = int(rng.random() < true[state, 1])
     x = np.array(states) * 3.0 + rng.normal(size=len(states))
     log_likelihoods = -0.5 * (x[:, None] - [0.0, 3.0]) ** 2
     chain = learnt_chain(log_likelihoods, np.zeros(len(x), dtype=int))
-    np.testing.assert_allclose(chain.transitions, true, atol=0.01)
+    np.testing.assert_allclose(chain.transitions, true, atol=0.02)
