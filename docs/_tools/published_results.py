@@ -25,7 +25,10 @@ from experiments.outputs.new_folder import new_folder
 from experiments.sweeps.trial_files import PUBLISHED, SWEEPS, TRIALS
 
 
-def publish(results: Path, out: Path) -> None:
+def publish(
+    results: Annotated[Path, typer.Argument(help="Folder that `haptic-skill sweep` wrote.")],
+    out: Annotated[Path, typer.Argument(help="Folder of the copy.")],
+) -> None:
     """Copies ``results`` to ``out``; a copy that is there is replaced when the new one is complete.
 
     Raises:
@@ -53,13 +56,5 @@ def published_files(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in paths}
 
 
-def main(
-    results: Annotated[Path, typer.Argument(help="Folder that `haptic-skill sweep` wrote.")],
-    out: Annotated[Path, typer.Argument(help="Folder of the copy.")],
-) -> None:
-    """Publishes the results that the command line names."""
-    publish(results, out)
-
-
 if __name__ == "__main__":
-    run(main)
+    run(publish)

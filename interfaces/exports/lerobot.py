@@ -108,7 +108,7 @@ class LeRobotWriter:
         for key in self._features:
             found = feature_statistics(columns[key])
             self._statistics[key].append(found)
-            row |= {f"stats/{key}/{name}": values for name, values in as_lists(found).items()}
+            row |= {f"stats/{key}/{name}": values.tolist() for name, values in found.items()}
         self._rows.append(row)
         self._frames += length
 
@@ -125,7 +125,8 @@ class LeRobotWriter:
         pq.write_table(pa.Table.from_pylist(self._rows), episodes / "file-000.parquet", write_page_checksum=True)
         tasks = pd.DataFrame({"task_index": [0]}, index=pd.Index([TASK], name="task"))
         tasks.to_parquet(self._folder / "meta" / "tasks.parquet")
-        statistics = {key: as_lists(joined_statistics(parts)) for key, parts in self._statistics.items()}
+        joined = {key: joined_statistics(parts) for key, parts in self._statistics.items()}
+        statistics = {key: {name: v.tolist() for name, v in found.items()} for key, found in joined.items()}
         self._write_json("meta/stats.json", statistics)
         self._write_json("meta/info.json", self._info())
         described = {
@@ -355,11 +356,6 @@ def joined_statistics(parts: Sequence[Statistics]) -> Statistics:
         "count": total,
         **{name: mean(joined[name]) for name in QUANTILES},
     }
-
-
-def as_lists(statistics: Statistics) -> dict[str, list[Any]]:
-    """Returns the statistics as lists, for JSON and Parquet."""
-    return {name: values.tolist() for name, values in statistics.items()}
 
 
 def _arrow_type(feature: Feature) -> pa.DataType:

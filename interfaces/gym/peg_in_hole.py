@@ -48,7 +48,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
     *Spaces.* `observation_space` and `action_space` of `interfaces.gym.spaces` have their units and frames. The flat
     observation is that of `gymnasium.spaces.flatten`.
 
-    *Reward.* `DenseReward` or `SparseReward` of `interfaces.gym.rewards`.
+    *Reward.* `DenseReward` or `sparse_reward` of `interfaces.gym.rewards`.
 
     *End.* ``terminated``: the peg is inserted, jammed (the controller has nothing new to try), or the rig has stopped
     after a fault; or the simulation diverges or fails, and the last observation is repeated. ``truncated``: the time

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from models.scenario import Scenario
 from skill.data.outcome import UNPHYSICAL, Outcome
@@ -33,26 +32,13 @@ class Transition:
     outcome: Outcome | None
 
 
-class Reward(Protocol):
-    """Returns the reward of a step."""
-
-    def __call__(self, step: Transition) -> float:
-        """Returns the reward."""
+Reward = Callable[[Transition], float]
+"""Returns the reward of a step."""
 
 
-@dataclass(frozen=True)
-class SparseReward:
-    """1 for the step in which the peg is inserted, else 0.
-
-    Args:
-        scenario: not used; all rewards are made from one.
-    """
-
-    scenario: Scenario
-
-    def __call__(self, step: Transition) -> float:
-        """Returns the reward of a step."""
-        return float(step.outcome is Outcome.INSERTED)
+def sparse_reward(step: Transition) -> float:
+    """Returns 1 for the step in which the peg is inserted, else 0."""
+    return float(step.outcome is Outcome.INSERTED)
 
 
 @dataclass(frozen=True)
@@ -93,5 +79,5 @@ class DenseReward:
         return reward
 
 
-REWARDS: dict[str, Callable[[Scenario], Reward]] = {"dense": DenseReward, "sparse": SparseReward}
-"""The rewards by their names."""
+REWARDS: dict[str, Callable[[Scenario], Reward]] = {"dense": DenseReward, "sparse": lambda scenario: sparse_reward}
+"""What makes the rewards for a scenario, by their names."""

@@ -78,10 +78,6 @@ class CorrectionSession(LiveSession):
         announce(f"  {' '.join(SKIP_HELP[0]):10s} {SKIP_HELP[1]}")
         self._rig = RigView(page, self._display)
 
-    def say(self, message: str) -> None:
-        """Shows a message on the page and on the console."""
-        self._say(message)
-
     def show_note(self, message: str) -> None:
         """Shows on the page only what the session is busy with."""
         self._display.show_message(message, BUSY)
@@ -122,7 +118,8 @@ class CorrectionSession(LiveSession):
                     self.show_note(note(elapsed))
 
         watcher = threading.Thread(target=watch, daemon=True)
-        self.prepare()
+        self._asked = []
+        self._prepare_next()  # the peg above the hole, as before a demonstration
         signal.signal(signal.SIGINT, interrupt)
         watcher.start()
         try:
@@ -136,11 +133,6 @@ class CorrectionSession(LiveSession):
             if is_asked.is_set() and not isinstance(reason, Terminated):
                 raise PersonLeftError from None
             raise
-
-    def prepare(self) -> None:
-        """Draws the peg above the hole, as before a demonstration."""
-        self._asked = []
-        self._prepare_next()
 
     # ------------------------------------------------------- demonstrations
 
@@ -179,7 +171,7 @@ class CorrectionSession(LiveSession):
         if not self._is_announced:
             self._is_announced = True
             where = describe(self._asked[self._place])
-            self._say(f"show me: {self._place + 1} of {len(self._asked)}, {where}; Space starts", READY)
+            self.say(f"show me: {self._place + 1} of {len(self._asked)}, {where}; Space starts", READY)
         return False
 
     def _record_one(self) -> bool:
@@ -234,7 +226,7 @@ class CorrectionSession(LiveSession):
             raise PersonLeftError
         result, run = trial.record(policy)
         now = find_query_state(run, resolved, number=number, inserted=result.inserted)
-        self._say(f"{title}: {course(result, now)}; before: {before}. Space: {then}")
+        self.say(f"{title}: {course(result, now)}; before: {before}. Space: {then}")
         self._buttons.forget_clicks(*KEYS)
         while not self._buttons.clicked(START):
             if self._has_left():

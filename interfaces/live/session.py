@@ -102,12 +102,12 @@ class LiveSession:
         try:
             if self._input is not None:
                 self._open_servo()
-            self._say("ready: press Space to start", READY)
+            self.say("ready: press Space to start", READY)
             while not (self._has_left() or self._is_complete()):
                 if self._buttons.clicked(START):
                     self._buttons.forget_clicks(*KEYS)
                     if self._record_one():
-                        self._say("session over", OVER)
+                        self.say("session over", OVER)
                         break
                     self._buttons.forget_clicks(START)  # of a person who pressed twice
                     self._prepare_next()
@@ -123,7 +123,7 @@ class LiveSession:
     def _has_left(self) -> bool:
         """Whether the person has quit, or the page has stayed closed for too long."""
         if self._buttons.clicked(QUIT):
-            self._say("session over", OVER)
+            self.say("session over", OVER)
             return True
         if self._page.is_shown:
             self._absent_since, self._absence_noticed = None, False
@@ -177,17 +177,17 @@ class LiveSession:
             servo.end()
         except OSError as error:  # from the device
             self._close_servo()
-            self._say(f"device lost ({error}): demonstration discarded, Space starts another", READY)
+            self.say(f"device lost ({error}): demonstration discarded, Space starts another", READY)
             return False
         if ending is None:
-            self._say("the page was closed: demonstration discarded, Space starts another", READY)
+            self.say("the page was closed: demonstration discarded, Space starts another", READY)
             return False
         return self._judge(live.run, ending, number)
 
     def _open_servo(self) -> ServoClient:
         if self._servo is None:
             if self._driver is not None:
-                self._say(f"opening the device '{self._driver}'")
+                self.say(f"opening the device '{self._driver}'")
             self._servo = ServoClient(self._driver or PAGE)
         return self._servo
 
@@ -202,7 +202,7 @@ class LiveSession:
         last_drawn, last_reading, last_reading_time = 0.0, time.monotonic(), 0.0
         observer = PolicyObserver(self._policy) if self._policy is not None else None
         load, steps_per_sample = ContactLoad(resolved), round(resolved.recorder.period / resolved.contact.time_step)
-        self._say("recording: G keep as good, B keep as bad, X discard", RECORDING)
+        self.say("recording: G keep as good, B keep as bad, X discard", RECORDING)
         while True:
             ending = live.step()
             if live.steps % steps_per_sample == 0:
@@ -230,10 +230,10 @@ class LiveSession:
         except ValueError as error:
             short = isinstance(error, TooShortError)
             reason = "too short to keep" if short else f"discarded: {error}"
-            self._say(f"{reason}; Space starts another", READY)
+            self.say(f"{reason}; Space starts another", READY)
             self._buttons.forget_clicks(*KEYS)
             return False
-        self._say(f"{reason}: G keep as good, B keep as bad, X discard", VERDICT)
+        self.say(f"{reason}: G keep as good, B keep as bad, X discard", VERDICT)
         while True:
             for button, good in ((GOOD, True), (BAD, False)):
                 if self._buttons.clicked(button) and self._keep(
@@ -241,12 +241,12 @@ class LiveSession:
                 ):
                     return False
             if self._buttons.clicked(DISCARD):
-                self._say("discarded: Space starts another", READY)
+                self.say("discarded: Space starts another", READY)
                 return False
             if self._buttons.clicked(QUIT):
                 return True
             if not self._page.is_shown:
-                self._say("the page was closed before a verdict: demonstration discarded", READY)
+                self.say("the page was closed before a verdict: demonstration discarded", READY)
                 return False
             self._display.follow_view_buttons()
             time.sleep(IDLE_PERIOD)
@@ -258,10 +258,10 @@ class LiveSession:
         try:
             write_demonstration(demonstration, path)
         except OSError as error:
-            self._say(f"not kept, {error.strerror or error}: make room and press again, or X to discard")
+            self.say(f"not kept, {error.strerror or error}: make room and press again, or X to discard")
             return False
         self.kept.append(path)
-        self._say(f"kept {path.name}: Space starts another", READY)
+        self.say(f"kept {path.name}: Space starts another", READY)
         return True
 
     # ------------------------------------------------------------- page and device
@@ -313,12 +313,12 @@ class LiveSession:
         """Says when a gamepad is connected or disconnected."""
         has_gamepad = len(self._page.controls.GetGamepad().axes) > 0
         if self._has_gamepad and not has_gamepad:
-            self._say("gamepad disconnected: use sliders and keys")
+            self.say("gamepad disconnected: use sliders and keys")
         elif has_gamepad and not self._has_gamepad:
-            self._say("gamepad: left stick tilts, right stick feeds")
+            self.say("gamepad: left stick tilts, right stick feeds")
         self._has_gamepad = has_gamepad
 
-    def _say(self, message: str, phase: str | None = None) -> None:
+    def say(self, message: str, phase: str | None = None) -> None:
         """Shows a message on the page and on the console; a phase begins, if one is given."""
         self._display.show_message(message, phase)
         self._announce(message)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from interfaces.gym.rewards import DenseReward, SparseReward, Transition
+from interfaces.gym.rewards import DenseReward, Transition, sparse_reward
 from models.scenario import Scenario
 from skill.data.outcome import Outcome
 
@@ -33,4 +33,4 @@ def test_the_dense_reward_follows_its_formula(step, expected):
 
 @pytest.mark.parametrize(("outcome", "expected"), [(None, 0.0), (Outcome.INSERTED, 1.0), (Outcome.FAULT, 0.0)])
 def test_the_sparse_reward_is_the_insertion(outcome, expected):
-    assert SparseReward(Scenario())(transition(depth=0.01, outcome=outcome)) == expected
+    assert sparse_reward(transition(depth=0.01, outcome=outcome)) == expected
