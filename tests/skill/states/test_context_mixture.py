@@ -15,6 +15,12 @@ def fitted(X, U, Y, group, **settings_):
     return ContextMixture(**settings_).fit(X, Y, inputs=U, groups=group)
 
 
+@pytest.fixture(scope="module")
+def two_contexts():
+    *data, _ = make_mixture((1.0, -1.0))
+    return fitted(*data)
+
+
 @pytest.mark.parametrize("slopes", [(1.0, -1.0), (1.5, 0.0, -1.5)])
 def test_the_number_and_the_demonstrations_of_contexts_are_found(slopes):
     *data, contexts = make_mixture(slopes)
@@ -70,20 +76,17 @@ def test_the_units_do_not_matter(scale, shift):
     np.testing.assert_allclose(dut.responsibilities_, other.responsibilities_, atol=1e-6)
 
 
-def test_unseen_demonstrations_are_recognised():
-    *data, _ = make_mixture((1.0, -1.0))
+def test_unseen_demonstrations_are_recognised(two_contexts):
     X, U, Y, group, contexts = make_mixture((1.0, -1.0), seed=9)
-    found = fitted(*data).predict_proba(X, Y, inputs=U, groups=group)
+    found = two_contexts.predict_proba(X, Y, inputs=U, groups=group)
     assert agreement(found, contexts) == 1.0
     assert found.max(axis=1).mean() > 0.99
 
 
-def test_groups_without_samples_have_the_weights_of_the_contexts():
-    *data, _ = make_mixture((1.0, -1.0))
-    dut = fitted(*data)
-    found = dut.probabilities_of([4, 999])
-    np.testing.assert_array_equal(found[0], dut.responsibilities_[4])
-    np.testing.assert_array_equal(found[1], dut.weights_)
+def test_groups_without_samples_have_the_weights_of_the_contexts(two_contexts):
+    found = two_contexts.probabilities_of([4, 999])
+    np.testing.assert_array_equal(found[0], two_contexts.responsibilities_[4])
+    np.testing.assert_array_equal(found[1], two_contexts.weights_)
 
 
 def test_a_demonstration_is_judged_by_the_others_alone():
@@ -148,12 +151,12 @@ def test_correlation_times_of_an_autoregressive_process():
     assert times[1] == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_stored_estimator_gives_the_same_evidence():
-    X, U, Y, group, _ = make_mixture((1.0, -1.0), groups=8)
-    dut = fitted(X, U, Y, group)
-    again = ContextMixture.from_arrays(dut.to_arrays())
-    np.testing.assert_array_equal(again.log_likelihoods(X, Y, inputs=U), dut.log_likelihoods(X, Y, inputs=U))
-    np.testing.assert_array_equal(again.weights_, dut.weights_)
+def test_a_stored_estimator_gives_the_same_evidence(two_contexts):
+    X, U, Y, _, _ = make_mixture((1.0, -1.0), groups=8)
+    again = ContextMixture.from_arrays(two_contexts.to_arrays())
+    expected = two_contexts.log_likelihoods(X, Y, inputs=U)
+    np.testing.assert_array_equal(again.log_likelihoods(X, Y, inputs=U), expected)
+    np.testing.assert_array_equal(again.weights_, two_contexts.weights_)
     assert again.n_contexts_ == 2
 
 
