@@ -19,7 +19,10 @@ def folder(tmp_path_factory):
 
 @pytest.mark.parametrize(
     ("options", "policy", "contexts"),
-    [((), "imitate", "2 contexts"), (("--policy", "plan", "--contexts", 1), "plan", "a single context")],
+    [
+        ((), "imitate", "2 contexts"),
+        pytest.param(("--policy", "plan", "--contexts", 1), "plan", "a single context", marks=pytest.mark.nightly),
+    ],
 )
 def test_train_imitates_or_plans_and_discovers_contexts_unless_it_may_not(folder, tmp_path, options, policy, contexts):
     done = invoke("train", "--demonstrations", folder, "--out", tmp_path / "skill.npz", *options)

@@ -4,19 +4,16 @@ import contextlib
 import io
 import math
 import shlex
-from urllib.parse import unquote
 
 import duckdb
 import pytest
 
-from experiments.scoreboard.columns import COLUMNS
 from experiments.scoreboard.queries import (
     cell_commands,
     paired_sql,
     row_pandas,
     row_sql,
     sweep_commands,
-    table_sql,
 )
 from experiments.scoreboard.result_store import read_trials
 from experiments.scoreboard.summary import make_scoreboard
@@ -66,15 +63,6 @@ def test_python_gives_the_numbers_of_a_row(board):
         assert same(space["r"][name], expected), name
 
 
-def test_duckdb_gives_a_whole_table(board):
-    for table in board.tables:
-        found = duckdb.sql(table_sql(board, table.cell)).df()
-        trials = dict(zip(map(unquote, found["policy"]), found["trials"], strict=True))
-        assert trials == {row.summary.policy: row.summary.trials for row in table.rows}
-        back_offs = dict(zip(map(unquote, found["policy"]), found["back-offs"], strict=True))
-        assert back_offs == {row.summary.policy: row.summary.numbers["back-offs"] for row in table.rows}
-
-
 def test_duckdb_gives_the_pairs(board):
     compared = 0
     for cell, row in rows_of(board):
@@ -85,11 +73,6 @@ def test_duckdb_gives_the_pairs(board):
         assert found[3] == pytest.approx(row.paired.slower, rel=1e-9)
         compared += 1
     assert compared == 2 * 5 * 2
-
-
-def test_all_aggregates_have_both_expressions():
-    assert [c.name for c in COLUMNS if not c.sql] == ["against", "slower by"]
-    assert all(bool(c.sql) == bool(c.pandas) for c in COLUMNS)
 
 
 def test_the_commands_name_the_sweep_and_the_reference(board):

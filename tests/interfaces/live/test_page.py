@@ -27,19 +27,6 @@ def test_the_page_listens_on_this_machine_only_at_an_address_with_a_token(page):
         socket.create_connection(("127.0.0.2", port_of(page)))  # an address that 0.0.0.0 includes
 
 
-def test_a_page_for_other_machines_is_announced_with_a_warning_that_names_them():
-    page = open_live_page(host="0.0.0.0")
-    try:
-        with socket.create_connection(("127.0.0.2", port_of(page))):
-            pass
-        line, warning = page.announcement()
-        assert line == f"open {page.address} in a browser"
-        assert page.address.startswith("http://127.0.0.1:")
-        assert "all network interfaces of this machine (0.0.0.0): everyone in any of its networks" in warning
-    finally:
-        page.close()
-
-
 def test_error_names_the_port_that_is_taken(page):
     port = port_of(page)
     with pytest.raises(OSError, match=f"^port {port} is taken; choose another with --port$"):

@@ -138,12 +138,6 @@ def test_phases_have_a_table_if_they_are_known():
     assert "Known phases" not in states_page(report_of([labelled([0, 1], WRENCHES)] * 2))
 
 
-def test_the_order_of_states_is_there_as_text():
-    page = states_page(report_of([labelled([0, 0, 0, 1, 1, 0], WRENCHES, time=5 + 0.1 * np.arange(6))]))
-    assert '<p id="order-0">0 until 0.30 s, 1 until 0.50 s, 0 until 0.50 s</p>' in page
-    assert 'aria-describedby="order-0"' in page
-
-
 def test_colours_repeat_and_numbers_on_them_can_be_read():
     colours = page_colours(40)
     assert len(colours) == 40

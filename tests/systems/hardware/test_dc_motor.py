@@ -123,20 +123,6 @@ def free_carriage(parameters, command, period):
     return dut, carriage, Simulator(builder.Build())
 
 
-@pytest.mark.parametrize("command", [-0.018, 0.01])
-def test_a_carriage_without_load_reaches_the_commanded_speed(command):
-    dut, carriage, simulator = free_carriage(P, command, PERIOD)
-    simulator.AdvanceTo(2.0)
-    root = simulator.get_context()
-    speed = carriage.GetMyContextFromRoot(root).get_continuous_state_vector()[1]
-    assert speed == pytest.approx(command, rel=1e-4)
-    # The torque equals the friction.
-    w = P.ratio * command
-    needed = (P.viscous_friction * w + math.copysign(P.coulomb_friction, w)) / (P.screw_efficiency * P.torque_constant)
-    own = dut.GetMyContextFromRoot(root)
-    assert current(dut, own) == pytest.approx(needed, rel=1e-2)
-
-
 def speeds(parameters, command, times, period=PERIOD):
     """Speeds of a free carriage with the drive, from rest, m/s."""
     _, carriage, simulator = free_carriage(parameters, command, period)

@@ -160,27 +160,6 @@ def test_the_low_pass_does_not_filter_the_noise():
         assert band.mean() == pytest.approx(1.0, abs=5 / math.sqrt(len(band) * blocks * 6))
 
 
-@pytest.mark.parametrize("share", [0.25, 1.0, 3.0])
-def test_the_low_pass_attenuates_a_sine_by_its_transfer_function(share):
-    """|H| of y+ = y + b (u - y) is b / |1 - (1 - b) e^(-jwT)|, about 1/sqrt(2) at the corner frequency."""
-    corner, T = 20.0, 1e-3
-    dut, context, p = sensor([0.0] * 6, height=0.0, bandwidth=corner, period=T)
-    w = 2 * math.pi * share * corner
-    samples = round(1.0 / (share * corner * T))  # in one period of the sine
-    measured = []
-    for k in range(12 * samples):
-        hold(dut, context, [-math.cos(w * k * T), 0, 0, 0, 0, 0])
-        measured.append(read(dut, context, p)[0])
-    last = np.array(measured[-4 * samples :])
-    phase = np.exp(-1j * w * T * np.arange(len(last)))
-    amplitude = 2 * abs((last * phase).mean())
-    b = 1 - math.exp(-2 * math.pi * corner * T)
-    z = complex(math.cos(w * T), -math.sin(w * T))
-    assert amplitude == pytest.approx(b / abs(1 - (1 - b) * z), rel=2e-2)
-    if share == 1.0:
-        assert amplitude == pytest.approx(1 / math.sqrt(2), rel=0.03)
-
-
 def test_the_forces_of_the_plant_are_read_once_per_step_of_the_plant(monkeypatch):
     """To convert the list of forces to Python takes as long as the rest of a sample."""
     reads = []

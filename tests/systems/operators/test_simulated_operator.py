@@ -135,20 +135,13 @@ def test_a_stroke_is_smooth_from_rest_to_rest():
     assert np.abs(np.diff(speed)).max() < 0.01
 
 
-@pytest.mark.parametrize(("zone", "corrected"), [(0.0051, False), (0.0049, True)])
-def test_a_tilt_in_the_dead_zone_is_not_corrected(zone, corrected):
-    o = person(dead_zone=zone, align_gain=1.0, align_rate=1.0)
-    turn, _ = stroke(*operator(o, tilt=[0.003, 0.004]), o)
-    np.testing.assert_allclose(turn, -corrected * o.correction_period * np.array([0.003, 0.004]), rtol=1e-6, atol=1e-12)
-
-
-@pytest.mark.parametrize(("zone", "corrected"), [(0.00051, False), (0.00049, True)])
-def test_an_offset_in_its_dead_zone_is_not_corrected(zone, corrected):
-    o = person(offset_dead_zone=zone, align_gain=1.0)
-    _, slide = stroke(*operator(o, offset=[0.0003, 0.0004]), o)
-    np.testing.assert_allclose(
-        slide, -corrected * o.correction_period * np.array([0.0003, 0.0004]), rtol=1e-6, atol=1e-12
-    )
+@pytest.mark.parametrize(("share", "corrected"), [(1.02, False), (0.98, True)])
+def test_a_tilt_and_an_offset_in_their_dead_zones_are_not_corrected(share, corrected):
+    o = person(dead_zone=0.005 * share, offset_dead_zone=5e-4 * share, align_gain=1.0, align_rate=1.0)
+    turn, slide = stroke(*operator(o, tilt=[0.003, 0.004], offset=[3e-4, 4e-4]), o)
+    expected = -corrected * o.correction_period * np.array([0.003, 0.004])
+    np.testing.assert_allclose(turn, expected, rtol=1e-5, atol=1e-12)
+    np.testing.assert_allclose(slide, 0.1 * expected, rtol=1e-5, atol=1e-12)
 
 
 def test_a_personal_bias_is_corrected_like_a_tilt_and_an_offset():
