@@ -60,21 +60,9 @@ def mixed(folder):
     write_demonstration(make_demonstration(), folder / "b.parquet")
 
 
-def empty(folder):
-    folder.mkdir()
-
-
-def unfinished(folder):
-    write_demonstrations(folder)
-    damaged = folder / "001_good_expert.parquet"
-    damaged.write_bytes(damaged.read_bytes()[:-40])
-
-
 REFUSED = {
     "other states": (other_names, "run_0001.parquet: another 'contact_state' than run_0000.parquet has"),
     "two kinds": (mixed, "b.parquet: no 'rig_run' metadata"),
-    "empty": (empty, "no demonstrations (*.parquet) found"),
-    "damaged": (unfinished, "001_good_expert.parquet: not a complete Parquet file"),
     "missing": (lambda folder: None, "no such folder; expected one of demonstrations or rig runs"),
 }
 

@@ -1,11 +1,9 @@
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from skill.data.demonstration import Demonstration, write_demonstration
-from skill.data.outcome import Outcome
-from skill.data.rig_run import RigRun, write_rig_run
+from skill.data.demonstration import write_demonstration
+from skill.data.rig_run import write_rig_run
 from skill.data.tables import write_table
 from tests.scripts.commands import error_line, invoke
 from tests.trajectories import make_demonstration, make_rig_run
@@ -66,32 +64,12 @@ def write_other_kind(path: Path) -> None:
     write_table(samples, ("time", "fx"), path, kind="notes", version=1, header={})
 
 
-def write_without_geometry(path: Path) -> None:
-    good = make_demonstration()
-    write_demonstration(Demonstration(good.samples, True, Outcome.INSERTED, metadata={"seed": 1}), path)
-
-
-def write_impossible_geometry(path: Path) -> None:
-    good = make_rig_run()
-    geometry = {**good.metadata["geometry"], "block_radius": 0.005}
-    write_rig_run(RigRun(good.samples, good.result, {"geometry": geometry}), path)
-
-
-def write_fractional_state(path: Path) -> None:
-    run = make_rig_run()
-    run.samples["state"] += np.where(run.samples.index == 3, 0.5, 0.0)
-    write_rig_run(run, path)
-
-
 @pytest.mark.parametrize(
     ("write", "message"),
     [
         (lambda path: None, "no such file"),
         (lambda path: path.write_text("time,x\n0,1\n"), "not a complete Parquet file"),
         (write_other_kind, "neither a demonstration nor a rig run"),
-        (write_without_geometry, "no geometry"),
-        (write_impossible_geometry, "block radius 0.005"),
-        (write_fractional_state, "column 'state' holds 0.5"),
     ],
 )
 def test_invalid_file_gives_one_error_line_that_names_it(tmp_path, write, message):

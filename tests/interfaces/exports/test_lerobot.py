@@ -194,8 +194,6 @@ def single_precision(folder):
 
 REFUSED = {
     "no about": (lambda folder: (folder / ABOUT).unlink(), f"lacks the file {ABOUT}; expected a data set that"),
-    "no header": (without(HEADER), f"lacks {NAME} and {HEADER} of the episodes"),
-    "no recording": (drop_recording, "lacks the feature 'recording'"),
     "version": (lambda f: change_json(f / "meta/info.json", codebase_version="v2.1"), "version 'v2.1' of the format"),
     "about version": (lambda f: change_json(f / ABOUT, format_version=9), "version 9, kind 'demonstrations'; expected"),
     "kind": (lambda f: change_json(f / ABOUT, kind="pictures"), "kind 'pictures'; expected version 1"),

@@ -202,12 +202,6 @@ def test_a_step_needs_an_episode(make):
         env.step(PUSH)
 
 
-def test_a_scenario_without_the_stress_arm_is_named_at_the_reset(quick_scenario):
-    env = PegInHole(quick_scenario, arm="stress")  # its pivots are too near
-    with pytest.raises(ValueError, match=r"rig\.pivot_range"):
-        env.reset(seed=TRIAL)
-
-
 @pytest.mark.nightly
 @pytest.mark.slow
 def test_environments_run_in_spawned_processes(quick_scenario):

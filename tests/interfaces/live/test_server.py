@@ -198,18 +198,6 @@ def test_requests_that_cannot_be_read_are_counted(page, client, caplog):
     assert caplog.records == []  # the console of the session shows the count only
 
 
-def test_junk_after_a_good_request_on_the_same_connection_is_counted(page, client):
-    with client.connect() as connection:
-        connection.sendall(client.request(client.path, Connection=None))
-        received = b""
-        while not received.endswith(b"</html>\n"):
-            received += connection.recv(65536)
-        assert refused(page) == {}
-        connection.sendall(b"hello\r\n\r\n")
-        assert answer(connection)[0] == 400
-    wait(lambda: refused(page) == {"junk request": 1})
-
-
 def test_a_slow_request_is_cut_off(monkeypatch):
     monkeypatch.setattr(interfaces.live.server, "REQUEST_TIME", 0.2)
     page = open_live_page()

@@ -54,11 +54,6 @@ def installed(tmp_path, monkeypatch):
     sys.modules.pop("my_loopback", None)
 
 
-def test_an_installed_device_is_found_by_name(installed):
-    device = find_device("mine")()
-    assert device.read_pose().translation()[2] < 0.0
-
-
 def test_a_device_is_found_by_an_import_path(installed):
     assert find_device("my_loopback:Loopback")().read_pose().translation()[2] < 0.0
     with pytest.raises(ValueError, match="'my_loopback:Nothing': cannot be imported"):

@@ -27,23 +27,16 @@ def scenario(quick_scenario):
     return quick_scenario
 
 
-def test_the_sensor_reads_the_pegs_weight_in_free_air(scenario):
+def test_in_free_air_nothing_touches_and_the_sensor_reads_the_pegs_weight(scenario):
     g = scenario.geometry
     bench = Bench(scenario, force=hanging_weight(scenario)).start(tip_z=0.01).advance(0.05)
     weight = G * STEEL * math.pi * g.peg_radius**2 * g.peg_length
     assert bench.plant.weight == pytest.approx(weight, rel=1e-4)
     np.testing.assert_allclose(bench.held(), [0, 0, weight, 0, 0, 0], atol=1e-4)
-    assert bench.plant.tip_height(bench.simulator.get_context()) == pytest.approx(0.01, abs=1e-6)
-
-
-def test_the_sensor_reads_the_force_that_presses_the_peg_on_the_floor(scenario):
-    push = 8.0
-    bench = (
-        Bench(scenario, force=hanging_weight(scenario) - push).start(tip_z=-scenario.geometry.hole_depth).advance(0.3)
-    )
-    np.testing.assert_allclose(bench.held()[:3], [0, 0, bench.plant.weight - push], atol=0.02)
-    sunk = -bench.plant.tip_height(bench.simulator.get_context()) - scenario.geometry.hole_depth
-    assert 0 < sunk < 1e-4
+    root = bench.simulator.get_context()
+    assert bench.plant.tip_height(root) == pytest.approx(0.01, abs=1e-6)
+    assert bench.plant.contacts(root) == []
+    assert bench.plant.contact_extent(root) == 0.0
 
 
 def test_the_hanging_block_turns_a_stepper_by_torque_over_stiffness(scenario):
@@ -112,7 +105,7 @@ def test_the_skill_inserts_in_mujoco(quick_scenario, skill):
     assert np.isfinite(run.samples.to_numpy()).all()
 
 
-def test_the_contacts_carry_the_force_that_presses_the_peg_on_the_floor(scenario):
+def test_contacts_and_sensor_have_the_force_that_presses_the_peg_on_the_floor(scenario):
     push = 8.0
     bench = Bench(scenario, force=hanging_weight(scenario) - push).start(tip_z=-scenario.geometry.hole_depth)
     root = bench.advance(0.3).simulator.get_context()
@@ -121,14 +114,9 @@ def test_the_contacts_carry_the_force_that_presses_the_peg_on_the_floor(scenario
     assert pressed[0].force == pytest.approx(push, rel=0.01)
     np.testing.assert_allclose(pressed[0].normal, [0.0, 0.0, 1.0], atol=1e-3)
     assert pressed[0].point[2] == pytest.approx(-scenario.geometry.hole_depth, abs=1e-4)
+    np.testing.assert_allclose(bench.held()[:3], [0, 0, bench.plant.weight - push], atol=0.02)
+    assert 0 < -bench.plant.tip_height(root) - scenario.geometry.hole_depth < 1e-4
     assert bench.plant.contact_extent(root) > 0.0
-
-
-def test_nothing_touches_in_free_air(scenario):
-    bench = Bench(scenario, force=hanging_weight(scenario)).start(tip_z=0.01).advance(0.02)
-    root = bench.simulator.get_context()
-    assert bench.plant.contacts(root) == []
-    assert bench.plant.contact_extent(root) == 0.0
 
 
 def test_the_block_that_leans_on_the_peg_has_the_moment_of_its_contacts(scenario):

@@ -2,13 +2,10 @@ import numpy as np
 import pytest
 
 import systems.visualization.meshcat_scene
-from experiments.demonstration_run import run_demonstration
 from experiments.trial import run_trial, trial_scenario
-from models.scenario import DEMONSTRATION_STREAM, resolve_scenario
 from skill.states.state_style import state_colours
 from systems.visualization.meshcat_scene import aim_camera, legend, recorded
 from tests.browser import blankness, open_page
-from tests.scripts.commands import run_python
 from tests.systems.visualization.canvas import Canvas
 
 
@@ -66,29 +63,23 @@ def test_the_legend_names_the_arrow_and_the_states():
 
 @pytest.mark.browser
 @pytest.mark.slow
-@pytest.mark.browser
-@pytest.mark.parametrize("kind", ["demonstration", "insertion"])
-def test_recording_is_one_page_that_shows_the_scene_and_marks_the_present_state(quick_scenario, skill, tmp_path, kind):
-    page, states = tmp_path / "recording.html", skill.state_names() if kind == "insertion" else ()
-    quick_scenario.recorder.time_limit = quick_scenario.trial.time_limit = 0.3
+def test_recording_is_one_page_that_shows_the_scene_and_marks_the_present_state(quick_scenario, skill, tmp_path):
+    page, states = tmp_path / "recording.html", skill.state_names()
+    quick_scenario.trial.time_limit = 0.3
     with recorded(page, states=states) as meshcat:
-        if kind == "demonstration":
-            run_demonstration(resolve_scenario(quick_scenario, seed=1, stream=DEMONSTRATION_STREAM), meshcat=meshcat)
-        else:
-            run_trial(trial_scenario(quick_scenario, number=1), skill, seed=1, meshcat=meshcat)
+        run_trial(trial_scenario(quick_scenario, number=1), skill, seed=1, meshcat=meshcat)
     with open_page(page, size=(800, 600)) as browser:
         browser.wait("document.querySelector('canvas') !== null && viewer.animator.duration > 0.2")
         assert "contact force on the peg" in browser.run("return document.getElementById('legend').innerText")
-        if kind == "insertion":
-            browser.wait("document.querySelectorAll('#legend .now').length === 1")
-            shown = (
-                "return [...Array(arguments[0]).keys()].map(k => viewer.scene_tree.find("
-                "['drake', 'contact_state', String(k)]).object.visible)"
-            )
-            [present] = np.flatnonzero(browser.run(shown, len(states)))
-            assert browser.run("return document.querySelector('#legend .now').innerText") == states[present]
-            feed = "return viewer.scene_tree.find(['drake', 'visualizer', 'feed']).object.visible"
-            assert browser.run(feed) is False
+        browser.wait("document.querySelectorAll('#legend .now').length === 1")
+        shown = (
+            "return [...Array(arguments[0]).keys()].map(k => viewer.scene_tree.find("
+            "['drake', 'contact_state', String(k)]).object.visible)"
+        )
+        [present] = np.flatnonzero(browser.run(shown, len(states)))
+        assert browser.run("return document.querySelector('#legend .now').innerText") == states[present]
+        feed = "return viewer.scene_tree.find(['drake', 'visualizer', 'feed']).object.visible"
+        assert browser.run(feed) is False
         picture = browser.screenshot()
         assert browser.errors() == []
         assert browser.requests() == []
@@ -102,14 +93,3 @@ def test_failed_recording_writes_no_page(tmp_path):
     with pytest.raises(RuntimeError, match="failed"), recorded(page):
         raise RuntimeError("failed")
     assert not page.exists()
-
-
-@pytest.mark.slow
-def test_a_recording_prints_nothing(tmp_path):
-    """In a process of its own: importing Drake sets the level of its log."""
-    imports = (
-        "import sys, interfaces.terminal\nfrom pathlib import Path\nimport systems.visualization.meshcat_scene as s"
-    )
-    code = f"{imports}\nwith s.recorded(Path(sys.argv[1])): pass"
-    done = run_python("-c", code, tmp_path / "recording.html")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
