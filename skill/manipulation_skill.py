@@ -19,17 +19,17 @@ from skill.data.geometry import PegHoleGeometry, common_geometry
 from skill.data.outcome import Outcome
 from skill.data.refinement import INTENDED
 from skill.features.contact_features import ContactFeatures
-from skill.features.responses import ResponseFeatures
+from skill.features.responses import ResponseFeatures, joined
+from skill.features.training_samples import CONTEXTS, PLANNING, SampleSettings, noise_stream, observed_series
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFeatures
-from skill.imitation import Imitation, lowest_log_support
+from skill.planning.imitation import Imitation, lowest_log_support
 from skill.planning.planner import Planner
 from skill.planning.planning_model import VALUE_TIME, PlanningModel
+from skill.planning.prediction import Prediction, Query, SkillExplanation
 from skill.planning.transitions import Transitions, transitions
 from skill.policy import Action
-from skill.prediction import Prediction, Query
 from skill.regression.bandwidth_selection import tuned_regressor
 from skill.regression.protocols import ExplainableRegressor, LocalRegressor, Regressor, StateRegressor
-from skill.skill_explanation import SkillExplanation
 from skill.skill_file import POLICIES, SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file
 from skill.states.contact_state_filter import ContactStateFilter
 from skill.states.context_filter import ContextFilter, pair_probabilities
@@ -37,7 +37,6 @@ from skill.states.context_mixture import ContextMixture
 from skill.states.estimate import Estimate, PairEstimator
 from skill.states.state_graph import StateGraph
 from skill.states.state_style import state_labels
-from skill.training_samples import CONTEXTS, PLANNING, SampleSettings, discover_contexts, noise_stream, observed_series
 
 STATE_FLOOR = 0.05
 """Added to the covariances of the states, in units of the variance of each state feature. Contacts at different places
@@ -187,7 +186,11 @@ class ManipulationSkill:
             if demonstration.good
         }
         mixture = ContextMixture(random_state=self.random_state) if self.contexts is None else clone(self.contexts)
-        self.contexts_ = discover_contexts(mixture, responses)
+        self.contexts_ = None
+        if sum(len(found.features) > 0 for found in responses.values()) >= 2:
+            found, numbers = joined(responses)
+            mixture.fit(found.features, found.outputs, inputs=found.inputs, groups=numbers)
+            self.contexts_ = mixture if mixture.n_contexts_ > 1 else None
 
     def _fit_actions(self, demonstrations: Sequence[Demonstration], refined: Sequence[pd.DataFrame]) -> None:
         """Fits the regressor to the refined samples of the good demonstrations."""

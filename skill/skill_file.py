@@ -49,7 +49,7 @@ MAX_SEED = 2**32 - 1
 """Largest seed of NumPy's and scikit-learn's generators."""
 
 POLICIES = ("imitate", "plan")
-"""How a skill can act; see `skill.imitation` and `skill.planning.planner`."""
+"""How a skill can act; see `skill.planning.imitation` and `skill.planning.planner`."""
 
 N_ACTIONS = 3
 """Number of outputs of the regressor: turn about x and y, and feed."""

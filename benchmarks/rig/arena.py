@@ -34,11 +34,11 @@ from interfaces.terminal import console, progress, say, write_json
 from models.scenario import load_scenario
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.outcome import Outcome
+from skill.features.training_samples import observed_series
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
 from skill.states.context_mixture import ContextMixture
 from skill.states.estimate import estimates
-from skill.training_samples import observed_series
 
 FIRST_TRIAL = 90000
 QUERIES = 600

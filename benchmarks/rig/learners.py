@@ -32,8 +32,8 @@ from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
 from skill.clustering.gaussian_components import GaussianComponents
 from skill.clustering.gaussian_states import GaussianStates
 from skill.data.demonstration import Demonstration
-from skill.imitation import Imitation
 from skill.manipulation_skill import ManipulationSkill
+from skill.planning.imitation import Imitation
 from skill.policy import Action
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.context_mixture import ContextMixture

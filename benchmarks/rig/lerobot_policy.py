@@ -31,9 +31,9 @@ from interfaces.exports.lerobot import LeRobotWriter
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import with_following_actions
+from skill.features.training_samples import observed_series
 from skill.policy import Action
 from skill.states.estimate import Estimate
-from skill.training_samples import observed_series
 from systems.control.control_law import ControlLaw
 
 FEATURES = {

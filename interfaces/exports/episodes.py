@@ -19,9 +19,9 @@ from skill.data.outcome import Outcome
 from skill.data.refinement import with_following_actions
 from skill.data.rig_run import RUN_COLUMNS, ContactPlace, RigRun
 from skill.data.run_result import outcome_of
+from skill.features.training_samples import observed_series
 from skill.manipulation_skill import ManipulationSkill
 from skill.states.estimate import estimates
-from skill.training_samples import observed_series
 
 DEMONSTRATIONS, RUNS = "demonstrations", "rig runs"
 """The kinds of data sets."""

@@ -10,8 +10,8 @@ minimises
 over the motion u, no larger than any demonstrated one, and over v within the bounds of the state. The first term leads
 to the desired next state as fast as the demonstrations go there. The third penalises loads outside the bounds.
 
-The second term holds what the demonstrations do here: u_0 is the action of `skill.imitation` over the horizon, and s_u
-the standard deviation of their actions nearby. Where they agree, the planner imitates them. Where they contradict each
+The second term holds what the demonstrations do here: u_0 is the action of `Imitation` over the horizon, and s_u the
+standard deviation of their actions nearby. Where they agree, the planner imitates them. Where they contradict each
 other, the dynamics decide. This is Bayes' rule for a normal prior of the action and a normal likelihood of the next
 state (planning as inference: Toussaint, ICML 2009).
 """
@@ -25,9 +25,9 @@ from scipy.optimize import lsq_linear
 
 from skill.arrays import Array
 from skill.features.responses import LOADS, ResponseFeatures, horizon_steps
-from skill.imitation import Imitation
+from skill.planning.imitation import Imitation
 from skill.planning.planning_model import PlanningModel
-from skill.prediction import Plan, Prediction, Query
+from skill.planning.prediction import Plan, Prediction, Query
 from skill.regression.protocols import LocalRegressor
 from skill.states.context_filter import pair_probabilities
 

@@ -27,8 +27,8 @@ from sklearn.utils.validation import check_is_fitted
 
 from skill.arrays import Array, standard_scale
 from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
+from skill.planning.prediction import DesiredState
 from skill.planning.transitions import Transitions
-from skill.prediction import DesiredState
 from skill.regression.response_model import (
     RESPONSE_RULES,
     ResponseModel,

@@ -11,8 +11,8 @@ from skill.data.demonstration import ACTIONS, read_demonstrations, write_demonst
 from skill.data.refinement import INTENDED, intended_actions, refine_demonstration
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, RawFeatures
-from skill.imitation import quartiles
 from skill.manipulation_skill import ManipulationSkill
+from skill.planning.imitation import quartiles
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.protocols import ExplainableRegressor, StateRegressor
 from skill.states.contact_state_filter import ContactStateFilter

@@ -11,7 +11,6 @@ from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.context_mixture import ContextMixture
-from skill.training_samples import discover_contexts
 from tests.crafted_files import sealed_arrays
 from tests.trajectories import make_demonstration
 
@@ -127,7 +126,8 @@ def test_a_skill_with_contexts_is_stored(skill_with_contexts, tmp_path):
 
 
 def test_fewer_than_two_demonstrations_that_answer_have_a_single_context():
-    assert discover_contexts(ContextMixture(), {}) is None
+    dut = ManipulationSkill(contexts=ContextMixture(), regressor=LWRegressor(ridge=1.0))
+    assert dut.fit(hinged_demonstrations(1)).contexts_ is None
 
 
 def test_a_skill_may_be_limited_to_a_single_context():

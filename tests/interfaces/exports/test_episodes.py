@@ -22,9 +22,9 @@ from models.contact_geometry import ContactLabel
 from skill.data.geometry import PegHoleGeometry
 from skill.data.outcome import Outcome
 from skill.data.rig_run import CONTACT_COLUMNS
+from skill.features.training_samples import observed_series
 from skill.features.wrench_features import MEASURED
 from skill.states.estimate import estimates
-from skill.training_samples import observed_series
 from tests.trajectories import GEOMETRY, make_demonstration, make_rig_run
 
 SIZES = PegHoleGeometry(**GEOMETRY)

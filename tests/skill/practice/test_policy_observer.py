@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from skill.features.training_samples import observed_series
 from skill.features.wrench_features import MEASURED
 from skill.practice.policy_observer import PolicyObserver
 from skill.states.estimate import estimates
-from skill.training_samples import observed_series
 
 
 def test_a_judgement_is_the_estimate_and_the_action_of_the_policy(skill, demonstrations):

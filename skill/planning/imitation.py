@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skill.arrays import Array
-from skill.prediction import Prediction, Query
+from skill.planning.prediction import Prediction, Query
 from skill.regression.partial_pooling import relevance
 from skill.regression.protocols import LocalRegressor, Regressor, StateRegressor
 from skill.states.context_filter import pair_probabilities

@@ -3,8 +3,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from skill.prediction import DesiredState, Plan
-from skill.skill_explanation import MAX_PRINTED, SkillExplanation
+from skill.planning.prediction import MAX_PRINTED, DesiredState, Plan, SkillExplanation
 
 
 def test_the_text_is_in_degrees_and_millimetres_and_names_the_likely_states():

@@ -9,8 +9,8 @@ from hypothesis.extra.numpy import arrays
 from sklearn.linear_model import LinearRegression
 
 from skill.features.wrench_features import CanonicalFeatures
-from skill.imitation import Imitation, lowest_log_support, quartiles
-from skill.prediction import Query
+from skill.planning.imitation import Imitation, lowest_log_support, quartiles
+from skill.planning.prediction import Query
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.context_mixture import ContextMixture
 
@@ -97,7 +97,7 @@ def test_the_lowest_support_is_a_number_also_where_samples_find_nothing(share, e
     assert lowest_log_support(Unsupported(share), groups) == expected
 
 
-RECORDED = Path(__file__).parents[1] / "data" / "deadlock.npz"
+RECORDED = Path(__file__).parents[2] / "data" / "deadlock.npz"
 
 
 def test_a_recorded_deadlock_is_left():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +10,8 @@ import pandas as pd
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import INTENDED, intended_actions, refine_demonstration, with_following_actions
-from skill.features.responses import ResponseFeatures, Responses, joined, observations
+from skill.features.responses import ResponseFeatures, Responses, observations
 from skill.features.wrench_features import MEASURED
-from skill.states.context_mixture import ContextMixture
 
 CONTEXTS, PLANNING = 1, 2
 """Streams of the sensor noise in the samples of the contexts and of the planner."""
@@ -60,12 +58,3 @@ def observed_series(samples: pd.DataFrame) -> Array:
     """Returns the observations (n, 9) of a demonstration; see `skill.features.responses`."""
     turned = samples[["rx", "ry"]].to_numpy().cumsum(axis=0)
     return observations(samples[list(MEASURED)].to_numpy(), turned)
-
-
-def discover_contexts(mixture: ContextMixture, responses: Mapping[int, Responses]) -> ContextMixture | None:
-    """Fits contexts to the responses of demonstrations, by their numbers; None if there is a single context."""
-    if sum(len(found.features) > 0 for found in responses.values()) < 2:
-        return None
-    found, numbers = joined(responses)
-    mixture.fit(found.features, found.outputs, inputs=found.inputs, groups=numbers)
-    return mixture if mixture.n_contexts_ > 1 else None

@@ -1,19 +1,89 @@
-"""Explanation of one action of a skill: states, contexts, samples, interval, support and plan."""
+"""What a policy is asked and what it answers, in the frame of the features, and the explanation of an action."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 import pandas as pd
 
 from skill.arrays import Array
 from skill.policy import Action
-from skill.prediction import Plan, Prediction, Query
+from skill.regression.local_model import LocalSamples
 from skill.regression.protocols import Explanation
 
 MAX_PRINTED = 5  # samples in the printed explanation
+
+
+class Query(NamedTuple):
+    """One measurement, and what is believed at that time.
+
+    Attributes:
+        row: (1, 7), the measurement: fx fy fz (N) mx my mz (N m) z (m).
+        X: (1, d), its features.
+        P: (1, K), probabilities of the contact states.
+        Q: (1, C), probabilities of the contexts.
+    """
+
+    row: Array
+    X: Array
+    P: Array
+    Q: Array
+
+
+class DesiredState(NamedTuple):
+    """The desired next state; the loads are those of `skill.features.responses.LOADS`.
+
+    Attributes:
+        state: its number; K for the insertion itself.
+        share: the share of the votes for it, 0 to 1.
+        change: (5,), change of the loads until it begins, N.
+        time: time until then, s.
+    """
+
+    state: int
+    share: float
+    change: Array
+    time: float
+
+
+class Plan(NamedTuple):
+    """What a planner expects of its action.
+
+    Attributes:
+        desired: the desired next state.
+        loads: (5,), the present loads, N.
+        expected: (5,), the loads that the forward model expects one horizon later, N.
+        beyond: (5,), how far they are expected outside the bounds of the state, N; zero inside.
+    """
+
+    desired: DesiredState
+    loads: Array
+    expected: Array
+    beyond: Array
+
+
+class Prediction(NamedTuple):
+    """The action at one query.
+
+    Attributes:
+        action: (3,), turn about x and y (rad) and feed (m) in the frame of the features, over one sample period.
+        support: see `skill.policy.Action`.
+        contexts: (1, C), the probabilities of the contexts as far as they matter.
+        relevance: how far the context matters, 0 to 1.
+        limited: whether a turn was limited to what the neighbours did.
+        samples: the demonstrated samples nearby; None for a regressor that does not tell them.
+        plan: what a planner expects; None for an imitation.
+    """
+
+    action: Array
+    support: float
+    contexts: Array
+    relevance: float
+    limited: bool
+    samples: LocalSamples | None = None
+    plan: Plan | None = None
 
 
 @dataclass(frozen=True)
@@ -25,7 +95,7 @@ class SkillExplanation:
         probabilities: (K,), probabilities of the contact states.
         contexts: (C,), probabilities of the contexts.
         relevance: how far the context matters here, 0 to 1; see `skill.regression.partial_pooling`.
-        limited: whether the turn of the regression was limited to what the neighbours did; see `skill.imitation`.
+        limited: whether the turn of the regression was limited to what the neighbours did; see `Imitation`.
         turn: (2,), rotation vector of the peg relative to the hole about x and y of P, rad, over one sample period.
         feed: motion of the peg along its axis, m, over one sample period.
         frame_angle: angle from P to the frame of the features about z, rad.
