@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from experiments.scoreboard.columns import COLUMNS
-from experiments.scoreboard.queries import sweep_commands, table_sql
+from experiments.scoreboard.queries import row_command, sweep_commands
 from experiments.scoreboard.summary import Row, Scoreboard, Table
 from interfaces.reports.scoreboard_page import about, address, board_title, link, warnings
 
@@ -34,15 +34,16 @@ def _sweeps(board: Scoreboard, out: Path) -> str:
 
 
 def _table(table: Table, board: Scoreboard, out: Path) -> str:
-    """A section with a table, and the statement that recomputes it."""
+    """A section with a table, and the command that recomputes its first row."""
     heads = ["policy", *(f"{column.name}, {column.unit}" for column in COLUMNS)]
     lines = [
         f"| {' | '.join(_plain(head) for head in heads)} |",
         f"|---{'|---:' * len(COLUMNS)}|",
         *(_row(row, board, out) for row in table.rows),
     ]
+    command = row_command(board, table.rows[0].summary.policy, table.cell)
     rows = "\n".join(lines)
-    return f"## {_plain(table.cell.title)}\n\n{rows}\n\nRecompute with DuckDB:\n\n    {table_sql(board, table.cell)}"
+    return f"## {_plain(table.cell.title)}\n\n{rows}\n\nRecompute the first row with Python:\n\n    {command}"
 
 
 def _row(row: Row, board: Scoreboard, out: Path) -> str:

@@ -39,7 +39,7 @@ def scoreboard_page(board: Scoreboard, out: Path) -> str:
         reference=html.escape(board.reference),
         columns="".join(
             f"<dt>{html.escape(column.name)}</dt><dd>{html.escape(column.tip)}"
-            f"{f' <code>{html.escape(column.sql)}</code>' if column.sql else ''}</dd>"
+            f"{f' <code>{html.escape(column.pandas)}</code>' if column.pandas else ''}</dd>"
             for column in COLUMNS
         ),
         sweeps=_sweeps(board, out),
@@ -170,7 +170,7 @@ def _cell(column: Column, row: Row, board: Scoreboard, trials: str) -> str:
     title = [
         column.tip,
         *([f"{s.untrusted} of {s.trials} trials not trusted"] if doubtful else []),
-        *([f"recompute: {column.sql}"] if column.sql else []),
+        *([f"recompute: {column.pandas}"] if column.pandas else []),
         *(f"made by: {command}" for command in sweep_commands(board)),
     ]
     note = row.note(column)

@@ -2,19 +2,11 @@
 
 import contextlib
 import io
-import math
 import shlex
 
-import duckdb
 import pytest
 
-from experiments.scoreboard.queries import (
-    cell_commands,
-    paired_sql,
-    row_pandas,
-    row_sql,
-    sweep_commands,
-)
+from experiments.scoreboard.queries import cell_commands, paired_command, row_command, sweep_commands
 from experiments.scoreboard.result_store import read_trials
 from experiments.scoreboard.summary import make_scoreboard
 from tests.experiments.scoreboard.simulated_trials import LEARNT, OTHER, write_results, write_trials
@@ -35,42 +27,30 @@ def rows_of(board):
     return [(table.cell, row) for table in board.tables for row in table.rows]
 
 
-def same(found, expected):
-    """Whether two numbers are the same; DuckDB has None where Python has NaN."""
-    found = math.nan if found is None else float(found)
-    return (math.isnan(found) and math.isnan(expected)) or found == pytest.approx(expected, rel=1e-9)
-
-
-def expected_of(row):
-    return {name: float(value) for name, value in row.summary.numbers.items()}
-
-
-def test_duckdb_gives_every_number_of_every_row(board):
-    for cell, row in rows_of(board):
-        found = duckdb.sql(row_sql(board, row.summary.policy, cell)).df().iloc[0]
-        assert found["trials"] == row.summary.trials
-        for name, expected in expected_of(row).items():
-            assert same(found[name], expected), (cell.title, row.summary.policy, name)
-
-
-def test_python_gives_the_numbers_of_a_row(board):
-    cell, row = rows_of(board)[0]
+def computed(command):
     space = {}
     with contextlib.redirect_stdout(io.StringIO()) as text:
-        exec(row_pandas(board, row.summary.policy, cell), space)
-    assert "back-offs" in text.getvalue()
-    for name, expected in expected_of(row).items():
-        assert same(space["r"][name], expected), name
+        exec(command, space)
+    return space["r"], text.getvalue()
 
 
-def test_duckdb_gives_the_pairs(board):
+def test_the_command_of_a_row_gives_its_numbers(board):
+    for cell, row in rows_of(board):
+        found, text = computed(row_command(board, row.summary.policy, cell))
+        assert "back-offs" in text
+        assert found["trials"] == row.summary.trials
+        for name, expected in row.summary.numbers.items():
+            assert found[name] == pytest.approx(expected, rel=1e-9, nan_ok=True), (cell.title, row.summary.policy, name)
+
+
+def test_the_command_of_the_pairs_gives_their_numbers(board):
     compared = 0
     for cell, row in rows_of(board):
         if row.paired is None:
             continue
-        found = duckdb.sql(paired_sql(board, row.summary.policy, cell)).fetchall()[0]
-        assert found[:3] == (row.paired.pairs, row.paired.better, row.paired.worse)
-        assert found[3] == pytest.approx(row.paired.slower, rel=1e-9)
+        found, _ = computed(paired_command(board, row.summary.policy, cell))
+        expected = [row.paired.pairs, row.paired.better, row.paired.worse, row.paired.slower]
+        assert found.to_list() == pytest.approx(expected, rel=1e-9)
         compared += 1
     assert compared == 2 * 5 * 2
 

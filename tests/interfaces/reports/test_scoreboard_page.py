@@ -4,7 +4,6 @@ import html
 import re
 from urllib.parse import unquote
 
-import duckdb
 import numpy as np
 import pytest
 
@@ -114,16 +113,6 @@ def test_a_single_file_is_linked_itself(tmp_path):
     assert '/engine%3Ddrake/"' in page_of(tmp_path)
 
 
-def test_the_statements_on_the_page_give_the_cells(results):
-    page = html.unescape(results[1].read_text())
-    statements = re.findall(r"<dt>recompute with DuckDB</dt><dd><pre>(.*?)</pre>", page, re.DOTALL)
-    assert len(statements) == 5 * 3
-    found = duckdb.sql(statements[0]).df().iloc[0]
-    raw = results[1].read_text()
-    assert text_of(cells_of(raw, "inserted"))[:3] == [f"{found['inserted']:.0f}", "of", f"{found['trials']:.0f}"]
-    assert text_of(cells_of(raw, "load")) == [f"{found['load']:.1f}"]
-
-
 def test_text_that_looks_like_html_is_shown_as_text(tmp_path):
     write_sweep(tmp_path, title="<i>friction</i> $title")
     write_trials(tmp_path, [{"factors": '{"<b>": "</script>"}'}], policy="<script>alert(1)</script>")
@@ -150,8 +139,7 @@ def test_the_markdown_has_the_same_tables(results):
     assert f"| {first.inserted} of {first.trials} (" in lines[0]
     for address in re.findall(r"\]\(([^)]*)\)", text):
         assert (out.parent / unquote(address)).exists()
-    (statement,) = re.findall(r"^    (SELECT .*)$", text.split("## ")[1], re.MULTILINE)
-    assert len(duckdb.sql(statement).fetchall()) == 3
+    assert text.count("\n    import pandas; ") == 5
 
 
 def test_names_do_not_break_the_markdown(tmp_path):
