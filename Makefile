@@ -55,7 +55,7 @@ fuzz: environment
 
 PHYSICS := theory convergence clearance
 LEARNERS := clustering regression contact_states
-BENCHMARKS := $(PHYSICS:%=physics.%) $(LEARNERS:%=learners.%) rig.mujoco
+BENCHMARKS := $(PHYSICS:%=physics.%) $(LEARNERS:%=learners.%)
 
 # With the demonstrations and the skill of `make demo`.
 bench: environment

@@ -18,7 +18,7 @@ peg (as in `make_bore`), and a broken edge. The first row is the finest; the sec
 scenarios (64 facets, 1e10 Pa, 1 s/m, a chamfer that begins at the mouth).
 
 With --mujoco (extra [mujoco]) the same peg also moves in MuJoCo, where it is an exact cylinder and the bore a ring of
-boxes (`systems.plant.mujoco_model`). `benchmarks.rig.mujoco` compares the engines in trials of the rig.
+boxes (`systems.plant.mujoco_model`). The sweep `engines.yaml` compares the engines in trials of the rig.
 """
 
 from __future__ import annotations

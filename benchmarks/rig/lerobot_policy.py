@@ -4,11 +4,12 @@ They are given what the rig measures: height of the tip and own turns as ``obser
 ``observation.environment_state``. They predict the recorded motion of the hand at every sample: the turn of the peg
 about x and y of P, and the feed. Everything is in P, as it was recorded; `turned` shows them the symmetry of the task,
 which the skill has in its canonical frame: copies of each demonstration, turned about the axis of the peg, with the
-noise of the sensor.
+noise of the sensor. `imitation` is for sweeps. Training and decisions use one thread.
 """
 
 from __future__ import annotations
 
+import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,6 +27,7 @@ from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 from numpy.typing import ArrayLike
 from torch.utils.data import DataLoader, default_collate
 
+from experiments.sweeps.policies import TrainingContext
 from interfaces.exports.episodes import WRENCH, WRENCH_UNITS, Episode, Feature, frame_rate
 from interfaces.exports.lerobot import LeRobotWriter
 from skill.arrays import Array
@@ -51,6 +53,19 @@ FORCE_NOISE, MOMENT_NOISE = 0.06, 5e-3
 BATCH = 64
 RATE = 5e-4
 """Learning rate; it falls to zero over the training. Those of LeRobot are for networks with images."""
+
+
+torch.set_num_threads(1)  # here, because a worker that unpickles a policy imports this module and trains nothing
+
+
+def imitation(
+    training_context: TrainingContext, policy: str = "act", minutes: float = 10.0, copies: int = 8, seed: int = 0
+) -> LeRobotLaw:
+    """A policy of LeRobot that imitates the good demonstrations of a training context; see `train`."""
+    good = [demonstration for demonstration in training_context.demonstrations if demonstration.good]
+    with tempfile.TemporaryDirectory() as folder:
+        write_training_set(good, Path(folder), copies=copies, seed=seed)
+        return train(policy, Path(folder), seconds=60.0 * minutes, seed=seed)
 
 
 def policy_config(name: str) -> Any:
@@ -111,8 +126,8 @@ def write_training_set(demonstrations: Sequence[Demonstration], folder: Path, *,
     writer.finish({"kind": "training set"})
 
 
-def train(name: str, folder: Path, *, seconds: float, seed: int) -> tuple[LeRobotLaw, dict[str, Any]]:
-    """Trains a policy on a data set for a time, and returns it as a control law, with what the training reached.
+def train(name: str, folder: Path, *, seconds: float, seed: int) -> LeRobotLaw:
+    """Trains a policy on a data set for a time, and returns it as a control law.
 
     Args:
         name: "act" or "diffusion".
@@ -120,7 +135,6 @@ def train(name: str, folder: Path, *, seconds: float, seed: int) -> tuple[LeRobo
         seconds: of CPU time of the training, without the reading of the data.
         seed: of the weights and the batches.
     """
-    torch.set_num_threads(1)
     torch.manual_seed(seed)
     config = policy_config(name)
     data = LeRobotDataset("local/demonstrations", root=folder)
@@ -136,7 +150,7 @@ def train(name: str, folder: Path, *, seconds: float, seed: int) -> tuple[LeRobo
     optimizer = torch.optim.AdamW(policy.parameters(), lr=RATE, weight_decay=1e-4)
     policy.train()
     count = len(data)
-    begun, cpu, steps, losses = time.perf_counter(), time.process_time(), 0, []
+    cpu = time.process_time()
     while (spent := time.process_time() - cpu) < seconds:
         for group in optimizer.param_groups:
             group["lr"] = RATE * (1.0 - spent / seconds)
@@ -146,17 +160,7 @@ def train(name: str, folder: Path, *, seconds: float, seed: int) -> tuple[LeRobo
         loss.backward()
         torch.nn.utils.clip_grad_norm_(policy.parameters(), 10.0)
         optimizer.step()
-        losses.append(float(loss.detach()))
-        steps += 1
-    reached = {
-        "parameters": sum(p.numel() for p in policy.parameters()),
-        "frames": count,
-        "steps": steps,
-        "train_s": time.perf_counter() - begun,
-        "train_cpu_s": time.process_time() - cpu,
-        "loss": float(np.mean(losses[-200:])) if losses else None,
-    }
-    return LeRobotLaw(policy, before, after), reached
+    return LeRobotLaw(policy, before, after)
 
 
 def _in_memory(data: LeRobotDataset, keys: Sequence[str]) -> dict[str, torch.Tensor]:
@@ -178,22 +182,20 @@ class LeRobotLaw(ControlLaw):
     """
 
     def __init__(self, policy: Any, before: Any, after: Any) -> None:
-        self._policy, self._before, self._after = policy, before, after
-        self.begin()
-
-    def begin(self) -> None:
-        """Forgets the last trial."""
-        self._policy.eval()
-        self._policy.reset()
+        self._policy, self._before, self._after = policy.eval(), before, after
+        self._last = np.inf  # number of the sample of the last action
 
     def estimator(self) -> OwnTurns:
         """Returns what tells this law its own turns."""
         return OwnTurns()
 
     def act(self, measured: ArrayLike, estimate: Estimate) -> Action:
-        """See `ControlLaw`."""
+        """See `ControlLaw`. A sample that is no later than the last one begins another trial."""
+        if estimate.memory[2] <= self._last:
+            self._policy.reset()
+        self._last = estimate.memory[2]
         row = np.asarray(measured, dtype=np.float32)
-        state = np.concatenate([row[6:7], estimate.memory]).astype(np.float32)
+        state = np.concatenate([row[6:7], estimate.memory[:2]]).astype(np.float32)
         observation = {
             "observation.state": torch.from_numpy(state),
             "observation.environment_state": torch.from_numpy(row[:6].copy()),
@@ -205,12 +207,12 @@ class LeRobotLaw(ControlLaw):
 
 
 class OwnTurns:
-    """An `Estimator` whose memory (2,) is the own turn since the start, rad."""
+    """An `Estimator` whose memory (3,) is the own turn since the start, rad, and the number of samples."""
 
     def initial(self) -> Estimate:
-        """No turn."""
-        return Estimate(memory=np.zeros(2))
+        """No turn, no sample."""
+        return Estimate(memory=np.zeros(3))
 
     def step(self, memory: Array, observation: Array) -> Estimate:
         """The turn of the observation."""
-        return Estimate(memory=observation[7:9])
+        return Estimate(memory=np.append(observation[7:9], memory[2] + 1.0))

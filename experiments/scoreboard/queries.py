@@ -10,6 +10,7 @@ from experiments.scoreboard.columns import COLUMNS
 from experiments.scoreboard.summary import Cell, Scoreboard
 from experiments.sweeps.trial_files import partition
 
+
 def sweep_commands(board: Scoreboard) -> list[str]:
     """Returns the commands that make the trials of a folder of results, one for each stored sweep.
 
@@ -24,8 +25,7 @@ def row_command(board: Scoreboard, policy: str, cell: Cell) -> str:
     """Returns a line of Python that recomputes a row: its plain aggregates, named as the columns, as a Series."""
     values = ", ".join(f"{column.name!r}: {column.pandas}" for column in COLUMNS if column.pandas)
     return (
-        f"import pandas; d = {_read(board, policy, cell)};"
-        f" r = pandas.Series({{'trials': len(d), {values}}}); print(r)"
+        f"import pandas; d = {_read(board, policy, cell)}; r = pandas.Series({{'trials': len(d), {values}}}); print(r)"
     )
 
 
