@@ -58,6 +58,10 @@ MAX_SEARCHED = 20_000
 their number. A state with fewer than half as many of these samples as it has parameters is not found."""
 
 
+BLOCK = 8192
+"""Number of samples whose distances to all centres are computed together."""
+
+
 @dataclass
 class History:
     """Course of the competition, one entry for each iteration.
@@ -321,13 +325,11 @@ def survivors(cardinalities: Array, min_cardinality: float) -> NDArray[np.bool_]
     return keep
 
 
-def nearest_centre(Z: Array, centres: Array, block: int = 8192) -> NDArray[np.intp]:
+def nearest_centre(Z: Array, centres: Array) -> NDArray[np.intp]:
     """Returns the index of the Euclidean-nearest centre of each sample, shape (N,)."""
-    labels = np.empty(len(Z), dtype=np.intp)
     half_norms = 0.5 * np.einsum("md,md->m", centres, centres)
-    for start in range(0, len(Z), block):
-        labels[start : start + block] = np.argmin(half_norms - Z[start : start + block] @ centres.T, axis=1)
-    return labels
+    blocks = [Z[start : start + BLOCK] for start in range(0, len(Z), BLOCK)]
+    return np.concatenate([np.argmin(half_norms - block @ centres.T, axis=1) for block in blocks])
 
 
 def phase_slices(phase: Array, slices: int) -> NDArray[np.intp]:

@@ -166,10 +166,6 @@ class GaussianStates(ClusterMixin, BaseEstimator):
         """Returns the log-density of each sample under the mixture of all states, shape (n,)."""
         return np.asarray(logsumexp(self.log_densities(X, channels), axis=1))
 
-    def score(self, X: ArrayLike, y: Any = None, channels: ArrayLike | None = None) -> float:
-        """Returns the mean log-density of the samples; ``y`` is ignored."""
-        return float(np.mean(self.score_samples(X, channels)))
-
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """Returns the fitted states as arrays that can be stored without pickle."""
         self._check_fitted()

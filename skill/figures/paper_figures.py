@@ -7,7 +7,6 @@ screen. Their units are mm, degrees, N and N mm.
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +34,7 @@ WIDTH = 7.2  # in units of inches, width of a text block
 ROW_PITCH = 2.3  # distance of the zero lines of stacked series, each in the range -1 to 1
 SHORT_NAME = 12  # maximum length of state names for a legend with five columns
 MAX_LISTED = 20  # maximum number of trials that are numbered one by one
+RESOLUTION = 200  # of a PNG file, dots per inch
 
 
 def plot_demonstration(demonstration: Demonstration) -> Figure:
@@ -81,15 +81,11 @@ def plot_demonstration(demonstration: Demonstration) -> Figure:
     return figure
 
 
-def plot_run(run: RigRun, state_names: Sequence[str] | None = None) -> Figure:
+def plot_run(run: RigRun) -> Figure:
     """Draws one insertion of the rig over the contact states, as in Fig. 5 of the paper.
 
     The upper panel has six series, each divided by its largest magnitude; the lower one has the corrections of the
-    motors and the back-offs.
-
-    Args:
-        run: the recorded run.
-        state_names: names of the states; None for those in the metadata of the run, or else their numbers.
+    motors and the back-offs. The states have the names in the metadata of the run, or else their numbers.
 
     Raises:
         ValueError: if there are fewer names than states.
@@ -97,7 +93,7 @@ def plot_run(run: RigRun, state_names: Sequence[str] | None = None) -> Figure:
     data = run.samples
     time = data["time"].to_numpy(dtype=float)
     state = np.rint(data["state"]).to_numpy(dtype=int)
-    names = run.metadata.get("state_names") if state_names is None else state_names
+    names = run.metadata.get("state_names")
     labels = state_labels(max(state.max() + 1, len(names or ())), names)
     colours = state_colours(len(labels))
 
@@ -242,13 +238,12 @@ def _draw_trials(axes: Axes, number: NDArray[Any], values: Array, inserted: NDAr
     axes.set_ylim(0.0, 1.15 * max(float(values.max()), 1e-9))
 
 
-def save_figure(figure: Figure, path: Path, *, resolution: int = 200) -> None:
+def save_figure(figure: Figure, path: Path) -> None:
     """Writes a figure atomically.
 
     Args:
         figure: figure to write.
         path: target file; its suffix selects the format (png, svg, pdf).
-        resolution: resolution of a PNG file, dots per inch.
 
     Raises:
         ValueError: if the suffix is not a known format. The message names the path.
@@ -259,7 +254,7 @@ def save_figure(figure: Figure, path: Path, *, resolution: int = 200) -> None:
     if format_ not in known:
         raise ValueError(f"{path}: suffix '{path.suffix}' is not a figure format; expected one of {sorted(known)}")
     stream = io.BytesIO()
-    figure.savefig(stream, format=format_, dpi=resolution)
+    figure.savefig(stream, format=format_, dpi=RESOLUTION)
     write_atomically(path, stream.getvalue())
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,12 +15,7 @@ MIN_SHOWN = 0.02  # minimum probability of a move that is drawn
 MIN_LABELLED = 0.1  # minimum probability of a move that is labelled
 
 
-def draw_state_graph(
-    graph: StateGraph,
-    axes: Axes,
-    names: Sequence[str] | None = None,
-    colours: Sequence[Any] | None = None,
-) -> None:
+def draw_state_graph(graph: StateGraph, axes: Axes, names: Sequence[str]) -> None:
     """Draws the states as discs, in the order of their mean phase, and the outcomes as squares at the right.
 
     The area of a disc grows with the share of time spent in the state. The label below it gives the mean dwell time and
@@ -30,19 +24,16 @@ def draw_state_graph(
     Args:
         graph: fitted state graph.
         axes: axes to draw on.
-        names: names (K,) of the states; None for their numbers.
-        colours: matplotlib colours (K,) of the states; None for the default cycle.
+        names: names (K,) of the states.
 
     Raises:
-        ValueError: if the number of names or colours is not K.
+        ValueError: if the number of names is not K.
     """
     check_is_fitted(graph)
     K, A = graph.exits_.shape
-    names = [str(k) for k in range(K)] if names is None else list(names)
-    colours = [f"C{k % 10}" for k in range(K)] if colours is None else list(colours)
-    for what, given in (("names", names), ("colours", colours)):
-        if len(given) != K:
-            raise ValueError(f"{len(given)} {what} for {K} states; expected one for each state")
+    if len(names) != K:
+        raise ValueError(f"{len(names)} names for {K} states; expected one for each state")
+    colours = [f"C{k % 10}" for k in range(K)]
     states = [int(k) for k in np.argsort(graph.phase_) if graph.visits_[k] > 0]
     ends = sorted((a for a in range(A) if graph.exits_[:, a].any()), key=lambda a: not _is_success(graph, a))
     points = {state: (float(i), 0.0) for i, state in enumerate(states)}
@@ -72,7 +63,7 @@ def _is_success(graph: StateGraph, outcome: int) -> bool:
     return str(graph.outcomes_[outcome]) == graph.success
 
 
-def _draw_state(axes: Axes, point: tuple[float, float], share: float, colour: Any, name: str, label: str) -> None:
+def _draw_state(axes: Axes, point: tuple[float, float], share: float, colour: str, name: str, label: str) -> None:
     """Draws one state as a disc whose area grows with its share of the time."""
     axes.scatter(*point, s=250 + 2500 * share, color=colour, edgecolor="black", zorder=3)
     axes.annotate(name, point, ha="center", va="center", zorder=4)
@@ -94,11 +85,7 @@ def _draw_outcome(axes: Axes, point: tuple[float, float], colour: str, label: st
 
 
 def _draw_move(
-    axes: Axes,
-    start: tuple[float, float],
-    end: tuple[float, float],
-    probability: float,
-    colour: Any,
+    axes: Axes, start: tuple[float, float], end: tuple[float, float], probability: float, colour: str
 ) -> None:
     """Draws one move as an arrow whose width is its probability."""
     # A positive bow bends to the left of the arrow. Moves forward thus pass above the states between, and moves back

@@ -7,8 +7,7 @@ selected. The error over groups is the error on new demonstrations.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +20,13 @@ from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.neighbourhood import Kernel
 
 FOLDS = 5
-"""Number of folds of the cross-validation over demonstrations."""
+"""Number of folds of the cross-validation over demonstrations; at most one for each demonstration."""
+
+MIN_GAIN = 1e-3
+"""Minimum relative decrease of the error for which the scale of a feature is changed."""
+
+MAX_PASSES = 4
+"""Maximum number of passes over all features."""
 
 Fold = tuple[NDArray[np.intp], NDArray[np.intp]]
 
@@ -59,38 +64,21 @@ class FeatureScaleSelection:
     evaluations: int
 
 
-def select_bandwidth(
-    regressor: LWRegressor,
-    X: ArrayLike,
-    y: ArrayLike,
-    groups: ArrayLike,
-    *,
-    bandwidths: Sequence[float] | None = None,
-    memberships: ArrayLike | None = None,
-    sample_weight: ArrayLike | None = None,
-    n_splits: int = 5,
-) -> BandwidthSelection:
-    """Selects the bandwidth with the minimum error on left-out groups.
+def select_bandwidth(regressor: LWRegressor, X: ArrayLike, y: ArrayLike, groups: ArrayLike) -> BandwidthSelection:
+    """Selects the bandwidth, among `default_bandwidths`, with the minimum error on left-out groups.
 
     Args:
         regressor: regressor with all other parameters; it is not changed.
         X: (n, d).
         y: (n,) or (n, p).
         groups: (n,), the demonstration of each sample.
-        bandwidths: candidates; None for those of `default_bandwidths`.
-        memberships: (n, K), see `LWRegressor`.
-        sample_weight: (n,), see `LWRegressor`; the errors are weighted by it too.
-        n_splits: number of folds; at most one for each group is used.
 
     Raises:
-        ValueError: if there are fewer than two groups, or a candidate is not positive.
+        ValueError: if there are fewer than two groups, or a shape is wrong.
     """
-    data = GroupedSamples.checked(X, y, groups, memberships, sample_weight, n_splits)
+    data = GroupedSamples.checked(X, y, groups, None)
     template = clone(regressor).set_params(bandwidth=1.0)  # any number: fits with "auto" would select one in vain
-    fitted = data.fit(clone(template), np.arange(len(data.X)))
-    candidates = default_bandwidths(fitted) if bandwidths is None else np.sort(np.asarray(bandwidths, float))
-    if candidates.size == 0 or not (np.isfinite(candidates).all() and candidates[0] > 0):
-        raise ValueError(f"bandwidths = {bandwidths}; expected one or more positive numbers")
+    candidates = default_bandwidths(data.fit(clone(template), np.arange(len(data.X))))
     errors = np.empty((len(data.folds), len(candidates)))
     for i, (train, test) in enumerate(data.folds):
         model = data.fit(clone(template), train)
@@ -109,11 +97,7 @@ def select_feature_scale(
     groups: ArrayLike,
     *,
     memberships: ArrayLike | None = None,
-    sample_weight: ArrayLike | None = None,
-    n_splits: int = 5,
-    max_queries: int | None = 1000,
-    min_gain: float = 1e-3,
-    max_passes: int = 4,
+    max_queries: int = 1000,
     random_state: int = 0,
 ) -> FeatureScaleSelection:
     """Selects the scale of each feature by coordinate descent on the error on left-out groups.
@@ -129,18 +113,14 @@ def select_feature_scale(
         y: (n,) or (n, p).
         groups: (n,), the demonstration of each sample.
         memberships: (n, K), see `LWRegressor`.
-        sample_weight: (n,), see `LWRegressor`.
-        n_splits: number of folds; at most one for each group is used.
-        max_queries: number of left-out samples used for the error, drawn at random; None for all.
-        min_gain: minimum relative decrease of the error for which a scale is changed.
-        max_passes: maximum number of passes over all features.
+        max_queries: maximum number of left-out samples used for the error, drawn at random.
         random_state: seed of the draw.
 
     Raises:
         ValueError: if there are fewer than two groups, or a shape is wrong.
     """
-    data = GroupedSamples.checked(X, y, groups, memberships, sample_weight, n_splits)
-    if max_queries is not None and max_queries < len(data.X):
+    data = GroupedSamples.checked(X, y, groups, memberships)
+    if max_queries < len(data.X):
         data = data.thinned(max_queries, random_state)
     template = clone(regressor)
     fitted = data.fit(clone(regressor), np.arange(len(data.X)))
@@ -157,14 +137,14 @@ def select_feature_scale(
 
     best = initial = error_of(scale)
     factor = 2.0
-    for _ in range(max_passes):
+    for _ in range(MAX_PASSES):
         gained = False
         for j in range(len(scale)):
             for change in (factor, 1.0 / factor):
                 trial = scale.copy()
                 trial[j] *= change
                 error = error_of(trial)
-                if error < best * (1.0 - min_gain):
+                if error < best * (1.0 - MIN_GAIN):
                     scale, best, gained = trial, error, True
                     break
         if not gained:
@@ -188,7 +168,6 @@ class GroupedSamples:
         X: (n, d), features.
         y: (n, p), outputs.
         P: (n, K), contact-state probabilities, or None.
-        weight: (n,), sample weights.
         folds: rows of the training samples and of the left-out samples, for each fold.
         variance: (p,), variance of each output.
     """
@@ -196,20 +175,11 @@ class GroupedSamples:
     X: Array
     y: Array
     P: Array | None
-    weight: Array
     folds: list[Fold]
     variance: Array
 
     @classmethod
-    def checked(
-        cls,
-        X: ArrayLike,
-        y: ArrayLike,
-        groups: ArrayLike,
-        memberships: ArrayLike | None,
-        sample_weight: ArrayLike | None,
-        n_splits: int,
-    ) -> GroupedSamples:
+    def checked(cls, X: ArrayLike, y: ArrayLike, groups: ArrayLike, memberships: ArrayLike | None) -> GroupedSamples:
         """Checks the samples and makes the folds; raises ValueError if they are not valid."""
         samples, outputs, names = np.asarray(X, float), np.asarray(y, float), np.asarray(groups)
         outputs = outputs.reshape(len(outputs), -1)
@@ -218,38 +188,35 @@ class GroupedSamples:
                 f"X {samples.shape}, y {np.shape(y)}, groups {names.shape}; expected (n, d), (n[, p]), (n,)"
             )
         n_groups = len(np.unique(names))
-        if n_groups < 2 or n_splits < 2:
+        if n_groups < 2:
             raise ValueError(
-                f"{n_groups} groups and n_splits = {n_splits}; cross-validation over demonstrations needs at"
-                " least two of each: record more demonstrations, or set the bandwidth by hand"
+                f"{n_groups} groups; cross-validation over demonstrations needs at least two:"
+                " record more demonstrations, or set the bandwidth by hand"
             )
-        folds = list(GroupKFold(min(n_splits, n_groups)).split(samples, groups=names))
-        weight = np.ones(len(samples)) if sample_weight is None else np.asarray(sample_weight, float)
+        folds = list(GroupKFold(min(FOLDS, n_groups)).split(samples, groups=names))
         P = None if memberships is None else np.asarray(memberships, float)
-        return cls(samples, outputs, P, weight, folds, outputs.var(axis=0))
+        return cls(samples, outputs, P, folds, outputs.var(axis=0))
 
     def thinned(self, n_queries: int, seed: int) -> GroupedSamples:
         """Keeps ``n_queries`` of the left-out samples, drawn at random, and all training samples."""
         chosen = np.zeros(len(self.X), dtype=bool)
         chosen[np.random.default_rng(seed).choice(len(self.X), n_queries, replace=False)] = True
         folds = [(train, test[chosen[test]]) for train, test in self.folds]
-        folds = [fold for fold in folds if len(fold[1])]
-        return GroupedSamples(self.X, self.y, self.P, self.weight, folds, self.variance)
+        return replace(self, folds=[fold for fold in folds if len(fold[1])])
 
     def fit(self, model: LWRegressor, rows: NDArray[np.intp]) -> LWRegressor:
         """Fits a model to the given rows and returns it."""
         P = None if self.P is None else self.P[rows]
-        return model.fit(self.X[rows], self.y[rows], memberships=P, sample_weight=self.weight[rows])
+        return model.fit(self.X[rows], self.y[rows], memberships=P)
 
     def error(self, model: LWRegressor, rows: NDArray[np.intp]) -> float:
         """Normalised mean squared error at left-out rows; ignores outputs that do not vary."""
         P = None if self.P is None else self.P[rows]
         squares = (np.asarray(model.predict(self.X[rows], P)).reshape(len(rows), -1) - self.y[rows]) ** 2
         varies = self.variance > 0
-        if not varies.any() or not self.weight[rows].any():
+        if not varies.any():
             return 0.0
-        mean = np.average(squares, axis=0, weights=self.weight[rows])
-        return float((mean[varies] / self.variance[varies]).mean())
+        return float((squares.mean(axis=0)[varies] / self.variance[varies]).mean())
 
 
 def tuned_regressor(
@@ -261,8 +228,6 @@ def tuned_regressor(
     """
     regressor = LWRegressor(bandwidth=1.0, feature_scale="standard", ridge=1.0)
     if len(np.unique(groups)) >= FOLDS:
-        selected = select_feature_scale(
-            regressor, X, Y, groups, memberships=memberships, n_splits=FOLDS, random_state=random_state
-        )
+        selected = select_feature_scale(regressor, X, Y, groups, memberships=memberships, random_state=random_state)
         regressor.set_params(feature_scale=selected.feature_scale)
     return regressor

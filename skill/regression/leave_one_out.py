@@ -16,6 +16,10 @@ MAX_LEFT_OUT = 500
 """Number of samples that are left out, one by one, to select a bandwidth. They are evenly spaced among all samples."""
 
 
+RADII = 100
+"""Number, roughly, of the neighbourhoods whose median radius gives the candidate bandwidths."""
+
+
 @dataclass(frozen=True)
 class StoredSamples:
     """The samples of a locally weighted regression.
@@ -88,7 +92,7 @@ class StoredSamples:
         return float(candidates[errors.argmin()])  # the widest of equal ones
 
 
-def candidate_bandwidths(X: Array, kernel: Kernel, n_queries: int = 100) -> Array:
+def candidate_bandwidths(X: Array, kernel: Kernel) -> Array:
     """Twelve candidates, from an eighth to four times the median radius of a neighbourhood.
 
     The radius is the distance to the farthest neighbour used. For an adaptive kernel, whose bandwidth is in units of
@@ -97,13 +101,12 @@ def candidate_bandwidths(X: Array, kernel: Kernel, n_queries: int = 100) -> Arra
     Args:
         X: (n, d), scaled features.
         kernel: the kernel; its bandwidth has no effect.
-        n_queries: number of neighbourhoods, roughly.
     """
     multiples = np.geomspace(0.125, 4.0, 12)
     if kernel.adaptive:
         return multiples
     k = len(X) if kernel.n_neighbors is None else min(int(kernel.n_neighbors), len(X))
-    queries = X[:: max(1, len(X) // n_queries)]
+    queries = X[:: max(1, len(X) // RADII)]
     radii = [np.partition(np.linalg.norm(query - X, axis=1), k - 1)[k - 1] for query in queries]
     radius = float(np.median(radii))
     return multiples * (radius if radius > 0 else 1.0)

@@ -30,12 +30,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import log_softmax, logsumexp, softmax
 from sklearn.base import BaseEstimator
+from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
 from skill.arrays import Array
@@ -53,6 +55,15 @@ MAX_SAMPLES = 3000
 
 MAX_CONTEXTS = 3
 """Largest number of contexts that is selected by default."""
+
+STARTS = 12
+"""Number of random starts of EM for each number of contexts."""
+
+MAX_ITERATIONS = 50
+"""Largest number of iterations of EM."""
+
+TOLERANCE = 1e-3
+"""Largest change of a responsibility at which EM ends."""
 
 MIN_WEIGHT = 0.02
 """Smallest weight pi_k."""
@@ -88,9 +99,6 @@ class ContextMixture(BaseEstimator):
         n_contexts: number of contexts K; None selects it.
         max_contexts: largest number that is selected.
         bandwidth: h of the kernel, in standard deviations of the features.
-        n_init: number of random starts of EM for each number of contexts.
-        max_iter: most iterations of EM.
-        tol: largest change of a responsibility at which EM ends.
         random_state: seed of the starts.
 
     Attributes:
@@ -103,23 +111,23 @@ class ContextMixture(BaseEstimator):
         correlation_times_: (p,), tau, in samples.
     """
 
+    _parameter_constraints: dict[str, list[Any]] = {
+        "n_contexts": [Interval(Integral, 1, None, closed="left"), None],
+        "max_contexts": [Interval(Integral, 1, None, closed="left")],
+        "bandwidth": [Interval(Real, 0, None, closed="neither")],
+    }
+
     def __init__(
         self,
         *,
         n_contexts: int | None = None,
         max_contexts: int = MAX_CONTEXTS,
         bandwidth: float = 1.5,
-        n_init: int = 12,
-        max_iter: int = 50,
-        tol: float = 1e-3,
         random_state: int | None = 0,
     ) -> None:
         self.n_contexts = n_contexts
         self.max_contexts = max_contexts
         self.bandwidth = bandwidth
-        self.n_init = n_init
-        self.max_iter = max_iter
-        self.tol = tol
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: ArrayLike, *, inputs: ArrayLike, groups: ArrayLike) -> Self:
@@ -136,7 +144,7 @@ class ContextMixture(BaseEstimator):
                 two groups.
         """
         features, answers, motions, names = _checked(X, y, inputs, groups)
-        self._check_parameters()
+        self._validate_params()
         stride = -(-len(features) // MAX_SAMPLES)
         rows = np.argsort(names, kind="stable")[::stride]  # one group after the other, each in the order of time
         self.groups_, group = np.unique(names[rows], return_inverse=True)
@@ -220,7 +228,7 @@ class ContextMixture(BaseEstimator):
 
     def _selected(self, em: _ExpectationMaximization, rng: np.random.Generator) -> _Fit:
         """The result with the fewest contexts to which one more adds no more than its standard error."""
-        best, self.gains_ = em.run(np.ones((em.n_groups, 1)), 1, 0.0), []
+        best, self.gains_ = em.run(np.ones((em.n_groups, 1))), []
         score = em.split_score(best)
         for number in range(2, 1 + min(self.max_contexts, em.n_groups)):
             found = self._best(em, number, rng)
@@ -234,8 +242,8 @@ class ContextMixture(BaseEstimator):
         return best
 
     def _best(self, em: _ExpectationMaximization, number: int, rng: np.random.Generator) -> _Fit:
-        starts = [rng.dirichlet(np.ones(number), em.n_groups) for _ in range(self.n_init)]
-        found = [em.run(start, self.max_iter, self.tol) for start in starts]
+        starts = [rng.dirichlet(np.ones(number), em.n_groups) for _ in range(STARTS)]
+        found = [em.run(start) for start in starts]
         return max(found, key=lambda fit: float(em.split_score(fit).sum()))
 
     def _store(self, responsibilities: Array, group: NDArray[np.intp]) -> None:
@@ -247,16 +255,6 @@ class ContextMixture(BaseEstimator):
     def _scaled(self, X: Array, U: Array, Y: Array) -> ResponseSamples:
         of_X, of_U, of_Y = self.scales_
         return ResponseSamples(X / of_X, U / of_U, (Y - self.centre_) / of_Y)
-
-    def _check_parameters(self) -> None:
-        counts = {"max_contexts": self.max_contexts, "n_init": self.n_init, "max_iter": self.max_iter}
-        for name, value in counts.items():
-            if not (isinstance(value, int | np.integer) and value >= 1):
-                raise ValueError(f"{name} = {value!r}; expected an integer of at least 1")
-        if self.n_contexts is not None and not (isinstance(self.n_contexts, int | np.integer) and self.n_contexts >= 1):
-            raise ValueError(f"n_contexts = {self.n_contexts!r}; expected an integer of at least 1, or None")
-        if not (np.isfinite(self.bandwidth) and self.bandwidth > 0):
-            raise ValueError(f"bandwidth = {self.bandwidth!r}; expected a positive number")
 
 
 class _ExpectationMaximization:
@@ -272,15 +270,15 @@ class _ExpectationMaximization:
         self._times = times
         self.n_groups = int(group.max()) + 1
 
-    def run(self, start: Array, max_iter: int, tol: float) -> _Fit:
+    def run(self, start: Array) -> _Fit:
         """Returns the result of EM from responsibilities (G, K)."""
         responsibilities = start
-        for _ in range(max_iter):
+        for _ in range(MAX_ITERATIONS):
             evidence = self._evidence(responsibilities)
             updated = softmax(np.log(_weights(responsibilities)) + self._sums(evidence), axis=1)
             change = np.abs(updated - responsibilities).max()
             responsibilities = updated
-            if change <= tol:
+            if change <= TOLERANCE:
                 break
         return _Fit(responsibilities, evidence)
 

@@ -99,19 +99,20 @@ def by_sequence(
     return found
 
 
-def learnt_chain(log_likelihoods: Array, groups: NDArray[np.intp], *, smoothing: float = 1.0) -> MarkovChain:
+def learnt_chain(log_likelihoods: Array, groups: NDArray[np.intp]) -> MarkovChain:
     """Learns the transitions by expectation-maximisation (Baum and Welch); the likelihoods do not change.
+
+    The transitions from each state get one pseudo-count, in equal parts.
 
     Args:
         log_likelihoods: shape (N, M), log-likelihood of each sample in each state.
         groups: shape (N,), sequence of each sample.
-        smoothing: pseudo-counts added to the transitions from each state, in equal parts.
     """
     M = log_likelihoods.shape[1]
     chain = MarkovChain.sticky(M)
     for _ in range(EM_ITERATIONS):
-        first = np.full(M, smoothing / M)
-        counts = np.full((M, M), smoothing / M)
+        first = np.full(M, 1.0 / M)
+        counts = np.full((M, M), 1.0 / M)
         for rows in sequences(groups):
             mine = log_likelihoods[rows]
             before, later = forward(mine, chain), backward(mine, chain)

@@ -215,22 +215,14 @@ class StateGraph(BaseEstimator):
         found: Array = np.linalg.solve(np.eye(K) - moves[:, :K], moves[:, K + success])
         return found
 
-    def transition_matrix(self, smoothing: float = 1.0) -> Array:
+    def transition_matrix(self) -> Array:
         """Returns the probability of each state at the next sample given the current state, shape (K, K).
 
-        Each row sums to one; the rows of states without visits are uniform.
-
-        Args:
-            smoothing: pseudo-counts added to each row, in equal parts. They keep a filter from excluding transitions
-                that were not demonstrated.
-
-        Raises:
-            ValueError: if ``smoothing`` is not positive.
+        Each row sums to one; the rows of states without visits are uniform. One pseudo-count is added to each row, in
+        equal parts. It keeps a filter from excluding transitions that were not demonstrated.
         """
         check_is_fitted(self)
-        if not smoothing > 0:
-            raise ValueError(f"smoothing = {smoothing}; expected a positive number of pseudo-counts")
-        counts = self.sample_counts_ + smoothing / len(self.sample_counts_)
+        counts = self.sample_counts_ + 1.0 / len(self.sample_counts_)
         matrix: Array = counts / counts.sum(axis=1, keepdims=True)
         return matrix
 

@@ -21,7 +21,7 @@ def test_the_agreement_is_that_with_the_majority_of_a_context():
 def test_sides_with_laws_of_their_own_are_told_and_others_are_not():
     for slopes, low, high in (((1.0, -1.0), 0.95, 1.0), ((1.0, 1.0), 0.0, 0.8)):
         X, U, Y, group, contexts = make_mixture(slopes)
-        mixture = ContextMixture(n_contexts=2, n_init=2).fit(X, Y, inputs=U, groups=group)
+        mixture = ContextMixture(n_contexts=2).fit(X, Y, inputs=U, groups=group)
         share = told(mixture, group, np.where(contexts == 0, 1e-3, -1e-3))[-1]
         assert low <= share <= high
 

@@ -52,11 +52,16 @@ def run() -> Figure:
     return plot_run(replace(made, result={"reason": "inserted", "time_s": 2.4, "tilt_deg": [1.25, -2.0]}))
 
 
-def state_graph(**options: list[str]) -> Figure:
+def run_with_long_names() -> Figure:
+    names = ["free", "against the chamfer of the hole", "c", "d", "e"]
+    return plot_run(replace(make_rig_run(), metadata={"state_names": names}))
+
+
+def state_graph() -> Figure:
     sequences = [[0, 0, 1, 1, 1, 2, 3, 3], [0, 1, 1, 2, 2, 1, 2, 3], [0, 0, 1, 2, 2, 2], [1, 1, 0, 0, 2, 3]]
     figure = new_figure(4.0)
     graph = StateGraph(sample_period=0.02).fit(sequences, ["inserted", "inserted", "jammed", "time over"])
-    draw_state_graph(graph, figure.add_subplot(), **options)
+    draw_state_graph(graph, figure.add_subplot(), ["free", "rim", "wedge", "in"])
     return figure
 
 
@@ -73,12 +78,11 @@ def demonstration_set() -> Figure:
 FIGURES = {
     "demonstration": lambda: plot_demonstration(make_demonstration()),
     "run": run,
-    "run_with_long_names": lambda: plot_run(make_rig_run(), ["free", "against the chamfer of the hole", "c", "d", "e"]),
+    "run_with_long_names": run_with_long_names,
     "outcomes": lambda: plot_outcomes(trials().assign(seed=np.arange(7, 12))),
     "many_outcomes": lambda: plot_outcomes(trials(30)),
     "practice": practice,
     "state_graph": state_graph,
-    "state_graph_with_names": lambda: state_graph(names=["free", "rim", "wedge", "in"], colours=list("rgbk")),
     "demonstration_set": demonstration_set,
 }
 

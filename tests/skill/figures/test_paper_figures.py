@@ -76,7 +76,7 @@ def test_outcomes_need_at_least_one_trial():
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
 def test_a_figure_is_written_atomically(tmp_path, suffix):
     path = tmp_path / f"figure.{suffix}"
-    save_figure(plot_outcomes(make_outcomes([True, False])), path, resolution=60)
+    save_figure(plot_outcomes(make_outcomes([True, False])), path)
     assert path.stat().st_size > 3000
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 

@@ -144,8 +144,7 @@ def test_a_feature_scale_is_selected_for_one_bandwidth():
     X, Y = wavy(120)
     groups = np.arange(120) % 6
     selected = LWRegressor().fit(X, Y).bandwidth_
-    options = {"max_passes": 1, "n_splits": 3}
-    one = select_feature_scale(LWRegressor(), X, Y, groups, **options)
-    other = select_feature_scale(LWRegressor(bandwidth=selected), X, Y, groups, **options)
+    one = select_feature_scale(LWRegressor(), X, Y, groups)
+    other = select_feature_scale(LWRegressor(bandwidth=selected), X, Y, groups)
     np.testing.assert_array_equal(one.feature_scale, other.feature_scale)
     assert one.error == other.error

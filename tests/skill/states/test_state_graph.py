@@ -95,10 +95,6 @@ def test_transition_matrix():
     assert (matrix > 0).all()
     np.testing.assert_allclose(matrix[4], 0.2)
     np.testing.assert_allclose(matrix[0], np.array([3.2, 4.2, 0.2, 1.2, 0.2]) / 9.0)
-    np.testing.assert_allclose(dut.transition_matrix(3.0)[0], np.array([3.6, 4.6, 0.6, 1.6, 0.6]) / 11.0)
-    np.testing.assert_allclose(
-        dut.transition_matrix(1e-12)[0], dut.sample_counts_[0] / dut.sample_counts_[0].sum(), atol=1e-9
-    )
 
 
 def test_states_without_visits():
@@ -174,8 +170,6 @@ def test_wrong_arguments_are_errors():
     for state in (-1, 4):
         with pytest.raises(ValueError, match="from 0 to 3"):
             example().desired_next(state)
-    with pytest.raises(ValueError, match="pseudo-counts"):
-        example().transition_matrix(0.0)
     with pytest.raises(ValueError, match="seconds"):
         StateGraph(sample_period=0.0).fit(SEQUENCES, OUTCOMES)
     with pytest.raises(ValueError, match="to_arrays"):
