@@ -1,6 +1,6 @@
 """Agreement of the discovered contact states with exact geometry, for the skill's learner and others.
 
-    python -m benchmarks.learners.contact_states [--demonstrations FOLDER] [--seed 0] [--figure FILE] [--json FILE]
+    python -m benchmarks.learners.contact_states [--demonstrations FOLDER] [--seed 0] [--json FILE]
 
 Each recorded sample is labelled from its pose by `models.contact_geometry`; no learner sees a label. All learners get
 the same features of the same refined samples, with sensor noise: those by which the skill distinguishes states
@@ -32,15 +32,10 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import typer
 from threadpoolctl import threadpool_limits
@@ -71,8 +66,7 @@ from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import STATE_FLOOR
 from skill.states.contact_state_filter import ContactStateFilter
 from skill.states.state_graph import StateGraph
-from skill.states.state_naming import StateNames, name_states
-from skill.states.state_style import PALETTE
+from skill.states.state_naming import name_states
 
 LABEL_NAMES = tuple(label.label for label in ContactLabel)
 SKILL = "CA-FMLE"  # the learner of the skill
@@ -147,8 +141,8 @@ def filtered_states(data: LabelledDemonstrations, states: States, transitions: A
     return np.array(estimates)
 
 
-def evaluate(data: LabelledDemonstrations, name: str, seed: int) -> tuple[dict[str, Any], States, StateNames]:
-    """The row of one learner, the state of each sample (N,), and the names of the states."""
+def evaluate(data: LabelledDemonstrations, name: str, seed: int) -> dict[str, Any]:
+    """The row of one learner."""
     start = time.process_time()
     seen = data.as_the_regressor_sees_it() if name == REGRESSOR else data
     _, states, transitions = LEARNERS[name](seen, seen, seed, None)
@@ -158,13 +152,12 @@ def evaluate(data: LabelledDemonstrations, name: str, seed: int) -> tuple[dict[s
     names = name_states(dense, data.labels, LABEL_NAMES, n_states=len(used))
     labels = names.labels[filtered_states(seen, dense, transitions)]
     delays, recognised = recognition(data.labels, labels, data.times, data.groups)
-    row = {
+    return {
         "learner": name,
         "states": len(used),
         **agreement(data.labels, dense),
         "purity": float(names.counts.max(axis=1).sum() / names.counts.sum()),
         "on_line_accuracy": float((labels == data.labels).mean()),
-        "on_line_delay_s": float(np.median(delays)),
         "on_line_delay_p90_s": float(np.quantile(delays, 0.9)),
         "on_line_delay_mean_s": float(delays.mean()),
         "recognised": recognised,
@@ -172,16 +165,15 @@ def evaluate(data: LabelledDemonstrations, name: str, seed: int) -> tuple[dict[s
         "names": names.names,
         "confusion": names.counts.tolist(),
     }
-    return row, dense, names
 
 
-def compare(data: LabelledDemonstrations, seed: int, figure: Path | None) -> list[dict[str, Any]]:
-    """Evaluates all learners, prints a row for each, and draws one insertion with the states of the skill's learner."""
+def compare(data: LabelledDemonstrations, seed: int) -> list[dict[str, Any]]:
+    """Evaluates all learners, and prints a row for each."""
     rows = []
     print(f"\n{'':26} states   ARI   NMI purity | on line: right  delay s: mean  90 %  recognised | fit s")
     with progress("contact states", len(LEARNERS)) as advance:
         for name in LEARNERS:
-            row, states, names = evaluate(data, name, seed)
+            row = evaluate(data, name, seed)
             rows.append(row)
             print(
                 f"{name:26} {row['states']:6} {row['ari']:5.3f} {row['nmi']:5.3f} {row['purity']:6.3f} |"
@@ -189,61 +181,13 @@ def compare(data: LabelledDemonstrations, seed: int, figure: Path | None) -> lis
                 f" {row['on_line_delay_p90_s']:5.2f} {row['recognised']:11.3f} | {row['fit_cpu_s']:5.1f}",
                 flush=True,
             )
-            if name == SKILL and figure is not None:
-                one = data.groups == data.example
-                draw_states(figure, data.times[one], data.labels[one], LABEL_NAMES, states[one], names)
             advance(name)
     return rows
-
-
-def draw_states(
-    path: Path,
-    times: np.ndarray,
-    labels: np.ndarray,
-    label_names: Sequence[str],
-    states: np.ndarray,
-    named: StateNames,
-) -> None:
-    """Draws one insertion: true labels above discovered states, each in the colour of its label or a tint of it.
-
-    Args:
-        path: of the file (.png or .svg).
-        times: (n,), s.
-        labels: (n,), true label of each sample.
-        label_names: names of all labels.
-        states: (n,), discovered state of each sample.
-        named: names and dominant labels of the states.
-    """
-    figure, axes = plt.subplots(2, 1, figsize=(8.6, 2.9), sharex=True, layout="constrained")
-    ends = np.append(times[1:], times[-1] + 0.02)
-    colours = {k: matplotlib.colors.to_rgb(PALETTE[rank]) for rank, k in enumerate(np.unique(labels))}
-    tints: dict[int, tuple[float, ...]] = {}
-    for k in np.unique(states):
-        base = np.array(colours.get(int(named.labels[k]), (0.5, 0.5, 0.5)))
-        strength = (1.0, 0.6, 0.35)[min(2, sum(named.labels[j] == named.labels[k] for j in tints))]
-        tints[k] = tuple(1.0 - strength * (1.0 - base))
-    rows = (
-        (axes[0], labels, list(label_names), colours, "by geometry"),
-        (axes[1], states, named.names, tints, "discovered"),
-    )
-    for axis, values, names, shades, title in rows:
-        for k in np.unique(values):
-            chosen = values == k
-            spans = np.column_stack([times[chosen], (ends - times)[chosen]])
-            axis.broken_barh([tuple(span) for span in spans], (0, 1), color=shades[k], label=names[k], lw=0)
-        axis.set(ylabel=title, yticks=[], ylim=(0, 1), xlim=(times[0], ends[-1]))
-        axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8)
-    axes[1].set_xlabel("time [s]")
-    for axis in axes:
-        axis.spines[["top", "right"]].set_visible(False)
-    figure.savefig(path, dpi=150, metadata={"Date": None} if path.suffix == ".svg" else None)
-    plt.close(figure)
 
 
 def main(
     demonstrations: Demonstrations = [Path("out/demonstrations")],  # noqa: B006
     seed: Annotated[int, typer.Option(min=0, help="Seed of the noise and of the learners.")] = 0,
-    figure: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw one insertion to this file.")] = None,
     json: JsonFile = None,
 ) -> None:
     warnings.simplefilter("ignore")
@@ -255,7 +199,7 @@ def main(
         print(f"contact by geometry and by force agrees on {100 * data.contact_agreement:.1f} % of the samples")
         print(f"deepest overlap {1e6 * data.deepest_overlap:.0f} um")
         print("samples by true label: " + ", ".join(f"{n} {c}" for n, c in zip(LABEL_NAMES, counts, strict=True) if c))
-        rows = compare(data, seed, figure)
+        rows = compare(data, seed)
     present = np.flatnonzero(counts)
     print(f"\n{SKILL}, samples of each true label: " + ", ".join(LABEL_NAMES[k] for k in present))
     for name, row in zip(rows[0]["names"], rows[0]["confusion"], strict=True):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.learners.state_learners import Samples
 from experiments.exact_states import exact_bodies
@@ -30,15 +29,12 @@ class LabelledDemonstrations(Samples):
         measured: number of measured features in ``Z``.
         contact_agreement: share of samples on which geometry and recorded force agree about contact.
         deepest_overlap: of the bodies at any sample, m.
-        example: number of the demonstration to draw: of the good ones with the most labels, the one whose rarest label
-            has the largest share.
     """
 
     regressor_Z: Array
     measured: int
     contact_agreement: float
     deepest_overlap: float
-    example: int
 
     def as_the_regressor_sees_it(self) -> LabelledDemonstrations:
         """The same samples with the features of the regressor."""
@@ -70,7 +66,6 @@ def label_demonstrations(demonstrations: list[Demonstration], seed: int) -> Labe
         lengths.append(len(refined))
         phase.append(np.linspace(0.0, 1.0, len(refined), endpoint=False))
         times.append(refined["time"].to_numpy())
-    good = [k for k, demonstration in enumerate(demonstrations) if demonstration.good] or [0]
     return LabelledDemonstrations(
         Z=_standardised(contact_features),
         regressor_Z=_standardised(regressor_features),
@@ -81,7 +76,6 @@ def label_demonstrations(demonstrations: list[Demonstration], seed: int) -> Labe
         measured=len(ContactFeatures().get_feature_names_out()),
         contact_agreement=float(np.concatenate(agrees).mean()),
         deepest_overlap=float(-np.concatenate(gaps).min()),
-        example=max(good, key=lambda k: _variety(labels[k])),
     )
 
 
@@ -89,9 +83,3 @@ def _standardised(features: list[Array]) -> Array:
     stacked = np.vstack(features)
     standardised: Array = (stacked - stacked.mean(axis=0)) / stacked.std(axis=0)
     return standardised
-
-
-def _variety(labels: NDArray[np.intp]) -> tuple[int, float]:
-    """Number of different labels, and the share of the rarest one."""
-    counts = np.unique(labels, return_counts=True)[1]
-    return len(counts), float(counts.min() / len(labels))

@@ -15,8 +15,7 @@ seeds, of nominally 0.95.
 - prediction: share of new noisy outputs within the prediction interval;
 - mean, variance only: share of noiseless outputs within the interval of the mean, which leaves out the bias.
 
-Latency, one row per learner and number N of samples, in microseconds per query: median and 95th percentile of a single
-query, mean of 2000 queries in one call (batched), and single over batched (ratio).
+Latency: median time of a single query, one row per learner.
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ from typing import Annotated, Any, Literal
 import numpy as np
 import typer
 from numpy.typing import ArrayLike
-from sklearn.base import clone
 from sklearn.ensemble import HistGradientBoostingRegressor
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
@@ -234,78 +232,43 @@ def coverage(train: Problem, fresh: Problem) -> dict[str, Array]:
     return {kind: ((v >= lower) & (v <= upper)).mean(axis=0) for kind, ((lower, upper), v) in intervals.items()}
 
 
-def time_queries() -> list[dict[str, Any]]:
-    """Time of single and batched queries with 14 features on trajectories, of LWR and of nearest neighbours."""
-    rows = []
-    print(f"\n{'microseconds per query, d = 14':38} {'single':>8} {'p95':>8} {'batched':>8} {'ratio':>6}")
-    for n in (1_000, 10_000, 100_000):
-        X, y, P, queries, Q = trajectories(n)
-        one_hot = np.eye(P.shape[1])
-        model = LWRegressor().fit(X, y)
-        shared = LWRegressor().fit(X, y, memberships=P)
-        hard = LWRegressor().fit(X, y, memberships=one_hot[P.argmax(axis=1)])
-        peer = KNeighborsRegressor(10).fit(X, y)
-        for name, predict, memberships in (
-            ("LWR", model.predict, None),
-            ("LWR, states weighted", shared.predict, Q),
-            ("LWR, states hard", hard.predict, one_hot[Q.argmax(axis=1)]),
-            ("sklearn KNN, 10 neighbours", peer.predict, None),
-        ):
-            rows.append({"n": n, "what": name} | timed(predict, queries, memberships))
-            r = rows[-1]
-            print(
-                f"  N = {n:<7} {name:25} {r['single_us']:8.0f} {r['single_p95_us']:8.0f}"
-                f" {r['batched_us']:8.0f} {r['ratio']:6.1f}"
-            )
-    return rows
-
-
-def timed(predict: Any, queries: Array, memberships: Array | None) -> dict[str, float]:
-    """Times of single and batched queries, us, and their ratio."""
-
-    def call(rows: slice) -> None:
-        predict(queries[rows]) if memberships is None else predict(queries[rows], memberships[rows])
-
-    single = []
-    for i in range(500):
-        start = time.perf_counter()
-        call(slice(i, i + 1))
-        single.append(time.perf_counter() - start)
-    batches = []
-    for _ in range(3):
-        start = time.perf_counter()
-        call(slice(None))
-        batches.append((time.perf_counter() - start) / len(queries))
-    one, batch = 1e6 * float(np.median(single)), 1e6 * min(batches)
-    return {
-        "single_us": one,
-        "single_p95_us": 1e6 * float(np.percentile(single, 95)),
-        "batched_us": batch,
-        "ratio": one / batch,
+def time_queries() -> dict[str, float]:
+    """Median time of a single query among 10,000 samples along thirty curves through eight states, us; d = 14."""
+    X, y, P = trajectories(10_000)
+    model, shared, peer = LWRegressor().fit(X, y), LWRegressor().fit(X, y, memberships=P), KNeighborsRegressor(10)
+    peer.fit(X, y)
+    calls: dict[str, Callable[[slice], Any]] = {
+        "LWR": lambda rows: model.predict(X[rows]),
+        "LWR, states weighted": lambda rows: shared.predict(X[rows], P[rows]),
+        "sklearn KNN, 10 neighbours": lambda rows: peer.predict(X[rows]),
     }
+    found = {}
+    for name, call in calls.items():
+        times = []
+        for k in range(500):
+            start = time.perf_counter()
+            call(slice(k, k + 1))
+            times.append(time.perf_counter() - start)
+        found[name] = 1e6 * float(np.median(times))
+        print(f"  {name:30} {found[name]:8.0f} us/query")
+    return found
 
 
-def trajectories(n: int, states: int = 8) -> tuple[Array, ...]:
-    """Samples along thirty curves through ``states`` states, and 2000 queries from the same curves.
-
-    Returns:
-        Inputs (n, 14), outputs (n, 3), memberships (n, states), queries (2000, 14), their memberships (2000, states).
-    """
+def trajectories(n: int, states: int = 8) -> tuple[Array, Array, Array]:
+    """Returns inputs (n, 14), outputs (n, 3) and memberships (n, states) along thirty curves, in random order."""
     rng = np.random.default_rng(0)
-    total, demonstrations = n + 2000, 30
     centres = 2.0 * rng.normal(size=(states, 14))
-    X, P = np.empty((total, 14)), np.empty((total, states))
-    for rows in np.array_split(np.arange(total), demonstrations):
+    X, P = np.empty((n, 14)), np.empty((n, states))
+    for rows in np.array_split(np.arange(n), 30):
         phase = np.linspace(0.0, states - 1.0, len(rows))
         P[rows] = np.exp(-4.0 * (phase[:, None] - np.arange(states)) ** 2)
         P[rows] /= P[rows].sum(axis=1, keepdims=True)
         own = centres + 0.5 * rng.normal(size=centres.shape)
         X[rows] = P[rows] @ own + 0.1 * rng.normal(size=(len(rows), 14))
-    X = clone(StandardScaler()).fit_transform(X)
+    X = StandardScaler().fit_transform(X)
     y = np.tanh(X @ rng.normal(size=(14, 3)) / 4.0)
-    order = rng.permutation(total)
-    train, query = order[2000:], order[:2000]
-    return X[train], y[train], P[train], X[query], P[query]
+    order = rng.permutation(n)
+    return X[order], y[order], P[order]
 
 
 if __name__ == "__main__":

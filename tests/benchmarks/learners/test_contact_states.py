@@ -16,9 +16,8 @@ def data(demonstrations):
 
 @pytest.mark.nightly
 def test_gaussians_of_the_true_labels_recover_most_of_them(data):
-    best, states, _ = evaluate(data, "Gaussians of true labels", 0)
-    skill, _, _ = evaluate(data, "CA-FMLE", 0)
-    assert len(states) == len(data.labels)
+    best = evaluate(data, "Gaussians of true labels", 0)
+    skill = evaluate(data, "CA-FMLE", 0)
     # One Gaussian a label is no upper bound: discovered states may fit the contacts better.
     assert best["ari"] > 0.8
     assert 0.0 < skill["purity"] <= 1.0

@@ -18,7 +18,6 @@ def test_every_sample_has_features_a_label_and_a_group(data, demonstrations):
     assert sum(data.lengths) == n
     assert len(data.lengths) == len(demonstrations)
     assert set(data.labels) <= {int(label) for label in ContactLabel}
-    assert demonstrations[data.example].good
 
 
 def test_the_features_are_standardised(data):
