@@ -1,4 +1,4 @@
-"""Reads YAML text, such as a scenario, into plain values, within limits, and refuses what would be lost."""
+"""Reads YAML text, such as a scenario, into plain values, and refuses what would be lost."""
 
 from __future__ import annotations
 
@@ -11,18 +11,6 @@ import yaml
 
 MAX_SIZE = 32_000
 """Maximum size of a document, in bytes of a file and in characters of a text; the largest in use has 4,000."""
-
-MAX_NESTING = 20
-"""Maximum number of levels of a document; a scenario has three."""
-
-MAX_VALUES = 2000
-"""Maximum number of keys and values, together; a whole scenario has 250."""
-
-MAX_ALIASES = 20
-"""Maximum number of aliases, so that references to references cannot multiply."""
-
-MAX_SCALAR = 200
-"""Maximum number of characters of a key or a value."""
 
 NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 """Tags of numbers."""
@@ -72,7 +60,7 @@ def read_document(text: str, where: str) -> Any:
 
     Raises:
         ValueError: Naming ``where``, the line and the problem: invalid YAML, a duplicate key, a tag, a number to
-            base 8 or 60, or a text beyond the limits of this module.
+            base 8 or 60, deep nesting, or a text of more than `MAX_SIZE` characters.
     """
     _check_size(len(text), "characters", where)
     try:
@@ -82,42 +70,27 @@ def read_document(text: str, where: str) -> Any:
         line = f"line {mark.line + 1}: " if mark is not None else ""
         problem = "; ".join(part for part in (error.problem, error.context) if part)
         raise ValueError(f"{where}: {line}{_explained(problem)}") from error
+    except RecursionError:
+        raise ValueError(f"{where}: invalid YAML: nested too deeply") from None
     except (yaml.YAMLError, ValueError) as error:  # a character, a date or a number that there is not
         raise ValueError(f"{where}: invalid YAML: {_explained(str(error))}") from error
 
 
 class _Loader(yaml.SafeLoader):
-    """The safe loader with numbers such as 1e10, without duplicate keys and tags, and with limits."""
+    """The safe loader with numbers such as 1e10, and without duplicate keys and tags."""
 
     def __init__(self, stream: str) -> None:
         super().__init__(stream)
         self._path: list[str] = []
-        self._levels = 0
-        self._aliases = 0
-        self._values = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """Composes one value; ``index`` is the node of its key, if it has one."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
-        if isinstance(event, yaml.AliasEvent):
-            self._aliases += 1
-            if self._aliases > MAX_ALIASES:
-                raise _problem(f"found more than {MAX_ALIASES} aliases, such as '*{brief(event.anchor)[1:]}", event)
-        elif event.tag is not None:
+        if not isinstance(event, yaml.AliasEvent) and event.tag is not None:
             raise _problem(f"found the tag {brief(event.tag)}, expected plain values without tags", event)
-        if isinstance(event, yaml.ScalarEvent) and len(event.value) > MAX_SCALAR:
-            found = f"{brief(event.value)} of {len(event.value)} characters"
-            raise _problem(f"found {found}, expected at most {MAX_SCALAR}", event)
-        self._values += 1
-        if self._values > MAX_VALUES:
-            raise _problem(f"found more than {MAX_VALUES} keys and values, expected a document of a few hundred", event)
-        if self._levels == MAX_NESTING:
-            raise _problem(f"found more than {MAX_NESTING} levels of nesting, expected sections with keys", event)
-        self._levels += 1
         self._path.append(index.value if isinstance(index, yaml.ScalarNode) else "")
         node = super().compose_node(parent, index)
         self._path.pop()
-        self._levels -= 1
         if isinstance(node, yaml.ScalarNode) and node.tag in NUMBERS and _OTHER_BASE.fullmatch(node.value):
             found = f"found {brief(node.value)}, which YAML reads to base 8 or 60"
             raise _problem(f"{found}, expected a decimal number without leading zeros or colons", node)

@@ -91,18 +91,14 @@ PARAMETERS: dict[str, tuple[Check, str]] = {
 ENTRIES: dict[str, tuple[Check, str]] = {
     "skill_version": (lambda value: type(value) is int, "an integer"),
     "parameters": (lambda value: isinstance(value, dict), "an object"),
-    "features": (lambda value: _is_part(value), "a class name and its parameters"),
-    "state_features": (lambda value: _is_part(value), "a class name and its parameters"),
+    "features": (lambda value: isinstance(value, list), "a class name and its parameters"),
+    "state_features": (lambda value: isinstance(value, list), "a class name and its parameters"),
     "period": (lambda value: is_number(value) and 0.0 < value <= MAX_PERIOD, "a positive time of at most 1 s"),
     "metadata": (lambda value: isinstance(value, dict), "an object"),
     "names": (lambda value: value is None or _are_texts(value), "null or a list of texts"),
     "least_log_support": (lambda value: is_number(value) and value <= MAX_MAGNITUDE, "a number of at most 1e12"),
 }
 """The entries of the header, and what they may be."""
-
-
-def _is_part(value: Any) -> bool:
-    return isinstance(value, list) and len(value) == 2 and isinstance(value[0], str) and isinstance(value[1], dict)
 
 
 def _are_texts(value: Any) -> bool:
@@ -214,7 +210,7 @@ def read_skill_file(path: Path) -> SkillContents:
 
 
 def _contents(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> SkillContents:
-    check_header(header)
+    _check_header(header)
     part_types = ARRAY_PARTS | OPTIONAL_PARTS
     arrays_of: dict[str, dict[str, NDArray[Any]]] = {name: {} for name in part_types}
     sources: dict[str, NDArray[Any]] = {}
@@ -225,7 +221,7 @@ def _contents(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
         else:
             sources[full_name] = array
     check_arrays(sources, SOURCES, "a skill")
-    parts: dict[str, Any] = {name: feature_part(name, header[name], FEATURE_TYPES) for name in FEATURE_PARTS}
+    parts: dict[str, Any] = {name: _feature_part(name, header[name]) for name in FEATURE_PARTS}
     parts |= dict.fromkeys(OPTIONAL_PARTS)
     for name, part_type in part_types.items():
         if name in OPTIONAL_PARTS and not arrays_of[name]:
@@ -234,7 +230,7 @@ def _contents(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> 
             parts[name] = part_type.from_arrays(arrays_of[name])
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from error
-    check_parts(parts, sources["sources"], header)
+    _check_parts(parts, sources["sources"], header)
     return SkillContents(
         parameters=header["parameters"],
         parts=parts,
@@ -277,12 +273,8 @@ def _check_types(parts: Mapping[str, Any]) -> None:
             )
 
 
-def check_header(header: Mapping[str, Any]) -> None:
-    """Checks the header of a skill file.
-
-    Raises:
-        ValueError: naming the entry, what was found and what was expected.
-    """
+def _check_header(header: Mapping[str, Any]) -> None:
+    """Checks the header of a skill file; a ValueError names the entry, what was found and what was expected."""
     _check_entries(header, ENTRIES, "entries of the header", complete=True)
     _check_entries(header["parameters"], PARAMETERS, "parameters", complete=False)
     PegHoleGeometry.find(header["metadata"], "header")
@@ -292,39 +284,27 @@ def check_header(header: Mapping[str, Any]) -> None:
             raise ValueError(f"header: metadata '{name}' is {count!r}, expected a positive integer of at most 1e12")
 
 
-def feature_part(name: str, entry: list[Any], types: Mapping[str, type[WrenchFeatures]]) -> WrenchFeatures:
-    """Returns the features that a header describes.
-
-    Args:
-        name: name of the part, for error messages.
-        entry: name of the class, and its parameters.
-        types: the classes that may be made, by their names.
-
-    Raises:
-        ValueError: if the class or a parameter is unknown, or a parameter is not a positive number of usual size.
-    """
-    kind, settings = entry
-    if kind not in types:
-        raise ValueError(f"{name}: class {kind!r}, expected one of {sorted(types)}")
-    known = sorted(types[kind]().get_params())
-    if sorted(settings) != known:
-        raise ValueError(f"{name}: parameters {sorted(settings)} of {kind}, expected {known}")
+def _feature_part(name: str, entry: list[Any]) -> WrenchFeatures:
+    """Returns the features that an entry of the header describes: the name of a class, and its parameters."""
+    kind, settings = entry if len(entry) == 2 else (entry, None)
+    if kind not in list(FEATURE_TYPES):
+        raise ValueError(f"{name}: class {kind!r}, expected one of {sorted(FEATURE_TYPES)}")
+    known = FEATURE_TYPES[kind]().get_params()
+    if not isinstance(settings, dict) or set(settings) != set(known):
+        raise ValueError(f"{name}: parameters {sorted(settings or ())} of {kind}, expected {sorted(known)}")
     for key, value in settings.items():
-        if not (is_number(value) and MIN_POSITIVE <= value <= MAX_MAGNITUDE):
+        if not _positive(value):
             raise ValueError(f"{name}: '{key}' is {value!r}, expected a positive number in SI units, 1e-12 to 1e12")
-    return types[kind](**settings)
+    return FEATURE_TYPES[kind](**settings)
 
 
-def check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, Any]) -> None:
-    """Checks that the parts of a skill fit together.
+def _check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, Any]) -> None:
+    """Checks that the parts of a skill fit together; a ValueError names the part, what was found and expected.
 
     Args:
-        parts: the parts by their names (see `skill.skill_file`).
+        parts: the parts by their names.
         sources: (n, 2), demonstration number and time (s) of each sample of the regressor.
         header: the header of the file.
-
-    Raises:
-        ValueError: naming the part, what was found and what was expected.
     """
     states, regressor, graph, contexts = (parts[name] for name in ("states", "regressor", "graph", "contexts"))
     measured = len(parts["state_features"].get_feature_names_out())

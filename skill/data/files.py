@@ -13,7 +13,6 @@ import os
 import re
 import stat
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -116,12 +115,8 @@ def write_atomically(path: Path, data: bytes) -> None:
         raise
 
 
-def parse_object(text: bytes | str, object_hook: Callable[[dict[str, Any]], Any] | None = None) -> dict[str, Any]:
-    """Returns a JSON object.
-
-    Args:
-        text: JSON; NaN and infinite numbers are allowed.
-        object_hook: replaces each object within it.
+def parse_object(text: bytes | str) -> dict[str, Any]:
+    """Returns a JSON object; NaN and infinite numbers are allowed.
 
     Raises:
         ValueError: if the text is not JSON, not an object, nested too deeply, longer than ``MAX_LENGTH``, or has a key
@@ -132,7 +127,7 @@ def parse_object(text: bytes | str, object_hook: Callable[[dict[str, Any]], Any]
         found = dict(pairs)
         if len(found) < len(pairs):
             raise ValueError(f"a key occurs twice among {sorted(name for name, _ in pairs)}")
-        return found if object_hook is None else object_hook(found)
+        return found
 
     if len(text) > MAX_LENGTH:
         raise ValueError(f"{len(text)} characters, expected at most {MAX_LENGTH}")

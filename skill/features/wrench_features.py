@@ -192,16 +192,36 @@ class WrenchFeatures(TransformerMixin, BaseEstimator, metaclass=ABCMeta):
         return tags
 
 
-class RawFeatures(WrenchFeatures):
+class PoseFeatures(WrenchFeatures):
+    """Base class of the transformers whose hidden features are the pose, scaled to order one.
+
+    Attributes:
+        depth_scale: scale of (p_HP)_z, m.
+        tilt_scale: typical misalignment, rad. It is the scale of the hidden rotation vector. Times ``depth_scale`` it
+            is the scale of the hidden lateral position: a peg that is held at the mouth moves its tip by depth times
+            tilt.
+    """
+
+    depth_scale: float
+    tilt_scale: float
+
+    def hidden_names(self) -> NDArray[np.object_]:
+        """Names of the six features that only demonstrations contain."""
+        return np.array(HIDDEN, dtype=object)
+
+    def _hidden(self, z: Array, lateral: Array, rotation: Array, step: Array) -> Array:
+        lateral_scale = self.depth_scale * self.tilt_scale
+        return np.column_stack([lateral / lateral_scale, rotation / self.tilt_scale, step / STEPPER_STEP])
+
+
+class RawFeatures(PoseFeatures):
     """The measurements, scaled to order one.
 
     Args:
         peg_radius: r, m. Moments M enter as M / r, in the unit of forces.
         force_scale: scale of forces, N.
-        depth_scale: scale of (p_HP)_z, m.
-        tilt_scale: typical misalignment, rad. It is the scale of the hidden rotation vector. Times ``depth_scale`` it
-            is the scale of the hidden lateral position: a peg that is held at the mouth moves its tip by depth times
-            tilt.
+        depth_scale: m; see `PoseFeatures`; of the measured depth too.
+        tilt_scale: rad; see `PoseFeatures`.
     """
 
     def __init__(
@@ -221,20 +241,13 @@ class RawFeatures(WrenchFeatures):
         """Names of the seven features."""
         return np.array(MEASURED, dtype=object)
 
-    def hidden_names(self) -> NDArray[np.object_]:
-        """Names of the six features that only demonstrations contain."""
-        return np.array(HIDDEN, dtype=object)
-
     def _features(self, measured: Array) -> Array:
         force, moment = self.force_scale, self.force_scale * self.peg_radius
         scale: Array = np.array([force, force, force, moment, moment, moment, self.depth_scale])
         return measured / scale
 
-    def _hidden(self, z: Array, lateral: Array, rotation: Array, step: Array) -> Array:
-        return _scaled_pose(lateral, rotation, step, self.depth_scale, self.tilt_scale)
 
-
-class NormalisedFeatures(WrenchFeatures):
+class NormalisedFeatures(PoseFeatures):
     """Direction and magnitude of the wrench, and depth.
 
     With s the norm of (F, M / r), the features are (F, M / r) / sqrt(s^2 + floor^2), the depth as
@@ -249,8 +262,8 @@ class NormalisedFeatures(WrenchFeatures):
         force_floor: N; a wrench with a smaller size s counts as sensor noise. The default is about five standard
             deviations of s for a Mini45-class sensor (0.02, 0.02, 0.05 N and 0.5 mN m, r = 10 mm).
         depth_floor: m; the scale is linear for depths well below it, and logarithmic above.
-        depth_scale: m; see `RawFeatures`; for the hidden lateral position only.
-        tilt_scale: rad; see `RawFeatures`.
+        depth_scale: m; see `PoseFeatures`.
+        tilt_scale: rad; see `PoseFeatures`.
     """
 
     def __init__(
@@ -272,10 +285,6 @@ class NormalisedFeatures(WrenchFeatures):
         """Names of the eight features."""
         return np.array([*MEASURED, "log_magnitude"], dtype=object)
 
-    def hidden_names(self) -> NDArray[np.object_]:
-        """Names of the six features that only demonstrations contain."""
-        return np.array(HIDDEN, dtype=object)
-
     def _features(self, measured: Array) -> Array:
         wrench = measured[:, 0:6] / np.array([1.0, 1.0, 1.0] + [self.peg_radius] * 3)
         magnitude = np.linalg.norm(wrench, axis=1, keepdims=True)
@@ -283,9 +292,6 @@ class NormalisedFeatures(WrenchFeatures):
         z = np.minimum(measured[:, 6:7], self.depth_floor)
         depth = np.sign(z) * np.log1p(np.abs(z) / self.depth_floor)
         return np.hstack([direction, depth, np.log1p(magnitude / self.force_floor)])
-
-    def _hidden(self, z: Array, lateral: Array, rotation: Array, step: Array) -> Array:
-        return _scaled_pose(lateral, rotation, step, self.depth_scale, self.tilt_scale)
 
 
 class CanonicalFeatures(NormalisedFeatures):
@@ -295,13 +301,6 @@ class CanonicalFeatures(NormalisedFeatures):
     moment is taken about the point of the rim of the tip at -x, where a wall that pushes the tip along +x touches it:
     my - r fz. It is zero for a contact at the tip alone, for any friction. For a contact at the mouth, at depth l, it
     is l f_lateral. The two contacts need opposite corrections under the same lateral force.
-
-    Args:
-        peg_radius: r, m.
-        force_floor: N; see `NormalisedFeatures` and `CanonicalFrame`.
-        depth_floor: m; see `NormalisedFeatures`.
-        depth_scale: m; see `RawFeatures`; for the hidden lateral position only.
-        tilt_scale: rad; see `RawFeatures`.
     """
 
     def get_feature_names_out(self, input_features: object = None) -> NDArray[np.object_]:
@@ -318,11 +317,6 @@ class CanonicalFeatures(NormalisedFeatures):
         features = super()._features(self._frame().to_frame(measured))
         features[:, 4] -= features[:, 2]  # (my - r fz) / r, over the same magnitude
         return np.delete(features, 1, axis=1)
-
-
-def _scaled_pose(lateral: Array, rotation: Array, step: Array, depth_scale: float, tilt_scale: float) -> Array:
-    """The features ``HIDDEN``, (n, 6); arguments as for `WrenchFeatures._hidden`."""
-    return np.column_stack([lateral / (depth_scale * tilt_scale), rotation / tilt_scale, step / STEPPER_STEP])
 
 
 def _columns(samples: pd.DataFrame, names: tuple[str, ...]) -> Array:

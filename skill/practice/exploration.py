@@ -19,7 +19,7 @@ from skill.features.measurement import measurement
 from skill.features.responses import rig_observations
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy import Action, PolicyT, RigPolicy, WrappedPolicy
+from skill.policy import Action, PolicyT, WrappedPolicy
 from skill.states.context_filter import pair_probabilities
 from skill.states.estimate import Estimate, estimates
 
@@ -167,7 +167,8 @@ def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill], cost: Co
     measured = measurement(samples[list(MEASURED[:-1])].to_numpy(dtype=float), samples["depth"].to_numpy(dtype=float))
     features = skill.features_.transform(measured)
     observed = rig_observations(measured, samples[["target_pitch", "target_yaw"]].to_numpy(dtype=float))
-    memberships = filtered_pairs(skill, observed)
+    found = list(estimates(skill.estimator(), observed))
+    memberships = pair_probabilities(np.array([e.states for e in found]), np.array([e.contexts for e in found]))
     back_off = samples["back_off"].to_numpy() > 0.5
     acted = ~np.append(back_off[1:], back_off[-1])  # a command is recorded one row after the measurement it responds to
     costs_to_go = np.cumsum(cost.of_steps(run)[::-1])[::-1][acted]
@@ -177,14 +178,3 @@ def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill], cost: Co
         log_factors=policy.perturbation.log_factors(-measured[acted, -1]),
         costs=-np.diff(costs_to_go, append=0.0),  # includes the costs of the rows left out
     )
-
-
-def filtered_pairs(policy: RigPolicy, observed: Array) -> Array:
-    """Returns the probabilities (n, K C) of the pairs of state and context that a policy's estimator finds.
-
-    Args:
-        policy: the policy.
-        observed: (n, 9), observations of one run, in the order of time; see `skill.features.responses`.
-    """
-    found = list(estimates(policy.estimator(), observed))
-    return pair_probabilities(np.array([e.states for e in found]), np.array([e.contexts for e in found]))

@@ -65,8 +65,8 @@ def advantages(rollouts: Sequence[Rollout], regressor: LWRegressor) -> Array:
     X, P = _features_and_memberships(rollouts)
     G = np.concatenate([rollout.costs_to_go for rollout in rollouts])
     expected = clone(regressor).set_params(feature_scale=regressor.feature_scale_).fit(X, G, memberships=P)
-    V, s = expected.predict(X, memberships=P, return_std=True)
-    z: Array = (V - G) / np.maximum(s, MIN_SPREAD)
+    local = expected.predict_local(X, P)
+    z: Array = (local.mean[:, 0] - G) / np.maximum(local.standard_deviation()[:, 0], MIN_SPREAD)
     return z
 
 

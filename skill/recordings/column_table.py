@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -50,25 +50,39 @@ class Selection:
         return {column.name for column in self.columns} - {self.trial, self.phase}
 
 
-def select_columns(
-    names: Sequence[str], where: str, *, choices: Iterable[str], trial_column: str | None, phase_column: str | None
-) -> Selection:
+@dataclass(frozen=True)
+class ColumnChoice:
+    """What the user says about the columns of a table.
+
+    Attributes:
+        columns: texts "channel=column" or "channel=column:unit"; see `skill.recordings.columns.choose_columns`.
+        trial_column: column of the trials; None for one with a usual name.
+        phase_column: column of the phases; None for one with a usual name, "" for none.
+    """
+
+    columns: Sequence[str] = ()
+    trial_column: str | None = None
+    phase_column: str | None = None
+
+
+NO_CHOICE = ColumnChoice()
+
+
+def select_columns(names: Sequence[str], where: str, choice: ColumnChoice) -> Selection:
     """Chooses what to read of a table.
 
     Args:
         names: names of all columns.
         where: name of the file, for messages.
-        choices: what the user says about channels; see `choose_columns`.
-        trial_column: column of the trials; None for one with a usual name.
-        phase_column: column of the phases; None for one with a usual name, "" for none.
+        choice: what the user says about them.
 
     Raises:
         ValueError: if columns are missing, ambiguous or there twice. The message names the file.
     """
     selection = Selection(
-        choose_columns(names, choices, where),
-        label_column(names, trial_column, TRIAL_COLUMNS, where),
-        label_column(names, phase_column, PHASE_COLUMNS, where),
+        choose_columns(names, choice.columns, where),
+        label_column(names, choice.trial_column, TRIAL_COLUMNS, where),
+        label_column(names, choice.phase_column, PHASE_COLUMNS, where),
     )
     twice = [name for name in selection.names if list(names).count(name) > 1]
     if twice:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 import stat
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -15,7 +15,14 @@ import numpy as np
 import pandas as pd
 
 from skill.data.files import one_line
-from skill.recordings.column_table import Selection, check_length, select_columns, table_recordings
+from skill.recordings.column_table import (
+    NO_CHOICE,
+    ColumnChoice,
+    Selection,
+    check_length,
+    select_columns,
+    table_recordings,
+)
 from skill.recordings.columns import FORCES, MOMENTS, listed
 from skill.recordings.recording import Recording
 
@@ -83,15 +90,11 @@ def read_bare_file(path: Path, input_rate: float) -> list[Recording]:
         raise ValueError(f"{path}: {table.shape[1]} columns, expected 3 (fx fy fz) or 6 (fx fy fz mx my mz)")
     names = [*FORCES, *MOMENTS][: table.shape[1]]
     table = table.set_axis(names, axis="columns").assign(time=np.arange(len(table)) / input_rate)
-    selection = select_columns(
-        [*names, "time"], str(path), choices=["time=time:s"], trial_column=None, phase_column=None
-    )
+    selection = select_columns([*names, "time"], str(path), ColumnChoice(["time=time:s"]))
     return table_recordings(table, selection, str(path), path.name)
 
 
-def read_csv_file(
-    path: Path, *, columns: Iterable[str] = (), trial_column: str | None = None, phase_column: str | None = None
-) -> list[Recording]:
+def read_csv_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Recording]:
     """Reads the recordings of a CSV file.
 
     The first line that is neither empty nor a comment (``#``) names the columns; if it has numbers only, the last
@@ -101,9 +104,7 @@ def read_csv_file(
 
     Args:
         path: file to read, at most ``MAX_BYTES``.
-        columns: what the user says about channels; see `skill.recordings.columns.choose_columns`.
-        trial_column: column of the trials; None for one with a usual name.
-        phase_column: column of the phases; None for one with a usual name.
+        choice: what the user says about its columns.
 
     Raises:
         ValueError: if the file is missing, too large, no such text, or its columns or rows are not valid. The message
@@ -112,9 +113,7 @@ def read_csv_file(
     try:
         _check_text(path)
         layout, rows = _layout(path)
-        selection = select_columns(
-            layout.names, str(path), choices=columns, trial_column=trial_column, phase_column=phase_column
-        )
+        selection = select_columns(layout.names, str(path), choice)
         layout = replace(layout, decimal=_decimal(rows, layout, selection.numbers))
         table = _table(path, layout, selection)
     except FileNotFoundError:

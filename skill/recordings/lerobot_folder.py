@@ -15,7 +15,7 @@ import pyarrow as pa
 
 from skill.arrays import Array
 from skill.data.files import MAX_LENGTH, one_line, parse_object, read_bounded
-from skill.recordings.column_table import Selection, check_length, select_columns, table_recordings
+from skill.recordings.column_table import ColumnChoice, Selection, check_length, select_columns, table_recordings
 from skill.recordings.columns import FORCES, MOMENTS, PHASE_COLUMNS, label_column, listed
 from skill.recordings.parquet_file import read_columns
 from skill.recordings.recording import Recording
@@ -55,9 +55,7 @@ def read_lerobot_folder(
     choices = list(columns)
     feature, names = _feature(path, features, feature, choices)
     phase = label_column([n for n in features if n not in FEATURES], phase_column, PHASE_COLUMNS, str(path))
-    selection = select_columns(
-        ["time", *names], str(path), choices=[*choices, "time=time:s"], trial_column=None, phase_column=None
-    )
+    selection = select_columns(["time", *names], str(path), ColumnChoice([*choices, "time=time:s"]))
     parts = sorted((path / "data").glob("chunk-*/*.parquet"))
     if not 0 < len(parts) <= MAX_FILES:
         raise ValueError(f"{path}: {len(parts)} files data/chunk-*/*.parquet, expected 1 to {MAX_FILES}")
@@ -104,7 +102,7 @@ def _feature(
             continue
         names = _names(path, name, features[name])
         try:
-            select_columns(["time", *names], name, choices=choices, trial_column=None, phase_column=None)
+            select_columns(["time", *names], name, ColumnChoice(choices))
         except ValueError as error:
             failures.append(str(error))
         else:

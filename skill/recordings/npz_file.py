@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import pandas as pd
 
 from skill.data.files import one_line, read_bounded
 from skill.data.npz_archive import read_archive
-from skill.recordings.column_table import check_length, select_columns, table_recordings
+from skill.recordings.column_table import NO_CHOICE, ColumnChoice, check_length, select_columns, table_recordings
 from skill.recordings.columns import FORCES, MOMENTS
 from skill.recordings.recording import Recording
 
@@ -20,9 +19,7 @@ WRENCH = "wrench"
 """Name of an array of shape (n, 6) or (n, 3) with forces in N and moments in N m."""
 
 
-def read_npz_file(
-    path: Path, *, columns: Iterable[str] = (), trial_column: str | None = None, phase_column: str | None = None
-) -> list[Recording]:
+def read_npz_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Recording]:
     """Reads the recordings of a NumPy archive.
 
     An array of one dimension is a column with its name, and ``wrench`` is the columns fx fy fz, or fx fy fz mx my mz.
@@ -30,9 +27,7 @@ def read_npz_file(
 
     Args:
         path: file to read, at most ``MAX_BYTES``.
-        columns: what the user says about channels; see `skill.recordings.columns.choose_columns`.
-        trial_column: array of the trials; None for one with a usual name.
-        phase_column: array of the phases; None for one with a usual name.
+        choice: what the user says about its columns.
 
     Raises:
         ValueError: if the file is missing, damaged or too large, holds other things than plain arrays, or its arrays
@@ -50,9 +45,7 @@ def read_npz_file(
         if wrench.ndim != 2 or wrench.shape[1] not in (3, 6):
             raise ValueError(f"{path}: '{WRENCH}' has shape {wrench.shape}, expected (n, 6) or (n, 3)")
         parts |= dict(zip((*FORCES, *MOMENTS), wrench.T, strict=False))
-    selection = select_columns(
-        list(parts), str(path), choices=columns, trial_column=trial_column, phase_column=phase_column
-    )
+    selection = select_columns(list(parts), str(path), choice)
     lengths = {name: len(parts[name]) for name in selection.names}
     if len(set(lengths.values())) > 1:
         raise ValueError(f"{path}: arrays of different lengths {lengths}, expected the same length")

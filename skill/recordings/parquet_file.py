@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +14,14 @@ import pyarrow.parquet as pq
 from skill.data.demonstration import ACTIONS
 from skill.data.files import check_seal, read_bounded
 from skill.data.tables import named_parquet_errors
-from skill.recordings.column_table import Selection, check_length, select_columns, table_recordings
+from skill.recordings.column_table import (
+    NO_CHOICE,
+    ColumnChoice,
+    Selection,
+    check_length,
+    select_columns,
+    table_recordings,
+)
 from skill.recordings.columns import listed
 from skill.recordings.recording import Recording
 
@@ -28,9 +35,7 @@ _OWN_KINDS = (b"demonstration", b"rig_run")
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
-def read_parquet_file(
-    path: Path, *, columns: Iterable[str] = (), trial_column: str | None = None, phase_column: str | None = None
-) -> list[Recording]:
+def read_parquet_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Recording]:
     """Reads the recordings of a Parquet file.
 
     A column of time stamps or durations is a time in its own unit. In a demonstration or a rig run of this program the
@@ -38,24 +43,19 @@ def read_parquet_file(
 
     Args:
         path: file to read, at most ``MAX_BYTES``; the columns that are read unpack to at most ``MAX_UNPACKED`` bytes.
-        columns: what the user says about channels; see `skill.recordings.columns.choose_columns`.
-        trial_column: column of the trials; None for one with a usual name.
-        phase_column: column of the phases; None for one with a usual name.
+        choice: what the user says about its columns.
 
     Raises:
         ValueError: if the file is missing, damaged or too large, or its columns or rows are not valid. The message
             names the file.
     """
     chosen: list[Selection] = []
-    choices = list(columns)
 
     def choose(schema: pa.Schema) -> list[str]:
         own = any(kind in (schema.metadata or {}) for kind in _OWN_KINDS)
-        named = {choice.partition("=")[2].strip().partition(":")[0] for choice in choices}
+        named = {text.partition("=")[2].strip().partition(":")[0] for text in choice.columns}
         names = [name for name in schema.names if not (own and name in ACTIONS and name not in named)]
-        chosen.append(
-            select_columns(names, str(path), choices=choices, trial_column=trial_column, phase_column=phase_column)
-        )
+        chosen.append(select_columns(names, str(path), choice))
         return chosen[0].names
 
     rows = read_columns(path, choose)

@@ -6,26 +6,15 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from skill.recordings.column_table import ColumnChoice
 from skill.recordings.csv_file import read_bare_file, read_csv_file
 from skill.recordings.messages.mcap_file import read_mcap_file
 from skill.recordings.messages.sqlite_bag import read_sqlite_bag
 from skill.recordings.npz_file import read_npz_file
 from skill.recordings.recording import Recording
 
-
-def read_parquet_file(path: Path, **options: Any) -> list[Recording]:
-    """Reads a Parquet file; see `skill.recordings.parquet_file`, which needs an extra."""
-    from skill.recordings import parquet_file
-
-    return parquet_file.read_parquet_file(path, **options)
-
-
-TABLES = {
-    **dict.fromkeys((".csv", ".tsv", ".txt"), read_csv_file),
-    **dict.fromkeys((".parquet", ".pq"), read_parquet_file),
-    ".npz": read_npz_file,
-}
-"""The reader of tables for each ending of a name."""
+TABLES = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".npz")
+"""Endings of the names of tables."""
 
 BARE = (".csv", ".tsv", ".txt", ".dat")
 """Endings of the names of texts that may hold numbers alone."""
@@ -105,7 +94,12 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
     if suffix == ".db3":
         return read_sqlite_bag(path, **_chosen(path, options, {"topic"}, "a rosbag2"))
     if suffix in TABLES:
-        return TABLES[suffix](path, **_chosen(path, options, {"columns", "trial_column", "phase_column"}, "a table"))
+        choice = ColumnChoice(**_chosen(path, options, {"columns", "trial_column", "phase_column"}, "a table"))
+        if suffix in (".parquet", ".pq"):
+            from skill.recordings.parquet_file import read_parquet_file  # needs an extra
+
+            return read_parquet_file(path, choice)
+        return (read_npz_file if suffix == ".npz" else read_csv_file)(path, choice)
     remedy = "; convert a bag of ROS 1 to MCAP first" if suffix == ".bag" else ""
     raise ValueError(f"{path}: ends in '{suffix}', expected {' '.join(TABLES)} .mcap .db3 or a folder{remedy}")
 

@@ -141,36 +141,15 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         """The parameter, or what the last ``fit`` selected if that is "auto"."""
         return self._selected if self.bandwidth == "auto" else float(self.bandwidth)
 
-    def predict(
-        self,
-        X: ArrayLike,
-        memberships: ArrayLike | None = None,
-        *,
-        return_std: bool = False,
-        return_interval: bool = False,
-        level: float = 0.95,
-    ) -> Any:
-        """Predictions at queries.
+    def predict(self, X: ArrayLike, memberships: ArrayLike | None = None) -> Array:
+        """Predictions at queries, (m,) or (m, p) like ``y``.
 
         Args:
             X: (m, d).
             memberships: (m, K), contact-state probabilities of the queries, non-negative with row sums of at most one
                 (less than one if the state may be unknown). None ignores the states.
-            return_std: whether to return the standard deviation of a new observation too.
-            return_interval: whether to return the prediction interval too.
-            level: nominal coverage of the interval.
-
-        Returns:
-            The predictions, (m,) or (m, p) like ``y``; with ``return_std`` or ``return_interval`` a tuple
-            (predictions[, std][, lower, upper]), all of that shape.
         """
         queries, Q = self._queries(X, memberships)
-        if return_std or return_interval:
-            local = self._local(queries, Q)
-            parts = [local.mean]
-            parts += [local.standard_deviation()] if return_std else []
-            parts += local.interval(level) if return_interval else []
-            return tuple(self._shaped(part) for part in parts)
         if len(queries) == 1:
             samples = self._samples_of(queries[0], None if Q is None else Q[0])
             return self._shaped(self.predict_from(samples)[None])

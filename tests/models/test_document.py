@@ -5,7 +5,7 @@ import time
 import pytest
 import yaml
 
-from models.document import MAX_ALIASES, MAX_NESTING, MAX_SCALAR, MAX_SIZE, MAX_VALUES, brief, read_document, read_text
+from models.document import MAX_SIZE, brief, read_document, read_text
 from models.scenario import SCENARIO_FOLDER, Scenario, load_scenario, parse_scenario
 
 
@@ -33,20 +33,13 @@ def test_other_texts_are_not_numbers(text):
     assert isinstance(read_document(f"x: {text}", "text")["x"], str)
 
 
-BOMB = "a: &a [1, 1]\n" + "\n".join(f"{y}: &{y} [{', '.join([f'*{x}'] * 9)}]" for x, y in zip("abcdefg", "bcdefgh"))  # noqa: B905
-MERGES = BOMB.replace("[1, 1]", "{x: 1}").replace(": &b [", ": &b {<<: [").replace("]\nc", "]}\nc")
-
 BAD_TEXT = {
     "a duplicate key": ("contact:\n  friction: 0.1\n  friction: 0.2", "line 3: found the key 'contact.friction' again"),
     "a tab": ("contact:\n\tfriction: 0.2", r"line 2: found character '\\t'.*spaces, not with tabs"),
     "an unknown alias": ("contact: *mine", "line 1: found undefined alias 'mine'"),
-    "an alias bomb": (BOMB, f"line 4: found more than {MAX_ALIASES} aliases"),
-    "a bomb of merged keys": (MERGES, f"line 4: found more than {MAX_ALIASES} aliases"),
-    "deep lists": ("[" * 5000, f"line 1: found more than {MAX_NESTING} levels of nesting"),
-    "a number of 400 digits": ("seed: 1" + "0" * 399, f"line 1: found '1000.*' of 400 char.*at most {MAX_SCALAR}"),
+    "deep lists": ("[" * 1000, "invalid YAML: nested too deeply"),
     "a tag": ("contact: !!python/object/apply:os.system [ls]", "line 1: found the tag '.*os.system', expected plain"),
     "a long text": ("#" * (MAX_SIZE + 1), f"found more than {MAX_SIZE} characters"),
-    "many values": ("start: {tilt: [" + "1," * 10_000 + "]}", f"line 1: found more than {MAX_VALUES} keys and values"),
     "a control character": ("seed: \x01", "unacceptable character #x0001"),
     "two documents": ("seed: 1\n---\nseed: 2", "line 2: .*another document"),
     "an open bracket": ("contact: {friction: 0.2", "line 1: expected ',' or '}'"),
@@ -64,19 +57,8 @@ def test_a_bad_text_is_one_line_at_once_with_its_place(text, message):
     assert len(str(caught.value)) < 300
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "x: &a [1, 2]\ny: [" + ", ".join(["*a"] * MAX_ALIASES) + "]",
-        "[" * MAX_NESTING + "]" * MAX_NESTING,
-        "x: " + "y" * MAX_SCALAR,
-        "[" + "1, " * (MAX_VALUES - 1) + "]",
-        "x: 1" + " " * (MAX_SIZE - 4),
-    ],
-    ids=["aliases", "nesting", "value", "values", "size"],
-)
-def test_a_text_at_a_limit_is_read(text):
-    assert read_document(text, "mine") == yaml.safe_load(text)
+def test_a_text_of_the_maximum_size_is_read():
+    assert read_document("x: 1" + " " * (MAX_SIZE - 4), "mine") == {"x": 1}
 
 
 def test_aliases_and_merged_keys_are_read():

@@ -10,10 +10,9 @@ from skill.practice.exploration import (
     ExplorationNoise,
     Perturbation,
     PerturbedPolicy,
-    filtered_pairs,
     rollout_of,
 )
-from skill.states.estimate import Estimate
+from skill.states.estimate import Estimate, estimates
 from tests.trajectories import GEOMETRY, make_rig_run
 
 PERTURBATION = Perturbation(np.array([0.0, 0.01]), np.log([1.0, 4.0]), np.log([1.0, 0.25]))
@@ -90,27 +89,12 @@ def test_a_rollout_holds_the_features_and_factors_of_each_row(skill):
     measured = np.array([*row[["fx", "fy", "fz", "mx", "my", "mz"]], -row["depth"]])
     np.testing.assert_allclose(rollout.features[k], skill.features_.transform(measured[None])[0])
     np.testing.assert_allclose(rollout.log_factors[k], PERTURBATION.log_factors(row["depth"]))
-    np.testing.assert_allclose(rollout.memberships.sum(axis=1), 1.0)
+    wrench, opposite = run.samples[["fx", "fy", "fz", "mx", "my", "mz"]], ["depth", "target_pitch", "target_yaw"]
+    observed = np.column_stack([wrench, -run.samples[opposite]])
+    expected = list(estimates(skill.estimator(), observed[: k + 1]))[-1]
+    np.testing.assert_allclose(rollout.memberships[k], np.outer(expected.states, expected.contexts).ravel())
     np.testing.assert_allclose(rollout.costs, Cost().of_steps(run), atol=1e-12)
     assert rollout.costs_to_go[0] == pytest.approx(Cost().of_run(run))
-
-
-class TwoFilters(FixedPolicy):
-    """Two states by the sign of fx, and two contexts by the sign of the own turn about y."""
-
-    def estimator(self):
-        def step(memory, observation):
-            states = [0.9, 0.1] if observation[0] > 0 else [0.1, 0.9]
-            return Estimate(np.array(states), np.array([0.8, 0.2] if observation[-1] > 0 else [0.2, 0.8]))
-
-        return SimpleNamespace(initial=Estimate, step=step)
-
-
-def test_the_filtered_pairs_are_those_of_the_estimator():
-    observed = np.zeros((2, 9))
-    observed[0, 0], observed[1, -1] = 1.0, 0.1
-    expected = [[0.18, 0.72, 0.02, 0.08], [0.08, 0.02, 0.72, 0.18]]
-    np.testing.assert_allclose(filtered_pairs(TwoFilters(), observed), expected)
 
 
 def test_rows_of_a_back_off_are_left_out_and_their_costs_added_to_the_row_before(skill):

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from skill.recordings import column_table, csv_file
+from skill.recordings.column_table import ColumnChoice
 from skill.recordings.csv_file import read_csv_file
 
 HEADER = "time,fx,fy,fz\n"
@@ -19,7 +20,7 @@ def read(tmp_path):
     def read_text(text, **options):
         path = tmp_path / "snap.csv"
         path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return read_csv_file(path, **options)
+        return read_csv_file(path, ColumnChoice(**options))
 
     return read_text
 

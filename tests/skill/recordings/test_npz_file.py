@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from skill.recordings import column_table, npz_file
+from skill.recordings.column_table import ColumnChoice
 from skill.recordings.npz_file import read_npz_file
 
 TIME = np.tile(np.arange(5) / 50, 2)
@@ -38,7 +39,8 @@ def test_columns_of_their_own_and_of_other_types_are_read(tmp_path):
     assert found.channels == ("fx", "fy", "fz", "depth")
     np.testing.assert_allclose(found.values[:, 3], np.arange(10) * 1e-3)
     assert found.rate == pytest.approx(500)
-    [found] = read_npz_file(path, columns=["grip=depth_mm:mm", "time=t_ms:us"], phase_column="depth_mm")
+    choice = ColumnChoice(["grip=depth_mm:mm", "time=t_ms:us"], phase_column="depth_mm")
+    [found] = read_npz_file(path, choice)
     assert found.channels == ("fx", "fy", "fz", "grip")
     assert found.rate == pytest.approx(5e5)
     assert found.phases.tolist() == list(range(10))

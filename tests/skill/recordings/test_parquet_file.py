@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from skill.recordings import column_table, parquet_file
+from skill.recordings.column_table import ColumnChoice
 from skill.recordings.parquet_file import read_columns, read_parquet_file
 
 
@@ -69,12 +70,12 @@ def test_the_action_of_a_demonstration_is_no_orientation(tmp_path):
     assert read_parquet_file(tmp_path / "a.parquet")[0].channels[-3:] == ("rx", "ry", "rz")
     pq.write_table(rows.replace_schema_metadata({"demonstration": "{}"}), tmp_path / "a.parquet")
     assert read_parquet_file(tmp_path / "a.parquet")[0].channels == ("fx", "fy", "fz", "mx", "my", "mz")
-    assert read_parquet_file(tmp_path / "a.parquet", columns=["rx=rx:deg"])[0].channels[-1] == "rx"
+    assert read_parquet_file(tmp_path / "a.parquet", ColumnChoice(["rx=rx:deg"]))[0].channels[-1] == "rx"
 
 
 def refused(path, message, **options):
     with pytest.raises(ValueError, match=re.escape(f"{path}: ") + ".*" + re.escape(message)):
-        read_parquet_file(path, **options)
+        read_parquet_file(path, ColumnChoice(**options))
 
 
 def test_wrong_columns_are_refused(tmp_path):
@@ -124,7 +125,7 @@ def test_what_unpacks_to_too_much_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "a.parquet"
     wrench(5000).assign(time=np.arange(5000), note="x" * 9999).to_parquet(path, compression="zstd")
     monkeypatch.setattr(parquet_file, "MAX_UNPACKED", 400_000)
-    read_parquet_file(path, columns=["time=time:ms"])  # the note is not unpacked
+    read_parquet_file(path, ColumnChoice(["time=time:ms"]))  # the note is not unpacked
     monkeypatch.setattr(parquet_file, "MAX_UNPACKED", 240_000)
     refused(path, "expected at most 0 MB and 1 values in a row", columns=["time=time:ms"])
     monkeypatch.setattr(parquet_file, "MAX_UNPACKED", 400_000)

@@ -154,11 +154,12 @@ def test_the_variance_of_a_wide_local_line_is_that_of_ordinary_least_squares():
     ols = sm.OLS(Y[:, 0], sm.add_constant(X)).fit()
     fresh = np.random.default_rng(1).uniform(-1, 1, (10, 2))
     frame = ols.get_prediction(sm.add_constant(fresh)).summary_frame(alpha=0.1)
-    mean, lower, upper = dut.predict(fresh, return_interval=True, level=0.9)
-    np.testing.assert_allclose(mean, frame["mean"], atol=1e-8)
-    np.testing.assert_allclose(lower, frame["obs_ci_lower"], atol=1e-6)
-    np.testing.assert_allclose(upper, frame["obs_ci_upper"], atol=1e-6)
-    low, high = dut.predict_local(fresh).interval(0.9, kind="variance_only")
+    local = dut.predict_local(fresh)
+    lower, upper = local.interval(0.9)
+    np.testing.assert_allclose(local.mean[:, 0], frame["mean"], atol=1e-8)
+    np.testing.assert_allclose(lower[:, 0], frame["obs_ci_lower"], atol=1e-6)
+    np.testing.assert_allclose(upper[:, 0], frame["obs_ci_upper"], atol=1e-6)
+    low, high = local.interval(0.9, kind="variance_only")
     np.testing.assert_allclose(low[:, 0], frame["mean_ci_lower"], atol=1e-6)
     np.testing.assert_allclose(high[:, 0], frame["mean_ci_upper"], atol=1e-6)
 
@@ -248,8 +249,7 @@ def test_arrays_restore_an_estimator_that_predicts_the_same_bits(tmp_path):
         again = LWRegressor.from_arrays(arrays)
     for Q in (None, P):
         np.testing.assert_array_equal(again.predict(frame, Q), dut.predict(frame, Q))
-        for a, b in zip(again.predict(frame, Q, return_std=True), dut.predict(frame, Q, return_std=True), strict=True):
-            np.testing.assert_array_equal(a, b)
+        np.testing.assert_array_equal(again.predict_local(frame, Q).variance, dut.predict_local(frame, Q).variance)
     one, other = again.explain(X[3], P[3]), dut.explain(X[3], P[3])
     np.testing.assert_array_equal(one.neighbours, other.neighbours)
     np.testing.assert_array_equal(one.prediction, other.prediction)
@@ -281,7 +281,7 @@ def test_other_errors_name_the_remedy():
     with pytest.raises(ValueError, match="'prediction' or 'variance_only'"):
         dut.predict_local(X[:1]).interval(kind="other")
     with pytest.raises(ValueError, match="between 0 and 1"):
-        dut.predict(X[:1], return_interval=True, level=95)
+        dut.predict_local(X[:1]).interval(95)
     with pytest.raises(ValueError, match="to_arrays"):
         LWRegressor.from_arrays({})
     with pytest.raises(ValueError, match="NaN"):
@@ -304,8 +304,9 @@ def test_duplicates_constant_channels_and_few_samples_stay_finite(n, d, bandwidt
     y = rng.normal(size=n)
     dut = LWRegressor(bandwidth=bandwidth, ridge=ridge, bandwidth_type=kind, n_neighbors=10).fit(X, y)
     queries = rng.normal(size=(5, d))
-    mean, std, lower, upper = dut.predict(queries, return_std=True, return_interval=True)
-    for value in (mean, std, lower, upper):
+    local = dut.predict_local(queries)
+    lower, upper = local.interval()
+    for value in (local.mean, local.standard_deviation(), lower, upper):
         assert np.isfinite(value).all()
     assert np.all(lower <= upper)
 
