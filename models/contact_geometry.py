@@ -15,6 +15,7 @@ face and z along the peg, away from the tip. The top face of the block is unboun
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
@@ -158,46 +159,14 @@ class PegInHole:
         return rim
 
     def _rim_function(self, p: Array, a: Array) -> GapFunction:
-        """Returns the gap of the tip's rim to face, chamfer and wall.
-
-        These bound a convex region in (rho, z). The wall is treated as infinitely deep.
-        """
-        rim, R, c, half = self._rim(p, a), self.hole_radius, self.chamfer, np.sqrt(0.5)
-        # Origin, direction, normal out of the block, and length of each piece, in the order of `Surface`.
-        pieces = (
-            ((R + c, 0.0), (1.0, 0.0), (0.0, 1.0), np.inf),
-            ((R, -c), (half, half), (-half, half), c / half),
-            ((R, -c), (0.0, -1.0), (-1.0, 0.0), np.inf),
-        )
+        """Returns the gap of the tip's rim to face, chamfer and wall."""
+        rim = self._rim(p, a)
 
         def evaluate(angle: Array) -> tuple[Any, ...]:
             q = rim(angle)
-            rho = np.hypot(q[..., 0], q[..., 1])
-            signed, distance, normals = [], [], []
-            for origin, direction, normal, end in pieces:
-                x, z = rho - origin[0], q[..., 2] - origin[1]
-                t = x * direction[0] + z * direction[1]
-                past = t - np.clip(t, 0.0, end)
-                depth = x * normal[0] + z * normal[1]
-                away = np.hypot(depth, past)
-                unit = [
-                    np.where(past == 0.0, m, (depth * m + past * d) / np.maximum(away, TINY))
-                    for m, d in zip(normal, direction, strict=True)
-                ]
-                signed.append(depth)
-                distance.append(away)
-                normals.append(unit)
-            depths = np.stack(signed)
-            inside = (depths < 0.0).all(axis=0)
-            # Inside a convex block, the nearest surface is the one with the smallest depth.
-            nearest = np.where(inside, depths.argmax(axis=0), np.stack(distance).argmin(axis=0))
-            gap = np.where(inside, depths.max(axis=0), np.stack(distance).min(axis=0))
-            flat = np.array([piece[2] for piece in pieces])[nearest]
-            n = np.take_along_axis(np.array(normals), nearest[None, None], axis=0)[0]
-            n_rho, n_z = np.where(inside, np.moveaxis(flat, -1, 0), n)
-            n_x, n_y = n_rho * q[..., 0] / np.maximum(rho, TINY), n_rho * q[..., 1] / np.maximum(rho, TINY)
-            normal_H = np.stack([n_x, n_y, n_z], axis=-1)
-            return gap, q - gap[..., None] * normal_H, normal_H, np.zeros(gap.shape, dtype=bool), nearest
+            gap, n_x, n_y, n_z, nearest = rim_gap(self.hole_radius, self.chamfer, q[..., 0], q[..., 1], q[..., 2])
+            normal = np.stack([n_x, n_y, n_z], axis=-1)
+            return gap, q - gap[..., None] * normal, normal, np.zeros(gap.shape, dtype=bool), nearest.astype(np.intp)
 
         return evaluate
 
@@ -219,29 +188,97 @@ class PegInHole:
 
         def edge_function(radius: float, height: float, kind: Surface) -> GapFunction:
             def evaluate(angle: Array) -> tuple[Any, ...]:
-                heights = np.full_like(angle, height)
-                e = np.stack([radius * np.cos(angle), radius * np.sin(angle), heights], axis=-1)
-                return *self._edge_to_peg(e, p[:, None], a[:, None]), np.full(angle.shape, np.intp(kind))
+                e = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full_like(angle, height)], axis=-1)
+                d = np.moveaxis(e - p[:, None], -1, 0)
+                gap, n_x, n_y, n_z, side = edge_gap(self.peg_radius, *d, *a.T[..., None])
+                return gap, e, np.stack([n_x, n_y, n_z], axis=-1), side, np.full(angle.shape, np.intp(kind))
 
             return evaluate
 
         R, c = self.hole_radius, self.chamfer
         return [edge_function(R + c, 0.0, Surface.OUTER_EDGE), edge_function(R, -c, Surface.INNER_EDGE)]
 
-    def _edge_to_peg(self, e: Array, p: Array, a: Array) -> tuple[Any, ...]:
-        """Returns the gap of points ``e`` to the infinitely long peg, the points, the normals, and `Contacts.side`."""
-        along = np.einsum("...i,...i", e - p, a)
-        radial = (e - p) - along[..., None] * a
-        off = np.linalg.norm(radial, axis=-1)
-        outward = radial / np.maximum(off, TINY)[..., None]
-        beside = off - self.peg_radius
-        below = -along
-        gap = np.where(below <= 0.0, np.maximum(beside, below), np.where(beside <= 0.0, below, np.hypot(beside, below)))
-        side = (below <= 0.0) & (beside >= below)
-        corner = (below > 0.0) & (beside > 0.0)
-        w = np.where(corner, beside / np.maximum(gap, TINY), side)[..., None]
-        h = np.where(corner, below / np.maximum(gap, TINY), ~side)[..., None]
-        return gap, e, h * a - w * outward, side
+
+def rim_gap(R: float, c: float, x: Any, y: Any, z: Any) -> tuple[Any, ...]:
+    """Returns the gap of points to face, chamfer and wall of the bore, the normal, and the nearest surface.
+
+    These bound a convex region in (rho, z). The wall is treated as infinitely deep. Like `edge_gap`, this is written
+    without branches, for arrays of any shape and, compiled, for single points (`systems.plant.exact_contact`).
+
+    Args:
+        R: Radius of the bore, m.
+        c: Width and height of the chamfer, m.
+        x: First coordinate of the points in H, m.
+        y: Second coordinate, m.
+        z: Third coordinate, m.
+
+    Returns:
+        Gap, m; the normal's three components in H; and the number of the nearest `Surface`: 0, 1 or 2.
+    """
+    half = math.sqrt(0.5)
+    rho = np.sqrt(x * x + y * y)
+
+    def to_piece(x: Any, z: Any, d_rho: float, d_z: float, n_rho: float, n_z: float, end: float) -> tuple[Any, ...]:
+        """Returns depth below, distance from, and direction from a piece with a direction d, a normal n and an end."""
+        t = x * d_rho + z * d_z
+        past = t - np.minimum(np.maximum(t, 0.0), end)
+        depth = x * n_rho + z * n_z
+        away = np.sqrt(depth * depth + past * past)
+        on, size = away == 0.0, np.maximum(away, TINY)
+        return (
+            depth,
+            away,
+            on * n_rho + (depth * n_rho + past * d_rho) / size,
+            on * n_z + (depth * n_z + past * d_z) / size,
+        )
+
+    face, near_face, face_rho, face_z = to_piece(rho - R - c, z, 1.0, 0.0, 0.0, 1.0, np.inf)
+    slope, near_slope, slope_rho, slope_z = to_piece(rho - R, z + c, half, half, -half, half, c / half)
+    wall, near_wall, wall_rho, wall_z = to_piece(rho - R, z + c, 0.0, -1.0, -1.0, 0.0, np.inf)
+    inside = (face < 0.0) & (slope < 0.0) & (wall < 0.0)
+    outside = 1 - inside
+    # Inside a convex block, the nearest surface is the one with the smallest depth.
+    d0 = outside * near_face - inside * face
+    d1 = outside * near_slope - inside * slope
+    d2 = outside * near_wall - inside * wall
+    first = (d0 <= d1) & (d0 <= d2)
+    second = (d1 < d0) & (d1 <= d2)
+    third = 1 - first - second
+    distance = first * d0 + second * d1 + third * d2
+    n_rho = outside * (first * face_rho + second * slope_rho + third * wall_rho) - inside * (second * half + third)
+    n_z = outside * (first * face_z + second * slope_z + third * wall_z) + inside * (first + second * half)
+    across = n_rho / np.maximum(rho, TINY)
+    return (outside - 1.0 * inside) * distance, across * x, across * y, n_z, second + 2 * third
+
+
+def edge_gap(r: float, d_x: Any, d_y: Any, d_z: Any, a_x: Any, a_y: Any, a_z: Any) -> tuple[Any, ...]:
+    """Returns the gap of points, such as those on an edge of the bore, to the infinitely long peg, and the normal.
+
+    Args:
+        r: Radius of the peg, m.
+        d_x: First coordinate of the points relative to the centre of the tip, in H, m.
+        d_y: Second coordinate, m.
+        d_z: Third coordinate, m.
+        a_x: First component of the unit vector along the peg, in H.
+        a_y: Second component.
+        a_z: Third component.
+
+    Returns:
+        Gap, m; the normal's three components in H; and `Contacts.side`.
+    """
+    along = d_x * a_x + d_y * a_y + d_z * a_z
+    r_x, r_y, r_z = d_x - along * a_x, d_y - along * a_y, d_z - along * a_z
+    off = np.sqrt(r_x * r_x + r_y * r_y + r_z * r_z)
+    beside, below = off - r, -along
+    above = below <= 0.0
+    corner = (below > 0.0) & (beside > 0.0)
+    under = 1 - above - corner
+    gap = above * np.maximum(beside, below) + corner * np.sqrt(beside * beside + below * below) + under * below
+    side = above & (beside >= below)
+    reach = np.maximum(gap, TINY)
+    w = (side + corner * beside / reach) / np.maximum(off, TINY)
+    h = 1 - side - corner + corner * below / reach
+    return gap, h * a_x - w * r_x, h * a_y - w * r_y, h * a_z - w * r_z, side
 
 
 def label_contacts(contacts: Contacts, *, tolerance: float = 0.0) -> NDArray[np.intp]:

@@ -39,6 +39,9 @@ from models.validation import (
 )
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
+ENGINES = ("drake", "exact", "mujoco")
+"""Engines of the contact: Drake's hydroelastic meshes, rigid bodies on exact circles, and MuJoCo's boxes."""
+
 APPROXIMATIONS = ("lagged", "similar", "sap")
 """Drake's discrete contact approximations that a scenario may name; "tamsi" is deprecated."""
 
@@ -83,16 +86,20 @@ class Geometry:
 
 @dataclass
 class ContactParameters:
-    """The hydroelastic contact model."""
+    """The contact of peg and bore: the engine that computes it, its laws and its numerics."""
 
-    time_step: float = limited(2e-3, low=MIN_TIME_STEP, high=0.1)  # in units of s
-    modulus: float = limited(5.5e11, high=math.inf)  # in units of Pa, of the compliant peg
+    engine: str = "drake"  # one of ENGINES
+    # In units of s; the other engines take several steps of their own in each.
+    time_step: float = limited(2e-3, low=MIN_TIME_STEP, high=0.1)
+    modulus: float = limited(5.5e11, high=math.inf)  # in units of Pa, of the compliant peg in Drake
     # In units of s/m, Hunt-Crossley; about 0.75 of the speed returns at 20 mm/s.
     dissipation: float = limited(20.0, low=0.0)
+    # In units of N/m, of one contact in the exact engine (docs/physics.md).
+    stiffness: float = limited(1e8)
     friction: float = limited(0.2, low=0.0)
     # Relative half width of the uniform distribution of the friction.
     friction_spread: float = limited(0.5, low=0.0, high=1.0)
-    approximation: str = "lagged"  # one of APPROXIMATIONS
+    approximation: str = "lagged"  # of Drake, one of APPROXIMATIONS
 
 
 @dataclass
@@ -268,6 +275,8 @@ def _geometry_violations(g: Geometry) -> Iterator[Violation]:
 def _name_violations(scenario: Scenario) -> Iterator[Violation]:
     """Checks the fields that hold the name of a choice."""
     approximation, habit = scenario.contact.approximation, scenario.operator.habit
+    if scenario.contact.engine not in ENGINES:
+        yield Violation("contact.engine", repr(scenario.contact.engine), f"one of {ENGINES}")
     if approximation not in APPROXIMATIONS:
         yield Violation("contact.approximation", repr(approximation), f"one of {APPROXIMATIONS}")
     if scenario.device not in DEVICE_PRESETS:

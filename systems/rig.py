@@ -23,7 +23,8 @@ from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor
-from systems.plant.contact_plant import AddRigPlant
+from systems.plant.contact_plant import AddRigPlant, HydroelasticRig
+from systems.plant.exact_plant import ExactPlant
 from systems.plant.rig_plant import RigPlant
 from systems.recording.run_recorder import AddRunRecorder, RunRecorder
 from systems.rig_diagram import RigDiagram, start_angles
@@ -43,10 +44,30 @@ def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = N
         ValueError: if the scenario is not resolved, or the policy was trained for another peg or hole.
     """
     builder = DiagramBuilder()
-    plant = AddRigPlant(builder, scenario)
+    plant = AddEngine(builder, scenario)
     if meshcat is not None:
+        if not isinstance(plant, HydroelasticRig):
+            raise ValueError(f"contact.engine is {scenario.contact.engine}; expected drake for a picture in Meshcat")
         AddVisualization(builder=builder, contact=plant, meshcat=meshcat)
     return WireRig(builder, scenario, skill, plant, meshcat=meshcat)
+
+
+def AddEngine(builder: DiagramBuilder, scenario: Scenario) -> RigPlant:
+    """Adds the mechanics of the rig in the engine that a resolved scenario names.
+
+    Raises:
+        ModuleNotFoundError: if MuJoCo is named and not installed.
+    """
+    match scenario.contact.engine:
+        case "exact":
+            return ExactPlant.AddToBuilder(builder, scenario)
+        case "mujoco":
+            from systems.plant.mujoco_model import MujocoContact
+            from systems.plant.mujoco_plant import MujocoPlant
+
+            return MujocoPlant.AddToBuilder(builder, scenario, MujocoContact())
+        case _:
+            return AddRigPlant(builder, scenario)
 
 
 def WireRig(

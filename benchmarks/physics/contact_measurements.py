@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 
-from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PosedMeshes
+from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe, PosedMeshes
 from experiments.metrics.penetration import round_bodies
 from models.contact_geometry import PegInHole, axes_of_rotation_vectors
 from models.contact_theory import (
@@ -32,7 +32,7 @@ from models.scenario import Scenario
 from skill.arrays import Array
 
 if TYPE_CHECKING:
-    from benchmarks.physics.mujoco_probe import MujocoProbe
+    pass
 
 CRAWLING: dict[str, Any] = {"mass": 0.15, "inertia": 3e-5, "damping": (5.0, 400.0, 0.01)}
 """A probe whose large damping of z makes the peg slide slowly, so that inertia and the damping of the tilt are
@@ -184,6 +184,7 @@ def jamming_trials(
     count: int,
     seed: int,
     numerics: Callable[[Scenario, float], Scenario] = converged,
+    engine: Callable[..., PlanarProbe] = ContactProbe,
 ) -> JammingTrials:
     """Trials with random loads, uniform over an area 1.5 times the parallelogram in both directions.
 
@@ -194,6 +195,7 @@ def jamming_trials(
         count: number of trials.
         seed: seed of the loads.
         numerics: `converged`, or `unchanged` for those of the scenario.
+        engine: makes the probe.
     """
     sizes = PegTheory.of(scenario)
     lam = float(slenderness(depth, peg_radius=sizes.r, friction=friction))
@@ -201,12 +203,12 @@ def jamming_trials(
     edge, two_point = rng.uniform(-1.5, 1.5, (2, count))
     x = edge / friction
     m = lam * two_point - friction * (1.0 + lam) * x
-    probe = ContactProbe(numerics(scenario, friction), mass=0.15, inertia=3e-5, damping=(5.0, 0.0, 0.05))
+    probe = engine(numerics(scenario, friction), mass=0.15, inertia=3e-5, damping=(5.0, 0.0, 0.05))
     slid = np.array([_slides(probe, sizes, depth, a, b, np.sign(s)) for a, b, s in zip(x, m, two_point, strict=True)])
     return JammingTrials(x, m, jamming_load(x, m, slenderness=lam, friction=friction), slid, lam)
 
 
-def _slides(probe: ContactProbe, sizes: PegTheory, depth: float, x: float, m: float, side: float) -> bool:
+def _slides(probe: PlanarProbe, sizes: PegTheory, depth: float, x: float, m: float, side: float) -> bool:
     """Whether the peg slides under F_x / F_z = x and M / (r F_z) = m; ``side`` is the sign of its tilt."""
     tilt = side * two_point_tilt(depth, peg_radius=sizes.r, hole_radius=sizes.R)
     probe.hold()
@@ -226,7 +228,12 @@ def _slides(probe: ContactProbe, sizes: PegTheory, depth: float, x: float, m: fl
 
 
 def force_balance(
-    scenario: Scenario, friction: float, *, depth: float, shares: ArrayLike = (0.0, 0.25, 0.5, 0.75, 0.9)
+    scenario: Scenario,
+    friction: float,
+    *,
+    depth: float,
+    shares: ArrayLike = (0.0, 0.25, 0.5, 0.75, 0.9),
+    engine: Callable[..., PlanarProbe] = ContactProbe,
 ) -> tuple[Array, Array]:
     """Axial force of slow sliding in two-point contact, N: predicted (n,) and measured (n,).
 
@@ -235,9 +242,10 @@ def force_balance(
         friction: coefficient mu.
         depth: l, m.
         shares: (n,), part of the load of 4 mN m that is a lateral force F_x = share * 4 mN m / l; the rest is a moment.
+        engine: makes the probe.
     """
     sizes = PegTheory.of(scenario)
-    probe = ContactProbe(converged(scenario, friction), **CRAWLING)
+    probe = engine(converged(scenario, friction), **CRAWLING)
     forces = []
     for share in np.asarray(shares, dtype=float):
         moment, lateral = 4e-3 * (1.0 - share), 4e-3 * share / depth
@@ -248,7 +256,7 @@ def force_balance(
 
 
 def crawl(
-    probe: ContactProbe | MujocoProbe, sizes: PegTheory, friction: float, *, lateral: float, moment: float, depth: float
+    probe: PlanarProbe, sizes: PegTheory, friction: float, *, lateral: float, moment: float, depth: float
 ) -> tuple[float, Array]:
     """Axial force of a peg that slides slowly under a constant load in two-point contact.
 
@@ -278,9 +286,7 @@ def crawl(
     return float(two_point_axial_force(lateral, moment, depth=now, **law)), np.array(resisted)
 
 
-def press(
-    probe: ContactProbe | MujocoProbe, sizes: PegTheory, bodies: PegInHole, tilt: float, force: float
-) -> dict[str, float]:
+def press(probe: PlanarProbe, sizes: PegTheory, bodies: PegInHole, tilt: float, force: float) -> dict[str, float]:
     """Pushes the peg at a fixed tilt until it is at rest.
 
     Args:
@@ -315,7 +321,7 @@ def press(
     }
 
 
-def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float) -> float:
+def squeeze_kept(probe: PlanarProbe, sizes: PegTheory, tilt: float) -> float:
     """Part of its squeeze that a peg in two-point contact keeps 20 ms after the moment on it is removed.
 
     The squeeze is the tilt beyond that at which both contacts close. The moment presses each contact with 1 N.
@@ -325,12 +331,10 @@ def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float) -> float:
         sizes: of the bodies.
         tilt: at which both contacts close, rad.
     """
-    facets = probe.facets
-    shrunk = np.cos(np.pi / facets)
 
     def squeeze() -> float:
-        pose = probe.pose()
-        free = two_point_tilt(sizes.mouth - pose.z, peg_radius=sizes.r * shrunk, hole_radius=sizes.R * shrunk)
+        pose, scale = probe.pose(), probe.scale
+        free = two_point_tilt(sizes.mouth - pose.z, peg_radius=sizes.r * scale, hole_radius=sizes.R * scale)
         return pose.tilt - free
 
     depth = float(two_point_depth(tilt, peg_radius=sizes.r, hole_radius=sizes.R))
@@ -348,15 +352,19 @@ def squeeze_kept(probe: ContactProbe, sizes: PegTheory, tilt: float) -> float:
 
 
 def measured_wedging_tilt(
-    scenario: Scenario, friction: float, *, numerics: Callable[[Scenario, float], Scenario] = stiffer
+    scenario: Scenario,
+    friction: float,
+    *,
+    numerics: Callable[[Scenario, float], Scenario] = stiffer,
+    engine: Callable[..., PlanarProbe] = ContactProbe,
 ) -> tuple[float, Array]:
     """Minimum tilt at which a squeezed peg stays squeezed, rad, and tilt (rad) and kept part of every trial, (n, 2).
 
-    ``numerics`` is `stiffer`, or `unchanged` for those of the scenario. The tilt is NaN if the peg does not change from
+    ``numerics`` is `stiffer`, or `unchanged` for those of the scenario; ``engine`` makes the probe. The tilt is NaN if the peg does not change from
     slipping to holding within the tilts that the bore allows.
     """
     sizes = PegTheory.of(scenario)
-    probe = ContactProbe(numerics(scenario, friction), mass=0.15, inertia=3e-5, damping=(0.0, 0.0, 0.002))
+    probe = engine(numerics(scenario, friction), mass=0.15, inertia=3e-5, damping=(0.0, 0.0, 0.002))
     law = wedging_tilt(peg_radius=sizes.r, hole_radius=sizes.R, friction=friction)
     # Two-point contact must begin above the floor of the bore, and at a tilt that still enters.
     deepest = 0.95 * (scenario.geometry.hole_depth - scenario.geometry.chamfer)

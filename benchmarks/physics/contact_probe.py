@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,6 +37,39 @@ class PlanarPose:
     x: float  # in units of m
     z: float  # in units of m
     tilt: float  # in units of rad
+
+
+class PlanarProbe(Protocol):
+    """The interface of a probe in any engine; `ContactProbe` implements it with Drake.
+
+    Attributes:
+        time_step: of the simulation, s.
+        scale: size of its bodies over that of the round ones, in the plane of motion.
+    """
+
+    time_step: float
+    scale: float
+
+    def place(self, pose: PlanarPose) -> None:
+        """Puts the peg at a pose, at rest, and starts a new simulation."""
+
+    def load(self, force_x: float, force_z: float, moment: float) -> None:
+        """Sets the force on the tip's centre, N, and the moment about y at the tip's centre, N m."""
+
+    def hold(self, *names: str) -> None:
+        """Locks the named freedoms of `AXES` and frees the others."""
+
+    def step(self, count: int = 1) -> None:
+        """Takes ``count`` time steps."""
+
+    def pose(self) -> PlanarPose:
+        """The pose of the peg."""
+
+    def velocity(self) -> Array:
+        """The velocities (3,) of `AXES`, m/s, m/s and rad/s."""
+
+    def contact_load(self) -> Array:
+        """The contact force along x and z, N, and moment about y at the tip's centre, N m, of the last step: (3,)."""
 
 
 class ContactProbe:
@@ -89,7 +123,8 @@ class ContactProbe:
         self.plant: MultibodyPlant = contact.plant
         self.plant.set_stiction_tolerance(1e-6)  # m/s; a stuck contact creeps at up to this speed
         self.time_step = scenario.contact.time_step
-        self.facets = scenario.geometry.facets
+        # Where two contacts of the wedge lie: between the corners of both polygons.
+        self.scale = float(np.cos(np.pi / scenario.geometry.facets))
         self._simulator = Simulator(builder.Build())
         self._own = self.plant.GetMyMutableContextFromRoot(self._simulator.get_mutable_context())
         self._steps = 0
@@ -128,7 +163,7 @@ class ContactProbe:
         return PlanarPose(*(float(v) for v in self.plant.GetPositions(self._own)))
 
     def velocity(self) -> Array:
-        """The velocities (3,) of `AXES`, m/s, m/s and rad/s."""
+        """See `PlanarProbe`."""
         return np.array(self.plant.GetVelocities(self._own))
 
     def contact_load(self) -> Array:

@@ -43,7 +43,7 @@ from benchmarks.physics.contact_measurements import (
     measured_two_point_depth,
     press,
 )
-from benchmarks.physics.contact_probe import ContactProbe
+from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
 from experiments.metrics.penetration import round_bodies
 from interfaces.terminal import progress
 from models.contact_geometry import PegInHole
@@ -51,7 +51,7 @@ from models.contact_theory import two_point_depth, two_point_push_moment
 from models.scenario import Scenario
 
 if TYPE_CHECKING:
-    from benchmarks.physics.mujoco_probe import MujocoProbe
+    pass
 
 TILT = np.radians(1.0)
 FORCE, LARGE_FORCE = 5.0, 50.0  # axial pushes, N
@@ -103,7 +103,7 @@ class Case:
     """
 
     name: str
-    probe: Callable[..., ContactProbe | MujocoProbe]
+    probe: Callable[..., PlanarProbe]
     scenario: Scenario
     bodies: PegInHole
 

@@ -15,7 +15,7 @@ from systems.plant.mujoco_model import MujocoContact, bore, document, peg
 
 
 class MujocoProbe:
-    """A `ContactProbe` in MuJoCo; the middle of a box lies in the plane of motion.
+    """A `benchmarks.physics.contact_probe.PlanarProbe` in MuJoCo; the middle of a box lies in the plane of motion.
 
     Args:
         scenario: geometry of the bodies and friction.
@@ -24,6 +24,8 @@ class MujocoProbe:
         inertia: of the peg about its tip, kg m^2.
         damping: of x, z and tilt, N s/m, N s/m and N m s/rad.
     """
+
+    scale = 1.0
 
     def __init__(
         self,
@@ -48,14 +50,14 @@ class MujocoProbe:
         self._damping = copy.deepcopy(self.model.dof_damping)
 
     def place(self, pose: PlanarPose) -> None:
-        """See `ContactProbe`."""
+        """See `PlanarProbe`."""
         load = self.data.qfrc_applied.copy()
         mujoco.mj_resetData(self.model, self.data)
         self.data.qfrc_applied[:] = load
         self.data.qpos[:] = [pose.x, pose.z, pose.tilt]
 
     def load(self, force_x: float, force_z: float, moment: float) -> None:
-        """See `ContactProbe`."""
+        """See `PlanarProbe`."""
         self.data.qfrc_applied[:] = [force_x, force_z, moment]
 
     def hold(self, *names: str) -> None:
@@ -66,13 +68,17 @@ class MujocoProbe:
         mujoco.mj_setConst(self.model, mujoco.MjData(self.model))
 
     def step(self, count: int = 1) -> None:
-        """See `ContactProbe`."""
+        """See `PlanarProbe`."""
         mujoco.mj_step(self.model, self.data, nstep=count)
 
     def pose(self) -> PlanarPose:
-        """See `ContactProbe`."""
+        """See `PlanarProbe`."""
         return PlanarPose(*(float(v) for v in self.data.qpos))
 
+    def velocity(self) -> Array:
+        """See `PlanarProbe`."""
+        return np.array(self.data.qvel)
+
     def contact_load(self) -> Array:
-        """See `ContactProbe`."""
+        """See `PlanarProbe`."""
         return np.array(self.data.qfrc_constraint)

@@ -125,15 +125,7 @@ class HydroelasticRig(ContactPlant):
         return self._turning_inertia(self.plant.CreateDefaultContext())
 
     def set_trial(self, context: Context, trial: Scenario) -> float:
-        """Sets the height of the pivot and the friction of another resolved scenario.
-
-        Args:
-            context: of the diagram.
-            trial: as `scenario`, but for pivot and friction.
-
-        Returns:
-            `turning_inertia` with this pivot, kg m^2.
-        """
+        """See `RigPlant`."""
         pivot = _pivot_pose(trial)
         home = self.plant.CreateDefaultContext()
         for own in (home, self.plant.GetMyMutableContextFromRoot(context)):

@@ -136,6 +136,10 @@ class MujocoPlant(LeafSystem):
         mujoco.mj_getState(self._model, data, kept, KEPT)
         own.SetDiscreteState(self._kept, kept)
 
+    def set_trial(self, context: Context, trial: Scenario) -> float:
+        """See `RigPlant`: a model of MuJoCo is compiled once."""
+        raise TypeError("MuJoCo's plant cannot change its trial; build a rig for each")
+
     def tip_height(self, context: Context) -> float:
         """See `RigPlant`."""
         own = self.GetMyContextFromRoot(context)

@@ -7,6 +7,7 @@ from typing import Protocol
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, InputPort, OutputPort
 
+from models.scenario import Scenario
 from systems.plant.contact_forces import Contact
 
 
@@ -54,6 +55,20 @@ class RigPlant(Protocol):
 
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """Sets the positions of the carriage (m) and of the gimbal (rad)."""
+
+    def set_trial(self, context: Context, trial: Scenario) -> float:
+        """Sets the height of the pivot and the friction of another resolved scenario.
+
+        Args:
+            context: of the diagram.
+            trial: as the scenario of the plant, but for pivot and friction.
+
+        Returns:
+            `turning_inertia` with this pivot, kg m^2.
+
+        Raises:
+            TypeError: if the engine cannot.
+        """
 
     def tip_height(self, context: Context) -> float:
         """Returns the height of the centre of the peg's tip in W, m."""

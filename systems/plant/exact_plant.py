@@ -1,0 +1,438 @@
+"""The rig's mechanics as rigid bodies with exact contact, as a Drake system that `systems.rig.WireRig` takes."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Self
+
+import numpy as np
+from pydrake.common.value import AbstractValue, Value
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.math import SpatialForce
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    DiscreteValues,
+    InputPort,
+    LeafSystem,
+    OutputPort,
+)
+
+from models import Array
+from models.scenario import Scenario
+from systems.math.compiled import compiled
+from systems.plant.contact_forces import Contact, NormalForces, single_contacts
+from systems.plant.contact_plant import AddRigPlant
+from systems.plant.exact_contact import (
+    MAX_CONTACTS,
+    Bodies,
+    find_contacts,
+    match,
+    solve_contacts,
+    tangents,
+)
+
+STEP = 2.5e-4
+"""Time step of the mechanics, s."""
+
+FREEDOMS = 5
+"""Carriage, mount along x and y, pitch and yaw."""
+
+
+class Mechanics(NamedTuple):
+    """Masses, springs and dampers of the rig, in SI units.
+
+    Attributes:
+        mass_z: of all that the carriage moves, with the rotor of the feed, kg.
+        mass_x: of all that mount_x moves, kg.
+        mass_y: of all that mount_y moves, kg.
+        weight: of all that the carriage moves, N.
+        peg_mass: kg.
+        centre: height of the peg's centre of mass above the sensor, m.
+        sensor: height of the sensor above the tip, m.
+        friction: of the carriage, N s/m.
+        mount_stiffness: N/m.
+        mount_damping: N s/m.
+        pivot: height of the gimbal's axes above the mouth, m.
+        pitch_ring: inertia of the pitch ring and its rotor about the axis of pitch, kg m^2.
+        rotor: inertia of the rotor of yaw, kg m^2.
+        across: inertia of yaw ring and block, each about its own centre, across the bore, kg m^2.
+        along: the same along the bore, kg m^2.
+        block_mass: kg.
+        block_centre: height of the block's centre of mass above the mouth, m.
+        stepper_stiffness: N m/rad.
+        stepper_damping: N m s/rad.
+        holding_torque: N m.
+        gravity: m/s^2.
+    """
+
+    mass_z: float
+    mass_x: float
+    mass_y: float
+    weight: float
+    peg_mass: float
+    centre: float
+    sensor: float
+    friction: float
+    mount_stiffness: float
+    mount_damping: float
+    pivot: float
+    pitch_ring: float
+    rotor: float
+    across: float
+    along: float
+    block_mass: float
+    block_centre: float
+    stepper_stiffness: float
+    stepper_damping: float
+    holding_torque: float
+    gravity: float
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Self:
+        """Returns the mechanics of a resolved scenario, with the masses and inertias of Drake's plant."""
+        plant = AddRigPlant(DiagramBuilder(), scenario).plant
+        gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
+        rig, stepper, feed = scenario.rig, scenario.stepper, scenario.feed
+        bodies = {name: plant.GetBodyByName(name).default_spatial_inertia() for name in BODIES}
+        moments = {name: inertia.CalcRotationalInertia().get_moments() for name, inertia in bodies.items()}
+        mass = {name: inertia.get_mass() for name, inertia in bodies.items()}
+        mass_y = mass["mount_y"] + mass["peg"]
+        mass_x = mass["mount_x"] + mass_y
+        centre = float(bodies["block"].get_com()[2])
+        return cls(
+            mass_z=mass["carriage"] + mass_x + feed.reflected_mass,
+            mass_x=mass_x,
+            mass_y=mass_y,
+            weight=(mass["carriage"] + mass_x) * gravity,
+            peg_mass=mass["peg"],
+            centre=float(bodies["peg"].get_com()[2]) - scenario.sensor.height,
+            sensor=scenario.sensor.height,
+            friction=rig.carriage_friction,
+            mount_stiffness=rig.mount_stiffness,
+            mount_damping=rig.mount_damping,
+            pivot=float(rig.pivot_height or 0.0),
+            pitch_ring=float(moments["pitch_ring"][0]) + stepper.reflected_inertia,
+            rotor=stepper.reflected_inertia,
+            across=float(moments["yaw_ring"][0] + moments["block"][0]) - mass["block"] * centre**2,
+            along=float(moments["yaw_ring"][2] + moments["block"][2]),
+            block_mass=mass["block"],
+            block_centre=centre,
+            stepper_stiffness=stepper.stiffness,
+            stepper_damping=stepper.damping,
+            holding_torque=stepper.holding_torque,
+            gravity=gravity,
+        )
+
+    def turning_inertia(self) -> float:
+        """Returns the inertia about the axis of pitch where the bore is upright, kg m^2."""
+        return self.pitch_ring + self.across + self.block_mass * (self.block_centre - self.pivot) ** 2
+
+
+BODIES = ("carriage", "mount_x", "mount_y", "peg", "pitch_ring", "yaw_ring", "block")
+
+
+@compiled
+def block_rotation(pitch, yaw):  # type: ignore[no-untyped-def]
+    """Returns R_WH (3, 3) = R_x(pitch) R_y(yaw)."""
+    c, s, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
+    return np.array([[cy, 0.0, sy], [s * sy, c, -s * cy], [-c * sy, s, c * cy]])
+
+
+@compiled
+def rig_contacts(bodies, m, q, gap, point, normal, surface):  # type: ignore[no-untyped-def]
+    """Finds the contacts at positions (5,); their points and normals are in W. Returns how many there are."""
+    R = block_rotation(q[3], q[4])
+    p_W = np.array([q[1], q[2], q[0] - m.sensor - m.pivot])  # from the pivot
+    p_H = R.T @ p_W
+    p_H[2] += m.pivot
+    # The peg does not turn in W; its x and y axes in H are two rows of R_WH.
+    count = find_contacts(bodies, p_H, R[0], R[1], gap, point, normal, surface)
+    for i in range(count):
+        point[i, 2] -= m.pivot
+        point[i] = R @ point[i]
+        point[i, 2] += m.pivot
+        normal[i] = R @ normal[i]
+    return count
+
+
+@compiled
+def advance_rig(bodies, m, q, v, motor, equilibrium, step, count):  # type: ignore[no-untyped-def]
+    """Takes ``count`` time steps.
+
+    Args:
+        bodies: `Bodies`.
+        m: `Mechanics`.
+        q: (5,), positions of carriage, mount and gimbal, m and rad; is changed.
+        v: (5,), velocities, m/s and rad/s; is changed.
+        motor: force on the carriage, N.
+        equilibrium: (2,), of the steppers, rad.
+        step: s.
+        count: number of steps.
+
+    Returns:
+        Mean force (N) and torque (N m) of the mount on the peg, at the sensor, in W (6,); and the contacts in the last
+        step: number, points (MAX_CONTACTS, 3) in W, normals (MAX_CONTACTS, 3) in W and normal forces (MAX_CONTACTS,).
+    """
+    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
+    surface, force = np.empty(MAX_CONTACTS, np.int64), np.zeros(MAX_CONTACTS)
+    old_surface, old_impulse = np.full(MAX_CONTACTS, -1), np.zeros((MAX_CONTACTS, 3))
+    start, wrench, found, iterations = v.copy(), np.zeros(6), 0, 0
+    limit, arm = m.holding_torque, m.block_centre - m.pivot
+    across, lever = m.across + m.block_mass * arm * arm, m.block_mass * m.gravity * arm
+    A, B = np.zeros(5), np.zeros(5)
+    for _ in range(count):
+        cy, sy = math.cos(q[4]), math.sin(q[4])
+        inertia = np.array(
+            [m.mass_z, m.mass_x, m.mass_y, m.pitch_ring + across * cy * cy + m.along * sy * sy, across + m.rotor]
+        )
+        gyration = (m.along - across) * sy * cy
+        load = np.array(
+            [
+                motor - m.weight,
+                0.0,
+                0.0,
+                lever * math.sin(q[3]) * cy - 2.0 * gyration * v[3] * v[4],
+                lever * math.cos(q[3]) * sy + gyration * v[3] * v[3],
+            ]
+        )
+        found = rig_contacts(bodies, m, q, gap, point, normal, surface)
+        jacobian, impulse = np.zeros((3 * found, 5)), np.zeros(3 * found)
+        c, s = math.cos(q[3]), math.sin(q[3])
+        for i in range(found):
+            frame = np.empty((3, 3))
+            frame[0] = normal[i]
+            frame[1:] = tangents(normal[i, 0], normal[i, 1], normal[i, 2])
+            x, y, z = point[i, 0], point[i, 1], point[i, 2] - m.pivot
+            # Velocities of a point of the block: e_x x d for pitch, and (0, c, s) x d for yaw.
+            for j in range(3):
+                f, row = frame[j], 3 * i + j
+                jacobian[row, 0], jacobian[row, 1], jacobian[row, 2] = f[2], f[0], f[1]
+                jacobian[row, 3] = f[1] * z - f[2] * y
+                jacobian[row, 4] = -(f[0] * (c * z - s * y) + f[1] * s * x - f[2] * c * x)
+        match(surface[:found], old_surface, old_impulse, impulse)
+        hold_pitch, hold_yaw = 0.0, 0.0  # torque of a stepper at its limit
+        velocity = v
+        for _trial in range(3):
+            A[:] = inertia
+            B[:] = inertia * v + step * load
+            A[0] += step * m.friction
+            for k in range(1, 3):
+                A[k] += step * (m.mount_damping + step * m.mount_stiffness)
+                B[k] -= step * m.mount_stiffness * q[k]
+            for k in range(3, 5):
+                hold = hold_pitch if k == 3 else hold_yaw
+                if hold == 0.0:
+                    A[k] += step * (m.stepper_damping + step * m.stepper_stiffness)
+                    B[k] -= step * m.stepper_stiffness * (q[k] - equilibrium[k - 3])
+                else:
+                    B[k] += step * hold
+            velocity, sweeps = solve_contacts(bodies, step, 1.0 / A, B / A, jacobian, gap[:found], impulse)
+            iterations += sweeps
+            pitch = (
+                -m.stepper_stiffness * (q[3] + step * velocity[3] - equilibrium[0]) - m.stepper_damping * velocity[3]
+            )
+            yaw = -m.stepper_stiffness * (q[4] + step * velocity[4] - equilibrium[1]) - m.stepper_damping * velocity[4]
+            again = False
+            if hold_pitch == 0.0 and abs(pitch) > limit:
+                hold_pitch, again = math.copysign(limit, pitch), True
+            if hold_yaw == 0.0 and abs(yaw) > limit:
+                hold_yaw, again = math.copysign(limit, yaw), True
+            if not again:
+                break
+        v[:] = velocity
+        q += step * v
+        old_surface[:] = -1
+        for i in range(found):
+            own = impulse[3 * i : 3 * i + 3]
+            force[i] = own[0] / step
+            frame = tangents(normal[i, 0], normal[i, 1], normal[i, 2])
+            p = own[0] * normal[i] + own[1] * frame[0] + own[2] * frame[1]
+            x, y, z = point[i, 0] - q[1], point[i, 1] - q[2], point[i, 2] - q[0]
+            wrench[:3] -= p
+            wrench[3] -= y * p[2] - z * p[1]
+            wrench[4] -= z * p[0] - x * p[2]
+            wrench[5] -= x * p[1] - y * p[0]
+            old_surface[i], old_impulse[i] = surface[i], own
+    duration = count * step
+    wrench /= duration
+    a_x, a_y = (v[1] - start[1]) / duration, (v[2] - start[2]) / duration
+    wrench[0] += m.peg_mass * a_x
+    wrench[1] += m.peg_mass * a_y
+    wrench[2] += m.peg_mass * ((v[0] - start[0]) / duration + m.gravity)
+    wrench[3] -= m.centre * m.peg_mass * a_y
+    wrench[4] += m.centre * m.peg_mass * a_x
+    return wrench, found, point, normal, force, iterations
+
+
+class ExactPlant(LeafSystem):
+    """
+    .. pydrake_system::
+
+        name: ExactPlant
+        input_ports:
+        - carriage_force
+        - gimbal_equilibrium
+        output_ports:
+        - carriage_state
+        - gimbal_state
+        - reaction_forces
+
+    A `systems.plant.rig_plant.RigPlant`. In every period, the contact time step of the scenario, it takes as many steps
+    as fill the period. The discrete state has three groups: positions and velocities of carriage, mount and gimbal,
+    (10,); the mean force (N) and torque (N m) of the mount on the peg in the last period, at the mount, in P; and the
+    sum of the normal forces of all contacts at its end, N. The single contacts are those of the step that would follow
+    with the present inputs. A stepper is a spring-damper whose torque is limited to the holding torque. The rates of
+    ``gimbal_equilibrium`` must be zero.
+
+    Args:
+        scenario: resolved.
+        step: time step, s.
+
+    Raises:
+        ValueError: if the step does not divide the period.
+    """
+
+    sensor = 0
+
+    def __init__(self, scenario: Scenario, step: float = STEP) -> None:
+        super().__init__()
+        period = scenario.contact.time_step
+        self._count, self._step = round(period / step), step
+        if self._count < 1 or abs(self._count * step - period) > 1e-9:
+            raise ValueError(f"the exact engine's step is {step} s, expected a part of contact.time_step {period} s")
+        self._chamfer = scenario.geometry.chamfer
+        m = Mechanics.of(scenario)
+        self._constants = self.DeclareAbstractParameter(Value[object]((Bodies.of(scenario), m)))
+        self.weight = m.peg_mass * m.gravity
+        self.moving_mass = m.weight / m.gravity
+        self.turning_inertia = m.turning_inertia()
+        self._carriage_force = self.DeclareVectorInputPort("carriage_force", 1)
+        self._gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 4)
+        self._motion = self.DeclareDiscreteState(np.zeros(2 * FREEDOMS))
+        self._held = self.DeclareDiscreteState(np.array([0.0, 0.0, self.weight, 0.0, 0.0, 0.0]))
+        self._load = self.DeclareDiscreteState(np.zeros(1))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        motion, measurement = {self.discrete_state_ticket(self._motion)}, {self.discrete_state_ticket(self._held)}
+        self._carriage_state = self.DeclareVectorOutputPort("carriage_state", 2, self._calc_carriage, motion)
+        self._gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 4, self._calc_gimbal, motion)
+        self._reaction_forces = self.DeclareAbstractOutputPort(
+            "reaction_forces", lambda: AbstractValue.Make([SpatialForce.Zero()]), self._calc_reaction, measurement
+        )
+
+    @staticmethod
+    def AddToBuilder(builder: DiagramBuilder, scenario: Scenario, step: float = STEP) -> ExactPlant:
+        """Adds the plant of a resolved scenario; its bodies are those of `systems.plant.contact_plant.AddRigPlant`."""
+        plant: ExactPlant = builder.AddNamedSystem("plant", ExactPlant(scenario, step))
+        return plant
+
+    @property
+    def carriage_force(self) -> InputPort:
+        """See `RigPlant`."""
+        return self._carriage_force
+
+    @property
+    def gimbal_equilibrium(self) -> InputPort:
+        """See `RigPlant`."""
+        return self._gimbal_equilibrium
+
+    @property
+    def carriage_state(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self._carriage_state
+
+    @property
+    def gimbal_state(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self._gimbal_state
+
+    @property
+    def reaction_forces(self) -> OutputPort:
+        """See `RigPlant`."""
+        return self._reaction_forces
+
+    def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
+        """See `RigPlant`."""
+        start = np.zeros(2 * FREEDOMS)
+        start[[0, 3, 4]] = carriage, pitch, yaw
+        self.GetMyMutableContextFromRoot(context).SetDiscreteState(self._motion, start)
+
+    def set_trial(self, context: Context, trial: Scenario) -> float:
+        """See `RigPlant`."""
+        own = self.GetMyMutableContextFromRoot(context)
+        bodies, m = self._constants_in(own)
+        bodies = bodies._replace(friction=trial.contact.friction)
+        m = m._replace(pivot=float(trial.rig.pivot_height or 0.0))
+        own.get_mutable_abstract_parameter(self._constants).set_value((bodies, m))
+        return m.turning_inertia()
+
+    def tip_height(self, context: Context) -> float:
+        """See `RigPlant`."""
+        own = self.GetMyContextFromRoot(context)
+        return float(self._positions(own)[0]) - self._constants_in(own)[1].sensor
+
+    def peg_in_hole(self, context: Context) -> RigidTransform:
+        """See `RigPlant`."""
+        X_WH, X_WP = self._poses(self.GetMyContextFromRoot(context))
+        return X_WH.inverse() @ X_WP
+
+    def contact_extent(self, context: Context) -> float:
+        """See `RigPlant`: the sum of the normal forces, N."""
+        return float(self.GetMyContextFromRoot(context).get_discrete_state(self._load).value()[0])
+
+    def contacts(self, context: Context) -> list[Contact]:
+        """See `RigPlant`."""
+        own = self.GetMyContextFromRoot(context)
+        _, _, (found, points, normals, forces) = self._advanced(own, 1)
+        parts = NormalForces(points[:found], normals[:found], forces[:found])
+        X_WH, X_WP = self._poses(own)
+        return single_contacts(parts, X_WH, X_WH.inverse() @ X_WP, chamfer=self._chamfer)
+
+    def _constants_in(self, own: Context) -> tuple[Bodies, Mechanics]:
+        found: tuple[Bodies, Mechanics] = own.get_abstract_parameter(self._constants).get_value()
+        return found
+
+    def _positions(self, own: Context) -> Array:
+        return np.asarray(own.get_discrete_state(self._motion).value()[:FREEDOMS])
+
+    def _poses(self, own: Context) -> tuple[RigidTransform, RigidTransform]:
+        """Returns X_WH and X_WP."""
+        carriage, x, y, pitch, yaw = self._positions(own)
+        R_WH = block_rotation(pitch, yaw)
+        m = self._constants_in(own)[1]
+        p_WH = np.array([0.0, 0.0, m.pivot]) - m.pivot * R_WH[:, 2]
+        return RigidTransform(RotationMatrix(R_WH), p_WH), RigidTransform([x, y, carriage - m.sensor])
+
+    def _advanced(self, own: Context, count: int) -> tuple[Array, Array, tuple[int, Array, Array, Array]]:
+        """Returns the motion (10,) after some steps, and wrench and contacts as `advance_rig` does."""
+        motion = own.get_discrete_state(self._motion).value()
+        q, v = motion[:FREEDOMS].copy(), motion[FREEDOMS:].copy()
+        wrench, *contacts, _ = advance_rig(
+            *self._constants_in(own),
+            q,
+            v,
+            self._carriage_force.Eval(own)[0],
+            self._gimbal_equilibrium.Eval(own)[:2],
+            self._step,
+            count,
+        )
+        return np.concatenate([q, v]), wrench, tuple(contacts)
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        motion, wrench, (found, _, _, forces) = self._advanced(context, self._count)
+        discrete_state.set_value(self._motion, motion)
+        discrete_state.set_value(self._held, wrench)
+        discrete_state.set_value(self._load, [forces[:found].sum()])
+
+    def _calc_carriage(self, context: Context, output: BasicVector) -> None:
+        motion = context.get_discrete_state(self._motion).value()
+        output.SetFromVector([motion[0], motion[FREEDOMS]])
+
+    def _calc_gimbal(self, context: Context, output: BasicVector) -> None:
+        motion = context.get_discrete_state(self._motion).value()
+        output.SetFromVector([*motion[3:5], *motion[FREEDOMS + 3 :]])
+
+    def _calc_reaction(self, context: Context, output: AbstractValue) -> None:
+        held = context.get_discrete_state(self._held).value()
+        output.set_value([SpatialForce(tau=held[3:], f=held[:3])])
