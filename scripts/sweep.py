@@ -30,7 +30,7 @@ def main(
         Path | None,
         path_option("RESULTS", "Folder to write into; results that are there are kept.", shown="out/sweeps/SPEC"),
     ] = None,
-    engine: Annotated[
+    executor: Annotated[
         Literal["local", "dask", "ray"],
         typer.Option(help="Where it runs: processes of this machine, a Dask cluster or a Ray cluster."),
     ] = "local",
@@ -60,8 +60,8 @@ def main(
         haptic-skill sweep benchmarks/sweeps/friction.yaml --plan
         haptic-skill sweep benchmarks/sweeps/friction.yaml --jobs 8
     """
-    if address is not None and engine == "local":
-        raise ValueError("--address is given, but --engine is local; expected --engine dask or ray")
+    if address is not None and executor == "local":
+        raise ValueError("--address is given, but --executor is local; expected --executor dask or ray")
     import sys
 
     from experiments.outputs.output_checks import check_folder
@@ -80,7 +80,7 @@ def main(
     check_folder(out, size=missing * ROW_SIZE)
 
     say(f"{found.specification.title}: {found.wanted:,} trials, {found.wanted - missing:,} of them done already")
-    with make_pool(engine, jobs=jobs, address=address, tell=say) as pool:
+    with make_pool(executor, jobs=jobs, address=address, tell=say) as pool:
         if missing:
             say(found.cost.text(pool.workers))
         if plan:
@@ -128,15 +128,16 @@ def plan_sweep(path: Path, out: Path, store: PolicyStore) -> SweepPlan:
         ValueError: if the specification is not valid, or a file of the results is damaged.
         OSError: if the specification cannot be read.
     """
+    from importlib import import_module
+
     from experiments.sweeps.assignments import assignments
     from experiments.sweeps.cost import cost_of
     from experiments.sweeps.specification import read_specification
-    from experiments.sweeps.trial_engines import require_engine
     from experiments.sweeps.trial_files import TRIALS
 
     specification = read_specification(path)
-    for engine in specification.engines:
-        require_engine(engine)
+    if "mujoco" in specification.engines:
+        import_module("mujoco")  # a missing package ends the sweep before it begins
     found = assignments(specification, out, f"sweep {path}")
     blocks = [(assignment, block) for assignment in found for block in assignment.blocks]
     todo = [(assignment, block, len(missing)) for assignment, block in blocks if (missing := block.missing())]

@@ -360,8 +360,8 @@ def measured_wedging_tilt(
 ) -> tuple[float, Array]:
     """Minimum tilt at which a squeezed peg stays squeezed, rad, and tilt (rad) and kept part of every trial, (n, 2).
 
-    ``numerics`` is `stiffer`, or `unchanged` for those of the scenario; ``engine`` makes the probe. The tilt is NaN if the peg does not change from
-    slipping to holding within the tilts that the bore allows.
+    ``numerics`` is `stiffer`, or `unchanged` for those of the scenario; ``engine`` makes the probe. The tilt is NaN if
+    the peg does not change from slipping to holding within the tilts that the bore allows.
     """
     sizes = PegTheory.of(scenario)
     probe = engine(numerics(scenario, friction), mass=0.15, inertia=3e-5, damping=(0.0, 0.0, 0.002))

@@ -21,12 +21,12 @@ import typer
 
 from benchmarks.command_line import JsonFile, finish, run
 from experiments.sweeps.policies import CarriedOver
-from experiments.sweeps.trial_engines import make_rig
 from experiments.sweeps.trial_rows import result_columns, trial_code
 from experiments.trial import run_rig
 from interfaces.terminal import console, progress
 from models.scenario import parse_scenario
 from skill.manipulation_skill import ManipulationSkill
+from systems.rig import MakeRig
 
 
 def stored_rows(results: Path) -> pd.DataFrame:
@@ -51,7 +51,7 @@ def differing(row: pd.Series, results: Path) -> list[str]:
     """Returns the names of the columns in which a trial, performed again, differs from its row."""
     scenario = parse_scenario(row["scenario"], f"the scenario of trial {row['trial']}")
     skill = CarriedOver(ManipulationSkill.load(results / "skills" / f"{row['skill']}.npz"))
-    result, _ = run_rig(make_rig(row["engine"], scenario, skill), scenario, skill, seed=int(row["trial"]))
+    result, _ = run_rig(MakeRig(scenario, skill), scenario, skill, seed=int(row["trial"]))
     return [name for name, value in result_columns(result).items() if not _same(row[name], value)]
 
 

@@ -123,7 +123,9 @@ def assignments(specification: Specification, results: Path, where: str) -> list
                 given = skills.get(plan.name)
                 for policy, numbers in _policies(specification, plan, given, cell, scenario, arm, where):
                     for engine in specification.engines:
-                        source = TrialSource(scenario, arm, engine, policy.digest, plan.name, cell.label)
+                        contact = replace(scenario.contact, engine=engine)
+                        own = replace(scenario, contact=contact)
+                        source = TrialSource(own, arm, policy.digest, plan.name, cell.label)
                         folders = {"policy": plan.name, "arm": arm.value, "engine": engine}
                         blocks = blocks_of(results, source.digest(), numbers, **folders)
                         found.append(Assignment(source, policy, blocks))

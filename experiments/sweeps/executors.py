@@ -79,7 +79,7 @@ class DaskPool(ClusterPool):
     def __init__(self, jobs: int, address: str | None, tell: Callable[[str], None]) -> None:
         super().__init__(jobs, address)
         self._tell = tell
-        self._place = "--engine dask" if address is None else f"--address {address}"
+        self._place = "--executor dask" if address is None else f"--address {address}"
         self._without_worker: float | None = None  # since when
         self._is_told = False
 

@@ -29,7 +29,6 @@ from experiments.sweeps.policies import (
     own_modules,
 )
 from experiments.sweeps.specification import PolicyPlan
-from experiments.sweeps.trial_engines import DRAKE
 from experiments.sweeps.trial_files import SETS, SKILLS
 from experiments.sweeps.trial_rows import engine_versions, trial_code, trial_modules
 from experiments.worker_pool import LostWorkerError, WorkerPool
@@ -134,7 +133,7 @@ class PolicyStore:
         stack: ExitStack,
     ) -> Iterator[Callable[[], tuple[DemonstrationSource, Request, Demonstration]]]:
         """Yields the missing demonstrations of the sets that no other sweep holds; the others become ``busy``."""
-        requirements = requirements_of(DRAKE)
+        requirements = requirements_of("drake")
         for source in sources:
             own = stack.enter_context(ExitStack())
             try:
@@ -165,7 +164,7 @@ class PolicyStore:
             OSError: if a file cannot be written.
         """
         tasks = (
-            partial(made, source, self._training_context(source), requirements_of(DRAKE, source.plan))
+            partial(made, source, self._training_context(source), requirements_of("drake", source.plan))
             for source in sources
             if not self.is_made(source)
         )

@@ -27,11 +27,10 @@ import yaml
 
 from experiments.demonstration_set import MAX_DEMONSTRATIONS
 from experiments.sweeps.factors import Cell, Overrides, make_cells
-from experiments.sweeps.trial_engines import ENGINES
 from experiments.trial import Arm
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.document import brief, read_document, read_text
-from models.scenario import Scenario, dump_scenario, load_scenario, parse_scenario
+from models.scenario import ENGINES, Scenario, dump_scenario, load_scenario, parse_scenario
 from models.validation import Violation, check_document, raise_first
 
 MAX_TRIALS = 1_000_000
@@ -105,7 +104,7 @@ class Specification:
         cells: the combinations of levels.
         policies: in the order of the file.
         arms: which trials.
-        engines: names of the engines that simulate, of ``ENGINES``.
+        engines: of `models.scenario.ENGINES`, in each of which the trials are performed.
         rules: names in ``RULES`` of what follows the clearance in every scenario.
         first, number: of the trials.
         text: of the file.
@@ -173,7 +172,7 @@ class Document:
     demonstrations: dict[str, Any] = field(default_factory=dict)
     policies: dict[str, Any] = field(default_factory=dict)
     arms: list[str] = field(default_factory=lambda: [Arm.DEFAULT.value])
-    engines: list[str] = field(default_factory=lambda: [ENGINES[0]])
+    engines: list[str] = field(default_factory=list)
     clearance_rules: list[str] = field(default_factory=list)
     trials: TrialNumbers = field(default_factory=TrialNumbers)
 
@@ -194,13 +193,14 @@ def read_specification(path: Path) -> Specification:
     document = Document(**{**found, "trials": TrialNumbers(**found.get("trials", {}))})
     raise_first(_document_violations(document), where)
     read_plan(document.demonstrations, where, "demonstrations")
+    scenario = load_scenario(document.scenario)
     specification = Specification(
         title=document.title or path.stem,
-        scenario=load_scenario(document.scenario),
+        scenario=scenario,
         cells=make_cells(document.vary, document.design, where),
         policies=[_policy(name, own, document.demonstrations, where) for name, own in document.policies.items()],
         arms=[Arm(name) for name in document.arms],
-        engines=document.engines,
+        engines=document.engines or [scenario.contact.engine],
         rules=document.clearance_rules,
         first=document.trials.first,
         number=document.trials.number,
@@ -217,7 +217,7 @@ def _document_violations(document: Document) -> Iterator[Violation]:
         ("engines", document.engines, list(ENGINES)),
         ("clearance_rules", document.clearance_rules, list(RULES)),
     ):
-        if not set(chosen) <= set(known) or (not chosen and name != "clearance_rules"):
+        if not set(chosen) <= set(known) or (not chosen and name == "arms"):
             yield Violation(name, brief(chosen), f"a list of some of {known}")
         yield from _repetitions(name, chosen)
     yield from _outside("trials.first", document.trials.first, 0, 2**31 - 1)

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from experiments.provenance import version_of, versions
 from experiments.sweeps.code_digest import code_digest, modules_of, values_digest
-from experiments.sweeps.trial_engines import MUJOCO, RigBench
+from experiments.sweeps.rig_bench import RigBench
 from experiments.sweeps.trial_files import MEASURED_NUMBERS
 from experiments.trial import Arm, run_rig, trial_scenario
 from experiments.trial_result import COUNTS, TrialResult
@@ -34,7 +34,6 @@ class TrialSource:
     Attributes:
         scenario: unresolved, of the cell.
         arm: which trials.
-        engine: that simulates.
         policy: digest of the policy that acts.
         name: of the policy.
         factors: of the cell, as JSON.
@@ -42,15 +41,19 @@ class TrialSource:
 
     scenario: Scenario
     arm: Arm
-    engine: str
     policy: str
     name: str
     factors: str
 
+    @property
+    def engine(self) -> str:
+        """The engine that simulates."""
+        return self.scenario.contact.engine
+
     def digest(self) -> str:
         """Returns the digest of what decides the trials, the code and the versions of the packages included."""
         known = {
-            **{"scenario": dump_scenario(self.scenario), "arm": self.arm.value, "engine": self.engine},
+            **{"scenario": dump_scenario(self.scenario), "arm": self.arm.value},
             **{"policy": self.policy, "name": self.name, "factors": self.factors, "code": trial_code()},
             "versions": engine_versions(self.engine),
         }
@@ -76,7 +79,7 @@ def trial_modules() -> tuple[str, ...]:
 
 def engine_versions(engine: str) -> dict[str, str]:
     """Returns the versions of the packages that decide the result of a trial in an engine."""
-    return versions() | ({"mujoco": version_of("mujoco")} if engine == MUJOCO else {})
+    return versions() | ({"mujoco": version_of("mujoco")} if engine == "mujoco" else {})
 
 
 def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[str, Any]) -> Row:
@@ -94,7 +97,7 @@ def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[
     began, cpu = datetime.now(UTC), time.process_time()
     with threadpool_limits(1):
         scenario = trial_scenario(source.scenario, number=number, arm=source.arm)
-        rig = _bench.rig(source, source.engine, scenario, policy)
+        rig = _bench.rig(source, scenario, policy)
         result, _ = run_rig(rig, scenario, policy, seed=number)
     return {
         **result_columns(result),

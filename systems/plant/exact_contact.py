@@ -39,14 +39,14 @@ REACH = 2e-5
 """Largest gap of a contact that is given to the solver, m; in a step of 0.25 ms bodies close it at 80 mm/s."""
 
 SWEEPS = 3
-"""Number of Gauss-Seidel iterations before Newton's method, which they give a first guess."""
+"""Number of Gauss-Seidel iterations in the first round; each later round has twice as many."""
 
 NEWTON_STEPS = 12
 
-ROUNDS = 20
-"""Maximum number of rounds of both."""
+ROUNDS = 9
+"""Maximum number of rounds, each of Gauss-Seidel iterations that give Newton's method a first guess."""
 
-TOLERANCE = 1e-9
+TOLERANCE = 1e-7
 """Largest violation of the laws of contact, relative to the largest impulse."""
 
 SOFTENING = 1e-8
@@ -413,12 +413,14 @@ def solve_contacts(bodies, step, inverse, free, jacobian, gap, impulse):  # type
             mobility[i, j] = mobility[j, i] = value
     for i in range(m):
         mobility[i, i] = mobility[i, i] * (1.0 + SOFTENING) + TINY
-    rounds = 0
+    rounds, guess = 0, impulse.copy()
     while m > 0 and rounds < ROUNDS:
+        gauss_seidel(bodies, step, mobility, without, gap, guess, SWEEPS << rounds)
         rounds += 1
-        gauss_seidel(bodies, step, mobility, without, gap, impulse, SWEEPS)
+        impulse[:] = guess
         if newton(bodies, step, mobility, without, gap, impulse):
             break
+        impulse[:] = guess
     velocity = free.copy()
     for k in range(n):
         for i in range(m):

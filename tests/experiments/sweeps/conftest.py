@@ -36,7 +36,7 @@ def perform(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
 
     def run(path, *, backend="local", address=None, jobs=2, results="results"):
-        sweep.main(path, tmp_path / results, engine=backend, address=address, jobs=jobs)
+        sweep.main(path, tmp_path / results, executor=backend, address=address, jobs=jobs)
         return rows_in(tmp_path / results)
 
     return run

@@ -113,7 +113,7 @@ scenario = make_quick_scenario()
 shown = read_demonstrations(Path({str(demonstration_folder)!r}))
 plan = PolicyPlan("a", None, None, {{}}, DemonstrationPlan(), False)
 made = make_policy(plan, TrainingContext(scenario, Arm.DEFAULT, shown, 0))
-row = perform(TrialSource(scenario, Arm.DEFAULT, "drake", "", "a", "{{}}"), made.policy, 84001, {{}})
+row = perform(TrialSource(scenario, Arm.DEFAULT, "", "a", "{{}}"), made.policy, 84001, {{}})
 loaded = [name for name in sys.modules if name.split(".")[0] in ("models", "skill", "systems", "experiments")]
 print(json.dumps([loaded, trial_modules(), row["trial"]]))
 """

@@ -97,13 +97,13 @@ def test_a_law_is_made_once_and_kept_as_its_parameters(specification, perform, t
 
 
 @pytest.mark.nightly
-def test_both_engines_perform_the_same_trials(specification, perform):
+def test_all_engines_perform_the_same_trials(specification, perform):
     pytest.importorskip("mujoco", reason="needs the extra [mujoco]")
-    path = specification(policies={"push": PUSH}, engines=["drake", "mujoco"], trials={"number": 2})
+    path = specification(policies={"push": PUSH}, engines=["drake", "exact", "mujoco"], trials={"number": 2})
     rows = perform(path).sort_values(["trial", "engine"])
-    assert rows.engine.tolist() == ["drake", "mujoco"] * 2
+    assert rows.engine.tolist() == ["drake", "exact", "mujoco"] * 2
     tilts = rows.pivot_table(index="trial", columns="engine", values="tilt_x_deg", observed=True)
-    assert tilts.drake.tolist() == tilts.mujoco.tolist()
+    assert tilts.drake.tolist() == tilts.exact.tolist() == tilts.mujoco.tolist()
     assert "mujoco" in rows.versions[rows.engine == "mujoco"].iloc[0]
 
 

@@ -12,8 +12,14 @@ from models.scenario import load_scenario
 from tests.experiments.sweeps.made_up_rows import made_up_row
 
 
+def in_engine(engine):
+    scenario = load_scenario()
+    scenario.contact.engine = engine
+    return scenario
+
+
 def source(**changes):
-    plain = TrialSource(load_scenario(), Arm.DEFAULT, "drake", "p" * 16, "push", "{}")
+    plain = TrialSource(load_scenario(), Arm.DEFAULT, "p" * 16, "push", "{}")
     return replace(plain, **changes)
 
 
@@ -22,7 +28,7 @@ def source(**changes):
     [
         {"scenario": load_scenario("tight")},
         {"arm": Arm.STRESS},
-        {"engine": "mujoco"},
+        {"scenario": in_engine("exact")},
         {"policy": "q" * 16},
         {"name": "shove"},
         {"factors": '{"a": 1}'},

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.sweeps import trial_engines, trial_rows
-from experiments.sweeps.trial_engines import RigBench
+from experiments.sweeps import rig_bench, trial_rows
+from experiments.sweeps.rig_bench import RigBench
 from experiments.sweeps.trial_rows import TrialSource, perform, result_columns
 from experiments.trial import Arm, run_trial, trial_scenario
 from models.scenario import load_scenario
@@ -14,34 +14,35 @@ from tests.experiments.sweeps.pushes import Push
 
 @pytest.fixture
 def built(monkeypatch):
-    """The scenarios of which rigs were built, with an empty bench."""
+    """The engines in which rigs were built, with an empty bench."""
     found = []
-    make_rig = trial_engines.make_rig
+    make_rig = rig_bench.MakeRig
     monkeypatch.setattr(trial_rows, "_bench", RigBench())
     monkeypatch.setattr(
-        trial_engines,
-        "make_rig",
-        lambda engine, scenario, policy: (found.append(engine), make_rig(engine, scenario, policy))[1],
+        rig_bench,
+        "MakeRig",
+        lambda scenario, policy: (found.append(scenario.contact.engine), make_rig(scenario, policy))[1],
     )
     return found
 
 
-def short_source(**changes):
+def short_source(engine="drake", **changes):
     scenario = load_scenario()
-    scenario.trial.time_limit = 0.4
-    return replace(TrialSource(scenario, Arm.DEFAULT, "drake", "p" * 16, "push", "{}"), **changes)
+    scenario.trial.time_limit, scenario.contact.engine = 0.4, engine
+    return replace(TrialSource(scenario, Arm.DEFAULT, "p" * 16, "push", "{}"), **changes)
 
 
-def test_trials_of_one_cell_share_a_rig_and_equal_those_of_new_rigs(built):
+@pytest.mark.parametrize("engine", ["drake", "exact"])
+def test_trials_of_one_cell_share_a_rig_and_equal_those_of_new_rigs(built, engine):
     arm = Arm.STRESS
-    source = short_source(arm=arm)
+    source = short_source(engine, arm=arm)
     for number in (84100, 84101, 84100):
         row = perform(source, Push(), number, {})
         new, _ = run_trial(trial_scenario(source.scenario, number=number, arm=arm), Push(), seed=number)
         assert {name: row[name] for name in result_columns(new)} == pytest.approx(
             result_columns(new), nan_ok=True, abs=0
         )
-    assert built == ["drake"]
+    assert built == [engine]
 
 
 def test_another_cell_gets_another_rig(built):
@@ -56,7 +57,7 @@ def test_another_cell_gets_another_rig(built):
 
 def test_in_mujoco_each_trial_has_its_own_rig(built):
     pytest.importorskip("mujoco")
-    source = short_source(engine="mujoco")
+    source = short_source("mujoco")
     for number in (84100, 84101):
         perform(source, Push(), number, {})
     assert built == ["mujoco", "mujoco"]

@@ -1,4 +1,4 @@
-"""MuJoCo's plant alone, with constant inputs."""
+"""The plant of an engine alone, with constant inputs."""
 
 import numpy as np
 from pydrake.systems.analysis import Simulator
@@ -6,19 +6,18 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from systems.plant.contact_plant import AddRigPlant
-from systems.plant.mujoco_model import MujocoContact
-from systems.plant.mujoco_plant import MujocoPlant
+from systems.rig import AddEngine
 
 G = 9.81
 
 
 class Bench:
-    """MuJoCo's plant alone, with a constant force on the carriage and a constant equilibrium of the gimbal."""
+    """The plant of the scenario's engine, with constant force on the carriage and equilibrium of the gimbal."""
 
     def __init__(self, scenario, *, force=0.0, equilibrium=(0.0, 0.0)):
         builder = DiagramBuilder()
         self.scenario = scenario
-        self.plant = MujocoPlant.AddToBuilder(builder, scenario, MujocoContact())
+        self.plant = AddEngine(builder, scenario)
         for value, port in (
             ([force], self.plant.carriage_force),
             ([*equilibrium, 0, 0], self.plant.gimbal_equilibrium),

@@ -1,29 +1,31 @@
-"""MuJoCo's plant against hand-worked statics, Drake's plant and a whole insertion."""
+"""The plants of the engines beside Drake's, against hand-worked statics, Drake's plant and a whole insertion."""
 
 import math
 
 import numpy as np
 import pytest
-
-pytest.importorskip("mujoco", reason="needs the extra [peers]")
-
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from experiments.sweeps.trial_engines import make_rig
 from experiments.trial import run_rig, trial_scenario
 from skill.data.rig_run import ContactPlace
 from systems.plant.contact_plant import ALUMINIUM, STEEL, AddRigPlant
-from systems.plant.mujoco_model import MujocoContact
-from systems.plant.mujoco_plant import MujocoPlant
-from systems.rig import WireRig
+from systems.plant.exact_plant import ExactPlant
+from systems.rig import AddEngine, MakeRig
 from tests.diagrams import unconnected_inputs
-from tests.systems.plant.mujoco_bench import Bench, G, hanging_weight
+from tests.systems.plant.engine_bench import Bench, G, hanging_weight
+
+
+@pytest.fixture(params=["exact", "mujoco"])
+def engine(request):
+    if request.param == "mujoco":
+        pytest.importorskip("mujoco", reason="needs the extra [peers]")
+    return request.param
 
 
 @pytest.fixture
-def scenario(quick_scenario):
-    quick_scenario.rig.pivot_height = 0.0
+def scenario(quick_scenario, engine):
+    quick_scenario.rig.pivot_height, quick_scenario.contact.engine = 0.0, engine
     return quick_scenario
 
 
@@ -49,17 +51,17 @@ def test_the_hanging_block_turns_a_stepper_by_torque_over_stiffness(scenario):
     assert measured - angle == pytest.approx(expected, rel=0.01)
 
 
-def test_both_engines_tell_the_force_guard_the_same_masses(scenario):
+def test_all_engines_tell_the_force_guard_the_same_masses(scenario):
     scenario.rig.pivot_height = 0.002
-    ours, other = AddRigPlant(DiagramBuilder(), scenario), MujocoPlant(scenario, MujocoContact())
+    ours, other = AddRigPlant(DiagramBuilder(), scenario), AddEngine(DiagramBuilder(), scenario)
     assert other.moving_mass == pytest.approx(ours.moving_mass, rel=1e-6)
     assert other.turning_inertia == pytest.approx(ours.turning_inertia, rel=1e-6)
 
 
-def test_both_engines_start_with_the_peg_in_the_same_place(scenario):
+def test_all_engines_start_with_the_peg_in_the_same_place(scenario):
     scenario.rig.pivot_height = 0.002
     poses = []
-    for add in (AddRigPlant, lambda builder, scenario: MujocoPlant.AddToBuilder(builder, scenario, MujocoContact())):
+    for add in (AddRigPlant, AddEngine):
         builder = DiagramBuilder()
         plant = add(builder, scenario)
         context = builder.Build().CreateDefaultContext()
@@ -85,18 +87,18 @@ def test_two_contexts_do_not_disturb_each_other(scenario):
     assert not np.array_equal(states[0], states[2])
 
 
-def test_a_time_step_that_does_not_divide_the_period_is_refused(scenario):
-    with pytest.raises(ValueError, match=r"MuJoCo's time step is 0.0007 s, expected a part of contact.time_step"):
-        MujocoPlant(scenario, MujocoContact(time_step=7e-4))
+def test_a_time_step_that_does_not_divide_the_period_is_refused(quick_scenario):
+    quick_scenario.rig.pivot_height = 0.0
+    with pytest.raises(ValueError, match=r"the exact engine's step is 0.0007 s, expected a part of contact.time_step"):
+        ExactPlant(quick_scenario, step=7e-4)
 
 
 @pytest.mark.slow
-def test_the_skill_inserts_in_mujoco(quick_scenario, skill):
-    quick_scenario.start.tilt = [0.04, -0.035]
-    quick_scenario.trial.time_limit = 8.0
-    resolved = trial_scenario(quick_scenario, number=1000)
-    builder = DiagramBuilder()
-    rig = WireRig(builder, resolved, skill, MujocoPlant.AddToBuilder(builder, resolved, MujocoContact()))
+def test_the_skill_inserts(scenario, skill):
+    scenario.start.tilt = [0.04, -0.035]
+    scenario.trial.time_limit = 8.0
+    resolved = trial_scenario(scenario, number=1000)
+    rig = MakeRig(resolved, skill)
     assert unconnected_inputs(rig.diagram) == set()
     result, run = run_rig(rig, resolved, skill, seed=1000)
     assert result.reason == "inserted"
@@ -134,7 +136,9 @@ def test_the_block_that_leans_on_the_peg_has_the_moment_of_its_contacts(scenario
 
 
 def test_a_rig_of_mujoco_cannot_change_its_trial(quick_scenario, skill):
+    pytest.importorskip("mujoco")
+    quick_scenario.contact.engine = "mujoco"
     resolved = trial_scenario(quick_scenario, number=1000)
-    rig = make_rig("mujoco", resolved, skill)
-    with pytest.raises(TypeError, match="MujocoPlant cannot change its trial"):
+    rig = MakeRig(resolved, skill)
+    with pytest.raises(TypeError, match="MuJoCo's plant cannot change its trial"):
         rig.set_trial(rig.diagram.CreateDefaultContext(), resolved)

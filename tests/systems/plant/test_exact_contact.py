@@ -1,0 +1,194 @@
+"""The exact contact against hand-worked impulses, the exact geometry and conservation of energy."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from models.contact_geometry import PegInHole, Surface, axes_of_rotation_vectors
+from models.scenario import Scenario
+from systems.plant.exact_contact import (
+    MAX_CONTACTS,
+    REACH,
+    Bodies,
+    find_contacts,
+    friction_impulse,
+    normal_impulse,
+    solve_contacts,
+    tangents,
+)
+from systems.plant.exact_peg import advance_peg
+
+BODIES = Bodies.of(Scenario())
+STEP = 2.5e-4
+positive = st.floats(1e-3, 1e3)
+
+
+@pytest.mark.slow
+def test_the_contacts_are_those_of_the_exact_geometry():
+    rng, n = np.random.default_rng(5), 10_000
+    p = np.column_stack([rng.uniform(-3e-4, 3e-4, (n, 2)), rng.uniform(-0.026, 0.001, n)])
+    axes = axes_of_rotation_vectors(np.column_stack([rng.uniform(-0.04, 0.04, (n, 2)), np.zeros(n)]))
+    expected = PegInHole(BODIES.r, BODIES.R, BODIES.depth, BODIES.chamfer).contacts(p, axes)
+    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
+    surface, touching = np.empty(MAX_CONTACTS, np.int64), 0
+    for k in range(n):
+        u = np.cross([0.0, 1.0, 0.0], axes[k])
+        u /= np.linalg.norm(u)
+        count = find_contacts(BODIES, p[k], u, np.cross(axes[k], u), gap, point, normal, surface)
+        near = expected.gap[k] < REACH
+        touching += near.any()
+        # The floor has one minimum, and three points on which a flat tip rests.
+        walls, floor = (
+            near & (expected.surface[k] != Surface.RIM_FLOOR),
+            near & (expected.surface[k] == Surface.RIM_FLOOR),
+        )
+        found, order = np.flatnonzero(surface[:count] != Surface.RIM_FLOOR), np.flatnonzero(walls)
+        found, order = found[np.argsort(gap[found])], order[np.argsort(expected.gap[k][order])]
+        np.testing.assert_allclose(gap[found], expected.gap[k][order], rtol=0, atol=1e-9)
+        same = surface[found] == expected.surface[k][order]  # on a corner both normals are right
+        np.testing.assert_allclose(normal[found][same], expected.normal[k][order][same], rtol=0, atol=1e-5)
+        if floor.any():
+            assert gap[:count][surface[:count] == Surface.RIM_FLOOR].min() == pytest.approx(
+                expected.gap[k][floor].min(), abs=1e-12
+            )
+    assert touching > n / 3
+
+
+@given(st.floats(-1e-5, 1e-5), st.floats(-0.05, 0.05), positive)
+def test_the_normal_impulse_obeys_the_law_at_the_end_of_the_step(gap, free, mobility):
+    p = normal_impulse(BODIES, STEP, gap, free, mobility)
+    speed = free + mobility * p
+    overlap, damping = max(0.0, -gap - STEP * speed), max(0.0, 1.0 - BODIES.dissipation * speed)
+    assert p >= 0.0
+    assert p == pytest.approx(STEP * BODIES.stiffness * overlap * damping, rel=1e-6, abs=1e-12)
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), positive, positive, st.floats(-0.99, 0.99), st.floats(1e-6, 10.0))
+def test_friction_sticks_or_opposes_sliding_with_its_limit(x, y, first, second, coupling, limit):
+    free, off = np.array([x, y]), coupling * np.sqrt(first * second)
+    mobility = np.array([[first, off], [off, second]])
+    p = np.array(friction_impulse(limit, free, mobility))
+    slide, size = free + mobility @ p, np.linalg.norm(p)
+    assert size <= limit * (1.0 + 1e-9)
+    if size < limit * (1.0 - 1e-6):
+        np.testing.assert_allclose(slide, 0.0, atol=1e-6 * (1.0 + np.linalg.norm(free)))
+    else:
+        assert np.linalg.norm(slide + p / size * np.linalg.norm(slide)) < 1e-4 * (1e-3 + np.linalg.norm(free))
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10_000))
+def test_all_contacts_obey_normal_law_and_friction(seed):
+    """Up to four contacts in random directions between bodies of random masses."""
+    rng = np.random.default_rng(seed)
+    m, inverse = int(rng.integers(1, 5)), 10.0 ** rng.uniform(-1, 2, 6)
+    jacobian = rng.normal(size=(3 * m, 6)) * np.array([0.01, 0.01, 0.01, 1.0, 1.0, 1.0])
+    gap, free = rng.uniform(-2e-6, 1e-6, m), rng.normal(size=6) * 0.02
+    impulse = np.zeros(3 * m)
+    velocity, _ = solve_contacts(BODIES, STEP, inverse, free, jacobian, gap, impulse)
+    np.testing.assert_allclose(velocity, free + inverse * (jacobian.T @ impulse), atol=1e-12)
+    u, p = (jacobian @ velocity).reshape(m, 3), impulse.reshape(m, 3)
+    overlap, damping = np.maximum(0, -gap - STEP * u[:, 0]), np.maximum(0, 1 - BODIES.dissipation * u[:, 0])
+    scale = p[:, 0].max() + 1e-9
+    np.testing.assert_allclose(p[:, 0], STEP * BODIES.stiffness * overlap * damping, atol=1e-4 * scale)
+    size, slide = np.linalg.norm(p[:, 1:], axis=1), np.linalg.norm(u[:, 1:], axis=1)
+    assert (size <= BODIES.friction * p[:, 0] + 1e-5 * scale).all()
+    sticks = size < BODIES.friction * p[:, 0] - 1e-4 * scale
+    assert (slide[sticks] < 1e-5).all()
+    slips = ~sticks & (slide > 1e-4)
+    power = (p[slips, 1:] * u[slips, 1:]).sum(axis=1)
+    np.testing.assert_allclose(power, -size[slips] * slide[slips], atol=1e-4 * scale * slide.max())
+
+
+@given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_tangents_and_normal_are_a_frame(x, y, z):
+    n = np.array([x, y, z])
+    if np.linalg.norm(n) > 0.1:
+        n /= np.linalg.norm(n)
+        frame = np.vstack([n, tangents(*n)])
+        np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+
+
+def peg_state(z=0.001, tilt=0.0):
+    return np.array([np.cos(tilt / 2), 0.0, np.sin(tilt / 2), 0.0, 0.0, 0.0, z]), np.zeros(6)
+
+
+INERTIA, UNDAMPED, FREE = np.repeat([2e-4, 0.5], 3), np.zeros(6), np.ones(6)
+
+
+def test_a_peg_without_contact_falls_as_newton_says():
+    q, v = peg_state()
+    advance_peg(BODIES, INERTIA, UNDAMPED, FREE, q, v, np.array([0, 0, 0, 0, 0, -1.0]), STEP, 40)
+    assert v[5] == pytest.approx(-1.0 / 0.5 * 0.01, rel=1e-9)
+    assert q[6] == pytest.approx(0.001 - 0.5 * 2.0 * 0.01**2, abs=3e-6)
+
+
+def test_the_rotation_of_a_free_peg_is_that_of_its_rotation_vector():
+    q, v = peg_state()
+    v[:3] = 0.3, -0.2, 0.1
+    advance_peg(BODIES, INERTIA, UNDAMPED, FREE, q, v, np.zeros(6), STEP, 400)
+    turned = np.array([0.03, -0.02, 0.01])
+    angle = np.linalg.norm(turned)
+    np.testing.assert_allclose(q[:4], [np.cos(angle / 2), *(np.sin(angle / 2) * turned / angle)], atol=1e-12)
+
+
+def test_a_pressed_peg_rests_on_the_floor_and_sinks_by_load_over_stiffness():
+    q, v = peg_state(z=-BODIES.depth)
+    for _ in range(20):
+        contact, found, _, force = advance_peg(
+            BODIES, INERTIA, UNDAMPED, FREE, q, v, np.array([0, 0, 0, 0, 0, -9.0]), STEP, 40
+        )
+    assert found >= 3
+    np.testing.assert_allclose(contact, [0, 0, 0, 0, 0, 9.0], atol=1e-6)
+    np.testing.assert_allclose(force[:3], 3.0, rtol=1e-3)
+    assert -BODIES.depth - q[6] == pytest.approx(3.0 / BODIES.stiffness, rel=1e-3)
+
+
+def test_a_peg_that_sticks_does_not_creep():
+    """On the floor under 10 N, with 1.9 N across: mu is 0.2."""
+    q, v = peg_state(z=-BODIES.depth)
+    push = np.array([0, 0, 0, 1.9, 0, -10.0])
+    advance_peg(BODIES, INERTIA, UNDAMPED, FREE, q, v, np.array([0, 0, 0, 0, 0, -10.0]), STEP, 400)
+    start = q[4]
+    advance_peg(BODIES, INERTIA, UNDAMPED, FREE, q, v, push, STEP, 4000)
+    assert abs(q[4] - start) < 1e-9
+    push[3] = 2.1
+    advance_peg(BODIES, INERTIA, UNDAMPED, FREE, q, v, push, STEP, 40)
+    assert v[3] == pytest.approx((2.1 - 2.0) / 0.5 * 0.01, rel=0.02)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000))
+def test_energy_never_grows(seed):
+    """A peg thrown into the bore without load: its kinetic energy and that of its contacts only falls."""
+    rng = np.random.default_rng(seed)
+    q, v = peg_state(z=rng.uniform(-0.02, 0.0005), tilt=rng.uniform(-0.003, 0.003))
+    v[:] = rng.normal(size=6) * np.array([0.3, 0.3, 0.3, 0.03, 0.03, 0.05])
+    energy = 0.5 * (INERTIA * v * v).sum()
+    start = energy
+    bodies = BODIES._replace(dissipation=0.0)
+    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
+    for _ in range(200):
+        advance_peg(bodies, INERTIA, UNDAMPED, FREE, q, v, np.zeros(6), STEP, 1)
+        a, b, c, d = q[:4]
+        u = np.array([1 - 2 * (c * c + d * d), 2 * (b * c + a * d), 2 * (b * d - a * c)])
+        w = np.array([2 * (b * c - a * d), 1 - 2 * (b * b + d * d), 2 * (c * d + a * b)])
+        count = find_contacts(bodies, q[4:], u, w, gap, point, normal, np.empty(MAX_CONTACTS, np.int64))
+        stored = 0.5 * bodies.stiffness * (np.minimum(gap[:count], 0.0) ** 2).sum()
+        now = 0.5 * (INERTIA * v * v).sum() + stored
+        assert now < energy + 1e-3 * start
+        energy = now
+
+
+def test_restitution_converges_to_that_of_the_law():
+    """Hunt and Crossley: for small d v the speed after the impact is v (1 - 2/3 d v), as the step goes to zero."""
+    speed, bodies = 0.003, BODIES._replace(dissipation=20.0)
+    returned = []
+    for step in (2e-6, 5e-7):
+        q, v = peg_state(z=-BODIES.depth + 1e-6)
+        v[5] = -speed
+        advance_peg(bodies, INERTIA, UNDAMPED, FREE, q, v, np.zeros(6), step, round(0.002 / step))
+        returned.append(v[5] / speed)
+    limit = returned[1] + (returned[1] - returned[0]) / 3.0  # the error of implicit Euler is proportional to the step
+    assert limit == pytest.approx(1.0 - 2.0 / 3.0 * 20.0 * speed, abs=0.01)
