@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -22,14 +22,14 @@ def _digest() -> str:
 
 
 # By itself numba compiles again when the file of a function changes, but not when that of a function it calls does.
-numba.config.CACHE_DIR = str(Path.home() / ".cache" / "haptic_skill" / _digest())
+numba.config.CACHE_DIR = str(Path.home() / ".cache" / "haptic_skill" / _digest())  # type: ignore[attr-defined]
 
 
 def compiled(function: F) -> F:
     """Returns the function compiled by numba for the types of its arguments; later processes load the code."""
-    return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+    return cast(F, numba.njit(cache=True, error_model="numpy")(function))
 
 
 def inlined(function: F) -> F:
     """As `compiled`, but the function becomes part of those that call it, so that their loops can use vectors."""
-    return numba.njit(inline="always", error_model="numpy")(function)  # type: ignore[no-any-return]
+    return cast(F, numba.njit(inline="always", error_model="numpy")(function))

@@ -181,7 +181,12 @@ def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant
     """Adds the plant of the virtual environment: a free peg and a fixed block, without gravity.
 
     The peg has the coupling's virtual mass and inertia; its centre of mass is at the tip.
+
+    Raises:
+        ValueError: If the scenario names another engine than Drake.
     """
+    if scenario.contact.engine != "drake":
+        raise ValueError(f"contact.engine is {scenario.contact.engine}; expected drake in the virtual environment")
     plant, scene_graph = add_hydroelastic_plant(builder, scenario)
     coupling = scenario.coupling
     radius = math.sqrt(2.5 * coupling.peg_inertia / coupling.peg_mass)  # a sphere with this inertia

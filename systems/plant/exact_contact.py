@@ -20,11 +20,12 @@ Appl. Mech. Eng. 155, 1998) and Newton's method on all of them (Alart and Curnie
 from __future__ import annotations
 
 import math
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
-from models import contact_geometry
+from models import Array, contact_geometry
 from models.contact_geometry import GOLDEN, SAMPLES, TINY
 from models.scenario import Scenario
 from systems.math.compiled import compiled, inlined
@@ -32,6 +33,8 @@ from systems.math.compiled import compiled, inlined
 GOLDEN_STEPS = 24
 """Number of golden-section steps; they shrink a bracket of two sample distances to 1.3e-6 rad. A minimum of the
 gap is then exact to 1e-10 m."""
+
+Numbers = NDArray[np.int64]
 
 MAX_CONTACTS = 16
 
@@ -98,9 +101,7 @@ class Bodies(NamedTuple):
 
 
 @compiled
-def on_circle(  # type: ignore[no-untyped-def]
-    bodies, circle, cosine, sine, p, u, v
-):
+def on_circle(bodies: Bodies, circle: int, cosine: float, sine: float, p: Array, u: Array, v: Array) -> tuple[Any, ...]:
     """Returns gap, point on the bore (3), normal (3) and surface at an angle of a circle; all in H."""
     if circle == RIM:
         x = p[0] + bodies.r * (cosine * u[0] + sine * v[0])
@@ -117,7 +118,21 @@ def on_circle(  # type: ignore[no-untyped-def]
 
 
 @compiled
-def rim_gaps(R, chamfer, r, p_x, p_y, p_z, u_x, u_y, u_z, v_x, v_y, v_z, values):  # type: ignore[no-untyped-def]
+def rim_gaps(
+    R: float,
+    chamfer: float,
+    r: float,
+    p_x: float,
+    p_y: float,
+    p_z: float,
+    u_x: float,
+    u_y: float,
+    u_z: float,
+    v_x: float,
+    v_y: float,
+    v_z: float,
+    values: Array,
+) -> None:
     """Computes the gaps of the rim at all samples."""
     for k in range(SAMPLES):
         c, s = r * COS[k], r * SIN[k]
@@ -126,14 +141,27 @@ def rim_gaps(R, chamfer, r, p_x, p_y, p_z, u_x, u_y, u_z, v_x, v_y, v_z, values)
 
 
 @compiled
-def edge_gaps(radius, height, r, p_x, p_y, p_z, a_x, a_y, a_z, values):  # type: ignore[no-untyped-def]
+def edge_gaps(
+    radius: float,
+    height: float,
+    r: float,
+    p_x: float,
+    p_y: float,
+    p_z: float,
+    a_x: float,
+    a_y: float,
+    a_z: float,
+    values: Array,
+) -> None:
     """Computes the gaps of an edge of the bore at all samples."""
     for k in range(SAMPLES):
         values[k] = edge_gap(r, radius * COS[k] - p_x, radius * SIN[k] - p_y, height - p_z, a_x, a_y, a_z)[0]
 
 
 @compiled
-def find_contacts(bodies, p, u, v, gap, point, normal, surface):  # type: ignore[no-untyped-def]
+def find_contacts(
+    bodies: Bodies, p: Array, u: Array, v: Array, gap: Array, point: Array, normal: Array, surface: Numbers
+) -> int:
     """Finds the contacts of a pose whose gap is below `REACH`.
 
     Args:
@@ -203,7 +231,7 @@ def find_contacts(bodies, p, u, v, gap, point, normal, surface):  # type: ignore
 
 
 @compiled
-def normal_impulse(bodies, step, gap, free, mobility):  # type: ignore[no-untyped-def]
+def normal_impulse(bodies: Bodies, step: float, gap: float, free: float, mobility: float) -> float:
     """Returns the normal impulse (N s) of a contact whose speed of separation is ``free`` + ``mobility`` * impulse.
 
     With the law of the module, the speed is the smaller root of a quadratic equation.
@@ -219,7 +247,7 @@ def normal_impulse(bodies, step, gap, free, mobility):  # type: ignore[no-untype
 
 
 @compiled
-def friction_impulse(limit, free, mobility):  # type: ignore[no-untyped-def]
+def friction_impulse(limit: float, free: Array, mobility: Array) -> tuple[float, float]:
     """Returns the impulse (2,) of friction (N s): it stops sliding, or has the size ``limit`` and opposes sliding.
 
     Args:
@@ -250,7 +278,9 @@ def friction_impulse(limit, free, mobility):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def gauss_seidel(bodies, step, mobility, free, gap, impulse, sweeps):  # type: ignore[no-untyped-def]
+def gauss_seidel(
+    bodies: Bodies, step: float, mobility: Array, free: Array, gap: Array, impulse: Array, sweeps: int
+) -> None:
     """Solves one contact after the other, ``sweeps`` times; see `solve_contacts`."""
     n, slide = len(impulse), np.empty(2)
     for _ in range(sweeps):
@@ -270,7 +300,16 @@ def gauss_seidel(bodies, step, mobility, free, gap, impulse, sweeps):  # type: i
 
 
 @compiled
-def residual(bodies, step, mobility, free, gap, impulse, error, slope):  # type: ignore[no-untyped-def]
+def residual(
+    bodies: Bodies,
+    step: float,
+    mobility: Array,
+    free: Array,
+    gap: Array,
+    impulse: Array,
+    error: Array,
+    slope: Array,
+) -> float:
     """Computes by how much impulses violate the laws of the module, in N s (Alart and Curnier, 1991); see `newton`.
 
     Args:
@@ -334,7 +373,7 @@ def residual(bodies, step, mobility, free, gap, impulse, error, slope):  # type:
 
 
 @compiled
-def eliminate(matrix, vector):  # type: ignore[no-untyped-def]
+def eliminate(matrix: Array, vector: Array) -> None:
     """Solves a system of linear equations in place by elimination with pivots: ``vector`` receives the solution."""
     n = len(vector)
     for i in range(n):
@@ -359,7 +398,7 @@ def eliminate(matrix, vector):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def newton(bodies, step, mobility, free, gap, impulse):  # type: ignore[no-untyped-def]
+def newton(bodies: Bodies, step: float, mobility: Array, free: Array, gap: Array, impulse: Array) -> bool:
     """Solves all contacts together from a first guess by Newton's method; returns whether it converged."""
     n = len(impulse)
     error, slope, trial = np.empty(n), np.empty((n, n)), np.empty(n)
@@ -389,7 +428,9 @@ def newton(bodies, step, mobility, free, gap, impulse):  # type: ignore[no-untyp
 
 
 @compiled
-def solve_contacts(bodies, step, inverse, free, jacobian, gap, impulse):  # type: ignore[no-untyped-def]
+def solve_contacts(
+    bodies: Bodies, step: float, inverse: Array, free: Array, jacobian: Array, gap: Array, impulse: Array
+) -> tuple[Array, int]:
     """Returns the velocities (n,) at the end of a step, and the number of rounds.
 
     Args:
@@ -429,7 +470,7 @@ def solve_contacts(bodies, step, inverse, free, jacobian, gap, impulse):  # type
 
 
 @compiled
-def match(surface, old_surface, old_impulse, impulse):  # type: ignore[no-untyped-def]
+def match(surface: Numbers, old_surface: Numbers, old_impulse: Array, impulse: Array) -> None:
     """Copies the impulses of the last step's contacts, by their surfaces, into the first guess of this step's."""
     for i in range(len(surface)):
         for k in range(len(old_surface)):
@@ -440,7 +481,7 @@ def match(surface, old_surface, old_impulse, impulse):  # type: ignore[no-untype
 
 
 @compiled
-def tangents(n_x, n_y, n_z):  # type: ignore[no-untyped-def]
+def tangents(n_x: float, n_y: float, n_z: float) -> Array:
     """Returns two unit vectors (2, 3) across a unit vector; the first one is as near to z as it can be, or to x."""
     t = np.zeros((2, 3))
     if abs(n_z) < 0.9:

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
+from models import Array
 from systems.math.compiled import compiled
-from systems.plant.exact_contact import MAX_CONTACTS, find_contacts, match, solve_contacts, tangents
+from systems.plant.exact_contact import MAX_CONTACTS, Bodies, find_contacts, match, solve_contacts, tangents
 
 
 @compiled
-def turn(quaternion, vector):  # type: ignore[no-untyped-def]
+def turn(quaternion: Array, vector: Array) -> None:
     """Turns a quaternion (4,), w first, in place by a rotation vector (3,), rad."""
     angle = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
     half = 0.5 * math.sin(0.5 * angle) / (0.5 * angle) if angle > 1e-9 else 0.5
@@ -25,7 +26,17 @@ def turn(quaternion, vector):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def advance_peg(bodies, inertia, damping, free, q, v, wrench, step, count):  # type: ignore[no-untyped-def]
+def advance_peg(
+    bodies: Bodies,
+    inertia: Array,
+    damping: Array,
+    free: Array,
+    q: Array,
+    v: Array,
+    wrench: Array,
+    step: float,
+    count: int,
+) -> tuple[Array, int, Array, Array]:
     """Takes ``count`` time steps.
 
     Args:

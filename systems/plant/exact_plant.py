@@ -27,6 +27,7 @@ from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_contact import (
     MAX_CONTACTS,
     Bodies,
+    Numbers,
     find_contacts,
     match,
     solve_contacts,
@@ -34,7 +35,7 @@ from systems.plant.exact_contact import (
 )
 
 STEP = 2.5e-4
-"""Time step of the mechanics, s."""
+"""Largest time step, s."""
 
 FREEDOMS = 5
 """Carriage, mount along x and y, pitch and yaw."""
@@ -134,14 +135,16 @@ BODIES = ("carriage", "mount_x", "mount_y", "peg", "pitch_ring", "yaw_ring", "bl
 
 
 @compiled
-def block_rotation(pitch, yaw):  # type: ignore[no-untyped-def]
+def block_rotation(pitch: float, yaw: float) -> Array:
     """Returns R_WH (3, 3) = R_x(pitch) R_y(yaw)."""
     c, s, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
     return np.array([[cy, 0.0, sy], [s * sy, c, -s * cy], [-c * sy, s, c * cy]])
 
 
 @compiled
-def rig_contacts(bodies, m, q, gap, point, normal, surface):  # type: ignore[no-untyped-def]
+def rig_contacts(
+    bodies: Bodies, m: Mechanics, q: Array, gap: Array, point: Array, normal: Array, surface: Numbers
+) -> int:
     """Finds the contacts at positions (5,); their points and normals are in W. Returns how many there are."""
     R = block_rotation(q[3], q[4])
     p_W = np.array([q[1], q[2], q[0] - m.sensor - m.pivot])  # from the pivot
@@ -158,7 +161,16 @@ def rig_contacts(bodies, m, q, gap, point, normal, surface):  # type: ignore[no-
 
 
 @compiled
-def advance_rig(bodies, m, q, v, motor, equilibrium, step, count):  # type: ignore[no-untyped-def]
+def advance_rig(
+    bodies: Bodies,
+    m: Mechanics,
+    q: Array,
+    v: Array,
+    motor: float,
+    equilibrium: Array,
+    step: float,
+    count: int,
+) -> tuple[Array, int, Array, Array, Array, int]:
     """Takes ``count`` time steps.
 
     Args:
@@ -288,10 +300,7 @@ class ExactPlant(LeafSystem):
 
     Args:
         scenario: resolved.
-        step: time step, s.
-
-    Raises:
-        ValueError: if the step does not divide the period.
+        step: largest time step, s.
     """
 
     sensor = 0
@@ -299,9 +308,8 @@ class ExactPlant(LeafSystem):
     def __init__(self, scenario: Scenario, step: float = STEP) -> None:
         super().__init__()
         period = scenario.contact.time_step
-        self._count, self._step = round(period / step), step
-        if self._count < 1 or abs(self._count * step - period) > 1e-9:
-            raise ValueError(f"the exact engine's step is {step} s, expected a part of contact.time_step {period} s")
+        self._count = math.ceil(period / step - 1e-9)
+        self._step = period / self._count
         self._chamfer = scenario.geometry.chamfer
         m = Mechanics.of(scenario)
         self._constants = self.DeclareAbstractParameter(Value[object]((Bodies.of(scenario), m)))
@@ -408,7 +416,7 @@ class ExactPlant(LeafSystem):
         """Returns the motion (10,) after some steps, and wrench and contacts as `advance_rig` does."""
         motion = own.get_discrete_state(self._motion).value()
         q, v = motion[:FREEDOMS].copy(), motion[FREEDOMS:].copy()
-        wrench, *contacts, _ = advance_rig(
+        wrench, found, points, normals, forces, _ = advance_rig(
             *self._constants_in(own),
             q,
             v,
@@ -417,7 +425,7 @@ class ExactPlant(LeafSystem):
             self._step,
             count,
         )
-        return np.concatenate([q, v]), wrench, tuple(contacts)
+        return np.concatenate([q, v]), wrench, (found, points, normals, forces)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         motion, wrench, (found, _, _, forces) = self._advanced(context, self._count)

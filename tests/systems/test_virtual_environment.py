@@ -165,7 +165,7 @@ def test_every_fixture_gives_a_demonstration(quick_scenario, fixture):
 
 def test_scenario_with_one_of_everything_runs():
     scenario = load_scenario("one_of_everything")
-    scenario.recorder.time_limit = 0.1
+    scenario.recorder.time_limit, scenario.contact.engine = 0.1, "drake"
     resolved = resolve_scenario(scenario, seed=0, stream=DEMONSTRATION_STREAM)
     demonstration = run_demonstration(resolved)
     assert demonstration.outcome == "time over"

@@ -10,7 +10,6 @@ from pydrake.systems.framework import DiagramBuilder
 from experiments.trial import run_rig, trial_scenario
 from skill.data.rig_run import ContactPlace
 from systems.plant.contact_plant import ALUMINIUM, STEEL, AddRigPlant
-from systems.plant.exact_plant import ExactPlant
 from systems.rig import AddEngine, MakeRig
 from tests.diagrams import unconnected_inputs
 from tests.systems.plant.engine_bench import Bench, G, hanging_weight
@@ -85,12 +84,6 @@ def test_two_contexts_do_not_disturb_each_other(scenario):
     states = [s.get_context().get_discrete_state(0).value() for s in (alone, first, second)]
     np.testing.assert_array_equal(states[0], states[1])
     assert not np.array_equal(states[0], states[2])
-
-
-def test_a_time_step_that_does_not_divide_the_period_is_refused(quick_scenario):
-    quick_scenario.rig.pivot_height = 0.0
-    with pytest.raises(ValueError, match=r"the exact engine's step is 0.0007 s, expected a part of contact.time_step"):
-        ExactPlant(quick_scenario, step=7e-4)
 
 
 @pytest.mark.slow

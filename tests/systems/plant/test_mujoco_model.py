@@ -7,7 +7,7 @@ mujoco = pytest.importorskip("mujoco", reason="needs the extra [peers]")
 
 
 from systems.plant.mujoco_model import MujocoContact, rig_document  # noqa: E402
-from tests.systems.plant.mujoco_bench import hanging_weight  # noqa: E402
+from tests.systems.plant.engine_bench import hanging_weight  # noqa: E402
 
 
 @pytest.fixture
