@@ -17,6 +17,8 @@ A row names what differs from the default scenario, whose bore has its corners o
 peg (as in `make_bore`), and a broken edge. The first row is the finest; the second one has the settings of earlier
 scenarios (64 facets, 1e10 Pa, 1 s/m, a chamfer that begins at the mouth).
 
+The last rows are rigid bodies in the exact engine (`systems.plant.exact_contact`), over their stiffness and step.
+
 With --mujoco (extra [mujoco]) the same peg also moves in MuJoCo, where it is an exact cylinder and the bore a ring of
 boxes (`systems.plant.mujoco_model`). The sweep `engines.yaml` compares the engines in trials of the rig.
 """
@@ -44,11 +46,13 @@ from benchmarks.physics.contact_measurements import (
     press,
 )
 from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
+from benchmarks.physics.exact_probe import ExactProbe
 from experiments.metrics.penetration import round_bodies
 from interfaces.terminal import progress
 from models.contact_geometry import PegInHole
 from models.contact_theory import two_point_depth, two_point_push_moment
 from models.scenario import Scenario
+from systems.plant.exact_plant import STEP
 
 if TYPE_CHECKING:
     pass
@@ -122,6 +126,16 @@ def drake_case(setting: dict[str, Any]) -> Case:
     return Case(text, probe, scenario, round_bodies(geometry))
 
 
+def exact_cases() -> Iterator[Case]:
+    """Yields the cases of the exact engine: its default, then other stiffnesses and steps."""
+    for stiffness, step in ((1e8, STEP), (1e7, STEP), (1e9, STEP), (1e8, 5e-4), (1e8, 1e-4)):
+        scenario = Scenario()
+        scenario.contact.stiffness = stiffness
+        probe = partial(ExactProbe, scenario, time_step=step)
+        name = f"exact, {stiffness:g} N/m, {1e3 * step:g} ms"
+        yield Case(name, probe, scenario, round_bodies(scenario.geometry))
+
+
 def mujoco_cases() -> Iterator[Case]:
     """Yields the cases of MuJoCo, in the default scenario."""
     from benchmarks.physics.mujoco_probe import MujocoProbe
@@ -175,7 +189,7 @@ def main(
     mujoco: Annotated[bool, typer.Option("--mujoco", help="Also measure MuJoCo.")] = False,
     json: JsonFile = None,
 ) -> None:
-    cases = [*map(drake_case, SETTINGS), *(mujoco_cases() if mujoco else ())]
+    cases = [*map(drake_case, SETTINGS), *exact_cases(), *(mujoco_cases() if mujoco else ())]
     rows = []
     print(f"{'setting':44}" + "".join(f"{title:>11}" for title in COLUMNS.values()))
     with progress("convergence", len(cases)) as advance:

@@ -12,6 +12,7 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from systems.plant.exact_contact import Bodies
 from systems.plant.exact_peg import advance_peg
+from systems.plant.exact_plant import STEP
 
 PLANE = [3, 5, 1]
 """Numbers of `AXES` among the freedoms of `systems.plant.exact_peg.advance_peg`."""
@@ -34,7 +35,7 @@ class ExactProbe:
         self,
         scenario: Scenario,
         *,
-        time_step: float = 2.5e-4,
+        time_step: float = STEP,
         mass: float = 0.5,
         inertia: float = 1e-4,
         damping: ArrayLike = (0.0, 0.0, 0.0),

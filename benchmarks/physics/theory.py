@@ -1,13 +1,14 @@
 """Simulated contact against the laws of a rigid peg in a rigid hole.
 
     python -m benchmarks.physics.theory [--tilt-deg 0.5] [--tilt-deg 1] [--friction 0.2] [--points 200]
-                                        [--depth-mm 20] [--seed 0] [--pictures FOLDER] [--json FILE]
+                                        [--depth-mm 20] [--seed 0] [--engine exact] [--pictures FOLDER]
+                                        [--json FILE]
 
-Two-point depth and largest entry tilt are measured from the meshes. Jamming, wedging and the two-point force balance
-are measured by simulating a peg with planar freedoms under constant loads, with softer contact and shorter steps than
-the default (`benchmarks.physics.contact_measurements.converged`). Depths are vertical, from the mouth (the inner edge
-of the chamfer) to the tip's centre. At the default --depth-mm 20 the tilt of two-point contact is small compared with
-the friction angle, as Whitney's laws assume.
+Two-point depth and largest entry tilt are measured from Drake's meshes; the exact engine has none. Jamming, wedging and
+the two-point force balance are measured by simulating a peg with planar freedoms under constant loads, in Drake with
+softer contact and shorter steps than the default (`benchmarks.physics.contact_measurements.converged`). Depths are
+vertical, from the mouth (the inner edge of the chamfer) to the tip's centre. At the default --depth-mm 20 the tilt of
+two-point contact is small compared with the friction angle, as Whitney's laws assume.
 
 Main results; those from jam_agreement on for each friction (key ``laws``). The file has the single measurements too:
 
@@ -26,7 +27,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -40,7 +41,8 @@ from benchmarks.physics.contact_measurements import (
     measured_two_point_depth,
     measured_wedging_tilt,
 )
-from benchmarks.physics.contact_probe import ContactProbe
+from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
+from benchmarks.physics.exact_probe import ExactProbe
 from benchmarks.physics.figures import draw_all
 from interfaces.terminal import progress
 from models.contact_theory import (
@@ -88,7 +90,13 @@ def depths(scenario: Scenario, tilts_deg: list[float]) -> dict[str, Any]:
 
 
 def laws(
-    scenario: Scenario, friction: float, depth: float, points: int, seed: int, advance: Callable[[str], None]
+    scenario: Scenario,
+    friction: float,
+    depth: float,
+    points: int,
+    seed: int,
+    engine: Callable[..., PlanarProbe],
+    advance: Callable[[str], None],
 ) -> dict[str, Any]:
     """Jamming, wedging and the force balance at one friction.
 
@@ -98,16 +106,17 @@ def laws(
         depth: depth of jamming and force balance, m.
         points: number of loads in the jamming diagram.
         seed: seed of the loads.
+        engine: makes the probe.
         advance: is called with a note after each of the three measurements.
     """
     sizes = PegTheory.of(scenario)
     size = {"peg_radius": sizes.r, "hole_radius": sizes.R, "friction": friction}
-    trials = jamming_trials(scenario, friction, depth=depth, count=points, seed=seed)
+    trials = jamming_trials(scenario, friction, depth=depth, count=points, seed=seed, engine=engine)
     advance("jamming")
-    wedge, kept = measured_wedging_tilt(scenario, friction)
+    wedge, kept = measured_wedging_tilt(scenario, friction, engine=engine)
     advance("wedging")
     law, exact = wedging_tilt(**size), exact_wedging_tilt(**size)
-    predicted, measured = force_balance(scenario, friction, depth=depth)
+    predicted, measured = force_balance(scenario, friction, depth=depth, engine=engine)
     advance("force balance")
     return {
         "friction": friction,
@@ -139,20 +148,25 @@ def main(
     points: Annotated[int, typer.Option(min=1, help="Loads in the jamming diagram.")] = 200,
     depth_mm: Annotated[float, typer.Option(help="Depth of jamming and force balance, mm.")] = 20.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the loads.")] = 0,
-    pictures: Annotated[Path | None, typer.Option(metavar="FOLDER", help="Draw the results into this folder.")] = None,
+    engine: Annotated[Literal["drake", "exact"], typer.Option(help="Which contact to measure.")] = "drake",
+    pictures: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Draw the results in Drake into this folder.")
+    ] = None,
     json: JsonFile = None,
 ) -> None:
     began, scenario = time.process_time(), Scenario()
+    probe, found = (ContactProbe if engine == "drake" else ExactProbe), {}
     with progress("contact theory", 1 + 3 * len(friction)) as advance:
-        found = depths(scenario, tilt_deg)
+        if engine == "drake":
+            found = depths(scenario, tilt_deg)
         advance("two-point depth and entry tilt")
-        by_friction = [laws(scenario, mu, 1e-3 * depth_mm, points, seed, advance) for mu in sorted(friction)]
+        by_friction = [laws(scenario, mu, 1e-3 * depth_mm, points, seed, probe, advance) for mu in sorted(friction)]
     cpu = time.process_time() - began
     for result in (found, *by_friction, {"cpu_s": cpu}):
         for name, value in result.items():
             if not isinstance(value, list):
                 print(f"{name:32}{value if value is None or isinstance(value, int) else round(value, 5)}")
-    if pictures is not None:
+    if pictures is not None and found:
         draw_all(found, by_friction, pictures)
     finish({**found, "laws": by_friction, "seed": seed, "cpu_s": cpu}, json)
 

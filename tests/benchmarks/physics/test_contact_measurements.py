@@ -5,15 +5,20 @@ import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
 from benchmarks.physics.contact_measurements import (
+    PRESSED,
     PegTheory,
     force_balance,
     jamming_trials,
     measured_entry_tilt,
     measured_two_point_depth,
+    measured_wedging_tilt,
     mouth_gaps,
+    press,
 )
 from benchmarks.physics.contact_probe import ContactProbe, PosedMeshes
-from models.contact_theory import largest_entry_tilt, two_point_depth
+from benchmarks.physics.exact_probe import ExactProbe
+from experiments.metrics.penetration import round_bodies
+from models.contact_theory import exact_wedging_tilt, largest_entry_tilt, two_point_depth
 from models.scenario import Scenario
 
 SIZES = {"peg_radius": 0.010, "hole_radius": 0.01005}
@@ -47,6 +52,30 @@ def test_loads_slide_inside_the_jamming_diagram_and_stick_outside():
 def test_the_axial_force_of_sliding_is_predicted():
     predicted, measured = force_balance(Scenario(), 0.2, depth=0.020, shares=[0.0, 0.6])
     assert measured == pytest.approx(predicted, rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", [0.15, 0.35])
+def test_rigid_bodies_obey_all_laws(friction):
+    rigid = {"engine": ExactProbe}
+    assert jamming_trials(Scenario(), friction, depth=0.020, count=40, seed=3, **rigid).agreement() == 1.0
+    predicted, measured = force_balance(Scenario(), friction, depth=0.020, shares=[0.0, 0.6], **rigid)
+    assert measured == pytest.approx(predicted, rel=0.02)  # the law leaves out the tilt of the normal at the mouth
+    wedge, _ = measured_wedging_tilt(Scenario(), friction, **rigid)
+    assert wedge == pytest.approx(exact_wedging_tilt(**SIZES, friction=friction), rel=3e-3)
+
+
+def test_the_depth_at_rest_converges_with_the_stiffness_and_not_with_the_step():
+    errors = {}
+    for stiffness, step in ((1e7, 2.5e-4), (1e8, 2.5e-4), (1e8, 1e-4), (1e9, 2.5e-4)):
+        scenario = Scenario()
+        scenario.contact.stiffness = stiffness
+        probe = ExactProbe(scenario, time_step=step, **PRESSED)
+        row = press(probe, PegTheory.of(scenario), round_bodies(scenario.geometry), np.radians(1.0), 5.0)
+        errors[stiffness, step] = row["depth_error"]
+    assert 0.03 < errors[1e7, 2.5e-4] < 0.05
+    assert errors[1e8, 1e-4] == pytest.approx(errors[1e8, 2.5e-4], abs=1e-3)
+    assert errors[1e9, 2.5e-4] < 0.2 * errors[1e8, 2.5e-4] + 1e-4 < 0.04 * errors[1e7, 2.5e-4]
 
 
 def test_posed_meshes_touch_where_the_peg_is_wider_than_the_free_space():

@@ -41,9 +41,10 @@ def test_a_chamfer_that_begins_at_the_mouth_pushes_against_a_sliding_peg():
 def test_the_table_has_one_row_per_setting(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(convergence, "SETTINGS", [{"facets": 24, "corners": "outside"}])
     main(json=tmp_path / "rows.json")
-    (row,) = json.loads((tmp_path / "rows.json").read_text())["rows"]
+    row, *rigid = json.loads((tmp_path / "rows.json").read_text())["rows"]
     assert set(row) == {"setting", *COLUMNS}
     assert row["play_depth_error"] > 1.0  # the sagitta is 86 um, the clearance 50 um
+    assert [case["setting"].split(",")[0] for case in rigid] == ["exact"] * 5
     printed = capsys.readouterr().out.splitlines()
     assert printed[0].split()[0] == "setting"
     assert printed[1].startswith(f"{row['setting']} ")
