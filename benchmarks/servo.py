@@ -185,7 +185,7 @@ def recorded(scenario: Scenario, period: float) -> tuple[list[RigidTransform], A
         context = demonstration.simulator.get_context()
         pose = operator.GetOutputPort("hand_pose").Eval(operator.GetMyContextFromRoot(context))
         poses.append(RigidTransform(pose))  # a copy: the value changes with the next tick
-        wrenches.append(np.array(environment.rendered_wrench(context).wrench))
+        wrenches.append(environment.rendered_wrench(context))
         ending = demonstration.advance(len(poses) * period)
     return poses, np.array(wrenches)
 

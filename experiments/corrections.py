@@ -22,7 +22,7 @@ from experiments.demonstration_set import GOOD_HABITS, OPERATORS
 from experiments.trial import run_trial
 from experiments.trial_result import TrialResult
 from experiments.worker_pool import run_in_processes
-from models.scenario import CORRECTION_STREAM, QUESTION_STREAM, Scenario, resolve_scenario
+from models.scenario import CORRECTION_STREAM, QUESTION_STREAM, Scenario, parse_scenario, resolve_scenario
 from skill.data.demonstration import Demonstration
 from skill.data.rig_run import RigRun
 from skill.features.measurement import contact_load
@@ -179,6 +179,24 @@ def correction_scenario(
     correction.start.tilt = list(query_state.tilt)
     correction.start.depth = max(0.0, query_state.depth - LIFT)  # above the mouth it begins at the usual height
     return resolve_scenario(correction, seed=seed, stream=stream, person=person)
+
+
+def begins_in(demonstration: Demonstration, query_state: QueryState, scenario: Scenario) -> bool:
+    """Whether a demonstration begins in a query state, in its pose and with its pivot and friction.
+
+    Args:
+        demonstration: recorded by this program; others begin in none.
+        query_state: where a policy was stuck.
+        scenario: of the demonstrations, with ranges.
+    """
+    text = demonstration.metadata.get("scenario")
+    if not isinstance(text, str):
+        return False
+    found, asked = (
+        [s.start.tip_height, *(s.start.tilt or [0.0, 0.0]), s.rig.pivot_height or 0.0, s.contact.friction]
+        for s in (parse_scenario(text, demonstration.source), correction_scenario(scenario, query_state, seed=0))
+    )
+    return np.allclose(found, asked, rtol=1e-6, atol=1e-9)
 
 
 def habit_of(number: int) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from experiments.demonstration_run import DemonstrationRun
 from models.scenario import Scenario
 from skill.data.outcome import Ending
@@ -14,23 +12,6 @@ from systems.servo.servo_client import ServoClient
 MAX_DELAY = 0.008
 """Longest delay of the simulation, s, that is made up for. After a longer one the simulation goes on from the present,
 so that the servo's model of the contact stays younger than `systems.servo.stale_contact_fade.HOLD`."""
-
-
-@dataclass(frozen=True)
-class Deadlines:
-    """Numbers of missed deadlines.
-
-    Attributes:
-        late_steps: contact steps that began after the end of their time.
-        steps: contact steps.
-        late_ticks: servo ticks that ended late.
-        ticks: servo ticks.
-    """
-
-    late_steps: int
-    steps: int
-    late_ticks: int
-    ticks: int
 
 
 class ServedRun:
@@ -61,11 +42,6 @@ class ServedRun:
     def time(self) -> float:
         """Simulated time, s."""
         return self.steps * self._period
-
-    @property
-    def deadlines(self) -> Deadlines:
-        """The deadlines that were missed so far."""
-        return Deadlines(self.late_steps, self.steps, self.probe.late, self.probe.ticks)
 
     def step(self) -> Ending | None:
         """Waits for the time of the next contact step and simulates it; returns how the demonstration ended, or None.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -109,22 +109,12 @@ def main(
         ask_only(skill, plan, scenario=scenario, json=json, jobs=jobs)
         return
     folder = corrections or Path("out/live_corrections" if live else "out/corrections")
+    files = (skill, demonstrations, folder, out, plan)
     if live:
-        correct_live(
-            skill,
-            demonstrations,
-            folder,
-            out,
-            plan,
-            scenario=scenario,
-            jobs=jobs,
-            verbose=verbose,
-            driver=driver,
-            host=host,
-            port=port,
-        )
+        page: dict[str, Any] = {"driver": driver, "host": host, "port": port, "verbose": verbose}
+        correct_live(*files, scenario=scenario, jobs=jobs, **page)
     else:
-        correct_simulated(skill, demonstrations, folder, out, plan, scenario=scenario, jobs=jobs, overwrite=overwrite)
+        correct_simulated(*files, scenario=scenario, jobs=jobs, overwrite=overwrite)
     if out.is_file():
         say(f"try it: haptic-skill rig --skill {out}")
 
@@ -132,12 +122,7 @@ def main(
 def ask_only(skill: Path, plan: CorrectionPlan, *, scenario: str, json: Path | None, jobs: int) -> None:
     """Performs the practice trials of the first round and prints in which query states the skill was stuck.
 
-    Writes the query states into the file ``json`` for `skill.practice.query_state.read_query_states`, unless it is
-    None.
-
-    Raises:
-        ValueError: if the skill file or the scenario is not valid, or ``json`` is a file of another kind.
-        OSError: if the file cannot be written.
+    Writes them into the file ``json``, if there is one, for `skill.practice.query_state.read_query_states`.
     """
     from experiments.outputs.output_checks import check_file, named_errors, require_distinct
     from interfaces.terminal import say, write_json
@@ -197,12 +182,34 @@ def practise(
     return stuck[: plan.most]
 
 
-def save_unchanged(skill: ManipulationSkill, out: Path) -> None:
-    """Writes a skill that was never stuck to the file ``out``, and says so.
+def begin(
+    skill: Path, demonstrations: Path, corrections: Path, out: Path, plan: CorrectionPlan, scenario: str
+) -> tuple[Scenario, ManipulationSkill, Callable[[Sequence[Path]], ManipulationSkill]]:
+    """Reads and checks what both kinds of correction need, and returns it.
 
-    Raises:
-        OSError: if it cannot be written.
+    Returns:
+        The scenario; the skill; and what trains a skill of its policy and number of contexts, as `scripts.train` does,
+        from some folders, into the file ``out``.
     """
+    from functools import partial
+
+    from experiments.outputs.output_checks import REPORT_SIZE, check_file, require_distinct
+    from experiments.outputs.output_set import find_recordings
+    from models.clearance import load_scenario_of_clearance
+    from scripts.train import train
+    from skill.manipulation_skill import ManipulationSkill
+    from skill.states.context_mixture import MAX_CONTEXTS
+
+    chosen, learnt = load_scenario_of_clearance(scenario), ManipulationSkill.load(skill)
+    require_distinct({"--demonstrations": demonstrations, "--corrections": corrections})
+    check_file(out, ".npz", size=REPORT_SIZE)
+    find_recordings(demonstrations)
+    contexts = learnt.metadata_.get("max_contexts", MAX_CONTEXTS)
+    return chosen, learnt, partial(train, out=out, seed=plan.seed, contexts=contexts, policy=learnt.policy)
+
+
+def save_unchanged(skill: ManipulationSkill, out: Path) -> None:
+    """Writes a skill that was never stuck to the file ``out``, and says so."""
     from experiments.outputs.folder_lock import locked_file
     from experiments.outputs.output_checks import named_errors
     from interfaces.terminal import say
@@ -228,8 +235,6 @@ def correct_simulated(
 ) -> ManipulationSkill:
     """Rolls out a skill, collects corrections by simulated operators, and trains again; returns the last skill.
 
-    The training is that of `scripts.train`, with the policy and the largest number of contexts of the given skill.
-
     The corrections of round k are in the folder ``corrections``/round_k, a set like that of `haptic-skill record`;
     those that an interrupted call with the same arguments has finished are kept. The skill of each round replaces the
     file ``out``. Folders of later rounds that an earlier call has filled stay; a message names them.
@@ -242,23 +247,13 @@ def correct_simulated(
     from functools import partial
 
     from experiments.corrections import MAX_ROUNDS, correct, demonstrate_corrections, habit_of
-    from experiments.outputs.output_checks import (
-        RECORDING_SIZE,
-        REPORT_SIZE,
-        check_file,
-        check_folder,
-        require_distinct,
-    )
-    from experiments.outputs.output_set import check_set, find_recordings, open_set
+    from experiments.outputs.output_checks import RECORDING_SIZE, check_folder
+    from experiments.outputs.output_set import check_set, open_set
     from experiments.outputs.set_index import DEMONSTRATIONS, SetIndex, read_index
     from experiments.provenance import versions
     from interfaces.terminal import progress, say
-    from models.clearance import load_scenario_of_clearance
     from models.scenario import dump_scenario
-    from scripts.train import train
     from skill.data.demonstration import write_demonstration
-    from skill.manipulation_skill import ManipulationSkill
-    from skill.states.context_mixture import MAX_CONTEXTS
 
     def folder_of(number: int) -> Path:
         return corrections / f"round_{number}"
@@ -267,14 +262,10 @@ def correct_simulated(
         names = tuple(f"{k:03d}_correction_{habit_of(k)}.parquet" for k in range(count))
         return SetIndex(DEMONSTRATIONS, {**request, "query_states": query_states}, names)
 
-    chosen, learnt = load_scenario_of_clearance(scenario), ManipulationSkill.load(skill)
+    chosen, learnt, train = begin(skill, demonstrations, corrections, out, plan, scenario)
     request = {"seed": plan.seed, "scenario": dump_scenario(chosen), "versions": versions()}
-    contexts = learnt.metadata_.get("max_contexts", MAX_CONTEXTS)
     folders = [demonstrations]
-    require_distinct({"--demonstrations": demonstrations, "--corrections": corrections})
-    check_file(out, ".npz", size=REPORT_SIZE)
     check_folder(corrections, size=plan.rounds * plan.most * RECORDING_SIZE)
-    find_recordings(demonstrations)
     for number in range(1, plan.rounds + 1):  # before anything is simulated; other query states are found out later
         old = read_index(folder_of(number))
         index = index_of(None, plan.most) if old is None else index_of(old.request.get("query_states"), len(old.files))
@@ -300,9 +291,7 @@ def correct_simulated(
         plan.rounds,
         practise=lambda policy, number: practise(chosen, policy, plan, number, jobs=jobs),
         demonstrate=demonstrate,
-        train=lambda policy, stuck, number: train(
-            folders, out=out, seed=plan.seed, contexts=contexts, policy=policy.policy
-        ),
+        train=lambda policy, stuck, number: train(folders),
     )
     if len(folders) == 1:
         save_unchanged(learnt, out)
@@ -331,22 +320,10 @@ def correct_live(
 ) -> None:
     """Does on one page what `correct_simulated` does, with a person who demonstrates; then shows the rig.
 
-    Kept corrections are written at once into the folder ``corrections``, which `open_live_folder` protects; the skill
-    learns from all that are there. A query state that a good recording there begins in is not asked for again.
-
-    Args:
-        skill: file of the skill.
-        demonstrations: folder that it was trained with.
-        corrections: folder for the corrections.
-        out: file for the skill.
-        plan: how much is practised and asked for.
-        scenario: name or file of the scenario of the rig. Demonstrations take the values that ``live``, or ``device``
-            with a driver, states instead.
-        jobs: number of processes.
-        verbose: whether to print all margins.
-        driver: name of the driver of the person's device; None uses the page.
-        host: address at which the page listens; None is this machine only.
-        port: of the page; None takes a free one.
+    The arguments are those of the command. Demonstrations take the values that the scenario ``live``, or ``device``
+    with a driver, states instead of those of the rig. Kept corrections are written at once into the folder
+    ``corrections``, which `open_live_folder` protects; the skill learns from all that are there. A query state that a
+    good recording there begins in is not asked for again.
 
     Raises:
         ValueError: if the skill file, the scenario, the driver or a folder is not valid, or the recordings have not all
@@ -355,30 +332,24 @@ def correct_live(
     """
     from contextlib import suppress
 
-    from experiments.corrections import correct
-    from experiments.outputs.output_checks import REPORT_SIZE, check_file, require_distinct
+    from experiments.corrections import begins_in, correct
     from experiments.outputs.output_set import find_recordings, open_live_folder
     from interfaces.live.correction_session import CorrectionSession, PersonLeftError
     from interfaces.terminal import say
-    from models.clearance import load_scenario_of_clearance
     from models.scenario import load_scenario
     from scripts.record import announced_page, live_margins
-    from scripts.train import train
     from skill.data.demonstration import read_demonstration
     from skill.data.geometry import common_geometry
-    from skill.manipulation_skill import ManipulationSkill
-    from skill.states.context_mixture import MAX_CONTEXTS
     from systems.rig import check_geometry
 
-    chosen, learnt = load_scenario_of_clearance(scenario), ManipulationSkill.load(skill)
+    chosen, learnt, train = begin(skill, demonstrations, corrections, out, plan, scenario)
     shown_in = load_scenario("device" if driver else "live", defaults=chosen)
     margins = live_margins(shown_in, driver)
-    contexts = learnt.metadata_.get("max_contexts", MAX_CONTEXTS)
-    require_distinct({"--demonstrations": demonstrations, "--corrections": corrections})
-    check_file(out, ".npz", size=REPORT_SIZE)
     check_geometry(chosen, learnt)
-    paths, _ = find_recordings(demonstrations)
     learnt_from = 0  # number of the corrections kept in this session that the last training had
+
+    def recorded() -> list[Demonstration]:
+        return [read_demonstration(path) for path in sorted(corrections.glob("*.parquet"))]
 
     def practise_watched(policy: ManipulationSkill, number: int) -> list[StuckTrial]:
         def show(performed: int, stuck: int) -> None:
@@ -394,29 +365,29 @@ def correct_live(
         return stuck
 
     def demonstrate(query_states: Sequence[QueryState], number: int) -> bool:
-        recordings = [d for d in read_corrections(corrections) if d.good]
-        missing = [s for s in query_states if not any(begins_in(d, s, shown_in) for d in recordings)]
+        good = [d for d in recorded() if d.good]
+        missing = [s for s in query_states if not any(begins_in(d, s, shown_in) for d in good)]
         if len(missing) < len(query_states):
             session.say(f"{len(query_states) - len(missing)} of {len(query_states)} query states are shown already")
         if missing:
             session.show_query_states(missing)
-        is_shown = any(d.good for d in read_corrections(corrections))
+        is_shown = any(d.good for d in recorded())
         if not is_shown:
             session.say("nothing was shown: the skill stays as it is")
         return is_shown
 
     def train_and_show(policy: ManipulationSkill, stuck: Sequence[StuckTrial], number: int) -> ManipulationSkill:
         nonlocal learnt_from
-        kept, folders = len(session.kept), [demonstrations, corrections]
+        kept = len(session.kept)
         with session.watched(lambda elapsed: f"the skill learns from what you have shown: {elapsed:.0f} s"):
-            policy = train(folders, out=out, seed=plan.seed, contexts=contexts, policy=policy.policy)
+            policy = train([demonstrations, corrections])
         learnt_from = kept
         session.perform_all(stuck, chosen, policy, again=number == plan.rounds)
         return policy
 
     with open_live_folder(corrections):
-        earlier = read_corrections(corrections)
-        common_geometry([(d.source, d.metadata) for d in [read_demonstration(paths[0]), *earlier]])
+        earlier, taught = recorded(), read_demonstration(find_recordings(demonstrations)[0][0])
+        common_geometry([(d.source, d.metadata) for d in [taught, *earlier]])
         if earlier:
             good = sum(d.good for d in earlier)
             say(f"{corrections} holds {len(earlier)} corrections, {good} good; the skill learns from them too")
@@ -429,38 +400,3 @@ def correct_live(
         say(f"{len(session.kept)} corrections kept in {corrections}")
         if session.kept and learnt_from < len(session.kept):
             say("not all are learnt yet: give the same command again to go on")
-
-
-def read_corrections(folder: Path) -> list[Demonstration]:
-    """Reads the recordings in a folder of live recordings.
-
-    Raises:
-        ValueError: if one is not valid. The message names it.
-    """
-    from skill.data.demonstration import read_demonstration
-
-    return [read_demonstration(path) for path in sorted(folder.glob("*.parquet"))]
-
-
-def begins_in(demonstration: Demonstration, query_state: QueryState, scenario: Scenario) -> bool:
-    """Whether a demonstration begins in a query state, in its pose and with its pivot and friction.
-
-    Args:
-        demonstration: recorded by this program; others begin in none.
-        query_state: where a policy was stuck.
-        scenario: of the demonstrations, with ranges.
-    """
-    import numpy as np
-
-    from experiments.corrections import correction_scenario
-    from models.scenario import parse_scenario
-
-    def pose(scenario: Scenario) -> list[float]:
-        tilt, pivot = scenario.start.tilt or [0.0, 0.0], scenario.rig.pivot_height or 0.0
-        return [scenario.start.tip_height, *tilt, pivot, scenario.contact.friction]
-
-    text = demonstration.metadata.get("scenario")
-    if not isinstance(text, str):
-        return False
-    found, asked = parse_scenario(text, demonstration.source), correction_scenario(scenario, query_state, seed=0)
-    return np.allclose(pose(found), pose(asked), rtol=1e-6, atol=1e-9)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -26,30 +25,6 @@ from systems.plant.body_pose import BodyPose
 from systems.plant.contact_plant import AddVirtualPlant, ContactPlant
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.visualization.meshcat_scene import AddVisualization
-
-
-class RenderedWrench(NamedTuple):
-    """What the device renders.
-
-    Attributes:
-        wrench: (6,), [torque; force] on the hand in H, N m and N.
-        load: ratio of the commanded wrench to the present limit of the device; above 1 the wrench is scaled down.
-    """
-
-    wrench: Array
-    load: float
-
-
-class ProbeEnergy(NamedTuple):
-    """Energy that the hand has put in, as the passivity observer measures it.
-
-    Attributes:
-        total: energy so far, J.
-        minimum: its minimum so far, J.
-    """
-
-    total: float
-    minimum: float
 
 
 @dataclass(frozen=True)
@@ -117,27 +92,19 @@ class VirtualEnvironment(PegEnvironment):
     Attributes:
         energy_log: log of [total, minimum] of the `PassivityObserver`.
         device: the haptic device.
-        observer: the passivity observer at the probe.
     """
 
     energy_log: VectorLogSink
     device: HapticDevice
-    observer: PassivityObserver
 
     def min_energy(self, context: Context) -> float:
         """See `PegEnvironment`."""
         return float(self.energy_log.FindLog(context).data()[1].min())
 
-    def energy(self, context: Context) -> ProbeEnergy:
-        """Returns the energy at the probe."""
-        energy = self.observer.GetOutputPort("energy").Eval(self.observer.GetMyContextFromRoot(context))
-        return ProbeEnergy(*(float(value) for value in energy))
-
-    def rendered_wrench(self, context: Context) -> RenderedWrench:
-        """Returns the wrench that the device renders, and the load of the device."""
+    def rendered_wrench(self, context: Context) -> Array:
+        """Returns what the device renders: (6,), [torque; force] on the hand in H, N m and N."""
         device_context = self.device.GetMyContextFromRoot(context)
-        wrench = np.asarray(self.device.GetOutputPort("rendered_wrench").Eval(device_context))
-        return RenderedWrench(wrench, self.device.load(device_context))
+        return np.array(self.device.GetOutputPort("rendered_wrench").Eval(device_context))
 
 
 def start_pose(scenario: Scenario) -> RigidTransform:
@@ -195,21 +162,17 @@ def MakeVirtualEnvironment(
     energy_log = LogVectorOutput(observer.GetOutputPort("energy"), builder, scenario.recorder.period)
     energy_log.set_name("energy_log")
     sight = builder.AddNamedSystem("sight", BodyPose(contact.peg.index()))
-    _connect(
-        builder,
-        contact=contact,
-        operator=operator,
-        sight=sight,
-        device=device,
-        proxy=proxy,
-        recorder=recorder,
-        observer=observer,
-    )
+    builder.Connect(contact.plant.get_body_poses_output_port(), sight.GetInputPort("body_poses"))
+    if operator.HasInputPort("peg_pose"):
+        builder.Connect(sight.GetOutputPort("pose"), operator.GetInputPort("peg_pose"))
+    connect_device(builder, operator=operator, device=device, proxy=proxy, observer=observer)
+    builder.Connect(proxy.GetOutputPort("probe_wrench"), device.GetInputPort("virtual_wrench"))
+    builder.Connect(device.GetOutputPort("probe_pose"), recorder.GetInputPort("probe_pose"))
     if meshcat is not None:
         AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
     diagram = builder.Build()
     diagram.set_name("virtual_environment")
-    return VirtualEnvironment(diagram, contact, log, X_HP_start, energy_log, device, observer)
+    return VirtualEnvironment(diagram, contact, log, X_HP_start, energy_log, device)
 
 
 def add_coupling(
@@ -251,29 +214,20 @@ def _make_operator(scenario: Scenario) -> SimulatedOperator:
     )
 
 
-def _connect(
+def connect_device(
     builder: DiagramBuilder,
     *,
-    contact: ContactPlant,
     operator: LeafSystem,
-    sight: BodyPose,
     device: HapticDevice,
     proxy: HapticProxy,
-    recorder: DemonstrationRecorder,
     observer: PassivityObserver,
 ) -> None:
-    """Connects the systems of the virtual environment."""
-    plant = contact.plant
-    probe_pose, rendered_wrench = device.GetOutputPort("probe_pose"), device.GetOutputPort("rendered_wrench")
-
-    builder.Connect(plant.get_body_poses_output_port(), sight.GetInputPort("body_poses"))
-    for port, name in ((sight.GetOutputPort("pose"), "peg_pose"), (rendered_wrench, "rendered_wrench")):
-        if operator.HasInputPort(name):
-            builder.Connect(port, operator.GetInputPort(name))
+    """Connects the hand of an operator to a device, and its probe to what pulls the peg and to what observes it."""
+    probe_pose, rendered = device.GetOutputPort("probe_pose"), device.GetOutputPort("rendered_wrench")
+    if operator.HasInputPort("rendered_wrench"):
+        builder.Connect(rendered, operator.GetInputPort("rendered_wrench"))
     builder.Connect(operator.GetOutputPort("hand_pose"), device.GetInputPort("hand_pose"))
-    builder.Connect(proxy.GetOutputPort("probe_wrench"), device.GetInputPort("virtual_wrench"))
     builder.Connect(probe_pose, proxy.GetInputPort("probe_pose"))
     builder.Connect(device.GetOutputPort("probe_velocity"), proxy.GetInputPort("probe_velocity"))
-    builder.Connect(probe_pose, recorder.GetInputPort("probe_pose"))
     builder.Connect(probe_pose, observer.GetInputPort("probe_pose"))
-    builder.Connect(rendered_wrench, observer.GetInputPort("rendered_wrench"))
+    builder.Connect(rendered, observer.GetInputPort("rendered_wrench"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ from pydrake.geometry import Cylinder, Rgba
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
-from experiments.served_run import Deadlines
 from interfaces.live.page import LivePage
 from models.scenario import Scenario
 from skill.arrays import Array
@@ -22,6 +20,7 @@ from skill.states.state_style import state_colours
 from systems.math.rotation import from_rotation_vector
 from systems.operators.person_frame import R_HV
 from systems.plant.contact_plant import AddVirtualPlant
+from systems.servo.probe import Probe
 from systems.virtual_environment import start_pose
 from systems.visualization.arrow import Arrow
 from systems.visualization.meshcat_scene import aim_camera
@@ -79,33 +78,8 @@ class ContactLoad:
         }
 
 
-@dataclass(frozen=True)
-class Readings:
-    """The readings of the panel, in SI units. On the rig there is no hand: wrench, load and energy are zero.
-
-    Attributes:
-        X_HP: pose of the peg.
-        depth: depth of the tip, m.
-        full_depth: depth of an inserted peg, m.
-        rate: simulated time per wall-clock time.
-        kept: number of demonstrations kept in this session.
-        wrench: (6,), rendered wrench [torque; force] in H, N m and N.
-        load: load of the device: commanded wrench over its present limit; above 1 the wrench is saturated.
-        deadlines: missed deadlines of this demonstration.
-        energy: energy that the hand has put in, J.
-        min_energy: minimum of the energy so far, J.
-    """
-
-    X_HP: RigidTransform
-    depth: float
-    full_depth: float
-    rate: float
-    kept: int
-    wrench: Array = field(default_factory=lambda: np.zeros(6))
-    load: float = 0.0
-    deadlines: Deadlines = field(default_factory=lambda: Deadlines(late_steps=0, steps=0, late_ticks=0, ticks=0))
-    energy: float = 0.0
-    min_energy: float = 0.0
+NO_HAND = Probe(0.0, RigidTransform(), np.zeros(6), np.zeros(6), load=0.0, energy=0.0, min_energy=0.0, gain=1, age=0)
+"""The probe of the rig, which no hand moves."""
 
 
 class LiveDisplay:
@@ -174,7 +148,7 @@ class LiveDisplay:
         Args:
             tip: (3,), tip of the peg in W, m.
             force: (3,), rendered force in W, N.
-            load: load of the device, which gives the colour; see `Readings`.
+            load: load of the device, which gives the colour; see `Probe`.
             contact: point (m) and force (N) of the contact in W; None draws no contact force.
         """
         self._rendered.set_colour(load_colour(load))
@@ -217,21 +191,43 @@ class LiveDisplay:
             }
         )
 
-    def show_readings(self, readings: Readings) -> None:
-        """Shows readings in the panel; panel/readings.js lists their names and units."""
-        colour = load_colour(readings.load)
+    def show_readings(
+        self,
+        X_HP: RigidTransform,
+        *,
+        depth: float,
+        full_depth: float,
+        rate: float,
+        kept: int,
+        probe: Probe = NO_HAND,
+        late_steps: int = 0,
+        steps: int = 0,
+    ) -> None:
+        """Shows readings in the panel; panel/readings.js lists their names and units.
+
+        Args:
+            X_HP: pose of the peg.
+            depth: depth of the tip, m.
+            full_depth: depth of an inserted peg, m.
+            rate: simulated time per wall-clock time.
+            kept: number of demonstrations kept in this session.
+            probe: what the device renders, the energy that the hand has put in, and the servo's ticks.
+            late_steps: contact steps that began after the end of their time.
+            steps: contact steps.
+        """
+        colour = load_colour(probe.load)
         self._page.show(
-            force=float(np.linalg.norm(readings.wrench[3:])),
-            moment=float(np.linalg.norm(readings.wrench[:3])),
-            load=readings.load,
+            force=float(np.linalg.norm(probe.wrench[3:])),
+            moment=float(np.linalg.norm(probe.wrench[:3])),
+            load=probe.load,
             colour=f"rgb({255 * colour.r():.0f}, {255 * colour.g():.0f}, {255 * colour.b():.0f})",
-            tilt=_seen_tilt(readings.X_HP.rotation().col(2)),
-            depth={"tip": readings.depth, "full": readings.full_depth},
-            rate=readings.rate,
-            deadlines=asdict(readings.deadlines),
-            energy=readings.energy,
-            min_energy=readings.min_energy,
-            kept=readings.kept,
+            tilt=_seen_tilt(X_HP.rotation().col(2)),
+            depth={"tip": depth, "full": full_depth},
+            rate=rate,
+            deadlines={"late_steps": late_steps, "steps": steps, "late_ticks": probe.late, "ticks": probe.ticks},
+            energy=probe.energy,
+            min_energy=probe.min_energy,
+            kept=kept,
         )
 
     def reset_camera(self) -> None:
@@ -253,7 +249,7 @@ def _seen_tilt(axis: Array) -> dict[str, float]:
 
 
 def load_colour(load: float) -> Rgba:
-    """Returns the colour of the rendered force for a load of the device; see `Readings`."""
+    """Returns the colour of the rendered force for a load of the device; see `Probe`."""
     if load >= 1.0:
         return SATURATED
     return HIGH if load > HIGH_LOAD else LOW

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.trial import TrialRun
-from interfaces.live.display import ContactLoad, LiveDisplay, Readings
+from interfaces.live.display import ContactLoad, LiveDisplay
 from interfaces.live.page import LivePage
 from interfaces.live.session import PICTURE_PERIOD
 from models.scenario import Scenario
@@ -104,7 +104,7 @@ class RigView:
         force = now[["fx", "fy", "fz"]].to_numpy(dtype=float)  # in P; the peg of the rig does not turn
         self._display.draw_forces(tip, np.zeros(3), load=0.0, contact=(tip, force))
         self._display.show_readings(
-            Readings(X_HP=X_HP, depth=float(now["depth"]), full_depth=scenario.full_depth, rate=rate, kept=kept)
+            X_HP, depth=float(now["depth"]), full_depth=scenario.full_depth, rate=rate, kept=kept
         )
         names, period = policy.state_names(), scenario.controller.period
         self._display.show_judgement(_judgement(samples, period), names=names, X_HP=X_HP, X_WH=X_WH, period=period)

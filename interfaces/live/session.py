@@ -13,7 +13,7 @@ from experiments.corrections import correction_scenario
 from experiments.demonstration_run import DemonstrationRun
 from experiments.demonstration_set import attempt_seed
 from experiments.served_run import ServedRun
-from interfaces.live.display import ContactLoad, LiveDisplay, Readings
+from interfaces.live.display import ContactLoad, LiveDisplay
 from interfaces.live.page import LivePage
 from models.scenario import LIVE_STREAM, Scenario, resolve_scenario
 from skill.arrays import Array
@@ -162,7 +162,7 @@ class LiveSession:
         self._display.draw_forces(tip, np.zeros(3), load=0.0, contact=None)
         self._display.show_contact_load(ContactLoad(resolved))
         self._display.show_readings(
-            Readings(X_HP=X_HP, depth=-float(tip[2]), full_depth=resolved.full_depth, rate=0.0, kept=len(self.kept))
+            X_HP, depth=-float(tip[2]), full_depth=resolved.full_depth, rate=0.0, kept=len(self.kept)
         )
 
     def _record_one(self) -> bool:
@@ -293,20 +293,16 @@ class LiveSession:
         )
 
     def _show_readings(self, live: ServedRun, resolved: Scenario, *, rate: float) -> None:
-        X_HP, probe = live.environment.peg_pose(live.run.simulator.get_context()), live.probe
+        X_HP = live.environment.peg_pose(live.run.simulator.get_context())
         self._display.show_readings(
-            Readings(
-                X_HP=X_HP,
-                wrench=probe.wrench,
-                load=probe.load,
-                depth=-float(X_HP.translation()[2]),
-                full_depth=resolved.full_depth,
-                rate=rate,
-                deadlines=live.deadlines,
-                energy=probe.energy,
-                min_energy=probe.min_energy,
-                kept=len(self.kept),
-            )
+            X_HP,
+            depth=-float(X_HP.translation()[2]),
+            full_depth=resolved.full_depth,
+            rate=rate,
+            kept=len(self.kept),
+            probe=live.probe,
+            late_steps=live.late_steps,
+            steps=live.steps,
         )
 
     def _watch_gamepad(self) -> None:

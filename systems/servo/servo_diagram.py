@@ -20,6 +20,7 @@ from systems.servo.local_peg import LocalPeg
 from systems.servo.multirate_margins import require_multirate_margins
 from systems.servo.probe import Probe
 from systems.servo.stale_contact_fade import StaleContactFade
+from systems.virtual_environment import connect_device
 
 PEG = BodyIndex(1)
 """Stands for the peg in the proxy's forces; the servo has no plant."""
@@ -118,18 +119,11 @@ def MakeServo(scenario: Scenario, *, operator: LeafSystem, X_HP_start: RigidTran
     fade = builder.AddNamedSystem("fade", StaleContactFade(period=period))
     observer = builder.AddNamedSystem("passivity_observer", PassivityObserver(period=period, X_HD_start=X_HP_start))
 
-    rendered, probe_pose = device.GetOutputPort("rendered_wrench"), device.GetOutputPort("probe_pose")
-    if operator.HasInputPort("rendered_wrench"):
-        builder.Connect(rendered, operator.GetInputPort("rendered_wrench"))
-    builder.Connect(operator.GetOutputPort("hand_pose"), device.GetInputPort("hand_pose"))
-    builder.Connect(probe_pose, proxy.GetInputPort("probe_pose"))
-    builder.Connect(device.GetOutputPort("probe_velocity"), proxy.GetInputPort("probe_velocity"))
+    connect_device(builder, operator=operator, device=device, proxy=proxy, observer=observer)
     builder.Connect(peg.GetOutputPort("peg_state"), proxy.GetInputPort("peg_state"))
     builder.Connect(proxy.GetOutputPort("peg_forces"), peg.GetInputPort("peg_forces"))
     builder.Connect(proxy.GetOutputPort("probe_wrench"), fade.GetInputPort("virtual_wrench"))
     builder.Connect(fade.GetOutputPort("faded_wrench"), device.GetInputPort("virtual_wrench"))
-    builder.Connect(probe_pose, observer.GetInputPort("probe_pose"))
-    builder.Connect(rendered, observer.GetInputPort("rendered_wrench"))
     builder.ExportInput(peg.GetInputPort("contact"), "contact")
     builder.ConnectInput("contact", fade.GetInputPort("contact"))
     builder.ExportInput(fade.GetInputPort("closed"), "closed")

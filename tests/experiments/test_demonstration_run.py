@@ -114,7 +114,7 @@ def test_the_record_has_a_sample_per_period_and_tells_its_origin(ended):
     m = found.metadata
     assert (m["seed"], m["habit"], m["operator"]) == (scenario.seed, scenario.operator.habit, 3)
     assert m["penetration_um"] == 0.0
-    assert m["lowest_probe_energy_J"] == environment.energy(run.simulator.get_context()).minimum < 0.0
+    assert m["lowest_probe_energy_J"] == environment.min_energy(run.simulator.get_context()) < 0.0
 
 
 def test_the_overlap_is_recorded_in_tenths_of_a_micrometre(ended, monkeypatch):

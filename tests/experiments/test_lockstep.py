@@ -75,7 +75,7 @@ def reference(scenario, poses):
     run = DemonstrationRun(exact, environment)
     found = []
     for k in range(len(poses)):
-        found.append(np.array(environment.rendered_wrench(run.simulator.get_context()).wrench))
+        found.append(environment.rendered_wrench(run.simulator.get_context()))
         run.advance((k + 1) * H)
     return np.array(found)
 

@@ -43,8 +43,8 @@ def test_a_step_simulates_one_period_and_publishes_for_its_end(served):
         assert run.run.simulator.get_context().get_time() == pytest.approx(k * period)
     assert servo.asked == pytest.approx([0.0, 0.0, period, 2 * period])  # the first one starts the run
     assert servo.published == pytest.approx([period, 2 * period, 3 * period])
-    assert (run.deadlines.late_steps, run.deadlines.steps) == (0, 3)
-    assert (run.deadlines.late_ticks, run.deadlines.ticks) == (3, 40)
+    assert (run.late_steps, run.steps) == (0, 3)
+    assert (run.probe.late, run.probe.ticks) == (3, 40)
 
 
 def test_a_short_delay_is_made_up_for_and_counted_when_longer_than_a_step(served):

@@ -2,13 +2,12 @@
 
 import time
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydrake.math import RigidTransform
 
-from experiments.served_run import Deadlines
-from interfaces.live.display import LiveDisplay, Readings
+from interfaces.live.display import NO_HAND, LiveDisplay
 from interfaces.live.page import LivePage, open_live_page
 from interfaces.live.session import KEYS
 from models.scenario import LIVE_STREAM, load_scenario, resolve_scenario
@@ -132,18 +131,10 @@ class Panel:
 def readings(*, depth=0.0, tilt=(0.0, 0.0)):
     """Readings of a peg at a depth (m), with a tilt to the right and away, degrees."""
     X_HP = hand_pose(np.array([depth, *np.radians(tilt), 0.0, 0.0]))
-    return Readings(
-        X_HP=X_HP,
-        wrench=np.array([0.012, 0.02, 0.0, 1.0, 2.0, 12.0]),
-        load=0.8,
-        depth=depth,
-        full_depth=0.0247,
-        rate=0.98,
-        deadlines=Deadlines(late_steps=12, steps=12345, late_ticks=1234, ticks=54321),
-        energy=0.0123,
-        min_energy=-0.0012,
-        kept=0,
-    )
+    wrench = np.array([0.012, 0.02, 0.0, 1.0, 2.0, 12.0])
+    probe = replace(NO_HAND, wrench=wrench, load=0.8, energy=0.0123, min_energy=-0.0012, late=1234, ticks=54321)
+    steps = {"late_steps": 12, "steps": 12345}
+    return {"X_HP": X_HP, "depth": depth, "full_depth": 0.0247, "rate": 0.98, "kept": 0, "probe": probe, **steps}
 
 
 def contact(load, *, peak=None, held=False):

@@ -1,21 +1,21 @@
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform
 
-from experiments.served_run import Deadlines
 from interfaces.live.display import (
     CONTACT,
     FEED,
     HIGH,
     LOW,
+    NO_HAND,
     SATURATED,
     VIEWS,
     WRENCH,
     ContactLoad,
     LiveDisplay,
-    Readings,
     load_colour,
 )
 from interfaces.live.page import PANEL
@@ -112,20 +112,9 @@ def test_the_ghost_of_the_hand_lies_just_inside_the_peg_at_the_start(browser, di
 
 def test_the_readings_are_in_si_units_and_the_tilt_in_degrees_as_the_person_sees_it(browser, display):
     X_HP = hand_pose(np.array([0.01, np.radians(2.0), np.radians(-1.0), 0.0, 0.0]))
-    display.show_readings(
-        Readings(
-            X_HP=X_HP,
-            wrench=np.array([1.0, 2.0, 2.0, 3.0, 4.0, 12.0]),
-            load=1.5,
-            depth=0.01,
-            full_depth=0.02,
-            rate=0.9,
-            deadlines=Deadlines(late_steps=1, steps=2, late_ticks=3, ticks=4),
-            energy=0.5,
-            min_energy=-0.1,
-            kept=7,
-        )
-    )
+    wrench = np.array([1.0, 2.0, 2.0, 3.0, 4.0, 12.0])
+    probe = replace(NO_HAND, wrench=wrench, load=1.5, energy=0.5, min_energy=-0.1, late=3, ticks=4)
+    display.show_readings(X_HP, depth=0.01, full_depth=0.02, rate=0.9, kept=7, probe=probe, late_steps=1, steps=2)
     values = browser.values
     assert (values["moment"], values["force"]) == pytest.approx((3.0, 13.0))
     assert values["tilt"] == {"right": pytest.approx(2.0, abs=1e-3), "away": pytest.approx(-1.0, abs=1e-3)}

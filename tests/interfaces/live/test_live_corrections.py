@@ -6,10 +6,9 @@ import numpy as np
 import psutil
 import pytest
 
-from experiments.corrections import CorrectionPlan, demonstrate_correction, run_practice
+from experiments.corrections import CorrectionPlan, begins_in, demonstrate_correction, run_practice
 from experiments.outputs.folder_lock import LOCK_NAME
 from models.scenario import load_scenario
-from scripts.correct import begins_in
 from skill.data.demonstration import read_demonstrations
 from skill.manipulation_skill import ManipulationSkill
 from tests.campaign import is_alive

@@ -36,7 +36,7 @@ def panel():
 
 def say(panel, *, phase, load=0.0, **options):
     """Feeds readings, a phase and a contact load."""
-    panel.display.show_readings(readings(**options))
+    panel.display.show_readings(**readings(**options))
     panel.feed(phase=phase, contact=contact(load))
 
 

@@ -21,7 +21,7 @@ PANEL_TIME = 0.3  # in units of s, in which a change arrives
 @pytest.fixture(scope="module")
 def panel():
     with open_panel() as panel:
-        panel.display.show_readings(readings(depth=0.012, tilt=(1.5, 1.0)))
+        panel.display.show_readings(**readings(depth=0.012, tilt=(1.5, 1.0)))
         panel.feed(status="recording: G keep as good, B keep as bad, X discard", phase="recording")
         yield panel
         assert panel.page.errors() == []
