@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -14,8 +14,8 @@ from experiments.trial_result import TrialResult
 from models.scenario import CHECK_STREAM, PRACTICE_STREAM, Scenario, resolve_scenario
 from skill.data.rig_run import RigRun
 from skill.manipulation_skill import ManipulationSkill
-from skill.practice.exploration import Cost, ExplorationNoise, PerturbedPolicy, Rollout, rollout_of
-from skill.practice.policy_update import AdvantageWeighting, advantage_weighted_update
+from skill.practice.exploration import PerturbedPolicy, Rollout, draw_perturbation, rollout_of, step_costs
+from skill.practice.policy_update import advantage_weighted_update
 
 Trial = tuple[TrialResult, RigRun]
 """Result and record of a trial."""
@@ -32,18 +32,12 @@ class Practice:
         checks: number of check trials. They are not perturbed and the same in every round. A new skill must cost less
             on them than the skill before it.
         seed: seed of the starts and perturbations.
-        exploration: distribution of the perturbations.
-        cost: cost of a trial.
-        weighting: parameters of the policy update.
     """
 
     rounds: int = 4
     starts: int = 8
     checks: int = 8
     seed: int = 0
-    exploration: ExplorationNoise = field(default_factory=ExplorationNoise)
-    cost: Cost = field(default_factory=Cost)
-    weighting: AdvantageWeighting = field(default_factory=AdvantageWeighting)
 
     @property
     def n_trials(self) -> int:
@@ -76,7 +70,7 @@ def improve(scenario: Scenario, skill: ManipulationSkill, practice: Practice, *,
             for n in numbers
         ]
         runs = perform(dict(zip(check_names(round_number, practice.checks), tasks, strict=True)))
-        return Check([r for r, _ in runs], [practice.cost.of_run(run) for _, run in runs])
+        return Check([r for r, _ in runs], [float(step_costs(run).sum()) for _, run in runs])
 
     best, best_check = skill, check_skill(skill, 0)
     yield Round(best, [], best_check, kept=True)
@@ -90,8 +84,8 @@ def improve(scenario: Scenario, skill: ManipulationSkill, practice: Practice, *,
             for n, policy in trials
         ]
         runs = perform(dict(zip(practice_names(number + 1, practice.starts), tasks, strict=True)))
-        rollouts += [rollout_of(run, policy, practice.cost) for (_, policy), (_, run) in zip(trials, runs, strict=True)]
-        candidate = advantage_weighted_update(best, rollouts, practice.weighting)
+        rollouts += [rollout_of(run, policy) for (_, policy), (_, run) in zip(trials, runs, strict=True)]
+        candidate = advantage_weighted_update(best, rollouts)
         check = check_skill(candidate, number + 1)
         kept = check.beats(best_check)
         if kept:
@@ -104,7 +98,7 @@ def _opposite_trials(
 ) -> list[tuple[int, PerturbedPolicy[ManipulationSkill]]]:
     """Returns two trials of one start: with a perturbation and with its opposite."""
     rng = np.random.default_rng([PRACTICE_STREAM, number, 1])  # the start itself is drawn from [stream, number]
-    perturbation = practice.exploration.draw(rng, scenario.full_depth)
+    perturbation = draw_perturbation(rng, scenario.full_depth)
     return [(number, PerturbedPolicy(skill, p)) for p in (perturbation, perturbation.opposite())]
 
 

@@ -244,9 +244,7 @@ class ManipulationSkill:
 
     def estimator(self) -> PairEstimator:
         """The on-line estimator of contact states, over the measured state features, and contexts."""
-        contacts = ContactStateFilter(
-            self.states_, transitions=self.graph_.transition_matrix(), channels=self._measured_channels()
-        )
+        contacts = ContactStateFilter(self.states_, self.graph_.transition_matrix(), channels=self._measured_channels())
         contexts = None
         if self.contexts_ is not None:
             contexts = ContextFilter(self.contexts_, self._response_features(), self.period_)

@@ -129,7 +129,7 @@ def filtered_states(data: LabelledDemonstrations, states: States, transitions: A
         transitions = graph.transition_matrix()
     transitions = transitions / transitions.sum(axis=1, keepdims=True)
     state_filter = ContactStateFilter(
-        gaussian_states(data.Z, states), gate=None, transitions=transitions, channels=np.arange(data.measured)
+        gaussian_states(data.Z, states), transitions, gate=None, channels=np.arange(data.measured)
     )
     estimates = []
     for group in np.unique(data.groups):

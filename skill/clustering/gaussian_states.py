@@ -91,25 +91,12 @@ class GaussianStates(ClusterMixin, BaseEstimator):
 
         Returns:
             The components in these k channels and their precision factors, shape (M, k, k).
-
-        Raises:
-            ValueError: if there is no index, or an index is out of range or repeated.
         """
         self._check_fitted()
         if channels is None:
             components = GaussianComponents(self.weights_, self.means_, self.covariances_, self.degrees_of_freedom_)
             return components, self.precision_factors_
         subset = np.asarray(channels)
-        d = self.n_features_in_
-        if (
-            subset.ndim != 1
-            or subset.size == 0
-            or not np.issubdtype(subset.dtype, np.integer)
-            or subset.min() < 0
-            or subset.max() >= d
-            or len(np.unique(subset)) != len(subset)
-        ):
-            raise ValueError(f"channels={channels!r}: expected different indices between 0 and {d - 1}")
         covariances = self.covariances_[:, subset[:, None], subset]
         components = GaussianComponents(self.weights_, self.means_[:, subset], covariances, self.degrees_of_freedom_)
         return components, precision_factors(covariances)

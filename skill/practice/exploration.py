@@ -23,6 +23,18 @@ from skill.policy import Action, PolicyT, WrappedPolicy
 from skill.states.context_filter import pair_probabilities
 from skill.states.estimate import Estimate, estimates
 
+LARGEST_TURN, LARGEST_FEED = 2.5, 1.5
+"""Largest factors on turn and feed; the smallest are their reciprocals."""
+
+KNOT_SPACING = 5e-3
+"""Approximate distance of the knots of a perturbation along the depth, m."""
+
+REFERENCE_FORCE = 25.0
+"""Lateral force that doubles the cost of a step, N."""
+
+FAILURE = 5.0
+"""Cost of a failure, s."""
+
 
 @dataclass(frozen=True)
 class Perturbation:
@@ -49,29 +61,15 @@ class Perturbation:
         return Perturbation(self.depths, -self.turn, -self.feed)
 
 
-@dataclass(frozen=True)
-class ExplorationNoise:
-    """The distribution of perturbations.
+def draw_perturbation(rng: np.random.Generator, full_depth: float) -> Perturbation:
+    """Draws a perturbation with knots from the mouth to ``full_depth`` (m).
 
-    Attributes:
-        turn: largest factor on the turn; the smallest is its reciprocal.
-        feed: largest factor on the feed; the smallest is its reciprocal.
-        spacing: approximate distance of the knots along the depth, m.
+    The logarithms are uniform between the limits and independent from knot to knot. Their mean is zero, so that
+    exploration alone does not shift the actions.
     """
-
-    turn: float = 2.5
-    feed: float = 1.5
-    spacing: float = 5e-3
-
-    def draw(self, rng: np.random.Generator, full_depth: float) -> Perturbation:
-        """Draws a perturbation with knots from the mouth to ``full_depth`` (m).
-
-        The logarithms are uniform between the limits and independent from knot to knot. Their mean is zero, so that
-        exploration alone does not shift the actions.
-        """
-        depths = np.linspace(0.0, full_depth, 1 + max(1, round(full_depth / self.spacing)))
-        turn, feed = np.log([self.turn, self.feed])
-        return Perturbation(depths, turn * rng.uniform(-1, 1, len(depths)), feed * rng.uniform(-1, 1, len(depths)))
+    depths = np.linspace(0.0, full_depth, 1 + max(1, round(full_depth / KNOT_SPACING)))
+    turn, feed = np.log([LARGEST_TURN, LARGEST_FEED])
+    return Perturbation(depths, turn * rng.uniform(-1, 1, len(depths)), feed * rng.uniform(-1, 1, len(depths)))
 
 
 @dataclass(frozen=True)
@@ -91,42 +89,26 @@ class PerturbedPolicy(WrappedPolicy[PolicyT]):
         return replace(action, turn=turn * action.turn, feed=float(feed * action.feed))
 
 
-@dataclass(frozen=True)
-class Cost:
-    """The cost of a trial in seconds: its duration, increased by lateral force and by failure.
+def step_costs(run: RigRun) -> Array:
+    """Returns the cost (n,) of each row of a run, s: its duration, increased by lateral force and by failure.
 
-    A step of duration T under a lateral force f costs T (1 + (f / force)^2). A trial under a constant lateral force of
-    ``force`` therefore costs twice its duration. Backing off costs its duration. A trial that does not insert costs
-    ``failure`` in addition, and ``failure`` times the missing share of the depth: where no trial inserts, a deeper one
-    still costs less.
+    A step of duration T under a lateral force f costs T (1 + (f / ``REFERENCE_FORCE``)^2). A trial under a constant
+    lateral force of that size therefore costs twice its duration. Backing off costs its duration. A trial that does not
+    insert costs ``FAILURE`` in addition, and ``FAILURE`` times the missing share of the depth: where no trial inserts,
+    a deeper one still costs less.
 
-    Attributes:
-        force: reference lateral force, N.
-        failure: cost of a failure, s.
+    The cost of a row is that of the step to the next row. The last row holds the cost of a failure, or zero.
+
+    Args:
+        run: a rig run whose metadata hold its geometry.
     """
-
-    force: float = 25.0
-    failure: float = 5.0
-
-    def of_steps(self, run: RigRun) -> Array:
-        """Returns the cost (n,) of each row of a run, s.
-
-        The cost of a row is that of the step to the next row. The last row holds the cost of a failure, or zero.
-
-        Args:
-            run: a rig run whose metadata hold its geometry.
-        """
-        lateral = np.linalg.norm(run.samples[["fx", "fy"]].to_numpy()[:-1], axis=1)
-        steps = np.diff(run.samples["time"].to_numpy()) * (1.0 + (lateral / self.force) ** 2)
-        if run.result["inserted"]:
-            return np.append(steps, 0.0)
-        hole_depth = PegHoleGeometry.from_metadata(run.metadata, "rig run").hole_depth
-        reached = float(run.samples["depth"].iloc[-1]) / hole_depth
-        return np.append(steps, self.failure * (2.0 - min(max(reached, 0.0), 1.0)))
-
-    def of_run(self, run: RigRun) -> float:
-        """Returns the cost of a run, s."""
-        return float(self.of_steps(run).sum())
+    lateral = np.linalg.norm(run.samples[["fx", "fy"]].to_numpy()[:-1], axis=1)
+    steps = np.diff(run.samples["time"].to_numpy()) * (1.0 + (lateral / REFERENCE_FORCE) ** 2)
+    if run.result["inserted"]:
+        return np.append(steps, 0.0)
+    hole_depth = PegHoleGeometry.from_metadata(run.metadata, "rig run").hole_depth
+    reached = float(run.samples["depth"].iloc[-1]) / hole_depth
+    return np.append(steps, FAILURE * (2.0 - min(max(reached, 0.0), 1.0)))
 
 
 @dataclass(frozen=True)
@@ -151,7 +133,7 @@ class Rollout:
         return np.cumsum(self.costs[::-1])[::-1]
 
 
-def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill], cost: Cost) -> Rollout:
+def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill]) -> Rollout:
     """Computes the rollout of a recorded run.
 
     The record holds the measurements; features, filtered states and factors follow from them as on the rig. Rows in
@@ -161,7 +143,6 @@ def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill], cost: Co
     Args:
         run: the recorded run.
         policy: the perturbed skill that controlled it.
-        cost: cost function.
     """
     samples, skill = run.samples, policy.policy
     measured = measurement(samples[list(MEASURED[:-1])].to_numpy(dtype=float), samples["depth"].to_numpy(dtype=float))
@@ -171,7 +152,7 @@ def rollout_of(run: RigRun, policy: PerturbedPolicy[ManipulationSkill], cost: Co
     memberships = pair_probabilities(np.array([e.states for e in found]), np.array([e.contexts for e in found]))
     back_off = samples["back_off"].to_numpy() > 0.5
     acted = ~np.append(back_off[1:], back_off[-1])  # a command is recorded one row after the measurement it responds to
-    costs_to_go = np.cumsum(cost.of_steps(run)[::-1])[::-1][acted]
+    costs_to_go = np.cumsum(step_costs(run)[::-1])[::-1][acted]
     return Rollout(
         features=features[acted],
         memberships=memberships[acted],

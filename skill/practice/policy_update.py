@@ -6,7 +6,7 @@ that cost at features x, from a locally weighted regression over all rollouts. T
     z_t = (V(x_t) - G_t) / s(x_t)
 
 is the cost saved relative to the expected cost, in units of its usual variation at x. Each row has the weight
-w = exp(k z). The logarithm of each stored action at x changes by
+w = exp(z). The logarithm of each stored action at x changes by
 
     E_w[g | x] - E[g | x],
 
@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from sklearn.base import clone
@@ -39,20 +38,12 @@ from skill.regression.locally_weighted_regression import LWRegressor
 MIN_SPREAD = 1e-3  # in units of s; lower bound of the standard deviation of costs
 
 
-@dataclass(frozen=True)
-class AdvantageWeighting:
-    """Parameters of the policy update.
+LARGEST_ADVANTAGE = 2.0
+"""Largest |z|; it limits the influence of a single trial."""
 
-    Attributes:
-        inverse_temperature: k in the weights exp(k z).
-        advantage_clip: largest |z|; it limits the influence of a single trial.
-        bandwidth_factor: bandwidth of the kernel that averages the factors, relative to that of the skill. It is
-            larger than 1 because factors vary over millimetres of depth and come from few trials.
-    """
-
-    inverse_temperature: float = 1.0
-    advantage_clip: float = 2.0
-    bandwidth_factor: float = 2.0
+BANDWIDTH_FACTOR = 2.0
+"""Bandwidth of the kernel that averages the factors, relative to that of the skill. It is larger than 1 because factors
+vary over millimetres of depth and come from few trials."""
 
 
 def advantages(rollouts: Sequence[Rollout], regressor: LWRegressor) -> Array:
@@ -70,15 +61,12 @@ def advantages(rollouts: Sequence[Rollout], regressor: LWRegressor) -> Array:
     return z
 
 
-def advantage_weighted_update(
-    skill: ManipulationSkill, rollouts: Sequence[Rollout], weighting: AdvantageWeighting
-) -> ManipulationSkill:
+def advantage_weighted_update(skill: ManipulationSkill, rollouts: Sequence[Rollout]) -> ManipulationSkill:
     """Returns a skill with corrected actions; ``skill`` is not changed.
 
     Args:
         skill: the skill that was perturbed; its regressor is a `LWRegressor` with states.
         rollouts: practice trials of that skill.
-        weighting: parameters of the update.
 
     Raises:
         ValueError: if there are no rollouts, or the regressor is of another kind.
@@ -88,12 +76,11 @@ def advantage_weighted_update(
         raise ValueError("there are no rollouts to learn from; expected at least one practice trial")
     if not isinstance(old, LWRegressor) or old.memberships_ is None:
         raise ValueError(f"the regressor of the skill is {old}; expected a LWRegressor that was fitted with states")
-    z = advantages(rollouts, old)
-    weights = np.exp(weighting.inverse_temperature * np.clip(z, -weighting.advantage_clip, weighting.advantage_clip))
+    weights = np.exp(np.clip(advantages(rollouts, old), -LARGEST_ADVANTAGE, LARGEST_ADVANTAGE))
     X, P = _features_and_memberships(rollouts)
     g = np.vstack([rollout.log_factors for rollout in rollouts])
     mean = LWRegressor(
-        bandwidth=weighting.bandwidth_factor * old.bandwidth_,
+        bandwidth=BANDWIDTH_FACTOR * old.bandwidth_,
         degree=0,
         n_neighbors=None,
         feature_scale=old.feature_scale_,

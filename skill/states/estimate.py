@@ -101,7 +101,7 @@ class PairEstimator:
         stored, row = np.asarray(memory, dtype=float), np.asarray(observation, dtype=float)
         K = self._contacts.n_states
         features = self._features.transform(row[None, : len(MEASURED)])[0]
-        log_belief, states, _, known = self._contacts.step(stored[:K], features)
+        log_belief, states, known = self._contacts.step(stored[:K], features)
         if self._contexts is None:
             return Estimate(states, known=known, memory=log_belief)
         context = self._contexts.step(stored[K:], row)

@@ -36,7 +36,7 @@ def test_the_recorded_feed_is_that_of_the_perturbed_skill(brief, skill):
     np.testing.assert_allclose(perturbed.perturbation.turn, -opposite.perturbation.turn)
     scenario = resolve_scenario(brief, seed=number, stream=PRACTICE_STREAM)
     _, run = run_trial(scenario, perturbed, seed=number)
-    rollout, samples = rollout_of(run, perturbed, SHORT.cost), run.samples
+    rollout, samples = rollout_of(run, perturbed), run.samples
     sure = rollout.memberships.max(axis=1) > 0.51  # elsewhere rounding decides between two states
     assert sure.mean() > 0.8
     assert rollout.memberships.argmax(axis=1)[sure].tolist() == samples["state"][sure].tolist()

@@ -361,9 +361,7 @@ def test_the_file_with_the_odd_geometry_is_named(tmp_path):
 def test_the_estimator_uses_the_measured_features_and_the_moves_of_the_demonstrations(made_up_skill):
     dut = made_up_skill.estimator()
     row = measurements(made_up_demonstrations()[0])[0]
-    reference = ContactStateFilter(
-        made_up_skill.states_, transitions=made_up_skill.graph_.transition_matrix(), channels=[0, 1, 2]
-    )
+    reference = ContactStateFilter(made_up_skill.states_, made_up_skill.graph_.transition_matrix(), channels=[0, 1, 2])
     found = dut.step(dut.initial().memory, np.array([*row, 0.0, 0.0]))
     features = made_up_skill.state_features_.transform(row[None])[0]
     expected = reference.step(reference.initial_log_belief(), features)

@@ -6,11 +6,11 @@ import pytest
 from skill.data.rig_run import RigRun
 from skill.policy import Action
 from skill.practice.exploration import (
-    Cost,
-    ExplorationNoise,
     Perturbation,
     PerturbedPolicy,
+    draw_perturbation,
     rollout_of,
+    step_costs,
 )
 from skill.states.estimate import Estimate, estimates
 from tests.trajectories import GEOMETRY, make_rig_run
@@ -32,9 +32,9 @@ def test_log_factors_are_linear_between_knots_and_constant_beyond(depth, turn, f
 
 def test_log_factors_are_drawn_within_their_limits_with_mean_zero():
     rng = np.random.default_rng(0)
-    drawn = [ExplorationNoise(turn=3.0, feed=1.5).draw(rng, 0.0247) for _ in range(2000)]
+    drawn = [draw_perturbation(rng, 0.0247) for _ in range(2000)]
     np.testing.assert_allclose(drawn[0].depths, np.linspace(0.0, 0.0247, 6))
-    for part, limit in (("turn", 3.0), ("feed", 1.5)):
+    for part, limit in (("turn", 2.5), ("feed", 1.5)):
         logs = np.array([getattr(v, part) for v in drawn])
         assert np.abs(logs).max() <= np.log(limit)
         assert np.abs(logs).max() > 0.99 * np.log(limit)
@@ -68,21 +68,19 @@ def test_a_perturbed_policy_changes_nothing_but_the_action():
 
 def test_the_cost_of_a_trial_grows_with_lateral_force_and_failure():
     samples = make_rig_run().samples.assign(fx=15.0, fy=-20.0)
-    cost = Cost(force=25.0, failure=5.0)
     duration = samples["time"].iloc[-1] - samples["time"].iloc[0]
-    assert cost.of_run(run_of(samples)) == pytest.approx(2 * duration)
+    assert step_costs(run_of(samples)).sum() == pytest.approx(2 * duration)
     for depth, missing in ((0.025, 0.0), (0.010, 0.6), (-0.003, 1.0)):
         failed = run_of(samples.assign(depth=depth), inserted=False)
-        assert cost.of_run(failed) == pytest.approx(2 * duration + 5 * (1 + missing))
-    assert cost.of_run(run_of(samples.assign(fx=0.0, fy=0.0))) == pytest.approx(duration)
+        assert step_costs(failed).sum() == pytest.approx(2 * duration + 5 * (1 + missing))
     samples["depth"] = 0.025
     samples.loc[samples.index[-1], "depth"] = 0.010  # the depth at the end counts
-    assert cost.of_run(run_of(samples, inserted=False)) == pytest.approx(2 * duration + 5 * 1.6)
+    assert step_costs(run_of(samples, inserted=False)).sum() == pytest.approx(2 * duration + 5 * 1.6)
 
 
 def test_a_rollout_holds_the_features_and_factors_of_each_row(skill):
     run = run_of(make_rig_run().samples.assign(back_off=0.0))
-    rollout = rollout_of(run, PerturbedPolicy(skill, PERTURBATION), Cost())
+    rollout = rollout_of(run, PerturbedPolicy(skill, PERTURBATION))
     n, k = len(run.samples), 61
     assert len(rollout.features) == len(rollout.costs) == n
     row = run.samples.iloc[k]
@@ -93,8 +91,8 @@ def test_a_rollout_holds_the_features_and_factors_of_each_row(skill):
     observed = np.column_stack([wrench, -run.samples[opposite]])
     expected = list(estimates(skill.estimator(), observed[: k + 1]))[-1]
     np.testing.assert_allclose(rollout.memberships[k], np.outer(expected.states, expected.contexts).ravel())
-    np.testing.assert_allclose(rollout.costs, Cost().of_steps(run), atol=1e-12)
-    assert rollout.costs_to_go[0] == pytest.approx(Cost().of_run(run))
+    np.testing.assert_allclose(rollout.costs, step_costs(run), atol=1e-12)
+    assert rollout.costs_to_go[0] == pytest.approx(step_costs(run).sum())
 
 
 def test_rows_of_a_back_off_are_left_out_and_their_costs_added_to_the_row_before(skill):
@@ -102,8 +100,8 @@ def test_rows_of_a_back_off_are_left_out_and_their_costs_added_to_the_row_before
     samples = make_rig_run().samples.assign(back_off=0.0)
     samples.loc[[40, 41], "back_off"] = 1.0
     run = run_of(samples)
-    rollout = rollout_of(run, PerturbedPolicy(skill, PERTURBATION), Cost())
-    costs = Cost().of_steps(run)
+    rollout = rollout_of(run, PerturbedPolicy(skill, PERTURBATION))
+    costs = step_costs(run)
     assert len(rollout.costs) == len(costs) - 2
     assert rollout.costs[38] == pytest.approx(costs[38:41].sum())
     assert rollout.costs.sum() == pytest.approx(costs.sum())
@@ -118,7 +116,7 @@ def test_a_perturbed_policy_takes_the_factors_at_the_depth_that_is_measured_last
 
 @pytest.mark.parametrize(("full_depth", "knots"), [(0.001, 2), (0.004, 2), (0.012, 3), (0.024, 6)])
 def test_knots_are_about_the_spacing_apart(full_depth, knots):
-    drawn = ExplorationNoise().draw(np.random.default_rng(0), full_depth)
+    drawn = draw_perturbation(np.random.default_rng(0), full_depth)
     np.testing.assert_allclose(drawn.depths, np.linspace(0.0, full_depth, knots))
     assert drawn.turn.shape == drawn.feed.shape == (knots,)
 
@@ -127,8 +125,8 @@ def short_run(**result):
     """Five rows, one second apart, of which the third and the last hold a back-off."""
     samples = make_rig_run().samples.head(5).assign(
         time=[1.0, 2.0, 3.0, 4.0, 6.0],
-        fx=[0.0, 3.0, 0.0, 6.0, 90.0],
-        fy=[0.0, 4.0, 0.0, 8.0, 90.0],
+        fx=[0.0, 15.0, 0.0, 30.0, 90.0],
+        fy=[0.0, 20.0, 0.0, 40.0, 90.0],
         depth=[0.0, 0.005, 0.005, 0.010, 0.030],
         back_off=[0.0, 0.0, 1.0, 0.0, 1.0],
     )  # fmt: skip
@@ -136,11 +134,10 @@ def short_run(**result):
 
 
 def test_the_cost_of_a_step_is_that_of_the_force_at_its_start():
-    """The forces are 0, 5, 0 and 10 N, the last step takes 2 s, and the force in the last row has no step."""
-    cost = Cost(force=5.0, failure=7.0)
-    np.testing.assert_allclose(cost.of_steps(short_run()), [1.0, 2.0, 1.0, 10.0, 0.0])
+    """The forces are 0, 25, 0 and 50 N, the last step takes 2 s, and the force in the last row has no step."""
+    np.testing.assert_allclose(step_costs(short_run()), [1.0, 2.0, 1.0, 10.0, 0.0])
     # The tip is deeper than the hole, so nothing of the depth is missing.
-    np.testing.assert_allclose(cost.of_steps(short_run(inserted=False)), [1.0, 2.0, 1.0, 10.0, 7.0])
+    np.testing.assert_allclose(step_costs(short_run(inserted=False)), [1.0, 2.0, 1.0, 10.0, 5.0])
 
 
 class CountingSkill(FixedPolicy):
@@ -157,7 +154,7 @@ class CountingSkill(FixedPolicy):
 
 def test_the_rollout_of_a_short_run_by_hand():
     """The commands of the third and the last row respond to the second and the fourth; nothing responds to the last."""
-    rollout = rollout_of(short_run(), PerturbedPolicy(CountingSkill(), PERTURBATION), Cost(force=5.0))
+    rollout = rollout_of(short_run(), PerturbedPolicy(CountingSkill(), PERTURBATION))
     np.testing.assert_allclose(rollout.costs, [3.0, 11.0])
     np.testing.assert_allclose(rollout.memberships, [[10.0], [12.0]])  # no force along y in these rows
     np.testing.assert_allclose(rollout.features[:, 6], [0.0, -0.010])
