@@ -323,7 +323,7 @@ class ManipulationSkill:
         local = self.regressor_.explain(query.X[0], pairs[0], level)
         angle = float(self.features_.rotation_angle(query.row)[0])
         action = self._action(query, prediction)
-        return SkillExplanation.of(local, query, prediction, action, self.sources_, self.state_names(), angle)
+        return SkillExplanation(query, prediction, action, local, self.sources_, self.state_names(), angle)
 
     @property
     def n_states(self) -> int:

@@ -131,7 +131,7 @@ def oracle(data: LabelledSet, seed: int) -> Labels:
     """The maximum-likelihood class of each sample under Gaussians fitted to the true labels."""
     known = data.y >= 0
     d = data.X.shape[1]
-    floor = CovariancePrior(count=0.0, variance=1.0, floor=np.full(d, 1e-6), diagonal=False)
+    floor = CovariancePrior(count=0.0, variance=1.0, floor=np.full(d, 1e-6))
     true = components_of_partition(data.X[known], data.y[known], floor)
     factors = precision_factors(true.covariances)
     squared = squared_mahalanobis(data.X, true.means, factors)

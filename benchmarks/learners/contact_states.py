@@ -100,7 +100,7 @@ LEARNERS: dict[str, Learner] = {
 def gaussian_states(Z: Array, states: States) -> CompetitiveAgglomeration:
     """A classifier with one Gaussian per state, from samples (N, d) and their states (N,)."""
     d = Z.shape[1]
-    prior = CovariancePrior(count=d + 1.0, variance=1.0, floor=np.full(d, STATE_FLOOR), diagonal=False)
+    prior = CovariancePrior(count=d + 1.0, variance=1.0, floor=np.full(d, STATE_FLOOR))
     components = components_of_partition(Z, states, prior)
     factors = np.stack([np.linalg.inv(np.linalg.cholesky(F)).T for F in components.covariances])
     return CompetitiveAgglomeration.from_arrays(

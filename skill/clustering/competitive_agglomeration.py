@@ -114,7 +114,6 @@ class CompetitiveAgglomeration(GaussianStates):
         eta0: initial strength of the competition. None means 1, or 5 with a phase.
         tails: "normal" for Gaussians, or "heavy" for Student distributions with 4 degrees of freedom, which impacts
             and other rare samples hardly change.
-        covariance_type: "full" or "diag".
         reg_covar: variance added to each channel, as a fraction of the mean variance of the channels.
         number: with ``groups``, "states" for components each of which is a state, or "density" for as many components
             as describe the density.
@@ -138,7 +137,6 @@ class CompetitiveAgglomeration(GaussianStates):
         "m_init": [Interval(Integral, 1, None, closed="left")],
         "eta0": [Interval(Real, 0, None, closed="left"), None],
         "tails": [StrOptions({"normal", "heavy"})],
-        "covariance_type": [StrOptions({"full", "diag"})],
         "reg_covar": [Interval(Real, 0, None, closed="left")],
         "number": [StrOptions({"states", "density"})],
         "n_init": [Interval(Integral, 1, None, closed="left")],
@@ -153,7 +151,6 @@ class CompetitiveAgglomeration(GaussianStates):
         m_init: int = 30,
         eta0: float | None = None,
         tails: str = "normal",
-        covariance_type: str = "full",
         reg_covar: float = 1e-6,
         number: str = "states",
         n_init: int = 5,
@@ -164,7 +161,6 @@ class CompetitiveAgglomeration(GaussianStates):
         self.m_init = m_init
         self.eta0 = eta0
         self.tails = tails
-        self.covariance_type = covariance_type
         self.reg_covar = reg_covar
         self.number = number
         self.n_init = n_init
@@ -243,7 +239,7 @@ class CompetitiveAgglomeration(GaussianStates):
         d = Z.shape[1]
         g = float(Z.var(axis=0).mean()) or 1.0
         floor = np.full(d, self.reg_covar * g)
-        return CovariancePrior(float(d + 1), variance=g, floor=floor, diagonal=self.covariance_type == "diag")
+        return CovariancePrior(float(d + 1), variance=g, floor=floor)
 
     def _initialize(
         self, Z: Array, prior: CovariancePrior, phase: Array | None, random_state: np.random.RandomState

@@ -30,13 +30,11 @@ class CovariancePrior:
         variance: g, mean variance of the channels. The prior of M clusters is S_0 = 0.1 g M^(-2/d) I, a tenth of the
             variance of each cluster when M of them tile the data.
         floor: shape (d,), variance added to each channel.
-        diagonal: whether covariances are diagonal.
     """
 
     count: float
     variance: float
     floor: Array
-    diagonal: bool
 
     def apply(self, covariances: Array, counts: Array) -> Array:
         """Returns (n_i F_i + nu S_0) / (n_i + nu) + floor, shape (M, d, d).
@@ -51,15 +49,13 @@ class CovariancePrior:
         shrunk = (n * covariances + self.count * (0.1 * self.variance * M ** (-2.0 / d)) * identity) / np.maximum(
             n + self.count, np.finfo(float).tiny
         )
-        if self.diagonal:
-            shrunk = shrunk * identity
         return np.asarray(shrunk + np.diag(self.floor), dtype=np.float64)
 
     @property
     def parameters(self) -> int:
-        """Number T of free parameters of one component: d + d (d + 1) / 2, or 2 d with a diagonal covariance."""
+        """Number T of free parameters of one component, d + d (d + 1) / 2."""
         d = len(self.floor)
-        return 2 * d if self.diagonal else d + d * (d + 1) // 2
+        return d + d * (d + 1) // 2
 
 
 @dataclass(frozen=True)

@@ -51,10 +51,9 @@ def refine_demonstration(samples: pd.DataFrame, *, still: float, rough: float) -
         The refined samples, indexed from 0.
 
     Raises:
-        ValueError: if an action column is missing or not finite, an argument is out of range, or fewer than
-            two samples would be left.
+        ValueError: if an argument is out of range, or fewer than two samples would be left.
     """
-    _check_arguments(samples, still, rough)
+    _check_arguments(still, rough)
     actions = samples[list(ACTIONS)].to_numpy(dtype=float)
     weights = np.array([1.0, 1.0, 1.0] + [ROTATION_SCALE] * 3)
     kept = np.flatnonzero(np.linalg.norm(actions * weights, axis=1) > still)
@@ -144,8 +143,6 @@ def smooth_actions(actions: Array, rough: float) -> Array:
 
 def _update_rotation_steps(refined: pd.DataFrame, kept: NDArray[np.intp]) -> None:
     """Computes ``dangle`` from the new previous sample, where the old one was removed."""
-    if not {"ax", "ay", "az", "angle", "dangle"} <= set(refined.columns):
-        return
     R = Rotation.from_rotvec(refined[["ax", "ay", "az"]].to_numpy(dtype=float) * refined[["angle"]].to_numpy())
     steps = refined["dangle"].to_numpy(dtype=float, copy=True)
     gap = np.diff(kept) > 1
@@ -155,12 +152,7 @@ def _update_rotation_steps(refined: pd.DataFrame, kept: NDArray[np.intp]) -> Non
     refined["dangle"] = steps
 
 
-def _check_arguments(samples: pd.DataFrame, still: float, rough: float) -> None:
-    missing = [name for name in ACTIONS if name not in samples.columns]
-    if missing:
-        raise ValueError(f"samples lack the action columns {missing}; expected {list(ACTIONS)}")
-    if not np.isfinite(samples[list(ACTIONS)].to_numpy(dtype=float)).all():
-        raise ValueError("actions are not all finite; drop or repair the samples with NaN or infinite values")
+def _check_arguments(still: float, rough: float) -> None:
     if not (np.isfinite(still) and still >= 0):
         raise ValueError(f"still = {still}; expected a finite length in metres, zero or more")
     if not rough > 0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -71,8 +71,8 @@ class Prediction(NamedTuple):
         action: (3,), turn about x and y (rad) and feed (m) in the frame of the features, over one sample period.
         support: see `skill.policy.Action`.
         contexts: (1, C), the probabilities of the contexts as far as they matter.
-        relevance: how far the context matters, 0 to 1.
-        limited: whether a turn was limited to what the neighbours did.
+        relevance: how far the context matters, 0 to 1; see `skill.regression.partial_pooling`.
+        limited: whether a turn was limited to what the neighbours did; see `Imitation`.
         samples: the demonstrated samples nearby; None for a regressor that does not tell them.
         plan: what a planner expects; None for an imitation.
     """
@@ -91,106 +91,53 @@ class SkillExplanation:
     """Explanation of one action of a skill.
 
     Attributes:
+        query: the measurement, and what is believed.
+        prediction: the action in the frame of the features.
+        action: the action.
+        local: explanation of the regression of (turn_x, turn_y, feed) in the frame of the features, before its turns
+            are limited.
+        sources: (n, 2), demonstration number and time (s) of each sample of the regressor.
         state_names: names of the K contact states.
-        probabilities: (K,), probabilities of the contact states.
-        contexts: (C,), probabilities of the contexts.
-        relevance: how far the context matters here, 0 to 1; see `skill.regression.partial_pooling`.
-        limited: whether the turn of the regression was limited to what the neighbours did; see `Imitation`.
-        turn: (2,), rotation vector of the peg relative to the hole about x and y of P, rad, over one sample period.
-        feed: motion of the peg along its axis, m, over one sample period.
         frame_angle: angle from P to the frame of the features about z, rad.
-        lower: (3,), lower bound of the prediction interval of (turn_x, turn_y, feed) in the frame of the features; of
-            the regression, before its turns are limited.
-        upper: (3,), upper bound of this interval.
-        level: nominal coverage of the interval.
-        neighbours: DataFrame of the samples used, in order of decreasing weight: ``demonstration`` (number), ``time``
-            (s), ``weight`` (over the greatest), ``influence`` (the action is the sum of influence times demonstrated
-            action, unless its turn is limited).
-        support: effective number of samples: the sum of the weights over the greatest.
-        log_w_max: logarithm of the greatest kernel weight; very negative far from all demonstrations.
-        plan: what the planner expects; None for an imitation.
     """
 
+    query: Query
+    prediction: Prediction
+    action: Action
+    local: Explanation
+    sources: Array
     state_names: list[str]
-    probabilities: Array
-    contexts: Array
-    relevance: float
-    limited: bool
-    turn: Array
-    feed: float
     frame_angle: float
-    lower: Array
-    upper: Array
-    level: float
-    neighbours: pd.DataFrame
-    support: float
-    log_w_max: float
-    plan: Plan | None = None
 
-    @classmethod
-    def of(
-        cls,
-        local: Explanation,
-        query: Query,
-        prediction: Prediction,
-        action: Action,
-        sources: Array,
-        state_names: list[str],
-        frame_angle: float,
-    ) -> Self:
-        """Joins what the regressor explains with the action that follows.
+    @property
+    def neighbours(self) -> pd.DataFrame:
+        """The samples used, in order of decreasing weight.
 
-        Args:
-            local: explanation of the regression.
-            query: the measurement and what is believed.
-            prediction: the action in the frame of the features.
-            action: the action.
-            sources: (n, 2), demonstration number and time (s) of each sample of the regressor.
-            state_names: names of the contact states.
-            frame_angle: see the attributes.
+        Columns: ``demonstration`` (number), ``time`` (s), ``weight`` (over the greatest), ``influence`` (the action is
+        the sum of influence times demonstrated action, unless its turn is limited).
         """
-        demonstration, time = sources[local.neighbours].T
-        neighbours = {"demonstration": demonstration.astype(int), "time": time}
-        weights = {"weight": local.weights, "influence": local.influence}
-        return cls(
-            state_names=state_names,
-            probabilities=query.P[0],
-            contexts=query.Q[0],
-            relevance=prediction.relevance,
-            limited=prediction.limited,
-            plan=prediction.plan,
-            turn=action.turn,
-            feed=action.feed,
-            frame_angle=frame_angle,
-            lower=local.lower,
-            upper=local.upper,
-            level=local.level,
-            neighbours=pd.DataFrame(neighbours | weights),
-            support=local.support,
-            log_w_max=local.log_w_max,
-        )
+        demonstration, time = self.sources[self.local.neighbours].T
+        weights = {"weight": self.local.weights, "influence": self.local.influence}
+        return pd.DataFrame({"demonstration": demonstration.astype(int), "time": time} | weights)
 
     def __str__(self) -> str:
         """The explanation in degrees and millimetres."""
-        states = ", ".join(
-            f"{self.state_names[k]} {self.probabilities[k]:.0%}"
-            for k in np.argsort(-self.probabilities)
-            if self.probabilities[k] >= 0.01
-        )
-        contexts = ", ".join(f"{chr(65 + k)} {p:.0%}" for k, p in enumerate(self.contexts))
-        matters = f"the context matters by {self.relevance:.0%} here"
-        degrees, low, high = np.degrees(self.turn), np.degrees(self.lower[:2]), np.degrees(self.upper[:2])
+        P, Q, local, plan = self.query.P[0], self.query.Q[0], self.local, self.prediction.plan
+        states = ", ".join(f"{self.state_names[k]} {P[k]:.0%}" for k in np.argsort(-P) if P[k] >= 0.01)
+        contexts = ", ".join(f"{chr(65 + k)} {p:.0%}" for k, p in enumerate(Q))
+        matters = f"the context matters by {self.prediction.relevance:.0%} here"
+        turn, low, high = np.degrees(self.action.turn), np.degrees(local.lower[:2]), np.degrees(local.upper[:2])
         return "\n".join(
             [
                 f"states: {states}",
-                *([] if len(self.contexts) == 1 else [f"contexts: {contexts}; {matters}"]),
-                *(["the turn is limited to the quartiles of what was done nearby"] if self.limited else []),
-                f"turn {degrees[0]:+.3f} {degrees[1]:+.3f} deg, feed {1e3 * self.feed:+.3f} mm, in one sample period",
-                *([] if self.plan is None else self._planned(self.plan)),
-                f"{self.level:.0%} interval in the contact frame ({np.degrees(self.frame_angle):+.0f} deg about z):"
+                *([] if len(Q) == 1 else [f"contexts: {contexts}; {matters}"]),
+                *(["the turn is limited to the quartiles of what was done nearby"] if self.prediction.limited else []),
+                f"turn {turn[0]:+.3f} {turn[1]:+.3f} deg, feed {1e3 * self.action.feed:+.3f} mm, in one sample period",
+                *([] if plan is None else self._planned(plan)),
+                f"{local.level:.0%} interval in the contact frame ({np.degrees(self.frame_angle):+.0f} deg about z):"
                 f" turn {low[0]:+.3f}..{high[0]:+.3f}, {low[1]:+.3f}..{high[1]:+.3f} deg,"
-                f" feed {1e3 * self.lower[2]:+.3f}..{1e3 * self.upper[2]:+.3f} mm",
-                f"support {self.support:.1f} samples, log of the greatest kernel weight {self.log_w_max:.1f}",
+                f" feed {1e3 * local.lower[2]:+.3f}..{1e3 * local.upper[2]:+.3f} mm",
+                f"support {local.support:.1f} samples, log of the greatest kernel weight {local.log_w_max:.1f}",
                 *(
                     f"  demonstration {demonstration:.0f} at {time:.2f} s: weight {weight:.2f}"
                     for demonstration, time, weight, _ in self.neighbours.head(MAX_PRINTED).to_numpy()

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from numbers import Real
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sklearn.base import BaseEstimator, ClusterMixin, clone
-from sklearn.utils._param_validation import Interval
+from sklearn.base import BaseEstimator, ClusterMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from skill.arrays import Array, sequences
@@ -21,6 +19,10 @@ from skill.states.recurrence import recurrent_sets
 RECORDING_FLOOR = 0.01
 """Variance that is added to each channel, as a share of its variance: differences below a tenth of the spread of a
 channel tell no states apart."""
+
+VALLEY = 0.4
+"""Components are merged while the density between two sets falls to no less than this share of the lower of their
+peaks."""
 
 SMOOTHED_SHARE, CAUSAL_SHARE = 1 / 4, 1 / 16
 """Samples, as shares of the design effect, whose evidence counts as that of one. The design effect is an upper bound:
@@ -47,11 +49,7 @@ class ContactStates(ClusterMixin, BaseEstimator):
     States are numbered in the order in which they come in the recordings.
 
     Args:
-        components: clusterer of the components, `GaussianStates`; None for `CompetitiveAgglomeration` with heavy tails.
-        valley: components are merged while the density between two sets falls to no less than this share of the lower
-            of their peaks; 0 merges all
-            but the densest, 1 none but those without any valley.
-        random_state: seed of the default clusterer.
+        random_state: seed of the clusterer.
 
     Attributes:
         components_: the fitted components, `GaussianStates` with K components.
@@ -64,8 +62,6 @@ class ContactStates(ClusterMixin, BaseEstimator):
     """
 
     _parameter_constraints: dict[str, list[Any]] = {
-        "components": [GaussianStates, None],
-        "valley": [Interval(Real, 0.0, 1.0, closed="both")],
         "random_state": ["random_state"],
     }
 
@@ -73,9 +69,7 @@ class ContactStates(ClusterMixin, BaseEstimator):
     component_states_: NDArray[np.intp]
     chain_: MarkovChain
 
-    def __init__(self, components: Any = None, *, valley: float = 0.4, random_state: Any = None) -> None:
-        self.components = components
-        self.valley = valley
+    def __init__(self, *, random_state: Any = None) -> None:
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: Any = None, groups: ArrayLike | None = None) -> Self:
@@ -98,7 +92,9 @@ class ContactStates(ClusterMixin, BaseEstimator):
             raise ValueError("expected groups of two or more recordings: a single one does not show what they share")
         index = checked_groups(groups, len(samples))
         assert index is not None  # two groups or more
-        learner = clone(self.components) if self.components is not None else self._default()
+        learner = CompetitiveAgglomeration(
+            tails="heavy", number="density", reg_covar=RECORDING_FLOOR, random_state=self.random_state
+        )
         self.components_ = learner.fit(samples, groups=index)
         memberships = self.components_.predict_proba(samples)
         densities, weights, n_alike = self._densities(samples), self.components_.weights_, self._n_alike(SMOOTHED_SHARE)
@@ -106,7 +102,7 @@ class ContactStates(ClusterMixin, BaseEstimator):
             samples,
             memberships,
             design_effect=self.components_.design_effect_,
-            threshold=self.valley,
+            threshold=VALLEY,
             alone=densest_component(weights, self.components_.covariances_),
         )
         sets = recurrent_sets(densities, weights, sets, index, n_alike)
@@ -117,11 +113,6 @@ class ContactStates(ClusterMixin, BaseEstimator):
         self.probabilities_ = by_sequence(smoothed, evidence, self.chain_, index)
         self.labels_ = self.probabilities_.argmax(axis=1)
         return self
-
-    def _default(self) -> CompetitiveAgglomeration:
-        return CompetitiveAgglomeration(
-            tails="heavy", number="density", reg_covar=RECORDING_FLOOR, random_state=self.random_state
-        )
 
     def state_log_likelihoods(self, X: ArrayLike) -> Array:
         """Returns log p(x | s), shape (N, M)."""

@@ -40,7 +40,7 @@ from sklearn.base import BaseEstimator
 from sklearn.utils._param_validation import Interval
 from sklearn.utils.validation import check_is_fitted
 
-from skill.arrays import Array
+from skill.arrays import Array, standard_scale
 from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.regression.response_model import (
     RESPONSE_RULES,
@@ -150,7 +150,7 @@ class ContextMixture(BaseEstimator):
         self.groups_, group = np.unique(names[rows], return_inverse=True)
         if len(self.groups_) < 2:
             raise ValueError(f"contexts differ between groups: found {len(self.groups_)} group, expected at least 2")
-        self.scales_ = _spread(features[rows]), _spread(motions[rows]), _spread(answers[rows])
+        self.scales_ = standard_scale(features[rows]), standard_scale(motions[rows]), standard_scale(answers[rows])
         self.centre_ = answers[rows].mean(axis=0)
         self.samples_ = self._scaled(features[rows], motions[rows], answers[rows])
         self._model = ResponseModel(self.samples_)
@@ -333,12 +333,6 @@ def _weights(responsibilities: Array) -> Array:
     weights = np.maximum(responsibilities.mean(axis=0), MIN_WEIGHT)
     normalised: Array = weights / weights.sum()
     return normalised
-
-
-def _spread(values: Array) -> Array:
-    """Standard deviations (k,) of columns; 1 for a constant column."""
-    spread = values.std(axis=0)
-    return np.where(spread > 0, spread, 1.0)
 
 
 def _checked(

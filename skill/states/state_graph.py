@@ -200,14 +200,9 @@ class StateGraph(BaseEstimator):
         state without visits is 0.
 
         Args:
-            time_constant: tau, s.
-
-        Raises:
-            ValueError: if ``time_constant`` is not positive.
+            time_constant: tau, s, positive.
         """
         check_is_fitted(self)
-        if not time_constant > 0:
-            raise ValueError(f"time_constant = {time_constant}; expected a positive number of seconds")
         K = len(self.visits_)
         kept = np.exp(-np.nan_to_num(self.dwell_mean_s_) / time_constant)
         success = int(np.searchsorted(self.outcomes_, self.success))

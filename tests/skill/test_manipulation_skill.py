@@ -117,9 +117,9 @@ def test_a_measurement_that_is_not_finite_or_too_short_is_refused(skill, rows):
 def test_an_explanation_adds_up_to_the_action(made_up_skill):
     row = measurements(made_up_demonstrations()[1])[60]
     explanation, action = made_up_skill.explain(row, level=0.8), made_up_skill.act(row)
-    assert explanation.feed == action.feed
-    np.testing.assert_array_equal(explanation.turn, action.turn)
-    np.testing.assert_array_equal(explanation.probabilities, made_up_skill.estimate_alone(row).states)
+    assert explanation.action.feed == action.feed
+    np.testing.assert_array_equal(explanation.action.turn, action.turn)
+    np.testing.assert_array_equal(explanation.query.P[0], made_up_skill.estimate_alone(row).states)
     assert explanation.frame_angle == made_up_skill.features_.rotation_angle(row[None])[0]
     used = explanation.neighbours
     sources = made_up_skill.sources_.tolist()
@@ -127,13 +127,12 @@ def test_an_explanation_adds_up_to_the_action(made_up_skill):
     in_frame = used["influence"].to_numpy() @ made_up_skill.regressor_.y_[indices]
     local = made_up_skill.features_.actions_from_frame(row[None], in_frame[None])[0]
     np.testing.assert_allclose(local, [*action.turn, action.feed], rtol=1e-9)
-    assert (explanation.lower < in_frame).all()
-    assert (in_frame < explanation.upper).all()
-    assert explanation.support == pytest.approx(used["weight"].sum())
-    assert explanation.level == 0.8
-    wider = made_up_skill.explain(row)
-    assert wider.level == 0.95
-    assert (wider.lower < explanation.lower).all()
+    local, wider = explanation.local, made_up_skill.explain(row).local
+    assert (local.lower < in_frame).all()
+    assert (in_frame < local.upper).all()
+    assert local.support == pytest.approx(used["weight"].sum())
+    assert (local.level, wider.level) == (0.8, 0.95)
+    assert (wider.lower < local.lower).all()
 
 
 def test_a_regressor_without_explanations_is_named():

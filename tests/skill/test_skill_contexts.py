@@ -75,11 +75,11 @@ def test_where_contexts_act_differently_an_action_is_that_of_its_context(skill_w
     row = hinged_demonstrations()[0].samples[list(MEASURED)].to_numpy()[40]
     for context, sign in ((0, 1.0), (1, -1.0)):
         share, explained = share_of_context(opposed, row, context)
-        assert explained.relevance > 0.99
+        assert explained.prediction.relevance > 0.99
         assert share > 0.99
-        np.testing.assert_array_equal(explained.contexts, np.eye(2)[context])
+        np.testing.assert_array_equal(explained.query.Q[0], np.eye(2)[context])
         angle = explained.frame_angle  # to the frame of the features
-        assert explained.turn @ [-np.sin(angle), np.cos(angle)] == pytest.approx(sign * 1e-3, rel=0.2)
+        assert explained.action.turn @ [-np.sin(angle), np.cos(angle)] == pytest.approx(sign * 1e-3, rel=0.2)
     text = str(opposed.explain(row))
     assert "contexts: A " in text
     assert "the context matters by " in text
@@ -90,7 +90,7 @@ def test_where_contexts_act_alike_all_demonstrations_count(skill_with_contexts):
     rows = hinged_demonstrations()[0].samples[list(MEASURED)].to_numpy()[20:80:4]
     found = [share_of_context(skill_with_contexts, row, 0) for row in rows]
     assert np.median([share for share, _ in found]) == pytest.approx(0.5, abs=0.1)
-    assert np.median([explained.relevance for _, explained in found]) < 0.2
+    assert np.median([explained.prediction.relevance for _, explained in found]) < 0.2
     free = ManipulationSkill(contexts=ContextMixture(max_contexts=1), regressor=LWRegressor(ridge=1.0))
     free.fit(hinged_demonstrations())
     given = [in_context(skill_with_contexts, row, [1.0, 0.0]) for row in rows]

@@ -55,7 +55,7 @@ def test_the_plan_leads_to_the_desired_state_in_either_context(planning):
         turns = []
         for context in np.eye(2):
             estimate = replace(planning.estimate_alone(row), contexts=context)
-            plan = planning.explain(row, estimate).plan
+            plan = planning.explain(row, estimate).prediction.plan
             assert plan.desired.time > 0.0
             assert plan.loads[0] == pytest.approx(row[0])
             turns.append(planning.act(row, estimate).turn[1])
@@ -65,8 +65,7 @@ def test_the_plan_leads_to_the_desired_state_in_either_context(planning):
 def test_a_planned_action_differs_from_the_imitated_one_by_the_plan_alone(planning, monkeypatch):
     row = pushed()
     imitated = planning.imitation().predict(planning._query(row, None))
-    planned = planning.explain(row)
-    assert planned.plan is not None
+    assert planning.explain(row).prediction.plan is not None
     assert imitated.plan is None
     monkeypatch.setattr(planner, "LOAD_TOLERANCE", 1e9)
     monkeypatch.setattr(planner, "BOUND_TOLERANCE", 1e9)
@@ -78,7 +77,7 @@ def test_a_planned_action_differs_from_the_imitated_one_by_the_plan_alone(planni
 def test_the_action_is_the_minimum_of_the_sum_of_the_module(planning, row):
     """The terms are written out again, and a general optimiser finds their minimum."""
     query, told = planning._query(row, None), planning.explain(row)
-    model, plan, frame = planning.planning_, told.plan, told.frame_angle
+    model, plan, frame = planning.planning_, told.prediction.plan, told.frame_angle
     drift, B = model.forward(model.log_weights(query.X[0], np.kron(query.P[0], query.Q[0])))
     assert np.abs(drift).max() > 0.05  # it matters
     imitated = planning.imitation().predict(query)
@@ -100,8 +99,8 @@ def test_the_action_is_the_minimum_of_the_sum_of_the_module(planning, row):
         bounds=[(-1, 1)] * 3,
         tol=1e-12,
     )
-    turn = np.array([[np.cos(frame), np.sin(frame)], [-np.sin(frame), np.cos(frame)]]) @ told.turn
-    motion = 5 * np.array([*turn, told.feed])
+    turn = np.array([[np.cos(frame), np.sin(frame)], [-np.sin(frame), np.cos(frame)]]) @ told.action.turn
+    motion = 5 * np.array([*turn, told.action.feed])
     np.testing.assert_allclose(motion / model.largest_input_, best.x, atol=2e-4)
     np.testing.assert_allclose(plan.expected, plan.loads + drift + B @ motion, atol=1e-9)
     np.testing.assert_allclose(plan.beyond, terms(motion)[2] * planner.BOUND_TOLERANCE, atol=1e-9)
@@ -118,7 +117,7 @@ def test_the_loads_of_a_plan_are_those_of_the_frame(planning):
     row = np.array([3.0, 4.0, 7.0, 0.02, -0.01, 0.0, -0.004])
     turned = ResponseFeatures(planning.features_, radius).loads(row[None], np.arctan2([4.0], [3.0]))[0]
     np.testing.assert_allclose(turned[[0, 1, 4]], [5.0, 0.0, 7.0], atol=1e-12)
-    np.testing.assert_allclose(planning.explain(row).plan.loads, turned, atol=0.05)
+    np.testing.assert_allclose(planning.explain(row).prediction.plan.loads, turned, atol=0.05)
 
 
 def test_a_loaded_skill_plans_bit_identically(planning, rows, tmp_path):

@@ -9,7 +9,7 @@ from skill.clustering.gaussian_components import GaussianComponents
 
 def no_prior(d):
     """A prior that leaves covariances unchanged."""
-    return CovariancePrior(count=0.0, variance=1.0, floor=np.zeros(d), diagonal=False)
+    return CovariancePrior(count=0.0, variance=1.0, floor=np.zeros(d))
 
 
 def random_components(seed, M=4, d=3):

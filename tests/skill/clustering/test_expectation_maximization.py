@@ -80,14 +80,13 @@ def test_distant_samples_do_not_underflow():
 
 
 def test_prior_worked_by_hand():
-    prior = CovariancePrior(count=2.0, variance=3.0, floor=np.array([0.5, 0.25]), diagonal=False)
+    prior = CovariancePrior(count=2.0, variance=3.0, floor=np.array([0.5, 0.25]))
     covariances = np.stack([np.eye(2), 2.0 * np.eye(2), np.eye(2), np.eye(2)])
     regularised = prior.apply(covariances, np.array([6.0, 8.0, 1.0, 0.0]))
     spherical_prior = 0.1 * 3.0 / 4  # 0.1 g M^(-2/d) with M = 4, d = 2
     np.testing.assert_allclose(regularised[1], np.diag((16.0 + 2.0 * spherical_prior) / 10.0 + prior.floor))
     np.testing.assert_allclose(regularised[3], np.diag(spherical_prior + prior.floor))
     assert prior.parameters == 5
-    assert CovariancePrior(count=0.0, variance=1.0, floor=np.zeros(2), diagonal=True).parameters == 4
 
 
 def test_m_step_gives_components_that_have_the_moments_of_the_step():
@@ -98,7 +97,7 @@ def test_m_step_gives_components_that_have_the_moments_of_the_step():
         covariances=np.array([[[3.0]], [[5.0]]]),
         log_likelihood=0.0,
     )
-    prior = CovariancePrior(count=1.0, variance=10.0, floor=np.array([0.5]), diagonal=False)
+    prior = CovariancePrior(count=1.0, variance=10.0, floor=np.array([0.5]))
     components = m_step(step, prior)
     np.testing.assert_allclose(components.weights, [0.75, 0.25])
     np.testing.assert_array_equal(components.means, step.means)
@@ -159,7 +158,7 @@ def test_em_converges_only_below_the_tolerance():
 
 def test_em_drops_components_with_less_than_one_sample():
     Z = np.concatenate([np.linspace(-1, 1, 20), np.linspace(9, 11, 20)])[:, None]
-    prior = CovariancePrior(count=1.0, variance=1.0, floor=np.array([1e-3]), diagonal=False)
+    prior = CovariancePrior(count=1.0, variance=1.0, floor=np.array([1e-3]))
     start = spherical([0.4, 0.2, 0.4], [[0.0], [500.0], [10.0]])
     found, log_likelihood, converged = expectation_maximization(Z, start, prior, max_iter=100, tol=1e-9)
     assert converged
@@ -171,7 +170,7 @@ def test_em_drops_components_with_less_than_one_sample():
 
 def test_component_with_exactly_one_sample_stays():
     Z = np.array([[0.0], [0.1], [-0.1], [1000.0]])
-    prior = CovariancePrior(count=1.0, variance=1.0, floor=np.array([1e-2]), diagonal=False)
+    prior = CovariancePrior(count=1.0, variance=1.0, floor=np.array([1e-2]))
     found, _, _ = expectation_maximization(Z, spherical([0.75, 0.25], [[0.0], [1000.0]]), prior, max_iter=20, tol=1e-9)
     np.testing.assert_allclose(found.means[:, 0], [0.0, 1000.0])
 
@@ -179,7 +178,7 @@ def test_component_with_exactly_one_sample_stays():
 def test_components_of_a_partition_worked_by_hand():
     Z = np.array([[0.0, 0.0], [10.0, 0.0], [2.0, 0.0], [10.0, 4.0], [1.0, 3.0]])
     labels = np.array([5, 2, 5, 2, 5])
-    prior = CovariancePrior(count=1.0, variance=1.0, floor=np.array([0.5, 0.0]), diagonal=False)
+    prior = CovariancePrior(count=1.0, variance=1.0, floor=np.array([0.5, 0.0]))
     found = components_of_partition(Z, labels, prior)
     np.testing.assert_allclose(found.weights, [0.4, 0.6])
     np.testing.assert_allclose(found.means, [[10.0, 2.0], [1.0, 1.0]])

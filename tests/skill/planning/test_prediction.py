@@ -1,32 +1,35 @@
 import math
 
 import numpy as np
-import pandas as pd
 
-from skill.planning.prediction import MAX_PRINTED, DesiredState, Plan, SkillExplanation
+from skill.planning.prediction import MAX_PRINTED, DesiredState, Plan, Prediction, Query, SkillExplanation
+from skill.policy import Action
+from skill.regression.protocols import Explanation
 
 
 def test_the_text_is_in_degrees_and_millimetres_and_names_the_likely_states():
-    neighbours = pd.DataFrame(
-        {"demonstration": [3] * 9, "time": np.arange(1.0, 10.0), "weight": 0.5, "influence": 0.1}
-    ).astype(float)
-    explanation = SkillExplanation(
-        state_names=["free", "one point", "two points"],
-        probabilities=np.array([0.301, 0.009, 0.69]),
-        contexts=np.array([0.08, 0.92]),
-        relevance=0.253,
-        limited=True,
-        turn=np.radians([0.1, -0.2]),
-        feed=-2e-4,
-        frame_angle=math.radians(30.0),
+    query = Query(np.zeros((1, 7)), np.zeros((1, 2)), np.array([[0.301, 0.009, 0.69]]), np.array([[0.08, 0.92]]))
+    local = Explanation(
+        neighbours=np.arange(9),
+        weights=np.full(9, 0.5),
+        influence=np.full(9, 0.1),
+        prediction=np.zeros(3),
         lower=np.array([*np.radians([-0.3, -0.5]), -4e-4]),
         upper=np.array([*np.radians([0.4, 0.6]), 1e-4]),
         level=0.8,
-        neighbours=neighbours,
         support=12.34,
         log_w_max=-1.26,
     )
-    assert len(neighbours) > MAX_PRINTED
+    explanation = SkillExplanation(
+        query,
+        Prediction(np.zeros(3), 1.0, query.Q, relevance=0.253, limited=True),
+        Action(np.radians([0.1, -0.2]), -2e-4),
+        local,
+        sources=np.column_stack([np.full(9, 3.0), np.arange(1.0, 10.0)]),
+        state_names=["free", "one point", "two points"],
+        frame_angle=math.radians(30.0),
+    )
+    assert len(explanation.neighbours) > MAX_PRINTED
     assert str(explanation).splitlines() == [
         "states: two points 69%, free 30%",
         "contexts: A 8%, B 92%; the context matters by 25% here",
@@ -41,20 +44,15 @@ def test_the_text_is_in_degrees_and_millimetres_and_names_the_likely_states():
 
 def planned_lines(plan):
     """The lines of an explanation about its plan."""
-    fields = dict.fromkeys(("relevance", "limited", "frame_angle", "level", "support", "log_w_max"), 0.0)
-    explanation = SkillExplanation(
-        **fields,
-        state_names=["free", "one point"],
-        probabilities=np.array([1.0, 0.0]),
-        contexts=np.ones(1),
-        turn=np.zeros(2),
-        feed=0.0,
-        lower=np.zeros(3),
-        upper=np.zeros(3),
-        neighbours=pd.DataFrame(columns=["demonstration", "time", "weight", "influence"]),
-        plan=plan,
+    query = Query(np.zeros((1, 7)), np.zeros((1, 2)), np.array([[1.0, 0.0]]), np.ones((1, 1)))
+    prediction = Prediction(np.zeros(3), 1.0, query.Q, relevance=0.0, limited=False, plan=plan)
+    nothing = np.zeros(0)
+    local = Explanation(
+        np.zeros(0, dtype=int), nothing, nothing, *np.zeros((3, 3)), level=0.0, support=0.0, log_w_max=0.0
     )
-    return str(explanation).splitlines()[2:-2]
+    action = Action(np.zeros(2), 0.0)
+    names = ["free", "one point"]
+    return str(SkillExplanation(query, prediction, action, local, np.zeros((0, 2)), names, 0.0)).splitlines()[2:-2]
 
 
 def test_the_text_tells_the_plan():
