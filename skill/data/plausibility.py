@@ -290,7 +290,7 @@ def _check_turns(samples: pd.DataFrame, where: str) -> None:
 
 
 def contact_columns(samples: pd.DataFrame, *, forces: bool = True) -> list[str]:
-    """Returns the names of the columns that hold forces of single contacts, or their points; none in old files."""
+    """Returns the names of the columns that hold forces of single contacts, or their points."""
     names = [str(name) for name in samples.columns if str(name).startswith("contact_")]
     return [name for name in names if name.endswith(("_fx", "_fy", "_fz")) is forces]
 

@@ -100,12 +100,10 @@ def _shown(samples: pd.DataFrame, result: Mapping[str, Any]) -> dict[str, tuple[
     if len(steps):
         exact["unknown_s"] = period * (samples["known"] == 0).sum()
         exact["unsupported_s"] = period * (samples["support"] < 1.0).sum()
-    seen = {}
     contacts = samples[contact_columns(samples)].to_numpy(dtype=float).reshape(len(samples), -1, 3)
-    if contacts.size:  # the contacts are also read between the samples
-        seen["peak_contact_n"] = (float(np.linalg.norm(contacts, axis=2).max()), math.inf)
     return {
-        **seen,
+        # The contacts are also read between the samples.
+        "peak_contact_n": (float(np.linalg.norm(contacts, axis=2).max()), math.inf),
         "time_s": (float(times[-1]), float(times[-1] + period)),
         "depth_mm": (-1e3 * float(height[-1]) - way, -1e3 * float(height[-1]) + way),
         **{name: (float(value), float(value)) for name, value in exact.items()},

@@ -168,9 +168,12 @@ def _draw_corrections(axes: Axes, data: pd.DataFrame) -> None:
     axes.legend(handles, texts, ncols=3, fontsize=8, loc="best", frameon=False)
 
 
-LOADS = (("peak_load_n", "peak load (N)"), ("peak_contact_n", "peak force of a\nsingle contact (N)"))
-NET_FORCES = (("peak_axial_n", "peak force\nalong the peg (N)"), ("peak_lateral_n", "peak force\nacross it (N)"))
-"""Columns that `plot_outcomes` draws below the time, and their labels."""
+OUTCOMES = (
+    ("time_s", "time (s)"),
+    ("peak_load_n", "peak load (N)"),
+    ("peak_contact_n", "peak force of a\nsingle contact (N)"),
+)
+"""Columns that `plot_outcomes` draws, and their labels."""
 
 
 def plot_outcomes(results: pd.DataFrame) -> Figure:
@@ -178,22 +181,19 @@ def plot_outcomes(results: pd.DataFrame) -> Figure:
 
     Args:
         results: one row for each trial, with the columns inserted, time_s, peak_load_n and peak_contact_n, and
-            optionally seed, the number of the trial; without it the trials are numbered from 1. Results of earlier
-            versions have peak_axial_n and peak_lateral_n only, which are drawn if one trial lacks the others.
+            optionally seed, the number of the trial; without it the trials are numbered from 1.
 
     Raises:
         ValueError: if there is no trial, or a column is missing.
     """
-    told = all(name in results.columns and results[name].notna().all() for name, _ in LOADS)
-    rows = (("time_s", "time (s)"), *(LOADS if told else NET_FORCES))
-    missing = [c for c in ("inserted", *(name for name, _ in rows)) if c not in results.columns]
+    missing = [c for c in ("inserted", *(name for name, _ in OUTCOMES)) if c not in results.columns]
     if missing or results.empty:
         raise ValueError(f"results: {len(results)} trials, missing columns {missing}; expected one row for each trial")
     inserted = results["inserted"].to_numpy(dtype=bool)
     number = results["seed"].to_numpy() if "seed" in results.columns else np.arange(1, len(results) + 1)
     figure = new_figure(4.8)
-    panels = figure.subplots(len(rows), 1, sharex=True)
-    for axes, (column, label) in zip(panels, rows, strict=True):
+    panels = figure.subplots(len(OUTCOMES), 1, sharex=True)
+    for axes, (column, label) in zip(panels, OUTCOMES, strict=True):
         _draw_trials(axes, number, results[column].to_numpy(dtype=float), inserted)
         axes.set_ylabel(label, fontsize=9)
         tidy(axes)
@@ -235,7 +235,7 @@ def _draw_trials(axes: Axes, number: NDArray[Any], values: Array, inserted: NDAr
             color=FIRST,
             fontsize=8,
         )
-    axes.set_ylim(0.0, 1.15 * max(float(values.max()), 1e-9))
+    axes.set_ylim(0.0, 1.15 * max(float(np.nanmax(values)), 1e-9))
 
 
 def save_figure(figure: Figure, path: Path) -> None:

@@ -170,37 +170,6 @@ def test_a_folder_without_recordings_is_refused(tmp_path):
         read_demonstrations(tmp_path / "nowhere")
 
 
-# ------------------------------------------------------------ atomic writes
-
-
-def test_a_failed_write_leaves_the_old_file(demonstration, path, monkeypatch):
-    before = path.read_bytes()
-
-    def full(handle):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("skill.data.files.os.fsync", full)
-    other = Demonstration(demonstration.samples.head(5), good=False, outcome="jammed")
-    with pytest.raises(OSError, match="No space"):
-        write_demonstration(other, path)
-    assert path.read_bytes() == before
-    assert [p.name for p in path.parent.iterdir()] == [path.name]
-
-
-def test_metadata_that_is_not_serialisable_leaves_no_file(demonstration, tmp_path):
-    strange = Demonstration(demonstration.samples, good=True, outcome="inserted", metadata={"habit": object()})
-    with pytest.raises(TypeError):
-        write_demonstration(strange, tmp_path / "demonstration.parquet")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_file_in_the_place_of_the_folder_is_an_error_and_is_kept(demonstration, tmp_path):
-    (tmp_path / "taken").write_text("mine")
-    with pytest.raises(OSError, match="taken"):
-        write_demonstration(demonstration, tmp_path / "taken" / "demonstration.parquet")
-    assert (tmp_path / "taken").read_text() == "mine"
-
-
 @pytest.mark.parametrize("good", ["false", 1, 0.0, None])
 def test_a_verdict_that_is_neither_true_nor_false_is_refused(good):
     samples = make_demonstration().samples
@@ -302,13 +271,6 @@ def test_the_columns_that_pandas_would_take_for_an_index_are_unknown(path):
     assert tuple(sorted(read_demonstration(path).samples.columns)) == tuple(sorted(COLUMNS))
 
 
-def test_a_changed_bit_is_noticed_wherever_it_is(path):
-    data = path.read_bytes()
-    for place in range(0, len(data), 331):
-        path.write_bytes(data[:place] + bytes([data[place] ^ 4]) + data[place + 1 :])
-        error_message(path)
-
-
 def test_a_page_carries_a_checksum_of_its_own(path, monkeypatch):
     monkeypatch.setattr(tables, "check_seal", lambda data, required: None)
     data = path.read_bytes()
@@ -330,12 +292,6 @@ def test_the_number_of_samples_is_limited(demonstration, path, tmp_path, monkeyp
     assert f"found {len(demonstration.samples)} samples, expected at most" in error_message(path)
     with pytest.raises(ValueError, match=r"new\.parquet: found .* samples, expected at most"):
         write_demonstration(demonstration, tmp_path / "new.parquet")
-
-
-def test_the_size_of_a_file_is_limited(path):
-    with path.open("r+b") as stream:
-        stream.truncate(tables.MAX_BYTES + 1)
-    assert "100 MB, expected at most 100 MB" in error_message(path)
 
 
 def test_the_length_of_metadata_is_limited(demonstration, path, tmp_path):

@@ -2,7 +2,7 @@ import os
 
 import pytest
 
-from skill.data.files import MARK, UNSEALED, check_seal, read_bounded, seal
+from skill.data.files import MARK, UNSEALED, check_seal, read_bounded, seal, write_atomically
 
 FILE = b"some content " + UNSEALED + b" and more"
 
@@ -62,6 +62,20 @@ def test_the_size_of_a_file_is_limited(tmp_path):
     assert read_bounded(path, 5) == b"12345"
     with pytest.raises(ValueError, match="expected at most 0 MB"):
         read_bounded(path, 4)
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "new" / "a"
+    write_atomically(path, b"old")
+
+    def full(handle):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("skill.data.files.os.fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        write_atomically(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert list(path.parent.iterdir()) == [path]
 
 
 def test_only_files_are_read(tmp_path):

@@ -80,11 +80,6 @@ def test_an_entry_of_the_wrong_type_is_refused(path, header, message):
     assert message in error_message(rewrite(path, "rig_run", **header))
 
 
-def test_a_run_of_bad_samples_is_refused(run):
-    with pytest.raises(ValueError, match="missing columns"):
-        RigRun(samples=run.samples.drop(columns="yaw"), result=run.result)
-
-
 def test_a_run_may_have_a_single_row(run, tmp_path):
     result = {"inserted": False, "reason": "time over", "time_s": 0.004, "depth_mm": -1.0}
     write_rig_run(RigRun(run.samples.head(1), result), tmp_path / "one.parquet")

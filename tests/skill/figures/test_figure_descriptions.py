@@ -33,7 +33,8 @@ def trials(number: int = 5, slower: float = 1.0) -> pd.DataFrame:
         {
             "inserted": k != 3,
             "time_s": slower * (2.0 + np.sin(k)),
-            "peak_axial_n": 10.0 + 3.0 * k,
+            "peak_load_n": 10.0 + 3.0 * k,
+            "peak_contact_n": 15.0 + 4.0 * k,
             "peak_lateral_n": slower * (20.0 + 5.0 * np.cos(k)),
         }
     )

@@ -255,25 +255,13 @@ def test_arrays_restore_an_estimator_that_predicts_the_same_bits(tmp_path):
     np.testing.assert_array_equal(one.prediction, other.prediction)
 
 
-@pytest.mark.parametrize(
-    ("fit", "remedy"),
-    [
-        ({"memberships": np.ones((400, 2))}, "divide each by its sum"),
-        ({"memberships": np.ones((399, 1))}, "one row a sample"),
-        ({"memberships": np.ones(400)}, "one row a sample"),
-        ({"memberships": np.full((400, 1), np.nan)}, "not probabilities"),
-        ({"sample_weight": np.zeros(400)}, "at least one"),
-    ],
-)
-def test_bad_memberships_and_weights_raise(fit, remedy):
-    X, Y = wavy()
-    with pytest.raises(ValueError, match=remedy):
-        LWRegressor().fit(X, Y, **fit)
-
-
 def test_other_errors_name_the_remedy():
     X, Y = wavy()
     dut = LWRegressor().fit(X, Y)
+    with pytest.raises(ValueError, match="at least one"):
+        LWRegressor().fit(X, Y, sample_weight=np.zeros(400))
+    with pytest.raises(ValueError, match="one row a sample"):
+        LWRegressor().fit(X, Y, memberships=np.ones((399, 1)))
     with pytest.raises(ValueError, match="give memberships to fit too"):
         dut.predict(X[:1], [[1.0]])
     with pytest.raises(ValueError, match="one for each feature"):
