@@ -106,9 +106,9 @@ def shown_page() -> Iterator[Callable[[ServedRun], None]]:
         if time.monotonic() - drawn > PICTURE_PERIOD:
             drawn = time.monotonic()
             context = served.run.simulator.get_context()
-            X_HP = served.environment.peg_pose(context)
+            X_HP = served.environment.plant.peg_pose(context)
             display.move_peg(X_HP)
-            contact = served.environment.contact_force(context)
+            contact = served.environment.plant.contact_force(context)
             wrench, load = served.probe.wrench, served.probe.load
             display.draw_forces(X_HP.translation(), wrench[3:], load=load, contact=contact)
 

@@ -93,7 +93,7 @@ class DemonstrationRun:
 
 def _monitor(scenario: Scenario, environment: PegEnvironment, context: Context) -> EventStatus:
     """Ends a simulation that has diverged, succeeded, or given up."""
-    height = environment.peg_pose(context).translation()[2]
+    height = environment.plant.peg_pose(context).translation()[2]
     if not np.isfinite(height):
         return EventStatus.ReachedTermination(environment.diagram, Outcome.DIVERGED)
     if -height >= scenario.full_depth:

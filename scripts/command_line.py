@@ -6,7 +6,7 @@ A command imports what it needs when it runs. So help and `replay` start quickly
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -64,6 +64,12 @@ Verbose = Annotated[
 ]
 Jobs = Annotated[int, typer.Option("--jobs", min=1, max=256, help="Number of processes.")]
 ScenarioName = Annotated[str, SCENARIO]
+Engine = Annotated[
+    Literal["drake", "exact", "mujoco"] | None,
+    typer.Option(
+        help="Contact: Drake's meshes, rigid circles, or MuJoCo's boxes ([mujoco]).", show_default="from the scenario"
+    ),
+]
 OptionalScenarioName = Annotated[str | None, SCENARIO]
 SkillFile = Annotated[Path, SKILL]
 OptionalSkillFile = Annotated[Path | None, SKILL]

@@ -10,6 +10,7 @@ import typer
 
 from scripts.command_line import (
     DefaultSkillFile,
+    Engine,
     Jobs,
     OutFolder,
     Overwrite,
@@ -46,6 +47,7 @@ def main(
         typer.Option(help="Which trials: all that the scenario contains, or only the hard ones."),
     ] = "default",
     scenario: ScenarioName = "nominal",
+    engine: Engine = None,
     out: OutFolder = Path("out/rig"),
     json: Annotated[
         Path | None, path_option("FILE", "JSON file for a copy of results.json, one object per trial.", shown="no copy")
@@ -92,6 +94,8 @@ def main(
     skill = find_skill(skill)
     policy, numbers = ManipulationSkill.load(skill), range(seed, seed + trials)
     chosen = load_scenario_of_clearance(scenario)
+    if engine is not None:
+        chosen.contact.engine = engine
     if tilt_deg is not None:
         chosen.start.tilt_range = math.radians(tilt_deg)
     if friction is not None:

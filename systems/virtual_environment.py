@@ -21,8 +21,9 @@ from systems.haptics.passivity_observer import PassivityObserver
 from systems.haptics.virtual_fixture import MakeFixture, VirtualFixture
 from systems.math.rotation import from_rotation_vector
 from systems.operators.simulated_operator import SimulatedOperator
-from systems.plant.body_pose import BodyPose
-from systems.plant.contact_plant import AddVirtualPlant, ContactPlant
+from systems.plant.contact_plant import AddVirtualPlant, HydroelasticPeg
+from systems.plant.exact_peg import ExactPeg
+from systems.plant.peg_plant import PegPlant
 from systems.recording.demonstration_recorder import DemonstrationRecorder
 from systems.visualization.meshcat_scene import AddVisualization
 
@@ -35,25 +36,19 @@ class PegEnvironment:
 
     Attributes:
         diagram: the whole diagram.
-        contact: the plant with peg and hole.
+        plant: of peg and hole.
         log: log of the recorded channels.
         X_HP_start: pose of the peg at the start.
     """
 
     diagram: Diagram
-    contact: ContactPlant
+    plant: PegPlant
     log: VectorLogSink
     X_HP_start: RigidTransform
 
     def set_start(self, context: Context) -> None:
         """Moves the peg to the start of the scenario."""
-        plant = self.contact.plant
-        plant.SetFreeBodyPose(plant.GetMyMutableContextFromRoot(context), self.contact.peg, self.X_HP_start)
-
-    def peg_pose(self, context: Context) -> RigidTransform:
-        """Returns X_HP."""
-        plant = self.contact.plant
-        return self.contact.peg.EvalPoseInWorld(plant.GetMyContextFromRoot(context))
+        self.plant.set_start(context, self.X_HP_start)
 
     def min_energy(self, context: Context) -> float:
         """Returns the minimum, so far, of the energy that the hand has put in, J."""
@@ -69,20 +64,6 @@ class PegEnvironment:
         if not log.num_samples():
             raise ValueError("nothing has been recorded yet")
         return dict(zip(COLUMNS, [log.sample_times()[-1], *log.data()[:, -1]], strict=True))
-
-    def contact_force(self, context: Context) -> tuple[Array, Array] | None:
-        """Returns the centroid of the contact surface (m) and the contact force on the peg (N), in W.
-
-        Returns None if there is no contact.
-        """
-        plant = self.contact.plant
-        plant_context = plant.GetMyContextFromRoot(context)
-        results = plant.get_contact_results_output_port().Eval(plant_context)
-        if results.num_hydroelastic_contacts() == 0:
-            return None
-        centroid = results.hydroelastic_contact_info(0).contact_surface().centroid()
-        forces_port = plant.get_generalized_contact_forces_output_port(self.contact.peg.model_instance())
-        return np.asarray(centroid), np.asarray(forces_port.Eval(plant_context)[3:])
 
 
 @dataclass(frozen=True)
@@ -148,35 +129,49 @@ def MakeVirtualEnvironment(
     """
     require_margins(scenario)
     builder = DiagramBuilder()
-    contact = AddVirtualPlant(builder, scenario)
+    plant = AddPegEngine(builder, scenario)
     X_HP_start = start_pose(scenario)
     if operator is None:
         operator = _make_operator(scenario)
     parameters = DEVICE_PRESETS[scenario.device]
     builder.AddNamedSystem("operator", operator)
     device = builder.AddNamedSystem("haptic_device", HapticDevice(parameters=parameters, X_HD_start=X_HP_start))
-    proxy, recorder, log = add_coupling(builder, scenario, contact, fixture=fixture)
+    proxy, recorder, log = add_coupling(builder, scenario, plant, fixture=fixture)
     observer = builder.AddNamedSystem(
         "passivity_observer", PassivityObserver(period=parameters.servo_period, X_HD_start=X_HP_start)
     )
     energy_log = LogVectorOutput(observer.GetOutputPort("energy"), builder, scenario.recorder.period)
     energy_log.set_name("energy_log")
-    sight = builder.AddNamedSystem("sight", BodyPose(contact.peg.index()))
-    builder.Connect(contact.plant.get_body_poses_output_port(), sight.GetInputPort("body_poses"))
     if operator.HasInputPort("peg_pose"):
-        builder.Connect(sight.GetOutputPort("pose"), operator.GetInputPort("peg_pose"))
+        builder.Connect(plant.pose, operator.GetInputPort("peg_pose"))
     connect_device(builder, operator=operator, device=device, proxy=proxy, observer=observer)
     builder.Connect(proxy.GetOutputPort("probe_wrench"), device.GetInputPort("virtual_wrench"))
     builder.Connect(device.GetOutputPort("probe_pose"), recorder.GetInputPort("probe_pose"))
     if meshcat is not None:
-        AddVisualization(builder=builder, contact=contact, meshcat=meshcat)
+        if not isinstance(plant, HydroelasticPeg):
+            raise ValueError(f"contact.engine is {scenario.contact.engine}; expected drake for a picture in Meshcat")
+        AddVisualization(builder=builder, contact=plant, meshcat=meshcat)
     diagram = builder.Build()
     diagram.set_name("virtual_environment")
-    return VirtualEnvironment(diagram, contact, log, X_HP_start, energy_log, device)
+    return VirtualEnvironment(diagram, plant, log, X_HP_start, energy_log, device)
+
+
+def AddPegEngine(builder: DiagramBuilder, scenario: Scenario) -> PegPlant:
+    """Adds the mechanics of peg and hole in the engine that a scenario names.
+
+    Raises:
+        ValueError: if it names MuJoCo, which has none.
+    """
+    if scenario.contact.engine == "mujoco":
+        raise ValueError("contact.engine is mujoco; expected drake or exact in the virtual environment")
+    if scenario.contact.engine == "exact":
+        peg: ExactPeg = builder.AddNamedSystem("plant", ExactPeg(scenario))
+        return peg
+    return AddVirtualPlant(builder, scenario)
 
 
 def add_coupling(
-    builder: DiagramBuilder, scenario: Scenario, contact: ContactPlant, *, fixture: VirtualFixture | None = None
+    builder: DiagramBuilder, scenario: Scenario, plant: PegPlant, *, fixture: VirtualFixture | None = None
 ) -> tuple[HapticProxy, DemonstrationRecorder, VectorLogSink]:
     """Adds the coupling of the peg to a probe, and the recorder with its log, and connects them to the plant.
 
@@ -184,9 +179,8 @@ def add_coupling(
     """
     if fixture is None:
         fixture = MakeFixture(scenario.fixture, pivot_height=scenario.rig.pivot_height or 0.0)
-    plant, peg = contact.plant, contact.peg
     proxy = builder.AddNamedSystem(
-        "haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture, peg=peg.index())
+        "haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture, peg=plant.index)
     )
     period = scenario.recorder.period
     recorder = builder.AddNamedSystem(
@@ -194,12 +188,10 @@ def add_coupling(
     )
     log = LogVectorOutput(recorder.GetOutputPort("sample"), builder, period)
     log.set_name("demonstration_log")
-    peg_state = plant.get_state_output_port(peg.model_instance())
-    contact_wrench = plant.get_generalized_contact_forces_output_port(peg.model_instance())
-    builder.Connect(peg_state, proxy.GetInputPort("peg_state"))
-    builder.Connect(proxy.GetOutputPort("peg_forces"), plant.get_applied_spatial_force_input_port())
-    builder.Connect(peg_state, recorder.GetInputPort("peg_state"))
-    builder.Connect(contact_wrench, recorder.GetInputPort("contact_wrench"))
+    builder.Connect(plant.peg_state, proxy.GetInputPort("peg_state"))
+    builder.Connect(proxy.GetOutputPort("peg_forces"), plant.peg_forces)
+    builder.Connect(plant.peg_state, recorder.GetInputPort("peg_state"))
+    builder.Connect(plant.contact_wrench, recorder.GetInputPort("contact_wrench"))
     return proxy, recorder, log
 
 

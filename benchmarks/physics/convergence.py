@@ -52,7 +52,7 @@ from interfaces.terminal import progress
 from models.contact_geometry import PegInHole
 from models.contact_theory import two_point_depth, two_point_push_moment
 from models.scenario import Scenario
-from systems.plant.exact_plant import STEP
+from systems.plant.exact_contact import STEP
 
 if TYPE_CHECKING:
     pass

@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike
 from benchmarks.physics.contact_probe import AXES, PlanarPose
 from models.scenario import Scenario
 from skill.arrays import Array
-from systems.plant.exact_contact import Bodies
+from systems.plant.exact_contact import STEP, Bodies
 from systems.plant.exact_peg import advance_peg
-from systems.plant.exact_plant import STEP
 
 PLANE = [3, 5, 1]
 """Numbers of `AXES` among the freedoms of `systems.plant.exact_peg.advance_peg`."""

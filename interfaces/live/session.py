@@ -268,8 +268,8 @@ class LiveSession:
 
     def _draw(self, live: ServedRun) -> None:
         context, probe = live.run.simulator.get_context(), live.probe
-        X_HP = live.environment.peg_pose(context)
-        contact = live.environment.contact_force(context)
+        X_HP = live.environment.plant.peg_pose(context)
+        contact = live.environment.plant.contact_force(context)
         self._display.move_peg(X_HP)
         self._display.move_hand(probe.X_HD)
         self._display.draw_forces(X_HP.translation(), probe.wrench[3:], load=probe.load, contact=contact)
@@ -288,12 +288,12 @@ class LiveSession:
         self._display.show_judgement(
             judgement,
             names=observer.policy.state_names(),
-            X_HP=live.environment.peg_pose(context),
+            X_HP=live.environment.plant.peg_pose(context),
             period=observer.policy.period_,
         )
 
     def _show_readings(self, live: ServedRun, resolved: Scenario, *, rate: float) -> None:
-        X_HP = live.environment.peg_pose(live.run.simulator.get_context())
+        X_HP = live.environment.plant.peg_pose(live.run.simulator.get_context())
         self._display.show_readings(
             X_HP,
             depth=-float(X_HP.translation()[2]),

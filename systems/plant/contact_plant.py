@@ -29,6 +29,7 @@ from pydrake.multibody.plant import (
     MultibodyPlantConfig,
 )
 from pydrake.multibody.tree import (
+    BodyIndex,
     FixedOffsetFrame,
     PdControllerGains,
     PrismaticJoint,
@@ -43,6 +44,8 @@ from pydrake.systems.primitives import ConstantVectorSource
 import models
 from models.bore import BrokenEdge, cutaway_sector, make_bore
 from models.scenario import FREE_FIXTURE, Geometry, Scenario
+from skill.arrays import Array
+from systems.plant.body_pose import BodyPose
 from systems.plant.contact_forces import Contact, hydroelastic_forces, single_contacts
 
 DIVERGENCE_FORCE = 1e5  # in units of N; a larger contact force means that the simulation has diverged
@@ -177,16 +180,59 @@ class HydroelasticRig(ContactPlant):
         return single_contacts(parts, X_WH, X_WH.inverse() @ X_WP, chamfer=self.scenario.geometry.chamfer)
 
 
-def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant:
+@dataclass(frozen=True)
+class HydroelasticPeg(ContactPlant):
+    """A finalised plant of the virtual environment; implements `systems.plant.peg_plant.PegPlant`.
+
+    Attributes:
+        pose: see `PegPlant`.
+    """
+
+    pose: OutputPort
+
+    @property
+    def index(self) -> BodyIndex:
+        """See `PegPlant`."""
+        return self.peg.index()
+
+    @property
+    def peg_forces(self) -> InputPort:
+        """See `PegPlant`."""
+        return self.plant.get_applied_spatial_force_input_port()
+
+    @property
+    def peg_state(self) -> OutputPort:
+        """See `PegPlant`."""
+        return self.plant.get_state_output_port(self.peg.model_instance())
+
+    @property
+    def contact_wrench(self) -> OutputPort:
+        """See `PegPlant`."""
+        return self.plant.get_generalized_contact_forces_output_port(self.peg.model_instance())
+
+    def set_start(self, context: Context, X_HP: RigidTransform) -> None:
+        """See `PegPlant`."""
+        self.plant.SetFreeBodyPose(self.plant.GetMyMutableContextFromRoot(context), self.peg, X_HP)
+
+    def peg_pose(self, context: Context) -> RigidTransform:
+        """See `PegPlant`."""
+        return self.peg.EvalPoseInWorld(self.plant.GetMyContextFromRoot(context))
+
+    def contact_force(self, context: Context) -> tuple[Array, Array] | None:
+        """See `PegPlant`: the point is the centroid of the contact surface."""
+        own = self.plant.GetMyContextFromRoot(context)
+        results = self.plant.get_contact_results_output_port().Eval(own)
+        if results.num_hydroelastic_contacts() == 0:
+            return None
+        centroid = results.hydroelastic_contact_info(0).contact_surface().centroid()
+        return np.asarray(centroid), np.asarray(self.contact_wrench.Eval(own)[3:])
+
+
+def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticPeg:
     """Adds the plant of the virtual environment: a free peg and a fixed block, without gravity.
 
     The peg has the coupling's virtual mass and inertia; its centre of mass is at the tip.
-
-    Raises:
-        ValueError: If the scenario names another engine than Drake.
     """
-    if scenario.contact.engine != "drake":
-        raise ValueError(f"contact.engine is {scenario.contact.engine}; expected drake in the virtual environment")
     plant, scene_graph = add_hydroelastic_plant(builder, scenario)
     coupling = scenario.coupling
     radius = math.sqrt(2.5 * coupling.peg_inertia / coupling.peg_mass)  # a sphere with this inertia
@@ -198,7 +244,10 @@ def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> ContactPlant
     block = plant.AddRigidBody("block", plant.AddModelInstance("hole"), _block_inertia(scenario.geometry))
     plant.WeldFrames(plant.world_frame(), block.body_frame())
     plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
-    return finish_contact_plant(plant, scene_graph, scenario, peg, block)
+    finish_contact_plant(plant, scene_graph, scenario, peg, block)
+    sight = builder.AddNamedSystem("sight", BodyPose(peg.index()))
+    builder.Connect(plant.get_body_poses_output_port(), sight.GetInputPort("body_poses"))
+    return HydroelasticPeg(plant, scene_graph, peg, block, sight.GetOutputPort("pose"))
 
 
 def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:

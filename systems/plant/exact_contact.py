@@ -36,6 +36,9 @@ gap is then exact to 1e-10 m."""
 
 Numbers = NDArray[np.int64]
 
+STEP = 2.5e-4
+"""Largest time step, s."""
+
 MAX_CONTACTS = 16
 
 REACH = 2e-5

@@ -1,14 +1,22 @@
-"""A rigid peg that moves freely in a fixed bore with exact contact, compiled; see `systems.plant.exact_contact`."""
+"""A rigid peg that moves freely in a fixed bore with exact contact; see `systems.plant.exact_contact`."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, OutputPort
 
 from models import Array
+from models.contact_geometry import TINY
+from models.scenario import Scenario
 from systems.math.compiled import compiled
-from systems.plant.exact_contact import MAX_CONTACTS, Bodies, find_contacts, match, solve_contacts, tangents
+from systems.math.rotation import free_body_pose
+from systems.plant.exact_contact import MAX_CONTACTS, STEP, Bodies, find_contacts, match, solve_contacts, tangents
 
 
 @compiled
@@ -88,3 +96,111 @@ def advance_peg(
         for i in range(found):
             force[i], old_surface[i] = impulse[3 * i] / step, surface[i]
     return contact, found, point, force
+
+
+class ExactPeg(LeafSystem):
+    """
+    .. pydrake_system::
+
+        name: ExactPeg
+        input_ports:
+        - peg_forces
+        output_ports:
+        - peg_state
+        - contact_wrench
+        - pose
+
+    A `systems.plant.peg_plant.PegPlant` whose peg has the coupling's virtual mass and inertia, with its centre of mass
+    at the tip. In every period, the contact time step of the scenario, it takes as many steps as fill the period under
+    the forces at its start. The discrete state has two groups: ``peg_state``, and what the contact was in the last
+    step: torque and force on the peg at its tip, and the mean point of the normal forces, in H, (9,).
+
+    Args:
+        scenario: with the geometry and contact of the bodies.
+        step: largest time step, s.
+    """
+
+    index = BodyIndex(1)
+
+    def __init__(self, scenario: Scenario, step: float = STEP) -> None:
+        super().__init__()
+        period, coupling = scenario.contact.time_step, scenario.coupling
+        self._count = math.ceil(period / step - 1e-9)
+        self._step = period / self._count
+        self._bodies = Bodies.of(scenario)
+        self._inertia = np.repeat([coupling.peg_inertia, coupling.peg_mass], 3)
+        self._damping, self._free = np.zeros(6), np.ones(6)
+        self._peg_forces = self.DeclareAbstractInputPort("peg_forces", Value([ExternallyAppliedSpatialForce()]))
+        self._motion = self.DeclareDiscreteState(np.eye(13)[0])
+        self._contact = self.DeclareDiscreteState(np.zeros(9))
+        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        motion, contact = {self.discrete_state_ticket(self._motion)}, {self.discrete_state_ticket(self._contact)}
+        self._peg_state = self.DeclareVectorOutputPort("peg_state", 13, self._calc_state, motion)
+        self._contact_wrench = self.DeclareVectorOutputPort("contact_wrench", 6, self._calc_wrench, contact)
+        self._pose = self.DeclareAbstractOutputPort("pose", Value[RigidTransform], self._calc_pose, motion)
+
+    @property
+    def peg_forces(self) -> InputPort:
+        """See `PegPlant`."""
+        return self._peg_forces
+
+    @property
+    def peg_state(self) -> OutputPort:
+        """See `PegPlant`."""
+        return self._peg_state
+
+    @property
+    def contact_wrench(self) -> OutputPort:
+        """See `PegPlant`."""
+        return self._contact_wrench
+
+    @property
+    def pose(self) -> OutputPort:
+        """See `PegPlant`."""
+        return self._pose
+
+    def set_start(self, context: Context, X_HP: RigidTransform) -> None:
+        """See `PegPlant`."""
+        pose = np.concatenate([X_HP.rotation().ToQuaternion().wxyz(), X_HP.translation()])
+        own = self.GetMyMutableContextFromRoot(context)
+        own.SetDiscreteState(self._motion, np.concatenate([pose, np.zeros(6)]))
+
+    def peg_pose(self, context: Context) -> RigidTransform:
+        """See `PegPlant`."""
+        return free_body_pose(self._state(self.GetMyContextFromRoot(context))[:7])
+
+    def contact_force(self, context: Context) -> tuple[Array, Array] | None:
+        """See `PegPlant`: the point is the mean of the contacts, weighted with their normal forces."""
+        contact = self.GetMyContextFromRoot(context).get_discrete_state(self._contact).value()
+        return (contact[6:].copy(), contact[3:6].copy()) if contact[:6].any() else None
+
+    def _state(self, own: Context) -> Array:
+        return np.asarray(own.get_discrete_state(self._motion).value())
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        state, wrench = self._state(context).copy(), np.zeros(6)
+        for force in self._peg_forces.Eval(context):  # at the tip
+            wrench += np.concatenate([force.F_Bq_W.rotational(), force.F_Bq_W.translational()])
+        contact, found, points, forces = advance_peg(
+            self._bodies,
+            self._inertia,
+            self._damping,
+            self._free,
+            state[:7],
+            state[7:],
+            wrench,
+            self._step,
+            self._count,
+        )
+        weights = forces[:found] / max(forces[:found].sum(), TINY)
+        discrete_state.set_value(self._motion, state)
+        discrete_state.set_value(self._contact, np.concatenate([contact, weights @ points[:found]]))
+
+    def _calc_state(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(self._state(context))
+
+    def _calc_wrench(self, context: Context, output: BasicVector) -> None:
+        output.SetFromVector(context.get_discrete_state(self._contact).value()[:6])
+
+    def _calc_pose(self, context: Context, output: Value) -> None:
+        output.set_value(free_body_pose(self._state(context)[:7]))

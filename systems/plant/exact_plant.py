@@ -26,6 +26,7 @@ from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_contact import (
     MAX_CONTACTS,
+    STEP,
     Bodies,
     Numbers,
     find_contacts,
@@ -33,9 +34,6 @@ from systems.plant.exact_contact import (
     solve_contacts,
     tangents,
 )
-
-STEP = 2.5e-4
-"""Largest time step, s."""
 
 FREEDOMS = 5
 """Carriage, mount along x and y, pitch and yaw."""

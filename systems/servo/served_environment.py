@@ -13,7 +13,7 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from systems.math.rotation import from_rotation_vector, rotation_vector
 from systems.plant.contact_forces import face_springs
-from systems.plant.contact_plant import AddVirtualPlant
+from systems.plant.contact_plant import AddVirtualPlant, HydroelasticPeg
 from systems.servo.local_contact import LocalContact, Springs
 from systems.servo.multirate_margins import require_multirate_margins
 from systems.servo.probe import Probe
@@ -72,9 +72,11 @@ class ServedEnvironment(PegEnvironment):
     """The environment of a served probe.
 
     Attributes:
+        plant: of peg and hole, in Drake.
         probe: what the servo has said of the probe.
     """
 
+    plant: HydroelasticPeg
     probe: ServedProbe
 
     def set_probe(self, context: Context, probe: Probe) -> None:
@@ -92,11 +94,11 @@ class ServedEnvironment(PegEnvironment):
             context: of the diagram.
             time: of the servo at the end of the step, s.
         """
-        plant, peg = self.contact.plant, self.contact.peg
+        plant, peg = self.plant.plant, self.plant.peg
         own = plant.GetMyContextFromRoot(context)
         motion = peg.EvalSpatialVelocityInWorld(own)
         V_HP = np.concatenate([motion.rotational(), motion.translational()])
-        faces = face_springs(plant, own, peg=peg, block=self.contact.block)
+        faces = face_springs(plant, own, peg=peg, block=self.plant.block)
         stiff = faces.stiffnesses > 0.0
         springs = Springs(faces.points[stiff], faces.normals[stiff], faces.stiffnesses[stiff], faces.forces[stiff])
         return LocalContact(time, peg.EvalPoseInWorld(own), V_HP, springs.joined())
@@ -113,13 +115,13 @@ def MakeServedEnvironment(scenario: Scenario) -> ServedEnvironment:
     """
     require_multirate_margins(scenario)
     builder = DiagramBuilder()
-    contact = AddVirtualPlant(builder, scenario)
+    plant = AddVirtualPlant(builder, scenario)
     X_HP_start = start_pose(scenario)
     probe = builder.AddNamedSystem("served_probe", ServedProbe(X_HP_start))
-    proxy, recorder, log = add_coupling(builder, scenario, contact)
+    proxy, recorder, log = add_coupling(builder, scenario, plant)
     for receiver in (proxy, recorder):
         builder.Connect(probe.GetOutputPort("probe_pose"), receiver.GetInputPort("probe_pose"))
     builder.Connect(probe.GetOutputPort("probe_velocity"), proxy.GetInputPort("probe_velocity"))
     diagram = builder.Build()
     diagram.set_name("served_environment")
-    return ServedEnvironment(diagram, contact, log, X_HP_start, probe)
+    return ServedEnvironment(diagram, plant, log, X_HP_start, probe)

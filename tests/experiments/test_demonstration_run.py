@@ -56,12 +56,12 @@ def ended(started, monkeypatch):
 
 
 class Placed:
-    """A contact plant whose peg has a fixed pose."""
+    """A plant whose peg has a fixed pose."""
 
-    def __init__(self, plant, pose):
-        self.plant, self.peg, self._pose = plant, self, pose
+    def __init__(self, pose):
+        self._pose = pose
 
-    def EvalPoseInWorld(self, context):
+    def peg_pose(self, context):
         return self._pose
 
 
@@ -80,7 +80,7 @@ def test_the_height_of_the_tip_ends_a_demonstration(started, monkeypatch, height
     """The peg starts 1 mm above the mouth and gives up at twice that; 11.7 of the hole's 12 mm are full depth."""
     _, environment, run = started
     pose = RigidTransform([0.0, 0.0, height])
-    placed = replace(environment, contact=Placed(environment.contact.plant, pose))
+    placed = replace(environment, plant=Placed(pose))
     status = demonstration_run._monitor(run._scenario, placed, run.simulator.get_context())
     assert (status.message() or None) == outcome
     assert (status.system() is None) == (outcome is None)

@@ -1,13 +1,18 @@
 import numpy as np
 import pytest
+from pydrake.common.value import Value
+from pydrake.math import RigidTransform
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import EventStatus
+from pydrake.systems.framework import DiagramBuilder, EventStatus
+from pydrake.systems.primitives import ConstantValueSource, ConstantVectorSource
 from scipy.spatial.transform import Rotation
 
 from experiments.demonstration_run import run_demonstration
 from models.scenario import DEMONSTRATION_STREAM, FIXTURES, FREE_FACETS, load_scenario, parse_scenario, resolve_scenario
+from systems.haptics.haptic_proxy import HapticProxy
+from systems.haptics.virtual_fixture import MakeFixture
 from systems.recording.demonstration_recorder import DemonstrationRecorder
-from systems.virtual_environment import MakeVirtualEnvironment, start_pose
+from systems.virtual_environment import AddPegEngine, MakeVirtualEnvironment, start_pose
 from tests.diagrams import unconnected_inputs, unused_plant_inputs
 
 
@@ -37,7 +42,7 @@ def test_scenario_with_ranges_is_an_error(quick_scenario):
 
 def test_peg_starts_tilted_about_the_pivot(resolved):
     environment = MakeVirtualEnvironment(resolved)
-    X = environment.peg_pose(make_simulator(environment).get_context())
+    X = environment.plant.peg_pose(make_simulator(environment).get_context())
     R = Rotation.from_rotvec([*resolved.start.tilt, 0.0])
     np.testing.assert_allclose(X.rotation().matrix(), R.as_matrix(), atol=1e-12)
     pivot = np.array([0.0, 0.0, resolved.rig.pivot_height])
@@ -62,9 +67,9 @@ def test_equal_seeds_give_bit_identical_runs_and_other_seeds_do_not(quick_scenar
 def test_log_agrees_with_the_state_and_the_contact_results_of_the_plant(resolved):
     environment = MakeVirtualEnvironment(resolved)
     simulator = make_simulator(environment)
-    plant, peg = environment.contact.plant, environment.contact.peg
+    plant, peg = environment.plant.plant, environment.plant.peg
     period = resolved.recorder.period
-    block = plant.GetCollisionGeometriesForBody(environment.contact.block)[0]
+    block = plant.GetCollisionGeometriesForBody(environment.plant.block)[0]
     rows, tips = [], 2 * [environment.X_HP_start.translation()]
 
     def collect(context):
@@ -105,17 +110,17 @@ def test_forces_and_energy_of_the_environment_agree_with_the_log(resolved):
     environment = MakeVirtualEnvironment(resolved)
     simulator = make_simulator(environment)
     simulator.Initialize()
-    assert environment.contact_force(simulator.get_context()) is None
+    assert environment.plant.contact_force(simulator.get_context()) is None
     np.testing.assert_allclose(environment.rendered_wrench(simulator.get_context()), 0.0, atol=1e-12)
     simulator.AdvanceTo(0.3)
     context = simulator.get_context()
     last = DemonstrationRecorder.samples(environment.log, context).iloc[-1]
     assert last["time"] == pytest.approx(0.3)
-    R_HP = environment.peg_pose(context).rotation()
-    point, force = environment.contact_force(context)
+    R_HP = environment.plant.peg_pose(context).rotation()
+    point, force = environment.plant.contact_force(context)
     np.testing.assert_allclose(R_HP.inverse().multiply(force), last[["fx", "fy", "fz"]], rtol=1e-6, atol=1e-9)
     assert np.linalg.norm(force) > 0.5
-    assert environment.peg_pose(context).translation()[2] - 1e-3 < point[2] < 1e-3  # between tip and mouth
+    assert environment.plant.peg_pose(context).translation()[2] - 1e-3 < point[2] < 1e-3  # between tip and mouth
     assert environment.rendered_wrench(context)[3:] @ force > 0.0  # both push the peg out of the contact
     total, minimum = environment.energy_log.FindLog(context).data()[:, -1]
     assert environment.min_energy(context) == minimum <= min(0.0, total)
@@ -161,11 +166,54 @@ def test_every_fixture_gives_a_demonstration(quick_scenario, fixture):
 
 def test_scenario_with_one_of_everything_runs():
     scenario = load_scenario("one_of_everything")
-    scenario.recorder.time_limit, scenario.contact.engine = 0.1, "drake"
+    scenario.recorder.time_limit = 0.1
     resolved = resolve_scenario(scenario, seed=0, stream=DEMONSTRATION_STREAM)
     demonstration = run_demonstration(resolved)
     assert demonstration.outcome == "time over"
     assert len(demonstration.samples) == 1 + round(0.1 / scenario.recorder.period)
+
+
+def test_a_demonstration_inserts_in_the_exact_engine_without_overlap(quick_scenario):
+    quick_scenario.contact.engine = "exact"
+    resolved = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
+    environment = MakeVirtualEnvironment(resolved)
+    assert unconnected_inputs(environment.diagram) == set()
+    demonstration = run_demonstration(resolved)
+    assert demonstration.outcome in ("inserted", "inserted roughly")
+    assert demonstration.metadata["penetration_um"] < 1.0
+    assert demonstration.samples["fz"].max() > 0.5
+
+
+def test_the_exact_peg_rests_where_coupling_and_floor_balance(quick_scenario):
+    """A probe 1 mm below the floor pulls the peg down with its spring; the floor pushes it back."""
+    scenario = quick_scenario
+    scenario.contact.engine = "exact"
+    builder, depth = DiagramBuilder(), scenario.geometry.hole_depth
+    plant = AddPegEngine(builder, scenario)
+    proxy = builder.AddSystem(
+        HapticProxy(coupling=scenario.coupling, fixture=MakeFixture("free", pivot_height=0.0), peg=plant.index)
+    )
+    probe = builder.AddSystem(ConstantValueSource(Value(RigidTransform([0.0, 0.0, -depth - 1e-3]))))
+    still = builder.AddSystem(ConstantVectorSource(np.zeros(6)))
+    builder.Connect(plant.peg_state, proxy.GetInputPort("peg_state"))
+    builder.Connect(proxy.GetOutputPort("peg_forces"), plant.peg_forces)
+    builder.Connect(probe.get_output_port(), proxy.GetInputPort("probe_pose"))
+    builder.Connect(still.get_output_port(), proxy.GetInputPort("probe_velocity"))
+    simulator = Simulator(builder.Build())
+    context = simulator.get_mutable_context()
+    plant.set_start(context, RigidTransform([0.0, 0.0, -depth]))
+    assert plant.contact_force(context) is None
+    simulator.AdvanceTo(0.3)
+    point, force = plant.contact_force(context)
+    np.testing.assert_allclose(force, [0.0, 0.0, scenario.coupling.stiffness * 1e-3], rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(point, [0.0, 0.0, -depth], atol=1e-5)
+    np.testing.assert_allclose(plant.peg_pose(context).translation(), [0.0, 0.0, -depth], atol=1e-7)
+
+
+def test_mujoco_has_no_virtual_environment(resolved):
+    resolved.contact.engine = "mujoco"
+    with pytest.raises(ValueError, match="expected drake or exact in the virtual environment"):
+        MakeVirtualEnvironment(resolved)
 
 
 def test_peg_that_is_pulled_out_is_given_up(quick_scenario):

@@ -94,8 +94,8 @@ def test_the_springs_carry_the_normal_force_of_the_simulation(pressed):
     scenario, environment, context = pressed
     model = environment.local_contact(context, 0.6)
     springs = model.springs
-    plant = environment.contact.plant
-    port = plant.get_generalized_contact_forces_output_port(environment.contact.peg.model_instance())
+    plant = environment.plant.plant
+    port = plant.get_generalized_contact_forces_output_port(environment.plant.peg.model_instance())
     wrench = port.Eval(plant.GetMyContextFromRoot(context))
     force = springs.forces @ springs.normals
     assert 0 < len(springs.forces) <= MAX_SPRINGS
@@ -103,7 +103,7 @@ def test_the_springs_carry_the_normal_force_of_the_simulation(pressed):
     # The rest is friction, which is bounded by that of all springs.
     pressing = np.maximum(springs.forces, 0.0).sum()
     assert np.linalg.norm(force - wrench[3:]) < 1.01 * scenario.contact.friction * pressing
-    assert model.X_HP.IsExactlyEqualTo(environment.peg_pose(context))
+    assert model.X_HP.IsExactlyEqualTo(environment.plant.peg_pose(context))
     np.testing.assert_allclose(model.V_HP, 0.0, atol=2e-3)
 
 
