@@ -71,11 +71,7 @@ def number_of_independent(candidates: dict[int, Mixture], T: int, N: int) -> int
 def number_for_density(candidates: dict[int, Mixture], T: int, Z: Array, groups: NDArray[np.intp]) -> tuple[int, float]:
     """Returns the number of components that describe the density, and the design effect under this mixture.
 
-    Args:
-        candidates: mixture of maximum likelihood for each number of components.
-        T: number of parameters of one component.
-        Z: samples, shape (N, d).
-        groups: shape (N,), demonstration of each sample; at least two demonstrations.
+    The arguments are those of `number_of_demonstrated`.
     """
     effects = {M: design_effect(Z, mixture.components, groups) for M, mixture in candidates.items()}
     tau = float(np.median(list(effects.values())))

@@ -69,14 +69,8 @@ class _Headed:
 def read_bare_file(path: Path, input_rate: float) -> list[Recording]:
     """Reads a text of numbers without names and time, as `numpy.savetxt` writes it: fx fy fz, or fx fy fz mx my mz.
 
-    The units are N and N m. The numbers are divided by blanks, commas, semicolons or tabs.
-
-    Args:
-        path: file to read, at most ``MAX_BYTES``.
-        input_rate: rate of the rows, Hz.
-
-    Raises:
-        ValueError: if the file is missing, too large, or no such text. The message names the file.
+    The units are N and N m, and ``input_rate`` is that of the rows, Hz. The numbers are divided by blanks, commas,
+    semicolons or tabs.
     """
     try:
         _check_text(path)
@@ -100,15 +94,7 @@ def read_csv_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Recordin
     The first line that is neither empty nor a comment (``#``) names the columns; if it has numbers only, the last
     comment before it does. The separator is the one of comma, semicolon and tab that occurs most often in it. With a
     semicolon or tab, numbers may have a decimal comma, all or none. Only the columns that are used must be numbers.
-    The text is UTF-8, with or without a byte order mark.
-
-    Args:
-        path: file to read, at most ``MAX_BYTES``.
-        choice: what the user says about its columns.
-
-    Raises:
-        ValueError: if the file is missing, too large, no such text, or its columns or rows are not valid. The message
-            names the file and, where there is one, the line.
+    The text is UTF-8, with or without a byte order mark. An error names the file and, where there is one, the line.
     """
     try:
         _check_text(path)

@@ -38,17 +38,8 @@ def read_lerobot_folder(
 
     The channels are the ``names`` of the feature. An ``observation.wrench`` of six numbers without names is
     fx fy fz mx my mz; the numbers of another feature without names are called "0", "1" and so on. The time is
-    ``frame_index / fps``, because time stamps in 32 bits are too coarse for long episodes.
-
-    Args:
-        path: folder of the data set.
-        feature: feature to read; None for the first of ``FEATURES`` in which forces are found.
-        columns: what the user says about channels; see `skill.recordings.columns.choose_columns`.
-        phase_column: feature of one number or text with the phase of each frame; None for one with a usual name.
-
-    Raises:
-        ValueError: if a file is missing or damaged, the version is unknown, the feature has no usable names, or an
-            episode is no valid recording. The message names the file.
+    ``frame_index / fps``, because time stamps in 32 bits are too coarse for long episodes. The options are those of
+    `skill.recordings.reading.read_recordings`; without a feature, it is the first of ``FEATURES`` with forces.
     """
     path = Path(path)
     features, fps = _info(path / "meta" / "info.json")

@@ -24,14 +24,6 @@ def read_npz_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Recordin
 
     An array of one dimension is a column with its name, and ``wrench`` is the columns fx fy fz, or fx fy fz mx my mz.
     Other arrays are not read. Nothing is unpickled.
-
-    Args:
-        path: file to read, at most ``MAX_BYTES``.
-        choice: what the user says about its columns.
-
-    Raises:
-        ValueError: if the file is missing, damaged or too large, holds other things than plain arrays, or its arrays
-            have different lengths or are not valid. The message names the file.
     """
     try:
         arrays = read_archive(read_bounded(path, MAX_BYTES), MAX_BYTES)

@@ -40,14 +40,6 @@ def read_parquet_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Reco
 
     A column of time stamps or durations is a time in its own unit. In a demonstration or a rig run of this program the
     action of the operator (``rx ry rz``) is no orientation, and is left out unless the user names it.
-
-    Args:
-        path: file to read, at most ``MAX_BYTES``; the columns that are read unpack to at most ``MAX_UNPACKED`` bytes.
-        choice: what the user says about its columns.
-
-    Raises:
-        ValueError: if the file is missing, damaged or too large, or its columns or rows are not valid. The message
-            names the file.
     """
     chosen: list[Selection] = []
 

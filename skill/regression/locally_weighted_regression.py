@@ -17,6 +17,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from skill.arrays import Array, standard_scale
+from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.regression.leave_one_out import StoredSamples
 from skill.regression.local_model import (
     LocalPrediction,
@@ -28,10 +29,27 @@ from skill.regression.local_model import (
 )
 from skill.regression.neighbourhood import Kernel, KernelNeighbourhood, check_memberships
 from skill.regression.protocols import Explanation
-from skill.regression.regressor_arrays import check_regressor_arrays
 
 MAX_QUERY = 1e100
 """Scaled queries are clipped to this magnitude, so that squared distances stay finite."""
+
+RULES = {
+    "bandwidth": ArrayRule(low=MIN_POSITIVE),
+    "bandwidth_type": ArrayRule(holds="texts", choices=("fixed", "adaptive")),
+    "degree": ArrayRule(holds="integers", low=0, high=1),
+    "ridge": ArrayRule(low=0.0),
+    "n_neighbors": ArrayRule(holds="integers", low=-1),
+    "feature_scale": ArrayRule(("d",), low=MIN_POSITIVE),
+    "X": ArrayRule(("n", "d")),
+    "y": ArrayRule(("n", "p")),
+    "sample_weight": ArrayRule(("n",), positive=True),
+    "rows": ArrayRule(("n",), holds="integers", low=0),
+    "single_output": ArrayRule(holds="truth values"),
+    "memberships": ArrayRule(("n", "K"), low=0.0, high=1.0 + 1e-6, optional=True),
+    "feature_names": ArrayRule(("d",), holds="texts", optional=True),
+}
+"""The arrays of a stored `LWRegressor`: n samples, d features, p outputs, K contact states. ``n_neighbors`` is -1 for all
+samples."""
 
 
 class LWRegressor(RegressorMixin, BaseEstimator):
@@ -265,7 +283,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         Raises:
             ValueError: if an array is missing, unknown, or does not fit the others.
         """
-        check_regressor_arrays(arrays)
+        _check_stored(arrays)
         k, scale = int(arrays["n_neighbors"]), np.array(arrays["feature_scale"], dtype=float)
         self = cls(
             bandwidth=float(arrays["bandwidth"]),
@@ -367,3 +385,16 @@ def resolved_scale(feature_scale: ArrayLike | str | None, X: Array) -> Array:
     if not (np.isfinite(scale).all() and (scale > 0).all()):
         raise ValueError(f"feature_scale is {scale}; {expected}")
     return scale
+
+
+def _check_stored(arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Checks the arrays of `LWRegressor.to_arrays`; a ValueError names the array, what was found and expected."""
+    sizes = check_arrays(arrays, RULES, "LWRegressor.to_arrays")
+    if int(arrays["n_neighbors"]) == 0:
+        raise ValueError("array 'n_neighbors' is 0, expected -1 or a positive number")
+    if bool(arrays["single_output"]) and sizes["p"] != 1:
+        raise ValueError(f"array 'y' has {sizes['p']} outputs, expected one as 'single_output' says")
+    if (np.diff(np.asarray(arrays["rows"]).astype(np.int64)) <= 0).any():
+        raise ValueError("array 'rows' does not increase; expected the numbers of the samples")
+    if "memberships" in arrays:
+        check_memberships(arrays["memberships"], sizes["n"], exact=True)

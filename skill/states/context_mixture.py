@@ -38,7 +38,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import log_softmax, logsumexp, softmax
 from sklearn.base import BaseEstimator
 from sklearn.utils._param_validation import Interval
-from sklearn.utils.validation import check_is_fitted
+from sklearn.utils.validation import check_array, check_consistent_length, check_is_fitted
 
 from skill.arrays import Array, standard_scale
 from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
@@ -143,8 +143,11 @@ class ContextMixture(BaseEstimator):
             ValueError: if shapes differ, a number is not finite, a parameter is out of range, or there are fewer than
                 two groups.
         """
-        features, answers, motions, names = _checked(X, y, inputs, groups)
         self._validate_params()
+        given = {"X": X, "y": y, "inputs": inputs}
+        features, answers, motions = (check_array(a, dtype=np.float64, input_name=name) for name, a in given.items())
+        names = np.asarray(groups)
+        check_consistent_length(features, answers, motions, names)
         stride = -(-len(features) // MAX_SAMPLES)
         rows = np.argsort(names, kind="stable")[::stride]  # one group after the other, each in the order of time
         self.groups_, group = np.unique(names[rows], return_inverse=True)
@@ -333,18 +336,3 @@ def _weights(responsibilities: Array) -> Array:
     weights = np.maximum(responsibilities.mean(axis=0), MIN_WEIGHT)
     normalised: Array = weights / weights.sum()
     return normalised
-
-
-def _checked(
-    X: ArrayLike, y: ArrayLike, inputs: ArrayLike, groups: ArrayLike
-) -> tuple[Array, Array, Array, NDArray[Any]]:
-    names = np.asarray(groups)
-    arrays = []
-    for name, values in (("X", X), ("y", y), ("inputs", inputs)):
-        array = np.asarray(values, dtype=float)
-        if array.ndim != 2 or len(array) != len(names):
-            raise ValueError(f"{name} has shape {array.shape}; expected {len(names)} rows, as many as groups")
-        if not np.isfinite(array).all():
-            raise ValueError(f"{name} is not finite in every row")
-        arrays.append(array)
-    return arrays[0], arrays[1], arrays[2], names

@@ -23,16 +23,10 @@ MAX_RECORD = 100_000_000
 def read_mcap_file(path: Path, *, topic: str | None = None) -> list[Recording]:
     """Reads the recording of a wrench topic from an MCAP file, or from a folder of the parts of one recording.
 
-    The samples are sorted by the time at which they were logged. Their time is that of their headers; if no header has
-    a time, it is the time of logging. The channels are fx fy fz mx my mz.
-
-    Args:
-        path: MCAP file, or folder with ``*.mcap`` files, as rosbag2 writes it.
-        topic: topic to read; None for the only one of the type WrenchStamped.
+    Samples, times and channels are those of `WrenchTopics.recording`.
 
     Raises:
-        ValueError: if the package ``mcap`` is missing; if the file is missing, damaged or too large; if it has no such
-            topic, or several and none is chosen; or if the samples are no valid recording. The message names the file.
+        ValueError: if the package ``mcap`` is missing, and as `skill.recordings.reading.read_recordings`.
     """
     _require_mcap(path)
     paths = sorted(path.glob("*.mcap")) if path.is_dir() else [path]

@@ -20,15 +20,7 @@ ZSTD = b"\x28\xb5\x2f\xfd"
 def read_sqlite_bag(path: Path, *, topic: str | None = None) -> list[Recording]:
     """Reads the recording of a wrench topic from a ``.db3`` file, or from a folder of the parts of one recording.
 
-    Samples, times and channels are those of `skill.recordings.messages.mcap_file.read_mcap_file`.
-
-    Args:
-        path: SQLite file, or folder with ``*.db3`` files, as rosbag2 writes it.
-        topic: topic to read; None for the only one of the type WrenchStamped.
-
-    Raises:
-        ValueError: if the file is missing, damaged, too large or compressed; if it has no such topic, or several and
-            none is chosen; or if the samples are no valid recording. The message names the file.
+    Samples, times and channels are those of `WrenchTopics.recording`.
     """
     topics = WrenchTopics(topic)
     for part in sorted(path.glob("*.db3")) if path.is_dir() else [path]:

@@ -76,7 +76,7 @@ class WrenchTopics:
         return take
 
     def recording(self, path: Path) -> Recording:
-        """Returns the recording of the topic.
+        """Returns the recording of the topic, with the channels fx fy fz mx my mz.
 
         The samples are sorted by the time at which they were logged. Their time is that of their headers; if no header
         has a time, it is the time of logging.

@@ -14,24 +14,7 @@ from mcap.writer import CompressionType
 from skill.recordings import column_table
 from skill.recordings.messages import mcap_file, wrench_topics
 from skill.recordings.messages.mcap_file import read_mcap_file
-from tests.skill.recordings.messages.wrench_messages import as_json, cdr, ros1, write_mcap
-
-START = 1_700_000_000
-
-
-def series(count=50, write=cdr, topic="/ft", rate=100, start=START):
-    """Messages whose wrench counts up; they are logged 5 ms after their stamp."""
-    for k in range(count):
-        ns = k * 10**9 // rate
-        stamp = (start + ns // 10**9, ns % 10**9) if start else (0, 0)
-        yield topic, START * 10**9 + ns + 5_000_000, write(*stamp, wrench=[k, k + 1, k + 2, k + 3, k + 4, k + 5])
-
-
-def check(found, count=50, offset=0.0):
-    assert found.channels == ("fx", "fy", "fz", "mx", "my", "mz")
-    assert found.phases is None
-    np.testing.assert_array_equal(found.values, np.arange(count)[:, None] + np.arange(6.0))
-    np.testing.assert_allclose(found.time, START + offset + np.arange(count) / 100, rtol=0, atol=1e-6)
+from tests.skill.recordings.messages.wrench_messages import as_json, cdr, check_series, ros1, series, write_mcap
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
@@ -51,18 +34,18 @@ def test_the_only_topic_is_read(tmp_path, compression, use_chunking, encoding, w
     write_mcap(path, messages, encoding=encoding, schema=schema, **options)
     [found] = read_mcap_file(path)
     assert found.name == "a.mcap"
-    check(found)
+    check_series(found)
 
 
 def test_without_stamps_the_time_is_that_of_logging(tmp_path):
     write_mcap(tmp_path / "a.mcap", series(start=0))
-    check(read_mcap_file(tmp_path / "a.mcap")[0], offset=0.005)
+    check_series(read_mcap_file(tmp_path / "a.mcap")[0], offset=0.005)
 
 
 def test_messages_are_sorted_by_the_time_of_logging(tmp_path):
     messages = list(series())
     write_mcap(tmp_path / "a.mcap", messages[::-1])
-    check(read_mcap_file(tmp_path / "a.mcap")[0])
+    check_series(read_mcap_file(tmp_path / "a.mcap")[0])
 
 
 def test_the_parts_of_a_folder_are_one_recording(tmp_path):
@@ -71,7 +54,7 @@ def test_the_parts_of_a_folder_are_one_recording(tmp_path):
         write_mcap(tmp_path / name, messages[25 * part : 25 * part + 25])
     [found] = read_mcap_file(tmp_path)
     assert found.name == tmp_path.name
-    check(found)
+    check_series(found)
 
 
 def test_one_of_several_topics_is_chosen(tmp_path):

@@ -9,23 +9,7 @@ import pytest
 from skill.recordings.messages import sqlite_bag, wrench_topics
 from skill.recordings.messages.mcap_file import read_mcap_file
 from skill.recordings.messages.sqlite_bag import ZSTD, read_sqlite_bag
-from tests.skill.recordings.messages.wrench_messages import cdr, write_db3
-
-START = 1_700_000_000
-
-
-def series(count=50, topic="/ft", stamped=True):
-    """Messages at 100 Hz whose wrench counts up; they are logged 5 ms after their stamp."""
-    for k in range(count):
-        stamp = (START + k // 100, k % 100 * 10_000_000) if stamped else (0, 0)
-        logged = START * 10**9 + k * 10_000_000 + 5_000_000
-        yield topic, logged, cdr(*stamp, wrench=[k, k + 1, k + 2, k + 3, k + 4, k + 5])
-
-
-def check(found, count=50, offset=0.0):
-    assert found.channels == ("fx", "fy", "fz", "mx", "my", "mz")
-    np.testing.assert_array_equal(found.values, np.arange(count)[:, None] + np.arange(6.0))
-    np.testing.assert_allclose(found.time, START + offset + np.arange(count) / 100, rtol=0, atol=1e-6)
+from tests.skill.recordings.messages.wrench_messages import START, check_series, series, write_db3
 
 
 def execute(path, statement, values=()):
@@ -33,13 +17,13 @@ def execute(path, statement, values=()):
         database.execute(statement, values)
 
 
-@pytest.mark.parametrize(("stamped", "offset"), [(True, 0.0), (False, 0.005)])
-def test_the_only_topic_is_read(tmp_path, stamped, offset):
+@pytest.mark.parametrize(("start", "offset"), [(START, 0.0), (0, 0.005)])
+def test_the_only_topic_is_read(tmp_path, start, offset):
     path = tmp_path / "a b#?.db3"
-    write_db3(path, [("/camera", 1, b"picture"), *series(stamped=stamped)])
+    write_db3(path, [("/camera", 1, b"picture"), *series(start=start)])
     [found] = read_sqlite_bag(path)
     assert found.name == path.name
-    check(found, offset=offset)
+    check_series(found, offset=offset)
     assert sorted(tmp_path.iterdir()) == [path]
 
 
@@ -47,7 +31,7 @@ def test_a_folder_of_parts_is_one_recording(tmp_path):
     messages = list(series())
     write_db3(tmp_path / "bag_1.db3", messages[30:])
     write_db3(tmp_path / "bag_0.db3", messages[:30])
-    check(read_sqlite_bag(tmp_path)[0])
+    check_series(read_sqlite_bag(tmp_path)[0])
 
 
 @pytest.mark.parametrize("plugin", ["SQLITE3", "MCAP"])

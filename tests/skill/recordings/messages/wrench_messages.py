@@ -5,6 +5,9 @@ import sqlite3
 import struct
 from contextlib import closing
 
+import numpy as np
+
+START = 1_700_000_000  # s
 WRENCH = (1.0, -2.5, 3.0, 0.25, 5e-3, -6.0)
 
 
@@ -25,6 +28,21 @@ def as_json(sec=12, nanosec=500_000_000, frame="ft_link", wrench=WRENCH, fractio
     force, torque = (dict(zip("xyz", part, strict=True)) for part in (wrench[:3], wrench[3:]))
     header = {"stamp": {"sec": sec, fraction: nanosec}, "frame_id": frame}
     return json.dumps({"header": header, "wrench": {"force": force, "torque": torque}}).encode()
+
+
+def series(count=50, write=cdr, topic="/ft", rate=100, start=START):
+    """Messages whose wrench counts up; they are logged 5 ms after their stamp."""
+    for k in range(count):
+        ns = k * 10**9 // rate
+        stamp = (start + ns // 10**9, ns % 10**9) if start else (0, 0)
+        yield topic, START * 10**9 + ns + 5_000_000, write(*stamp, wrench=[k, k + 1, k + 2, k + 3, k + 4, k + 5])
+
+
+def check_series(found, count=50, offset=0.0):
+    assert found.channels == ("fx", "fy", "fz", "mx", "my", "mz")
+    assert found.phases is None
+    np.testing.assert_array_equal(found.values, np.arange(count)[:, None] + np.arange(6.0))
+    np.testing.assert_allclose(found.time, START + offset + np.arange(count) / 100, rtol=0, atol=1e-6)
 
 
 def write_mcap(path, messages, *, encoding="cdr", schema="geometry_msgs/msg/WrenchStamped", finish=True, **options):
