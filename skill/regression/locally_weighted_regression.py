@@ -48,8 +48,8 @@ RULES = {
     "memberships": ArrayRule(("n", "K"), low=0.0, high=1.0 + 1e-6, optional=True),
     "feature_names": ArrayRule(("d",), holds="texts", optional=True),
 }
-"""The arrays of a stored `LWRegressor`: n samples, d features, p outputs, K contact states. ``n_neighbors`` is -1 for all
-samples."""
+"""The arrays of a stored `LWRegressor`: n samples, d features, p outputs, K contact states. ``n_neighbors`` is -1 for
+all samples."""
 
 
 class LWRegressor(RegressorMixin, BaseEstimator):
