@@ -13,8 +13,7 @@ ended well  trials that ended safely: the true load after the onset stayed withi
             end it is at most ``hold_force`` (the peg was drawn back, is inserted or lies free), or the feed drive is
             at fault and off, so that only the carriage's weight rests on the peg.
 notice      median time from the onset to the fault's report.
-measured    largest load sqrt(|f|^2 + |m/r|^2) that the rig measured after the onset.
-true        the same from the true wrench.
+true        largest true load sqrt(|f|^2 + |m/r|^2) after the onset.
 
 Keys of the JSON file: ``kinds`` (one row each, with its ``trials``), ``named`` and ``safe`` (shares of all trials),
 ``largest_load_n`` (true).
@@ -44,7 +43,7 @@ from experiments.worker_pool import run_in_processes
 from interfaces.terminal import console, progress
 from models.scenario import Scenario, load_scenario
 from scripts.command_line import Jobs, ScenarioName
-from skill.features.measurement import contact_load, contact_loads
+from skill.features.measurement import contact_load
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
 from systems.control.faults import FEED_FAULTS
@@ -66,7 +65,7 @@ class Row:
         named: whether this name fits; for a disturbance that the rig must cope with, whether it named none.
         safe: whether the trial ended safely.
         notice_s: time from the onset to the report, s; None without a report.
-        measured_load_n, true_load_n: largest loads after the onset, N.
+        true_load_n: largest true load after the onset, N.
     """
 
     kind: str
@@ -77,7 +76,6 @@ class Row:
     named: bool
     safe: bool
     notice_s: float | None
-    measured_load_n: float
     true_load_n: float
 
 
@@ -102,9 +100,7 @@ def inject(scenario: Scenario, policy: RigPolicy, name: str, seed: int, *, first
     ):
         result, recorded = run_trial(trial_scenario(scenario, number=number), policy, seed=number)
     samples = recorded.samples
-    after = samples[samples["time"] >= onset]
-    measured = contact_loads(after[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(), radius)
-    reported = after["time"][after["fault"] != 0]
+    reported = samples["time"][(samples["time"] >= onset) & (samples["fault"] != 0)]
     guard = scenario.controller.guard
     return Row(
         kind=name,
@@ -116,7 +112,6 @@ def inject(scenario: Scenario, policy: RigPolicy, name: str, seed: int, *, first
         safe=max(loads) <= TOLERANCE * guard.force_limit
         and (loads[-1] <= guard.hold_force or result.fault in FEED_FAULTS),
         notice_s=float(reported.iloc[0] - onset) if len(reported) else None,
-        measured_load_n=float(measured.max(initial=0.0)),
         true_load_n=max(loads),
     )
 
@@ -142,7 +137,6 @@ def _kind_summary(name: str, rows: list[Row]) -> dict[str, Any]:
         "named": sum(row.named for row in rows),
         "safe": sum(row.safe for row in rows),
         "notice_s": float(np.median(notices)) if notices else None,
-        "measured_load_n": max((row.measured_load_n for row in rows), default=0.0),
         "true_load_n": max((row.true_load_n for row in rows), default=0.0),
         "trials": [vars(row) for row in rows],
     }
@@ -151,14 +145,15 @@ def _kind_summary(name: str, rows: list[Row]) -> dict[str, Any]:
 def show(result: dict[str, Any]) -> None:
     """Prints the table."""
     table = Table(title="faults of the rig", show_lines=False)
-    for column in ("fault", "found as", "named", "ended well", "notice", "measured", "true"):
+    for column in ("fault", "found as", "named", "ended well", "notice", "true"):
         table.add_column(column, justify="left" if column in ("fault", "found as") else "right")
     for kind in result["kinds"]:
         notice = "" if kind["notice_s"] is None else f"{kind['notice_s']:.2f} s"
         found = ", ".join(f"{name.lower().replace('_', ' ')} {n}" for name, n in kind["found_as"].items())
         n = kind["n"]
-        loads = (f"{kind['measured_load_n']:.0f} N", f"{kind['true_load_n']:.0f} N")
-        table.add_row(kind["kind"], found, f"{kind['named']}/{n}", f"{kind['safe']}/{n}", notice, *loads)
+        table.add_row(
+            kind["kind"], found, f"{kind['named']}/{n}", f"{kind['safe']}/{n}", notice, f"{kind['true_load_n']:.0f} N"
+        )
     console.print(table)
     console.print(
         f"named {result['named']:.1%}, ended well {result['safe']:.1%}, largest load {result['largest_load_n']:.0f} N"

@@ -6,7 +6,7 @@ Each is a `ControlLaw` with the same limits, force guard and motors as a learnt 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, Self
 
@@ -52,10 +52,6 @@ class TunedLaw(ControlLaw):
         for share, (name, (low, high, geometric)) in zip(place, cls.ranges.items(), strict=True):
             values[name] = low * (high / low) ** share if geometric else low + (high - low) * share
         return cls(**{k: float(v) for k, v in values.items()}, **known)
-
-    def parameters(self) -> dict[str, float]:
-        """The parameters by name, in SI units."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     def load(self, measured: Array) -> float:
         """The load of a measurement (7,), N."""

@@ -9,8 +9,8 @@ states of the skill. Its training trials are drawn (`FIRST_DRAWN` and above). Be
 ``--every`` steps it performs ``--trials`` trials of the default arm from `FIRST_TRIAL` on without exploring. So do the
 skill and a law that pushes straight on with 10 mm/s. No setting was tuned on these trials.
 
-Columns: steps of training (a step is 20 ms), hours of simulated time, inserted trials, mean reward of an episode, and
-medians of the time of a trial (s), of the depth at its end (mm) and of its largest measured load (N).
+Columns: steps of training (a step is 20 ms), inserted trials, mean reward of an episode, and medians of the depth at
+the end of a trial (mm) and of its largest measured load (N).
 
 Keys of the file: one row for each evaluation (``curve``), the skill and the push (``references``), with the reason of
 every trial, and the CPU time of the training so far, s; and the settings. It is written after every evaluation.
@@ -96,9 +96,7 @@ def evaluate(env: gymnasium.Env[Any, Any], agent: Agent, trials: int) -> dict[st
     return {
         "trials": trials,
         "inserted": sum(record["inserted"] for record in records),
-        "trusted": sum(record["physics"] == "trusted" for record in records),
         "reward": float(np.mean(rewards)),
-        "time_s": float(np.median([record["time_s"] for record in records])),
         "depth_mm": float(np.median([record["depth_mm"] for record in records])),
         "peak_measured_load_n": float(np.median([record["peak_measured_load_n"] for record in records])),
         "reasons": [record["reason"] for record in records],
@@ -134,19 +132,14 @@ def learn(scenario: str | Scenario, *, steps: int, every: int, trials: int, seed
             done = int(model.num_timesteps)
 
 
-def show(curve: Sequence[Mapping[str, Any]], references: Mapping[str, Mapping[str, Any]], period: float) -> None:
+def show(curve: Sequence[Mapping[str, Any]], references: Mapping[str, Mapping[str, Any]]) -> None:
     """Prints the table."""
     table = plain_table(f"{curve[0]['trials']} trials from {FIRST_TRIAL} on")
-    for name in ("policy", "steps", "simulated h", "inserted", "reward", "time s", "depth mm", "load N"):
+    for name in ("policy", "steps", "inserted", "reward", "depth mm", "load N"):
         table.add_column(name, justify="left" if name == "policy" else "right")
-    rows = [("learnt", row) for row in curve] + list(references.items())
-    for name, row in rows:
-        steps = row.get("steps")
-        table.add_row(
-            *(name, "" if steps is None else str(steps), "" if steps is None else f"{steps * period / 3600:.2f}"),
-            *(str(row["inserted"]), f"{row['reward']:.2f}", f"{row['time_s']:.2f}"),
-            *(f"{row['depth_mm']:.1f}", f"{row['peak_measured_load_n']:.1f}"),
-        )
+    for name, row in [*(("learnt", row) for row in curve), *references.items()]:
+        figures = (f"{row['reward']:.2f}", f"{row['depth_mm']:.1f}", f"{row['peak_measured_load_n']:.1f}")
+        table.add_row(name, str(row.get("steps", "")), str(row["inserted"]), *figures)
     console.print(table)
 
 
@@ -192,7 +185,7 @@ def main(
         curve.append(row)
         if json is not None:
             write_json(json, results)
-    show(curve, references, demonstrated.period_)
+    show(curve, references)
     last = curve[-1]
     console.print(f"{last['train_cpu_s']:.0f} s of CPU for {last['steps']} steps of training", highlight=False)
     finish(results, json)

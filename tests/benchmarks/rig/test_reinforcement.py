@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.rig import reinforcement
 
-ROW = {"trials": 4, "inserted": 1, "trusted": 4, "reward": 0.5, "time_s": 3.0, "depth_mm": 9.0}
+ROW = {"trials": 4, "inserted": 1, "reward": 0.5, "depth_mm": 9.0}
 ROW |= {"peak_measured_load_n": 14.0, "reasons": ["inserted", "jammed", "jammed", "time over"]}
 
 
@@ -27,18 +27,18 @@ def test_evaluations_have_trials_of_their_own(monkeypatch):
 
     def episode(env, agent, *, trial):
         numbers.append(trial)
-        record = {"inserted": trial == 89000, "physics": "trusted", "reason": "inserted"}
-        return 0.5, {"trial": record | dict.fromkeys(("time_s", "depth_mm", "peak_measured_load_n"), 1.0)}
+        record = {"inserted": trial == 89000, "reason": "inserted"}
+        return 0.5, {"trial": record | dict.fromkeys(("depth_mm", "peak_measured_load_n"), 1.0)}
 
     monkeypatch.setattr(reinforcement, "run_episode", episode)
     row = reinforcement.evaluate(None, None, 3)
     assert numbers == [89000, 89001, 89002]
-    assert (row["inserted"], row["trusted"], row["reward"]) == (1, 3, 0.5)
+    assert (row["inserted"], row["reward"]) == (1, 0.5)
 
 
 def test_the_table_and_the_figure_show_the_curve_and_the_references(tmp_path, capsys):
     curve = [{"steps": 0, **ROW}, {"steps": 100, **ROW, "inserted": 2}]
-    reinforcement.show(curve, {"skill": ROW | {"inserted": 4}}, 0.02)
+    reinforcement.show(curve, {"skill": ROW | {"inserted": 4}})
     text = capsys.readouterr().out
     assert "skill" in text
     assert "100" in text

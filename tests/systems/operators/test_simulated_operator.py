@@ -9,7 +9,6 @@ from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
 from systems.math.rotation import from_rotation_vector, rotation_between
 from systems.operators.simulated_operator import (
     HINDERED_SHARE,
-    HandState,
     SimulatedOperator,
     minimum_jerk,
     seen_misalignment,
@@ -313,8 +312,3 @@ def test_a_habit_does_not_change_the_other_parameters_of_a_person():
     good, bad = (draw_person(OperatorParameters(habit=h), np.random.default_rng(3)) for h in ("expert", "slams"))
     assert bad.sight_bias == good.sight_bias
     assert bad.insertion_speed == pytest.approx(3.0 * good.insertion_speed)
-
-
-def test_a_hand_at_the_start_has_decided_nothing_and_does_not_move():
-    start = HandState(depth=-1e-3, tilt=np.array([0.1, -0.2]), offset=np.array([1e-3, 2e-3]))
-    assert sorted(start.as_list(), key=abs) == [0.0] * 12 + [-1e-3, 1e-3, 2e-3, 0.1, -0.2]
