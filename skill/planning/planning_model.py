@@ -73,7 +73,7 @@ class PlanningModel(BaseEstimator):
     """The model of the module.
 
     Args:
-        bandwidth: h, in standard deviations of the features.
+        bandwidth: h, positive, in standard deviations of the features.
 
     Attributes:
         samples_: the forward model's features, inputs and outputs in units of their standard deviations.
@@ -98,10 +98,8 @@ class PlanningModel(BaseEstimator):
             values: (K,), values of the states.
 
         Raises:
-            ValueError: if no sample is good and below ``MAX_LOAD``, or the bandwidth is not positive.
+            ValueError: if no sample is good and below ``MAX_LOAD``.
         """
-        if not (np.isfinite(self.bandwidth) and self.bandwidth > 0):
-            raise ValueError(f"bandwidth = {self.bandwidth!r}; expected a positive number")
         P, M = np.asarray(states, dtype=float), np.asarray(memberships, dtype=float)
         kept = np.abs(np.hstack([rows.loads[:, FORCES], rows.outputs])).max(axis=1) <= MAX_LOAD
         shown = kept & rows.good

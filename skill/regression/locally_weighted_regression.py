@@ -209,14 +209,9 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         This estimates the support that a new demonstration would find.
 
         Args:
-            groups: (n,), the demonstration of each sample of ``X_``.
-
-        Raises:
-            ValueError: if there is only one group.
+            groups: (n,), the demonstration of each sample of ``X_``; at least two.
         """
-        names, group, sizes = np.unique(np.asarray(groups), return_inverse=True, return_counts=True)
-        if len(names) < 2:
-            raise ValueError(f"support between groups needs at least 2 groups; found {len(names)}")
+        _, group, sizes = np.unique(np.asarray(groups), return_inverse=True, return_counts=True)
         best = np.empty(len(self.X_))
         for block, found, _, log_w in self._neighbourhood.blocks(
             self.X_, self.memberships_, self._kernel(), extra=int(sizes.max())

@@ -45,16 +45,8 @@ def name_states(states: ArrayLike, labels: ArrayLike, label_names: Sequence[str]
         labels: shape (N,), label of each sample from 0 to L - 1, or -1 for unknown.
         label_names: names of the L labels.
         n_states: number of states K.
-
-    Raises:
-        ValueError: if the shapes differ, or a state or a label is out of range.
     """
     s, y = np.asarray(states), np.asarray(labels)
-    if s.ndim != 1 or s.shape != y.shape:
-        raise ValueError(f"states has shape {s.shape} and labels {y.shape}, expected the same shape (N,)")
-    for name, values, count in (("states", s, n_states), ("labels", y, len(label_names))):
-        if values.size and (values.min() < -1 or values.max() >= count):
-            raise ValueError(f"{name} lie between {values.min()} and {values.max()}, expected -1 to {count - 1}")
     known = (s >= 0) & (y >= 0)
     counts = np.zeros((n_states, len(label_names)), dtype=np.intp)
     np.add.at(counts, (s[known], y[known]), 1)

@@ -108,12 +108,6 @@ def test_jams_are_left_out():
         fitted(replace(rows, good=np.zeros(len(rows.times), dtype=bool)), numbers)
 
 
-@pytest.mark.parametrize("bandwidth", [0.0, np.nan, -1.0])
-def test_a_bandwidth_is_positive(bandwidth):
-    with pytest.raises(ValueError, match=r"bandwidth = .*; expected a positive number"):
-        fitted(*made_up_rows(), bandwidth=bandwidth)
-
-
 def test_a_restored_model_is_the_same(model):
     again = PlanningModel.from_arrays(model.to_arrays())
     for force in (1.0, 3.0, 5.0):

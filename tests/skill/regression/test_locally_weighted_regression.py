@@ -337,9 +337,3 @@ def test_support_between_groups_leaves_each_group_out(n_neighbors):
     squared = ((X[:, None] - X[None]) ** 2).sum(axis=2)
     squared[groups[:, None] == groups] = np.inf
     np.testing.assert_allclose(dut.support_between(groups), -squared.min(axis=1) / 0.25, rtol=1e-9)
-
-
-def test_support_between_groups_needs_two_groups():
-    dut = LWRegressor().fit(np.eye(4), np.eye(4))
-    with pytest.raises(ValueError, match="at least 2 groups; found 1"):
-        dut.support_between(np.zeros(4))

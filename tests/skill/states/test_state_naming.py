@@ -43,18 +43,3 @@ def test_share_of_a_clear_label():
 def test_no_samples():
     nothing = np.zeros(0, dtype=int)
     assert name_states(nothing, nothing, LABELS, n_states=2).names == ["state 0", "state 1"]
-
-
-@pytest.mark.parametrize(
-    ("states", "labels", "message"),
-    [
-        ([0, 1], [0], r"shape \(2,\)"),
-        ([[0, 1]], [[0, 1]], r"expected the same shape \(N,\)"),
-        ([0, -2], [0, 0], "states lie between -2 and 0"),
-        ([0, 2], [0, 0], "states lie between 0 and 2, expected -1 to 1"),
-        ([0, 1], [0, 3], "labels lie between 0 and 3"),
-    ],
-)
-def test_wrong_arguments_are_errors(states, labels, message):
-    with pytest.raises(ValueError, match=message):
-        name_states(states, labels, LABELS, n_states=2)
