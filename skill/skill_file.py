@@ -289,9 +289,10 @@ def _feature_part(name: str, entry: list[Any]) -> WrenchFeatures:
     kind, settings = entry if len(entry) == 2 else (entry, None)
     if kind not in list(FEATURE_TYPES):
         raise ValueError(f"{name}: class {kind!r}, expected one of {sorted(FEATURE_TYPES)}")
-    known = FEATURE_TYPES[kind]().get_params()
-    if not isinstance(settings, dict) or set(settings) != set(known):
-        raise ValueError(f"{name}: parameters {sorted(settings or ())} of {kind}, expected {sorted(known)}")
+    known = sorted(FEATURE_TYPES[kind]().get_params())
+    if not isinstance(settings, dict) or sorted(settings) != known:
+        found = sorted(settings) if isinstance(settings, dict) else None
+        raise ValueError(f"{name}: parameters {found} of {kind}, expected {known}")
     for key, value in settings.items():
         if not _positive(value):
             raise ValueError(f"{name}: '{key}' is {value!r}, expected a positive number in SI units, 1e-12 to 1e12")

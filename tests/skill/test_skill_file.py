@@ -340,6 +340,11 @@ DAMAGES = {
     "negative peg": (part_parameters(peg_radius=-0.01), "state_features: 'peg_radius' is -0.01, expected a positive"),
     "foreign setting": (part_parameters(colour=1), "state_features: parameters ['colour', 'force_floor'"),
     "features null": (with_header(lambda h: h.update(features=None)), "'features' is None, expected a class name"),
+    "features of a number": (
+        with_header(lambda h: h.update(features=["RawFeatures", 3])),
+        "features: parameters None of RawFeatures, expected ['depth_scale',",
+    ),
+    "features of a list": (with_header(lambda h: h.update(features=[["a"], {}])), "features: class ['a'], expected"),
     "one name": (with_header(lambda h: h.update(names=["x"])), "header: 1 names, expected one for each of"),
     "names": (with_header(lambda h: h.update(names=[1, 2, 3])), "'names' is [1, 2, 3], expected null or a list"),
     "support": (with_header(lambda h: h.update(least_log_support=NAN)), "'least_log_support' is nan"),
