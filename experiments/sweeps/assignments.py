@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -119,16 +120,14 @@ def assignments(specification: Specification, results: Path, where: str) -> list
             except ValueError as error:
                 raise ValueError(f"{where}: the {arm} arm in the cell {cell.label}: {error}") from error
         for plan in specification.policies:
-            for arm in specification.arms:
-                given = skills.get(plan.name)
-                for policy, numbers in _policies(specification, plan, given, cell, scenario, arm, where):
-                    for engine in specification.engines:
-                        contact = replace(scenario.contact, engine=engine)
-                        own = replace(scenario, contact=contact)
-                        source = TrialSource(own, arm, policy.digest, plan.name, cell.label)
-                        folders = {"policy": plan.name, "arm": arm.value, "engine": engine}
-                        blocks = blocks_of(results, source.digest(), numbers, **folders)
-                        found.append(Assignment(source, policy, blocks))
+            given = skills.get(plan.name)
+            for arm, engine in itertools.product(specification.arms, specification.engines):
+                own = replace(scenario, contact=replace(scenario.contact, engine=engine))
+                for policy, numbers in _policies(specification, plan, given, cell, own, arm, where):
+                    source = TrialSource(own, arm, policy.digest, plan.name, cell.label)
+                    folders = {"policy": plan.name, "arm": arm.value, "engine": engine}
+                    blocks = blocks_of(results, source.digest(), numbers, **folders)
+                    found.append(Assignment(source, policy, blocks))
     return found
 
 

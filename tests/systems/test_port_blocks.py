@@ -70,6 +70,8 @@ ARGUMENTS = {
         **{"sensor": S.sensor, "top_speed": 0.4, "resolution": 5e-6, "depth_period": 1e-3},
         **{"load_limit": 50.0, "peg_radius": 0.01},
     },
+    "ExactPeg": lambda skill: {"scenario": S},
+    "ExactPlant": lambda skill: {"scenario": resolve_scenario(S, seed=0, stream=TRIAL_STREAM)},
     "MujocoPlant": lambda skill: {
         "scenario": resolve_scenario(S, seed=0, stream=TRIAL_STREAM),
         "contact": MujocoContact(),
@@ -146,6 +148,8 @@ def test_only_the_listed_outputs_have_direct_feedthrough(dut, kind):
         "DeviceOperator": set(),
         "ForceGuard": set(),
         "DriveMonitor": set(),
+        "ExactPeg": set(),
+        "ExactPlant": set(),
         "MujocoPlant": set(),
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
         "LocalPeg": set(),
