@@ -23,7 +23,7 @@ MYPY := $(if $(filter 3.11,$(VERSION)),$(RUN) mypy,@echo "types: checked with Py
 demo: environment
 	$(RUN) haptic_skill demo $(ARGS)
 
-# Lint, types and all tests but the nightly ones: about twelve minutes on two cores.
+# Lint, types and all tests but the nightly ones: about nine minutes on two cores.
 test: environment system-packages lint
 	$(PYTEST) -m "not nightly" $(TESTS)
 
