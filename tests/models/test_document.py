@@ -48,11 +48,9 @@ BAD_TEXT = {
 
 
 @pytest.mark.parametrize(("text", "message"), BAD_TEXT.values(), ids=BAD_TEXT)
-def test_a_bad_text_is_one_line_at_once_with_its_place(text, message):
-    start = time.process_time()
+def test_a_bad_text_is_one_line_with_its_place(text, message):
     with pytest.raises(ValueError, match=f"^mine: .*{message}") as caught:
         read_document(text, "mine")
-    assert time.process_time() - start < 1.0
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
 
