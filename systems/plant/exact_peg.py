@@ -9,7 +9,7 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort, LeafSystem, OutputPort
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from models import Array
 from models.contact_geometry import TINY
@@ -130,34 +130,14 @@ class ExactPeg(LeafSystem):
         self._bodies = Bodies.of(scenario)
         self._inertia = np.repeat([coupling.peg_inertia, coupling.peg_mass], 3)
         self._damping, self._free = np.zeros(6), np.ones(6)
-        self._peg_forces = self.DeclareAbstractInputPort("peg_forces", Value([ExternallyAppliedSpatialForce()]))
+        self.peg_forces = self.DeclareAbstractInputPort("peg_forces", Value([ExternallyAppliedSpatialForce()]))
         self._motion = self.DeclareDiscreteState(np.eye(13)[0])
         self._contact = self.DeclareDiscreteState(np.zeros(9))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         motion, contact = {self.discrete_state_ticket(self._motion)}, {self.discrete_state_ticket(self._contact)}
-        self._peg_state = self.DeclareVectorOutputPort("peg_state", 13, self._calc_state, motion)
-        self._contact_wrench = self.DeclareVectorOutputPort("contact_wrench", 6, self._calc_wrench, contact)
-        self._pose = self.DeclareAbstractOutputPort("pose", Value[RigidTransform], self._calc_pose, motion)
-
-    @property
-    def peg_forces(self) -> InputPort:
-        """See `PegPlant`."""
-        return self._peg_forces
-
-    @property
-    def peg_state(self) -> OutputPort:
-        """See `PegPlant`."""
-        return self._peg_state
-
-    @property
-    def contact_wrench(self) -> OutputPort:
-        """See `PegPlant`."""
-        return self._contact_wrench
-
-    @property
-    def pose(self) -> OutputPort:
-        """See `PegPlant`."""
-        return self._pose
+        self.peg_state = self.DeclareVectorOutputPort("peg_state", 13, self._calc_state, motion)
+        self.contact_wrench = self.DeclareVectorOutputPort("contact_wrench", 6, self._calc_wrench, contact)
+        self.pose = self.DeclareAbstractOutputPort("pose", Value[RigidTransform], self._calc_pose, motion)
 
     def set_start(self, context: Context, X_HP: RigidTransform) -> None:
         """See `PegPlant`."""
@@ -179,7 +159,7 @@ class ExactPeg(LeafSystem):
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
         state, wrench = self._state(context).copy(), np.zeros(6)
-        for force in self._peg_forces.Eval(context):  # at the tip
+        for force in self.peg_forces.Eval(context):  # at the tip
             wrench += np.concatenate([force.F_Bq_W.rotational(), force.F_Bq_W.translational()])
         contact, found, points, forces = advance_peg(
             self._bodies,

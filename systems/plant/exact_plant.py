@@ -14,9 +14,7 @@ from pydrake.systems.framework import (
     Context,
     DiagramBuilder,
     DiscreteValues,
-    InputPort,
     LeafSystem,
-    OutputPort,
 )
 
 from models import Array
@@ -168,7 +166,7 @@ def advance_rig(
     equilibrium: Array,
     step: float,
     count: int,
-) -> tuple[Array, int, Array, Array, Array, int]:
+) -> tuple[Array, int, Array, Array, Array]:
     """Takes ``count`` time steps.
 
     Args:
@@ -188,7 +186,7 @@ def advance_rig(
     gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
     surface, force = np.empty(MAX_CONTACTS, np.int64), np.zeros(MAX_CONTACTS)
     old_surface, old_impulse = np.full(MAX_CONTACTS, -1), np.zeros((MAX_CONTACTS, 3))
-    start, wrench, found, iterations = v.copy(), np.zeros(6), 0, 0
+    start, wrench, found = v.copy(), np.zeros(6), 0
     limit, arm = m.holding_torque, m.block_centre - m.pivot
     across, lever = m.across + m.block_mass * arm * arm, m.block_mass * m.gravity * arm
     A, B = np.zeros(5), np.zeros(5)
@@ -238,8 +236,7 @@ def advance_rig(
                     B[k] -= step * m.stepper_stiffness * (q[k] - equilibrium[k - 3])
                 else:
                     B[k] += step * hold
-            velocity, sweeps = solve_contacts(bodies, step, 1.0 / A, B / A, jacobian, gap[:found], impulse)
-            iterations += sweeps
+            velocity, _ = solve_contacts(bodies, step, 1.0 / A, B / A, jacobian, gap[:found], impulse)
             pitch = (
                 -m.stepper_stiffness * (q[3] + step * velocity[3] - equilibrium[0]) - m.stepper_damping * velocity[3]
             )
@@ -273,7 +270,7 @@ def advance_rig(
     wrench[2] += m.peg_mass * ((v[0] - start[0]) / duration + m.gravity)
     wrench[3] -= m.centre * m.peg_mass * a_y
     wrench[4] += m.centre * m.peg_mass * a_x
-    return wrench, found, point, normal, force, iterations
+    return wrench, found, point, normal, force
 
 
 class ExactPlant(LeafSystem):
@@ -314,16 +311,16 @@ class ExactPlant(LeafSystem):
         self.weight = m.peg_mass * m.gravity
         self.moving_mass = m.weight / m.gravity
         self.turning_inertia = m.turning_inertia()
-        self._carriage_force = self.DeclareVectorInputPort("carriage_force", 1)
-        self._gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 4)
+        self.carriage_force = self.DeclareVectorInputPort("carriage_force", 1)
+        self.gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 4)
         self._motion = self.DeclareDiscreteState(np.zeros(2 * FREEDOMS))
         self._held = self.DeclareDiscreteState(np.array([0.0, 0.0, self.weight, 0.0, 0.0, 0.0]))
         self._load = self.DeclareDiscreteState(np.zeros(1))
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         motion, measurement = {self.discrete_state_ticket(self._motion)}, {self.discrete_state_ticket(self._held)}
-        self._carriage_state = self.DeclareVectorOutputPort("carriage_state", 2, self._calc_carriage, motion)
-        self._gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 4, self._calc_gimbal, motion)
-        self._reaction_forces = self.DeclareAbstractOutputPort(
+        self.carriage_state = self.DeclareVectorOutputPort("carriage_state", 2, self._calc_carriage, motion)
+        self.gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 4, self._calc_gimbal, motion)
+        self.reaction_forces = self.DeclareAbstractOutputPort(
             "reaction_forces", lambda: AbstractValue.Make([SpatialForce.Zero()]), self._calc_reaction, measurement
         )
 
@@ -332,31 +329,6 @@ class ExactPlant(LeafSystem):
         """Adds the plant of a resolved scenario; its bodies are those of `systems.plant.contact_plant.AddRigPlant`."""
         plant: ExactPlant = builder.AddNamedSystem("plant", ExactPlant(scenario, step))
         return plant
-
-    @property
-    def carriage_force(self) -> InputPort:
-        """See `RigPlant`."""
-        return self._carriage_force
-
-    @property
-    def gimbal_equilibrium(self) -> InputPort:
-        """See `RigPlant`."""
-        return self._gimbal_equilibrium
-
-    @property
-    def carriage_state(self) -> OutputPort:
-        """See `RigPlant`."""
-        return self._carriage_state
-
-    @property
-    def gimbal_state(self) -> OutputPort:
-        """See `RigPlant`."""
-        return self._gimbal_state
-
-    @property
-    def reaction_forces(self) -> OutputPort:
-        """See `RigPlant`."""
-        return self._reaction_forces
 
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """See `RigPlant`."""
@@ -414,12 +386,12 @@ class ExactPlant(LeafSystem):
         """Returns the motion (10,) after some steps, and wrench and contacts as `advance_rig` does."""
         motion = own.get_discrete_state(self._motion).value()
         q, v = motion[:FREEDOMS].copy(), motion[FREEDOMS:].copy()
-        wrench, found, points, normals, forces, _ = advance_rig(
+        wrench, found, points, normals, forces = advance_rig(
             *self._constants_in(own),
             q,
             v,
-            self._carriage_force.Eval(own)[0],
-            self._gimbal_equilibrium.Eval(own)[:2],
+            self.carriage_force.Eval(own)[0],
+            self.gimbal_equilibrium.Eval(own)[:2],
             self._step,
             count,
         )

@@ -12,9 +12,7 @@ from pydrake.systems.framework import (
     Context,
     DiagramBuilder,
     DiscreteValues,
-    InputPort,
     LeafSystem,
-    OutputPort,
     ValueProducer,
 )
 
@@ -73,8 +71,8 @@ class MujocoPlant(LeafSystem):
         self.weight = float(model.body("peg").mass[0] * np.linalg.norm(model.opt.gravity))
         self.moving_mass = float(model.body("carriage").subtreemass[0])
         self.turning_inertia = _inertia(model, "pitch")
-        self._carriage_force = self.DeclareVectorInputPort("carriage_force", 1)
-        self._gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 4)
+        self.carriage_force = self.DeclareVectorInputPort("carriage_force", 1)
+        self.gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 4)
         scratch = mujoco.MjData(model)
         kept = np.zeros(self._size)
         mujoco.mj_getState(model, scratch, kept, KEPT)
@@ -90,9 +88,9 @@ class MujocoPlant(LeafSystem):
         )
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         motion, measurement = {self.discrete_state_ticket(self._kept)}, {self.discrete_state_ticket(self._held)}
-        self._carriage_state = self.DeclareVectorOutputPort("carriage_state", 2, self._calc_carriage, motion)
-        self._gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 4, self._calc_gimbal, motion)
-        self._reaction_forces = self.DeclareAbstractOutputPort(
+        self.carriage_state = self.DeclareVectorOutputPort("carriage_state", 2, self._calc_carriage, motion)
+        self.gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 4, self._calc_gimbal, motion)
+        self.reaction_forces = self.DeclareAbstractOutputPort(
             "reaction_forces", lambda: AbstractValue.Make([SpatialForce.Zero()]), self._calc_reaction, measurement
         )
 
@@ -101,31 +99,6 @@ class MujocoPlant(LeafSystem):
         """Adds the plant of a resolved scenario; its bodies are those of `systems.plant.contact_plant.AddRigPlant`."""
         plant: MujocoPlant = builder.AddNamedSystem("plant", MujocoPlant(scenario, contact))
         return plant
-
-    @property
-    def carriage_force(self) -> InputPort:
-        """See `RigPlant`."""
-        return self._carriage_force
-
-    @property
-    def gimbal_equilibrium(self) -> InputPort:
-        """See `RigPlant`."""
-        return self._gimbal_equilibrium
-
-    @property
-    def carriage_state(self) -> OutputPort:
-        """See `RigPlant`."""
-        return self._carriage_state
-
-    @property
-    def gimbal_state(self) -> OutputPort:
-        """See `RigPlant`."""
-        return self._gimbal_state
-
-    @property
-    def reaction_forces(self) -> OutputPort:
-        """See `RigPlant`."""
-        return self._reaction_forces
 
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """See `RigPlant`."""
@@ -193,8 +166,8 @@ class MujocoPlant(LeafSystem):
         """MuJoCo's data with the state and the inputs of a context of this system."""
         data = self._scratch.Eval(context)
         mujoco.mj_setState(self._model, data, context.get_discrete_state(self._kept).value(), KEPT)
-        data.ctrl[0] = self._carriage_force.Eval(context)[0]
-        data.ctrl[1:3] = self._gimbal_equilibrium.Eval(context)[:2]
+        data.ctrl[0] = self.carriage_force.Eval(context)[0]
+        data.ctrl[1:3] = self.gimbal_equilibrium.Eval(context)[:2]
         return data
 
     def _calc_carriage(self, context: Context, output: BasicVector) -> None:
