@@ -254,13 +254,15 @@ def advance_rig(
         for i in range(found):
             own = impulse[3 * i : 3 * i + 3]
             force[i] = own[0] / step
-            frame = tangents(normal[i, 0], normal[i, 1], normal[i, 2])
-            p = own[0] * normal[i] + own[1] * frame[0] + own[2] * frame[1]
+            rows = jacobian[3 * i : 3 * i + 3]
+            p = own[0] * rows[0, :3] + own[1] * rows[1, :3] + own[2] * rows[2, :3]  # along z, x and y
             x, y, z = point[i, 0] - q[1], point[i, 1] - q[2], point[i, 2] - q[0]
-            wrench[:3] -= p
-            wrench[3] -= y * p[2] - z * p[1]
-            wrench[4] -= z * p[0] - x * p[2]
-            wrench[5] -= x * p[1] - y * p[0]
+            wrench[0] -= p[1]
+            wrench[1] -= p[2]
+            wrench[2] -= p[0]
+            wrench[3] -= y * p[0] - z * p[2]
+            wrench[4] -= z * p[1] - x * p[0]
+            wrench[5] -= x * p[2] - y * p[1]
             old_surface[i], old_impulse[i] = surface[i], own
     duration = count * step
     wrench /= duration

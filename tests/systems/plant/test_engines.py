@@ -50,6 +50,13 @@ def test_the_hanging_block_turns_a_stepper_by_torque_over_stiffness(scenario):
     assert measured - angle == pytest.approx(expected, rel=0.01)
 
 
+def test_a_stepper_turns_the_block_with_its_holding_torque_at_most(scenario):
+    bench = Bench(scenario, force=hanging_weight(scenario), equilibrium=(0.5, 0.0)).start(tip_z=0.02).advance(0.002)
+    torque = bench.gimbal()[2] / 0.002 * bench.plant.turning_inertia
+    assert 0.5 * scenario.stepper.stiffness > 5.0 * scenario.stepper.holding_torque
+    assert torque == pytest.approx(scenario.stepper.holding_torque, rel=0.02)
+
+
 def test_all_engines_tell_the_force_guard_the_same_masses(scenario):
     scenario.rig.pivot_height = 0.002
     ours, other = AddRigPlant(DiagramBuilder(), scenario), AddEngine(DiagramBuilder(), scenario)
