@@ -81,7 +81,7 @@ class ManipulationSkill:
         sources_: (n, 2), demonstration number and time (s) of each sample of the regressor.
         min_log_support_: logarithm of the kernel weight below which support is low; see `lowest_log_support`.
         names_: names of the states, or None.
-        metadata_: numbers of demonstrations, and their geometry.
+        metadata_: numbers of demonstrations, their geometry, and the weights of the contexts.
     """
 
     names_: list[str] | None
@@ -154,6 +154,8 @@ class ManipulationSkill:
             "geometry": None if geometry is None else asdict(geometry),
         }
         self._fit_contexts(demonstrations, samples)
+        weights = [1.0] if self.contexts_ is None else [round(float(w), 3) for w in self.contexts_.weights_]
+        self.metadata_["contexts"] = weights
         self._fit_actions(demonstrations, refined)
         self.planning_ = self._planning_model(demonstrations) if self.policy == "plan" else None
         return self

@@ -23,6 +23,7 @@ from experiments.sweeps.policies import (
     MadePolicy,
     TrainingContext,
     chosen,
+    context_weights,
     imported,
     make_policy,
     named_packages,
@@ -209,6 +210,7 @@ class PolicyStore:
                     notes = {
                         **{"policy": source.plan.name, "law": law, "train_s": made.train_s},
                         **{"query_ms": made.query_ms, "demonstrations": made.demonstrations},
+                        "contexts": made.contexts,
                     }
                     write_atomically(self._notes(source), json.dumps(notes).encode())
                 return
@@ -221,13 +223,14 @@ class PolicyStore:
         policy: RigPolicy
         if source.given is not None:
             policy = source.given.load()
-            notes = {"train_s": None, "query_ms": None, "demonstrations": policy.metadata_.get("demonstrations")}
+            shown = policy.metadata_.get("demonstrations")
+            notes = {"train_s": None, "query_ms": None, "demonstrations": shown, "contexts": context_weights(policy)}
         else:
             notes = parse_object(self._notes(source).read_bytes())
             law = notes.get("law")
             policy = ManipulationSkill.load(self._skill_file(source.digest)) if law is None else _remade(law, source)
         policy = CarriedOver(policy) if source.plan.carried_over else policy
-        return MadePolicy(policy, notes["train_s"], notes["query_ms"], notes["demonstrations"])
+        return MadePolicy(policy, notes["train_s"], notes["query_ms"], notes["demonstrations"], notes["contexts"])
 
 
 def _law(policy: RigPolicy) -> dict[str, Any] | None:
