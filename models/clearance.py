@@ -80,16 +80,26 @@ def numerics_of_clearance(scenario: Scenario) -> Scenario:
     return chosen
 
 
-def load_scenario_of_clearance(name: str | Path = "nominal") -> Scenario:
+def load_scenario_of_clearance(name: str | Path = "nominal", engine: str | None = None) -> Scenario:
     """Reads a scenario as `load_scenario` does; its clearance decides the numerics that the file does not state.
 
     These are ``geometry.facets``, ``contact.modulus`` and ``contact.time_step`` (see `numerics_of_clearance`). A file
     with the nominal clearance, or with any of them, is read as it is.
 
+    Args:
+        name: of a scenario, or path of a file.
+        engine: of `models.scenario.ENGINES`, in place of the scenario's; None keeps that.
+
     Raises:
         ValueError: see `load_scenario`.
         OSError: if the file cannot be read.
     """
+    scenario = _scenario_of_clearance(name)
+    scenario.contact.engine = engine or scenario.contact.engine
+    return scenario
+
+
+def _scenario_of_clearance(name: str | Path) -> Scenario:
     path = Path(name)
     if path.suffix != ".yaml" or not path.is_file():
         return load_scenario(name)

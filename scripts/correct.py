@@ -10,6 +10,7 @@ import typer
 
 from scripts.command_line import (
     Driver,
+    Engine,
     Host,
     Jobs,
     OutFile,
@@ -64,6 +65,7 @@ def main(
     ] = None,
     seed: Seed = 0,
     scenario: ScenarioName = "nominal",
+    engine: Engine = None,
     jobs: Jobs = 2,
     overwrite: Overwrite = False,
     driver: Driver = None,
@@ -97,6 +99,8 @@ def main(
         raise typer.BadParameter("--ask and --overwrite are not for --live: live recordings are never deleted")
     if not live and {driver, host, port} != {None}:
         raise typer.BadParameter("--driver, --host and --port need --live")
+    if live and engine is not None:
+        raise typer.BadParameter("--engine is not for --live: what the hand feels comes from Drake's contact")
     if json is not None and not ask:
         raise typer.BadParameter("--json needs --ask")
     from experiments.corrections import CorrectionPlan
@@ -106,7 +110,7 @@ def main(
         rounds=rounds or (1 if live else 2), trials=practice, most=most or (3 if live else 10), seed=seed
     )
     if ask:
-        ask_only(skill, plan, scenario=scenario, json=json, jobs=jobs)
+        ask_only(skill, plan, scenario=scenario, engine=engine, json=json, jobs=jobs)
         return
     folder = corrections or Path("out/live_corrections" if live else "out/corrections")
     files = (skill, demonstrations, folder, out, plan)
@@ -114,12 +118,14 @@ def main(
         page: dict[str, Any] = {"driver": driver, "host": host, "port": port, "verbose": verbose}
         correct_live(*files, scenario=scenario, jobs=jobs, **page)
     else:
-        correct_simulated(*files, scenario=scenario, jobs=jobs, overwrite=overwrite)
+        correct_simulated(*files, scenario=scenario, engine=engine, jobs=jobs, overwrite=overwrite)
     if out.is_file():
         say(f"try it: haptic-skill rig --skill {out}")
 
 
-def ask_only(skill: Path, plan: CorrectionPlan, *, scenario: str, json: Path | None, jobs: int) -> None:
+def ask_only(
+    skill: Path, plan: CorrectionPlan, *, scenario: str, engine: str | None, json: Path | None, jobs: int
+) -> None:
     """Performs the practice trials of the first round and prints in which query states the skill was stuck.
 
     Writes them into the file ``json``, if there is one, for `skill.practice.query_state.read_query_states`.
@@ -132,7 +138,8 @@ def ask_only(skill: Path, plan: CorrectionPlan, *, scenario: str, json: Path | N
     if json is not None:
         require_distinct({"--skill": skill, "--json": json})
         check_file(json, ".json", option="--json")
-    stuck = practise(load_scenario_of_clearance(scenario), ManipulationSkill.load(skill), plan, 1, jobs=jobs)
+    chosen = load_scenario_of_clearance(scenario, engine)
+    stuck = practise(chosen, ManipulationSkill.load(skill), plan, 1, jobs=jobs)
     if json is not None:
         with named_errors(json, "the skill is unchanged"):
             write_json(json, [trial.query_state.record() for trial in stuck])
@@ -183,7 +190,13 @@ def practise(
 
 
 def begin(
-    skill: Path, demonstrations: Path, corrections: Path, out: Path, plan: CorrectionPlan, scenario: str
+    skill: Path,
+    demonstrations: Path,
+    corrections: Path,
+    out: Path,
+    plan: CorrectionPlan,
+    scenario: str,
+    engine: str | None = None,
 ) -> tuple[Scenario, ManipulationSkill, Callable[[Sequence[Path]], ManipulationSkill]]:
     """Reads and checks what both kinds of correction need, and returns it.
 
@@ -200,7 +213,7 @@ def begin(
     from skill.manipulation_skill import ManipulationSkill
     from skill.states.context_mixture import MAX_CONTEXTS
 
-    chosen, learnt = load_scenario_of_clearance(scenario), ManipulationSkill.load(skill)
+    chosen, learnt = load_scenario_of_clearance(scenario, engine), ManipulationSkill.load(skill)
     require_distinct({"--demonstrations": demonstrations, "--corrections": corrections})
     check_file(out, ".npz", size=REPORT_SIZE)
     find_recordings(demonstrations)
@@ -231,6 +244,7 @@ def correct_simulated(
     *,
     scenario: str,
     jobs: int,
+    engine: str | None = None,
     overwrite: bool = False,
 ) -> ManipulationSkill:
     """Rolls out a skill, collects corrections by simulated operators, and trains again; returns the last skill.
@@ -262,7 +276,7 @@ def correct_simulated(
         names = tuple(f"{k:03d}_correction_{habit_of(k)}.parquet" for k in range(count))
         return SetIndex(DEMONSTRATIONS, {**request, "query_states": query_states}, names)
 
-    chosen, learnt, train = begin(skill, demonstrations, corrections, out, plan, scenario)
+    chosen, learnt, train = begin(skill, demonstrations, corrections, out, plan, scenario, engine)
     request = {"seed": plan.seed, "scenario": dump_scenario(chosen), "versions": versions()}
     folders = [demonstrations]
     check_folder(corrections, size=plan.rounds * plan.most * RECORDING_SIZE)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scripts import rig
-from scripts.command_line import Bad, Jobs, OneOrMoreGood, OutFolder, ScenarioName, Seed, Trials, Verbose
+from scripts.command_line import Bad, Engine, Jobs, OneOrMoreGood, OutFolder, ScenarioName, Seed, Trials, Verbose
 from scripts.correct import correct_simulated
 from scripts.record import record
 from scripts.train import train
@@ -31,6 +31,7 @@ def main(
     trials: Trials = 10,
     seed: Seed = 0,
     scenario: ScenarioName = "nominal",
+    engine: Engine = None,
     jobs: Jobs = 2,
     verbose: Verbose = False,
 ) -> None:
@@ -69,7 +70,7 @@ def main(
 
     start_time = time.monotonic()
     recorded, inserted, skill_file, state_file = out / "demonstrations", out / "rig", out / SKILL, out / UNFINISHED
-    text = dump_scenario(load_scenario_of_clearance(scenario))
+    text = dump_scenario(load_scenario_of_clearance(scenario, engine))
     request = {**{"good": good, "bad": bad, "trials": trials, "seed": seed}, "scenario": text, "versions": versions()}
     size = (good + bad) * RECORDING_SIZE + trials * REPORT_SIZE
     check_folder(out, size=len(PICTURES) * REPORT_SIZE + size)
@@ -93,16 +94,27 @@ def main(
         finish("start")
         with ExitStack() if verbose else only_progress():
             is_old = "record" not in finished
-            recordings = record(recorded, good, bad, seed, scenario, jobs, overwrite=is_old, verbose=verbose)
+            recordings = record(
+                recorded, good, bad, seed, scenario, jobs, engine=engine, overwrite=is_old, verbose=verbose
+            )
             finish("record")
             if "skill" not in finished:
                 train([recorded], out=skill_file, seed=seed, contexts=MAX_CONTEXTS)
                 plan = CorrectionPlan(rounds=1, trials=PRACTICE_TRIALS, most=CORRECTIONS, seed=seed)
                 files = (skill_file, recorded, out / "corrections", skill_file)
-                correct_simulated(*files, plan, scenario=scenario, jobs=jobs, overwrite=True)
+                correct_simulated(*files, plan, scenario=scenario, engine=engine, jobs=jobs, overwrite=True)
                 finish("skill")
             first, is_old = seed * trials, "rig" not in finished
-            rig.main(skill_file, trials, first, scenario=scenario, out=inserted, jobs=jobs, overwrite=is_old)
+            rig.main(
+                skill_file,
+                trials,
+                first,
+                scenario=scenario,
+                engine=engine,
+                out=inserted,
+                jobs=jobs,
+                overwrite=is_old,
+            )
             finish("rig")
         skill, results = ManipulationSkill.load(skill_file), rig.read_results(inserted)
         # The largest starting tilt shows most.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scripts.command_line import MAX_SEED, Jobs, OutFile, ScenarioName, Seed, SkillFile
+from scripts.command_line import MAX_SEED, Engine, Jobs, OutFile, ScenarioName, Seed, SkillFile
 
 if TYPE_CHECKING:
     from experiments.outputs.output_set import OutputSet
@@ -47,6 +47,7 @@ def main(
     ] = 1000,
     seed: Seed = 0,
     scenario: ScenarioName = "nominal",
+    engine: Engine = None,
     jobs: Jobs = 2,
 ) -> None:
     """Improves a skill by its own trials on the simulated rig.
@@ -92,7 +93,7 @@ def main(
     from skill.figures.practice_figure import plot_practice
     from skill.manipulation_skill import ManipulationSkill
 
-    first, chosen = ManipulationSkill.load(skill), load_scenario_of_clearance(scenario)
+    first, chosen = ManipulationSkill.load(skill), load_scenario_of_clearance(scenario, engine)
     practice = Practice(rounds=rounds, starts=starts, checks=checks, seed=seed)
     trials_file, figure_file = out.with_suffix(".json"), out.with_suffix(".png")
     require_distinct({"--skill": skill, "--out": out})

@@ -12,6 +12,7 @@ import typer
 from scripts.command_line import (
     Bad,
     Driver,
+    Engine,
     Good,
     Host,
     Jobs,
@@ -38,6 +39,7 @@ def main(
     bad: Bad = 6,
     seed: Seed = 0,
     scenario: OptionalScenarioName = None,
+    engine: Engine = None,
     jobs: Jobs = 2,
     overwrite: Overwrite = False,
     live: Annotated[bool, typer.Option("--live", help="Demonstrate yourself, in the browser.")] = False,
@@ -77,6 +79,8 @@ def main(
         raise typer.BadParameter("--overwrite is not for --live: live recordings are never deleted")
     if not live and {driver, host, port, asked, observer} != {None}:
         raise typer.BadParameter("--driver, --host, --port, --asked and --observer need --live")
+    if live and engine is not None:
+        raise typer.BadParameter("--engine is not for --live: what the hand feels comes from Drake's contact")
     if live:
         from experiments.outputs.output_set import open_live_folder
 
@@ -95,7 +99,7 @@ def main(
             )
     else:
         chosen, folder = scenario or "nominal", out or Path("out/demonstrations")
-        record(folder, good, bad, seed, chosen, jobs, overwrite=overwrite, verbose=verbose)
+        record(folder, good, bad, seed, chosen, jobs, engine=engine, overwrite=overwrite, verbose=verbose)
 
 
 def record(
@@ -106,6 +110,7 @@ def record(
     scenario: str,
     jobs: int,
     *,
+    engine: str | None = None,
     overwrite: bool = False,
     verbose: bool = False,
 ) -> list[Path]:
@@ -133,7 +138,7 @@ def record(
     from skill.figures.paper_figures import save_figure
     from systems.haptics.coupling_margins import require_margins
 
-    chosen = load_scenario_of_clearance(scenario)
+    chosen = load_scenario_of_clearance(scenario, engine)
     requested = {request.file_name: request for request in requests(good, bad)}
     margins = require_margins(chosen)
     check_folder(out, size=len(requested) * RECORDING_SIZE + REPORT_SIZE)
@@ -224,11 +229,14 @@ def live_margins(scenario: Scenario, driver: str | None) -> list[Margin]:
     """Returns the margins of stability of a live session.
 
     Raises:
-        ValueError: if the scenario is not stable, or no device driver has the name ``driver``.
+        ValueError: if the scenario is not stable or names another engine than Drake, or no device driver has the name
+            ``driver``.
     """
     from systems.operators.device_operator import find_device
     from systems.servo.multirate_margins import require_multirate_margins
 
+    if scenario.contact.engine != "drake":
+        raise ValueError(f"contact.engine is {scenario.contact.engine}; expected drake with --live")
     if driver is not None:
         find_device(driver)
     return require_multirate_margins(scenario)

@@ -93,9 +93,7 @@ def main(
 
     skill = find_skill(skill)
     policy, numbers = ManipulationSkill.load(skill), range(seed, seed + trials)
-    chosen = load_scenario_of_clearance(scenario)
-    if engine is not None:
-        chosen.contact.engine = engine
+    chosen = load_scenario_of_clearance(scenario, engine)
     if tilt_deg is not None:
         chosen.start.tilt_range = math.radians(tilt_deg)
     if friction is not None:

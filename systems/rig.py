@@ -23,12 +23,13 @@ from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor
-from systems.plant.contact_plant import AddRigPlant, HydroelasticRig
+from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_plant import ExactPlant
 from systems.plant.rig_plant import RigPlant
 from systems.recording.run_recorder import AddRunRecorder, RunRecorder
 from systems.rig_diagram import RigDiagram, start_angles
-from systems.visualization.meshcat_scene import FRAME, AddVisualization
+from systems.visualization.meshcat_scene import FRAME
+from systems.visualization.plant_display import RigDisplay
 from systems.visualization.state_display import StateDisplay
 
 
@@ -46,9 +47,7 @@ def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = N
     builder = DiagramBuilder()
     plant = AddEngine(builder, scenario)
     if meshcat is not None:
-        if not isinstance(plant, HydroelasticRig):
-            raise ValueError(f"contact.engine is {scenario.contact.engine}; expected drake for a picture in Meshcat")
-        AddVisualization(builder=builder, contact=plant, meshcat=meshcat)
+        RigDisplay.AddToBuilder(builder, scenario, plant, meshcat, FRAME)
     return WireRig(builder, scenario, skill, plant, meshcat=meshcat)
 
 
@@ -62,10 +61,9 @@ def AddEngine(builder: DiagramBuilder, scenario: Scenario) -> RigPlant:
         case "exact":
             return ExactPlant.AddToBuilder(builder, scenario)
         case "mujoco":
-            from systems.plant.mujoco_model import MujocoContact
             from systems.plant.mujoco_plant import MujocoPlant
 
-            return MujocoPlant.AddToBuilder(builder, scenario, MujocoContact())
+            return MujocoPlant.AddToBuilder(builder, scenario)
         case _:
             return AddRigPlant(builder, scenario)
 

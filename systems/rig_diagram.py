@@ -62,7 +62,6 @@ class RigDiagram:
 
         Raises:
             ValueError: if the scenario differs in more than `resolve_scenario` draws.
-            TypeError: if the engine cannot.
         """
         _check_same_rig(self.scenario, trial)
         inertia = self.plant.set_trial(context, trial)

@@ -21,11 +21,12 @@ from systems.haptics.passivity_observer import PassivityObserver
 from systems.haptics.virtual_fixture import MakeFixture, VirtualFixture
 from systems.math.rotation import from_rotation_vector
 from systems.operators.simulated_operator import SimulatedOperator
-from systems.plant.contact_plant import AddVirtualPlant, HydroelasticPeg
+from systems.plant.contact_plant import AddVirtualPlant
 from systems.plant.exact_peg import ExactPeg
 from systems.plant.peg_plant import PegPlant
 from systems.recording.demonstration_recorder import DemonstrationRecorder
-from systems.visualization.meshcat_scene import AddVisualization
+from systems.visualization.meshcat_scene import FRAME
+from systems.visualization.plant_display import PegDisplay
 
 
 @dataclass(frozen=True)
@@ -148,9 +149,7 @@ def MakeVirtualEnvironment(
     builder.Connect(proxy.GetOutputPort("probe_wrench"), device.GetInputPort("virtual_wrench"))
     builder.Connect(device.GetOutputPort("probe_pose"), recorder.GetInputPort("probe_pose"))
     if meshcat is not None:
-        if not isinstance(plant, HydroelasticPeg):
-            raise ValueError(f"contact.engine is {scenario.contact.engine}; expected drake for a picture in Meshcat")
-        AddVisualization(builder=builder, contact=plant, meshcat=meshcat)
+        PegDisplay.AddToBuilder(builder, scenario, plant, meshcat, FRAME)
     diagram = builder.Build()
     diagram.set_name("virtual_environment")
     return VirtualEnvironment(diagram, plant, log, X_HP_start, energy_log, device)
@@ -160,14 +159,19 @@ def AddPegEngine(builder: DiagramBuilder, scenario: Scenario) -> PegPlant:
     """Adds the mechanics of peg and hole in the engine that a scenario names.
 
     Raises:
-        ValueError: if it names MuJoCo, which has none.
+        ModuleNotFoundError: if MuJoCo is named and not installed.
     """
-    if scenario.contact.engine == "mujoco":
-        raise ValueError("contact.engine is mujoco; expected drake or exact in the virtual environment")
-    if scenario.contact.engine == "exact":
-        peg: ExactPeg = builder.AddNamedSystem("plant", ExactPeg(scenario))
-        return peg
-    return AddVirtualPlant(builder, scenario)
+    plant: PegPlant
+    match scenario.contact.engine:
+        case "exact":
+            plant = builder.AddNamedSystem("plant", ExactPeg(scenario))
+        case "mujoco":
+            from systems.plant.mujoco_peg import MujocoPeg
+
+            plant = builder.AddNamedSystem("plant", MujocoPeg(scenario))
+        case _:
+            plant = AddVirtualPlant(builder, scenario)
+    return plant
 
 
 def add_coupling(

@@ -52,7 +52,6 @@ from interfaces.terminal import progress
 from models.contact_geometry import PegInHole
 from models.contact_theory import two_point_depth, two_point_push_moment
 from models.scenario import Scenario
-from systems.plant.exact_contact import STEP
 
 if TYPE_CHECKING:
     pass
@@ -128,7 +127,7 @@ def drake_case(setting: dict[str, Any]) -> Case:
 
 def exact_cases() -> Iterator[Case]:
     """Yields the cases of the exact engine: its default, then other stiffnesses and steps."""
-    for stiffness, step in ((1e8, STEP), (1e7, STEP), (1e9, STEP), (1e8, 5e-4), (1e8, 1e-4)):
+    for stiffness, step in ((1e8, 2.5e-4), (1e7, 2.5e-4), (1e9, 2.5e-4), (1e8, 5e-4), (1e8, 1e-4)):
         scenario = Scenario()
         scenario.contact.stiffness = stiffness
         probe = partial(ExactProbe, scenario, time_step=step)
@@ -142,13 +141,14 @@ def mujoco_cases() -> Iterator[Case]:
     from systems.plant.mujoco_model import MujocoContact
 
     scenario, rig = Scenario(), MujocoContact()
-    hard = replace(rig, time_constant=2.0, impedance=(0.95, 0.99, 1e-4))
     for name, contact in (
-        ("as in the rig", rig),
+        ("default: 0.1 ms, 1.2 ms, impedance 0.7", rig),
+        ("half the step", replace(rig, time_step=0.5 * rig.time_step)),
         ("twice the step", replace(rig, time_step=2.0 * rig.time_step)),
         ("256 boxes", replace(rig, boxes=256)),
-        ("hard", hard),
-        ("hard, distances to 1 um", replace(hard, precision=1e-6)),
+        ("impedance 0.8", replace(rig, impedance=0.8)),
+        ("0.5 ms, 3 ms, impedance 0.8 (before)", replace(rig, time_step=5e-4, time_constant=3e-3, impedance=0.8)),
+        ("distances to 1 um", replace(rig, precision=1e-6)),
     ):
         probe = partial(MujocoProbe, scenario, contact)
         yield Case(f"MuJoCo, {name}", probe, scenario, round_bodies(scenario.geometry))

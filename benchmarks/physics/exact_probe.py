@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from benchmarks.physics.contact_probe import AXES, PlanarPose
 from models.scenario import Scenario
 from skill.arrays import Array
-from systems.plant.exact_contact import STEP, Bodies
+from systems.plant.exact_contact import STEPS, Bodies
 from systems.plant.exact_peg import advance_peg
 
 PLANE = [3, 5, 1]
@@ -22,7 +22,7 @@ class ExactProbe:
 
     Args:
         scenario: geometry and contact of the bodies.
-        time_step: s.
+        time_step: s; None for that of the plant.
         mass: of the peg, kg.
         inertia: of the peg about its tip, kg m^2.
         damping: of x, z and tilt, N s/m, N s/m and N m s/rad.
@@ -34,12 +34,12 @@ class ExactProbe:
         self,
         scenario: Scenario,
         *,
-        time_step: float = STEP,
+        time_step: float | None = None,
         mass: float = 0.5,
         inertia: float = 1e-4,
         damping: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
-        self.time_step = time_step
+        self.time_step = time_step or scenario.contact.time_step / STEPS
         self._bodies = Bodies.of(scenario)
         self._inertia = np.repeat([inertia, mass], 3)
         self._damping, self._wrench, self._free = np.zeros(6), np.zeros(6), np.zeros(6)

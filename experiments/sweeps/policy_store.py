@@ -221,6 +221,7 @@ class PolicyStore:
     def _load(self, source: PolicySource) -> MadePolicy:
         """Reads a skill that was given or kept, or makes a law again from its parameters."""
         policy: RigPolicy
+        notes: dict[str, Any]
         if source.given is not None:
             policy = source.given.load()
             shown = policy.metadata_.get("demonstrations")

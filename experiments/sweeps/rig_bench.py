@@ -12,7 +12,7 @@ class RigBench:
     """Holds the rig that was built last, for trials that differ only in what `RigDiagram.set_trial` replaces.
 
     Drake 1.51 keeps each diagram with Python systems in its process, and building one takes as long as 50 ms of a
-    trial. A rig in MuJoCo is built for each trial.
+    trial.
     """
 
     def __init__(self) -> None:
@@ -33,8 +33,5 @@ class RigBench:
         """
         if self._rig is None or self._built_for != cell:
             self._rig = None  # also if the next one cannot be built
-            rig = MakeRig(scenario, policy)
-            if scenario.contact.engine == "mujoco":
-                return rig
-            self._rig, self._built_for = rig, cell
+            self._rig, self._built_for = MakeRig(scenario, policy), cell
         return self._rig

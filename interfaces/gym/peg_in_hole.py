@@ -61,6 +61,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
 
     Args:
         scenario: name or file of a scenario, or a scenario.
+        engine: of `models.scenario.ENGINES`, in place of the scenario's; "exact" is the fastest.
         arm: which trials, "default" or "stress" (`Arm`).
         observation: "dict" or "flat".
         reward: "dense" or "sparse".
@@ -79,6 +80,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
     def __init__(
         self,
         scenario: str | Path | Scenario = "nominal",
+        engine: str | None = None,
         *,
         arm: str = Arm.DEFAULT,
         observation: str = "dict",
@@ -92,6 +94,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         _check_choice("reward", reward, list(REWARDS))
         _check_choice("render_mode", render_mode, [None, HUMAN, RGB_ARRAY])
         self._scenario = copy.deepcopy(scenario) if isinstance(scenario, Scenario) else load_scenario(scenario)
+        self._scenario.contact.engine = engine or self._scenario.contact.engine
         validate_scenario(self._scenario)
         self._arm, self._labels = Arm(arm), labels
         self._reward: Reward = REWARDS[reward](self._scenario)

@@ -24,6 +24,7 @@ from systems.servo.probe import Probe
 from systems.virtual_environment import start_pose
 from systems.visualization.arrow import Arrow
 from systems.visualization.meshcat_scene import aim_camera
+from systems.visualization.plant_display import draw_bodies
 
 RENDERED_SCALE, CONTACT_SCALE = 250.0, 1500.0  # in units of N/m of arrow; panel.html states them too
 # An arrow is a little transparent, so that the viewer draws it last: see `Arrow`.
@@ -111,8 +112,7 @@ class LiveDisplay:
 
     def draw_start(self, scenario: Scenario) -> None:
         """Draws peg and hole as they are at the start of a resolved scenario."""
-        contact = AddVirtualPlant(DiagramBuilder(), scenario)
-        self._page.scene.draw_plant(contact)
+        draw_bodies(self._page.scene, AddVirtualPlant(DiagramBuilder(), scenario))
         g = scenario.geometry
         self._page.scene.SetObject("live/hand/ghost", Cylinder(GHOST * g.peg_radius, GHOST * g.peg_length), HAND)
         self._page.scene.SetTransform("live/hand/ghost", RigidTransform([0.0, 0.0, 0.5 * g.peg_length]))

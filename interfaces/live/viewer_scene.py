@@ -11,12 +11,11 @@ from typing import Any
 
 import numpy as np
 import umsgpack
-from pydrake.geometry import Cylinder, Mesh, MeshcatCone, Rgba, Role, Shape
+from pydrake.geometry import Cylinder, Mesh, MeshcatCone, Rgba, Shape
 from pydrake.math import RigidTransform
 
 from interfaces.live.messages import Outbox
 from skill.arrays import Array
-from systems.plant.contact_plant import ContactPlant
 
 SEGMENTS = 50  # of a cylinder or cone around its axis
 # three.js's cylinder stands on its axis y, the cylinder here on z.
@@ -83,17 +82,6 @@ class ViewerScene:
         self.SetTransform("/Cameras/default", RigidTransform())
         self.SetProperty("/Cameras/default/rotated/<object>", "position", [x, z, -y])
         self._put("set_target", "/Cameras", value=[u, w, -v])
-
-    def draw_plant(self, contact: ContactPlant) -> None:
-        """Draws the pictures of peg and block; ``plant/peg`` and ``plant/hole`` have their poses in W."""
-        inspector = contact.scene_graph.model_inspector()
-        peg = contact.plant.GetBodyFrameIdOrThrow(contact.peg.index())
-        for geometry in inspector.GetAllGeometryIds(Role.kIllustration):
-            body = "peg" if inspector.GetFrameId(geometry) == peg else "hole"
-            path = f"plant/{body}/{inspector.GetName(geometry)}"
-            rgba = inspector.GetIllustrationProperties(geometry).GetProperty("phong", "diffuse")
-            self.SetObject(path, inspector.GetShape(geometry), rgba)
-            self.SetTransform(path, inspector.GetPoseInFrame(geometry))
 
     def _put(self, kind: str, path: str, *key: str, **content: Any) -> None:
         absolute = path if path.startswith("/") else f"/drake/{path}"

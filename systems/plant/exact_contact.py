@@ -36,8 +36,8 @@ gap is then exact to 1e-10 m."""
 
 Numbers = NDArray[np.int64]
 
-STEP = 2.5e-4
-"""Largest time step, s."""
+STEPS = 8
+"""Steps in a contact time step of a scenario."""
 
 MAX_CONTACTS = 16
 

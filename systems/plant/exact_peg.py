@@ -16,7 +16,7 @@ from models.contact_geometry import TINY
 from models.scenario import Scenario
 from systems.math.compiled import compiled
 from systems.math.rotation import free_body_pose
-from systems.plant.exact_contact import MAX_CONTACTS, STEP, Bodies, find_contacts, match, solve_contacts, tangents
+from systems.plant.exact_contact import MAX_CONTACTS, STEPS, Bodies, find_contacts, match, solve_contacts, tangents
 
 
 @compiled
@@ -111,22 +111,20 @@ class ExactPeg(LeafSystem):
         - pose
 
     A `systems.plant.peg_plant.PegPlant` whose peg has the coupling's virtual mass and inertia, with its centre of mass
-    at the tip. In every period, the contact time step of the scenario, it takes as many steps as fill the period under
+    at the tip. In every period, the contact time step of the scenario, it takes `STEPS` steps under
     the forces at its start. The discrete state has two groups: ``peg_state``, and what the contact was in the last
     step: torque and force on the peg at its tip, and the mean point of the normal forces, in H, (9,).
 
     Args:
         scenario: with the geometry and contact of the bodies.
-        step: largest time step, s.
     """
 
     index = BodyIndex(1)
 
-    def __init__(self, scenario: Scenario, step: float = STEP) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         super().__init__()
         period, coupling = scenario.contact.time_step, scenario.coupling
-        self._count = math.ceil(period / step - 1e-9)
-        self._step = period / self._count
+        self._step = period / STEPS
         self._bodies = Bodies.of(scenario)
         self._inertia = np.repeat([coupling.peg_inertia, coupling.peg_mass], 3)
         self._damping, self._free = np.zeros(6), np.ones(6)
@@ -170,7 +168,7 @@ class ExactPeg(LeafSystem):
             state[7:],
             wrench,
             self._step,
-            self._count,
+            STEPS,
         )
         weights = forces[:found] / max(forces[:found].sum(), TINY)
         discrete_state.set_value(self._motion, state)

@@ -24,7 +24,7 @@ from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_contact import (
     MAX_CONTACTS,
-    STEP,
+    STEPS,
     Bodies,
     Numbers,
     find_contacts,
@@ -288,8 +288,8 @@ class ExactPlant(LeafSystem):
         - gimbal_state
         - reaction_forces
 
-    A `systems.plant.rig_plant.RigPlant`. In every period, the contact time step of the scenario, it takes as many steps
-    as fill the period. The discrete state has three groups: positions and velocities of carriage, mount and gimbal,
+    A `systems.plant.rig_plant.RigPlant`. In every period, the contact time step of the scenario, it takes `STEPS`
+    steps. The discrete state has three groups: positions and velocities of carriage, mount and gimbal,
     (10,); the mean force (N) and torque (N m) of the mount on the peg in the last period, at the mount, in P; and the
     sum of the normal forces of all contacts at its end, N. The single contacts are those of the step that would follow
     with the present inputs. A stepper is a spring-damper whose torque is limited to the holding torque. The rates of
@@ -297,16 +297,13 @@ class ExactPlant(LeafSystem):
 
     Args:
         scenario: resolved.
-        step: largest time step, s.
     """
 
     sensor = 0
 
-    def __init__(self, scenario: Scenario, step: float = STEP) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         super().__init__()
-        period = scenario.contact.time_step
-        self._count = math.ceil(period / step - 1e-9)
-        self._step = period / self._count
+        self._step = scenario.contact.time_step / STEPS
         self._chamfer = scenario.geometry.chamfer
         m = Mechanics.of(scenario)
         self._constants = self.DeclareAbstractParameter(Value[object]((Bodies.of(scenario), m)))
@@ -318,7 +315,7 @@ class ExactPlant(LeafSystem):
         self._motion = self.DeclareDiscreteState(np.zeros(2 * FREEDOMS))
         self._held = self.DeclareDiscreteState(np.array([0.0, 0.0, self.weight, 0.0, 0.0, 0.0]))
         self._load = self.DeclareDiscreteState(np.zeros(1))
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(scenario.contact.time_step, 0.0, self._update)
         motion, measurement = {self.discrete_state_ticket(self._motion)}, {self.discrete_state_ticket(self._held)}
         self.carriage_state = self.DeclareVectorOutputPort("carriage_state", 2, self._calc_carriage, motion)
         self.gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 4, self._calc_gimbal, motion)
@@ -327,9 +324,9 @@ class ExactPlant(LeafSystem):
         )
 
     @staticmethod
-    def AddToBuilder(builder: DiagramBuilder, scenario: Scenario, step: float = STEP) -> ExactPlant:
+    def AddToBuilder(builder: DiagramBuilder, scenario: Scenario) -> ExactPlant:
         """Adds the plant of a resolved scenario; its bodies are those of `systems.plant.contact_plant.AddRigPlant`."""
-        plant: ExactPlant = builder.AddNamedSystem("plant", ExactPlant(scenario, step))
+        plant: ExactPlant = builder.AddNamedSystem("plant", ExactPlant(scenario))
         return plant
 
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
@@ -400,7 +397,7 @@ class ExactPlant(LeafSystem):
         return np.concatenate([q, v]), wrench, (found, points, normals, forces)
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        motion, wrench, (found, _, _, forces) = self._advanced(context, self._count)
+        motion, wrench, (found, _, _, forces) = self._advanced(context, STEPS)
         discrete_state.set_value(self._motion, motion)
         discrete_state.set_value(self._held, wrench)
         discrete_state.set_value(self._load, [forces[:found].sum()])

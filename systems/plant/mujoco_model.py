@@ -7,15 +7,24 @@ floor lies below. A box is wider than its side; its ends lie within its neighbou
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Self
 
+import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from models.scenario import Geometry, Scenario
+from skill.arrays import Array
 from systems.plant.contact_plant import AddRigPlant
+
+STEPS = 20
+"""Steps of MuJoCo in a contact time step of a scenario."""
+
+NOMINAL = Scenario()
 
 PEG, BLOCK = 'contype="2" conaffinity="1"', 'contype="1" conaffinity="2"'
 
@@ -24,25 +33,34 @@ PEG, BLOCK = 'contype="2" conaffinity="1"', 'contype="1" conaffinity="2"'
 class MujocoContact:
     """Parameters of MuJoCo's contact.
 
-    The defaults are those of the rig; they do not chatter in the planar cases of `benchmarks.physics.convergence`.
-    MuJoCo's contact has a prescribed acceleration, so that its compliance depends on the masses in contact: with the
-    same parameters the overlap on the rig is several times that of the planar peg.
+    The defaults are those of the nominal scenario; `of` gives those of another one. MuJoCo's contact has a prescribed
+    acceleration, so that its compliance depends on the masses in contact: with the same parameters the overlap on the
+    rig is several times that of the planar peg. It falls with the square of the time constant. A time constant of
+    fewer than about twelve steps, or a higher impedance, makes a sliding peg chatter between the walls.
 
     Attributes:
         boxes: number of boxes in the ring.
         time_step: s.
-        time_constant: of a contact's return to zero overlap, in time steps; MuJoCo raises values below 2 to 2.
-        impedance: minimum and maximum part of a contact's acceleration that is removed as for rigid bodies, and the
-            overlap over which it grows from one to the other, m.
+        time_constant: of a contact's return to zero overlap, s; MuJoCo raises it to two time steps.
+        impedance: part of a contact's acceleration that is removed as for rigid bodies.
         precision: of the distances between bodies, m. MuJoCo's own default of 1e-6 is as large as the overlaps here:
             the normals are then noise, and pegs stick where they should slide.
     """
 
     boxes: int = 64
-    time_step: float = 5e-4
-    time_constant: float = 6.0
-    impedance: tuple[float, float, float] = (0.8, 0.8, 1e-4)
+    time_step: float = 1e-4
+    time_constant: float = 1.2e-3
+    impedance: float = 0.7
     precision: float = 1e-12
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Self:
+        """Returns the parameters with which the overlap keeps its part of the clearance under the guard's limit."""
+        load = scenario.controller.guard.force_limit / NOMINAL.controller.guard.force_limit
+        clearance = scenario.geometry.clearance / NOMINAL.geometry.clearance
+        return cls(
+            time_step=scenario.contact.time_step / STEPS, time_constant=cls.time_constant * math.sqrt(clearance / load)
+        )
 
 
 def document(contact: MujocoContact, friction: float, gravity: float, bodies: str, rest: str = "") -> str:
@@ -55,15 +73,14 @@ def document(contact: MujocoContact, friction: float, gravity: float, bodies: st
         bodies: MJCF elements of the world body.
         rest: further MJCF elements.
     """
-    impedance = " ".join(f"{v:g}" for v in contact.impedance)
     return f"""
 <mujoco>
   <compiler angle="radian"/>
   <option timestep="{contact.time_step}" gravity="0 0 {-gravity}" cone="elliptic" integrator="implicitfast"
           ccd_tolerance="{contact.precision}" ccd_iterations="200"/>
   <default>
-    <geom friction="{friction} 0 0" condim="3" solref="{contact.time_constant * contact.time_step} 1"
-          solimp="{impedance}"/>
+    <geom friction="{friction} 0 0" condim="3" solref="{contact.time_constant} 1"
+          solimp="{contact.impedance} {contact.impedance} 1e-4"/>
   </default>
   <worldbody>{bodies}</worldbody>
   {rest}
@@ -153,6 +170,34 @@ def rig_document(scenario: Scenario, contact: MujocoContact) -> str:
   <sensor><force site="sensor"/><torque site="sensor"/></sensor>"""
     gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
     return document(contact, scenario.contact.friction, gravity, bodies, rest)
+
+
+def peg_document(scenario: Scenario, contact: MujocoContact) -> str:
+    """The MJCF document of a free peg, with the coupling's virtual mass and inertia about its tip, in a fixed bore."""
+    g, coupling = scenario.geometry, scenario.coupling
+    inertia = " ".join(3 * [f"{coupling.peg_inertia}"])
+    bodies = f"""
+    {bore(g, contact.boxes)}
+    <body name="peg">
+      <freejoint/>
+      <inertial pos="0 0 0" mass="{coupling.peg_mass}" diaginertia="{inertia}"/>
+      {peg(g)}
+    </body>"""
+    return document(contact, scenario.contact.friction, 0.0, bodies)
+
+
+def forces_on_the_peg(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, Array, Array]:
+    """Returns points, unit normals towards the peg, and forces on the peg, of the n contacts of the last step.
+
+    Each is (n, 3), in W, in m and N.
+    """
+    found, local = data.contact, np.zeros((data.ncon, 6))
+    for k in range(data.ncon):
+        mujoco.mj_contactForce(model, data, k, local[k])
+    # A contact's normal points from its first to its second geom; the one of a cylinder is the peg.
+    second = model.geom_type[found.geom[:, 1]] == mujoco.mjtGeom.mjGEOM_CYLINDER
+    frames = np.where(second[:, None, None], 1.0, -1.0) * found.frame.reshape(-1, 3, 3)
+    return np.array(found.pos), frames[:, 0], np.einsum("nij,ni->nj", frames, local[:, :3])
 
 
 def _inertial(plant: MultibodyPlant, name: str) -> str:

@@ -18,7 +18,7 @@ from pydrake.systems.framework import (
 
 from models.scenario import Scenario
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
-from systems.plant.mujoco_model import MujocoContact, rig_document
+from systems.plant.mujoco_model import STEPS, MujocoContact, forces_on_the_peg, rig_document
 
 KEPT = mujoco.mjtState.mjSTATE_PHYSICS | mujoco.mjtState.mjSTATE_WARMSTART
 """The parts of MuJoCo's state that, with the inputs, determine the next step."""
@@ -37,8 +37,8 @@ class MujocoPlant(LeafSystem):
         - gimbal_state
         - reaction_forces
 
-    A `systems.plant.rig_plant.RigPlant`. In every period, the contact time step of the scenario, it takes as many of
-    MuJoCo's steps as fill the period. The discrete state has three groups: MuJoCo's positions, velocities and warm
+    A `systems.plant.rig_plant.RigPlant`. In every period, the contact time step of the scenario, it takes `STEPS`
+    of MuJoCo's steps. The discrete state has three groups: MuJoCo's positions, velocities and warm
     start; the force (N) and torque (N m) of the mount on the peg, at the mount, in P, as measured by MuJoCo's sensor in
     the last step; and the sum of the overlaps of all contacts in the last step, m. The single contacts are those of the
     step that would follow with the present inputs. The steppers are MuJoCo's position actuators, with the holding
@@ -46,25 +46,15 @@ class MujocoPlant(LeafSystem):
 
     Args:
         scenario: resolved.
-        contact: parameters of MuJoCo's contact.
-
-    Raises:
-        ValueError: if MuJoCo's time step does not divide the period.
     """
 
     sensor = 0
 
-    def __init__(self, scenario: Scenario, contact: MujocoContact) -> None:
+    def __init__(self, scenario: Scenario) -> None:
         super().__init__()
-        period = scenario.contact.time_step
-        self._count = round(period / contact.time_step)
-        if self._count < 1 or abs(self._count * contact.time_step - period) > 1e-9:
-            raise ValueError(
-                f"MuJoCo's time step is {contact.time_step} s, expected a part of contact.time_step {period} s"
-            )
-        self._model = mujoco.MjModel.from_xml_string(rig_document(scenario, contact))
-        model = self._model
-        self._size = mujoco.mj_stateSize(model, KEPT)
+        model = mujoco.MjModel.from_xml_string(rig_document(scenario, MujocoContact.of(scenario)))
+        self._constants = self.DeclareAbstractParameter(Value[object](model))
+        self._size, self._nq = mujoco.mj_stateSize(model, KEPT), model.nq
         at = {name: model.joint(name).qposadr[0] for name in ("feed", "pitch", "yaw")}
         self._feed, self._gimbal = at["feed"], [at["pitch"], at["yaw"]]
         self._tip = -scenario.sensor.height
@@ -86,7 +76,7 @@ class MujocoPlant(LeafSystem):
             ValueProducer(lambda: Value[object](mujoco.MjData(model)), ValueProducer.NoopCalc),
             {self.nothing_ticket()},
         )
-        self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
+        self.DeclarePeriodicDiscreteUpdateEvent(scenario.contact.time_step, 0.0, self._update)
         motion, measurement = {self.discrete_state_ticket(self._kept)}, {self.discrete_state_ticket(self._held)}
         self.carriage_state = self.DeclareVectorOutputPort("carriage_state", 2, self._calc_carriage, motion)
         self.gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 4, self._calc_gimbal, motion)
@@ -95,23 +85,27 @@ class MujocoPlant(LeafSystem):
         )
 
     @staticmethod
-    def AddToBuilder(builder: DiagramBuilder, scenario: Scenario, contact: MujocoContact) -> MujocoPlant:
+    def AddToBuilder(builder: DiagramBuilder, scenario: Scenario) -> MujocoPlant:
         """Adds the plant of a resolved scenario; its bodies are those of `systems.plant.contact_plant.AddRigPlant`."""
-        plant: MujocoPlant = builder.AddNamedSystem("plant", MujocoPlant(scenario, contact))
+        plant: MujocoPlant = builder.AddNamedSystem("plant", MujocoPlant(scenario))
         return plant
 
     def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
         """See `RigPlant`."""
         own = self.GetMyMutableContextFromRoot(context)
-        data = mujoco.MjData(self._model)
+        model = self._model_in(own)
+        data = mujoco.MjData(model)
         data.qpos[self._feed], data.qpos[self._gimbal] = carriage, [pitch, yaw]
         kept = np.zeros(self._size)
-        mujoco.mj_getState(self._model, data, kept, KEPT)
+        mujoco.mj_getState(model, data, kept, KEPT)
         own.SetDiscreteState(self._kept, kept)
 
     def set_trial(self, context: Context, trial: Scenario) -> float:
-        """See `RigPlant`: a model of MuJoCo is compiled once."""
-        raise TypeError("MuJoCo's plant cannot change its trial; build a rig for each")
+        """See `RigPlant`: another model of the same size is compiled."""
+        model = mujoco.MjModel.from_xml_string(rig_document(trial, MujocoContact.of(trial)))
+        own = self.GetMyMutableContextFromRoot(context)
+        own.get_mutable_abstract_parameter(self._constants).set_value(model)
+        return _inertia(model, "pitch")
 
     def tip_height(self, context: Context) -> float:
         """See `RigPlant`."""
@@ -122,8 +116,9 @@ class MujocoPlant(LeafSystem):
         """See `RigPlant`."""
         own = self.GetMyContextFromRoot(context)
         data = self._scratch.Eval(own)
-        mujoco.mj_setState(self._model, data, own.get_discrete_state(self._kept).value(), KEPT)
-        mujoco.mj_kinematics(self._model, data)
+        model = self._model_in(own)
+        mujoco.mj_setState(model, data, own.get_discrete_state(self._kept).value(), KEPT)
+        mujoco.mj_kinematics(model, data)
         X_WH, X_WP = _poses(data)
         return X_WH.inverse() @ X_WP
 
@@ -133,29 +128,26 @@ class MujocoPlant(LeafSystem):
 
     def contacts(self, context: Context) -> list[Contact]:
         """See `RigPlant`."""
-        data = self._loaded(self.GetMyContextFromRoot(context))
-        mujoco.mj_forward(self._model, data)
-        found = data.contact
-        forces, force = np.zeros(data.ncon), np.zeros(6)
-        for k in range(data.ncon):
-            mujoco.mj_contactForce(self._model, data, k, force)
-            forces[k] = force[0]
-        # A contact's normal points from its first to its second geom; the one of a cylinder is the peg.
-        second = self._model.geom_type[found.geom[:, 1]] == mujoco.mjtGeom.mjGEOM_CYLINDER
-        normals = np.where(second[:, None], 1.0, -1.0) * found.frame[:, :3]
+        own = self.GetMyContextFromRoot(context)
+        model, data = self._model_in(own), self._loaded(own)
+        mujoco.mj_forward(model, data)
+        points, normals, forces = forces_on_the_peg(model, data)
         X_WH, X_WP = _poses(data)
-        parts = NormalForces(np.array(found.pos), normals, forces)
+        parts = NormalForces(points, normals, (forces * normals).sum(axis=1))
         return single_contacts(parts, X_WH, X_WH.inverse() @ X_WP, chamfer=self._chamfer)
 
-    def advance(self, data: mujoco.MjData) -> None:
+    def advance(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Takes the steps of one period."""
-        mujoco.mj_step(self._model, data, nstep=self._count)
+        mujoco.mj_step(model, data, nstep=STEPS)
+
+    def _model_in(self, own: Context) -> mujoco.MjModel:
+        return own.get_abstract_parameter(self._constants).get_value()
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        data = self._loaded(context)
-        self.advance(data)
+        model, data = self._model_in(context), self._loaded(context)
+        self.advance(model, data)
         kept = np.zeros(self._size)
-        mujoco.mj_getState(self._model, data, kept, KEPT)
+        mujoco.mj_getState(model, data, kept, KEPT)
         discrete_state.get_mutable_vector(self._kept).SetFromVector(kept)
         discrete_state.get_mutable_vector(self._held).SetFromVector(data.sensordata)
         discrete_state.get_mutable_vector(self._overlap).SetFromVector(
@@ -165,18 +157,18 @@ class MujocoPlant(LeafSystem):
     def _loaded(self, context: Context) -> mujoco.MjData:
         """MuJoCo's data with the state and the inputs of a context of this system."""
         data = self._scratch.Eval(context)
-        mujoco.mj_setState(self._model, data, context.get_discrete_state(self._kept).value(), KEPT)
+        mujoco.mj_setState(self._model_in(context), data, context.get_discrete_state(self._kept).value(), KEPT)
         data.ctrl[0] = self.carriage_force.Eval(context)[0]
         data.ctrl[1:3] = self.gimbal_equilibrium.Eval(context)[:2]
         return data
 
     def _calc_carriage(self, context: Context, output: BasicVector) -> None:
         kept = context.get_discrete_state(self._kept).value()
-        output.SetFromVector([kept[self._feed], kept[self._model.nq + self._feed]])
+        output.SetFromVector([kept[self._feed], kept[self._nq + self._feed]])
 
     def _calc_gimbal(self, context: Context, output: BasicVector) -> None:
         kept = context.get_discrete_state(self._kept).value()
-        output.SetFromVector([*kept[self._gimbal], *kept[self._model.nq + np.array(self._gimbal)]])
+        output.SetFromVector([*kept[self._gimbal], *kept[self._nq + np.array(self._gimbal)]])
 
     def _calc_reaction(self, context: Context, output: AbstractValue) -> None:
         held = context.get_discrete_state(self._held).value()

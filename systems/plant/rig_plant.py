@@ -65,9 +65,6 @@ class RigPlant(Protocol):
 
         Returns:
             `turning_inertia` with this pivot, kg m^2.
-
-        Raises:
-            TypeError: if the engine cannot.
         """
 
     def tip_height(self, context: Context) -> float:

@@ -1,4 +1,4 @@
-"""Draws the plant, cut open at millimetre scale, and the contact force on the peg into Meshcat."""
+"""Aims Meshcat at millimetre scale, and records its scene as one HTML page with a legend."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ from pathlib import Path
 from string import Template
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatParams, MeshcatVisualizer, MeshcatVisualizerParams, Role
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.geometry import Meshcat, MeshcatParams
 
 from skill.arrays import Array
 from skill.data.files import write_atomically
 from skill.states.state_style import state_colours
-from systems.plant.contact_plant import ContactPlant
-from systems.visualization.force_display import FORCE_COLOUR, NEWTONS_PER_CENTIMETRE, ForceDisplay
-from systems.visualization.state_display import PATH, PLANT
+from systems.visualization.plant_display import FORCE_COLOUR, NEWTONS_PER_CENTIMETRE
+from systems.visualization.state_display import PATH
 
 logging.getLogger("drake").setLevel(logging.WARNING)  # hides the address that every Meshcat logs
 
@@ -30,23 +28,6 @@ RECORDING_FIELD = 42.0  # in units of deg, vertical field of view
 LOCAL_HOST = "127.0.0.1"  # Meshcat checks nobody: only this machine may reach it
 FRAME = 1 / 32  # in units of s, between two pictures
 LEGEND = Path(__file__).with_name("legend.html")
-
-
-def AddVisualization(*, builder: DiagramBuilder, contact: ContactPlant, meshcat: Meshcat) -> None:
-    """Adds to a diagram what draws peg, block and the force on the peg.
-
-    Args:
-        builder: builder of the diagram.
-        contact: the plant.
-        meshcat: Meshcat to draw into; its camera is not moved.
-    """
-    MeshcatVisualizer.AddToBuilder(
-        builder,
-        contact.scene_graph,
-        meshcat,
-        MeshcatVisualizerParams(role=Role.kIllustration, prefix=PLANT, publish_period=FRAME),
-    )
-    ForceDisplay.AddToBuilder(builder=builder, contact=contact, meshcat=meshcat, period=FRAME)
 
 
 @contextmanager

@@ -8,9 +8,9 @@ from pydrake.systems.framework import Context, EventStatus, LeafSystem
 
 from models.scenario import Geometry
 from skill.states.state_style import state_colours
+from systems.visualization.plant_display import PLANT
 
 PATH = "contact_state"
-PLANT = "visualizer"  # path of the plant
 
 
 class StateDisplay(LeafSystem):

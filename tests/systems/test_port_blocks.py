@@ -10,7 +10,7 @@ import yaml
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import BodyIndex
-from pydrake.systems.framework import DiagramBuilder, LeafSystem
+from pydrake.systems.framework import LeafSystem
 
 import systems
 from models.hardware import DEVICE_PRESETS
@@ -20,12 +20,12 @@ from systems.control.force_guard import StoppingModel
 from systems.control.self_check import MovingParts
 from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
-from systems.plant.contact_plant import AddVirtualPlant
-from systems.plant.mujoco_model import MujocoContact
+from systems.plant.exact_plant import ExactPlant
 
 S = Scenario()
 X = RigidTransform()
 
+TRIAL = resolve_scenario(S, seed=0, stream=TRIAL_STREAM)
 ARGUMENTS = {
     "BodyPose": lambda skill: {"body": BodyIndex(1)},
     "DcMotor": lambda skill: {"parameters": S.feed, "period": 1e-3},
@@ -46,9 +46,6 @@ ARGUMENTS = {
         "policy": skill,
         "parameters": S.controller,
         "peg_radius": 0.01,
-    },
-    "ForceDisplay": lambda skill: {
-        **{"meshcat": Meshcat(), "contact": AddVirtualPlant(DiagramBuilder(), S), "period": 0.03},
     },
     "ForceGuard": lambda skill: {
         "parameters": S.controller.guard,
@@ -71,10 +68,12 @@ ARGUMENTS = {
         **{"load_limit": 50.0, "peg_radius": 0.01},
     },
     "ExactPeg": lambda skill: {"scenario": S},
-    "ExactPlant": lambda skill: {"scenario": resolve_scenario(S, seed=0, stream=TRIAL_STREAM)},
-    "MujocoPlant": lambda skill: {
-        "scenario": resolve_scenario(S, seed=0, stream=TRIAL_STREAM),
-        "contact": MujocoContact(),
+    "ExactPlant": lambda skill: {"scenario": TRIAL},
+    "MujocoPeg": lambda skill: {"scenario": S},
+    "MujocoPlant": lambda skill: {"scenario": TRIAL},
+    "PegDisplay": lambda skill: {"scenario": S, "meshcat": Meshcat(), "period": 0.03},
+    "RigDisplay": lambda skill: {
+        **{"scenario": TRIAL, "plant": ExactPlant(TRIAL), "meshcat": Meshcat(), "period": 0.03},
     },
     "PassivityObserver": lambda skill: {"period": 1e-3, "X_HD_start": X},
     "SimulatedOperator": lambda skill: {
@@ -150,6 +149,7 @@ def test_only_the_listed_outputs_have_direct_feedthrough(dut, kind):
         "DriveMonitor": set(),
         "ExactPeg": set(),
         "ExactPlant": set(),
+        "MujocoPeg": set(),
         "MujocoPlant": set(),
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
         "LocalPeg": set(),

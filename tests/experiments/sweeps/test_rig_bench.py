@@ -32,7 +32,7 @@ def short_source(engine="drake", **changes):
     return replace(TrialSource(scenario, Arm.DEFAULT, "p" * 16, "push", "{}"), **changes)
 
 
-@pytest.mark.parametrize("engine", ["drake", "exact"])
+@pytest.mark.parametrize("engine", ["drake", "exact", "mujoco"])
 def test_trials_of_one_cell_share_a_rig_and_equal_those_of_new_rigs(built, engine):
     arm = Arm.STRESS
     source = short_source(engine, arm=arm)
@@ -53,11 +53,3 @@ def test_another_cell_gets_another_rig(built):
     perform(short_source(scenario=changed), Push(), 84100, {})
     perform(short_source(scenario=changed), Push(), 84101, {})
     assert len(built) == 3
-
-
-def test_in_mujoco_each_trial_has_its_own_rig(built):
-    pytest.importorskip("mujoco")
-    source = short_source("mujoco")
-    for number in (84100, 84101):
-        perform(source, Push(), number, {})
-    assert built == ["mujoco", "mujoco"]

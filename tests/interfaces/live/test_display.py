@@ -37,9 +37,6 @@ class Recorder(Canvas):
         self.clicks, self.keys, self.values = set(), {}, {}
         self.scene = self.controls = self
 
-    def draw_plant(self, contact):
-        self.plant = contact
-
     def SetCameraPose(self, camera_in_world, target_in_world):
         self.camera, self.target = np.array(camera_in_world), np.array(target_in_world)
 

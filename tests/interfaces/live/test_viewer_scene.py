@@ -5,7 +5,18 @@ import asyncio
 import numpy as np
 import pytest
 import umsgpack
-from pydrake.geometry import Cylinder, Mesh, Meshcat, MeshcatCone, MeshcatParams, Rgba, Sphere
+from pydrake.geometry import (
+    Cylinder,
+    Mesh,
+    Meshcat,
+    MeshcatCone,
+    MeshcatParams,
+    MeshcatVisualizer,
+    MeshcatVisualizerParams,
+    Rgba,
+    Role,
+    Sphere,
+)
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 from tornado.websocket import websocket_connect
@@ -14,7 +25,8 @@ from interfaces.live.messages import Outbox
 from interfaces.live.viewer_scene import ViewerScene
 from models.scenario import Scenario
 from systems.plant.contact_plant import AddVirtualPlant
-from systems.visualization.meshcat_scene import AddVisualization, aim_camera
+from systems.visualization.meshcat_scene import aim_camera
+from systems.visualization.plant_display import draw_bodies
 
 POSE = RigidTransform(RotationMatrix.MakeXRotation(0.3), [1.0, 2.0, 3.0])
 IGNORED = {"uuid", "vertexColors", "linewidth", "reflectivity", "wireframe", "wireframeLineWidth"}  # Drake's defaults
@@ -90,14 +102,16 @@ def test_peg_and_block_look_as_drake_draws_them():
     outbox = Outbox()
     builder = DiagramBuilder()
     contact = AddVirtualPlant(builder, Scenario())
-    AddVisualization(builder=builder, contact=contact, meshcat=reference)
-    ViewerScene(outbox).draw_plant(contact)
+    MeshcatVisualizer.AddToBuilder(
+        builder, contact.scene_graph, reference, MeshcatVisualizerParams(role=Role.kIllustration, prefix="theirs")
+    )
+    assert set(draw_bodies(ViewerScene(outbox), contact)) == {"plant/peg/peg", "plant/hole/block"}
     diagram = builder.Build()
     diagram.ForcedPublish(diagram.CreateDefaultContext())
     theirs, ours = sent_by(reference), by_key(outbox.since(0)[1])
     paths = {
-        "/drake/plant/peg/peg::peg_picture": "/drake/visualizer/peg/peg/peg/peg_picture",
-        "/drake/plant/hole/hole::block_picture": "/drake/visualizer/hole/block/hole/block_picture",
+        "/drake/plant/peg/peg/peg::peg_picture": "/drake/theirs/peg/peg/peg/peg_picture",
+        "/drake/plant/hole/block/hole::block_picture": "/drake/theirs/hole/block/hole/block_picture",
     }
     assert ours.keys() == {(kind, path, None) for kind in ("set_object", "set_transform") for path in paths}
     for (kind, path, _), message in ours.items():

@@ -133,12 +133,3 @@ def test_the_block_that_leans_on_the_peg_has_the_moment_of_its_contacts(scenario
     assert mouth.point[2] > end.point[2] > tip - 1e-3
     # The mount balances the contact. What is missing of the lateral force is friction around the peg.
     np.testing.assert_allclose(force[:2], -held[:2], atol=0.1 * mouth.force)
-
-
-def test_a_rig_of_mujoco_cannot_change_its_trial(quick_scenario, skill):
-    pytest.importorskip("mujoco")
-    quick_scenario.contact.engine = "mujoco"
-    resolved = trial_scenario(quick_scenario, number=1000)
-    rig = MakeRig(resolved, skill)
-    with pytest.raises(TypeError, match="MuJoCo's plant cannot change its trial"):
-        rig.set_trial(rig.diagram.CreateDefaultContext(), resolved)

@@ -23,7 +23,7 @@ def test_the_mount_deflects_by_force_over_stiffness_and_the_sensor_measures_the_
     data.ctrl[0] = hanging_weight(scenario)
     force = np.array([12.0, -7.0, 0.0])  # at the peg's centre of mass
     data.xfrc_applied[model.body("peg").id, :3] = force
-    mujoco.mj_step(model, data, nstep=200)
+    mujoco.mj_step(model, data, nstep=1000)
     moved = [data.qpos[model.joint(name).qposadr[0]] for name in ("mount_x", "mount_y")]
     np.testing.assert_allclose(moved, force[:2] / scenario.rig.mount_stiffness, rtol=1e-3)
     lever = np.array([0.0, 0.0, 0.5 * scenario.geometry.peg_length - scenario.sensor.height])

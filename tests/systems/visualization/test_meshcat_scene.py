@@ -78,7 +78,7 @@ def test_recording_is_one_page_that_shows_the_scene_and_marks_the_present_state(
         )
         [present] = np.flatnonzero(browser.run(shown, len(states)))
         assert browser.run("return document.querySelector('#legend .now').innerText") == states[present]
-        feed = "return viewer.scene_tree.find(['drake', 'visualizer', 'feed']).object.visible"
+        feed = "return viewer.scene_tree.find(['drake', 'plant', 'feed']).object.visible"
         assert browser.run(feed) is False
         picture = browser.screenshot()
         assert browser.errors() == []

@@ -39,7 +39,7 @@ def test_only_the_present_state_is_visible_at_the_height_of_the_carriage(state, 
     np.testing.assert_allclose(X.GetAsMatrix34(), [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -0.007]], atol=1e-12)
     for k in range(3):
         assert canvas.properties_at[f"contact_state/{k}", "visible", 1.5] == (k == shown)
-    assert canvas.properties_at["visualizer/feed", "visible", 1.5] is False  # the pegs replace the plant's picture
+    assert canvas.properties_at["plant/feed", "visible", 1.5] is False  # the pegs replace the plant's picture
 
 
 def test_the_state_is_published_from_the_start_in_every_period():
