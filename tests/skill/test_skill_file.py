@@ -114,7 +114,11 @@ def test_everything_that_the_skill_consists_of_is_restored(made_up_skill, tmp_pa
         3,
     )
     assert loaded.period_ == made_up_skill.period_
-    assert loaded.metadata_ == made_up_skill.metadata_ == {"demonstrations": 2, "good": 2, "geometry": GEOMETRY}
+    assert (
+        loaded.metadata_
+        == made_up_skill.metadata_
+        == {"demonstrations": 2, "good": 2, "geometry": GEOMETRY, "contexts": [1.0]}
+    )
     np.testing.assert_array_equal(loaded.sources_, made_up_skill.sources_)
     assert isinstance(loaded.features_, CanonicalFeatures)
     assert loaded.state_features_.get_params() == made_up_skill.state_features_.get_params()
