@@ -34,6 +34,7 @@ class BackOffParameters:
     worse_turn: float = math.radians(0.3)  # in units of rad
     worse_time: float = 0.2  # in units of s
     worse_depth: float = 0.05e-3  # in units of m; a smaller increase of the depth is no gain
+    reversal_depth: float = 2.0e-3  # in units of m; this much deeper than where turns were reversed they no longer are
     max_repeats: int = 4  # attempts that end like the one before, after which the policy has nothing new to try
 
 

@@ -50,6 +50,7 @@ class BackOffState:
         repeats: attempts in a row that ended like the one before.
         reversing: 1 if the turns of the policy are reversed, else 0.
         changes: how often that has changed within the present attempt.
+        reversed_at: depth where the turns were last reversed, m.
         watch: what tells whether the turns make it worse.
     """
 
@@ -62,11 +63,12 @@ class BackOffState:
     repeats: float = 0.0
     reversing: float = 0.0
     changes: float = 0.0
+    reversed_at: float = 0.0
     watch: TurnWatch = field(default_factory=TurnWatch, kw_only=True)
 
     def as_list(self) -> list[float]:
         """Returns the numbers of a discrete state, in the order of the attributes."""
-        attempt = (self.best, self.contact_state, self.repeats, self.reversing, self.changes)
+        attempt = (self.best, self.contact_state, self.repeats, self.reversing, self.changes, self.reversed_at)
         return [float(self.mode), self.elapsed, self.anchor, self.doubt, *attempt, *astuple(self.watch)]
 
     @classmethod
@@ -134,7 +136,8 @@ def back_off_step(
     at least ``worse_time``, all since the depth has last grown by ``worse_depth`` or the force was last as low, the
     turns are reversed at once, and the time without progress begins anew (``max_repeats`` times in an attempt). The end
     of an attempt in which the turns were reversed does not reverse them again. In the first attempt few turns are
-    wrong, and most such signs would be false.
+    wrong, and most such signs would be false. A reversal is a remedy for the place where the peg was stuck: when the
+    peg is deeper by ``reversal_depth``, the turns are those of the policy again.
 
     An attempt repeats the one before if it is not deeper and ended in the same contact state. After ``max_repeats``
     repetitions, and the back-off that follows, the policy has nothing new to try and gives up.
@@ -167,9 +170,12 @@ def back_off_step(
     elif _worse(p, state, here):
         elapsed = 0.0 if state.changes < p.max_repeats else state.elapsed
         changes = state.changes + 1.0
-        state = replace(state, elapsed=elapsed, reversing=1.0 - state.reversing, changes=changes, watch=here)
+        turned = replace(state, reversing=1.0 - state.reversing, reversed_at=depth)
+        state = replace(turned, elapsed=elapsed, changes=changes, watch=here)
     else:
         state = replace(state, watch=replace(state.watch, elapsed=state.watch.elapsed + period))
+    if state.reversing and depth >= state.reversed_at + p.reversal_depth:
+        state = replace(state, reversing=0.0)
     doubt = 0.0 if known and support >= 1.0 else state.doubt + period
     if depth - state.anchor >= p.stall_depth:
         state = replace(state, elapsed=0.0, anchor=depth, doubt=doubt)
@@ -203,4 +209,5 @@ def _attempt_over(p: BackOffParameters, state: BackOffState, depth: float, conta
         contact_state=float(contact_state),
         repeats=state.repeats + 1.0 if repeated else 0.0,
         reversing=1.0 - state.reversing if reverse else state.reversing,
+        reversed_at=depth if reverse else state.reversed_at,
     )

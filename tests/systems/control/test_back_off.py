@@ -274,6 +274,19 @@ def test_an_attempt_in_which_the_turns_were_reversed_is_not_reversed_again_at_it
     assert attempt(state, depth=0.005).state.reversing == 0.0
 
 
+@pytest.mark.parametrize("reverse", [turned, lambda: [attempt(later(), depth=0.003)]])
+def test_a_reversal_ends_where_the_peg_is_deeper_by_the_reversal_depth(reverse):
+    state = reverse()[-1].state
+    assert state.reversing == 1.0
+    start, turning = state.reversed_at, []
+    for gain in (0.0, 0.6 * P.reversal_depth, 0.99 * P.reversal_depth, 1.01 * P.reversal_depth, 0.5 * P.reversal_depth):
+        decision = step(state, depth=start + gain)
+        state = decision.state
+        turning.append(decision.turning)
+    assert start == pytest.approx(0.005 if reverse is turned else 0.003)
+    assert turning == [-1.0, -1.0, -1.0, 1.0, 1.0]
+
+
 def test_a_new_attempt_is_not_judged_by_the_force_of_the_last():
     state = attempt(BackOffState(), depth=0.005).state
     assert (state.watch.depth, state.watch.elapsed) == (pytest.approx(0.005 - 1.1 * P.distance), 0.0)
