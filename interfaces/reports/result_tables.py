@@ -94,13 +94,19 @@ def state_table(skill: ManipulationSkill) -> Table:
     return table
 
 
+SMALL_SHARE = 0.2
+"""A context with a smaller part of the demonstrations is often no side, but a peculiarity of these demonstrations."""
+
+
 def context_line(skill: ManipulationSkill) -> str:
-    """How many contexts a skill has, and how many demonstrations each of them."""
+    """How many contexts a skill has, how many demonstrations each of them, and what to show if that is too few."""
+    more = "more demonstrations, or `haptic-skill correct`, may tell sides apart; until then hard trials take longer"
     if skill.contexts_ is None:
-        return "a single context: the answers to own motions do not differ between demonstrations"
+        return f"a single context: forces answer to own motions alike in all good demonstrations; {more}"
     sizes = np.bincount(skill.contexts_.responsibilities_.argmax(axis=1), minlength=skill.contexts_.n_contexts_)
     listed = ", ".join(f"{chr(65 + k)} in {size}" for k, size in enumerate(sizes))
-    return f"{len(sizes)} contexts, by how the forces answer to own motions: {listed} good demonstrations"
+    line = f"{len(sizes)} contexts, by how the forces answer to own motions: {listed} good demonstrations"
+    return line if sizes.min() >= SMALL_SHARE * sizes.sum() else f"{line}; {more}"
 
 
 def discovered_table(states: Sequence[StateSummary]) -> Table:
