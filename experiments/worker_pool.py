@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import queue
 import signal
 import threading
 import time
@@ -110,7 +112,12 @@ class WorkerPool:
 
     def _abandon(self, waiting: set[Future[R]]) -> None:
         """Ends tasks whose results nobody waits for any more."""
-        self._executor().shutdown(kill_workers=True)
+        executor = self._executor()
+        # Loky forgets the tasks when it kills the workers, and then looks for those whose numbers are still queued.
+        with contextlib.suppress(queue.Empty):
+            while True:
+                executor._work_ids.get_nowait()
+        executor.shutdown(kill_workers=True)
 
 
 def run_in_processes(tasks: Iterable[Callable[[], R]], *, jobs: int) -> Iterator[R]:
