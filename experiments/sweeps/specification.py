@@ -172,7 +172,7 @@ class Document:
     demonstrations: dict[str, Any] = field(default_factory=dict)
     policies: dict[str, Any] = field(default_factory=dict)
     arms: list[str] = field(default_factory=lambda: [Arm.DEFAULT.value])
-    engines: list[str] = field(default_factory=list)
+    engines: list[str] = field(default_factory=lambda: ["exact"])
     clearance_rules: list[str] = field(default_factory=list)
     trials: TrialNumbers = field(default_factory=TrialNumbers)
 
@@ -200,7 +200,7 @@ def read_specification(path: Path) -> Specification:
         cells=make_cells(document.vary, document.design, where),
         policies=[_policy(name, own, document.demonstrations, where) for name, own in document.policies.items()],
         arms=[Arm(name) for name in document.arms],
-        engines=document.engines or [scenario.contact.engine],
+        engines=document.engines,
         rules=document.clearance_rules,
         first=document.trials.first,
         number=document.trials.number,
@@ -217,7 +217,7 @@ def _document_violations(document: Document) -> Iterator[Violation]:
         ("engines", document.engines, list(ENGINES)),
         ("clearance_rules", document.clearance_rules, list(RULES)),
     ):
-        if not set(chosen) <= set(known) or (not chosen and name == "arms"):
+        if not set(chosen) <= set(known) or (not chosen and name != "clearance_rules"):
             yield Violation(name, brief(chosen), f"a list of some of {known}")
         yield from _repetitions(name, chosen)
     yield from _outside("trials.first", document.trials.first, 0, 2**31 - 1)

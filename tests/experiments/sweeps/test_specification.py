@@ -109,7 +109,7 @@ def test_a_design_that_makes_no_sense_is_refused(vary, design, message):
 def test_the_defaults_are_one_set_of_thirty_and_twenty_default_trials_in_drake(tmp_path):
     found = read(tmp_path, PLAIN)
     (policy,) = found.policies
-    assert (found.title, found.arms, found.engines) == ("sweep", [Arm.DEFAULT], ["drake"])
+    assert (found.title, found.arms, found.engines) == ("sweep", [Arm.DEFAULT], ["exact"])
     assert (found.first, found.number) == (0, 20)
     plan = policy.demonstrations
     assert plan == DemonstrationPlan([0], good=24, bad=6)
@@ -144,6 +144,7 @@ def test_a_factor_of_the_training_changes_the_demonstrations_of_every_policy_tha
         ("trails: {number: 3}\n" + PLAIN, "unknown key 'trails'"),
         ("arms: [hard]\n" + PLAIN, "arms is ['hard'], expected a list of some of"),
         ("engines: [drake, drake]\n" + PLAIN, "expected each one once"),
+        ("engines: []\n" + PLAIN, "expected a list of some of"),
         ("vary: {contact.frictoin: [0.1]}\n" + PLAIN, "unknown key 'contact.frictoin' of the scenario"),
         ("vary: {contact.friction: [-1]}\n" + PLAIN, "contact.friction is -1"),
         ("vary: {training.goods: [1]}\n" + PLAIN, "unknown key 'training.goods'"),

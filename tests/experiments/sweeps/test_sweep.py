@@ -31,7 +31,9 @@ def without_times(rows):
 
 
 def test_a_skill_performs_the_trials_of_the_rig(specification, perform, skill_file, scenario_file):
-    path = specification(policies={"mine": {"skill": str(skill_file)}}, trials={"first": 84010, "number": 3})
+    path = specification(
+        policies={"mine": {"skill": str(skill_file)}}, engines=["drake"], trials={"first": 84010, "number": 3}
+    )
     rows = perform(path).sort_values("trial")
     results = run_trials(
         load_scenario(scenario_file), ManipulationSkill.load(skill_file), [84010, 84011, 84012], jobs=1
