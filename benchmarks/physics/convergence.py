@@ -20,7 +20,7 @@ scenarios (64 facets, 1e10 Pa, 1 s/m, a chamfer that begins at the mouth).
 The last rows are rigid bodies in the exact engine (`systems.plant.exact_contact`), over their stiffness and step.
 
 With --mujoco (extra [mujoco]) the same peg also moves in MuJoCo, where it is an exact cylinder and the bore a ring of
-boxes (`systems.plant.mujoco_model`). The sweep `engines.yaml` compares the engines in trials of the rig.
+boxes (`systems.plant.mujoco_model`).
 """
 
 from __future__ import annotations
