@@ -46,7 +46,7 @@ from scripts.command_line import Jobs, ScenarioName
 from skill.features.measurement import contact_load
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
-from systems.control.faults import FEED_FAULTS
+from systems.steps.faults import FEED_FAULTS
 
 FIRST_TRIAL = 21000
 TOLERANCE = 1.2  # factor on the force limit

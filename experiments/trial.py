@@ -30,10 +30,10 @@ from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Ending, Outcome
 from skill.data.rig_run import CONTACT_COLUMNS, RigRun
 from skill.policy import RigPolicy
-from systems.control.faults import Fault, error_summary
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.rig import MakeRig
 from systems.rig_diagram import RigDiagram
+from systems.steps.faults import Fault, error_summary
 
 
 class TrialRecord:

@@ -12,11 +12,11 @@ from pydrake.systems.primitives import ConstantVectorSource, Demultiplexer, Mult
 from models.scenario import Scenario
 from skill.data.geometry import PegHoleGeometry, fit_difference
 from skill.policy import RigPolicy
-from systems.control.drive_monitor import DriveMonitor, Travel
+from systems.control.drive_monitor import DriveMonitor
 from systems.control.estimator import READINGS, PolicyEstimator
-from systems.control.force_guard import ForceGuard, StoppingModel
+from systems.control.force_guard import ForceGuard
 from systems.control.policy_controller import PolicyController
-from systems.control.self_check import MovingParts, SelfCheck
+from systems.control.self_check import SelfCheck
 from systems.control.sensor_monitor import SensorMonitor
 from systems.control.watchdog import COMMANDS, MONITORS, Watchdog
 from systems.hardware.dc_motor import DcMotor
@@ -28,6 +28,9 @@ from systems.plant.exact_plant import ExactPlant
 from systems.plant.rig_plant import RigPlant
 from systems.recording.run_recorder import AddRunRecorder, RunRecorder
 from systems.rig_diagram import RigDiagram, start_angles
+from systems.steps.force_guard import GuardLimits, StoppingModel
+from systems.steps.limits import check_limits, drive_limits, retract_limits, sensor_limits
+from systems.steps.policy_controller import ControllerLimits
 from systems.visualization.meshcat_scene import FRAME
 from systems.visualization.plant_display import RigDisplay
 from systems.visualization.state_display import StateDisplay
@@ -147,53 +150,23 @@ def _add_parts(
         ),
         controller=builder.AddNamedSystem(
             "policy_controller",
-            PolicyController(
-                policy=policy,
-                parameters=control,
-                peg_radius=scenario.geometry.peg_radius,
-            ),
+            PolicyController(policy=policy, limits=ControllerLimits.of(scenario, policy.period_)),
         ),
         monitor=builder.AddNamedSystem(
-            "sensor_monitor",
-            SensorMonitor(
-                sensor=sensor,
-                top_speed=scenario.feed.no_load_speed,
-                resolution=resolution,
-                depth_period=step,
-                load_limit=control.guard.force_limit,
-                peg_radius=scenario.geometry.peg_radius,
-            ),
+            "sensor_monitor", SensorMonitor(limits=sensor_limits(scenario), period=sensor.period)
         ),
-        drive_monitor=builder.AddNamedSystem(
-            "drive_monitor",
-            DriveMonitor(
-                parameters=control.drive_monitor,
-                motor=scenario.feed,
-                travel=Travel.of(scenario),
-                resolution=resolution,
-                period=step,
-            ),
-        ),
+        drive_monitor=builder.AddNamedSystem("drive_monitor", DriveMonitor(drive_limits(scenario))),
         self_check=builder.AddNamedSystem(
-            "self_check",
-            SelfCheck(
-                sensor=sensor,
-                motor=scenario.feed,
-                stepper=scenario.stepper,
-                parts=MovingParts.of(scenario, mass=plant.moving_mass, peg_weight=plant.weight),
-                drive_period=step,
+            "self_check", SelfCheck(check_limits(scenario, mass=plant.moving_mass, peg_weight=plant.weight))
+        ),
+        watchdog=builder.AddNamedSystem("watchdog", Watchdog(retract_limits(scenario))),
+        force_guard=builder.AddNamedSystem(
+            "force_guard",
+            ForceGuard(
+                limits=GuardLimits.of(scenario),
+                stopping=StoppingModel.of(scenario, mass=plant.moving_mass, inertia=plant.turning_inertia),
             ),
         ),
-        watchdog=builder.AddNamedSystem(
-            "watchdog",
-            Watchdog(
-                period=control.period,
-                retract_speed=control.back_off.retract_speed,
-                retract_time=control.back_off.time,
-                step_angle=scenario.stepper.step_angle,
-            ),
-        ),
-        force_guard=builder.AddNamedSystem("force_guard", _force_guard(scenario, plant)),
         motor=builder.AddNamedSystem("dc_motor", DcMotor(parameters=scenario.feed, period=step)),
         steppers={
             name: builder.AddNamedSystem(
@@ -202,18 +175,6 @@ def _add_parts(
             for name, angle in angles.items()
         },
         gimbal_angles=builder.AddNamedSystem("gimbal_angles", Demultiplexer(4)),
-    )
-
-
-def _force_guard(scenario: Scenario, plant: RigPlant) -> ForceGuard:
-    p = scenario.controller
-    return ForceGuard(
-        parameters=p.guard,
-        stopping=StoppingModel.of(scenario, mass=plant.moving_mass, inertia=plant.turning_inertia),
-        peg_radius=scenario.geometry.peg_radius,
-        max_turn_rate=p.max_turn_rate,
-        max_turn=p.max_turn,
-        retract_speed=p.back_off.retract_speed,
     )
 
 

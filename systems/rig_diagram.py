@@ -10,14 +10,15 @@ from pydrake.systems.framework import Context, Diagram
 
 from models.scenario import Scenario
 from skill.arrays import Array
-from systems.control.faults import Fault
-from systems.control.force_guard import ForceGuard, StoppingModel
+from systems.control.force_guard import ForceGuard
 from systems.control.policy_controller import PolicyController
 from systems.control.watchdog import Watchdog
 from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.plant.rig_plant import RigPlant
 from systems.recording.run_recorder import RunRecorder
+from systems.steps.faults import Fault
+from systems.steps.force_guard import StoppingModel
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Inpu
 
 from skill.arrays import Array
 from systems import rig as rig_module
-from systems.control.faults import Fault
 from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor
+from systems.steps.faults import Fault
 
 Change = Callable[[Array, float, dict[str, Any]], Array]
 """Returns a faulty reading from the sound one, the time since the fault began (s), and a memory of one trial."""

@@ -79,7 +79,7 @@ class ForceMetrics:
             wrench: true contact wrench (6,), as for `add_step`.
             extent: see `RigPlant.contact_extent`.
         """
-        load = load_of_components(wrench.tolist(), self.peg_radius)
+        load = load_of_components(*wrench, self.peg_radius)
         if extent <= 0.0 or (load <= GROWTH * self._largest_load and extent <= GROWTH * self._largest_extent):
             return False
         self._largest_load = max(load, self._largest_load)

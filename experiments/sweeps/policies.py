@@ -30,7 +30,7 @@ from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy, WrappedPolicy
 from skill.states.estimate import estimates
-from systems.control.faults import error_summary
+from systems.steps.faults import error_summary
 
 IMPORT_PATH = re.compile(r"[A-Za-z_][\w.]*:\w+")
 """What names something in a module."""

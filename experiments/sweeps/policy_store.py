@@ -38,7 +38,7 @@ from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.files import parse_object, write_atomically
 from skill.manipulation_skill import ManipulationSkill
 from skill.policy import RigPolicy
-from systems.control.faults import error_summary
+from systems.steps.faults import error_summary
 
 WAIT = 1.0
 """Time between two looks at what another sweep is making, s."""

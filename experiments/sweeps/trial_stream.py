@@ -16,7 +16,7 @@ from experiments.sweeps.result_blocks import Block, HeldBlock, hold
 from experiments.sweeps.trial_rows import Row, TrialSource, engine_versions, perform, trial_code
 from experiments.worker_pool import LostWorkerError, WorkerPool
 from skill.policy import RigPolicy
-from systems.control.faults import error_summary
+from systems.steps.faults import error_summary
 
 WRITE_PERIOD = 1.0
 """Longest time that the row of a trial waits to be written, s."""

@@ -27,7 +27,7 @@ from models.contact_geometry import ContactLabel
 from skill.arrays import Array
 from skill.data.demonstration import ACTIONS, Demonstration
 from skill.data.rig_run import RigRun
-from systems.control.faults import Fault
+from systems.steps.faults import Fault
 
 WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 

@@ -65,7 +65,7 @@ class ContactLoad:
 
     def take(self, sample: Mapping[Any, float]) -> None:
         """Takes a sample of the recorder; ignores one that is not finite, of a run that has diverged."""
-        load = load_of_components([sample[name] for name in WRENCH], self._radius)
+        load = load_of_components(*(sample[name] for name in WRENCH), self._radius)
         if math.isfinite(load):
             self.load, self.peak = load, max(self.peak, load)
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from models.hardware import StepperMotorParameters
-
-PERIOD_STEPS = 4  # full steps in one electrical period, the distance between two stable equilibria of the rotor
+from skill.arrays import Array
+from systems.steps.stepper_motor import SIZE, TAKEN, Axis, equilibrium_angle, shaft_angles, stepper_step
 
 
 class StepperMotor(LeafSystem):
@@ -27,7 +25,7 @@ class StepperMotor(LeafSystem):
 
     The driver holds the rotor at positions of 1/m of a full step, with m = ``microsteps``. Every period it moves its
     ramp position towards the one nearest to ``target_angle``, with a trapezoidal speed within ``max_step_rate`` and
-    ``max_step_acceleration`` (see `ramp_speed`). It takes every microstep that the ramp passes, and counts them open
+    ``max_step_acceleration`` (see `stepper_step`). It takes every microstep that the ramp passes, and counts them open
     loop. The rotor is held at the equilibrium
 
         theta_0 = theta_start + step (round(m position) / m + shift)
@@ -50,13 +48,11 @@ class StepperMotor(LeafSystem):
 
     def __init__(self, *, parameters: StepperMotorParameters, period: float, start_angle: float) -> None:
         super().__init__()
-        self._parameters = parameters
-        self._period = period
+        self._axis = Axis.of(parameters, period=period)
         self._start = self.DeclareNumericParameter(BasicVector([start_angle]))
         self._target = self.DeclareVectorInputPort("target_angle", 1)
         self._measured = self.DeclareVectorInputPort("measured_angle", 1)
-        # Ramp position and speed and slip of the rotor, in full steps, and the counts of microsteps taken and lost.
-        self._state = self.DeclareDiscreteState(np.zeros(5))
+        self._state = self.DeclareDiscreteState(SIZE)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._update)
         state = self.discrete_state_ticket(self._state)
         start = self.pn_ticket()
@@ -71,61 +67,22 @@ class StepperMotor(LeafSystem):
     def _start_angle(self, context: Context) -> float:
         return float(context.get_numeric_parameter(self._start).value()[0])
 
+    def _values(self, context: Context) -> Array:
+        return np.array(context.get_discrete_state(self._state).value())
+
+    def _turned(self, context: Context) -> float:
+        """The angle of the rotor relative to the start, rad."""
+        return float(self._measured.Eval(context)[0]) - self._start_angle(context)
+
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        # Plain floats: this runs at every step of the plant, and NumPy is slower for so few numbers.
-        p, microsteps = self._parameters, self._parameters.microsteps
-        position, speed, shift, taken, lost = context.get_discrete_state(self._state).value().tolist()
-        target = round(float(self._target.Eval(context)[0]) / p.step_angle * microsteps) / microsteps
-        previous = round(position * microsteps)
-        if target != position or speed != 0.0:
-            speed = ramp_speed(
-                target - position,
-                speed,
-                top=p.max_step_rate,
-                change=p.max_step_acceleration * self._period,
-                period=self._period,
-            )
-            position += speed * self._period
-        commanded = round(position * microsteps)
-        taken += abs(commanded - previous)
-        angle = (float(self._measured.Eval(context)[0]) - self._start_angle(context)) / p.step_angle
-        lag = angle - (commanded / microsteps + shift)
-        if abs(lag) > PERIOD_STEPS / 2:
-            shift += math.copysign(PERIOD_STEPS, lag)
-            lost += PERIOD_STEPS * microsteps
-        discrete_state.get_mutable_vector(self._state).SetFromVector([position, speed, shift, taken, lost])
+        target, state = self._target.Eval(context)[0], self._values(context)
+        discrete_state.set_value(self._state, stepper_step(self._axis, state, target, self._turned(context)))
 
     def _calc_equilibrium(self, context: Context, output: BasicVector) -> None:
-        position, _, shift, _, _ = context.get_discrete_state(self._state).value().tolist()
-        p = self._parameters
-        output[0] = self._start_angle(context) + p.step_angle * (round(position * p.microsteps) / p.microsteps + shift)
+        output[0] = self._start_angle(context) + equilibrium_angle(self._axis, self._values(context))
 
     def _calc_counts(self, context: Context, output: BasicVector) -> None:
-        output.SetFromVector(context.get_discrete_state(self._state).value()[3:])
+        output.SetFromVector(context.get_discrete_state(self._state).value()[TAKEN:])
 
     def _calc_shaft(self, context: Context, output: BasicVector) -> None:
-        position = context.get_discrete_state(self._state).value()[0]
-        resolution, microsteps = self._parameters.encoder_resolution, self._parameters.microsteps
-        measured = round((self._measured.Eval(context)[0] - self._start_angle(context)) / resolution) * resolution
-        output.SetFromVector([self._parameters.step_angle * round(position * microsteps) / microsteps, measured])
-
-
-def ramp_speed(distance: float, speed: float, *, top: float, change: float, period: float) -> float:
-    """Returns the speed (steps/s) of the next period on the fastest ramp that stops exactly at ``distance``.
-
-    Let c be ``change``, T ``period`` and d ``distance``. Braking from speed v by c in each of n periods covers the
-    distance T (n v - c n (n - 1) / 2). The ramp uses the smallest n whose last speed is at most c, and
-    v = d / (n T) + c (n - 1) / 2. The speed never changes by more than c in a period. If a new target is too near to
-    stop at, the ramp overshoots it and returns.
-
-    Args:
-        distance: Distance to the target, steps; positive or negative.
-        speed: Speed of the previous period, steps/s.
-        top: Maximum speed, steps/s.
-        change: Maximum change of speed in a period, steps/s.
-        period: Duration of a period, s.
-    """
-    sign = math.copysign(1.0, distance)
-    n = max(1, math.ceil(0.5 * (math.sqrt(1.0 + 8.0 * abs(distance) / (change * period)) - 1.0) - 1e-9))
-    braking = abs(distance) / (n * period) + 0.5 * change * (n - 1)
-    return sign * max(min(braking, top, sign * speed + change), sign * speed - change)
+        output.SetFromVector(shaft_angles(self._axis, self._values(context), self._turned(context)))

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from models import Array, contact_geometry
 from models.contact_geometry import GOLDEN, SAMPLES, TINY
 from models.scenario import Scenario
-from systems.math.compiled import compiled, inlined
+from skill.compiled import compiled, inlined
 
 GOLDEN_STEPS = 24
 """Number of golden-section steps; they shrink a bracket of two sample distances to 1.3e-6 rad. A minimum of the

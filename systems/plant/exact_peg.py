@@ -14,7 +14,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from models import Array
 from models.contact_geometry import TINY
 from models.scenario import Scenario
-from systems.math.compiled import compiled
+from skill.compiled import compiled
 from systems.math.rotation import free_body_pose
 from systems.plant.exact_contact import MAX_CONTACTS, STEPS, Bodies, find_contacts, match, solve_contacts, tangents
 

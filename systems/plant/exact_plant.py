@@ -19,7 +19,7 @@ from pydrake.systems.framework import (
 
 from models import Array
 from models.scenario import Scenario
-from systems.math.compiled import compiled
+from skill.compiled import compiled
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_contact import (

@@ -3,8 +3,8 @@ import pytest
 from benchmarks.faults import Row, inject, show, summary
 from benchmarks.rig.fault_injection import KINDS, Kind, injected, sensor
 from systems import rig as rig_module
-from systems.control.faults import Fault
 from systems.hardware.wrench_sensor import WrenchSensor
+from systems.steps.faults import Fault
 
 BLOCKED, STUCK = "pitch blocked", "sensor stuck"
 

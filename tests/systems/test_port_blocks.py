@@ -15,12 +15,12 @@ from pydrake.systems.framework import LeafSystem
 import systems
 from models.hardware import DEVICE_PRESETS
 from models.scenario import TRIAL_STREAM, Scenario, resolve_scenario
-from systems.control.drive_monitor import Travel
-from systems.control.force_guard import StoppingModel
-from systems.control.self_check import MovingParts
 from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
 from systems.plant.exact_plant import ExactPlant
+from systems.steps.force_guard import GuardLimits, StoppingModel
+from systems.steps.limits import check_limits, drive_limits, retract_limits, sensor_limits
+from systems.steps.policy_controller import ControllerLimits
 
 S = Scenario()
 X = RigidTransform()
@@ -44,29 +44,15 @@ ARGUMENTS = {
     },
     "PolicyController": lambda skill: {
         "policy": skill,
-        "parameters": S.controller,
-        "peg_radius": 0.01,
+        "limits": ControllerLimits.of(S, 0.02),
     },
     "ForceGuard": lambda skill: {
-        "parameters": S.controller.guard,
+        "limits": GuardLimits.of(S),
         "stopping": StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1600.0, turn_impact=340.0),
-        "peg_radius": 0.01,
-        "max_turn_rate": 0.2,
-        "max_turn": 0.1,
-        "retract_speed": 0.015,
     },
-    "DriveMonitor": lambda skill: {
-        **{"parameters": S.controller.drive_monitor, "motor": S.feed, "travel": Travel.of(S)},
-        **{"resolution": 5e-6, "period": 1e-3},
-    },
-    "SelfCheck": lambda skill: {
-        **{"sensor": S.sensor, "motor": S.feed, "stepper": S.stepper, "drive_period": 2e-3},
-        "parts": MovingParts.of(S, mass=1.0, peg_weight=1.4),
-    },
-    "SensorMonitor": lambda skill: {
-        **{"sensor": S.sensor, "top_speed": 0.4, "resolution": 5e-6, "depth_period": 1e-3},
-        **{"load_limit": 50.0, "peg_radius": 0.01},
-    },
+    "DriveMonitor": lambda skill: {"limits": drive_limits(S)},
+    "SelfCheck": lambda skill: {"limits": check_limits(S, mass=1.0, peg_weight=1.4)},
+    "SensorMonitor": lambda skill: {"limits": sensor_limits(S), "period": 1e-3},
     "ExactPeg": lambda skill: {"scenario": S},
     "ExactPlant": lambda skill: {"scenario": TRIAL},
     "MujocoPeg": lambda skill: {"scenario": S},
@@ -87,7 +73,7 @@ ARGUMENTS = {
         **{"meshcat": Meshcat(), "n_states": 1, "geometry": S.geometry, "home": 0.08, "period": 0.03},
     },
     "StepperMotor": lambda skill: {"parameters": S.stepper, "period": 1e-3, "start_angle": 0.0},
-    "Watchdog": lambda skill: {"period": 0.02, "retract_speed": 0.015, "retract_time": 0.4, "step_angle": 3e-3},
+    "Watchdog": lambda skill: {"limits": retract_limits(S)},
     "WrenchSensor": lambda skill: {"parameters": S.sensor, "seed": 0, "weld": 0, "tare": np.zeros(6)},
 }
 

@@ -10,8 +10,8 @@ from pydrake.systems.framework import EventStatus
 from experiments.trial import run_rig
 from models.scenario import FREE_FACETS, TRIAL_STREAM, load_scenario, resolve_scenario
 from skill.data.rig_run import LOGGED_COLUMNS
-from systems.control.force_guard import StoppingModel
 from systems.rig import MakeRig
+from systems.steps.force_guard import StoppingModel
 from tests.diagrams import state_of, unconnected_inputs, unused_plant_inputs
 
 NOT_CONNECTED = unused_plant_inputs() | {

@@ -6,7 +6,7 @@ import pytest
 from benchmarks.rig.control_laws import StraightPush
 from experiments.trial import Arm, run_trial, trial_scenario
 from interfaces.gym.agents import PolicyAgent, run_episode
-from systems.control.faults import Fault
+from systems.steps.faults import Fault
 
 TRIAL = 88000
 

@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.control import BackOffParameters
-from systems.control.back_off import BackOffMode, BackOffState, TurnWatch, back_off_step
+from systems.steps.back_off import BackOffMode, BackOffNumbers, BackOffState, back_off_step
 
-P = BackOffParameters()
+P = BackOffNumbers(*vars(BackOffParameters()).values())
 FEED = -0.01
 
 
@@ -16,14 +16,16 @@ CALM = {
     "depth": 0.0,
     "known": True,
     "support": 1.0,
-    "contact_state": 0,
-    "angles": (0.0, 0.0),
+    "contact_state": 0.0,
+    "pitch": 0.0,
+    "yaw": 0.0,
     "side": 0.0,
 }
 
 
 def step(state, *, feed=FEED, **measured):
-    return back_off_step(P, state, period=0.02, feed_speed=feed, **{**CALM, **measured})
+    floats = BackOffState.from_list(state)  # one type of each number, for which the step is compiled once
+    return back_off_step(P, floats, period=0.02, feed_speed=feed, **{**CALM, **measured})
 
 
 def test_without_load_the_feed_is_not_changed():
@@ -148,23 +150,23 @@ def test_a_peg_that_is_pushed_deeper_has_not_backed_off():
     """The back-off distance counts upwards only."""
     backing_off = BackOffState(BackOffMode.BACKING_OFF, elapsed=0.02, anchor=0.005)
     decision = step(backing_off, depth=backing_off.anchor + 1.1 * P.distance)
-    assert decision.state.mode is BackOffMode.BACKING_OFF
+    assert decision.state.mode == BackOffMode.BACKING_OFF
     assert decision.feed_speed == P.retract_speed
 
 
 def test_the_first_measurement_counts_as_progress_at_any_depth():
     """The first anchor is 1 m above the mouth, so that the time since progress begins with the run."""
-    assert BackOffState().as_list()[:8] == [0.0, 0.0, -1.0, 0.0, -1.0, -1.0, 0.0, 0.0]
+    assert list(BackOffState())[:8] == [0.0, 0.0, -1.0, 0.0, -1.0, -1.0, 0.0, 0.0]
     state = step(BackOffState(), depth=-0.05).state
     assert (state.anchor, state.elapsed) == (-0.05, 0.0)
 
 
-def attempt(state, *, depth, contact_state=0):
+def attempt(state, *, depth, contact_state=0.0):
     """Pushes at a depth until the peg is drawn back, and draws it back; returns the decision after it."""
-    while state.mode is BackOffMode.WORKING:
+    while state.mode == BackOffMode.WORKING:
         state = step(state, depth=depth, contact_state=contact_state).state
     decision = step(state, depth=depth - 1.1 * P.distance, contact_state=contact_state)
-    assert decision.state.mode is BackOffMode.WORKING or decision.given_up
+    assert decision.state.mode == BackOffMode.WORKING or decision.given_up
     return decision
 
 
@@ -222,8 +224,8 @@ def turned(*, degrees=1.0, rise=10.0, time=0.4, gain=0.0, state=None):
     count, decisions, state = round(time / 0.02), [], later() if state is None else state
     for k in range(count + 1):
         share = k / count
-        angles, side = (share * math.radians(degrees), 0.3), 3.0 + share * rise
-        decisions.append(step(state, depth=0.005 + share * gain, angles=angles, side=side))
+        pitch, side = share * math.radians(degrees), 3.0 + share * rise
+        decisions.append(step(state, depth=0.005 + share * gain, pitch=pitch, yaw=0.3, side=side))
         state = decisions[-1].state
     return decisions
 
@@ -258,9 +260,9 @@ def test_in_the_first_attempt_nothing_is_a_sign():
 def test_the_rise_counts_from_the_lowest_force():
     """A force that falls by 20 N and then rises by 10 N is noticed."""
     state = turned(rise=-20.0, time=0.1)[-1].state
-    start = state.watch.side
+    start = state.watch_side
     for k in range(21):
-        decision = step(state, depth=0.005, angles=(0.03 + 0.001 * k, 0.3), side=start + 0.5 * k)
+        decision = step(state, depth=0.005, pitch=0.03 + 0.001 * k, yaw=0.3, side=start + 0.5 * k)
         state = decision.state
     assert decision.turning == -1.0
 
@@ -289,24 +291,24 @@ def test_a_reversal_ends_where_the_peg_is_deeper_by_the_reversal_depth(reverse):
 
 def test_a_new_attempt_is_not_judged_by_the_force_of_the_last():
     state = attempt(BackOffState(), depth=0.005).state
-    assert (state.watch.depth, state.watch.elapsed) == (pytest.approx(0.005 - 1.1 * P.distance), 0.0)
+    assert (state.watch_depth, state.watch_time) == (pytest.approx(0.005 - 1.1 * P.distance), 0.0)
 
 
 def test_an_attempt_whose_turns_are_reversed_again_and_again_ends():
     """A force that rises in either direction of the turn must not keep the peg in place for ever."""
     state, reversals, time = (
-        BackOffState(anchor=0.005, best=0.005, contact_state=0.0, watch=TurnWatch(depth=0.005)),
+        BackOffState(anchor=0.005, best=0.005, contact_state=0.0, watch_depth=0.005),
         0,
         0.0,
     )
-    while state.mode is BackOffMode.WORKING:
+    while state.mode == BackOffMode.WORKING:
         start, sign = time, state.reversing
-        while state.mode is BackOffMode.WORKING and state.reversing == sign:
+        while state.mode == BackOffMode.WORKING and state.reversing == sign:
             time += 0.02
-            state = step(state, depth=0.005, angles=(0.05 * (time - start), 0.0), side=30.0 * (time - start)).state
+            state = step(state, depth=0.005, pitch=0.05 * (time - start), side=30.0 * (time - start)).state
             assert time < 10.0
-        reversals += state.mode is BackOffMode.WORKING
-        if state.mode is BackOffMode.WORKING:
+        reversals += state.mode == BackOffMode.WORKING
+        if state.mode == BackOffMode.WORKING:
             state = step(state, depth=0.005).state  # the force falls at once
     assert reversals > P.max_repeats
     assert time < 2.0 + P.stall_time

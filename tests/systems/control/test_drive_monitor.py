@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from models.control import DriveMonitorParameters
 from models.hardware import DcMotorParameters
 from models.scenario import Scenario
-from systems.control.drive_monitor import ENCODER_GAIN_ERROR, ENCODER_SLACK, DriveMonitor, Travel
-from systems.control.faults import Fault
+from systems.control.drive_monitor import DriveMonitor
+from systems.steps.drive_monitor import ENCODER_GAIN_ERROR, ENCODER_SLACK, DriveLimits, Travel
+from systems.steps.faults import Fault
 from tests.stepping import fixed_context, update
 
 P, MOTOR = DriveMonitorParameters(), DcMotorParameters()
@@ -17,11 +18,15 @@ LIMITS = Travel(upper=-0.013, lower=0.026)
 START = -0.003  # in units of m, depth
 
 
+def monitor(motor):
+    return DriveMonitor(DriveLimits.of(P, motor=motor, travel=LIMITS, resolution=RESOLUTION, period=PERIOD))
+
+
 class Feed:
     """A feed with its monitor, one period at a time."""
 
     def __init__(self, current=0.4, wrench=(0.0,) * 6, depth=START):
-        self.dut = DriveMonitor(parameters=P, motor=MOTOR, travel=LIMITS, resolution=RESOLUTION, period=PERIOD)
+        self.dut = monitor(MOTOR)
         self.travel, self.depth = 0.080 - depth, depth
         self.context = fixed_context(
             self.dut, feed_speed=[0.0], wrench=wrench, depth=[depth], current=[current], travel=[self.travel]
@@ -107,9 +112,7 @@ def test_a_feed_that_does_not_move_is_stalled_or_dead_or_blocked_by_the_contact(
 
 
 def test_a_drive_without_an_integral_gain_is_not_dead():
-    dut = DriveMonitor(
-        parameters=P, motor=DcMotorParameters(speed_ki=0.0), travel=LIMITS, resolution=RESOLUTION, period=PERIOD
-    )
+    dut = monitor(DcMotorParameters(speed_ki=0.0))
     inputs = {"feed_speed": [-0.01], "wrench": [0.0] * 6, "depth": [0.0], "current": [0.1], "travel": [0.08]}
     context = fixed_context(dut, **inputs)
     update(dut, context, period=PERIOD, times=2 * PUSHING)

@@ -16,8 +16,8 @@ from models.scenario import validate_scenario
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
 from systems import rig as rig_module
-from systems.control.faults import FEED_FAULTS, Fault, error_summary
 from systems.hardware.depth_encoder import DepthEncoder
+from systems.steps.faults import FEED_FAULTS, Fault, error_summary
 
 BEGIN = 0.12  # in units of s; the peg touches the chamfer by then
 SAFE_FORCE = 48.0  # in units of N; 1.2 times the limit of the guard

@@ -1,5 +1,5 @@
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -12,13 +12,14 @@ from models.scenario import Scenario
 from skill.policy import Action
 from skill.states.estimate import Estimate
 from systems.control.control_law import ControlLaw
-from systems.control.force_guard import SLOPE_TIME, ForceGuard, StoppingModel
+from systems.control.force_guard import ForceGuard
+from systems.steps.force_guard import SLOPE_TIME, GuardLimits, StoppingModel
 from tests.stepping import fixed_context, update
 
 P = ForceGuardParameters()
 RADIUS, TURN_RATE, MAX_TURN, RETRACT = 0.01, 0.2, 0.14, 0.015
 STOPPING = StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1000.0, turn_impact=200.0)
-SLOW = replace(STOPPING, turn_impact=800.0)
+SLOW = STOPPING._replace(turn_impact=800.0)
 REST = {"pitch_rate": [0.0], "yaw_rate": [0.0], "feed_speed": [0.0], "unwinding": [0.0], "blind": [0.0]}
 MIDDLE = 0.5 * (P.soft_force + P.hold_force)
 HALF_FEED = 0.5 * (P.soft_force + MIDDLE)  # the load at which half of a feed is left
@@ -26,14 +27,8 @@ HALF_TURN = 0.5 * (MIDDLE + P.hold_force)
 
 
 def guard(*, stopping=STOPPING, **inputs):
-    dut = ForceGuard(
-        parameters=P,
-        stopping=stopping,
-        peg_radius=RADIUS,
-        max_turn_rate=TURN_RATE,
-        max_turn=MAX_TURN,
-        retract_speed=RETRACT,
-    )
+    limits = GuardLimits(P.soft_force, P.hold_force, P.force_limit, RADIUS, TURN_RATE, MAX_TURN, RETRACT)
+    dut = ForceGuard(limits=limits, stopping=stopping)
     return dut, fixed_context(dut, **{"wrench": np.zeros(6), "depth": [0.01], **REST, **inputs})
 
 

@@ -6,11 +6,13 @@ import pytest
 from pydrake.common.value import Value
 
 from models.control import BackOffParameters, ControllerParameters, ForceGuardParameters
+from models.scenario import Scenario
 from skill.features.wrench_features import MEASURED
 from skill.policy import Action
 from skill.states.estimate import Estimate
-from systems.control.back_off import BackOffState
-from systems.control.policy_controller import ControllerState, PolicyController
+from systems.control.policy_controller import PolicyController
+from systems.steps.back_off import BackOffState
+from systems.steps.policy_controller import ControllerLimits, ControllerState
 from tests.stepping import fixed_context, update_unrestricted
 
 RADIUS = 0.01
@@ -43,7 +45,8 @@ def measurements(demonstrations):
 
 
 def controller(policy, row, parameters=GENTLE):
-    dut = PolicyController(policy=policy, parameters=parameters, peg_radius=RADIUS)
+    scenario = Scenario(controller=parameters)
+    dut = PolicyController(policy=policy, limits=ControllerLimits.of(scenario, policy.period_))
     estimate = policy.estimate_alone(row)
     context = fixed_context(dut, wrench=row[:6], depth=[-row[6]], target_pitch=[0.0], target_yaw=[0.0])
     believe(dut, context, estimate)

@@ -8,8 +8,9 @@ from pydrake.systems.analysis import Simulator
 
 from models.hardware import DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
 from models.scenario import Scenario
-from systems.control.faults import Fault
-from systems.control.self_check import GRAVITY, PERIOD_STEPS, MovingParts, SelfCheck
+from systems.control.self_check import SelfCheck
+from systems.steps.faults import Fault
+from systems.steps.self_check import GRAVITY, PERIOD_STEPS, CheckLimits, MovingParts, axial_force
 from tests.stepping import fixed_context
 
 SENSOR, MOTOR, STEPPER = WrenchSensorParameters(), DcMotorParameters(), StepperMotorParameters()
@@ -25,11 +26,15 @@ def holding_current(force=0.0):
     return (WEIGHT - force) / MOTOR.force_constant
 
 
+def limits(sensor=SENSOR):
+    return CheckLimits.of(sensor=sensor, motor=MOTOR, stepper=STEPPER, parts=PARTS, drive_period=DRIVE_PERIOD)
+
+
 class Rig:
     """A rig at rest with its self-check, one period at a time."""
 
     def __init__(self, seed=0, sensor=SENSOR):
-        self.dut = SelfCheck(sensor=sensor, motor=MOTOR, stepper=STEPPER, parts=PARTS, drive_period=DRIVE_PERIOD)
+        self.dut = SelfCheck(limits(sensor))
         self.rng = np.random.default_rng(seed)
         self.context = fixed_context(
             self.dut, wrench=np.zeros(6), depth=[IN_AIR], current=[holding_current()], travel=[0.083],
@@ -130,8 +135,8 @@ def test_the_axial_force_follows_from_the_momentum():
     inertia = 1.05 + 1e-6 * N**2
     friction = 2e-6 * N * 0.010 + 1e-3 * math.tanh(0.5 * N * 0.010)
     expected = inertia + 1.05 * 9.81 + 5.0 * 0.010 - N * (0.85 * 0.0235 * 0.5 - friction)
-    assert Rig().dut.axial_force(0.5, 0.010, 1.0) == pytest.approx(expected)
-    assert Rig().dut.axial_force(holding_current(7.0), 0.0, 0.0) == pytest.approx(7.0)
+    assert axial_force(limits(), 0.5, 0.010, 1.0) == pytest.approx(expected)
+    assert axial_force(limits(), holding_current(7.0), 0.0, 0.0) == pytest.approx(7.0)
 
 
 SIGNS = {

@@ -6,9 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.hardware import WrenchSensorParameters
-from systems.control.faults import FALSE_ALARM, Fault, repeats_of_a_stuck_sensor
 from systems.control.sensor_monitor import SensorMonitor
-from systems.hardware.wrench_sensor import wrench_at_tip
+from systems.steps.faults import FALSE_ALARM, Fault, repeats_of_a_stuck_sensor
+from systems.steps.sensor_monitor import SensorLimits
+from systems.steps.wrench_sensor import wrench_at_tip
 from tests.stepping import fixed_context, update
 
 SENSOR = WrenchSensorParameters()
@@ -23,14 +24,15 @@ def dut():
 
 
 def make_monitor(sensor=SENSOR, depth_period=SENSOR.period):
-    return SensorMonitor(
-        sensor=sensor,
+    limits = SensorLimits.of(
+        sensor,
         top_speed=TOP_SPEED,
         resolution=RESOLUTION,
         depth_period=depth_period,
         load_limit=LIMIT,
         peg_radius=RADIUS,
     )
+    return SensorMonitor(limits=limits, period=sensor.period)
 
 
 def sample(k):

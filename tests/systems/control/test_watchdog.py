@@ -1,8 +1,9 @@
 import pytest
 
 from models.hardware import StepperMotorParameters
-from systems.control.faults import Fault
-from systems.control.watchdog import COMMANDS, LOST_LAG, MONITORS, Watchdog
+from systems.control.watchdog import COMMANDS, MONITORS, Watchdog
+from systems.steps.faults import Fault
+from systems.steps.watchdog import LOST_LAG, RetractLimits
 from tests.stepping import fixed_context, update
 
 PERIOD, SPEED, TIME, STEP = 0.02, 0.015, 0.4, StepperMotorParameters().step_angle
@@ -14,7 +15,7 @@ SOUND |= {"pitch_shaft": [0.01, 0.0101], "yaw_shaft": [-0.02, -0.0201]}
 
 
 def watchdog(**changes):
-    dut = Watchdog(period=PERIOD, retract_speed=SPEED, retract_time=TIME, step_angle=STEP)
+    dut = Watchdog(RetractLimits(PERIOD, SPEED, TIME, LOST_LAG * STEP))
     return dut, fixed_context(dut, **{**COMMANDED, **SOUND, **changes})
 
 

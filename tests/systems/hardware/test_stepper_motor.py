@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from models.hardware import StepperMotorParameters
-from systems.hardware.stepper_motor import StepperMotor, ramp_speed
+from systems.hardware.stepper_motor import StepperMotor
+from systems.steps.stepper_motor import ramp_speed
 from tests.stepping import fixed_context, update
 
 P = StepperMotorParameters(microsteps=1)

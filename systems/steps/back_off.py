@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, field, fields, replace
 from enum import IntEnum
-from typing import Self
+from typing import NamedTuple, Self
 
 from models.control import BackOffParameters
+from skill.compiled import compiled, numbers_class
+
+BackOffNumbers = numbers_class("BackOffNumbers", BackOffParameters, __name__)
+"""`models.control.BackOffParameters` for compiled functions."""
 
 
 class BackOffMode(IntEnum):
@@ -18,30 +21,14 @@ class BackOffMode(IntEnum):
     BACKING_OFF = 1
 
 
-@dataclass(frozen=True)
-class TurnWatch:
-    """What was measured at the last sign that the present turns help, or do no harm.
-
-    Attributes:
-        pitch, yaw: commanded angles of the hole, rad.
-        side: lateral force, N.
-        depth: depth of the tip, m.
-        elapsed: time since then, s.
-    """
-
-    pitch: float = 0.0
-    yaw: float = 0.0
-    side: float = 0.0
-    depth: float = -1.0
-    elapsed: float = 0.0
+WORKING, BACKING_OFF = float(BackOffMode.WORKING), float(BackOffMode.BACKING_OFF)
 
 
-@dataclass(frozen=True)
-class BackOffState:
+class BackOffState(NamedTuple):
     """State of the back-off between two periods.
 
     Attributes:
-        mode: present mode.
+        mode: present `BackOffMode`.
         elapsed: time since the back-off began, or since the last progress, s.
         anchor: depth from which progress or the back-off is measured, m.
         doubt: time for which the policy has not recognised its measurements, s.
@@ -51,10 +38,12 @@ class BackOffState:
         reversing: 1 if the turns of the policy are reversed, else 0.
         changes: how often that has changed within the present attempt.
         reversed_at: depth where the turns were last reversed, m.
-        watch: what tells whether the turns make it worse.
+        watch_pitch, watch_yaw, watch_side, watch_depth: what was measured at the last sign that the present turns help,
+            or do no harm: commanded angles of the hole, rad, lateral force, N, and depth of the tip, m.
+        watch_time: time since then, s.
     """
 
-    mode: BackOffMode = BackOffMode.WORKING
+    mode: float = 0.0
     elapsed: float = 0.0
     anchor: float = -1.0
     doubt: float = 0.0
@@ -64,23 +53,19 @@ class BackOffState:
     reversing: float = 0.0
     changes: float = 0.0
     reversed_at: float = 0.0
-    watch: TurnWatch = field(default_factory=TurnWatch, kw_only=True)
-
-    def as_list(self) -> list[float]:
-        """Returns the numbers of a discrete state, in the order of the attributes."""
-        attempt = (self.best, self.contact_state, self.repeats, self.reversing, self.changes, self.reversed_at)
-        return [float(self.mode), self.elapsed, self.anchor, self.doubt, *attempt, *astuple(self.watch)]
+    watch_pitch: float = 0.0
+    watch_yaw: float = 0.0
+    watch_side: float = 0.0
+    watch_depth: float = -1.0
+    watch_time: float = 0.0
 
     @classmethod
     def from_list(cls, values: Sequence[float]) -> Self:
-        """Inverts `as_list`."""
-        number = len(fields(TurnWatch))
-        mode, *others = values[:-number]
-        return cls(BackOffMode(int(mode)), *others, watch=TurnWatch(*values[-number:]))
+        """Returns the state of the numbers of a discrete state."""
+        return cls(*(float(value) for value in values))
 
 
-@dataclass(frozen=True)
-class BackOffDecision:
+class BackOffDecision(NamedTuple):
     """What is commanded for one period.
 
     Attributes:
@@ -94,22 +79,23 @@ class BackOffDecision:
     state: BackOffState
     feed_speed: float
     turning: float
-    unwinding: bool = False
-    given_up: bool = False
+    unwinding: bool
+    given_up: bool
 
 
+@compiled
 def back_off_step(
     p: BackOffParameters,
     state: BackOffState,
-    *,
     period: float,
     feed_speed: float,
     overloaded: bool,
     depth: float,
     known: bool,
     support: float,
-    contact_state: int,
-    angles: tuple[float, float],
+    contact_state: float,
+    pitch: float,
+    yaw: float,
     side: float,
 ) -> BackOffDecision:
     """Returns the decision for one period.
@@ -152,62 +138,58 @@ def back_off_step(
         known: whether the estimator recognises the contact state.
         support: support of the action, 0 to 1 (see `Action`).
         contact_state: number of the most probable contact state.
-        angles: commanded pitch and yaw of the hole, rad.
+        pitch: commanded angle of the hole, rad.
+        yaw: likewise.
         side: lateral force, N.
     """
-    here = TurnWatch(*angles, side, depth)
-    if state.mode is BackOffMode.BACKING_OFF:
-        risen = state.anchor - depth
-        if not (risen >= p.distance or state.elapsed >= p.time):
-            stuck = state.elapsed >= 0.5 * p.time and risen < p.stall_depth
-            state = replace(state, elapsed=state.elapsed + period)
-            return BackOffDecision(state, p.retract_speed, turning=0.0, unwinding=stuck)
-        if state.repeats >= p.max_repeats:
-            return BackOffDecision(state, 0.0, turning=0.0, given_up=True)
-        state = replace(state, mode=BackOffMode.WORKING, elapsed=0.0, anchor=depth, doubt=0.0)
-    if depth >= state.watch.depth + p.worse_depth or side <= state.watch.side:
-        state = replace(state, watch=here)
-    elif _worse(p, state, here):
-        elapsed = 0.0 if state.changes < p.max_repeats else state.elapsed
-        changes = state.changes + 1.0
-        turned = replace(state, reversing=1.0 - state.reversing, reversed_at=depth)
-        state = replace(turned, elapsed=elapsed, changes=changes, watch=here)
+    contact_state = float(contact_state)
+    mode, elapsed, anchor, doubt, best, last_contact, repeats, reversing, changes, reversed_at = state[:10]
+    watch_pitch, watch_yaw, watch_side, watch_depth, watch_time = state[10:]
+    if mode == BACKING_OFF:
+        risen = anchor - depth
+        if not (risen >= p.distance or elapsed >= p.time):
+            stuck = elapsed >= 0.5 * p.time and risen < p.stall_depth
+            state = BackOffState(
+                mode, elapsed + period, anchor, doubt, best, last_contact, repeats, reversing, changes, reversed_at,
+                watch_pitch, watch_yaw, watch_side, watch_depth, watch_time,
+            )  # fmt: skip
+            return BackOffDecision(state, p.retract_speed, 0.0, stuck, False)
+        if repeats >= p.max_repeats:
+            return BackOffDecision(state, 0.0, 0.0, False, True)
+        mode, elapsed, anchor, doubt = WORKING, 0.0, depth, 0.0
+    # In the first attempt few turns are wrong.
+    turned = math.hypot(pitch - watch_pitch, yaw - watch_yaw) >= p.worse_turn and watch_time >= p.worse_time
+    if depth >= watch_depth + p.worse_depth or side <= watch_side:
+        watch_pitch, watch_yaw, watch_side, watch_depth, watch_time = pitch, yaw, side, depth, 0.0
+    elif last_contact >= 0.0 and turned and side - watch_side >= p.worse_force:
+        elapsed = 0.0 if changes < p.max_repeats else elapsed
+        changes, reversing, reversed_at = changes + 1.0, 1.0 - reversing, depth
+        watch_pitch, watch_yaw, watch_side, watch_depth, watch_time = pitch, yaw, side, depth, 0.0
     else:
-        state = replace(state, watch=replace(state.watch, elapsed=state.watch.elapsed + period))
-    if state.reversing and depth >= state.reversed_at + p.reversal_depth:
-        state = replace(state, reversing=0.0)
-    doubt = 0.0 if known and support >= 1.0 else state.doubt + period
-    if depth - state.anchor >= p.stall_depth:
-        state = replace(state, elapsed=0.0, anchor=depth, doubt=doubt)
+        watch_time += period
+    if reversing != 0.0 and depth >= reversed_at + p.reversal_depth:
+        reversing = 0.0
+    doubt = 0.0 if known and support >= 1.0 else doubt + period
+    if depth - anchor >= p.stall_depth:
+        elapsed, anchor = 0.0, depth
     else:
-        state = replace(state, elapsed=state.elapsed + period, doubt=doubt)
+        elapsed += period
     pushing = feed_speed < 0.0
-    if overloaded or (pushing and (state.elapsed > p.stall_time or state.doubt > p.doubt_time)):
-        return BackOffDecision(_attempt_over(p, state, depth, contact_state), p.retract_speed, turning=0.0)
+    if overloaded or (pushing and (elapsed > p.stall_time or doubt > p.doubt_time)):  # the attempt is over
+        deeper = depth >= best + p.stall_depth
+        repeats = repeats + 1.0 if not deeper and contact_state == last_contact else 0.0
+        if not deeper and changes == 0.0:
+            reversing, reversed_at = 1.0 - reversing, depth
+        best = depth if deeper else best
+        ended = BackOffState(
+            BACKING_OFF, 0.0, depth, 0.0, best, contact_state, repeats, reversing, 0.0, reversed_at,
+            0.0, 0.0, 0.0, -1.0, 0.0,
+        )  # fmt: skip
+        return BackOffDecision(ended, p.retract_speed, 0.0, False, False)
     if pushing:
         feed_speed *= support if known else support * p.unknown_feed
-    return BackOffDecision(state, feed_speed, turning=-1.0 if state.reversing else 1.0)
-
-
-def _worse(p: BackOffParameters, state: BackOffState, here: TurnWatch) -> bool:
-    """Whether the turn since the watch began, in an attempt after the first, has made it worse."""
-    watch, first = state.watch, state.contact_state < 0.0
-    turn = math.hypot(here.pitch - watch.pitch, here.yaw - watch.yaw)
-    grown = here.side - watch.side >= p.worse_force
-    return not first and grown and turn >= p.worse_turn and watch.elapsed >= p.worse_time
-
-
-def _attempt_over(p: BackOffParameters, state: BackOffState, depth: float, contact_state: int) -> BackOffState:
-    """Returns the state at the start of a back-off."""
-    deeper = depth >= state.best + p.stall_depth
-    repeated = not deeper and contact_state == state.contact_state
-    reverse = not deeper and not state.changes
-    return BackOffState(
-        BackOffMode.BACKING_OFF,
-        anchor=depth,
-        best=depth if deeper else state.best,
-        contact_state=float(contact_state),
-        repeats=state.repeats + 1.0 if repeated else 0.0,
-        reversing=1.0 - state.reversing if reverse else state.reversing,
-        reversed_at=depth if reverse else state.reversed_at,
-    )
+    state = BackOffState(
+        mode, elapsed, anchor, doubt, best, last_contact, repeats, reversing, changes, reversed_at,
+        watch_pitch, watch_yaw, watch_side, watch_depth, watch_time,
+    )  # fmt: skip
+    return BackOffDecision(state, feed_speed, -1.0 if reversing != 0.0 else 1.0, False, False)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+from collections import namedtuple
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -13,10 +15,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def _digest() -> str:
-    """Returns a digest of the modules that hold compiled functions, all of `models` and `systems`."""
-    root = Path(__file__).parents[2]
+    """Returns a digest of the modules that may hold compiled functions, all of `models`, `skill` and `systems`."""
+    root = Path(__file__).parents[1]
     digest = hashlib.sha256()
-    for path in sorted([*root.glob("models/*.py"), *root.glob("systems/**/*.py")]):
+    for path in sorted(path for room in ("models", "skill", "systems") for path in root.glob(f"{room}/**/*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
@@ -33,3 +35,14 @@ def compiled(function: F) -> F:
 def inlined(function: F) -> F:
     """As `compiled`, but the function becomes part of those that call it, so that their loops can use vectors."""
     return cast(F, numba.njit(inline="always", error_model="numpy")(function))
+
+
+def numbers_class(name: str, parameters: type, module: str) -> Any:
+    """Returns a class of named tuples with the fields of a dataclass, which compiled functions can take.
+
+    Args:
+        name: of the class; the module must hold it under this name, so that compiled code can be kept.
+        parameters: the dataclass; its fields are numbers.
+        module: the module that holds the class.
+    """
+    return namedtuple(name, [field.name for field in fields(parameters)], module=module)

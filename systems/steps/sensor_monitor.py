@@ -1,0 +1,186 @@
+"""The sensor monitor: what it makes of one reading of the sensors."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from models.hardware import WrenchSensorParameters
+from skill.arrays import Array
+from skill.compiled import compiled
+from systems.steps.faults import Fault, reading_deviation, repeats_of_a_stuck_sensor
+
+MAX_SPIKES = 2
+"""Number of spikes within `SPIKE_TIME` that a sound sensor may have."""
+
+SPIKE_TIME = 1.0  # in units of s
+DEVIATIONS = 12.0  # largest difference of two readings of a sound sensor at rest, in standard deviations
+
+# Places in the state; the first six are the last sound wrench (N, N m).
+DEPTH = 6  # last sound depth, m
+REPEATS = 7  # how many readings in a row equalled the one before
+FAULT = 8  # first fault found
+STARTED = 9  # whether there has been a sound sample
+SPIKES = 10  # number of spikes, which fades with `SPIKE_TIME`
+SIZE = 11
+
+
+class SensorLimits(NamedTuple):
+    """What sound readings keep.
+
+    Attributes:
+        height: of the sensor above the tip, m.
+        ends: (6,), of the sensor's range, at the mount, N and N m.
+        max_repeats: identical readings in a row.
+        first_comparison: time from which readings are compared, s.
+        max_change: of the depth between two readings, m.
+        max_force, max_moment: difference of two readings, N and N m.
+        fading: factor of the number of spikes in a period.
+    """
+
+    height: float
+    ends: Array
+    max_repeats: float
+    first_comparison: float
+    max_change: float
+    max_force: float
+    max_moment: float
+    fading: float
+
+    @classmethod
+    def of(
+        cls,
+        sensor: WrenchSensorParameters,
+        *,
+        top_speed: float,
+        resolution: float,
+        depth_period: float,
+        load_limit: float,
+        peg_radius: float,
+    ) -> Self:
+        """Returns the limits.
+
+        Args:
+            sensor: parameters of the force/torque sensor.
+            top_speed: maximum speed of the feed, m/s.
+            resolution: resolution of the depth encoder, m.
+            depth_period: time between two changes of the depth, s; in a simulation the step of the plant.
+            load_limit: load at which the peg is backed off, N.
+            peg_radius: lever of the moments in this load, m.
+        """
+        quantum = np.repeat([sensor.force_quantum, sensor.torque_quantum], 3)
+        force, torque = reading_deviation(sensor)
+        return cls(
+            height=sensor.height,
+            ends=np.array([*sensor.force_range, *sensor.torque_range]) - 0.5 * quantum,
+            max_repeats=float(repeats_of_a_stuck_sensor(sensor)),
+            # The first reading arrives one period after the delay; it is compared with the second one.
+            first_comparison=sensor.delay + 1.5 * sensor.period,
+            max_change=top_speed * max(sensor.period, depth_period) + resolution,
+            max_force=sensor.blend * 2.0 * load_limit + DEVIATIONS * force,
+            max_moment=sensor.blend * 2.0 * load_limit * peg_radius + DEVIATIONS * torque,
+            fading=math.exp(-sensor.period / SPIKE_TIME),
+        )
+
+
+@compiled
+def sensor_monitor_step(p: SensorLimits, state: Array, wrench: Array, depth: float, time: float) -> Array:
+    """Returns the next state (SIZE,): the first fault of wrench and depth stays.
+
+    * A wrench or depth that is not finite is disconnected.
+    * A channel of the sensor at the end of its range is saturated.
+    * Six readings that repeat themselves more often than their noise allows are stuck (`repeats_of_a_stuck_sensor`);
+      the zeros before the first reading has passed the sensor's delay do not count.
+    * A depth that has changed faster than the feed can move has jumped.
+    * At most `MAX_SPIKES` readings within `SPIKE_TIME` are spikes. A spike differs from the last sound reading by more
+      than the sensor's low-pass passes within one period when the load changes by twice the load limit, and by more
+      than the noise.
+
+    Args:
+        p: limits.
+        state: (SIZE,), after the last period.
+        wrench: (6,), reading, about the tip in P, N and N m.
+        depth: reading, m.
+        time: s.
+    """
+    found = state.copy()
+    if state[FAULT] != 0.0:
+        return found
+    same = state[STARTED] != 0.0 and time > p.first_comparison
+    for i in range(6):
+        same = same and wrench[i] == state[i]
+    repeats = state[REPEATS] + 1.0 if same else 0.0
+    spike = state[STARTED] > 0.0 and is_spike(p, wrench, state)
+    spikes = state[SPIKES] * p.fading + (1.0 if spike else 0.0)
+    fault = _fault(p, state, wrench, depth, repeats, spikes)
+    if fault != 0:
+        found[FAULT] = fault
+        return found
+    if not spike:
+        found[:6] = wrench
+    found[DEPTH], found[REPEATS], found[STARTED], found[SPIKES] = depth, repeats, 1.0, spikes
+    return found
+
+
+@compiled
+def sound_wrench(p: SensorLimits, state: Array, wrench: Array) -> Array:
+    """Returns the wrench (6,) that is passed on: a reading, or the last sound one after a fault or in its place."""
+    if state[FAULT] == 0.0 and _is_finite(wrench) and not (state[STARTED] != 0.0 and is_spike(p, wrench, state)):
+        return wrench.copy()
+    return state[:6].copy()
+
+
+@compiled
+def sound_depth(state: Array, depth: float) -> float:
+    """Returns the depth that is passed on; see `sound_wrench`."""
+    return depth if state[FAULT] == 0.0 and math.isfinite(depth) else state[DEPTH]
+
+
+@compiled
+def _is_finite(wrench: Array) -> bool:
+    total = 0.0
+    for i in range(6):
+        total += wrench[i]
+    return math.isfinite(total)
+
+
+@compiled
+def _fault(p: SensorLimits, state: Array, wrench: Array, depth: float, repeats: float, spikes: float) -> int:
+    if not _is_finite(wrench):
+        return Fault.SENSOR_DISCONNECTED.value
+    if not math.isfinite(depth):
+        return Fault.ENCODER_DISCONNECTED.value
+    if _is_saturated(p, wrench):
+        return Fault.SENSOR_SATURATED.value
+    if repeats > p.max_repeats:
+        return Fault.SENSOR_STUCK.value
+    if spikes > MAX_SPIKES:
+        return Fault.SENSOR_SPIKES.value
+    if abs(depth - state[DEPTH]) > p.max_change and state[STARTED] != 0.0:
+        return Fault.ENCODER_JUMPED.value
+    return 0
+
+
+@compiled
+def is_spike(p: SensorLimits, wrench: Array, state: Array) -> bool:
+    """Returns whether a channel differs from the last sound one by more than a load can change it; not for a NaN."""
+    found = False
+    for i in range(6):
+        found = found or abs(wrench[i] - state[i]) > (p.max_force if i < 3 else p.max_moment)
+    return found
+
+
+@compiled
+def _is_saturated(p: SensorLimits, wrench: Array) -> bool:
+    """Whether a channel is at the end of its range, which applies to the reading at the mount."""
+    ends, h = p.ends, p.height
+    return (
+        abs(wrench[0]) >= ends[0]
+        or abs(wrench[1]) >= ends[1]
+        or abs(wrench[2]) >= ends[2]
+        or abs(wrench[3] + h * wrench[1]) >= ends[3]
+        or abs(wrench[4] - h * wrench[0]) >= ends[4]
+        or abs(wrench[5]) >= ends[5]
+    )

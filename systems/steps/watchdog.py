@@ -1,0 +1,95 @@
+"""The watchdog: what it passes on in one period of the controller."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from skill.arrays import Array
+from skill.compiled import compiled
+from systems.steps.faults import FEED_FAULTS, SENSOR_FAULTS, Fault
+
+LOST_LAG = 2.5  # steps; a rotor that lags by two has slipped, and lags by four as soon as it rests
+
+FAULT, SINCE, SIZE = range(3)
+"""Places in the state: the first fault found, and the time since, s; and its size."""
+
+PITCH_RATE, YAW_RATE, FEED, UNWINDING = range(4)
+"""Places in the commands: rad/s, rad/s, m/s, and whether the hole is to turn back."""
+
+SENSOR_NUMBERS, FEED_NUMBERS = (tuple(sorted(int(f) for f in faults)) for faults in (SENSOR_FAULTS, FEED_FAULTS))
+
+
+class RetractLimits(NamedTuple):
+    """What the watchdog does after a fault.
+
+    Attributes:
+        period: of the controller, s.
+        retract_speed: m/s.
+        retract_time: s.
+        lost_lag: lag of a stepper that has lost steps, rad.
+    """
+
+    period: float
+    retract_speed: float
+    retract_time: float
+    lost_lag: float
+
+
+@compiled
+def watchdog_step(
+    p: RetractLimits, state: Array, faults: Array, failed: bool, pitch_shaft: Array, yaw_shaft: Array
+) -> Array:
+    """Returns the next state (SIZE,).
+
+    The first fault stays: that of a monitor, in their order, that of the controller, or that of a stepper. A stepper
+    has lost steps if the encoder on its shaft lags its commanded angle by more than `LOST_LAG` steps.
+
+    Args:
+        p: limits.
+        state: (SIZE,), after the last period.
+        faults: (n,), of the monitors.
+        failed: whether the policy has failed.
+        pitch_shaft: (2,), [commanded, measured] angle, rad.
+        yaw_shaft: likewise.
+    """
+    found = state.copy()
+    if state[FAULT] != 0.0:
+        found[SINCE] += p.period
+        return found
+    for fault in faults:
+        if fault != 0.0:
+            found[FAULT] = fault
+            return found
+    if failed:
+        found[FAULT] = Fault.CONTROLLER_FAILED.value
+    elif abs(pitch_shaft[0] - pitch_shaft[1]) > p.lost_lag:
+        found[FAULT] = Fault.PITCH_STEPS_LOST.value
+    elif abs(yaw_shaft[0] - yaw_shaft[1]) > p.lost_lag:
+        found[FAULT] = Fault.YAW_STEPS_LOST.value
+    return found
+
+
+@compiled
+def passed_command(p: RetractLimits, state: Array, place: int, command: float) -> float:
+    """Returns what goes on of the command at a place.
+
+    After a fault the turns stop, and the peg is retracted for ``retract_time``; then the feed stops. The feed is not
+    moved if its drive is at fault (`FEED_FAULTS`) or at the upper end of its travel.
+    """
+    if state[FAULT] == 0.0:
+        return command
+    fault = int(state[FAULT])
+    rests = is_stopped(p, state) or fault in FEED_NUMBERS or fault == Fault.UPPER_TRAVEL_LIMIT.value
+    return p.retract_speed if place == FEED and not rests else 0.0
+
+
+@compiled
+def is_stopped(p: RetractLimits, state: Array) -> bool:
+    """Returns whether the peg has been retracted after a fault."""
+    return state[FAULT] != 0.0 and state[SINCE] >= p.retract_time - 1e-9
+
+
+@compiled
+def is_blind(state: Array) -> bool:
+    """Returns whether the fault is one of the sensor."""
+    return int(state[FAULT]) in SENSOR_NUMBERS
