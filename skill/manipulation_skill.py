@@ -29,7 +29,8 @@ from skill.planning.prediction import Prediction, Query, SkillExplanation
 from skill.planning.transitions import Transitions, transitions
 from skill.policy import Action
 from skill.regression.bandwidth_selection import tuned_regressor
-from skill.regression.protocols import ExplainableRegressor, LocalRegressor, Regressor, StateRegressor
+from skill.regression.locally_weighted_regression import LWRegressor
+from skill.regression.protocols import ExplainableRegressor, Regressor, StateRegressor
 from skill.skill_file import POLICIES, SKILL_PARAMETERS, SkillContents, read_skill_file, write_skill_file
 from skill.states.contact_state_filter import ContactStateFilter
 from skill.states.context_filter import ContextFilter, pair_probabilities
@@ -117,6 +118,8 @@ class ManipulationSkill:
         self.force_noise = force_noise
         self.moment_noise = moment_noise
         self.random_state = random_state
+        self._imitation_parts: tuple[Any, ...] = (None,) * 4  # of which the imitation was made that is kept
+        self._imitation: Imitation
 
     # ----------------------------------------------------------------- learning
 
@@ -216,7 +219,7 @@ class ManipulationSkill:
 
     def _planning_model(self, demonstrations: Sequence[Demonstration]) -> PlanningModel:
         """Learns what the policy "plan" needs from all demonstrations."""
-        if not isinstance(self.regressor_, LocalRegressor):
+        if not isinstance(self.regressor_, LWRegressor):
             raise TypeError(f"a {type(self.regressor_).__name__} has no neighbours; expected one such as LWRegressor")
         rows, numbers = self.transitions(demonstrations, noise_stream(self.random_state, PLANNING))
         P = self.state_probabilities(rows.measured)
@@ -300,7 +303,10 @@ class ManipulationSkill:
 
     def imitation(self) -> Imitation:
         """Returns what predicts the actions from the features."""
-        return Imitation(self.regressor_, self.sources_, self.contexts_, self.min_log_support_)
+        parts = self.regressor_, self.sources_, self.contexts_, self.min_log_support_
+        if any(new is not old for new, old in zip(parts, self._imitation_parts, strict=True)):
+            self._imitation, self._imitation_parts = Imitation(*parts), parts
+        return self._imitation
 
     def explain(self, measured: ArrayLike, estimate: Estimate | None = None, level: float = 0.95) -> SkillExplanation:
         """Explains the action of `act` for one measurement.

@@ -1,53 +1,58 @@
-"""The canonical frame of a measured wrench: the peg frame turned about z until the lateral force points along +x."""
+"""The canonical frame of a measured wrench: the peg frame turned about z until the lateral force points along +x.
+
+It is the frame P turned about its z axis by the angle phi of the lateral force.
+
+A lateral force below the floor has no reliable direction, yet it occurs under load: the two contacts of a wedged
+peg can balance to a pure couple. The frame then follows a blend with the direction of the lateral moment,
+
+    f + max(0, floor - |f|) e,    e = -z x m / sqrt(|m|^2 + (r floor)^2),
+
+with f and m the lateral force and moment. The quarter turn makes e agree with f for a single contact at the mouth,
+above the tip, where m points along z x f. The blend is continuous, turns with the wrench like f itself, and leaves
+phi equal to atan2(fy, fx) above the floor. Where the moment is below its noise too, phi is arbitrary. That is
+harmless: every component that phi turns is then small, and averages over arbitrary phi make the learnt lateral
+actions vanish, as symmetry demands without a lateral wrench.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
 
 from skill.arrays import Array
+from skill.compiled import compiled
 
 
-@dataclass(frozen=True)
-class CanonicalFrame:
-    """The frame P turned about its z axis by the angle phi of the lateral force.
+@compiled
+def canonical_angle(measured: Array, peg_radius: float, force_floor: float) -> float:
+    """Returns the angle phi from P to the canonical frame about z, rad, in [-pi, pi].
 
-    A lateral force below the floor has no reliable direction, yet it occurs under load: the two contacts of a wedged
-    peg can balance to a pure couple. The frame then follows a blend with the direction of the lateral moment,
-
-        f + max(0, floor - |f|) e,    e = -z x m / sqrt(|m|^2 + (r floor)^2),
-
-    with f and m the lateral force and moment. The quarter turn makes e agree with f for a single contact at the mouth,
-    above the tip, where m points along z x f. The blend is continuous, turns with the wrench like f itself, and leaves
-    phi equal to atan2(fy, fx) above the floor. Where the moment is below its noise too, phi is arbitrary. That is
-    harmless: every component that phi turns is then small, and averages over arbitrary phi make the learnt lateral
-    actions vanish, as symmetry demands without a lateral wrench.
-
-    Attributes:
+    Args:
+        measured: (6 or more,), force (N), then moment (N m).
         peg_radius: r, m.
-        force_floor: N; the size below which a lateral force counts as noise.
+        force_floor: the size below which a lateral force counts as noise, N.
     """
+    fx, fy, mx, my = measured[0], measured[1], measured[3], measured[4]
+    missing = max(0.0, force_floor - math.hypot(fx, fy))
+    size = math.hypot(math.hypot(mx, my), peg_radius * force_floor)
+    return math.atan2(fy - missing * mx / size, fx + missing * my / size)
 
-    peg_radius: float
-    force_floor: float
 
-    def angle(self, measured: Array) -> Array:
-        """Angle phi from P to the canonical frame about z, rad, in [-pi, pi], (n,), of measurements (n, 7)."""
-        fx, fy, _, mx, my, _, _ = measured.T
-        missing = np.maximum(0.0, self.force_floor - np.hypot(fx, fy))
-        size = np.hypot(np.hypot(mx, my), self.peg_radius * self.force_floor)
-        x = fx + missing * my / size
-        y = fy - missing * mx / size
-        return np.asarray(np.arctan2(y, x), dtype=np.float64)
+@compiled
+def canonical_angles(measured: Array, peg_radius: float, force_floor: float) -> Array:
+    """Returns the angles (n,) of measurements (n, 6 or more); see `canonical_angle`."""
+    found = np.empty(len(measured))
+    for i in range(len(measured)):
+        found[i] = canonical_angle(measured[i], peg_radius, force_floor)
+    return found
 
-    def to_frame(self, measured: Array) -> Array:
-        """Measurements (n, 7), expressed in P, with force and moment expressed in the canonical frame."""
-        phi = self.angle(measured)
-        turned = measured.copy()
-        turned[:, 0:2] = turn(measured, -phi)
-        turned[:, 3:5] = turn(measured[:, 3:], -phi)
-        return turned
+
+@compiled
+def turned(x: float, y: float, angle: float) -> tuple[float, float]:
+    """Returns a vector turned by an angle, rad."""
+    c, s = math.cos(angle), math.sin(angle)
+    return c * x - s * y, s * x + c * y
 
 
 def turn(vectors: Array, angle: Array) -> Array:

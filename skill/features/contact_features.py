@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
+from skill.compiled import compiled
 from skill.data.geometry import PegHoleGeometry
-from skill.features.canonical_frame import CanonicalFrame
+from skill.features.canonical_frame import canonical_angle, turned
 from skill.features.wrench_features import WrenchFeatures
 
 MIN_LEVER = 0.1
@@ -23,8 +25,9 @@ SATURATION = 2.0
 class ContactFeatures(WrenchFeatures):
     """The lateral forces at the tip and at the mouth.
 
-    In the canonical frame (`CanonicalFrame`) a wall pushes the peg with f_tip at its tip and with f_mouth at depth l,
-    both along x. Together they make the net force, and the moment about the rim of the tip is that of the mouth alone:
+    In the canonical frame (`skill.features.canonical_frame`) a wall pushes the peg with f_tip at its tip and with
+    f_mouth at depth l, both along x. Together they make the net force, and the moment about the rim of the tip is that
+    of the mouth alone:
 
         f_tip + f_mouth = f_lateral,      l f_mouth = my - r fz.
 
@@ -79,32 +82,46 @@ class ContactFeatures(WrenchFeatures):
         return np.array(["tip_offset", "mouth_offset"], dtype=object)
 
     def _angle(self, measured: Array) -> Array:
-        phi, (tip, mouth) = self._frame().angle(measured), self._contact_forces(measured)
-        return np.where(tip < mouth, np.where(phi > 0.0, phi - np.pi, phi + np.pi), phi)
-
-    def _frame(self) -> CanonicalFrame:
-        return CanonicalFrame(self.peg_radius, self.force_floor)
-
-    def _contact_forces(self, measured: Array) -> tuple[Array, Array]:
-        """f_tip and f_mouth (n,), N, along the net lateral force."""
-        turned = self._frame().to_frame(measured)
-        mouth = (turned[:, 4] - self.peg_radius * turned[:, 2]) / self._lever(measured)
-        return turned[:, 0] - mouth, mouth
-
-    def _lever(self, measured: Array) -> Array:
-        """The lever l (n,) of the force at the mouth about the tip, m."""
-        return np.maximum(-measured[:, 6], MIN_LEVER * self.peg_radius)
+        return self._found(measured)[:, 3]
 
     def _features(self, measured: Array) -> Array:
-        tip, mouth = self._contact_forces(measured)
-        forces = np.where(tip < mouth, -1.0, 1.0)[:, None] * np.column_stack([tip, mouth])
-        r = self.peg_radius
-        friction_error = self.force_share * np.hypot(tip, mouth)
-        noise = self.force_floor**2 * (1.0 + (r / self._lever(measured)) ** 2) + friction_error**2
-        size = np.linalg.norm(measured[:, 0:6] / np.repeat([1.0, r], 3), axis=1)
-        return np.column_stack([forces / np.sqrt(forces**2 + noise[:, None]), np.log1p(size / self.force_floor)])
+        return self._found(measured)[:, :3]
+
+    def _found(self, measured: Array) -> Array:
+        rows = np.ascontiguousarray(measured)
+        return contact_features(rows, self.peg_radius, self.force_floor, self.force_share)
 
     def _hidden(self, z: Array, lateral: Array, rotation: Array, step: Array) -> Array:
         # The peg axis leaves the tip along rotation x z, to first order in the tilt.
         at_mouth = lateral[:, 0] + np.maximum(-z, 0.0) * rotation[:, 1]
         return np.tanh(np.column_stack([lateral[:, 0], at_mouth]) / (SATURATION * self.play))
+
+
+@compiled
+def contact_features(measured: Array, peg_radius: float, force_floor: float, force_share: float) -> Array:
+    """Returns the features of `ContactFeatures`, and the angle of their frame (rad), (n, 4), of measurements (n, 7).
+
+    The parameters are those of the class.
+    """
+    found = np.empty((len(measured), 4))
+    for i in range(len(measured)):
+        row, out = measured[i], found[i]
+        phi = canonical_angle(row, peg_radius, force_floor)
+        fx, _ = turned(row[0], row[1], -phi)
+        _, my = turned(row[3], row[4], -phi)
+        lever = max(-row[6], MIN_LEVER * peg_radius)
+        mouth = (my - peg_radius * row[2]) / lever
+        tip = fx - mouth
+        friction_error = force_share * math.hypot(tip, mouth)
+        noise = force_floor**2 * (1.0 + (peg_radius / lever) ** 2) + friction_error**2
+        sign = -1.0 if tip < mouth else 1.0
+        out[0] = sign * tip / math.sqrt(tip**2 + noise)
+        out[1] = sign * mouth / math.sqrt(mouth**2 + noise)
+        size = 0.0
+        for j in range(3):
+            size += row[j] ** 2 + (row[3 + j] / peg_radius) ** 2
+        out[2] = math.log1p(math.sqrt(size) / force_floor)
+        out[3] = phi
+        if sign < 0.0:
+            out[3] = phi - math.pi if phi > 0.0 else phi + math.pi
+    return found

@@ -21,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.features.canonical_frame import turn
-from skill.features.measurement import contact_loads
+from skill.compiled import compiled
+from skill.features.canonical_frame import turned
+from skill.features.measurement import load_of_components
 from skill.features.wrench_features import MEASURED, WrenchFeatures
 
 HORIZON = 0.1
@@ -92,26 +93,26 @@ class ResponseFeatures:
 
     def informative(self, before: Array) -> NDArray[np.bool_]:
         """Returns whether the answers after observations (n, 9) tell contexts apart: under load, near the mouth."""
-        loaded = contact_loads(before, self.peg_radius) >= MIN_LOAD
-        near = -before[:, len(MEASURED) - 1] <= MAX_DEPTH * self.peg_radius
-        return np.asarray(loaded & near)
+        return np.array([is_informative(row, self.peg_radius) for row in np.ascontiguousarray(before)], dtype=bool)
 
     def between(self, before: Array, after: Array) -> Responses:
         """Returns the responses between pairs of observations (n, 9)."""
-        measured = before[:, : len(MEASURED)]
-        phi = self.features.rotation_angle(measured)
-        change = after - before
-        turned, feed = turn(change[:, len(MEASURED) :], -phi), change[:, len(MEASURED) - 1]
+        measured = np.ascontiguousarray(before[:, : len(MEASURED)])
+        angles, rows = self.features.rotation_angle(measured), np.ascontiguousarray(before)
+        found = [
+            response(first, last, angle, self.peg_radius)
+            for first, last, angle in zip(rows, np.ascontiguousarray(after), angles, strict=True)
+        ]
         return Responses(
             features=self.features.transform(measured),
-            inputs=np.column_stack([turned, feed]),
-            outputs=self.loads(change, phi),
+            inputs=np.reshape([u for u, _ in found], (-1, N_INPUTS)),
+            outputs=np.reshape([y for _, y in found], (-1, N_OUTPUTS)),
         )
 
     def loads(self, wrenches: Array, angles: Array) -> Array:
         """Returns the ``LOADS`` (n, 5) of wrenches (n, 6 or more) in frames at angles (n,), rad, from P about z."""
-        lateral, moments = turn(wrenches, -angles), turn(wrenches[:, 3:], -angles) / self.peg_radius
-        return np.column_stack([lateral, moments, wrenches[:, 2]])
+        rows = zip(np.ascontiguousarray(wrenches), angles, strict=True)
+        return np.reshape([turned_loads(row, angle, self.peg_radius) for row, angle in rows], (-1, N_OUTPUTS))
 
     def of_series(self, observations: Array, period: float) -> Responses:
         """Returns the responses that tell contexts apart in a series of observations (n, 9), ``period`` (s) apart."""
@@ -119,6 +120,32 @@ class ResponseFeatures:
         first = np.arange(max(0, len(observations) - steps))
         first = first[self.informative(observations[first])]
         return self.between(observations[first], observations[first + steps])
+
+
+@compiled
+def is_informative(before: Array, peg_radius: float) -> bool:
+    """Returns whether the answer after an observation (9,) tells contexts apart: under load, near the mouth."""
+    fx, fy, fz, mx, my, mz = before[0], before[1], before[2], before[3], before[4], before[5]
+    return load_of_components(fx, fy, fz, mx, my, mz, peg_radius) >= MIN_LOAD and -before[6] <= MAX_DEPTH * peg_radius
+
+
+@compiled
+def turned_loads(wrench: Array, angle: float, peg_radius: float) -> Array:
+    """Returns the ``LOADS`` (5,) of a wrench (6 or more,) in a frame at an angle, rad, from P about z."""
+    found = np.empty(N_OUTPUTS)
+    found[0], found[1] = turned(wrench[0], wrench[1], -angle)
+    mx, my = turned(wrench[3], wrench[4], -angle)
+    found[2], found[3], found[4] = mx / peg_radius, my / peg_radius, wrench[2]
+    return found
+
+
+@compiled
+def response(before: Array, after: Array, angle: float, peg_radius: float) -> tuple[Array, Array]:
+    """Returns u (3,) and y (5,) between two observations (9,), in the frame at an angle (rad) of the first one."""
+    change, u = after - before, np.empty(N_INPUTS)
+    u[0], u[1] = turned(change[7], change[8], -angle)
+    u[2] = change[6]
+    return u, turned_loads(change, angle, peg_radius)
 
 
 def horizon_steps(period: float) -> int:

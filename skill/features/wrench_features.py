@@ -16,6 +16,7 @@ and ``actions_from_frame`` turns learnt actions back.
 
 from __future__ import annotations
 
+import math
 from abc import ABCMeta, abstractmethod
 from typing import Any, Self
 
@@ -26,7 +27,8 @@ from scipy.sparse import issparse
 from sklearn.base import BaseEstimator, TransformerMixin
 
 from skill.arrays import Array
-from skill.features.canonical_frame import CanonicalFrame, turn
+from skill.compiled import compiled
+from skill.features.canonical_frame import canonical_angle, canonical_angles, turn, turned
 
 MEASURED = ("fx", "fy", "fz", "mx", "my", "mz", "z")
 """What the rig measures: the wrench on the peg about its tip, expressed in P (N, N m), and the height of the tip above
@@ -297,26 +299,46 @@ class NormalisedFeatures(PoseFeatures):
 class CanonicalFeatures(NormalisedFeatures):
     """The normalised features in the canonical frame, whose x axis follows the lateral force.
 
-    `CanonicalFrame` gives the frame. The y component of the force is zero there above the floor, and is dropped. The
-    moment is taken about the point of the rim of the tip at -x, where a wall that pushes the tip along +x touches it:
-    my - r fz. It is zero for a contact at the tip alone, for any friction. For a contact at the mouth, at depth l, it
-    is l f_lateral. The two contacts need opposite corrections under the same lateral force.
+    The frame is that of `skill.features.canonical_frame`. The y component of the force is zero there above the
+    floor, and is dropped. The moment is taken about the point of the rim of the tip at -x, where a wall that pushes
+    the tip along +x touches it: my - r fz. It is zero for a contact at the tip alone, for any friction. For a
+    contact at the mouth, at depth l, it is l f_lateral. The two contacts need opposite corrections under the same
+    lateral force.
     """
 
     def get_feature_names_out(self, input_features: object = None) -> NDArray[np.object_]:
         """Names of the seven features."""
         return np.array(["f_lateral", "fz", "mx", "my", "mz", "z", "log_magnitude"], dtype=object)
 
-    def _frame(self) -> CanonicalFrame:
-        return CanonicalFrame(self.peg_radius, self.force_floor)
-
     def _angle(self, measured: Array) -> Array:
-        return self._frame().angle(measured)
+        return canonical_angles(np.ascontiguousarray(measured), self.peg_radius, self.force_floor)
 
     def _features(self, measured: Array) -> Array:
-        features = super()._features(self._frame().to_frame(measured))
-        features[:, 4] -= features[:, 2]  # (my - r fz) / r, over the same magnitude
-        return np.delete(features, 1, axis=1)
+        rows = np.ascontiguousarray(measured)
+        return canonical_features(rows, self.peg_radius, self.force_floor, self.depth_floor)
+
+
+@compiled
+def canonical_features(measured: Array, peg_radius: float, force_floor: float, depth_floor: float) -> Array:
+    """Returns the features (n, 7) of `CanonicalFeatures` of measurements (n, 7); its parameters are theirs."""
+    found = np.empty((len(measured), 7))
+    for i in range(len(measured)):
+        row, out = measured[i], found[i]
+        phi = canonical_angle(row, peg_radius, force_floor)
+        fx, _ = turned(row[0], row[1], -phi)
+        mx, my = turned(row[3], row[4], -phi)
+        size = 0.0
+        for j in range(3):
+            size += row[j] ** 2 + (row[3 + j] / peg_radius) ** 2
+        size = math.sqrt(size)
+        scale = math.hypot(size, force_floor)
+        z = min(row[6], depth_floor)
+        out[0], out[1] = fx / scale, row[2] / scale
+        out[2], out[3] = mx / peg_radius / scale, (my / peg_radius - row[2]) / scale
+        out[4] = row[5] / peg_radius / scale
+        out[5] = math.copysign(math.log1p(abs(z) / depth_floor), z)
+        out[6] = math.log1p(size / force_floor)
+    return found
 
 
 def _columns(samples: pd.DataFrame, names: tuple[str, ...]) -> Array:

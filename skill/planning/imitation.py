@@ -12,18 +12,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.planning.prediction import Prediction, Query
-from skill.regression.partial_pooling import relevance
-from skill.regression.protocols import LocalRegressor, Regressor, StateRegressor
+from skill.compiled import compiled
+from skill.planning.prediction import NearSamples, Prediction, Query
+from skill.regression.locally_weighted_regression import MAX_QUERY, LWRegressor, RegressionNumbers, local_prediction
+from skill.regression.partial_pooling import relevance_of
+from skill.regression.protocols import Regressor, StateRegressor
 from skill.states.context_filter import pair_probabilities
 from skill.states.context_mixture import ContextMixture
 
-TURNS = slice(0, 2)
-"""The outputs of the regressor that are turns."""
+N_TURNS = 2
+"""Number of outputs of the regressor that are turns, the first ones."""
 
 LOW_SUPPORT_SHARE = 0.01
 """Share of the demonstrated samples whose support, from the other demonstrations, counts as low."""
@@ -45,44 +50,112 @@ class Imitation:
     contexts: ContextMixture | None
     min_log_support: float
 
+    @cached_property
+    def numbers(self) -> ImitationNumbers:
+        """The demonstrated samples for compiled functions; the regressor is a `LWRegressor`."""
+        assert isinstance(self.regressor, LWRegressor)
+        names, groups = np.unique(self.sources[:, 0], return_inverse=True)
+        shares = np.ones((len(names), 1)) if self.contexts is None else self.contexts.probabilities_of(names)
+        return ImitationNumbers(
+            self.regressor.numbers(), groups.astype(np.int64), np.ascontiguousarray(shares), float(self.min_log_support)
+        )
+
     def predict(self, query: Query) -> Prediction:
         """Returns the prediction for one query."""
         regressor, (_, X, P, Q) = self.regressor, query
-        if isinstance(regressor, LocalRegressor):
-            followed, matters = self._followed(regressor, X, P, Q)
-            samples = regressor.local_samples(X, pair_probabilities(P, followed))
-            predicted = regressor.predict_from(samples)
-            low, high = quartiles(regressor.y_[samples.rows, TURNS], samples.weights)
-            action = predicted.copy()
-            action[TURNS] = np.clip(predicted[TURNS], low, high)
-            # Not to know the context, or not to need it, is no lack of samples.
-            support = self._support(samples.log_w_max, followed.max())
-            limited = bool((action != predicted).any())
-            return Prediction(action, support, followed, matters, limited, samples)
+        if isinstance(regressor, LWRegressor):
+            found = imitate(self.numbers, X[0], np.array(P[0]), np.array(Q[0]))
+            return Prediction(
+                found.action,
+                found.support,
+                found.contexts[None],
+                found.relevance,
+                found.limited,
+                NearSamples(found.rows, found.weights),
+            )
         if isinstance(regressor, StateRegressor):
             predictions, log_support = regressor.predict_with_support(X, pair_probabilities(P, Q))
-            return Prediction(predictions[0], self._support(float(log_support[0]), 1.0), Q, 1.0, limited=False)
+            return Prediction(
+                predictions[0], support_of(self.min_log_support, float(log_support[0]), 1.0), Q, 1.0, False
+            )
         return Prediction(np.asarray(regressor.predict(X))[0], 1.0, Q, 0.0, limited=False)
 
-    def _support(self, log_support: float, share: float) -> float:
-        return math.exp(-max(0.0, self.min_log_support + math.log(share) - log_support))
 
-    def _followed(self, regressor: LocalRegressor, X: Array, P: Array, Q: Array) -> tuple[Array, float]:
-        """The contexts (1, C) that a query follows, and the relevance of the context."""
-        if self.contexts is None:
-            return Q, 1.0
-        any_context = np.full_like(Q, 1.0 / Q.size)
-        samples = regressor.local_samples(X, pair_probabilities(P, any_context))
-        numbers = self.sources[samples.rows, 0]
-        memberships = self.contexts.probabilities_of(numbers)
-        matters = relevance(samples.weights, regressor.y_[samples.rows, TURNS], numbers, memberships)
-        return matters * Q + (1.0 - matters) * any_context, matters
+class ImitationNumbers(NamedTuple):
+    """An `Imitation` of G demonstrations for compiled functions.
+
+    Attributes:
+        regressor: of the actions.
+        groups: (n,), number of the demonstration of each sample, below G.
+        contexts: (G, C), probabilities of the contexts of the demonstrations.
+        min_log_support: see `Imitation`.
+    """
+
+    regressor: RegressionNumbers
+    groups: NDArray[np.int64]
+    contexts: Array
+    min_log_support: float
 
 
-def quartiles(values: Array, weights: Array) -> tuple[Array, Array]:
-    """Returns the first and third quartile (p,) of values (k, p) with weights (k,)."""
-    low, high = np.quantile(values, [0.25, 0.75], axis=0, weights=weights, method="inverted_cdf")
-    return low, high
+class Imitated(NamedTuple):
+    """What the demonstrations do at one query; see `Prediction`.
+
+    Attributes:
+        action: (3,).
+        support: 0 to 1.
+        contexts: (C,), followed.
+        relevance: of the context.
+        limited: whether a turn was limited.
+        rows: (k,), the samples nearby.
+        weights: (k,), their weights, over the greatest.
+    """
+
+    action: Array
+    support: float
+    contexts: Array
+    relevance: float
+    limited: bool
+    rows: NDArray[np.intp]
+    weights: Array
+
+
+@compiled
+def imitate(p: ImitationNumbers, x: Array, states: Array, contexts: Array) -> Imitated:
+    """Returns what the demonstrations do at features (d,) in states and contexts of the probabilities (K,) and (C,)."""
+    C, matters, followed = len(contexts), 1.0, contexts
+    query = np.minimum(np.maximum(x * p.regressor.feature_scale, -MAX_QUERY), MAX_QUERY)
+    if C > 1:
+        any_context = np.full(C, 1.0 / C)
+        _, rows, weights, _ = local_prediction(p.regressor, query, np.outer(states, any_context).ravel())
+        numbers = p.groups[rows]
+        matters = relevance_of(weights, p.regressor.y[rows, :N_TURNS], numbers, p.contexts[numbers])
+        followed = matters * contexts + (1.0 - matters) * any_context
+    action, rows, weights, log_support = local_prediction(p.regressor, query, np.outer(states, followed).ravel())
+    limited = False
+    for i in range(N_TURNS):
+        low, high = quartiles_of(p.regressor.y[rows, i], weights)
+        turn = min(max(action[i], low), high)
+        limited = limited or turn != action[i]
+        action[i] = turn
+    # Not to know the context, or not to need it, is no lack of samples.
+    support = support_of(p.min_log_support, log_support, followed.max())
+    return Imitated(action, support, followed, matters, limited, rows, weights)
+
+
+@compiled
+def support_of(min_log_support: float, log_support: float, share: float) -> float:
+    """Returns the support, 0 to 1, of a greatest log weight where the context is followed by a share."""
+    return math.exp(-max(0.0, min_log_support + math.log(share) - log_support))
+
+
+@compiled
+def quartiles_of(values: Array, weights: Array) -> tuple[float, float]:
+    """Returns the first and third quartile of values (k,) with weights (k,): values of the inverse distribution."""
+    order = np.argsort(values)
+    sums = np.cumsum(weights[order])
+    places = np.searchsorted(sums / sums[-1], np.array([0.25, 0.75]))
+    low, high = order[min(places[0], len(values) - 1)], order[min(places[1], len(values) - 1)]
+    return values[low], values[high]
 
 
 def lowest_log_support(regressor: Regressor, demonstrations: Array) -> float:

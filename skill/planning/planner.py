@@ -28,7 +28,7 @@ from skill.features.responses import LOADS, ResponseFeatures, horizon_steps
 from skill.planning.imitation import Imitation
 from skill.planning.planning_model import PlanningModel
 from skill.planning.prediction import Plan, Prediction, Query
-from skill.regression.protocols import LocalRegressor
+from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.context_filter import pair_probabilities
 
 LOAD_TOLERANCE = 2.0
@@ -50,7 +50,7 @@ class Planner:
 
     Attributes:
         model: forward models, desired states and bounds.
-        imitation: what the demonstrations do; its regressor is a `LocalRegressor`.
+        imitation: what the demonstrations do; its regressor is a `LWRegressor`.
         responses: computes the loads.
         period: sample period of the actions, s.
     """
@@ -86,7 +86,7 @@ class Planner:
     def _spread(self, shown: Prediction) -> Array:
         """Standard deviation (3,) of the actions of the neighbours, over one sample period."""
         regressor, samples = self.imitation.regressor, shown.samples
-        if samples is None or not isinstance(regressor, LocalRegressor):
+        if samples is None or not isinstance(regressor, LWRegressor):
             raise TypeError(f"a {type(regressor).__name__} has no neighbours; expected a regressor such as LWRegressor")
         actions, share = regressor.y_[samples.rows], samples.weights / samples.weights.sum()
         spread: Array = np.sqrt(share @ (actions - share @ actions) ** 2)

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from skill.arrays import Array
 from skill.policy import Action
-from skill.regression.local_model import LocalSamples
 from skill.regression.protocols import Explanation
 
 MAX_PRINTED = 5  # samples in the printed explanation
@@ -64,6 +64,18 @@ class Plan(NamedTuple):
     beyond: Array
 
 
+class NearSamples(NamedTuple):
+    """The demonstrated samples near a query.
+
+    Attributes:
+        rows: (k,), their numbers in the regressor.
+        weights: (k,), their kernel weights, over the greatest.
+    """
+
+    rows: NDArray[np.intp]
+    weights: Array
+
+
 class Prediction(NamedTuple):
     """The action at one query.
 
@@ -82,7 +94,7 @@ class Prediction(NamedTuple):
     contexts: Array
     relevance: float
     limited: bool
-    samples: LocalSamples | None = None
+    samples: NearSamples | None = None
     plan: Plan | None = None
 
 

@@ -19,38 +19,19 @@ Devlin, "Locally weighted regression", JASA 83, 1988, for the equivalent kernel 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dposv
 from scipy.special import stdtrit
 
 from skill.arrays import Array
+from skill.compiled import compiled
+from skill.regression.positive_systems import solve_least_norm, solve_positive
 
 MAX_EXPONENT = 690.0
 """exp(690) is near the largest double; slopes are zero to rounding well below it."""
-
-
-class LocalSamples(NamedTuple):
-    """The neighbourhood of one query.
-
-    Attributes:
-        rows: (k,), numbers of the samples.
-        weights: (k,), their kernel weights, divided by the greatest.
-        log_w_max: logarithm of the greatest weight.
-        query: (d,), scaled.
-        points: (k, d), the scaled samples.
-        ridge: penalty of the slope, divided by the greatest weight.
-    """
-
-    rows: NDArray[np.intp]
-    weights: Array
-    log_w_max: float
-    query: Array
-    points: Array
-    ridge: float
 
 
 @dataclass(frozen=True)
@@ -117,6 +98,7 @@ def normalised_weights(log_w: Array, ridge: float) -> tuple[Array, Array, Array]
     return weights, log_w_max, np.asarray(scaled_ridge, dtype=np.float64)
 
 
+@compiled
 def equivalent_kernel(query: Array, x: Array, weights: Array, ridge: float, degree: int) -> Array:
     """Coefficients l (k,) of the prediction l'y at one query.
 
@@ -127,21 +109,50 @@ def equivalent_kernel(query: Array, x: Array, weights: Array, ridge: float, degr
         ridge: penalty of the slope, divided by the greatest weight.
         degree: 0 for the kernel mean, 1 for the local linear model.
     """
-    normalised: Array = weights / weights.sum()
+    k, d = x.shape
+    kernel = weights / weights.sum()
     if degree == 0:
-        return normalised
-    mean = normalised @ x
-    centred = x - mean
-    weighted = centred * weights[:, None]
-    scatter = weighted.T @ centred
-    scatter.flat[:: len(mean) + 1] += ridge
-    offset = mean - query
-    if ridge > 0:
-        _, a, info = dposv(scatter, offset)
-        if info == 0:
-            return np.asarray(normalised - weighted @ a, dtype=np.float64)
-    a = _min_norm_solution(scatter[None], offset[None, :, None])[0, :, 0]
-    return np.asarray(normalised - weighted @ a, dtype=np.float64)
+        return kernel
+    mean, scatter, a = np.zeros(d), np.zeros((d, d)), np.empty((d, 1))
+    for i in range(k):
+        for j in range(d):
+            mean[j] += kernel[i] * x[i, j]
+    centred = np.empty(d)
+    for i in range(k):
+        for j in range(d):
+            centred[j] = x[i, j] - mean[j]
+            for m in range(j + 1):
+                scatter[j, m] += weights[i] * centred[j] * centred[m]
+    for j in range(d):
+        scatter[j, j] += ridge
+        a[j, 0] = mean[j] - query[j]
+        for m in range(j):
+            scatter[m, j] = scatter[j, m]
+    if not (ridge > 0.0 and solve_positive(scatter.copy(), a)):
+        a[:, 0] = solve_least_norm(scatter, mean - query)
+    for i in range(k):
+        along = 0.0
+        for j in range(d):
+            along += (x[i, j] - mean[j]) * a[j, 0]
+        kernel[i] -= weights[i] * along
+    return kernel
+
+
+@compiled
+def scaled_weights(log_w: Array, ridge: float) -> tuple[Array, float, float]:
+    """Returns what `normalised_weights` does for one query: weights (k,), greatest logarithm, and divided ridge."""
+    greatest = log_w.max()
+    return np.exp(log_w - greatest), greatest, ridge * math.exp(min(-greatest, MAX_EXPONENT))
+
+
+@compiled
+def weighted_output(kernel: Array, y: Array, rows: NDArray[np.intp]) -> Array:
+    """Returns the prediction (p,) of an equivalent kernel (k,) over rows (k,) of outputs (n, p)."""
+    found = np.zeros(y.shape[1])
+    for i in range(len(rows)):
+        for j in range(len(found)):
+            found[j] += kernel[i] * y[rows[i], j]
+    return found
 
 
 def equivalent_kernels(queries: Array, x: Array, weights: Array, ridge: Array, degree: int) -> Array:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import fields
 from numbers import Integral, Real
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,17 +17,26 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
 from skill.arrays import Array, standard_scale
+from skill.compiled import compiled
 from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.regression.leave_one_out import StoredSamples
 from skill.regression.local_model import (
     LocalPrediction,
-    LocalSamples,
     equivalent_kernel,
     equivalent_kernels,
     local_predictions,
     normalised_weights,
+    scaled_weights,
+    weighted_output,
 )
-from skill.regression.neighbourhood import Kernel, KernelNeighbourhood, check_memberships
+from skill.regression.neighbourhood import (
+    Kernel,
+    KernelNeighbourhood,
+    SearchNumbers,
+    check_memberships,
+    kernel_numbers,
+    neighbourhood_of_one,
+)
 from skill.regression.protocols import Explanation
 
 MAX_QUERY = 1e100
@@ -169,8 +178,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         """
         queries, Q = self._queries(X, memberships)
         if len(queries) == 1:
-            samples = self._samples_of(queries[0], None if Q is None else Q[0])
-            return self._shaped(self.predict_from(samples)[None])
+            return self._shaped(self._predict_one(queries[0], None if Q is None else Q[0])[0][None])
         out = np.empty((len(queries), self.y_.shape[1]))
         for block, found, x, log_w in self._neighbourhood.blocks(queries, Q, self._kernel()):
             weights, _, ridge = normalised_weights(log_w, self.ridge)
@@ -188,20 +196,8 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         This logarithm is zero at a sample of the same state, and very negative far from all samples.
         """
         queries, Q = self._queries(X, memberships)
-        found = [self._samples_of(query, None if Q is None else Q[k]) for k, query in enumerate(queries)]
-        predicted = np.array([self.predict_from(samples) for samples in found])
-        return self._shaped(predicted), np.array([samples.log_w_max for samples in found])
-
-    def local_samples(self, X: ArrayLike, memberships: ArrayLike | None = None) -> LocalSamples:
-        """The neighbourhood of one query (1, d); arguments as for ``predict``."""
-        queries, Q = self._queries(X, memberships)
-        return self._samples_of(queries[0], None if Q is None else Q[0])
-
-    def predict_from(self, samples: LocalSamples) -> Array:
-        """The prediction (p,) from a neighbourhood; the same as that of ``predict`` at its query."""
-        s = samples
-        kernel = equivalent_kernel(s.query, s.points, s.weights, s.ridge, self.degree)
-        return np.asarray(kernel @ self.y_[s.rows], dtype=np.float64)
+        found = [self._predict_one(query, None if Q is None else Q[k]) for k, query in enumerate(queries)]
+        return self._shaped(np.array([value for value, *_ in found])), np.array([support for *_, support in found])
 
     def support_between(self, groups: ArrayLike) -> Array:
         """Logarithm of the greatest kernel weight (n,) that each sample finds in the other groups.
@@ -247,6 +243,21 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             level=level,
             support=float(local.support[0]),
             log_w_max=float(log_w_max[0]),
+        )
+
+    def numbers(self, *, with_states: bool = True) -> RegressionNumbers:
+        """The fitted estimator for compiled functions, with its contact states or without them."""
+        check_is_fitted(self)
+        bandwidth, adaptive, k = kernel_numbers(self._kernel(), len(self.X_))
+        return RegressionNumbers(
+            search=self._neighbourhood.numbers if with_states else self._neighbourhood.stateless,
+            feature_scale=np.array(self.feature_scale_, dtype=float),
+            y=self.y_,
+            bandwidth=bandwidth,
+            adaptive=adaptive,
+            k=k,
+            ridge=float(self.ridge),
+            degree=int(self.degree),
         )
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
@@ -338,11 +349,11 @@ class LWRegressor(RegressorMixin, BaseEstimator):
             raise ValueError("queries have memberships but the samples have none: give memberships to fit too")
         return queries, check_memberships(memberships, len(queries), self.memberships_.shape[1])
 
-    def _samples_of(self, query: Array, q: Array | None) -> LocalSamples:
-        """The neighbourhood of one scaled query (d,)."""
-        found, x, log_w = self._neighbourhood.of_one(query, q, self._kernel())
-        weights, log_w_max, ridge = normalised_weights(log_w, self.ridge)
-        return LocalSamples(found, weights, float(log_w_max), query, x, float(ridge))
+    def _predict_one(self, query: Array, q: Array | None) -> tuple[Array, NDArray[np.intp], Array, float]:
+        """Returns what `local_prediction` does at one scaled query (d,)."""
+        if q is None:
+            return local_prediction(self.numbers(with_states=False), query, np.ones(1))
+        return local_prediction(self.numbers(), query, np.array(q))
 
     def _kernel(self, bandwidth: float | None = None) -> Kernel:
         chosen = self.bandwidth_ if bandwidth is None else bandwidth
@@ -361,6 +372,45 @@ class LWRegressor(RegressorMixin, BaseEstimator):
 
     def _shaped(self, values: Array) -> Array:
         return values[:, 0] if self.single_output_ else values
+
+
+class RegressionNumbers(NamedTuple):
+    """A fitted `LWRegressor` for compiled functions.
+
+    Attributes:
+        search: the samples.
+        feature_scale: (d,).
+        y: (n, p), outputs.
+        bandwidth: see `kernel_numbers`.
+        adaptive: likewise.
+        k: likewise.
+        ridge: penalty of the slope.
+        degree: 0 or 1.
+    """
+
+    search: SearchNumbers
+    feature_scale: Array
+    y: Array
+    bandwidth: float
+    adaptive: bool
+    k: int
+    ridge: float
+    degree: int
+
+
+@compiled
+def local_prediction(p: RegressionNumbers, query: Array, q: Array) -> tuple[Array, NDArray[np.intp], Array, float]:
+    """Returns the prediction (p,) at one query, and rows (k,), weights (k,) and greatest log weight of its samples.
+
+    Args:
+        p: the regressor.
+        query: (d,), scaled features.
+        q: (K,), contact-state probabilities of the query.
+    """
+    rows, log_w = neighbourhood_of_one(p.search, query, q, p.bandwidth, p.adaptive, p.k)
+    weights, log_w_max, ridge = scaled_weights(log_w, p.ridge)
+    kernel = equivalent_kernel(query, p.search.points[rows], weights, ridge, p.degree)
+    return weighted_output(kernel, p.y, rows), rows, weights, log_w_max
 
 
 def resolved_scale(feature_scale: ArrayLike | str | None, X: Array) -> Array:

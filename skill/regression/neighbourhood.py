@@ -6,13 +6,16 @@ in. Usually this is one index, which is smaller than the whole and contains no s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skill.arrays import Array
+from skill.compiled import compiled
 
 Rows = NDArray[np.intp]
 
@@ -46,28 +49,21 @@ class NeighbourIndex:
         self.rows = np.arange(len(points)) if rows is None else rows
         self.size = len(points)
         # |x - q|^2 is |x|^2 - 2 x.q up to a constant; centring limits the cancellation.
-        self._centre = points.mean(axis=0)
-        centred = points - self._centre
+        self.centre = points.mean(axis=0)
+        centred = points - self.centre
         norms = np.einsum("ij,ij->i", centred, centred)
-        self._augmented = np.ascontiguousarray(np.column_stack([-2.0 * centred, norms]).T)
-
-    def nearest(self, query: Array, k: int) -> Rows:
-        """Rows (k',) of the k' = min(k, n) nearest to one query (d,), in no particular order."""
-        if k >= self.size:
-            return self.rows
-        extended = np.append(query - self._centre, 1.0)
-        return self.rows[np.argpartition(extended @ self._augmented, k - 1)[:k]]
+        self.augmented = np.ascontiguousarray(np.column_stack([-2.0 * centred, norms]).T)
 
     def nearest_many(self, queries: Array, k: int) -> Rows:
         """Rows (m, k') of the k' = min(k, n) nearest to each query (m, d), in no particular order."""
         m = len(queries)
         if k >= self.size:
             return np.broadcast_to(self.rows, (m, self.size))
-        extended = np.column_stack([queries - self._centre, np.ones(m)])
+        extended = np.column_stack([queries - self.centre, np.ones(m)])
         found = np.empty((m, k), dtype=np.intp)
         step = max(1, SEARCH_BLOCK // self.size)
         for start in range(0, m, step):
-            relative = extended[start : start + step] @ self._augmented
+            relative = extended[start : start + step] @ self.augmented
             found[start : start + step] = np.argpartition(relative, k - 1, axis=1)[:, :k]
         return self.rows[found]
 
@@ -81,14 +77,14 @@ class MembershipIndex:
     """
 
     def __init__(self, points: Array, memberships: Array | None) -> None:
-        self._whole = NeighbourIndex(points)
+        self.whole = NeighbourIndex(points)
         self._memberships = memberships
-        self._states: list[NeighbourIndex | None] = []
+        self.states: list[NeighbourIndex | None] = []
         if memberships is None:
             return
         for state in range(memberships.shape[1]):
             rows = np.flatnonzero(memberships[:, state] > NEGLIGIBLE)
-            self._states.append(NeighbourIndex(points[rows], rows) if rows.size else None)
+            self.states.append(NeighbourIndex(points[rows], rows) if rows.size else None)
 
     def candidates(self, queries: Array, Q: Array | None, k: int) -> tuple[Rows, Array | None]:
         """Candidates of many queries.
@@ -104,7 +100,7 @@ class MembershipIndex:
             with repeated rows of log probability -inf. The second value is None if Q is None.
         """
         if Q is None:
-            return self._whole.nearest_many(queries, k), None
+            return self.whole.nearest_many(queries, k), None
         active = Q > NEGLIGIBLE
         patterns, which = np.unique(active, axis=0, return_inverse=True)
         if len(patterns) == 1:
@@ -122,21 +118,10 @@ class MembershipIndex:
             log_shares[members, : found.shape[1]] = log_share
         return rows, log_shares
 
-    def candidates_of_one(self, query: Array, q: Array | None, k: int) -> tuple[Rows, Array | None]:
-        """Candidates of one query (d,) with probabilities (K,); returns arrays (c,) as `candidates` does."""
-        if q is None:
-            return self._whole.nearest(query, k), None
-        states = (q > NEGLIGIBLE).nonzero()[0]
-        if len(states) == 1 and (index := self._states[states[0]]) is not None:
-            found = index.nearest(query, k)
-            return found, self._log_share(found, q)
-        rows, log_shares = self._of_states(query[None], q[None], states, k)
-        return rows[0], log_shares[0]
-
     def _of_states(self, queries: Array, Q: Array, states: Rows, k: int) -> tuple[Rows, Array]:
-        indices = [index for state in states if (index := self._states[state]) is not None]
+        indices = [index for state in states if (index := self.states[state]) is not None]
         if not indices:  # no sample is in the state of the query: search all samples
-            indices = [self._whole]
+            indices = [self.whole]
         found = np.hstack([index.nearest_many(queries, k) for index in indices])
         if len(indices) == 1:
             return found, self._log_share(found, Q)
@@ -168,6 +153,140 @@ class Kernel:
     n_neighbors: int | None = None
 
 
+def kernel_numbers(kernel: Kernel, n: int) -> tuple[float, bool, int]:
+    """Returns bandwidth, whether it is adaptive, and the number of neighbours among n samples."""
+    k = n if kernel.n_neighbors is None else min(kernel.n_neighbors, n)
+    return float(kernel.bandwidth), kernel.adaptive, k
+
+
+class SearchNumbers(NamedTuple):
+    """The samples, those of one state after the other; the last part holds all of them.
+
+    Attributes:
+        points: (n, d), scaled features.
+        augmented: (d + 1, m), of each part -2 times the centred features, and their squared norms.
+        centres: (K + 1, d), of the parts.
+        rows: (m,), row numbers.
+        starts: (K + 2,), where each part begins, and the end.
+        memberships: (n, K), contact-state probabilities of the samples; (n, 1) without states.
+        log_weight: (n,), logarithms of the sample weights.
+    """
+
+    points: Array
+    augmented: Array
+    centres: Array
+    rows: Rows
+    starts: Rows
+    memberships: Array
+    log_weight: Array
+
+    @classmethod
+    def of(
+        cls,
+        points: Array,
+        memberships: Array | None,
+        log_weight: Array,
+        indices: Sequence[NeighbourIndex | None],
+    ) -> Self:
+        """Returns the search of samples (n, d), in the index of each state, then in that of all."""
+        P = np.ones((len(points), 1)) if memberships is None else np.ascontiguousarray(memberships)
+        used = [index for index in indices if index is not None]
+        return cls(
+            points,
+            np.ascontiguousarray(np.hstack([index.augmented for index in used])),
+            np.array([np.zeros(points.shape[1]) if index is None else index.centre for index in indices]),
+            np.concatenate([index.rows for index in used]),
+            np.cumsum([0, *(0 if index is None else index.size for index in indices)]),
+            P,
+            log_weight,
+        )
+
+
+@compiled
+def neighbourhood_of_one(
+    p: SearchNumbers, query: Array, q: Array, bandwidth: float, adaptive: bool, k: int
+) -> tuple[Rows, Array]:
+    """Returns rows and log weights of the neighbourhood of one query; see `KernelNeighbourhood.of_one`.
+
+    Args:
+        p: the samples.
+        query: (d,), scaled.
+        q: (K,), contact-state probabilities of the query.
+        bandwidth: see `Kernel`.
+        adaptive: see `Kernel`.
+        k: largest number of neighbours.
+    """
+    K, n = len(q), len(p.log_weight)
+    found, squares = np.empty(n, np.int64), np.empty(n)
+    taken = np.zeros(n, np.bool_)
+    count = 0
+    for state in range(K):
+        if q[state] > NEGLIGIBLE:
+            count = _add_nearest(p, query, state, k, taken, found, squares, count)
+    if count == 0:  # no sample is in a state of the query: search all of them
+        count = _add_nearest(p, query, K, k, taken, found, squares, count)
+    found, squares = found[:count], squares[:count]
+    h2 = bandwidth**2
+    if adaptive:
+        farthest = np.partition(squares, min(k, count) - 1)[min(k, count) - 1]
+        # If all neighbours coincide with the query, their weights are equal for any bandwidth.
+        h2 *= farthest if farthest > 0.0 else 1.0
+    log_w = np.empty(count)
+    for i in range(count):
+        row, share = found[i], 0.0
+        for state in range(K):
+            share += p.memberships[row, state] * q[state]
+        log_w[i] = max(-squares[i] / h2, MIN_LOG) + math.log(max(share, MIN_SHARE)) + p.log_weight[row]
+    if count > k:
+        keep = _smallest(-log_w, k)
+        return found[keep], log_w[keep]
+    return found, log_w
+
+
+@compiled
+def _add_nearest(
+    p: SearchNumbers, query: Array, part: int, k: int, taken: NDArray[np.bool_], found: Rows, squares: Array, count: int
+) -> int:
+    """Adds those of the k nearest samples of a part that are not taken yet; returns the number of all."""
+    start, end = p.starts[part], p.starts[part + 1]
+    d, size = len(query), end - start
+    if size > k:
+        relative = p.augmented[d, start:end].copy()
+        for i in range(d):
+            offset, points = query[i] - p.centres[part, i], p.augmented[i, start:end]
+            for j in range(size):
+                relative[j] += offset * points[j]
+        near = _smallest(relative, k)
+    else:
+        near = np.arange(size)
+    for j in near:
+        row = p.rows[start + j]
+        if not taken[row]:
+            taken[row] = True
+            square = 0.0
+            for i in range(d):
+                square += (p.points[row, i] - query[i]) ** 2
+            found[count], squares[count] = row, square
+            count += 1
+    return count
+
+
+@compiled
+def _smallest(values: Array, k: int) -> Rows:
+    """Returns the places (k,) of the k smallest values; of equal ones the first."""
+    limit = np.partition(values, k - 1)[k - 1]
+    found, count = np.empty(k, np.int64), 0
+    for j in range(len(values)):
+        if values[j] < limit:
+            found[count] = j
+            count += 1
+    for j in range(len(values)):
+        if count < k and values[j] == limit:
+            found[count] = j
+            count += 1
+    return found
+
+
 class KernelNeighbourhood:
     """Finds neighbourhoods among n samples.
 
@@ -182,8 +301,13 @@ class KernelNeighbourhood:
         self._index = MembershipIndex(points, memberships)
         uniform = bool((sample_weight == 1.0).all())
         self._log_sample_weight = None if uniform else np.log(sample_weight)
+        log_weight, states, whole = np.log(sample_weight), self._index.states, self._index.whole
+        self.stateless = SearchNumbers.of(points, None, log_weight, [whole, whole])
+        self.numbers = self.stateless
+        if memberships is not None:
+            self.numbers = SearchNumbers.of(points, memberships, log_weight, [*states, whole])
 
-    def of_one(self, query: Array, q: Array | None, kernel: Kernel) -> tuple[Rows, Array, Array]:
+    def of_one(self, query: Array, q: Array | None, kernel: Kernel) -> tuple[Rows, Array]:
         """The neighbourhood of one query.
 
         Args:
@@ -192,17 +316,10 @@ class KernelNeighbourhood:
             kernel: the kernel.
 
         Returns:
-            Rows (k,), samples (k, d) and log weights (k,).
+            Rows (k,) and log weights (k,).
         """
-        k = self._count(kernel)
-        found, log_share = self._index.candidates_of_one(query, q, k)
-        x = self._points[found]
-        offset = x - query
-        log_w = self._log_weights(np.einsum("ij,ij->i", offset, offset), found, log_share, kernel, k)
-        if len(found) > k:
-            keep = np.argpartition(-log_w, k - 1)[:k]
-            found, x, log_w = found[keep], x[keep], log_w[keep]
-        return found, x, log_w
+        numbers, shares = (self.stateless, np.ones(1)) if q is None else (self.numbers, np.array(q))
+        return neighbourhood_of_one(numbers, query, shares, *kernel_numbers(kernel, len(self._points)))
 
     def blocks(
         self, queries: Array, Q: Array | None, kernel: Kernel, extra: int = 0

@@ -25,12 +25,11 @@ Source: Gelman, Hill, "Data analysis using regression and multilevel/hierarchica
 
 from __future__ import annotations
 
-from itertools import combinations
-
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from skill.arrays import Array
+from skill.compiled import compiled
 
 ROUND_OFF = 1e-10
 """Largest difference, relative to the greatest output, and largest excess over one demonstration, that count as
@@ -40,41 +39,63 @@ MIN_WEIGHT = float(np.finfo(float).tiny)
 """Of a demonstration, so that one whose kernel weights underflow has a mean."""
 
 
-def relevance(weights: Array, outputs: Array, groups: ArrayLike, memberships: Array) -> float:
+def relevance(weights: ArrayLike, outputs: ArrayLike, groups: ArrayLike, memberships: ArrayLike) -> float:
     """Returns B, from 0 if the contexts act alike, to 1 if they certainly do not.
 
     Args:
         weights: (k,), kernel weights of the samples, not negative; the greatest is of the order of 1.
         outputs: (k, p), outputs in which a difference counts.
-        groups: (k,), name of the demonstration of each sample.
+        groups: (k,), number of the demonstration of each sample, not negative.
         memberships: (k, C), probabilities of the contexts of each sample, the same within a demonstration.
 
     Returns:
         B; 0 if fewer than two contexts have more than one demonstration near the query.
     """
-    _, first, group = np.unique(groups, return_index=True, return_inverse=True)
-    W = np.maximum(np.bincount(group, weights), MIN_WEIGHT)
-    means = np.column_stack([np.bincount(group, weights * y) for y in outputs.T]) / W[:, None]
-    known = [found for r in memberships[first].T if (found := _mean_of_context(r * W, means)) is not None]
-    chance = squared = 0.0
-    for (size, mean, variance), (other_size, other_mean, other_variance) in combinations(known, 2):
-        difference = mean - other_mean
-        chance += size * other_size * (variance + other_variance)
-        squared += size * other_size * float(difference @ difference)
-    total = sum(size * other_size for (size, *_), (other_size, *_) in combinations(known, 2))
-    if squared <= ROUND_OFF**2 * float((outputs**2).max()) * total:
+    w, y, r = (np.ascontiguousarray(values, dtype=float) for values in (weights, outputs, memberships))
+    return relevance_of(w, y, np.ascontiguousarray(groups, dtype=np.int64), r)
+
+
+@compiled
+def relevance_of(weights: Array, outputs: Array, groups: NDArray[np.int64], memberships: Array) -> float:
+    """Returns what `relevance` does, from arrays."""
+    G, C, p = groups.max() + 1, memberships.shape[1], outputs.shape[1]
+    W, means, r = np.zeros(G), np.zeros((G, p)), np.zeros((G, C))
+    present = np.zeros(G, np.bool_)
+    largest = 0.0
+    for i in range(len(weights)):
+        g = groups[i]
+        W[g] += weights[i]
+        present[g] = True
+        r[g] = memberships[i]
+        for j in range(p):
+            means[g, j] += weights[i] * outputs[i, j]
+            largest = max(largest, outputs[i, j] ** 2)
+    for g in range(G):
+        W[g] = max(W[g], MIN_WEIGHT) if present[g] else 0.0
+        if present[g]:
+            means[g] /= W[g]
+    size, centre, variance = np.zeros(C), np.zeros((C, p)), np.zeros(C)
+    for c in range(C):
+        total, squares = (r[:, c] * W).sum(), 0.0
+        if total <= 0.0:
+            continue
+        for g in range(G):
+            share = r[g, c] * W[g] / total
+            squares += share * share
+            centre[c] += share * means[g]
+        if 1.0 / squares - 1.0 <= ROUND_OFF:  # one demonstration only
+            continue
+        for g in range(G):
+            variance[c] += r[g, c] * W[g] / total * ((means[g] - centre[c]) ** 2).sum()
+        variance[c] /= 1.0 / squares - 1.0
+        size[c] = total
+    chance, squared, pairs = 0.0, 0.0, 0.0
+    for c in range(C):
+        for other in range(c):
+            both = size[c] * size[other]
+            pairs += both
+            chance += both * (variance[c] + variance[other])
+            squared += both * ((centre[c] - centre[other]) ** 2).sum()
+    if squared <= ROUND_OFF**2 * largest * pairs:
         return 0.0
     return max(0.0, 1.0 - chance / squared)
-
-
-def _mean_of_context(weights: Array, means: Array) -> tuple[float, Array, float] | None:
-    """The weight, mean (p,) and variance of the mean of demonstrations (G,); None if there is but one."""
-    size = float(weights.sum())
-    if size <= 0.0:
-        return None
-    share = weights / size
-    more_than_one = 1.0 / float(share @ share) - 1.0
-    if more_than_one <= ROUND_OFF:
-        return None
-    mean = share @ means
-    return size, mean, float(share @ ((means - mean) ** 2).sum(axis=1)) / more_than_one

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skill.arrays import Array
-from skill.regression.local_model import LocalSamples
 
 
 @dataclass(frozen=True)
@@ -61,19 +60,6 @@ class StateRegressor(Protocol):
 
     def support_between(self, groups: ArrayLike) -> Array:
         """Logarithm of the greatest kernel weight (n,) that each sample finds in the other groups (n,)."""
-
-
-@runtime_checkable
-class LocalRegressor(StateRegressor, Protocol):
-    """A regressor that predicts from samples near the query; ``y_`` (n, p) are the outputs of all samples."""
-
-    y_: Array
-
-    def local_samples(self, X: Array, memberships: Array) -> LocalSamples:
-        """The samples near one query (1, d)."""
-
-    def predict_from(self, samples: LocalSamples) -> Array:
-        """The prediction (p,) from these samples."""
 
 
 @runtime_checkable

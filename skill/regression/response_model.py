@@ -23,7 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skill.arrays import Array
+from skill.compiled import compiled
 from skill.data.array_schema import MIN_POSITIVE, ArrayRule
+from skill.regression.positive_systems import solve_positive
 
 PRIOR_SAMPLES = 3.0
 """n_0. The choice matters only where the weights add up to a few samples."""
@@ -96,13 +98,16 @@ class ResponseModel:
 
     Args:
         samples: the samples.
+
+    Attributes:
+        moments: (n, f), of each sample: a a', a y', y^2 and 1.
     """
 
     def __init__(self, samples: ResponseSamples) -> None:
         self._Y = samples.Y
         self._A = _with_constant(samples.U)
         n, q = self._A.shape
-        self._moments = np.hstack(
+        self.moments = np.hstack(
             [
                 (self._A[:, :, None] * self._A[:, None, :]).reshape(n, q * q),
                 (self._A[:, :, None] * samples.Y[:, None, :]).reshape(n, -1),
@@ -119,23 +124,13 @@ class ResponseModel:
             inputs: (m, q), u of the queries.
             outputs: (m, p), y of the queries.
         """
-        A = _with_constant(inputs)
-        q, p = A.shape[1], outputs.shape[1]
-        sums = weights @ self._moments
-        S = sums[:, : q * q].reshape(-1, q, q)
-        C = sums[:, q * q : q * (q + p)].reshape(-1, q, p)
-        M = S + PRIOR_SAMPLES * np.eye(q)
-        solved = np.linalg.solve(M, np.concatenate([C, A[:, :, None]], axis=2))
-        B, leverage = solved[:, :, :p], np.einsum("mq,mq->m", A, solved[:, :, p])
-        # sum w (y - B'a)^2 = sum w y^2 - 2 B'C + B'S B, for each output.
-        rest = sums[:, q * (q + p) : -1] + np.einsum("mqp,mqp->mp", B, S @ B - 2.0 * C)
-        spread = (np.maximum(rest, 0.0) + PRIOR_SAMPLES) / (sums[:, -1:] + PRIOR_SAMPLES)
-        return outputs - np.einsum("mqp,mq->mp", B, A), spread * (1.0 + leverage)[:, None]
+        sums = weights @ self.moments
+        return residuals_of_sums(sums, np.ascontiguousarray(inputs), np.ascontiguousarray(outputs))
 
     def coefficients(self, weights: Array) -> Array:
         """Returns B (m, 1 + q, p) of the regressions at queries with the weights (m, n) of the samples."""
         q, p = self._A.shape[1], self._Y.shape[1]
-        sums = weights @ self._moments
+        sums = weights @ self.moments
         S = sums[:, : q * q].reshape(-1, q, q) + PRIOR_SAMPLES * np.eye(q)
         found = np.linalg.solve(S, sums[:, q * q : q * (q + p)].reshape(-1, q, p))
         return np.asarray(found, dtype=float)
@@ -159,6 +154,49 @@ class ResponseModel:
         return np.column_stack(found)
 
 
+@compiled
+def residuals_of_sums(sums: Array, inputs: Array, outputs: Array) -> tuple[Array, Array]:
+    """Returns errors (m, p) and variances (m, p) as `ResponseModel.residuals` does.
+
+    Args:
+        sums: (m, f), of the moments of the samples, each with its weight at the query.
+        inputs: (m, q), u of the queries.
+        outputs: (m, p), y of the queries.
+    """
+    m, q, p = len(sums), inputs.shape[1] + 1, outputs.shape[1]
+    errors, variances = np.empty((m, p)), np.empty((m, p))
+    S, M, B, a = np.empty((q, q)), np.empty((q, q)), np.empty((q, p + 1)), np.ones(q)
+    for row in range(m):
+        found = sums[row]
+        a[1:] = inputs[row]
+        for i in range(q):
+            for j in range(q):
+                S[i, j] = found[q * i + j]
+            for k in range(p):
+                B[i, k] = found[q * q + p * i + k]
+            B[i, p] = a[i]
+        M[:] = S
+        for i in range(q):
+            M[i, i] += PRIOR_SAMPLES
+        solve_positive(M, B)
+        leverage = 1.0
+        for i in range(q):
+            leverage += a[i] * B[i, p]
+        for k in range(p):
+            # sum w (y - B'a)^2 = sum w y^2 - 2 B'C + B'S B.
+            predicted, rest = 0.0, found[q * (q + p) + k]
+            for i in range(q):
+                predicted += B[i, k] * a[i]
+                along = -2.0 * found[q * q + p * i + k]
+                for j in range(q):
+                    along += S[i, j] * B[j, k]
+                rest += B[i, k] * along
+            spread = (max(rest, 0.0) + PRIOR_SAMPLES) / (found[-1] + PRIOR_SAMPLES)
+            errors[row, k], variances[row, k] = outputs[row, k] - predicted, spread * leverage
+    return errors, variances
+
+
+@compiled
 def log_density(errors: Array, variances: Array) -> Array:
     """Returns the logarithm of the Student-t density of errors with these squared scales, less its constant."""
     density: Array = -0.5 * (TAIL + 1.0) * np.log1p(errors**2 / (TAIL * variances)) - 0.5 * np.log(variances)

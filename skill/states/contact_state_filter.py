@@ -6,6 +6,7 @@ context of a simulation.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,9 @@ from numpy.typing import ArrayLike
 from skill.arrays import Array
 from skill.clustering.gaussian_components import distance_gate, log_normalizers, tailed_log_densities
 from skill.clustering.gaussian_states import MAX_VALUE, GaussianStates
+from skill.compiled import compiled
+
+TINY = float(np.finfo(float).tiny)
 
 
 class ContactEstimate(NamedTuple):
@@ -62,14 +66,18 @@ class ContactStateFilter:
         self.n_states = M
         self.n_channels = k
         self.threshold = np.inf if gate is None else distance_gate(gate, k, components.degrees)
-        self.transitions = np.asarray(transitions, dtype=np.float64)
         # One product whitens the sample for all states: the rows of W are R_i', so W x - W v has shape (M k,).
-        self._whitening = np.ascontiguousarray(factors.transpose(0, 2, 1).reshape(M * k, k))
-        self._offset = np.einsum("mab,ma->mb", factors, components.means).reshape(M * k)
         with np.errstate(divide="ignore"):
             self._log_prior = np.log(components.weights)
-        self._normalizers = log_normalizers(np.ones(M), factors)
-        self._degrees = components.degrees
+        constants = log_normalizers(np.ones(M), factors)
+        self.numbers = FilterNumbers(
+            whitening=np.ascontiguousarray(factors.transpose(0, 2, 1).reshape(M * k, k)),
+            offset=np.einsum("mab,ma->mb", factors, components.means).reshape(M * k),
+            constants=tailed_log_densities(constants, np.zeros(M), k, components.degrees),
+            degrees=float(components.degrees),
+            threshold=float(self.threshold),
+            transitions=np.array(transitions, dtype=np.float64, order="C"),
+        )
 
     def initial_log_belief(self) -> Array:
         """Returns the log of the states' weights, shape (M,)."""
@@ -84,20 +92,54 @@ class ContactStateFilter:
             log_belief: shape (M,), belief of the previous step, or `initial_log_belief`.
             x: shape (k,), one sample, finite.
         """
-        sample = np.minimum(np.maximum(np.asarray(x, dtype=np.float64), -MAX_VALUE), MAX_VALUE)
-        whitened = self._whitening @ sample
-        whitened -= self._offset
-        blocks = whitened.reshape(self.n_states, self.n_channels)
-        distances = np.einsum("mk,mk->m", blocks, blocks)
-        b = np.exp(np.asarray(log_belief, dtype=np.float64)) @ self.transitions
-        predicted = np.log(b + np.finfo(float).tiny)
-        updated = predicted + tailed_log_densities(self._normalizers, distances, self.n_channels, self._degrees)
-        best = int(updated.argmax())
-        known = bool(distances[best] <= self.threshold)
-        if not known:
-            updated = predicted
-            best = int(updated.argmax())
-        updated = updated - updated[best]
-        probabilities = np.exp(updated)
-        total = probabilities.sum()
-        return ContactEstimate(updated - np.log(total), probabilities / total, known)
+        sample = np.ascontiguousarray(x, dtype=np.float64)
+        log_belief, known = contact_filter_step(self.numbers, np.array(log_belief, dtype=np.float64), sample)
+        return ContactEstimate(log_belief, np.exp(log_belief), known)
+
+
+class FilterNumbers(NamedTuple):
+    """A filter of M states over k channels.
+
+    Attributes:
+        whitening: (M k, k), rows of the whitening matrices of all states.
+        offset: (M k,), the whitened means.
+        constants: (M,), log-densities at the means.
+        degrees: degrees of freedom of the densities; infinite for Gaussians.
+        threshold: largest squared Mahalanobis distance of a known sample.
+        transitions: (M, M), A.
+    """
+
+    whitening: Array
+    offset: Array
+    constants: Array
+    degrees: float
+    threshold: float
+    transitions: Array
+
+
+@compiled
+def contact_filter_step(p: FilterNumbers, log_belief: Array, x: Array) -> tuple[Array, bool]:
+    """Returns the log-belief (M,) after one sample (k,), and whether the sample is known; see `ContactStateFilter`."""
+    M, k = len(p.constants), len(x)
+    distances, updated, b = np.zeros(M), np.zeros(M), np.exp(log_belief)
+    predicted = np.zeros(M)
+    for i in range(M):
+        for row in range(i * k, (i + 1) * k):
+            whitened = -p.offset[row]
+            for j in range(k):
+                whitened += p.whitening[row, j] * min(max(x[j], -MAX_VALUE), MAX_VALUE)
+            distances[i] += whitened * whitened
+        total = 0.0
+        for j in range(M):
+            total += b[j] * p.transitions[j, i]
+        predicted[i] = math.log(total + TINY)
+        if math.isinf(p.degrees):
+            tail = -0.5 * distances[i]
+        else:
+            tail = -0.5 * (p.degrees + k) * math.log1p(distances[i] / p.degrees)
+        updated[i] = predicted[i] + p.constants[i] + tail
+    known = distances[np.argmax(updated)] <= p.threshold
+    if not known:
+        updated = predicted
+    updated = updated - updated.max()
+    return updated - math.log(np.exp(updated).sum()), known

@@ -106,9 +106,11 @@ class ContextMixture(BaseEstimator):
         groups_: (G,), the names of the groups.
         responsibilities_: (G, K), probabilities of the contexts of each group.
         weights_: (K,), pi.
+        memberships_: (n, K), probabilities of the contexts of each sample that is kept.
         gains_: (mean, standard error) of the left-out log-likelihood of a group with 2, 3, ... contexts, less that with
             one context fewer; empty if ``n_contexts`` is given.
         correlation_times_: (p,), tau, in samples.
+        samples_, scales_, centre_, model_: the samples, their units, and the regression over them.
     """
 
     _parameter_constraints: dict[str, list[Any]] = {
@@ -156,13 +158,13 @@ class ContextMixture(BaseEstimator):
         self.scales_ = standard_scale(features[rows]), standard_scale(motions[rows]), standard_scale(answers[rows])
         self.centre_ = answers[rows].mean(axis=0)
         self.samples_ = self._scaled(features[rows], motions[rows], answers[rows])
-        self._model = ResponseModel(self.samples_)
+        self.model_ = ResponseModel(self.samples_)
         kernel = self.samples_.kernel(self.samples_.X, self.bandwidth)
         kernel[group[:, None] == group[None]] = 0.0
-        residuals, _ = self._model.residuals(kernel, self.samples_.U, self.samples_.Y)
+        residuals, _ = self.model_.residuals(kernel, self.samples_.U, self.samples_.Y)
         thinned = correlation_times(residuals, group)
         self.correlation_times_ = thinned * stride
-        em = _ExpectationMaximization(self._model, self.samples_, kernel, group, thinned)
+        em = _ExpectationMaximization(self.model_, self.samples_, kernel, group, thinned)
         rng = np.random.default_rng(self.random_state)
         if self.n_contexts is None:
             found = self._selected(em, rng)
@@ -177,8 +179,7 @@ class ContextMixture(BaseEstimator):
         check_is_fitted(self)
         queries = self._scaled(*(np.asarray(values, dtype=float) for values in (X, inputs, y)))
         kernel = self.samples_.kernel(queries.X, self.bandwidth)
-        memberships = self.responsibilities_[self._group]
-        return self._model.log_likelihoods(kernel, memberships, queries.U, queries.Y, self.correlation_times_)
+        return self.model_.log_likelihoods(kernel, self.memberships_, queries.U, queries.Y, self.correlation_times_)
 
     def predict_proba(self, X: ArrayLike, y: ArrayLike, *, inputs: ArrayLike, groups: ArrayLike) -> Array:
         """Returns the probabilities (G, K) of the contexts of other groups, in the order of ``np.unique(groups)``."""
@@ -223,7 +224,7 @@ class ContextMixture(BaseEstimator):
             raise ValueError("array 'responsibilities': expected rows that sum to one")
         self = cls(n_contexts=sizes["C"], bandwidth=float(arrays["bandwidth"]))
         self.samples_, self.scales_, self.centre_ = restored_responses(arrays)
-        self._model = ResponseModel(self.samples_)
+        self.model_ = ResponseModel(self.samples_)
         self.correlation_times_ = np.array(arrays["correlation_times"], dtype=float)
         self.groups_, self.gains_ = np.array(arrays["groups"]), []
         self._store(R, group)
@@ -253,6 +254,7 @@ class ContextMixture(BaseEstimator):
         self.responsibilities_ = responsibilities
         self.n_contexts_ = responsibilities.shape[1]
         self.weights_ = _weights(responsibilities)
+        self.memberships_ = np.ascontiguousarray(responsibilities[group])
         self._group = group
 
     def _scaled(self, X: Array, U: Array, Y: Array) -> ResponseSamples:

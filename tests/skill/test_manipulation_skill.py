@@ -12,8 +12,8 @@ from skill.data.refinement import INTENDED, intended_actions, refine_demonstrati
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, RawFeatures
 from skill.manipulation_skill import ManipulationSkill
-from skill.planning.imitation import quartiles
-from skill.regression.locally_weighted_regression import LWRegressor
+from skill.planning.imitation import quartiles_of
+from skill.regression.locally_weighted_regression import LWRegressor, local_prediction
 from skill.regression.protocols import ExplainableRegressor, StateRegressor
 from skill.states.contact_state_filter import ContactStateFilter
 from skill.states.context_mixture import ContextMixture
@@ -90,9 +90,10 @@ def test_the_action_depends_on_the_state(made_up_skill):
         actions = [made_up_skill.act(row, Estimate(state)) for state in np.eye(made_up_skill.n_states)]
         for state, action in zip(np.eye(made_up_skill.n_states), actions, strict=True):
             local = made_up_skill.regressor_.predict(X, memberships=state[None])
-            near = made_up_skill.regressor_.local_samples(X, state[None])
-            low, high = quartiles(made_up_skill.regressor_.y_[near.rows, :2], near.weights)
-            local[0, :2] = np.clip(local[0, :2], low, high)
+            regressor = made_up_skill.regressor_
+            _, near, weights, _ = local_prediction(regressor.numbers(), X[0] * regressor.feature_scale_, state)
+            for k in range(2):
+                local[0, k] = np.clip(local[0, k], *quartiles_of(regressor.y_[near, k], weights))
             expected = made_up_skill.features_.actions_from_frame(row[None], local)[0]
             np.testing.assert_allclose([*action.turn, action.feed], expected, rtol=1e-12)
         differences.append(np.ptp([a.feed for a in actions]) / np.abs([a.feed for a in actions]).max())

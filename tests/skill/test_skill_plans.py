@@ -81,7 +81,7 @@ def test_the_action_is_the_minimum_of_the_sum_of_the_module(planning, row):
     drift, B = model.forward(model.log_weights(query.X[0], np.kron(query.P[0], query.Q[0])))
     assert np.abs(drift).max() > 0.05  # it matters
     imitated = planning.imitation().predict(query)
-    near = planning.regressor_.local_samples(query.X, np.kron(query.P, imitated.contexts))
+    near = imitated.samples
     share, actions = near.weights / near.weights.sum(), planning.regressor_.y_[near.rows]
     spread = 5 * np.sqrt(share @ (actions - share @ actions) ** 2) + planner.SMALLEST_SPREAD
     low, high = (query.P[0] @ bounds for bounds in (model.lower_, model.upper_))

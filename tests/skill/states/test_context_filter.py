@@ -24,14 +24,20 @@ def runs_of(sign, number, seed):
         yield rows
 
 
+RESPONSES = ResponseFeatures(RawFeatures(), 0.01)
+
+
 @pytest.fixture(scope="module")
-def dut():
-    responses = ResponseFeatures(RawFeatures(), 0.01)
-    found = [responses.of_series(run, PERIOD) for sign in (1, -1) for run in runs_of(sign, 6, seed=2 + sign)]
+def mixture():
+    found = [RESPONSES.of_series(run, PERIOD) for sign in (1, -1) for run in runs_of(sign, 6, seed=2 + sign)]
     X, U, Y = (np.vstack([getattr(f, name) for f in found]) for name in ("features", "inputs", "outputs"))
     groups = np.repeat(np.arange(12), [len(f.features) for f in found])
-    mixture = ContextMixture(n_contexts=2).fit(X, Y, inputs=U, groups=groups)
-    return ContextFilter(mixture, responses, PERIOD)
+    return ContextMixture(n_contexts=2).fit(X, Y, inputs=U, groups=groups)
+
+
+@pytest.fixture(scope="module")
+def dut(mixture):
+    return ContextFilter(mixture, RESPONSES, PERIOD)
 
 
 def estimates(dut, rows):
@@ -42,8 +48,8 @@ def estimates(dut, rows):
         yield estimate
 
 
-def test_the_context_of_a_run_is_recognised_and_kept(dut):
-    first = dut._mixture.responsibilities_[0].argmax()  # of the runs with positive slope
+def test_the_context_of_a_run_is_recognised_and_kept(dut, mixture):
+    first = mixture.responsibilities_[0].argmax()  # of the runs with positive slope
     for sign in (1, -1):
         (rows,) = runs_of(sign, 1, seed=50)
         found = np.array([e.probabilities[first] for e in estimates(dut, rows)])
@@ -54,22 +60,22 @@ def test_the_context_of_a_run_is_recognised_and_kept(dut):
         assert [e.probabilities[first] for e in estimates(dut, free)][-1] == pytest.approx(found[-1], abs=0.05)
 
 
-def test_a_step_is_bayes_rule_with_the_evidence_of_the_mixture(dut):
+def test_a_step_is_bayes_rule_with_the_evidence_of_the_mixture(dut, mixture):
     (rows,) = runs_of(1, 1, seed=51)
     *_, before, after = estimates(dut, rows[:20])
-    answer = dut._responses.between(rows[17:18], rows[19:20])
-    evidence = dut._mixture.log_likelihoods(answer.features, answer.outputs, inputs=answer.inputs)[0]
+    answer = RESPONSES.between(rows[17:18], rows[19:20])
+    evidence = mixture.log_likelihoods(answer.features, answer.outputs, inputs=answer.inputs)[0]
     np.testing.assert_allclose(after.evidence, evidence - evidence.mean())
     expected = before.probabilities * np.exp(evidence - evidence.max())
     np.testing.assert_allclose(after.probabilities, expected / expected.sum(), atol=3 * MIN_PROBABILITY)
 
 
-def test_before_a_horizon_has_passed_nothing_is_known(dut):
+def test_before_a_horizon_has_passed_nothing_is_known(dut, mixture):
     (rows,) = runs_of(1, 1, seed=52)
     found = list(estimates(dut, rows[:3]))
     for estimate in found[:2]:
         np.testing.assert_array_equal(estimate.evidence, 0.0)
-        np.testing.assert_allclose(estimate.probabilities, dut._mixture.weights_, atol=1e-4)
+        np.testing.assert_allclose(estimate.probabilities, mixture.weights_, atol=1e-4)
     assert np.abs(found[2].evidence).max() > 0.0
 
 
