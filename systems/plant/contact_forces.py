@@ -17,6 +17,7 @@ from pydrake.multibody.tree import RigidBody
 from pydrake.systems.framework import Context
 
 from skill.arrays import Array
+from skill.compiled import compiled
 from skill.data.rig_run import ContactPlace
 from systems.math.rotation import cross
 
@@ -98,35 +99,76 @@ def single_contacts(
     Returns:
         The contacts with a force, at most five, the strongest first.
     """
-    loaded = parts.forces > 0.0
-    if not loaded.any():
-        return []
-    points, normals, forces = parts.points[loaded], parts.normals[loaded], parts.forces[loaded]
-    R_WH = X_WH.rotation().matrix()
-    heights = (points - X_WH.translation()) @ R_WH[:, 2]
-    normals_H = normals @ R_WH
-    on_face = np.abs(normals_H[:, 2]) > FACE_NORMAL
-    at_mouth = heights > min(-chamfer, 0.5 * (X_HP.translation()[2] - chamfer))
-    contacts = _joined(ContactPlace.FACE, on_face, points, normals, forces)
-    for place, here in ((ContactPlace.MOUTH, ~on_face & at_mouth), (ContactPlace.TIP, ~on_face & ~at_mouth)):
-        if here.any():
-            strongest = int(np.argmax(np.where(here, forces, -1.0)))
-            same_side = normals_H[:, :2] @ normals_H[strongest, :2] >= 0.0
-            contacts += _joined(place, here & same_side, points, normals, forces)
-            contacts += _joined(place, here & ~same_side, points, normals, forces)
-    return sorted(contacts, key=lambda contact: -contact.force)
+    R, p = X_WH.rotation().matrix(), X_WH.translation()
+    given = (np.ascontiguousarray(values) for values in (parts.points, parts.normals, parts.forces))
+    count, found = join_contacts(*given, np.ascontiguousarray(R), p, X_HP.translation()[2], chamfer)
+    places = list(ContactPlace)
+    return [Contact(places[int(row[PLACE])], row[POINT], row[NORMAL], float(row[FORCE])) for row in found[:count]]
 
 
-def _joined(place: ContactPlace, chosen: Array, points: Array, normals: Array, forces: Array) -> list[Contact]:
-    """The contact of the chosen parts, or none."""
-    if not chosen.any():
-        return []
-    forces = forces[chosen]
-    total = forces @ normals[chosen]
-    size = float(np.linalg.norm(total))
-    if size == 0.0:
-        return []
-    return [Contact(place, forces @ points[chosen] / forces.sum(), total / size, size)]
+MAX_JOINED = 5
+"""Largest number of contacts of a pose."""
+
+PLACE, POINT, NORMAL, FORCE, JOINED_SIZE = 0, slice(1, 4), slice(4, 7), 7, 8
+"""Places of a row of `join_contacts`: number of the `ContactPlace`, point, normal and force; and its length."""
+
+MOUTH, TIP, FACE = range(3)
+"""Numbers of the members of `ContactPlace`."""
+
+
+@compiled
+def join_contacts(
+    points: Array, normals: Array, forces: Array, R: Array, p: Array, tip_height: float, chamfer: float
+) -> tuple[int, Array]:
+    """Returns the number of contacts, and the contacts (MAX_JOINED, JOINED_SIZE); see `single_contacts`.
+
+    Args:
+        points: (n, 3), see `NormalForces`.
+        normals: (n, 3), likewise.
+        forces: (n,), likewise.
+        R: (3, 3), R_WH.
+        p: (3,), origin of H in W, m.
+        tip_height: of the tip above the mouth, m.
+        chamfer: height of the chamfer, m.
+    """
+    n, found, count = len(forces), np.zeros((MAX_JOINED, JOINED_SIZE)), 0
+    part, side = np.full(n, -1), np.zeros((n, 2))
+    limit = min(-chamfer, 0.5 * (tip_height - chamfer))
+    for i in range(n):
+        if forces[i] > 0.0:
+            height, along = 0.0, 0.0
+            for j in range(3):
+                height += (points[i, j] - p[j]) * R[j, 2]
+                along += normals[i, j] * R[j, 2]
+                side[i, 0] += normals[i, j] * R[j, 0]
+                side[i, 1] += normals[i, j] * R[j, 1]
+            if abs(along) > FACE_NORMAL:
+                part[i] = FACE
+            else:
+                part[i] = MOUTH if height > limit else TIP
+    for place in (FACE, MOUTH, TIP):
+        strongest = -1
+        for i in range(n):
+            if part[i] == place and (strongest < 0 or forces[i] > forces[strongest]):
+                strongest = i
+        for opposite in range(1 if place == FACE else 2):
+            total, point, weight = np.zeros(3), np.zeros(3), 0.0
+            for i in range(n):
+                along = side[i, 0] * side[strongest, 0] + side[i, 1] * side[strongest, 1]
+                if part[i] == place and (place == FACE or (along < 0.0) == (opposite == 1)):
+                    weight += forces[i]
+                    total += forces[i] * normals[i]
+                    point += forces[i] * points[i]
+            size = math.sqrt((total**2).sum())
+            if size > 0.0:
+                k = count
+                while k > 0 and found[k - 1, FORCE] < size:  # the strongest first
+                    found[k] = found[k - 1]
+                    k -= 1
+                found[k, PLACE], found[k, FORCE] = place, size
+                found[k, POINT], found[k, NORMAL] = point / weight, total / size
+                count += 1
+    return count, found
 
 
 def hydroelastic_forces(

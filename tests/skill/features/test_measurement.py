@@ -25,4 +25,4 @@ def test_loads_of_a_series_are_bit_identical_to_single_loads():
 def test_the_load_of_six_floats_is_that_of_the_array():
     wrench = [3.0, -4.0, 12.0, 0.03, 0.04, -0.07]
     assert load_of_components(*wrench, 0.01) == pytest.approx(contact_load(np.array(wrench), 0.01), rel=1e-14)
-    assert load_of_components([0.0] * 6, 0.01) == 0.0
+    assert load_of_components(*[0.0] * 6, 0.01) == 0.0
