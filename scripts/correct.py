@@ -211,13 +211,12 @@ def begin(
     from models.clearance import load_scenario_of_clearance
     from scripts.train import train
     from skill.manipulation_skill import ManipulationSkill
-    from skill.states.context_mixture import MAX_CONTEXTS
 
     chosen, learnt = load_scenario_of_clearance(scenario, engine), ManipulationSkill.load(skill)
     require_distinct({"--demonstrations": demonstrations, "--corrections": corrections})
     check_file(out, ".npz", size=REPORT_SIZE)
     find_recordings(demonstrations)
-    contexts = learnt.metadata_.get("max_contexts", MAX_CONTEXTS)
+    contexts = learnt.metadata_.get("max_contexts", 1)
     return chosen, learnt, partial(train, out=out, seed=plan.seed, contexts=contexts, policy=learnt.policy)
 
 

@@ -66,7 +66,6 @@ def main(
     from models.scenario import dump_scenario
     from skill.data.files import write_atomically
     from skill.manipulation_skill import ManipulationSkill
-    from skill.states.context_mixture import MAX_CONTEXTS
 
     start_time = time.monotonic()
     recorded, inserted, skill_file, state_file = out / "demonstrations", out / "rig", out / SKILL, out / UNFINISHED
@@ -99,7 +98,7 @@ def main(
             )
             finish("record")
             if "skill" not in finished:
-                train([recorded], out=skill_file, seed=seed, contexts=MAX_CONTEXTS)
+                train([recorded], out=skill_file, seed=seed, contexts=1)
                 plan = CorrectionPlan(rounds=1, trials=PRACTICE_TRIALS, most=CORRECTIONS, seed=seed)
                 files = (skill_file, recorded, out / "corrections", skill_file)
                 correct_simulated(*files, plan, scenario=scenario, engine=engine, jobs=jobs, overwrite=True)

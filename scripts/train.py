@@ -25,7 +25,7 @@ def main(
     seed: Seed = 0,
     contexts: Annotated[
         int, typer.Option(min=1, max=10, help="Largest number of contexts to discover; 1 learns without contexts.")
-    ] = 3,
+    ] = 1,
     policy: Annotated[
         Literal["imitate", "plan"],
         typer.Option(help="Act as the good demonstrations do, or plan the way to the desired next contact state."),
@@ -34,10 +34,13 @@ def main(
     """Learns a manipulation skill from recorded demonstrations.
 
     Reads the recordings that the index of each folder lists, or all of a folder without an index. Discovers the contact
-    states in all of them, and the contexts in the good ones: what stays the same during a demonstration and shows only
-    in how the forces answer to the motion. Fits the local regressions to the actions of the good ones. Writes the skill
-    to the file of `--out`. Prints one row per state: how often and how long it was visited, and what follows it. The
-    seed is that of the random draws of the learner.
+    states in all of them, and fits the local regressions to the actions of the good ones. Writes the skill to the file
+    of `--out`. Prints one row per state: how often and how long it was visited, and what follows it. The seed is that
+    of the random draws of the learner.
+
+    With `--contexts 3` it also discovers up to three contexts in the good demonstrations: what stays the same during a
+    demonstration and shows only in how the forces answer to the motion. A skill with contexts is faster where it
+    believes the right one, and fails more often.
 
     With `--policy plan` the skill also learns how the forces answer to each motion, and which forces the good
     demonstrations keep to in each state. It then chooses the motion that leads to the desired next state.
@@ -95,13 +98,14 @@ def train(
         recordings += [read_demonstration(path) for path in paths]
     with locked_file(out):
         with busy(f"learning from {len(recordings)} demonstrations"):
-            mixture = ContextMixture(max_contexts=contexts, random_state=seed)
+            mixture = ContextMixture(max_contexts=contexts, random_state=seed) if contexts > 1 else None
             skill = ManipulationSkill(contexts=mixture, policy=policy, random_state=seed).fit(recordings)
             skill.metadata_["max_contexts"] = contexts
             give_names(skill, recordings)
         with named_errors(out, "the recordings are unchanged"):
             skill.save(out)
     show(state_table(skill))
-    say(context_line(skill))
+    if contexts > 1:
+        say(context_line(skill))
     say(f"{skill.n_states} contact states, {len(skill.sources_)} remembered samples, in {out}")
     return skill

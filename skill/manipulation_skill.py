@@ -56,7 +56,7 @@ class ManipulationSkill:
             geometry of the demonstrations.
         states: clusterer of the contact states; None for `CompetitiveAgglomeration` with ``STATE_FLOOR``. With
             ``m_init=1`` it finds a single state.
-        contexts: discovers the contexts; None for `ContextMixture`. With ``max_contexts=1`` there is one.
+        contexts: discovers contexts, such as `ContextMixture`; None learns without them.
         policy: "imitate", do what the good demonstrations do in the same situation, or "plan", do what leads to the
             desired next state (`skill.planning.planner`).
         regressor: regressor of the actions, with several outputs as in scikit-learn; None for `LWRegressor`. The
@@ -183,6 +183,9 @@ class ManipulationSkill:
 
     def _fit_contexts(self, demonstrations: Sequence[Demonstration], samples: SampleSettings) -> None:
         """Discovers the contexts in how the good demonstrations' measurements answer to their motions."""
+        self.contexts_ = None
+        if self.contexts is None:
+            return
         rng = noise_stream(self.random_state, CONTEXTS)
         features = self._response_features()
         responses = {
@@ -190,8 +193,7 @@ class ManipulationSkill:
             for n, demonstration in enumerate(demonstrations)
             if demonstration.good
         }
-        mixture = ContextMixture(random_state=self.random_state) if self.contexts is None else clone(self.contexts)
-        self.contexts_ = None
+        mixture = clone(self.contexts)
         if sum(len(found.features) > 0 for found in responses.values()) >= 2:
             found, numbers = joined(responses)
             mixture.fit(found.features, found.outputs, inputs=found.inputs, groups=numbers)

@@ -36,7 +36,6 @@ from skill.manipulation_skill import ManipulationSkill
 from skill.planning.imitation import Imitation
 from skill.policy import Action
 from skill.regression.locally_weighted_regression import LWRegressor
-from skill.states.context_mixture import ContextMixture
 from skill.states.estimate import Estimate
 
 FOLDS = KFold(5)
@@ -64,11 +63,6 @@ def bad_left_out(demonstrations: Demonstrations) -> Demonstrations:
 def bad_imitated(demonstrations: Demonstrations) -> Demonstrations:
     """Chooses all demonstrations and labels them good."""
     return [replace(d, good=True) for d in demonstrations]
-
-
-def one_context() -> ContextMixture:
-    """A single context: the skill does not follow how the forces answer to its motions."""
-    return ContextMixture(max_contexts=1)
 
 
 def _mixture(Z: Array, random_state: int) -> GaussianMixture:

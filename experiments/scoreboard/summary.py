@@ -15,7 +15,7 @@ from experiments.scoreboard.columns import COLUMNS, Column
 from experiments.scoreboard.paired_statistics import holm, mcnemar, over_sets, sign_flip_test, wilson
 from experiments.scoreboard.result_store import Origin, Trials
 
-PRODUCT = "CA states, contexts + LWR"
+PRODUCT = "CA states + LWR"
 """The policy with which the others are compared by default, if it is there."""
 
 FACTOR_NAMES = {

@@ -100,7 +100,7 @@ SMALL_SHARE = 0.2
 
 def context_line(skill: ManipulationSkill) -> str:
     """How many contexts a skill has, how many demonstrations each of them, and what to show if that is too few."""
-    more = "more demonstrations, or `haptic-skill correct`, may tell sides apart; until then hard trials take longer"
+    more = "more demonstrations, or `haptic-skill correct`, may tell sides apart"
     if skill.contexts_ is None:
         return f"a single context: forces answer to own motions alike in all good demonstrations; {more}"
     sizes = np.bincount(skill.contexts_.responsibilities_.argmax(axis=1), minlength=skill.contexts_.n_contexts_)
