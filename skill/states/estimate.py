@@ -81,14 +81,14 @@ class PairEstimator:
     """
 
     def __init__(self, contacts: ContactStateFilter, features: WrenchFeatures, contexts: ContextFilter | None) -> None:
-        self._contacts, self._features, self._contexts = contacts, features, contexts
+        self.contacts, self._features, self.contexts = contacts, features, contexts
 
     def initial(self) -> Estimate:
         """See `Estimator`."""
-        log_belief = self._contacts.initial_log_belief()
-        if self._contexts is None:
+        log_belief = self.contacts.initial_log_belief()
+        if self.contexts is None:
             return Estimate(np.exp(log_belief), known=False, memory=log_belief)
-        number, memory = self._contexts.n_contexts, self._contexts.initial_memory()
+        number, memory = self.contexts.n_contexts, self.contexts.initial_memory()
         contexts, evidence = np.full(number, 1.0 / number), np.zeros(number)
         return Estimate(np.exp(log_belief), contexts, False, evidence, np.concatenate([log_belief, memory]))
 
@@ -99,12 +99,12 @@ class PairEstimator:
             ValueError: if a shape is wrong or a number is not finite.
         """
         stored, row = np.asarray(memory, dtype=float), np.asarray(observation, dtype=float)
-        K = self._contacts.n_states
+        K = self.contacts.n_states
         features = self._features.transform(row[None, : len(MEASURED)])[0]
-        log_belief, states, known = self._contacts.step(stored[:K], features)
-        if self._contexts is None:
+        log_belief, states, known = self.contacts.step(stored[:K], features)
+        if self.contexts is None:
             return Estimate(states, known=known, memory=log_belief)
-        context = self._contexts.step(stored[K:], row)
+        context = self.contexts.step(stored[K:], row)
         memory = np.concatenate([log_belief, context.memory])
         return Estimate(states, context.probabilities, known, context.evidence, memory)
 

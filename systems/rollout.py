@@ -1,0 +1,410 @@
+"""The rig as one compiled loop: the steps of the exact engine, of the hardware and of the law, without a diagram.
+
+It is the diagram of `systems.rig` with the exact engine and a skill: the same steps, at the same times and in the same
+order. As in Drake's Simulator, the updates that are due at a time are computed from the state before them, the
+controller's first; rows and the monitor see the state before the updates of their time. Two multiples of different
+periods that differ by round-off are two times, as they are for the Simulator.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.scenario import Scenario
+from skill.arrays import Array
+from skill.compiled import compiled
+from skill.data.outcome import Outcome
+from skill.data.rig_run import LOGGED_COLUMNS
+from skill.features.measurement import load_of_components
+from skill.skill_step import SkillNumbers, skill_step
+from systems.hardware.wrench_sensor import SENSOR_NOISE, drawn_bias
+from systems.math.noise import standard_normal
+from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts
+from systems.plant.contact_plant import DIVERGENCE_FORCE
+from systems.plant.exact_contact import STEPS, Bodies
+from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, block_rotation
+from systems.rig_diagram import start_angles
+from systems.steps import dc_motor, drive_monitor, self_check, sensor_monitor, stepper_motor, watchdog
+from systems.steps.back_off import BackOffState
+from systems.steps.dc_motor import Drive, carriage_force, counted_travel, dc_motor_step
+from systems.steps.drive_monitor import DriveLimits, drive_monitor_step
+from systems.steps.faults import FEED_FAULTS
+from systems.steps.force_guard import FEED_SPEED, PEAK, PITCH, YAW, GuardLimits, StoppingModel, force_guard_step
+from systems.steps.force_guard import SIZE as GUARD_SIZE
+from systems.steps.limits import check_limits, drive_limits, retract_limits, sensor_limits
+from systems.steps.policy_controller import ControllerLimits, ControllerState, policy_controller_step
+from systems.steps.self_check import CheckLimits, feed_check_step, self_check_step
+from systems.steps.sensor_monitor import SensorLimits, sensor_monitor_step, sound_depth, sound_wrench
+from systems.steps.stepper_motor import Axis, equilibrium_angle, shaft_angles, stepper_step
+from systems.steps.watchdog import RetractLimits, is_blind, is_stopped, passed_command, watchdog_step
+from systems.steps.wrench_sensor import Sensor, wrench_at_tip, wrench_sensor_step
+
+GROWTH = 1.05
+"""Ratio to the largest load or contact so far from which the single contacts are read between two rows."""
+
+FEED_NUMBERS = tuple(sorted(int(fault) for fault in FEED_FAULTS))
+
+TIME_OVER, INSERTED, FAULT, JAMMED, DIVERGED, FAILED = range(6)
+OUTCOMES = (Outcome.TIME_OVER, Outcome.INSERTED, Outcome.FAULT, Outcome.JAMMED, Outcome.DIVERGED, Outcome.FAILED)
+"""How the loop ends; `FAILED` if the policy returned an action that is not finite."""
+
+N_COLUMNS = len(LOGGED_COLUMNS)
+COLUMNS = {name: place for place, name in enumerate(LOGGED_COLUMNS)}
+TIME, FX, DEPTH, STATE, KNOWN = (COLUMNS[name] for name in ("time", "fx", "depth", "state", "known"))
+
+
+class RigNumbers(NamedTuple):
+    """A rig with the exact engine for compiled functions; parameters of its parts.
+
+    Attributes:
+        bodies, mechanics: of the engine.
+        sensor_period, plant_period, control_period: s.
+        sensor, drive, axis: of the hardware; both steppers have the same axis.
+        encoder_resolution: of the depth, m.
+        weight: of the peg, N.
+        home: position of the carriage where the tip is level with the mouth, m.
+        start: (3,), carriage (m), pitch and yaw (rad).
+        full_depth: at which the peg is inserted, m.
+        time_limit: s.
+        guard, stopping, readings, feed, checks, retract, control: limits of the steps of the law.
+    """
+
+    bodies: Bodies
+    mechanics: Mechanics
+    sensor_period: float
+    plant_period: float
+    control_period: float
+    sensor: Sensor
+    drive: Drive
+    axis: Axis
+    encoder_resolution: float
+    weight: float
+    home: float
+    start: Array
+    full_depth: float
+    time_limit: float
+    guard: GuardLimits
+    stopping: StoppingModel
+    readings: SensorLimits
+    feed: DriveLimits
+    checks: CheckLimits
+    retract: RetractLimits
+    control: ControllerLimits
+
+    @classmethod
+    def of(cls, scenario: Scenario, mechanics: Mechanics, policy_period: float) -> Self:
+        """Returns the rig of a resolved scenario.
+
+        Args:
+            scenario: resolved.
+            mechanics: of this scenario; `Mechanics.of` takes long, and a trial changes the pivot only.
+            policy_period: duration of an action, s.
+        """
+        step = scenario.contact.time_step
+        m = mechanics._replace(pivot=float(scenario.rig.pivot_height or 0.0))
+        mass, weight = m.weight / m.gravity, m.peg_mass * m.gravity
+        return cls(
+            bodies=Bodies.of(scenario),
+            mechanics=m,
+            sensor_period=scenario.sensor.period,
+            plant_period=step,
+            control_period=scenario.controller.period,
+            sensor=Sensor.of(scenario.sensor),
+            drive=Drive.of(scenario.feed, period=step),
+            axis=Axis.of(scenario.stepper, period=step),
+            encoder_resolution=scenario.rig.encoder_resolution,
+            weight=weight,
+            home=scenario.sensor.height,
+            start=np.array([scenario.sensor.height + scenario.start.height, *start_angles(scenario)]),
+            full_depth=scenario.full_depth,
+            time_limit=scenario.trial.time_limit,
+            guard=GuardLimits.of(scenario),
+            stopping=StoppingModel.of(scenario, mass=mass, inertia=m.turning_inertia()),
+            readings=sensor_limits(scenario),
+            feed=drive_limits(scenario),
+            checks=check_limits(scenario, mass=mass, peg_weight=weight),
+            retract=retract_limits(scenario),
+            control=ControllerLimits.of(scenario, policy_period),
+        )
+
+
+class Trace(NamedTuple):
+    """What a trial leaves, with a row for each controller period and one for each step of the plant.
+
+    Attributes:
+        rows: (M, columns), `LOGGED_COLUMNS`.
+        seen: (L,), numbers of contacts when the monitor looked.
+        contacts: (L, MAX_JOINED, JOINED_SIZE), these contacts, see `join_contacts`.
+        poses: (L, 6), centre of the tip and axis of the peg in H, at the same times.
+        tips: (N, 3), centre of the tip in H.
+        wrenches: (N, 6), true contact wrench on the peg about the tip; that of the first step does not count.
+        peak_contact: largest force of a single contact, N.
+        peak_load: largest measured load, N.
+        outcome: how it ended, a number of `OUTCOMES`.
+        fault: number of the fault.
+        time: of the end, s.
+        depth: of the tip at the end, m.
+        back_off: state of the back-off at the end.
+    """
+
+    rows: Array
+    seen: NDArray[np.int64]
+    contacts: Array
+    poses: Array
+    tips: Array
+    wrenches: Array
+    peak_contact: float
+    peak_load: float
+    outcome: int
+    fault: int
+    time: float
+    depth: float
+    back_off: BackOffState
+
+
+def roll_out(rig: RigNumbers, scenario: Scenario, skill: SkillNumbers) -> Trace:
+    """Performs the trial of a resolved scenario; ``rig`` is that of this scenario."""
+    noise = sensor_noise(scenario.seed, 1 + round(rig.time_limit / rig.sensor_period))
+    return perform(rig, skill, ControllerState(), noise, drawn_bias(scenario.sensor, scenario.seed))
+
+
+def sensor_noise(seed: int, ticks: int) -> Array:
+    """Returns the noise (ticks, 12) of the readings of a trial."""
+    return np.array([standard_normal(seed, SENSOR_NOISE, tick, 12) for tick in range(ticks)])
+
+
+class Contacts(NamedTuple):
+    """Contacts of the step that would follow, and the pose; see `Trace`."""
+
+    count: int
+    contacts: Array
+    pose: Array
+
+
+@compiled
+def _contacts(rig: RigNumbers, q: Array, v: Array, force: float, equilibrium: Array) -> Contacts:
+    """Returns the contacts at positions and velocities of the engine; see `ExactPlant.contacts`."""
+    later, speeds, m = q.copy(), v.copy(), rig.mechanics
+    _, found, points, normals, forces = advance_rig(
+        rig.bodies, m, later, speeds, force, equilibrium, rig.plant_period / STEPS, 1
+    )
+    R = block_rotation(q[3], q[4])
+    p = -m.pivot * R[:, 2]
+    p[2] += m.pivot
+    pose = _pose(rig, q)
+    count, contacts = join_contacts(points[:found], normals[:found], forces[:found], R, p, pose[2], rig.bodies.chamfer)
+    return Contacts(count, contacts, pose)
+
+
+@compiled
+def _pose(rig: RigNumbers, q: Array) -> Array:
+    """Returns the centre of the tip and the axis of the peg in H, (6,)."""
+    R, m = block_rotation(q[3], q[4]), rig.mechanics
+    found = np.zeros(6)
+    for i in range(3):
+        # H has its origin at the pivot's height below the pivot, along its own axis.
+        x, y, z = q[1] + m.pivot * R[0, 2], q[2] + m.pivot * R[1, 2], q[0] - m.sensor - m.pivot + m.pivot * R[2, 2]
+        found[i] = R[0, i] * x + R[1, i] * y + R[2, i] * z
+        found[3 + i] = R[2, i]
+    return found
+
+
+@compiled
+def _depth(rig: RigNumbers, position: float) -> float:
+    """Returns the depth that the encoder counts at a position of the carriage."""
+    return round((rig.home - position) / rig.encoder_resolution) * rig.encoder_resolution
+
+
+@compiled
+def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, noise: Array, bias: Array) -> Trace:
+    """Performs a trial.
+
+    Args:
+        rig: the rig.
+        skill: that acts.
+        control: state of the controller at the start.
+        noise: (ticks, 12), of the sensor.
+        bias: (6,), of the sensor.
+    """
+    limit, h = rig.time_limit, rig.plant_period
+    M, N = 3 + int(limit / rig.control_period), 3 + int(limit / h)
+    rows, n_rows = np.zeros((M, N_COLUMNS)), 0
+    seen, contacts, poses, n_seen = np.zeros(M, np.int64), np.zeros((M, MAX_JOINED, JOINED_SIZE)), np.zeros((M, 6)), 0
+    tips, wrenches, n_steps = np.zeros((N, 3)), np.zeros((N, 6)), 0
+    largest_load, largest_extent, peak_contact = 0.0, 0.0, 0.0
+    next_look, last_step = 0.0, -1
+
+    q, v = np.zeros(FREEDOMS), np.zeros(FREEDOMS)
+    q[0], q[3], q[4] = rig.start
+    held, extent = np.zeros(6), 0.0
+    held[2] = rig.weight
+    tare = held.copy()
+    sensor = np.zeros(12 + 6 * (rig.sensor.delay + 1))
+    monitor, drive_state = np.zeros(sensor_monitor.SIZE), np.zeros(drive_monitor.SIZE)
+    check, feed_check = np.zeros(self_check.SIZE), np.zeros(self_check.FEED_SIZE)
+    dog, guard, motor = np.zeros(watchdog.SIZE), np.zeros(GUARD_SIZE), np.zeros(dc_motor.SIZE)
+    pitch_axis, yaw_axis = np.zeros(stepper_motor.SIZE), np.zeros(stepper_motor.SIZE)
+    memory = skill.memory.copy()
+    failed = False
+
+    periods = np.array([rig.sensor_period, h, self_check.PERIOD_STEPS * h, rig.control_period])
+    ticks = np.zeros(4, np.int64)
+    row_tick = 0
+    time, outcome = 0.0, TIME_OVER
+    equilibrium, measured = np.zeros(2), np.zeros(7)
+    while True:
+        # What the outputs show at this time.
+        depth = _depth(rig, q[0])
+        reading = wrench_at_tip(sensor[-6:].copy(), rig.sensor.height)
+        wrench, sound = sound_wrench(rig.readings, monitor, reading), sound_depth(monitor, depth)
+        equilibrium[0] = rig.start[1] + equilibrium_angle(rig.axis, pitch_axis)
+        equilibrium[1] = rig.start[2] + equilibrium_angle(rig.axis, yaw_axis)
+        force = carriage_force(rig.drive, motor[dc_motor.CURRENT], v[0])
+        logs = time == row_tick * rig.control_period
+        acts = time == ticks[3] * periods[3]
+        if logs or acts:
+            measured[:6], measured[6] = wrench, -sound
+            answer = skill_step(skill, memory, measured, guard[PITCH], guard[YAW])
+        if logs:
+            row = rows[n_rows]
+            row[TIME], row[DEPTH], row[STATE], row[KNOWN] = time, sound, answer.state, answer.known
+            row[FX : FX + 6] = wrench
+            row[10], row[11], row[12] = guard[PITCH], guard[YAW], guard[FEED_SPEED]
+            row[13], row[14], row[15] = control.back_off.mode, control.support, dog[watchdog.FAULT]
+            row[16:18] = pitch_axis[stepper_motor.TAKEN :]
+            row[18:20] = yaw_axis[stepper_motor.TAKEN :]
+            row[20], row[21], row[22] = q[0] - rig.home, q[3], q[4]
+            row[23], row[24], row[25] = answer.context, answer.context_probability, answer.context_evidence
+            row[26] = control.turning
+            n_rows += 1
+            row_tick += 1
+
+        # The monitor of the trial.
+        ended = False
+        if time >= next_look - 1e-9:
+            next_look += rig.control_period
+            look = _contacts(rig, q, v, force, equilibrium)
+            seen[n_seen], contacts[n_seen], poses[n_seen] = look.count, look.contacts, look.pose
+            n_seen += 1
+            if look.count > 0:
+                peak_contact = max(peak_contact, look.contacts[0, FORCE])
+            if is_stopped(rig.retract, dog):
+                outcome, ended = FAULT, True
+            elif control.given_up != 0.0 and dog[watchdog.FAULT] == 0.0:
+                outcome, ended = JAMMED, True
+        step = math.ceil(time / h - 1e-6)
+        if not ended and step != last_step:
+            last_step = step
+            true = wrench_at_tip(tare - held, rig.sensor.height)
+            size = math.sqrt(true[0] ** 2 + true[1] ** 2 + true[2] ** 2)
+            deep = rig.mechanics.sensor - q[0]
+            if not (np.isfinite(true).all() and math.isfinite(deep)) or size > DIVERGENCE_FORCE:
+                outcome, ended = DIVERGED, True
+            else:
+                tips[n_steps], wrenches[n_steps] = _pose(rig, q)[:3], true
+                n_steps += 1
+                if time > 0.0 and extent > 0.0:
+                    load = load_of_components(
+                        true[0], true[1], true[2], true[3], true[4], true[5], rig.guard.peg_radius
+                    )
+                    if load > GROWTH * largest_load or extent > GROWTH * largest_extent:
+                        largest_load, largest_extent = max(load, largest_load), max(extent, largest_extent)
+                        look = _contacts(rig, q, v, force, equilibrium)
+                        if look.count > 0:
+                            peak_contact = max(peak_contact, look.contacts[0, FORCE])
+                if deep >= rig.full_depth:
+                    outcome, ended = INSERTED, True
+        if ended or time >= limit:
+            break
+
+        # The updates of this time, from the state before them.
+        if acts:
+            if not (failed or control.given_up != 0.0):
+                if np.isfinite(answer.turn).all() and math.isfinite(answer.feed) and math.isfinite(answer.support):
+                    control = policy_controller_step(
+                        rig.control,
+                        control,
+                        answer.turn,
+                        answer.feed,
+                        answer.support,
+                        wrench,
+                        sound,
+                        answer.known,
+                        float(answer.state),
+                        guard[PITCH],
+                        guard[YAW],
+                    )
+                else:
+                    outcome = FAILED
+                    break
+            ticks[3] += 1
+        samples, drives = time == ticks[0] * periods[0], time == ticks[1] * periods[1]
+        checks = time == ticks[2] * periods[2]
+        new_sensor, new_monitor, new_guard = sensor, monitor, guard
+        new_drive, new_motor, new_pitch, new_yaw, new_feed_check = drive_state, motor, pitch_axis, yaw_axis, feed_check
+        new_check, new_dog = check, dog
+        current, travel = motor[dc_motor.CURRENT], counted_travel(rig.drive, q[0])
+        if checks or acts:
+            pitch_shaft = shaft_angles(rig.axis, pitch_axis, q[3] - rig.start[1])
+            yaw_shaft = shaft_angles(rig.axis, yaw_axis, q[4] - rig.start[2])
+        if samples:
+            new_sensor = wrench_sensor_step(rig.sensor, sensor, held - tare, bias, noise[ticks[0]])
+            new_monitor = sensor_monitor_step(rig.readings, monitor, reading, depth, time)
+            new_guard = force_guard_step(
+                rig.guard,
+                rig.stopping,
+                guard,
+                wrench,
+                sound,
+                passed_command(rig.retract, dog, watchdog.PITCH_RATE, control.pitch_rate),
+                passed_command(rig.retract, dog, watchdog.YAW_RATE, control.yaw_rate),
+                passed_command(rig.retract, dog, watchdog.FEED, control.feed_speed),
+                passed_command(rig.retract, dog, watchdog.UNWINDING, control.unwinding) > 0.0,
+                is_blind(dog),
+            )
+            ticks[0] += 1
+        if checks:
+            new_check = self_check_step(rig.checks, check, wrench, sound, pitch_shaft, yaw_shaft, time)
+            ticks[2] += 1
+        if acts:
+            faults = np.zeros(3)
+            faults[0], faults[1] = monitor[sensor_monitor.FAULT], drive_state[drive_monitor.FAULT]
+            own = check[self_check.FAULT]
+            faults[2] = own if own != 0.0 else feed_check[self_check.FAULT]
+            new_dog = watchdog_step(rig.retract, dog, faults, failed, pitch_shaft, yaw_shaft)
+            memory = answer.memory
+        if drives:
+            command = guard[FEED_SPEED]
+            new_drive = drive_monitor_step(rig.feed, drive_state, command, wrench, sound, current, travel)
+            free = check[self_check.FREE] > 0.0
+            new_feed_check = feed_check_step(rig.checks, feed_check, wrench[2], current, travel, time, free)
+            enabled = int(drive_state[drive_monitor.FAULT]) not in FEED_NUMBERS
+            new_motor = dc_motor_step(rig.drive, motor, command, v[0], enabled)
+            new_pitch = stepper_step(rig.axis, pitch_axis, guard[PITCH], q[3] - rig.start[1])
+            new_yaw = stepper_step(rig.axis, yaw_axis, guard[YAW], q[4] - rig.start[2])
+            held, found, _, _, forces = advance_rig(rig.bodies, rig.mechanics, q, v, force, equilibrium, h / STEPS, STEPS)
+            extent = forces[:found].sum()
+            ticks[1] += 1
+        sensor, monitor, guard = new_sensor, new_monitor, new_guard
+        drive_state, motor, pitch_axis, yaw_axis, feed_check = new_drive, new_motor, new_pitch, new_yaw, new_feed_check
+        check, dog = new_check, new_dog
+        time = min((ticks * periods).min(), row_tick * rig.control_period, limit)
+    return Trace(
+        rows[:n_rows],
+        seen[:n_seen],
+        contacts[:n_seen],
+        poses[:n_seen],
+        tips[:n_steps],
+        wrenches[:n_steps],
+        peak_contact,
+        guard[PEAK],
+        outcome,
+        int(dog[watchdog.FAULT]),
+        time,
+        rig.mechanics.sensor - q[0],
+        control.back_off,
+    )
