@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterator
-from dataclasses import asdict
 from enum import StrEnum
 from functools import partial
 
@@ -15,21 +14,19 @@ from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, EventStatus
 
-from experiments.metrics.field_score import field_score
+from experiments.ended_trial import EndedTrial, Looks
 from experiments.metrics.force_metrics import ForceMetrics
-from experiments.metrics.jamming import is_jammed
 from experiments.metrics.motion_metrics import MotionMetrics
-from experiments.metrics.penetration import deepest_overlap
-from experiments.metrics.wedging import WedgeMetrics
-from experiments.provenance import versions
-from experiments.trial_result import TRUSTED_OVERLAP, TrialResult
+from experiments.rollouts import rolled_out
+from experiments.trial_result import TrialResult
 from experiments.worker_pool import run_in_processes
 from models.clearance import relative_entry_tilt
-from models.scenario import STRESS_STREAM, TRIAL_STREAM, Scenario, dump_scenario, resolve_scenario
+from models.scenario import STRESS_STREAM, TRIAL_STREAM, Scenario, resolve_scenario
 from skill.arrays import Array
-from skill.data.outcome import UNPHYSICAL, Ending, Outcome
-from skill.data.rig_run import CONTACT_COLUMNS, RigRun
+from skill.data.outcome import Ending, Outcome
+from skill.data.rig_run import RigRun
 from skill.policy import RigPolicy
+from systems.plant.contact_forces import JOINED_SIZE, MAX_JOINED, contact_table
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.rig import MakeRig
 from systems.rig_diagram import RigDiagram
@@ -42,23 +39,22 @@ class TrialRecord:
     Attributes:
         forces: the forces so far.
         motion: the motion of the peg so far.
-        wedges: the wedges so far.
     """
 
     def __init__(self, rig: RigDiagram, scenario: Scenario) -> None:
-        self._rig, self._geometry = rig, scenario.geometry
+        self._rig = rig
         self._poses: list[Array] = []
+        self._contacts: list[tuple[int, Array]] = []
         self.forces = ForceMetrics(scenario.geometry.peg_radius, scenario.contact.time_step)
         self.motion = MotionMetrics(scenario.contact.time_step, scenario.geometry.hole_depth)
-        self.wedges = WedgeMetrics(scenario.contact.friction, scenario.controller.period)
 
     def add_row(self, context: Context) -> None:
         """Records what is kept once a controller period."""
         X_HP = self._rig.plant.peg_in_hole(context)
         self._poses.append(np.concatenate([X_HP.translation(), X_HP.rotation().col(2)]))
         contacts = self._rig.plant.contacts(context)
-        self.forces.add_row(contacts)
-        self.wedges.add_row(contacts)
+        self.forces.add_contacts(contacts)
+        self._contacts.append(contact_table(contacts))
 
     def add_step(self, context: Context, wrench: Array) -> None:
         """Records a step of the plant with the true contact wrench (6,).
@@ -72,10 +68,14 @@ class TrialRecord:
             if self.forces.needs_contacts(wrench, self._rig.plant.contact_extent(context)):
                 self.forces.add_contacts(self._rig.plant.contacts(context))
 
-    def penetration(self) -> float:
-        """Returns the deepest overlap of the round bodies at one pose per controller period, m."""
-        poses = np.reshape(self._poses, (len(self._poses), 6))
-        return deepest_overlap(self._geometry, poses[:, :3], poses[:, 3:])
+    def looks(self) -> Looks:
+        """Returns what was recorded once a controller period."""
+        seen, tables = [count for count, _ in self._contacts], [table for _, table in self._contacts]
+        return Looks(
+            np.array(seen, dtype=np.int64),
+            np.reshape(tables, (-1, MAX_JOINED, JOINED_SIZE)),
+            np.reshape(self._poses, (-1, 6)),
+        )
 
 
 class TrialMonitor:
@@ -213,14 +213,17 @@ def run_trial(
         seed: number of the trial, for the record.
         meshcat: where to draw and record; None draws nothing.
     """
-    return run_rig(MakeRig(scenario, skill, meshcat=meshcat), scenario, skill, seed=seed)
+    ended = rolled_out(scenario, skill, number=seed) if meshcat is None else None
+    if ended is None:
+        ended = run_rig(MakeRig(scenario, skill, meshcat=meshcat), scenario, seed=seed)
+    return ended.result, ended.record(skill)
 
 
-def run_rig(rig: RigDiagram, scenario: Scenario, skill: RigPolicy, *, seed: int) -> tuple[TrialResult, RigRun]:
-    """Simulates a rig that was built from this scenario and policy; see `run_trial`."""
+def run_rig(rig: RigDiagram, scenario: Scenario, *, seed: int) -> EndedTrial:
+    """Simulates a rig that was built from this scenario; see `run_trial`."""
     run = TrialRun(rig, scenario, number=seed)
     run.advance(scenario.trial.time_limit)
-    return run.record(skill)
+    return run.ended()
 
 
 class TrialRun:
@@ -267,74 +270,20 @@ class TrialRun:
         """Returns what the recorder of the rig has recorded so far."""
         return self._rig.recorder.samples(self.context)
 
-    def result(self) -> TrialResult:
-        """Returns the result of the trial up to now."""
-        return _result(self._rig, self._scenario, self.monitor, self.context, self.samples(), seed=self._number)
-
-    def record(self, skill: RigPolicy) -> tuple[TrialResult, RigRun]:
-        """Returns the result of the trial up to now, and its record; ``skill`` controls the rig."""
-        result, samples, scenario = self.result(), self.samples(), self._scenario
-        samples[list(CONTACT_COLUMNS)] = self.monitor.record.forces.contact_rows(len(samples))
-        metadata = {
-            "geometry": asdict(scenario.geometry),
-            "rig": asdict(scenario.rig),
-            "force_limit": scenario.controller.guard.force_limit,
-            "state_names": skill.state_names(),
-            "scenario": dump_scenario(scenario),
-            "versions": versions(),
-        }
-        return result, RigRun(samples=samples, result=result.record(), metadata=metadata)
-
-
-def _result(
-    rig: RigDiagram, scenario: Scenario, monitor: TrialMonitor, context: Context, samples: pd.DataFrame, *, seed: int
-) -> TrialResult:
-    outcome, detail, fault = _ending(rig, monitor, context, samples)
-    last, period = samples.iloc[-1], scenario.controller.period
-    states, penetration = samples["state"].to_numpy(dtype=int), monitor.record.penetration()
-    pitch, yaw = scenario.start.tilt or [0.0, 0.0]
-    forces, motion = monitor.record.forces.figures(rig.peak_measured_load(context)), monitor.record.motion.figures()
-    score = field_score(
-        inserted=outcome is Outcome.INSERTED,
-        time=context.get_time(),
-        depth=monitor.depth,
-        hole_depth=scenario.geometry.hole_depth,
-        motion=motion,
-        force_time=forces.force_above_20n,
-    )
-    return TrialResult(
-        seed=seed,
-        tilt=(pitch, yaw),
-        outcome=outcome,
-        detail=detail,
-        fault=fault,
-        time=context.get_time(),
-        depth=monitor.depth,
-        **asdict(forces),
-        wedged_time=monitor.record.wedges.wedged_time(),
-        path_length=motion.path_length,
-        mean_jerk=motion.mean_jerk,
-        field_score=0.0 if outcome in UNPHYSICAL else score.total,
-        penetration=penetration,
-        trusted=penetration <= TRUSTED_OVERLAP * scenario.geometry.clearance,
-        steps=int(last["pitch_taken"] + last["yaw_taken"]),
-        lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
-        back_offs=int((samples["back_off"].diff() > 0).sum()),
-        unknown_time=period * float((samples["known"] == 0).sum()),
-        unsupported_time=period * float((samples["support"] < 1.0).sum()),
-        states=tuple(int(s) for s in states[np.flatnonzero(np.diff(states, prepend=-1))]),
-    )
-
-
-def _ending(
-    rig: RigDiagram, monitor: TrialMonitor, context: Context, samples: pd.DataFrame
-) -> tuple[Outcome, str, Fault]:
-    """Returns outcome, detail and fault of a simulated trial."""
-    if monitor.outcome not in (Outcome.TIME_OVER, Outcome.FAULT):
-        return monitor.outcome, monitor.detail, Fault.NONE
-    fault = rig.fault(context)
-    if fault is not Fault.NONE:  # also if the time ran out before the rig had stopped
-        return Outcome.FAULT, rig.failure(context), fault
-    if is_jammed(samples["time"].to_numpy(), samples["depth"].to_numpy(), samples[["fx", "fy", "fz"]].to_numpy()):
-        return Outcome.JAMMED, monitor.detail, fault
-    return monitor.outcome, monitor.detail, fault
+    def ended(self) -> EndedTrial:
+        """Returns the trial as if it ended now."""
+        rig, monitor, context, record = self._rig, self.monitor, self.context, self.monitor.record
+        return EndedTrial(
+            number=self._number,
+            scenario=self._scenario,
+            outcome=monitor.outcome,
+            detail=monitor.detail,
+            fault=rig.fault(context),
+            failure=rig.failure(context),
+            time=context.get_time(),
+            depth=monitor.depth,
+            samples=self.samples(),
+            forces=record.forces.figures(rig.peak_measured_load(context)),
+            motion=record.motion.figures(),
+            looks=record.looks(),
+        )

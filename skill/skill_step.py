@@ -122,7 +122,7 @@ def skill_step(p: SkillNumbers, memory: Array, measured: Array, pitch: float, ya
     found = memory.copy()
     radius, floor, share = p.state_features
     seen = contact_features(rows, radius, floor, share)[0, :3].copy()
-    found[:K], known = contact_filter_step(p.states, memory[:K].copy(), seen)
+    found[:K], states, known = contact_filter_step(p.states, memory[:K].copy(), seen)
     radius, floor, depth_floor = p.features
     contexts, evidence = np.ones(1), np.zeros(1)
     if C > 1:
@@ -134,12 +134,11 @@ def skill_step(p: SkillNumbers, memory: Array, measured: Array, pitch: float, ya
         features = canonical_features(before[:N_MEASURED].copy().reshape((1, N_MEASURED)), radius, floor, depth_floor)
         angle = canonical_angle(before, radius, floor)
         found[K:], contexts, evidence = context_filter_step(p.contexts, own, observation, features[0], angle)
-    states = np.exp(found[:K])
     x = canonical_features(rows, radius, floor, depth_floor)[0]
     done = imitate(p.imitation, x, states, contexts)
     turn = np.empty(2)
     turn[0], turn[1] = turned(done.action[0], done.action[1], canonical_angle(measured, radius, floor))
-    first = np.argmax(contexts)
+    first = int(np.argmax(contexts))
     second = first
     for k in range(C):
         if k != first and (second == first or contexts[k] > contexts[second]):
@@ -149,7 +148,7 @@ def skill_step(p: SkillNumbers, memory: Array, measured: Array, pitch: float, ya
         turn,
         done.action[2],
         done.support,
-        np.argmax(states),
+        int(np.argmax(states)),
         known,
         first,
         contexts[first],

@@ -9,7 +9,7 @@ periods that differ by round-off are two times, as they are for the Simulator.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple, Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from skill.data.rig_run import LOGGED_COLUMNS
 from skill.features.measurement import load_of_components
 from skill.skill_step import SkillNumbers, skill_step
 from systems.hardware.wrench_sensor import SENSOR_NOISE, drawn_bias
-from systems.math.noise import standard_normal
+from systems.math.noise import standard_normals
 from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.plant.exact_contact import STEPS, Bodies
@@ -168,19 +168,15 @@ class Trace(NamedTuple):
 
 def roll_out(rig: RigNumbers, scenario: Scenario, skill: SkillNumbers) -> Trace:
     """Performs the trial of a resolved scenario; ``rig`` is that of this scenario."""
-    noise = sensor_noise(scenario.seed, 1 + round(rig.time_limit / rig.sensor_period))
+    ticks = 1 + round(rig.time_limit / rig.sensor_period)
+    noise = standard_normals(scenario.seed, SENSOR_NOISE, ticks, 12)
     return perform(rig, skill, ControllerState(), noise, drawn_bias(scenario.sensor, scenario.seed))
-
-
-def sensor_noise(seed: int, ticks: int) -> Array:
-    """Returns the noise (ticks, 12) of the readings of a trial."""
-    return np.array([standard_normal(seed, SENSOR_NOISE, tick, 12) for tick in range(ticks)])
 
 
 class Contacts(NamedTuple):
     """Contacts of the step that would follow, and the pose; see `Trace`."""
 
-    count: int
+    number: int
     contacts: Array
     pose: Array
 
@@ -288,9 +284,9 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
         if time >= next_look - 1e-9:
             next_look += rig.control_period
             look = _contacts(rig, q, v, force, equilibrium)
-            seen[n_seen], contacts[n_seen], poses[n_seen] = look.count, look.contacts, look.pose
+            seen[n_seen], contacts[n_seen], poses[n_seen] = look.number, look.contacts, look.pose
             n_seen += 1
-            if look.count > 0:
+            if look.number > 0:
                 peak_contact = max(peak_contact, look.contacts[0, FORCE])
             if is_stopped(rig.retract, dog):
                 outcome, ended = FAULT, True
@@ -314,7 +310,7 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
                     if load > GROWTH * largest_load or extent > GROWTH * largest_extent:
                         largest_load, largest_extent = max(load, largest_load), max(extent, largest_extent)
                         look = _contacts(rig, q, v, force, equilibrium)
-                        if look.count > 0:
+                        if look.number > 0:
                             peak_contact = max(peak_contact, look.contacts[0, FORCE])
                 if deep >= rig.full_depth:
                     outcome, ended = INSERTED, True
@@ -386,7 +382,9 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
             new_motor = dc_motor_step(rig.drive, motor, command, v[0], enabled)
             new_pitch = stepper_step(rig.axis, pitch_axis, guard[PITCH], q[3] - rig.start[1])
             new_yaw = stepper_step(rig.axis, yaw_axis, guard[YAW], q[4] - rig.start[2])
-            held, found, _, _, forces = advance_rig(rig.bodies, rig.mechanics, q, v, force, equilibrium, h / STEPS, STEPS)
+            held, found, _, _, forces = advance_rig(
+                rig.bodies, rig.mechanics, q, v, force, equilibrium, h / STEPS, STEPS
+            )
             extent = forces[:found].sum()
             ticks[1] += 1
         sensor, monitor, guard = new_sensor, new_monitor, new_guard

@@ -51,7 +51,7 @@ def differing(row: pd.Series, results: Path) -> list[str]:
     """Returns the names of the columns in which a trial, performed again, differs from its row."""
     scenario = parse_scenario(row["scenario"], f"the scenario of trial {row['trial']}")
     skill = CarriedOver(ManipulationSkill.load(results / "skills" / f"{row['skill']}.npz"))
-    result, _ = run_rig(MakeRig(scenario, skill), scenario, skill, seed=int(row["trial"]))
+    result = run_rig(MakeRig(scenario, skill), scenario, seed=int(row["trial"])).result
     return [name for name, value in result_columns(result).items() if not _same(row[name], value)]
 
 

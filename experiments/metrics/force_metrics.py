@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from skill.arrays import Array
-from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace
-from skill.features.measurement import contact_loads, load_of_components
-from systems.plant.contact_forces import Contact
+from skill.compiled import compiled
+from skill.features.measurement import contact_load, contact_loads
+from systems.plant.contact_forces import FORCE, NORMAL, PLACE, POINT, Contact
 
 TOUCH_LOAD = 1.0  # in units of N; a smaller load is no contact: the inertial force of the peg is a part of a newton
 HIGH_LOAD = 20.0  # in units of N
@@ -60,7 +61,6 @@ class ForceMetrics:
     peg_radius: float
     step: float
     _wrenches: list[Array] = field(default_factory=list)
-    _rows: list[Array] = field(default_factory=list)
     _largest_load: float = 0.0
     _largest_extent: float = 0.0
     _peak_contact: float = 0.0
@@ -79,7 +79,7 @@ class ForceMetrics:
             wrench: true contact wrench (6,), as for `add_step`.
             extent: see `RigPlant.contact_extent`.
         """
-        load = load_of_components(*wrench, self.peg_radius)
+        load = contact_load(wrench, self.peg_radius)
         if extent <= 0.0 or (load <= GROWTH * self._largest_load and extent <= GROWTH * self._largest_extent):
             return False
         self._largest_load = max(load, self._largest_load)
@@ -90,48 +90,58 @@ class ForceMetrics:
         """Adds the single contacts of a plant step."""
         self._peak_contact = max([self._peak_contact, *(contact.force for contact in contacts)])
 
-    def add_row(self, contacts: Sequence[Contact]) -> None:
-        """Adds the single contacts at the next sample of the run."""
-        self.add_contacts(contacts)
-        self._rows.append(contact_row(contacts))
-
-    def contact_rows(self, count: int) -> Array:
-        """Returns ``CONTACT_COLUMNS`` at the first ``count`` samples, (count, 18); zero where none was added."""
-        rows = np.zeros((count, len(CONTACT_COLUMNS)))
-        known = self._rows[:count]
-        rows[: len(known)] = np.reshape(known, (len(known), len(CONTACT_COLUMNS)))
-        return rows
-
     def figures(self, peak_measured_load: float) -> ForceFigures:
         """Returns the figures of all that was added, with the largest measured load (N)."""
         wrenches = np.reshape(self._wrenches, (-1, 6))
-        forces, loads = np.linalg.norm(wrenches[:, :3], axis=1), contact_loads(wrenches, self.peg_radius)
-        touching = loads >= TOUCH_LOAD
-        first = int(touching.argmax()) if touching.any() else len(loads)
-        touch = forces[first : first + round(FIRST_TOUCH_TIME / self.step)]
-        return ForceFigures(
-            peak_axial_force=_largest(np.abs(wrenches[:, 2])),
-            peak_lateral_force=_largest(np.hypot(wrenches[:, 0], wrenches[:, 1])),
-            peak_moment=_largest(np.linalg.norm(wrenches[:, 3:], axis=1)),
-            peak_load=_largest(loads),
-            mean_load=float(loads[touching].mean()) if touching.any() else 0.0,
-            time_above_20n=self.step * float((loads > HIGH_LOAD).sum()),
-            force_above_20n=self.step * float((forces > HIGH_LOAD).sum()),
-            first_touch=self.step * float(touch.sum()),
-            peak_contact_force=self._peak_contact,
-            peak_measured_load=peak_measured_load,
-        )
+        return force_figures(wrenches, self.peg_radius, self.step, self._peak_contact, peak_measured_load)
 
 
-def contact_row(contacts: Sequence[Contact]) -> Array:
-    """Returns a row (18,) of ``CONTACT_COLUMNS``: the strongest contact at each place, zeros where there is none."""
-    row = np.zeros(len(CONTACT_COLUMNS))
-    for k, place in enumerate(ContactPlace):
-        there = [contact for contact in contacts if contact.place is place]
-        if there:
-            strongest = max(there, key=lambda contact: contact.force)
-            row[6 * k : 6 * k + 6] = [*strongest.point, *(strongest.force * strongest.normal)]
-    return row
+def force_figures(
+    wrenches: Array, peg_radius: float, step: float, peak_contact: float, peak_measured_load: float
+) -> ForceFigures:
+    """Returns the figures of a trial.
+
+    Args:
+        wrenches: (n, 6), true contact wrenches of the steps of the plant, N and N m.
+        peg_radius: r of the load, m.
+        step: time step of the plant, s.
+        peak_contact: largest force of a single contact, N.
+        peak_measured_load: N.
+    """
+    forces, loads = np.linalg.norm(wrenches[:, :3], axis=1), contact_loads(wrenches, peg_radius)
+    touching = loads >= TOUCH_LOAD
+    first = int(touching.argmax()) if touching.any() else len(loads)
+    touch = forces[first : first + round(FIRST_TOUCH_TIME / step)]
+    return ForceFigures(
+        peak_axial_force=_largest(np.abs(wrenches[:, 2])),
+        peak_lateral_force=_largest(np.hypot(wrenches[:, 0], wrenches[:, 1])),
+        peak_moment=_largest(np.linalg.norm(wrenches[:, 3:], axis=1)),
+        peak_load=_largest(loads),
+        mean_load=float(loads[touching].mean()) if touching.any() else 0.0,
+        time_above_20n=step * float((loads > HIGH_LOAD).sum()),
+        force_above_20n=step * float((forces > HIGH_LOAD).sum()),
+        first_touch=step * float(touch.sum()),
+        peak_contact_force=peak_contact,
+        peak_measured_load=peak_measured_load,
+    )
+
+
+@compiled
+def contact_rows(seen: NDArray[np.int64], contacts: Array, count: int) -> Array:
+    """Returns ``CONTACT_COLUMNS`` at the first ``count`` samples, (count, 18): the strongest contact at each place.
+
+    Args:
+        seen: (n,), numbers of contacts at the samples.
+        contacts: (n, 5, 8), the contacts, see `systems.plant.contact_forces.join_contacts`.
+        count: number of rows; those that were not looked at are zero.
+    """
+    rows = np.zeros((count, 18))
+    for i in range(min(count, len(seen))):
+        for k in range(seen[i] - 1, -1, -1):  # the strongest is the first
+            place, force = int(contacts[i, k, PLACE]), contacts[i, k, FORCE]
+            rows[i, 6 * place : 6 * place + 3] = contacts[i, k, POINT]
+            rows[i, 6 * place + 3 : 6 * place + 6] = force * contacts[i, k, NORMAL]
+    return rows
 
 
 def _largest(values: Array) -> float:

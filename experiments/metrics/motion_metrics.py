@@ -47,13 +47,17 @@ class MotionMetrics:
 
     def figures(self) -> MotionFigures:
         """Returns the figures of all that was added."""
-        tips = np.reshape(self._tips, (-1, 3))
-        bottom = np.array([0.0, 0.0, -self.hole_depth])
-        return MotionFigures(
-            path_length=float(np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()),
-            mean_jerk=mean_jerk(tips, self.step),
-            start_distance=float(np.linalg.norm(tips[0] - bottom)) if len(tips) else 0.0,
-        )
+        return motion_figures(np.reshape(self._tips, (-1, 3)), self.step, self.hole_depth)
+
+
+def motion_figures(tips: Array, step: float, hole_depth: float) -> MotionFigures:
+    """Returns the figures of positions of the tip in H (n, 3), m, that follow each other after ``step``, s."""
+    bottom = np.array([0.0, 0.0, -hole_depth])
+    return MotionFigures(
+        path_length=float(np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()),
+        mean_jerk=mean_jerk(tips, step),
+        start_distance=float(np.linalg.norm(tips[0] - bottom)) if len(tips) else 0.0,
+    )
 
 
 def mean_jerk(positions: Array, step: float) -> float:

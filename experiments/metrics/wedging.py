@@ -12,14 +12,15 @@ stopped by the direction of the load alone (`experiments.metrics.jamming`).
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
-from systems.plant.contact_forces import Contact
+from skill.arrays import Array
+from skill.compiled import compiled
+from systems.plant.contact_forces import FORCE, NORMAL, POINT, Contact, contact_table
 
 WEDGE_FORCE = 3.0  # in units of N; both contacts of a wedge carry at least this normal force, as in a jam
 WEDGE_TIME = 0.1  # in units of s; a shorter squeeze, such as in an impact, is no wedge
@@ -35,35 +36,37 @@ def is_wedged(contacts: Sequence[Contact], friction: float) -> bool:
         contacts: the single contacts between peg and block at one time.
         friction: coefficient mu of both bodies.
     """
-    strong = [contact for contact in contacts if contact.force >= WEDGE_FORCE]
-    least = 1.0 / math.hypot(1.0, friction)  # cosine of the friction angle
-    for one, other in itertools.combinations(strong, 2):
-        line = other.point - one.point
-        length = math.sqrt(line @ line)
-        if min(line @ one.normal, -(line @ other.normal)) >= least * length > 0.0:
-            return True
-    return False
+    count, table = contact_table(contacts)
+    return bool(wedged_samples(np.array([count]), table[None], friction)[0])
 
 
-@dataclass
-class WedgeMetrics:
-    """The wedges of a trial so far.
+@compiled
+def wedged_samples(seen: NDArray[np.int64], contacts: Array, friction: float) -> NDArray[np.bool_]:
+    """Returns whether two contacts wedge the peg at n samples; see `is_wedged`.
 
-    Attributes:
-        friction: coefficient mu.
-        period: between two samples, s.
+    Args:
+        seen: (n,), numbers of contacts.
+        contacts: (n, 5, 8), see `systems.plant.contact_forces.join_contacts`.
+        friction: coefficient mu of both bodies.
     """
+    found = np.zeros(len(seen), np.bool_)
+    least = 1.0 / math.hypot(1.0, friction)  # cosine of the friction angle
+    for i in range(len(seen)):
+        for a in range(seen[i]):
+            one = contacts[i, a]
+            for b in range(a):
+                other = contacts[i, b]
+                if min(one[FORCE], other[FORCE]) < WEDGE_FORCE:
+                    continue
+                line = other[POINT] - one[POINT]
+                length = math.sqrt((line**2).sum())
+                along = min((line * one[NORMAL]).sum(), -(line * other[NORMAL]).sum())
+                found[i] = found[i] or (length > 0.0 and along >= least * length)
+    return found
 
-    friction: float
-    period: float
-    _wedged: list[bool] = field(default_factory=list)
 
-    def add_row(self, contacts: Sequence[Contact]) -> None:
-        """Adds the single contacts at the next sample of the run."""
-        self._wedged.append(is_wedged(contacts, self.friction))
-
-    def wedged_time(self) -> float:
-        """Returns the time (s) in wedges that last `WEDGE_TIME` or longer; a sample stands for one period."""
-        changes = np.flatnonzero(np.diff([False, *self._wedged, False]))
-        durations = self.period * (changes[1::2] - changes[::2])
-        return float(durations[durations >= WEDGE_TIME * (1.0 - 1e-9)].sum())
+def wedged_time(wedged: NDArray[np.bool_], period: float) -> float:
+    """Returns the time (s) in wedges that last `WEDGE_TIME` or longer; a sample (n,) stands for one period (s)."""
+    changes = np.flatnonzero(np.diff(wedged, prepend=False, append=False))
+    durations = period * (changes[1::2] - changes[::2])
+    return float(durations[durations >= WEDGE_TIME * (1.0 - 1e-9)].sum())

@@ -13,6 +13,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from experiments.provenance import version_of, versions
+from experiments.rollouts import rolled_out
 from experiments.sweeps.code_digest import code_digest, modules_of, values_digest
 from experiments.sweeps.rig_bench import RigBench
 from experiments.sweeps.trial_files import MEASURED_NUMBERS
@@ -97,8 +98,10 @@ def perform(source: TrialSource, policy: RigPolicy, number: int, known: Mapping[
     began, cpu = datetime.now(UTC), time.process_time()
     with threadpool_limits(1):
         scenario = trial_scenario(source.scenario, number=number, arm=source.arm)
-        rig = _bench.rig(source, scenario, policy)
-        result, _ = run_rig(rig, scenario, policy, seed=number)
+        ended = rolled_out(scenario, policy, number=number)
+        if ended is None:
+            ended = run_rig(_bench.rig(source, scenario, policy), scenario, seed=number)
+        result = ended.result
     return {
         **result_columns(result),
         **scenario_columns(scenario),

@@ -105,4 +105,4 @@ class Episode:
 
     def result(self) -> TrialResult:
         """Returns the result of the trial up to now."""
-        return self._run.result()
+        return self._run.ended().result

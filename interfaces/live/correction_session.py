@@ -224,7 +224,8 @@ class CorrectionSession(LiveSession):
         )
         if trial is None:
             raise PersonLeftError
-        result, run = trial.record(policy)
+        ended = trial.ended()
+        result, run = ended.result, ended.record(policy)
         now = find_query_state(run, resolved, number=number, inserted=result.inserted)
         self.say(f"{title}: {course(result, now)}; before: {before}. Space: {then}")
         self._buttons.forget_clicks(*KEYS)

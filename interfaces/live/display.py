@@ -14,7 +14,7 @@ from pydrake.systems.framework import DiagramBuilder
 from interfaces.live.page import LivePage
 from models.scenario import Scenario
 from skill.arrays import Array
-from skill.features.measurement import load_of_components
+from skill.features.measurement import contact_load
 from skill.practice.policy_observer import Judgement
 from skill.states.state_style import state_colours
 from systems.math.rotation import from_rotation_vector
@@ -65,7 +65,7 @@ class ContactLoad:
 
     def take(self, sample: Mapping[Any, float]) -> None:
         """Takes a sample of the recorder; ignores one that is not finite, of a run that has diverged."""
-        load = load_of_components(*(sample[name] for name in WRENCH), self._radius)
+        load = contact_load(np.array([sample[name] for name in WRENCH]), self._radius)
         if math.isfinite(load):
             self.load, self.peak = load, max(self.peak, load)
 

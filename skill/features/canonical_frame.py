@@ -55,8 +55,10 @@ def turned(x: float, y: float, angle: float) -> tuple[float, float]:
     return c * x - s * y, s * x + c * y
 
 
-def turn(vectors: Array, angle: Array) -> Array:
-    """The first two components of vectors (n, 2 or more), turned by angles (n,), rad; shape (n, 2)."""
-    c, s = np.cos(angle), np.sin(angle)
-    x, y = vectors[:, 0], vectors[:, 1]
-    return np.stack([c * x - s * y, s * x + c * y], axis=1)
+@compiled
+def turned_rows(vectors: Array, angles: Array) -> Array:
+    """Returns the first two components of vectors (n, 2 or more), turned by angles (n,), rad; shape (n, 2)."""
+    found = np.empty((len(vectors), 2))
+    for i in range(len(vectors)):
+        found[i, 0], found[i, 1] = turned(vectors[i, 0], vectors[i, 1], angles[i])
+    return found

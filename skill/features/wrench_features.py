@@ -28,7 +28,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 
 from skill.arrays import Array
 from skill.compiled import compiled
-from skill.features.canonical_frame import canonical_angle, canonical_angles, turn, turned
+from skill.features.canonical_frame import canonical_angle, canonical_angles, turned, turned_rows
 
 MEASURED = ("fx", "fy", "fz", "mx", "my", "mz", "z")
 """What the rig measures: the wrench on the peg about its tip, expressed in P (N, N m), and the height of the tip above
@@ -109,7 +109,7 @@ class WrenchFeatures(TransformerMixin, BaseEstimator, metaclass=ABCMeta):
         phi = self._angle(measured)
         rotation = pose[:, 2:5] * pose[:, 5:6]
         # Turning P and H together about their z axes by phi turns both of these vectors by -phi.
-        lateral, tilt = turn(pose, -phi), turn(rotation, -phi)
+        lateral, tilt = turned_rows(pose, -phi), turned_rows(rotation, -phi)
         hidden = self._hidden(measured[:, 6], lateral, np.hstack([tilt, rotation[:, 2:3]]), pose[:, 6])
         return np.hstack([self._features(measured), hidden])
 
@@ -165,7 +165,7 @@ class WrenchFeatures(TransformerMixin, BaseEstimator, metaclass=ABCMeta):
                 " one row (omega_x, omega_y, feed) for each row of measurements"
             )
         _require_finite(actions, ("omega_x", "omega_y", "feed"), type(self).__name__)
-        return np.hstack([turn(actions, sign * phi), actions[:, 2:3]])
+        return np.hstack([turned_rows(actions, sign * phi), actions[:, 2:3]])
 
     def _measurements(self, X: ArrayLike) -> Array:
         """Measurements as an array (n, 7); raises ValueError or TypeError if they are not valid."""

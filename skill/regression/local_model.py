@@ -110,7 +110,7 @@ def equivalent_kernel(query: Array, x: Array, weights: Array, ridge: float, degr
         degree: 0 for the kernel mean, 1 for the local linear model.
     """
     k, d = x.shape
-    kernel = weights / weights.sum()
+    kernel: Array = weights / weights.sum()
     if degree == 0:
         return kernel
     mean, scatter, a = np.zeros(d), np.zeros((d, d)), np.empty((d, 1))

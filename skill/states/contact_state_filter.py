@@ -93,8 +93,7 @@ class ContactStateFilter:
             x: shape (k,), one sample, finite.
         """
         sample = np.ascontiguousarray(x, dtype=np.float64)
-        log_belief, known = contact_filter_step(self.numbers, np.array(log_belief, dtype=np.float64), sample)
-        return ContactEstimate(log_belief, np.exp(log_belief), known)
+        return ContactEstimate(*contact_filter_step(self.numbers, np.array(log_belief, dtype=np.float64), sample))
 
 
 class FilterNumbers(NamedTuple):
@@ -118,8 +117,8 @@ class FilterNumbers(NamedTuple):
 
 
 @compiled
-def contact_filter_step(p: FilterNumbers, log_belief: Array, x: Array) -> tuple[Array, bool]:
-    """Returns the log-belief (M,) after one sample (k,), and whether the sample is known; see `ContactStateFilter`."""
+def contact_filter_step(p: FilterNumbers, log_belief: Array, x: Array) -> tuple[Array, Array, bool]:
+    """Returns log-belief (M,) and probabilities (M,) after one sample (k,), and whether it is known."""
     M, k = len(p.constants), len(x)
     distances, updated, b = np.zeros(M), np.zeros(M), np.exp(log_belief)
     predicted = np.zeros(M)
@@ -142,4 +141,6 @@ def contact_filter_step(p: FilterNumbers, log_belief: Array, x: Array) -> tuple[
     if not known:
         updated = predicted
     updated = updated - updated.max()
-    return updated - math.log(np.exp(updated).sum()), known
+    probabilities = np.exp(updated)
+    total = probabilities.sum()
+    return updated - math.log(total), probabilities / total, known

@@ -13,6 +13,7 @@ from skill.arrays import Array
 from skill.features.measurement import measurement
 from skill.policy import Action, RigPolicy
 from skill.states.estimate import Estimate
+from systems.steps.back_off import attempts_text
 from systems.steps.faults import error_summary
 from systems.steps.policy_controller import ControllerLimits, ControllerState, policy_controller_step
 
@@ -79,11 +80,7 @@ class PolicyController(LeafSystem):
     def tried(self, context: Context) -> str:
         """Returns what the policy has tried if it has nothing new to try, else ""; ``context`` is this system's."""
         state = self._controller_state(context)
-        if not state.given_up:
-            return ""
-        attempts, best = 1 + int(state.back_off.repeats), 1e3 * state.back_off.best
-        name = self._policy.state_names()[int(state.back_off.contact_state)]
-        return f"{attempts} attempts in a row ended in {name!r}, none deeper than {best:.1f} mm"
+        return attempts_text(state.back_off, self._policy.state_names()) if state.given_up else ""
 
     def _controller_state(self, context: Context) -> ControllerState:
         return ControllerState.from_vector(context.get_discrete_state(self._state).value())

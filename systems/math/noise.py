@@ -28,6 +28,12 @@ def standard_normal(seed: int, stream: str, tick: int, size: int) -> NDArray[np.
     return numbers
 
 
+def standard_normals(seed: int, stream: str, ticks: int, size: int) -> NDArray[np.float64]:
+    """Returns the numbers (ticks, size) of the first ticks; see `standard_normal`."""
+    blocks = [_draw_block(seed, stream, block, size) for block in range(-(-ticks // BLOCK))]
+    return np.concatenate(blocks)[:ticks]
+
+
 @lru_cache(maxsize=16)  # a run has a few streams, and reads each one in the order of its ticks
 def _draw_block(seed: int, stream: str, block: int, size: int) -> NDArray[np.float64]:
     """Returns the numbers (BLOCK, size) of the ticks from ``block`` x `BLOCK` on."""

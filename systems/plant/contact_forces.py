@@ -8,6 +8,7 @@ therefore a bound of a contact's force.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,10 +101,20 @@ def single_contacts(
         The contacts with a force, at most five, the strongest first.
     """
     R, p = X_WH.rotation().matrix(), X_WH.translation()
-    given = (np.ascontiguousarray(values) for values in (parts.points, parts.normals, parts.forces))
-    count, found = join_contacts(*given, np.ascontiguousarray(R), p, X_HP.translation()[2], chamfer)
+    points, normals, forces = (np.ascontiguousarray(values) for values in (parts.points, parts.normals, parts.forces))
+    height = X_HP.translation()[2]
+    count, found = join_contacts(points, normals, forces, np.ascontiguousarray(R), p, height, chamfer)
     places = list(ContactPlace)
     return [Contact(places[int(row[PLACE])], row[POINT], row[NORMAL], float(row[FORCE])) for row in found[:count]]
+
+
+def contact_table(contacts: Sequence[Contact]) -> tuple[int, Array]:
+    """Returns the number of contacts, at most `MAX_JOINED`, and their table as `join_contacts` does."""
+    table = np.zeros((MAX_JOINED, JOINED_SIZE))
+    for row, contact in zip(table, contacts, strict=False):
+        row[PLACE], row[FORCE] = list(ContactPlace).index(contact.place), contact.force
+        row[POINT], row[NORMAL] = contact.point, contact.normal
+    return len(contacts), table
 
 
 MAX_JOINED = 5

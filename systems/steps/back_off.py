@@ -65,6 +65,12 @@ class BackOffState(NamedTuple):
         return cls(*(float(value) for value in values))
 
 
+def attempts_text(state: BackOffState, names: Sequence[str]) -> str:
+    """Returns what a policy has tried that has nothing new to try, with the names of the contact states."""
+    attempts, name = 1 + int(state.repeats), names[int(state.contact_state)]
+    return f"{attempts} attempts in a row ended in {name!r}, none deeper than {1e3 * state.best:.1f} mm"
+
+
 class BackOffDecision(NamedTuple):
     """What is commanded for one period.
 

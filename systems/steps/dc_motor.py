@@ -25,14 +25,14 @@ class Drive(NamedTuple):
         ratio: N of motor angle to carriage travel, rad/m.
         decay: e^{-RT/L}.
         gain: R / (1 - e^{-RT/L}), ohm.
-        count: travel of a count of the encoder on the shaft, m.
+        count_travel: travel of a count of the encoder on the shaft, m.
     """
 
     period: float
     ratio: float
     decay: float
     gain: float
-    count: float
+    count_travel: float
     resistance: float
     torque_constant: float
     viscous_friction: float
@@ -52,7 +52,7 @@ class Drive(NamedTuple):
             ratio=p.ratio,
             decay=decay,
             gain=p.resistance / (1.0 - decay),
-            count=p.screw_lead / p.encoder_counts,
+            count_travel=p.screw_lead / p.encoder_counts,
             resistance=p.resistance,
             torque_constant=p.torque_constant,
             viscous_friction=p.viscous_friction,
@@ -120,4 +120,4 @@ def carriage_force(p: Drive, current: float, speed: float) -> float:
 @compiled
 def counted_travel(p: Drive, position: float) -> float:
     """Returns the position (m) of the carriage as the encoder on the shaft counts it."""
-    return round(position / p.count) * p.count
+    return round(position / p.count_travel) * p.count_travel

@@ -84,7 +84,9 @@ class ControllerState(NamedTuple):
         """Inverts `as_list`."""
         numbers = values.tolist()
         own = len(cls._fields) - 1
-        return cls(*numbers[:own], BackOffState(*numbers[own:]))
+        pitch_rate, yaw_rate, feed_speed, unwinding, given_up, support, turning = numbers[:own]
+        back_off = BackOffState(*numbers[own:])
+        return cls(pitch_rate, yaw_rate, feed_speed, unwinding, given_up, support, turning, back_off)
 
     def stopped(self) -> Self:
         """Returns the state in which nothing is commanded."""

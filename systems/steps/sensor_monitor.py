@@ -169,14 +169,14 @@ def is_spike(p: SensorLimits, wrench: Array, state: Array) -> bool:
     found = False
     for i in range(6):
         found = found or abs(wrench[i] - state[i]) > (p.max_force if i < 3 else p.max_moment)
-    return found
+    return bool(found)
 
 
 @compiled
 def _is_saturated(p: SensorLimits, wrench: Array) -> bool:
     """Whether a channel is at the end of its range, which applies to the reading at the mount."""
     ends, h = p.ends, p.height
-    return (
+    return bool(
         abs(wrench[0]) >= ends[0]
         or abs(wrench[1]) >= ends[1]
         or abs(wrench[2]) >= ends[2]

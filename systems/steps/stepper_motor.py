@@ -78,7 +78,7 @@ def stepper_step(p: Axis, state: Array, target: float, measured: float) -> Array
 @compiled
 def equilibrium_angle(p: Axis, state: Array) -> float:
     """Returns the angle (rad) at which the rotor is held, relative to the start."""
-    return p.step * (round(state[POSITION] * p.microsteps) / p.microsteps + state[SHIFT])
+    return float(p.step * (round(state[POSITION] * p.microsteps) / p.microsteps + state[SHIFT]))
 
 
 @compiled

@@ -86,7 +86,7 @@ def passed_command(p: RetractLimits, state: Array, place: int, command: float) -
 @compiled
 def is_stopped(p: RetractLimits, state: Array) -> bool:
     """Returns whether the peg has been retracted after a fault."""
-    return state[FAULT] != 0.0 and state[SINCE] >= p.retract_time - 1e-9
+    return bool(state[FAULT] != 0.0 and state[SINCE] >= p.retract_time - 1e-9)
 
 
 @compiled

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from experiments.metrics.force_metrics import ForceMetrics, contact_row
+from experiments.metrics.force_metrics import ForceMetrics, contact_rows
 from skill.data.rig_run import CONTACT_COLUMNS, ContactPlace
-from systems.plant.contact_forces import Contact
+from systems.plant.contact_forces import Contact, contact_table
 
 RADIUS, STEP = 0.01, 2e-3
 
@@ -74,21 +74,24 @@ def test_the_largest_single_contact_counts_wherever_it_is_read():
     metrics.add_contacts([contact(ContactPlace.MOUTH, 7.0), contact(ContactPlace.TIP, 9.0)])
     metrics.add_contacts([])
     assert metrics.figures(peak_measured_load=0.0).peak_contact_force == 9.0
-    metrics.add_row([contact(ContactPlace.FACE, 11.0)])
+    metrics.add_contacts([contact(ContactPlace.FACE, 11.0)])
     assert metrics.figures(peak_measured_load=0.0).peak_contact_force == 11.0
+
+
+def rows(*looks, count):
+    seen, tables = zip(*(contact_table(contacts) for contacts in looks), strict=True)
+    return contact_rows(np.array(seen), np.array(tables), count)
 
 
 def test_a_row_holds_the_stronger_contact_of_each_place():
     tip = contact(ContactPlace.TIP, 4.0, (0.0, -1.0, 0.0), (0.0, 0.01, -0.02))
-    row = dict(zip(CONTACT_COLUMNS, contact_row([tip, contact(ContactPlace.TIP, 3.0)]), strict=True))
+    row = dict(zip(CONTACT_COLUMNS, rows([tip, contact(ContactPlace.TIP, 3.0)], count=1)[0], strict=True))
     assert [row[f"contact_tip_{name}"] for name in ("x", "y", "z", "fx", "fy", "fz")] == [0, 0.01, -0.02, 0, -4, 0]
     assert not any(value for name, value in row.items() if not name.startswith("contact_tip"))
 
 
 def test_samples_without_a_reading_have_no_contact():
-    metrics = ForceMetrics(RADIUS, STEP)
-    metrics.add_row([contact(ContactPlace.MOUTH, 2.0)])
-    metrics.add_row([])
-    assert metrics.contact_rows(4).shape == (4, 18)
-    assert metrics.contact_rows(4).any(axis=1).tolist() == [True, False, False, False]
-    assert metrics.contact_rows(1).shape == (1, 18)
+    looks = [contact(ContactPlace.MOUTH, 2.0)], []
+    assert rows(*looks, count=4).shape == (4, 18)
+    assert rows(*looks, count=4).any(axis=1).tolist() == [True, False, False, False]
+    assert rows(*looks, count=1).shape == (1, 18)

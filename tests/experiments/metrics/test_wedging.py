@@ -8,7 +8,7 @@ from pydrake.math import RigidTransform
 
 from benchmarks.physics.contact_measurements import PegTheory, converged
 from benchmarks.physics.contact_probe import ContactProbe
-from experiments.metrics.wedging import WEDGE_FORCE, WEDGE_TIME, WedgeMetrics, is_wedged
+from experiments.metrics.wedging import WEDGE_FORCE, WEDGE_TIME, is_wedged, wedged_time
 from models.contact_theory import exact_wedging_tilt, two_point_depth
 from models.scenario import load_scenario
 from skill.data.rig_run import ContactPlace
@@ -68,13 +68,10 @@ def test_two_contacts_that_push_apart_are_no_wedge():
 
 def test_only_wedges_of_a_tenth_of_a_second_count():
     """Runs of 4, 5 and 7 samples of 20 ms: the first is too short."""
-    metrics = WedgeMetrics(0.3, PERIOD)
-    wedge, free = two_point_contacts(math.radians(3.0)), []
-    for count, contacts in [(2, free), (4, wedge), (1, free), (5, wedge), (3, free), (7, wedge)]:
-        for _ in range(count):
-            metrics.add_row(contacts)
+    runs = [(2, False), (4, True), (1, False), (5, True), (3, False), (7, True)]
+    wedged = np.concatenate([np.full(count, state) for count, state in runs])
     assert round(WEDGE_TIME / PERIOD) == 5
-    assert metrics.wedged_time() == pytest.approx(12 * PERIOD)
+    assert wedged_time(wedged, PERIOD) == pytest.approx(12 * PERIOD)
 
 
 @pytest.mark.slow

@@ -104,5 +104,5 @@ def test_a_trial_that_diverges_ends_without_a_picture_of_it(trial, monkeypatch):
     monkeypatch.setattr("experiments.trial.DIVERGENCE_FORCE", -1.0)
     page = Page()
     run = perform(page, trial)
-    assert run.result().reason.startswith("diverged")
+    assert run.ended().result.reason.startswith("diverged")
     assert page.pictures == []

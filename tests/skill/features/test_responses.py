@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skill.features.canonical_frame import turn
+from skill.features.canonical_frame import turned_rows
 from skill.features.responses import (
     HORIZON,
     MAX_DEPTH,
@@ -53,7 +53,7 @@ def test_turning_the_scene_about_the_axis_changes_nothing(angle, seed):
     for rows in (before, after):
         rows = rows.copy()
         for k in (0, 3, 7):
-            rows[:, k : k + 2] = turn(rows[:, k:], np.full(4, angle))
+            rows[:, k : k + 2] = turned_rows(rows[:, k:], np.full(4, angle))
         turned.append(rows)
     first, second = dut.between(before, after), dut.between(*turned)
     np.testing.assert_allclose(first.inputs, second.inputs, atol=1e-9)

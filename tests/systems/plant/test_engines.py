@@ -100,7 +100,8 @@ def test_the_skill_inserts(scenario, skill):
     resolved = trial_scenario(scenario, number=1000)
     rig = MakeRig(resolved, skill)
     assert unconnected_inputs(rig.diagram) == set()
-    result, run = run_rig(rig, resolved, skill, seed=1000)
+    ended = run_rig(rig, resolved, seed=1000)
+    result, run = ended.result, ended.record(skill)
     assert result.reason == "inserted"
     assert result.depth == pytest.approx(resolved.full_depth, abs=1e-4)
     assert result.steps > 0

@@ -67,7 +67,7 @@ def test_recording_and_replay_show_the_force_of_one_moment_in_the_same_direction
     rig = MakeRig(scenario, skill, meshcat=canvas)
     run = TrialRun(rig, scenario, number=1)
     run.advance(scenario.trial.time_limit)
-    motion = motion_of_run(run.record(skill)[1])
+    motion = motion_of_run(run.ended().record(skill))
     replayed = drawn_arrows(decoded(motion), "force")
     compared = 0
     for (path, time), X in canvas.transforms_at.items():

@@ -1,0 +1,139 @@
+"""A trial that has ended, as a diagram or the compiled loop leaves it, and the result and record that follow."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments.metrics.field_score import field_score
+from experiments.metrics.force_metrics import ForceFigures, contact_rows
+from experiments.metrics.jamming import is_jammed
+from experiments.metrics.motion_metrics import MotionFigures
+from experiments.metrics.penetration import deepest_overlap
+from experiments.metrics.wedging import wedged_samples, wedged_time
+from experiments.provenance import versions
+from experiments.trial_result import TRUSTED_OVERLAP, TrialResult
+from models.scenario import Scenario, dump_scenario
+from skill.arrays import Array
+from skill.data.outcome import UNPHYSICAL, Outcome
+from skill.data.rig_run import CONTACT_COLUMNS, RigRun
+from skill.policy import RigPolicy
+from systems.steps.faults import Fault
+
+
+@dataclass(frozen=True)
+class Looks:
+    """What was seen of the contact once in each controller period, n times.
+
+    Attributes:
+        seen: (n,), numbers of contacts.
+        contacts: (n, 5, 8), the contacts, see `systems.plant.contact_forces.join_contacts`.
+        poses: (n, 6), centre of the tip (m) and axis of the peg in H.
+    """
+
+    seen: NDArray[np.int64]
+    contacts: Array
+    poses: Array
+
+
+@dataclass(frozen=True)
+class EndedTrial:
+    """A trial that has ended.
+
+    Attributes:
+        number: of the trial.
+        scenario: resolved.
+        outcome: what ended it; ``TIME_OVER`` if nothing did.
+        detail: text that adds to the outcome.
+        fault: that the rig has detected.
+        failure: why the policy failed, or "".
+        time: of the end, s.
+        depth: of the tip at the end, m.
+        samples: `LOGGED_COLUMNS`.
+        forces: figures of the forces.
+        motion: figures of the motion.
+        looks: contacts and poses.
+    """
+
+    number: int
+    scenario: Scenario
+    outcome: Outcome
+    detail: str
+    fault: Fault
+    failure: str
+    time: float
+    depth: float
+    samples: pd.DataFrame
+    forces: ForceFigures
+    motion: MotionFigures
+    looks: Looks
+
+    @cached_property
+    def result(self) -> TrialResult:
+        """The result of the trial."""
+        outcome, detail, fault = self._ending()
+        scenario, samples, looks = self.scenario, self.samples, self.looks
+        last, period = samples.iloc[-1], scenario.controller.period
+        states = samples["state"].to_numpy(dtype=int)
+        penetration = deepest_overlap(scenario.geometry, looks.poses[:, :3], looks.poses[:, 3:])
+        wedged = wedged_samples(looks.seen, looks.contacts, scenario.contact.friction)
+        pitch, yaw = scenario.start.tilt or [0.0, 0.0]
+        score = field_score(
+            inserted=outcome is Outcome.INSERTED,
+            time=self.time,
+            depth=self.depth,
+            hole_depth=scenario.geometry.hole_depth,
+            motion=self.motion,
+            force_time=self.forces.force_above_20n,
+        )
+        return TrialResult(
+            seed=self.number,
+            tilt=(pitch, yaw),
+            outcome=outcome,
+            detail=detail,
+            fault=fault,
+            time=self.time,
+            depth=self.depth,
+            **asdict(self.forces),
+            wedged_time=wedged_time(wedged, period),
+            path_length=self.motion.path_length,
+            mean_jerk=self.motion.mean_jerk,
+            field_score=0.0 if outcome in UNPHYSICAL else score.total,
+            penetration=penetration,
+            trusted=penetration <= TRUSTED_OVERLAP * scenario.geometry.clearance,
+            steps=int(last["pitch_taken"] + last["yaw_taken"]),
+            lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
+            back_offs=int((np.diff(samples["back_off"].to_numpy()) > 0).sum()),
+            unknown_time=period * float((samples["known"].to_numpy() == 0).sum()),
+            unsupported_time=period * float((samples["support"].to_numpy() < 1.0).sum()),
+            states=tuple(int(s) for s in states[np.flatnonzero(np.diff(states, prepend=-1))]),
+        )
+
+    def record(self, policy: RigPolicy) -> RigRun:
+        """Returns the record of the trial, in which ``policy`` acted."""
+        scenario, samples = self.scenario, self.samples.copy()
+        samples[list(CONTACT_COLUMNS)] = contact_rows(self.looks.seen, self.looks.contacts, len(samples))
+        metadata = {
+            "geometry": asdict(scenario.geometry),
+            "rig": asdict(scenario.rig),
+            "force_limit": scenario.controller.guard.force_limit,
+            "state_names": policy.state_names(),
+            "scenario": dump_scenario(scenario),
+            "versions": versions(),
+        }
+        return RigRun(samples=samples, result=self.result.record(), metadata=metadata)
+
+    def _ending(self) -> tuple[Outcome, str, Fault]:
+        """Returns outcome, detail and fault."""
+        if self.outcome not in (Outcome.TIME_OVER, Outcome.FAULT):
+            return self.outcome, self.detail, Fault.NONE
+        if self.fault is not Fault.NONE:  # also if the time ran out before the rig had stopped
+            return Outcome.FAULT, self.failure, self.fault
+        samples = self.samples
+        if is_jammed(samples["time"].to_numpy(), samples["depth"].to_numpy(), samples[["fx", "fy", "fz"]].to_numpy()):
+            return Outcome.JAMMED, self.detail, self.fault
+        return self.outcome, self.detail, self.fault

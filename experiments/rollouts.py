@@ -1,0 +1,73 @@
+"""Trials by the compiled loop of `systems.rollout`, which is the diagram with the exact engine, and much faster."""
+
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+
+from experiments.ended_trial import EndedTrial, Looks
+from experiments.metrics.force_metrics import force_figures
+from experiments.metrics.motion_metrics import motion_figures
+from models.scenario import Scenario
+from skill.data.outcome import Outcome
+from skill.data.rig_run import LOGGED_COLUMNS
+from skill.policy import RigPolicy
+from skill.skill_step import skill_numbers
+from systems.plant.exact_plant import Mechanics
+from systems.rig import check_geometry
+from systems.rig_diagram import same_rig
+from systems.rollout import DIVERGED, FAILED, OUTCOMES, RigNumbers, roll_out
+from systems.steps.back_off import attempts_text
+from systems.steps.faults import Fault
+
+_last: list[tuple[Scenario, Mechanics]] = []
+"""The last mechanics, which take long to compute, and a scenario that has them."""
+
+
+def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTrial | None:
+    """Performs a trial by the compiled loop.
+
+    Args:
+        scenario: resolved.
+        policy: that acts.
+        number: of the trial, for the record.
+
+    Returns:
+        The trial; None if only a diagram can perform it: in another engine, with a policy that is no skill that
+        imitates, or because the simulation breaks down, for which the diagram gives the reason.
+
+    Raises:
+        ValueError: if the policy was made for another peg or hole.
+    """
+    skill = skill_numbers(policy) if scenario.contact.engine == "exact" and scenario.start.depth <= 0.0 else None
+    if skill is None:
+        return None
+    check_geometry(scenario, policy)
+    trace = roll_out(RigNumbers.of(scenario, _mechanics(scenario), skill.period), scenario, skill)
+    if trace.outcome in (DIVERGED, FAILED) or not math.isfinite(trace.depth):
+        return None
+    outcome, step = OUTCOMES[trace.outcome], scenario.contact.time_step
+    return EndedTrial(
+        number=number,
+        scenario=scenario,
+        outcome=outcome,
+        detail=attempts_text(trace.back_off, policy.state_names()) if outcome is Outcome.JAMMED else "",
+        fault=Fault(trace.fault),
+        failure="",
+        time=trace.time,
+        depth=trace.depth,
+        samples=pd.DataFrame(trace.rows, columns=list(LOGGED_COLUMNS)),
+        forces=force_figures(
+            trace.wrenches[1:], scenario.geometry.peg_radius, step, trace.peak_contact, trace.peak_load
+        ),
+        motion=motion_figures(trace.tips, step, scenario.geometry.hole_depth),
+        looks=Looks(trace.seen, trace.contacts, trace.poses),
+    )
+
+
+def _mechanics(scenario: Scenario) -> Mechanics:
+    """Returns the mechanics of a scenario, up to the height of its pivot."""
+    if not (_last and same_rig(_last[0][0], scenario)):
+        _last[:] = [(scenario, Mechanics.of(scenario))]
+    return _last[0][1]
