@@ -121,13 +121,14 @@ def test_no_benchmark_hides_a_module_of_python():
 
 
 @pytest.mark.slow
-def test_the_skill_can_be_imported_without_drake():
-    code = """
+@pytest.mark.parametrize("room", ["skill", "systems.steps"])
+def test_the_skill_and_the_law_can_be_imported_without_drake(room):
+    code = f"""
 import importlib, pkgutil, sys
 
 sys.modules["pydrake"] = None
-import skill
-names = [m.name for m in pkgutil.walk_packages(skill.__path__, "skill.")]
+room = importlib.import_module("{room}")
+names = [m.name for m in pkgutil.walk_packages(room.__path__, "{room}.")]
 for name in names:
     importlib.import_module(name)
 print(len(names))

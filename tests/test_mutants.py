@@ -50,8 +50,8 @@ def test_the_sample_is_seeded_and_every_mutant_is_another_program():
 @pytest.mark.nightly
 @pytest.mark.slow
 def test_a_module_has_mirrored_tests_and_those_that_import_it():
-    mirrored, others = nearest_tests("systems/control/back_off.py")
-    assert [path.as_posix() for path in mirrored] == ["tests/systems/control/test_back_off.py"]
+    mirrored, others = nearest_tests("systems/steps/back_off.py")
+    assert [path.as_posix() for path in mirrored] == ["tests/systems/steps/test_back_off.py"]
     names = [path.as_posix() for path in others]
     assert "tests/systems/control/test_policy_controller.py" in names  # imports a module that imports it
     assert "tests/models/test_bore.py" not in names

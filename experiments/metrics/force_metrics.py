@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from skill.arrays import Array
 from skill.compiled import compiled
-from skill.features.measurement import contact_load, contact_loads
+from skill.features.measurement import contact_loads, load_of_components
 from systems.plant.contact_forces import FORCE, NORMAL, PLACE, POINT, Contact
 
 TOUCH_LOAD = 1.0  # in units of N; a smaller load is no contact: the inertial force of the peg is a part of a newton
@@ -79,7 +79,8 @@ class ForceMetrics:
             wrench: true contact wrench (6,), as for `add_step`.
             extent: see `RigPlant.contact_extent`.
         """
-        load = contact_load(wrench, self.peg_radius)
+        fx, fy, fz, mx, my, mz = wrench
+        load = load_of_components(fx, fy, fz, mx, my, mz, self.peg_radius)
         if extent <= 0.0 or (load <= GROWTH * self._largest_load and extent <= GROWTH * self._largest_extent):
             return False
         self._largest_load = max(load, self._largest_load)

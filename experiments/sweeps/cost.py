@@ -14,7 +14,7 @@ from experiments.sweeps.result_blocks import read_block
 REFERENCE_SPEED = 105.0
 """`machine_speed` of the machine with these CPU times, ms."""
 
-TRIAL_CPU = {"drake": 1.8, "exact": 1.0, "mujoco": 1.6}  # in units of s; of the default skill
+TRIAL_CPU = {"drake": 1.8, "exact": 0.2, "mujoco": 4.0}  # in units of s; of the default skill
 DEMONSTRATION_CPU = 2.0  # in units of s
 POLICY_CPU = 6.0  # in units of s
 START_CPU = 5.0  # in units of s, until a process has imported what it needs

@@ -64,7 +64,14 @@ class Imitation:
         """Returns the prediction for one query."""
         regressor, (_, X, P, Q) = self.regressor, query
         if isinstance(regressor, LWRegressor):
-            found = imitate(self.numbers, X[0], np.array(P[0]), np.array(Q[0]))
+            numbers = self.numbers
+            pairs, shared = P.size * Q.size, numbers.regressor.search.memberships.shape[1]
+            if pairs != shared or Q.size != numbers.contexts.shape[1]:
+                raise ValueError(
+                    f"an estimate of {P.size} contact states and {Q.size} contexts; expected those of the skill,"
+                    f" {numbers.contexts.shape[1]} contexts and {shared // numbers.contexts.shape[1]} contact states"
+                )
+            found = imitate(numbers, X[0], np.array(P[0]), np.array(Q[0]))
             return Prediction(
                 found.action,
                 found.support,

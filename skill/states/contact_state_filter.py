@@ -91,9 +91,17 @@ class ContactStateFilter:
         Args:
             log_belief: shape (M,), belief of the previous step, or `initial_log_belief`.
             x: shape (k,), one sample, finite.
+
+        Raises:
+            ValueError: if a shape is wrong.
         """
-        sample = np.ascontiguousarray(x, dtype=np.float64)
-        return ContactEstimate(*contact_filter_step(self.numbers, np.array(log_belief, dtype=np.float64), sample))
+        sample, believed = np.ascontiguousarray(x, dtype=np.float64), np.array(log_belief, dtype=np.float64)
+        if sample.shape != (self.n_channels,) or believed.shape != (self.n_states,):
+            raise ValueError(
+                f"belief and sample have shapes {believed.shape} and {sample.shape}; expected ({self.n_states},) and"
+                f" ({self.n_channels},)"
+            )
+        return ContactEstimate(*contact_filter_step(self.numbers, believed, sample))
 
 
 class FilterNumbers(NamedTuple):

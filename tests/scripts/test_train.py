@@ -20,8 +20,8 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize(
     ("options", "policy", "contexts"),
     [
-        ((), "imitate", "2 contexts"),
-        pytest.param(("--policy", "plan", "--contexts", 1), "plan", "a single context", marks=pytest.mark.nightly),
+        (("--contexts", 3), "imitate", "2 contexts"),
+        pytest.param(("--policy", "plan"), "plan", "contact states", marks=pytest.mark.nightly),
     ],
 )
 def test_train_imitates_or_plans_and_discovers_contexts_unless_it_may_not(folder, tmp_path, options, policy, contexts):

@@ -37,7 +37,7 @@ def hinged_demonstrations(number=8):
 
 @pytest.fixture(scope="module")
 def skill_with_contexts():
-    return ManipulationSkill(regressor=LWRegressor(ridge=1.0)).fit(hinged_demonstrations())
+    return ManipulationSkill(contexts=ContextMixture(), regressor=LWRegressor(ridge=1.0)).fit(hinged_demonstrations())
 
 
 def test_contexts_are_discovered_in_the_answers_to_motions(skill_with_contexts):

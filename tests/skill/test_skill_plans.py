@@ -16,6 +16,7 @@ from skill.manipulation_skill import ManipulationSkill
 from skill.planning import planner
 from skill.planning.planning_model import VALUE_TIME
 from skill.regression.locally_weighted_regression import LWRegressor
+from skill.states.context_mixture import ContextMixture
 from tests.crafted_files import sealed_arrays
 from tests.skill.test_skill_contexts import hinged_demonstrations
 
@@ -27,7 +28,8 @@ def demonstrations():
 
 @pytest.fixture(scope="module")
 def planning(demonstrations):
-    return ManipulationSkill(policy="plan", regressor=LWRegressor(ridge=1.0)).fit(demonstrations)
+    parts = {"contexts": ContextMixture(), "regressor": LWRegressor(ridge=1.0)}
+    return ManipulationSkill(policy="plan", **parts).fit(demonstrations)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,148 @@
+"""Trials a minute of the compiled loop, beside the diagram that it reproduces, on the same trials.
+
+    python -m benchmarks.throughput [--trials N] [--compared N] [--json FILE]
+
+The shipped skill performs usual and harder trials in the exact engine: ``--trials`` of them by the compiled loop, on
+one process and on two, and the first ``--compared`` by the diagram too. Compilation and imports do not count; the
+result of each trial does.
+
+*trials a minute and core*: by CPU time. *times the diagram*: by CPU time, of the trials that both performed.
+*Python*: CPU time of the diagram, less that of the loop, a simulated second. *equal*: trials with the same outcome, and
+with the same samples bit for bit. *two cores*: trials a minute of two processes over those of one, by the clock.
+*regression*: time of one query of `LWRegressor` with 10,000 samples of 14 features, over that of scikit-learn's
+`KNeighborsRegressor(10)`.
+"""
+
+from __future__ import annotations
+
+import statistics
+import time
+from functools import partial
+from typing import Annotated
+
+import numpy as np
+import typer
+from sklearn.neighbors import KNeighborsRegressor
+
+from benchmarks.command_line import JsonFile, finish, run
+from experiments.ended_trial import EndedTrial
+from experiments.rollouts import rolled_out
+from experiments.trial import Arm, run_rig, trial_scenario
+from experiments.worker_pool import run_in_processes
+from interfaces.reports.result_tables import plain_table
+from interfaces.terminal import console
+from models.scenario import Scenario
+from scripts.command_line import SHIPPED
+from skill.manipulation_skill import ManipulationSkill
+from skill.regression.locally_weighted_regression import LWRegressor
+from systems.rig import MakeRig
+
+FIRST = 95000
+"""Number of the first trial."""
+
+
+def scenario_of(number: int) -> Scenario:
+    """Returns the resolved scenario of a trial, in turn a usual and a harder one."""
+    scenario = Scenario()
+    scenario.contact.engine = "exact"
+    return trial_scenario(scenario, number=number, arm=list(Arm)[number % 2])
+
+
+def loop(skill: ManipulationSkill, numbers: list[int]) -> list[tuple[EndedTrial, float]]:
+    """Performs trials by the compiled loop; returns them with their CPU times, s."""
+    found = []
+    rolled_out(scenario_of(FIRST), skill, number=FIRST)  # compiles
+    for number in numbers:
+        begun = time.process_time()
+        ended = rolled_out(scenario_of(number), skill, number=number)
+        assert ended is not None
+        _ = ended.result
+        found.append((ended, time.process_time() - begun))
+    return found
+
+
+def diagram(skill: ManipulationSkill, number: int) -> tuple[EndedTrial, float]:
+    """Performs a trial by the diagram; returns it with its CPU time without the building, s."""
+    scenario = scenario_of(number)
+    rig = MakeRig(scenario, skill)
+    begun = time.process_time()
+    ended = run_rig(rig, scenario, seed=number)
+    _ = ended.result
+    return ended, time.process_time() - begun
+
+
+def _batch(skill: ManipulationSkill, numbers: list[int]) -> int:
+    """Performs trials and returns how many were inserted; for processes, which need not send more."""
+    return sum(ended.result.inserted for ended, _ in loop(skill, numbers))
+
+
+def clock_rate(skill: ManipulationSkill, numbers: list[int], *, jobs: int) -> float:
+    """Returns trials a minute by the clock, from some processes; each is started and has compiled before."""
+    parts = [numbers[k::jobs] for k in range(jobs)]
+    for _ in range(2):  # the first time processes start
+        begun = time.monotonic()
+        list(run_in_processes([partial(_batch, skill, part) for part in parts], jobs=jobs))
+        spent = time.monotonic() - begun
+    return 60.0 * len(numbers) / spent
+
+
+def regression_ratio(queries: int = 300) -> float:
+    """Returns the median time of one query over that of scikit-learn's nearest neighbours, taken in turns."""
+    rng = np.random.default_rng(0)
+    X, Y, Q = rng.normal(size=(10_000, 14)), rng.normal(size=(10_000, 3)), rng.normal(size=(queries, 14))
+    learners = LWRegressor(bandwidth=2.0).fit(X, Y), KNeighborsRegressor(10).fit(X, Y)
+    times: tuple[list[float], list[float]] = [], []
+    for query in Q:
+        for learner, spent in zip(learners, times, strict=True):
+            begun = time.perf_counter()
+            learner.predict(query[None])
+            spent.append(time.perf_counter() - begun)
+    return statistics.median(times[0]) / statistics.median(times[1])
+
+
+def main(
+    trials: Annotated[int, typer.Option(min=4, help="Number of trials of the compiled loop.")] = 1000,
+    compared: Annotated[int, typer.Option(min=2, help="Number of trials of the diagram.")] = 100,
+    json: JsonFile = None,
+) -> None:
+    skill = ManipulationSkill.load(SHIPPED)
+    numbers = [FIRST + k for k in range(trials)]
+    fast = loop(skill, numbers)
+    slow = [diagram(skill, number) for number in numbers[:compared]]
+    pairs = list(zip(fast, slow, strict=False))
+    rate = 60.0 * trials / sum(cpu for _, cpu in fast)
+    own, beside = (sum(pair[k][1] for pair in pairs) for k in range(2))
+    simulated = sum(ended.time for (ended, _), _ in pairs)
+    outcomes = sum(a.result.outcome is b.result.outcome for (a, _), (b, _) in pairs) / len(pairs)
+    bits = sum(a.samples.equals(b.samples) for (a, _), (b, _) in pairs) / len(pairs)
+    by_clock = [clock_rate(skill, numbers[: max(4, trials // 4)], jobs=jobs) for jobs in (1, 2)]
+    found = {
+        "trials_per_minute_core": rate,
+        "ratio_to_diagram": beside / own,
+        "python_s_per_simulated_s": (beside - own) / simulated,
+        "outcomes_equal": outcomes,
+        "samples_equal": bits,
+        "inserted": sum(ended.result.inserted for ended, _ in fast) / trials,
+        "two_core_ratio": by_clock[1] / by_clock[0],
+        "regression_to_neighbours": regression_ratio(),
+    }
+    table = plain_table(f"{trials:,} trials by the compiled loop, {len(pairs):,} of them by the diagram")
+    for title in ("", "value"):
+        table.add_column(title, justify="right" if title else "left")
+    for title, text in (
+        ("trials a minute and core", f"{rate:.0f}"),
+        ("times the diagram", f"{found['ratio_to_diagram']:.1f}"),
+        ("Python, CPU s a simulated second", f"{found['python_s_per_simulated_s']:.3f}"),
+        ("equal outcomes", f"{100 * outcomes:.1f} %"),
+        ("equal samples, bit for bit", f"{100 * bits:.1f} %"),
+        ("inserted", f"{100 * found['inserted']:.1f} %"),
+        ("two cores over one", f"{found['two_core_ratio']:.2f}"),
+        ("regression over nearest neighbours", f"{found['regression_to_neighbours']:.2f}"),
+    ):
+        table.add_row(title, text)
+    console.print(table)
+    finish(found, json)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,106 @@
+"""Trials by the compiled loop are those of the diagram, bit for bit."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.rollouts import rolled_out
+from experiments.trial import Arm, run_rig, run_trial, trial_scenario
+from models.scenario import load_scenario
+from scripts.command_line import SHIPPED
+from skill.data.outcome import Outcome
+from skill.manipulation_skill import ManipulationSkill
+from skill.regression.locally_weighted_regression import LWRegressor
+from skill.skill_step import skill_numbers
+from skill.states.context_mixture import ContextMixture
+from systems.rig import MakeRig
+from systems.steps.faults import Fault
+from tests.experiments.sweeps.pushes import Push
+from tests.skill.test_skill_contexts import hinged_demonstrations
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return ManipulationSkill.load(SHIPPED)
+
+
+def scenario_of(number, arm=Arm.DEFAULT, **changes):
+    scenario = load_scenario()
+    scenario.contact.engine = "exact"
+    for name, value in changes.items():
+        part, key = name.split("__")
+        setattr(getattr(scenario, part), key, value)
+    return trial_scenario(scenario, number=number, arm=arm)
+
+
+def compared(scenario, policy):
+    """The trial by both; what a diagram computes from poses differs by round-off."""
+    fast = rolled_out(scenario, policy, number=7)
+    slow = run_rig(MakeRig(scenario, policy), scenario, seed=7)
+    pd.testing.assert_frame_equal(fast.samples, slow.samples, check_exact=True)
+    assert fast.time == slow.time
+    assert (fast.result.outcome, fast.result.reason, fast.result.fault) == (
+        slow.result.outcome, slow.result.reason, slow.result.fault,
+    )  # fmt: skip
+    for name in ("peak_load", "mean_load", "peak_contact_force", "peak_measured_load", "wedged_time", "first_touch"):
+        assert getattr(fast.result, name) == pytest.approx(getattr(slow.result, name), rel=1e-9), name
+    for name in ("penetration", "path_length", "mean_jerk"):
+        assert getattr(fast.result, name) == pytest.approx(getattr(slow.result, name), rel=1e-6, abs=1e-10), name
+    contacts = [ended.record(policy).samples.filter(like="contact_") for ended in (fast, slow)]
+    np.testing.assert_allclose(*contacts, rtol=1e-9, atol=1e-12)
+    return fast.result
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "arm"), [(501, Arm.DEFAULT), (502, Arm.STRESS), (503, Arm.STRESS)])
+def test_a_trial_is_inserted_alike(shipped, number, arm):
+    assert compared(scenario_of(number, arm), shipped).outcome is Outcome.INSERTED
+
+
+@pytest.mark.slow
+def test_a_trial_that_runs_out_of_time_ends_alike(shipped):
+    assert compared(scenario_of(504, trial__time_limit=1.01), shipped).outcome is Outcome.TIME_OVER
+
+
+@pytest.mark.slow
+def test_a_fault_ends_a_trial_alike(shipped):
+    result = compared(scenario_of(505, Arm.STRESS, stepper__holding_torque=0.02), shipped)
+    assert result.fault in {Fault.PITCH_STEPS_LOST, Fault.YAW_STEPS_LOST}
+
+
+@pytest.mark.slow
+def test_a_policy_that_gives_up_ends_a_trial_alike(shipped):
+    """A sensor with a bias of several newtons: the skill believes that it is in contact."""
+    result = compared(scenario_of(505, sensor__force_bias=5.0), shipped)
+    assert result.outcome is Outcome.JAMMED
+    assert "attempts in a row" in result.reason
+
+
+@pytest.mark.slow
+def test_contexts_are_followed_alike():
+    skill = ManipulationSkill(contexts=ContextMixture(), regressor=LWRegressor(ridge=1.0)).fit(hinged_demonstrations())
+    assert skill.contexts_ is not None
+    compared(scenario_of(507, trial__time_limit=1.5), skill)
+
+
+@pytest.mark.slow
+def test_a_trial_of_the_command_is_that_of_the_loop(shipped):
+    scenario = scenario_of(508, trial__time_limit=1.0)
+    result, run = run_trial(scenario, shipped, seed=508)
+    ended = rolled_out(scenario, shipped, number=508)
+    assert result == ended.result
+    assert list(run.samples.columns) == list(ended.record(shipped).samples.columns)
+
+
+def test_only_the_exact_engine_and_skills_that_imitate_have_a_loop(shipped):
+    scenario = scenario_of(509)
+    assert rolled_out(scenario, Push(), number=1) is None
+    scenario.contact.engine = "drake"
+    assert rolled_out(scenario, shipped, number=1) is None
+    assert skill_numbers(Push()) is None
+
+
+def test_a_skill_for_another_hole_is_refused(shipped):
+    scenario = scenario_of(510, geometry__hole_radius=0.0101)
+    with pytest.raises(ValueError, match="the skill was trained for"):
+        rolled_out(scenario, shipped, number=1)
