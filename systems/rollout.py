@@ -26,7 +26,7 @@ from systems.math.noise import standard_normals
 from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.plant.exact_contact import STEPS, Bodies
-from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, block_rotation
+from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, tip_in_hole
 from systems.rig_diagram import start_angles
 from systems.steps import dc_motor, drive_monitor, self_check, sensor_monitor, stepper_motor, watchdog
 from systems.steps.back_off import BackOffState
@@ -188,25 +188,13 @@ def _contacts(rig: RigNumbers, q: Array, v: Array, force: float, equilibrium: Ar
     _, found, points, normals, forces = advance_rig(
         rig.bodies, m, later, speeds, force, equilibrium, rig.plant_period / STEPS, 1
     )
-    R = block_rotation(q[3], q[4])
+    R, tip = tip_in_hole(m, q)
     p = -m.pivot * R[:, 2]
     p[2] += m.pivot
-    pose = _pose(rig, q)
-    count, contacts = join_contacts(points[:found], normals[:found], forces[:found], R, p, pose[2], rig.bodies.chamfer)
+    count, contacts = join_contacts(points[:found], normals[:found], forces[:found], R, p, tip[2], rig.bodies.chamfer)
+    pose = np.empty(6)
+    pose[:3], pose[3:] = tip, R[2]
     return Contacts(count, contacts, pose)
-
-
-@compiled
-def _pose(rig: RigNumbers, q: Array) -> Array:
-    """Returns the centre of the tip and the axis of the peg in H, (6,)."""
-    R, m = block_rotation(q[3], q[4]), rig.mechanics
-    found = np.zeros(6)
-    for i in range(3):
-        # H has its origin at the pivot's height below the pivot, along its own axis.
-        x, y, z = q[1] + m.pivot * R[0, 2], q[2] + m.pivot * R[1, 2], q[0] - m.sensor - m.pivot + m.pivot * R[2, 2]
-        found[i] = R[0, i] * x + R[1, i] * y + R[2, i] * z
-        found[3 + i] = R[2, i]
-    return found
 
 
 @compiled
@@ -301,7 +289,7 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
             if not (np.isfinite(true).all() and math.isfinite(deep)) or size > DIVERGENCE_FORCE:
                 outcome, ended = DIVERGED, True
             else:
-                tips[n_steps], wrenches[n_steps] = _pose(rig, q)[:3], true
+                tips[n_steps], wrenches[n_steps] = tip_in_hole(rig.mechanics, q)[1], true
                 n_steps += 1
                 if time > 0.0 and extent > 0.0:
                     load = load_of_components(

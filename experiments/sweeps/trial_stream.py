@@ -6,7 +6,7 @@ import json
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from experiments.sweeps.assignments import Assignment
@@ -22,24 +22,31 @@ WRITE_PERIOD = 1.0
 """Longest time that the row of a trial waits to be written, s."""
 
 
+BATCH = 10
+"""Largest number of trials of the exact engine in one task: the policy, 2 MB for a skill, travels with each task."""
+
+
 @dataclass(frozen=True)
 class TrialTask:
-    """Performs one trial, in a worker."""
+    """Performs some trials of a block, in a worker."""
 
     block: Block
-    number: int
+    numbers: tuple[int, ...]
     source: TrialSource
     policy: RigPolicy
     known: dict[str, Any]
     requirements: Requirements
 
-    def __call__(self) -> tuple[Block, int, Row | str]:
-        """Returns the row of the trial, or why there is none, and where it belongs."""
+    def __call__(self) -> list[tuple[Block, int, Row | str]]:
+        """Returns the row of each trial, or why there is none, and where it belongs."""
+        return [(self.block, number, self._row(number)) for number in self.numbers]
+
+    def _row(self, number: int) -> Row | str:
         try:
             self.requirements.check()
-            return self.block, self.number, perform(self.source, self.policy, self.number, self.known)
+            return perform(self.source, self.policy, number, self.known)
         except Exception as error:  # the other trials go on
-            return self.block, self.number, error_summary(error)
+            return error_summary(error)
 
 
 @dataclass
@@ -112,21 +119,21 @@ class TrialStream:
                 self._take(tasks)
                 return
             except LostWorkerError:
-                for task in list(self._in_flight.values()):
-                    self._perform_alone(task)
+                for (_, number), task in list(self._in_flight.items()):
+                    self._perform_alone(replace(task, numbers=(number,)))
 
     def _perform_alone(self, task: TrialTask) -> None:
-        """Performs a task; gives it up if its process dies."""
+        """Performs a task of one trial; gives it up if its process dies."""
         try:
             self._take([task])
         except LostWorkerError as error:
-            self._fail(task.block, task.number, f"its process died: {error_summary(error)}")
+            (number,) = task.numbers
+            self._fail(task.block, number, f"its process died: {error_summary(error)}")
 
     def _take(self, tasks: Iterable[TrialTask]) -> None:
         """Takes the results of tasks as they come, and writes them."""
         for result in self._pool.run(self._begun(tasks)):
-            if result is not None:
-                block, number, row = result
+            for block, number, row in result or ():
                 if isinstance(row, str):
                     self._fail(block, number, row)
                 else:
@@ -138,7 +145,7 @@ class TrialStream:
     def _begun(self, tasks: Iterable[TrialTask]) -> Iterator[TrialTask]:
         """Yields tasks and notes that they are under way."""
         for task in tasks:
-            self._in_flight[task.block, task.number] = task
+            self._in_flight |= {(task.block, number): task for number in task.numbers}
             yield task
 
     def _fail(self, block: Block, number: int, reason: str) -> None:
@@ -195,5 +202,7 @@ class TrialStream:
                 "versions": json.dumps(engine_versions(assignment.source.engine)),
             }
             requirements = requirements_of(assignment.source.engine, assignment.policy.plan)
-            for number in missing:
-                yield TrialTask(block, number, assignment.source, policy.policy, known, requirements)
+            size = BATCH if assignment.source.engine == "exact" else 1
+            for start in range(0, len(missing), size):
+                numbers = tuple(missing[start : start + size])
+                yield TrialTask(block, numbers, assignment.source, policy.policy, known, requirements)

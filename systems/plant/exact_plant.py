@@ -138,6 +138,17 @@ def block_rotation(pitch: float, yaw: float) -> Array:
 
 
 @compiled
+def tip_in_hole(m: Mechanics, q: Array) -> tuple[Array, Array]:
+    """Returns R_WH (3, 3) and the centre of the tip in H (3,), m, at positions (5,)."""
+    R, found = block_rotation(q[3], q[4]), np.empty(3)
+    # From the origin of H, which is below the pivot along the axis of the bore.
+    x, y, z = q[1] + m.pivot * R[0, 2], q[2] + m.pivot * R[1, 2], q[0] - m.sensor - m.pivot + m.pivot * R[2, 2]
+    for i in range(3):
+        found[i] = R[0, i] * x + R[1, i] * y + R[2, i] * z
+    return R, found
+
+
+@compiled
 def rig_contacts(
     bodies: Bodies, m: Mechanics, q: Array, gap: Array, point: Array, normal: Array, surface: Numbers
 ) -> int:
@@ -351,8 +362,9 @@ class ExactPlant(LeafSystem):
 
     def peg_in_hole(self, context: Context) -> RigidTransform:
         """See `RigPlant`."""
-        X_WH, X_WP = self._poses(self.GetMyContextFromRoot(context))
-        return X_WH.inverse() @ X_WP
+        own = self.GetMyContextFromRoot(context)
+        R_WH, p_HP = tip_in_hole(self._constants_in(own)[1], self._positions(own))
+        return RigidTransform(RotationMatrix(R_WH.T), p_HP)
 
     def contact_extent(self, context: Context) -> float:
         """See `RigPlant`: the sum of the normal forces, N."""
@@ -363,23 +375,18 @@ class ExactPlant(LeafSystem):
         own = self.GetMyContextFromRoot(context)
         _, _, (found, points, normals, forces) = self._advanced(own, 1)
         parts = NormalForces(points[:found], normals[:found], forces[:found])
-        X_WH, X_WP = self._poses(own)
-        return single_contacts(parts, X_WH, X_WH.inverse() @ X_WP, chamfer=self._chamfer)
+        m = self._constants_in(own)[1]
+        R_WH, p_HP = tip_in_hole(m, self._positions(own))
+        p_WH = np.array([0.0, 0.0, m.pivot]) - m.pivot * R_WH[:, 2]
+        X_WH = RigidTransform(RotationMatrix(R_WH), p_WH)
+        return single_contacts(parts, X_WH, RigidTransform(p_HP), chamfer=self._chamfer)
 
     def _constants_in(self, own: Context) -> tuple[Bodies, Mechanics]:
         found: tuple[Bodies, Mechanics] = own.get_abstract_parameter(self._constants).get_value()
         return found
 
     def _positions(self, own: Context) -> Array:
-        return np.asarray(own.get_discrete_state(self._motion).value()[:FREEDOMS])
-
-    def _poses(self, own: Context) -> tuple[RigidTransform, RigidTransform]:
-        """Returns X_WH and X_WP."""
-        carriage, x, y, pitch, yaw = self._positions(own)
-        R_WH = block_rotation(pitch, yaw)
-        m = self._constants_in(own)[1]
-        p_WH = np.array([0.0, 0.0, m.pivot]) - m.pivot * R_WH[:, 2]
-        return RigidTransform(RotationMatrix(R_WH), p_WH), RigidTransform([x, y, carriage - m.sensor])
+        return np.array(own.get_discrete_state(self._motion).value()[:FREEDOMS])
 
     def _advanced(self, own: Context, count: int) -> tuple[Array, Array, tuple[int, Array, Array, Array]]:
         """Returns the motion (10,) after some steps, and wrench and contacts as `advance_rig` does."""
