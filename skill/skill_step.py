@@ -16,6 +16,7 @@ from skill.features.contact_features import ContactFeatures, contact_features
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, canonical_features
 from skill.manipulation_skill import ManipulationSkill
 from skill.planning.imitation import ImitationNumbers, imitate
+from skill.practice.exploration import PerturbedPolicy, factors_at
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.contact_state_filter import FilterNumbers, contact_filter_step
 from skill.states.context_filter import ContextNumbers, context_filter_step, observation_before
@@ -32,6 +33,7 @@ class SkillNumbers(NamedTuple):
         states: filter of the contact states.
         contexts: filter of the contexts; it is not used if there is a single one.
         imitation: of the actions.
+        factors: depths (m) and logarithms of factors on turn and feed, see `skill.practice.exploration.Perturbation`.
         memory: (m,), at the start.
         period: T_s, duration of an action, s.
     """
@@ -41,6 +43,7 @@ class SkillNumbers(NamedTuple):
     states: FilterNumbers
     contexts: ContextNumbers
     imitation: ImitationNumbers
+    factors: tuple[Array, Array, Array]
     memory: Array
     period: float
 
@@ -72,7 +75,10 @@ class SkillAnswer(NamedTuple):
 
 
 def skill_numbers(policy: object) -> SkillNumbers | None:
-    """Returns a policy for compiled functions; None if it is no skill that imitates with the parts of this package."""
+    """Returns a skill that imitates with the parts of this package, or a perturbed one; None for other policies."""
+    if isinstance(policy, PerturbedPolicy):
+        numbers, p = skill_numbers(policy.policy), policy.perturbation
+        return None if numbers is None else numbers._replace(factors=(p.depths, p.turn, p.feed))
     if type(policy) is not ManipulationSkill or policy.planning_ is not None:
         return None
     f, s = policy.features_, policy.state_features_
@@ -85,6 +91,7 @@ def skill_numbers(policy: object) -> SkillNumbers | None:
         states=estimator.contacts.numbers,
         contexts=NO_CONTEXTS if estimator.contexts is None else estimator.contexts.numbers,
         imitation=policy.imitation().numbers,
+        factors=(np.zeros(1), np.zeros(1), np.zeros(1)),
         memory=estimator.initial().memory,
         period=policy.period_,
     )
@@ -136,8 +143,9 @@ def skill_step(p: SkillNumbers, memory: Array, measured: Array, pitch: float, ya
         found[K:], contexts, evidence = context_filter_step(p.contexts, own, observation, features[0], angle)
     x = canonical_features(rows, radius, floor, depth_floor)[0]
     done = imitate(p.imitation, x, states, contexts)
-    turn = np.empty(2)
+    turn, (turn_factor, feed_factor) = np.empty(2), factors_at(-measured[6], *p.factors)
     turn[0], turn[1] = turned(done.action[0], done.action[1], canonical_angle(measured, radius, floor))
+    turn *= turn_factor
     first = int(np.argmax(contexts))
     second = first
     for k in range(C):
@@ -146,7 +154,7 @@ def skill_step(p: SkillNumbers, memory: Array, measured: Array, pitch: float, ya
     return SkillAnswer(
         found,
         turn,
-        done.action[2],
+        feed_factor * done.action[2],
         done.support,
         int(np.argmax(states)),
         known,

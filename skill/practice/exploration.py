@@ -7,12 +7,14 @@ each trial and vary along the depth. The features, the factors and the cost of e
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skill.arrays import Array
+from skill.compiled import compiled
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import RigRun
 from skill.features.measurement import measurement
@@ -85,8 +87,22 @@ class PerturbedPolicy(WrappedPolicy[PolicyT]):
     def act(self, measured: ArrayLike, estimate: Estimate) -> Action:
         """Returns the action of the policy with its turn and feed multiplied by the factors at the measured depth."""
         action = self.policy.act(measured, estimate)
-        turn, feed = np.exp(self.perturbation.log_factors(-float(np.asarray(measured)[-1])))
-        return replace(action, turn=turn * action.turn, feed=float(feed * action.feed))
+        p = self.perturbation
+        turn, feed = factors_at(-float(np.asarray(measured)[-1]), p.depths, p.turn, p.feed)
+        return replace(action, turn=turn * action.turn, feed=feed * action.feed)
+
+
+@compiled
+def factors_at(depth: float, depths: Array, turn: Array, feed: Array) -> tuple[float, float]:
+    """Returns the factors on turn and feed at a depth, m; the arrays are those of a `Perturbation`."""
+    last = len(depths) - 1
+    k = min(max(int(np.searchsorted(depths, depth)) - 1, 0), max(last - 1, 0))
+    part = 0.0 if last == 0 else min(max((depth - depths[k]) / (depths[k + 1] - depths[k]), 0.0), 1.0)
+    after = min(k + 1, last)
+    return (
+        math.exp(turn[k] + part * (turn[after] - turn[k])),
+        math.exp(feed[k] + part * (feed[after] - feed[k])),
+    )
 
 
 def step_costs(run: RigRun) -> Array:

@@ -10,6 +10,7 @@ from models.scenario import load_scenario
 from scripts.command_line import SHIPPED
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
+from skill.practice.exploration import PerturbedPolicy, draw_perturbation
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.skill_step import skill_numbers
 from skill.states.context_mixture import ContextMixture
@@ -81,6 +82,12 @@ def test_contexts_are_followed_alike():
     skill = ManipulationSkill(contexts=ContextMixture(), regressor=LWRegressor(ridge=1.0)).fit(hinged_demonstrations())
     assert skill.contexts_ is not None
     compared(scenario_of(507, trial__time_limit=1.5), skill)
+
+
+@pytest.mark.slow
+def test_a_perturbed_skill_acts_alike(shipped):
+    perturbation = draw_perturbation(np.random.default_rng(0), 0.02)
+    compared(scenario_of(511, trial__time_limit=1.5), PerturbedPolicy(shipped, perturbation))
 
 
 @pytest.mark.slow
