@@ -50,7 +50,7 @@ def perform(page, trial, has_left=lambda: False):
 @pytest.mark.slow
 def test_the_trial_on_the_page_is_the_one_that_is_performed_unseen(trial):
     run = perform(Page(), trial)
-    result, record = run.record(Level())
+    result, record = run.ended().result, run.ended().record(Level())
     unseen, other = run_trial(trial, Level(), seed=2)
     assert result == unseen
     pd.testing.assert_frame_equal(record.samples, other.samples)
@@ -60,7 +60,7 @@ def test_the_trial_on_the_page_is_the_one_that_is_performed_unseen(trial):
 def test_the_page_shows_the_bodies_the_load_and_the_motion_of_the_rig(trial):
     page = Page()
     began = time.monotonic()
-    _, record = perform(page, trial).record(Level())
+    record = perform(page, trial).ended().record(Level())
     assert time.monotonic() - began > record.samples["time"].iloc[-1]  # not faster than the wall clock
     samples = record.samples.set_index("time")
     assert len(page.pictures) > 10
