@@ -13,7 +13,6 @@ from experiments.metrics.field_score import field_score
 from experiments.metrics.force_metrics import ForceFigures, contact_rows
 from experiments.metrics.jamming import is_jammed
 from experiments.metrics.motion_metrics import MotionFigures
-from experiments.metrics.penetration import deepest_overlap
 from experiments.metrics.wedging import wedged_samples, wedged_time
 from experiments.provenance import versions
 from experiments.trial_result import TRUSTED_OVERLAP, TrialResult
@@ -32,12 +31,10 @@ class Looks:
     Attributes:
         seen: (n,), numbers of contacts.
         contacts: (n, 5, 8), the contacts, see `systems.plant.contact_forces.join_contacts`.
-        poses: (n, 6), centre of the tip (m) and axis of the peg in H.
     """
 
     seen: NDArray[np.int64]
     contacts: Array
-    poses: Array
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,8 @@ class EndedTrial:
         samples: `LOGGED_COLUMNS`.
         forces: figures of the forces.
         motion: figures of the motion.
-        looks: contacts and poses.
+        penetration: deepest overlap of the round bodies, once in each controller period, m.
+        looks: contacts.
     """
 
     number: int
@@ -70,6 +68,7 @@ class EndedTrial:
     samples: pd.DataFrame
     forces: ForceFigures
     motion: MotionFigures
+    penetration: float
     looks: Looks
 
     @cached_property
@@ -79,7 +78,6 @@ class EndedTrial:
         scenario, samples, looks = self.scenario, self.samples, self.looks
         last, period = samples.iloc[-1], scenario.controller.period
         states = samples["state"].to_numpy(dtype=int)
-        penetration = deepest_overlap(scenario.geometry, looks.poses[:, :3], looks.poses[:, 3:])
         wedged = wedged_samples(looks.seen, looks.contacts, scenario.contact.friction)
         pitch, yaw = scenario.start.tilt or [0.0, 0.0]
         score = field_score(
@@ -103,8 +101,8 @@ class EndedTrial:
             path_length=self.motion.path_length,
             mean_jerk=self.motion.mean_jerk,
             field_score=0.0 if outcome in UNPHYSICAL else score.total,
-            penetration=penetration,
-            trusted=penetration <= TRUSTED_OVERLAP * scenario.geometry.clearance,
+            penetration=self.penetration,
+            trusted=self.penetration <= TRUSTED_OVERLAP * scenario.geometry.clearance,
             steps=int(last["pitch_taken"] + last["yaw_taken"]),
             lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
             back_offs=int((np.diff(samples["back_off"].to_numpy()) > 0).sum()),

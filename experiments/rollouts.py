@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import math
+from dataclasses import replace
+from typing import Any
 
 import pandas as pd
 
@@ -16,13 +19,12 @@ from skill.policy import RigPolicy
 from skill.skill_step import skill_numbers
 from systems.plant.exact_plant import Mechanics
 from systems.rig import check_geometry
-from systems.rig_diagram import same_rig
 from systems.rollout import DIVERGED, FAILED, OUTCOMES, RigNumbers, roll_out
 from systems.steps.back_off import attempts_text
 from systems.steps.faults import Fault
 
-_last: list[tuple[Scenario, Mechanics]] = []
-"""The last mechanics, which take long to compute, and a scenario that has them."""
+_last: list[tuple[tuple[Any, ...], Mechanics]] = []
+"""The last mechanics, which take long to compute, and what decides them."""
 
 
 def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTrial | None:
@@ -62,12 +64,15 @@ def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTr
             trace.wrenches[1:], scenario.geometry.peg_radius, step, trace.peak_contact, trace.peak_load
         ),
         motion=motion_figures(trace.tips, step, scenario.geometry.hole_depth),
-        looks=Looks(trace.seen, trace.contacts, trace.poses),
+        penetration=trace.penetration,
+        looks=Looks(trace.seen, trace.contacts),
     )
 
 
 def _mechanics(scenario: Scenario) -> Mechanics:
     """Returns the mechanics of a scenario, up to the height of its pivot."""
-    if not (_last and same_rig(_last[0][0], scenario)):
-        _last[:] = [(scenario, Mechanics.of(scenario))]
+    rig = replace(scenario.rig, pivot_height=None)
+    decides = copy.deepcopy((scenario.geometry, rig, scenario.stepper, scenario.feed, scenario.sensor.height))
+    if not (_last and _last[0][0] == decides):
+        _last[:] = [(decides, Mechanics.of(scenario))]
     return _last[0][1]

@@ -17,6 +17,7 @@ from pydrake.systems.framework import Context, EventStatus
 from experiments.ended_trial import EndedTrial, Looks
 from experiments.metrics.force_metrics import ForceMetrics
 from experiments.metrics.motion_metrics import MotionMetrics
+from experiments.metrics.penetration import deepest_overlap
 from experiments.rollouts import rolled_out
 from experiments.trial_result import TrialResult
 from experiments.worker_pool import run_in_processes
@@ -42,7 +43,7 @@ class TrialRecord:
     """
 
     def __init__(self, rig: RigDiagram, scenario: Scenario) -> None:
-        self._rig = rig
+        self._rig, self._geometry = rig, scenario.geometry
         self._poses: list[Array] = []
         self._contacts: list[tuple[int, Array]] = []
         self.forces = ForceMetrics(scenario.geometry.peg_radius, scenario.contact.time_step)
@@ -71,11 +72,12 @@ class TrialRecord:
     def looks(self) -> Looks:
         """Returns what was recorded once a controller period."""
         seen, tables = [count for count, _ in self._contacts], [table for _, table in self._contacts]
-        return Looks(
-            np.array(seen, dtype=np.int64),
-            np.reshape(tables, (-1, MAX_JOINED, JOINED_SIZE)),
-            np.reshape(self._poses, (-1, 6)),
-        )
+        return Looks(np.array(seen, dtype=np.int64), np.reshape(tables, (-1, MAX_JOINED, JOINED_SIZE)))
+
+    def penetration(self) -> float:
+        """Returns the deepest overlap of the round bodies at one pose per controller period, m."""
+        poses = np.reshape(self._poses, (-1, 6))
+        return deepest_overlap(self._geometry, poses[:, :3], poses[:, 3:])
 
 
 class TrialMonitor:
@@ -285,5 +287,6 @@ class TrialRun:
             samples=self.samples(),
             forces=record.forces.figures(rig.peak_measured_load(context)),
             motion=record.motion.figures(),
+            penetration=record.penetration(),
             looks=record.looks(),
         )

@@ -64,11 +64,7 @@ class RigDiagram:
         Raises:
             ValueError: if the scenario differs in more than `resolve_scenario` draws.
         """
-        if not same_rig(self.scenario, trial):
-            raise ValueError(
-                "the scenario is not resolved, or not that of the diagram; expected one that differs only in what"
-                " resolve_scenario draws"
-            )
+        _check_same_rig(self.scenario, trial)
         inertia = self.plant.set_trial(context, trial)
         stopping = StoppingModel.of(trial, mass=self.plant.moving_mass, inertia=inertia)
         self.force_guard.set_stopping(self.force_guard.GetMyMutableContextFromRoot(context), stopping)
@@ -128,10 +124,14 @@ def _home(scenario: Scenario) -> float:
     return scenario.sensor.height + scenario.start.height
 
 
-def same_rig(built: Scenario, trial: Scenario) -> bool:
-    """Returns whether two resolved scenarios differ only in what `resolve_scenario` draws."""
+def _check_same_rig(built: Scenario, trial: Scenario) -> None:
+    """Refuses a scenario that differs in more than `resolve_scenario` draws."""
     same = copy.deepcopy(trial)
     same.seed, same.operator = built.seed, built.operator
     same.start.tilt, same.start.offset = built.start.tilt, built.start.offset
     same.rig.pivot_height, same.contact.friction = built.rig.pivot_height, built.contact.friction
-    return trial.start.tilt is not None and trial.rig.pivot_height is not None and same == built
+    if trial.start.tilt is None or trial.rig.pivot_height is None or same != built:
+        raise ValueError(
+            "the scenario is not resolved, or not that of the diagram; expected one that differs only in what"
+            " resolve_scenario draws"
+        )

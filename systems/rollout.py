@@ -25,8 +25,8 @@ from systems.hardware.wrench_sensor import SENSOR_NOISE, drawn_bias
 from systems.math.noise import standard_normals
 from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts
 from systems.plant.contact_plant import DIVERGENCE_FORCE
-from systems.plant.exact_contact import STEPS, Bodies
-from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, tip_in_hole
+from systems.plant.exact_contact import MAX_CONTACTS, STEPS, Bodies
+from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, rig_contacts, tip_in_hole
 from systems.rig_diagram import start_angles
 from systems.steps import dc_motor, drive_monitor, self_check, sensor_monitor, stepper_motor, watchdog
 from systems.steps.back_off import BackOffState
@@ -139,7 +139,7 @@ class Trace(NamedTuple):
         rows: (M, columns), `LOGGED_COLUMNS`.
         seen: (L,), numbers of contacts when the monitor looked.
         contacts: (L, MAX_JOINED, JOINED_SIZE), these contacts, see `join_contacts`.
-        poses: (L, 6), centre of the tip and axis of the peg in H, at the same times.
+        penetration: deepest overlap of the bodies at the same times, m.
         tips: (N, 3), centre of the tip in H.
         wrenches: (N, 6), true contact wrench on the peg about the tip; that of the first step does not count.
         peak_contact: largest force of a single contact, N.
@@ -154,7 +154,7 @@ class Trace(NamedTuple):
     rows: Array
     seen: NDArray[np.int64]
     contacts: Array
-    poses: Array
+    penetration: float
     tips: Array
     wrenches: Array
     peak_contact: float
@@ -174,11 +174,11 @@ def roll_out(rig: RigNumbers, scenario: Scenario, skill: SkillNumbers) -> Trace:
 
 
 class Contacts(NamedTuple):
-    """Contacts of the step that would follow, and the pose; see `Trace`."""
+    """Contacts of the step that would follow, and the overlap of the bodies, m; see `Trace`."""
 
     number: int
     contacts: Array
-    pose: Array
+    overlap: float
 
 
 @compiled
@@ -192,9 +192,9 @@ def _contacts(rig: RigNumbers, q: Array, v: Array, force: float, equilibrium: Ar
     p = -m.pivot * R[:, 2]
     p[2] += m.pivot
     count, contacts = join_contacts(points[:found], normals[:found], forces[:found], R, p, tip[2], rig.bodies.chamfer)
-    pose = np.empty(6)
-    pose[:3], pose[3:] = tip, R[2]
-    return Contacts(count, contacts, pose)
+    gaps = np.zeros(MAX_CONTACTS)
+    rig_contacts(rig.bodies, m, q, gaps, points, normals, np.empty(MAX_CONTACTS, np.int64))
+    return Contacts(count, contacts, max(0.0, -gaps.min()))
 
 
 @compiled
@@ -217,9 +217,9 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
     limit, h = rig.time_limit, rig.plant_period
     M, N = 3 + int(limit / rig.control_period), 3 + int(limit / h)
     rows, n_rows = np.zeros((M, N_COLUMNS)), 0
-    seen, contacts, poses, n_seen = np.zeros(M, np.int64), np.zeros((M, MAX_JOINED, JOINED_SIZE)), np.zeros((M, 6)), 0
+    seen, contacts, n_seen = np.zeros(M, np.int64), np.zeros((M, MAX_JOINED, JOINED_SIZE)), 0
     tips, wrenches, n_steps = np.zeros((N, 3)), np.zeros((N, 6)), 0
-    largest_load, largest_extent, peak_contact = 0.0, 0.0, 0.0
+    largest_load, largest_extent, peak_contact, penetration = 0.0, 0.0, 0.0, 0.0
     next_look, last_step = 0.0, -1
 
     q, v = np.zeros(FREEDOMS), np.zeros(FREEDOMS)
@@ -272,7 +272,8 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
         if time >= next_look - 1e-9:
             next_look += rig.control_period
             look = _contacts(rig, q, v, force, equilibrium)
-            seen[n_seen], contacts[n_seen], poses[n_seen] = look.number, look.contacts, look.pose
+            seen[n_seen], contacts[n_seen] = look.number, look.contacts
+            penetration = max(penetration, look.overlap)
             n_seen += 1
             if look.number > 0:
                 peak_contact = max(peak_contact, look.contacts[0, FORCE])
@@ -383,7 +384,7 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
         rows[:n_rows],
         seen[:n_seen],
         contacts[:n_seen],
-        poses[:n_seen],
+        penetration,
         tips[:n_steps],
         wrenches[:n_steps],
         peak_contact,

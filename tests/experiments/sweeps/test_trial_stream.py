@@ -28,7 +28,7 @@ class ReadyRows:
 
     def run(self, tasks):
         for task in tasks:
-            yield task.block, task.number, made_up_row(task.number, scenario=self._scenario)
+            yield [(task.block, n, made_up_row(n, scenario=self._scenario)) for n in task.numbers]
 
 
 @pytest.mark.slow
