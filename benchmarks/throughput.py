@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import statistics
 import time
+from collections.abc import Iterator
 from functools import partial
 from typing import Annotated
 
@@ -48,17 +49,15 @@ def scenario_of(number: int) -> Scenario:
     return trial_scenario(scenario, number=number, arm=list(Arm)[number % 2])
 
 
-def loop(skill: ManipulationSkill, numbers: list[int]) -> list[tuple[EndedTrial, float]]:
-    """Performs trials by the compiled loop; returns them with their CPU times, s."""
-    found = []
+def loop(skill: ManipulationSkill, numbers: list[int]) -> Iterator[tuple[EndedTrial, float]]:
+    """Performs trials by the compiled loop; yields them with their CPU times, s."""
     rolled_out(scenario_of(FIRST), skill, number=FIRST)  # compiles
     for number in numbers:
         begun = time.process_time()
         ended = rolled_out(scenario_of(number), skill, number=number)
         assert ended is not None
         _ = ended.result
-        found.append((ended, time.process_time() - begun))
-    return found
+        yield ended, time.process_time() - begun
 
 
 def diagram(skill: ManipulationSkill, number: int) -> tuple[EndedTrial, float]:
@@ -73,16 +72,17 @@ def diagram(skill: ManipulationSkill, number: int) -> tuple[EndedTrial, float]:
 
 def _batch(skill: ManipulationSkill, numbers: list[int]) -> float:
     """Performs trials in a process of its own and returns how many it performs a minute, by the clock."""
-    loop(skill, numbers[:1])
+    list(loop(skill, numbers[:1]))
     begun = time.monotonic()
-    loop(skill, numbers)
+    for _ in loop(skill, numbers):
+        pass
     return 60.0 * (1 + len(numbers)) / (time.monotonic() - begun)
 
 
 def clock_rate(skill: ManipulationSkill, numbers: list[int], *, jobs: int) -> float:
-    """Returns trials a minute by the clock, from some processes at the same time."""
-    parts = [numbers[k::jobs] for k in range(jobs)]
-    return sum(run_in_processes([partial(_batch, skill, part) for part in parts], jobs=jobs))
+    """Returns trials a minute by the clock, from some processes at the same time, each of which performs all."""
+    tasks = [partial(_batch, skill, numbers)] * jobs
+    return sum(run_in_processes(tasks, jobs=2))  # 1 would be this process
 
 
 def regression_ratio(queries: int = 300) -> float:
@@ -106,22 +106,27 @@ def main(
 ) -> None:
     skill = ManipulationSkill.load(SHIPPED)
     numbers = [FIRST + k for k in range(trials)]
-    fast = loop(skill, numbers)
+    fast: list[tuple[EndedTrial, float]] = []
+    cpu, inserted = 0.0, 0
+    for ended, spent in loop(skill, numbers):
+        cpu, inserted = cpu + spent, inserted + ended.result.inserted
+        if len(fast) < compared:
+            fast.append((ended, spent))
     slow = [diagram(skill, number) for number in numbers[:compared]]
     pairs = list(zip(fast, slow, strict=False))
-    rate = 60.0 * trials / sum(cpu for _, cpu in fast)
+    rate = 60.0 * trials / cpu
     own, beside = (sum(pair[k][1] for pair in pairs) for k in range(2))
     simulated = sum(ended.time for (ended, _), _ in pairs)
     outcomes = sum(a.result.outcome is b.result.outcome for (a, _), (b, _) in pairs) / len(pairs)
     bits = sum(a.samples.equals(b.samples) for (a, _), (b, _) in pairs) / len(pairs)
-    by_clock = [clock_rate(skill, numbers[: jobs * max(4, trials // 4)], jobs=jobs) for jobs in (1, 2)]
+    by_clock = [clock_rate(skill, numbers[: max(4, trials // 4)], jobs=jobs) for jobs in (1, 2)]
     found = {
         "trials_per_minute_core": rate,
         "ratio_to_diagram": beside / own,
         "python_s_per_simulated_s": (beside - own) / simulated,
         "outcomes_equal": outcomes,
         "samples_equal": bits,
-        "inserted": sum(ended.result.inserted for ended, _ in fast) / trials,
+        "inserted": inserted / trials,
         "two_core_ratio": by_clock[1] / by_clock[0],
         "regression_to_neighbours": regression_ratio(),
     }
