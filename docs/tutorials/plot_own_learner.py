@@ -17,7 +17,7 @@ from sklearn.preprocessing import StandardScaler
 from experiments.demonstration_set import demonstrate, requests
 from experiments.trial import run_trials
 from models.scenario import load_scenario
-from skill import CompetitiveAgglomeration, ContextMixture, ManipulationSkill
+from skill import CompetitiveAgglomeration, ManipulationSkill
 
 scenario = load_scenario("nominal")
 demonstrations = [demonstrate(scenario, request, seed=1) for request in requests(8, 2)]
@@ -25,14 +25,13 @@ demonstrations = [demonstrate(scenario, request, seed=1) for request in requests
 # %%
 # ``regressor`` takes anything with ``fit`` and ``predict`` and several outputs. It learns the turns and the feed in a
 # frame that the lateral force defines, so that one demonstration serves for all directions. A regressor of
-# scikit-learn does not know the contact states. To leave them out for good, give the skill a single one, and a single
-# context.
+# scikit-learn does not know the contact states. To leave them out for good, give the skill a single one.
 
 neighbours = make_pipeline(StandardScaler(), KNeighborsRegressor(10, weights="distance"))
 skills = {
     "locally weighted regression": ManipulationSkill(),
     "10 nearest neighbours, no states": ManipulationSkill(
-        regressor=neighbours, states=CompetitiveAgglomeration(m_init=1), contexts=ContextMixture(max_contexts=1)
+        regressor=neighbours, states=CompetitiveAgglomeration(m_init=1)
     ),
 }
 for name, skill in skills.items():
