@@ -72,7 +72,7 @@ def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTr
 def _mechanics(scenario: Scenario) -> Mechanics:
     """Returns the mechanics of a scenario, up to the height of its pivot."""
     rig = replace(scenario.rig, pivot_height=None)
-    decides = copy.deepcopy((scenario.geometry, rig, scenario.stepper, scenario.feed, scenario.sensor.height))
+    decides = scenario.geometry, rig, scenario.stepper, scenario.feed, scenario.sensor.height
     if not (_last and _last[0][0] == decides):
-        _last[:] = [(decides, Mechanics.of(scenario))]
+        _last[:] = [(copy.deepcopy(decides), Mechanics.of(scenario))]
     return _last[0][1]

@@ -23,7 +23,7 @@ from skill.features.measurement import load_of_components
 from skill.skill_step import SkillNumbers, skill_step
 from systems.hardware.wrench_sensor import SENSOR_NOISE, drawn_bias
 from systems.math.noise import standard_normals
-from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts
+from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts, needs_contacts
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.plant.exact_contact import MAX_CONTACTS, STEPS, Bodies
 from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, rig_contacts, tip_in_hole
@@ -31,8 +31,7 @@ from systems.rig_diagram import start_angles
 from systems.steps import dc_motor, drive_monitor, self_check, sensor_monitor, stepper_motor, watchdog
 from systems.steps.back_off import BackOffState
 from systems.steps.dc_motor import Drive, carriage_force, counted_travel, dc_motor_step
-from systems.steps.drive_monitor import DriveLimits, drive_monitor_step
-from systems.steps.faults import FEED_FAULTS
+from systems.steps.drive_monitor import DriveLimits, drive_monitor_step, is_enabled
 from systems.steps.force_guard import FEED_SPEED, PEAK, PITCH, YAW, GuardLimits, StoppingModel, force_guard_step
 from systems.steps.force_guard import SIZE as GUARD_SIZE
 from systems.steps.limits import check_limits, drive_limits, retract_limits, sensor_limits
@@ -43,18 +42,9 @@ from systems.steps.stepper_motor import Axis, equilibrium_angle, shaft_angles, s
 from systems.steps.watchdog import RetractLimits, is_blind, is_stopped, passed_command, watchdog_step
 from systems.steps.wrench_sensor import Sensor, wrench_at_tip, wrench_sensor_step
 
-GROWTH = 1.05
-"""Ratio to the largest load or contact so far from which the single contacts are read between two rows."""
-
-FEED_NUMBERS = tuple(sorted(int(fault) for fault in FEED_FAULTS))
-
 TIME_OVER, INSERTED, FAULT, JAMMED, DIVERGED, FAILED = range(6)
 OUTCOMES = (Outcome.TIME_OVER, Outcome.INSERTED, Outcome.FAULT, Outcome.JAMMED, Outcome.DIVERGED, Outcome.FAILED)
 """How the loop ends; `FAILED` if the policy returned an action that is not finite."""
-
-N_COLUMNS = len(LOGGED_COLUMNS)
-COLUMNS = {name: place for place, name in enumerate(LOGGED_COLUMNS)}
-TIME, FX, DEPTH, STATE, KNOWN = (COLUMNS[name] for name in ("time", "fx", "depth", "state", "known"))
 
 
 class RigNumbers(NamedTuple):
@@ -216,7 +206,7 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
     """
     limit, h = rig.time_limit, rig.plant_period
     M, N = 3 + int(limit / rig.control_period), 3 + int(limit / h)
-    rows, n_rows = np.zeros((M, N_COLUMNS)), 0
+    rows, n_rows = np.zeros((M, len(LOGGED_COLUMNS))), 0
     seen, contacts, n_seen = np.zeros(M, np.int64), np.zeros((M, MAX_JOINED, JOINED_SIZE)), 0
     tips, wrenches, n_steps = np.zeros((N, 3)), np.zeros((N, 6)), 0
     largest_load, largest_extent, peak_contact, penetration = 0.0, 0.0, 0.0, 0.0
@@ -254,16 +244,19 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
             measured[:6], measured[6] = wrench, -sound
             answer = skill_step(skill, memory, measured, guard[PITCH], guard[YAW])
         if logs:
-            row = rows[n_rows]
-            row[TIME], row[DEPTH], row[STATE], row[KNOWN] = time, sound, answer.state, answer.known
-            row[FX : FX + 6] = wrench
-            row[10], row[11], row[12] = guard[PITCH], guard[YAW], guard[FEED_SPEED]
-            row[13], row[14], row[15] = control.back_off.mode, control.support, dog[watchdog.FAULT]
-            row[16:18] = pitch_axis[stepper_motor.TAKEN :]
-            row[18:20] = yaw_axis[stepper_motor.TAKEN :]
-            row[20], row[21], row[22] = q[0] - rig.home, q[3], q[4]
-            row[23], row[24], row[25] = answer.context, answer.context_probability, answer.context_evidence
-            row[26] = control.turning
+            rows[n_rows] = np.array(  # in the order of `LOGGED_COLUMNS`
+                (
+                    time, wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5], sound,
+                    float(answer.state), 1.0 if answer.known else 0.0,
+                    guard[PITCH], guard[YAW], guard[FEED_SPEED],
+                    control.back_off.mode, control.support, dog[watchdog.FAULT],
+                    pitch_axis[stepper_motor.TAKEN], pitch_axis[stepper_motor.LOST],
+                    yaw_axis[stepper_motor.TAKEN], yaw_axis[stepper_motor.LOST],
+                    q[0] - rig.home, q[3], q[4],
+                    float(answer.context), answer.context_probability, answer.context_evidence,
+                    control.turning,
+                )
+            )  # fmt: skip
             n_rows += 1
             row_tick += 1
 
@@ -292,11 +285,11 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
             else:
                 tips[n_steps], wrenches[n_steps] = tip_in_hole(rig.mechanics, q)[1], true
                 n_steps += 1
-                if time > 0.0 and extent > 0.0:
+                if time > 0.0:
                     load = load_of_components(
                         true[0], true[1], true[2], true[3], true[4], true[5], rig.guard.peg_radius
                     )
-                    if load > GROWTH * largest_load or extent > GROWTH * largest_extent:
+                    if needs_contacts(load, extent, largest_load, largest_extent):
                         largest_load, largest_extent = max(load, largest_load), max(extent, largest_extent)
                         look = _contacts(rig, q, v, force, equilibrium)
                         if look.number > 0:
@@ -367,8 +360,7 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
             new_drive = drive_monitor_step(rig.feed, drive_state, command, wrench, sound, current, travel)
             free = check[self_check.FREE] > 0.0
             new_feed_check = feed_check_step(rig.checks, feed_check, wrench[2], current, travel, time, free)
-            enabled = int(drive_state[drive_monitor.FAULT]) not in FEED_NUMBERS
-            new_motor = dc_motor_step(rig.drive, motor, command, v[0], enabled)
+            new_motor = dc_motor_step(rig.drive, motor, command, v[0], is_enabled(drive_state))
             new_pitch = stepper_step(rig.axis, pitch_axis, guard[PITCH], q[3] - rig.start[1])
             new_yaw = stepper_step(rig.axis, yaw_axis, guard[YAW], q[4] - rig.start[2])
             held, found, _, _, forces = advance_rig(

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from skill.arrays import Array
 from skill.compiled import compiled
 from skill.features.measurement import contact_loads, load_of_components
-from systems.plant.contact_forces import FORCE, NORMAL, PLACE, POINT, Contact
+from systems.plant.contact_forces import FORCE, NORMAL, PLACE, POINT, Contact, needs_contacts
 
 TOUCH_LOAD = 1.0  # in units of N; a smaller load is no contact: the inertial force of the peg is a part of a newton
 HIGH_LOAD = 20.0  # in units of N
 FIRST_TOUCH_TIME = 0.050  # in units of s
-GROWTH = 1.05  # ratio to the largest load or contact so far from which the single contacts are read between two periods
 
 
 @dataclass(frozen=True)
@@ -70,10 +69,7 @@ class ForceMetrics:
         self._wrenches.append(wrench)
 
     def needs_contacts(self, wrench: Array, extent: float) -> bool:
-        """Whether the single contacts of this plant step may hold a force larger than those that were read.
-
-        They may if the load or the extent of the contact exceeds the largest so far by a factor of `GROWTH`. This is no
-        bound: in a wedge a contact's force can grow while neither does.
+        """Returns whether the single contacts of this plant step should be read, as `needs_contacts` says.
 
         Args:
             wrench: true contact wrench (6,), as for `add_step`.
@@ -81,11 +77,11 @@ class ForceMetrics:
         """
         fx, fy, fz, mx, my, mz = wrench
         load = load_of_components(fx, fy, fz, mx, my, mz, self.peg_radius)
-        if extent <= 0.0 or (load <= GROWTH * self._largest_load and extent <= GROWTH * self._largest_extent):
-            return False
-        self._largest_load = max(load, self._largest_load)
-        self._largest_extent = max(extent, self._largest_extent)
-        return True
+        needed = needs_contacts(load, extent, self._largest_load, self._largest_extent)
+        if needed:
+            self._largest_load = max(load, self._largest_load)
+            self._largest_extent = max(extent, self._largest_extent)
+        return needed
 
     def add_contacts(self, contacts: Sequence[Contact]) -> None:
         """Adds the single contacts of a plant step."""

@@ -22,7 +22,7 @@ from skill.arrays import Array
 from skill.compiled import compiled
 from skill.planning.prediction import NearSamples, Prediction, Query
 from skill.regression.locally_weighted_regression import MAX_QUERY, LWRegressor, RegressionNumbers, local_prediction
-from skill.regression.partial_pooling import relevance_of
+from skill.regression.partial_pooling import relevance
 from skill.regression.protocols import Regressor, StateRegressor
 from skill.states.context_filter import pair_probabilities
 from skill.states.context_mixture import ContextMixture
@@ -135,7 +135,7 @@ def imitate(p: ImitationNumbers, x: Array, states: Array, contexts: Array) -> Im
         any_context = np.full(C, 1.0 / C)
         _, rows, weights, _ = local_prediction(p.regressor, query, np.outer(states, any_context).ravel())
         numbers = p.groups[rows]
-        matters = relevance_of(weights, p.regressor.y[rows, :N_TURNS], numbers, p.contexts[numbers])
+        matters = relevance(weights, p.regressor.y[rows, :N_TURNS], numbers, p.contexts[numbers])
         followed = matters * contexts + (1.0 - matters) * any_context
     action, rows, weights, log_support = local_prediction(p.regressor, query, np.outer(states, followed).ravel())
     limited = False

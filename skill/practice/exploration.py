@@ -95,14 +95,7 @@ class PerturbedPolicy(WrappedPolicy[PolicyT]):
 @compiled
 def factors_at(depth: float, depths: Array, turn: Array, feed: Array) -> tuple[float, float]:
     """Returns the factors on turn and feed at a depth, m; the arrays are those of a `Perturbation`."""
-    last = len(depths) - 1
-    k = min(max(int(np.searchsorted(depths, depth)) - 1, 0), max(last - 1, 0))
-    part = 0.0 if last == 0 else min(max((depth - depths[k]) / (depths[k + 1] - depths[k]), 0.0), 1.0)
-    after = min(k + 1, last)
-    return (
-        math.exp(turn[k] + part * (turn[after] - turn[k])),
-        math.exp(feed[k] + part * (feed[after] - feed[k])),
-    )
+    return math.exp(np.interp(depth, depths, turn)), math.exp(np.interp(depth, depths, feed))
 
 
 def step_costs(run: RigRun) -> Array:

@@ -26,7 +26,7 @@ Source: Gelman, Hill, "Data analysis using regression and multilevel/hierarchica
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from skill.arrays import Array
 from skill.compiled import compiled
@@ -39,7 +39,8 @@ MIN_WEIGHT = float(np.finfo(float).tiny)
 """Of a demonstration, so that one whose kernel weights underflow has a mean."""
 
 
-def relevance(weights: ArrayLike, outputs: ArrayLike, groups: ArrayLike, memberships: ArrayLike) -> float:
+@compiled
+def relevance(weights: Array, outputs: Array, groups: NDArray[np.int64], memberships: Array) -> float:
     """Returns B, from 0 if the contexts act alike, to 1 if they certainly do not.
 
     Args:
@@ -51,13 +52,6 @@ def relevance(weights: ArrayLike, outputs: ArrayLike, groups: ArrayLike, members
     Returns:
         B; 0 if fewer than two contexts have more than one demonstration near the query.
     """
-    w, y, r = (np.ascontiguousarray(values, dtype=float) for values in (weights, outputs, memberships))
-    return relevance_of(w, y, np.ascontiguousarray(groups, dtype=np.int64), r)
-
-
-@compiled
-def relevance_of(weights: Array, outputs: Array, groups: NDArray[np.int64], memberships: Array) -> float:
-    """Returns what `relevance` does, from arrays."""
     G, C, p = groups.max() + 1, memberships.shape[1], outputs.shape[1]
     W, means, r = np.zeros(G), np.zeros((G, p)), np.zeros((G, C))
     present = np.zeros(G, np.bool_)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from systems.steps.drive_monitor import FAULT, SIZE, DriveLimits, drive_monitor_step
-from systems.steps.faults import FEED_FAULTS
+from systems.steps.drive_monitor import FAULT, SIZE, DriveLimits, drive_monitor_step, is_enabled
 
 
 class DriveMonitor(LeafSystem):
@@ -62,4 +61,4 @@ class DriveMonitor(LeafSystem):
         output[0] = context.get_discrete_state(self._state)[FAULT]
 
     def _calc_enabled(self, context: Context, output: BasicVector) -> None:
-        output[0] = float(context.get_discrete_state(self._state)[FAULT] not in FEED_FAULTS)
+        output[0] = float(is_enabled(np.array(context.get_discrete_state(self._state).value())))

@@ -117,6 +117,26 @@ def contact_table(contacts: Sequence[Contact]) -> tuple[int, Array]:
     return len(contacts), table
 
 
+GROWTH = 1.05
+"""Ratio to the largest load or contact so far from which the single contacts are read between two periods."""
+
+
+@compiled
+def needs_contacts(load: float, extent: float, largest_load: float, largest_extent: float) -> bool:
+    """Returns whether the single contacts of a plant step may hold a force larger than those that were read.
+
+    They may if the load or the extent of the contact exceeds the largest so far by a factor of `GROWTH`. This is no
+    bound: in a wedge a contact's force can grow while neither does.
+
+    Args:
+        load: of the true contact wrench, N.
+        extent: see `RigPlant.contact_extent`.
+        largest_load: at a step whose contacts were read, N.
+        largest_extent: likewise.
+    """
+    return extent > 0.0 and (load > GROWTH * largest_load or extent > GROWTH * largest_extent)
+
+
 MAX_JOINED = 5
 """Largest number of contacts of a pose."""
 

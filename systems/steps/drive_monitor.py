@@ -11,7 +11,7 @@ from models.control import DriveMonitorParameters
 from models.hardware import DcMotorParameters
 from skill.arrays import Array
 from skill.compiled import compiled
-from systems.steps.faults import Fault
+from systems.steps.faults import FEED_NUMBERS, Fault
 
 if TYPE_CHECKING:  # a scenario needs Drake
     from models.scenario import Scenario
@@ -170,6 +170,12 @@ def drive_monitor_step(
         found[SPEED] = moved / T
     found[FAULT] = _fault(p, found, command, wrench, abs(current))
     return found
+
+
+@compiled
+def is_enabled(state: Array) -> bool:
+    """Returns whether the drive stays on: not after a fault of the feed drive."""
+    return int(state[FAULT]) not in FEED_NUMBERS
 
 
 @compiled

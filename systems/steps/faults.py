@@ -50,6 +50,10 @@ SENSOR_FAULTS = frozenset(fault for fault in Fault if fault.name.startswith("SEN
 """Faults after which the wrench is not known."""
 
 
+FEED_NUMBERS, SENSOR_NUMBERS = (tuple(sorted(map(int, faults))) for faults in (FEED_FAULTS, SENSOR_FAULTS))
+"""The same faults as numbers, for compiled functions."""
+
+
 FALSE_ALARM = 1e-9
 """Probability that a healthy sensor repeats its reading often enough to count as stuck."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from models.hardware import DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
 from skill.arrays import Array
 from skill.compiled import compiled
-from systems.steps.dc_motor import FRICTION_SPEED
+from systems.steps.dc_motor import Drive, carriage_force
 from systems.steps.faults import Fault, reading_deviation
 
 if TYPE_CHECKING:  # a scenario needs Drake
@@ -121,7 +121,7 @@ class CheckLimits(NamedTuple):
         rim, touch_depth, pivot_error: see `MovingParts`.
         stiffness: of a stepper, N m/rad.
         inertia, mass, friction: of the moving parts, with and without the rotor, kg, and of the carriage, N s/m.
-        ratio, screw_efficiency, torque_constant, viscous_friction, coulomb_friction: of the feed drive.
+        drive: of the feed.
     """
 
     period: float
@@ -147,11 +147,7 @@ class CheckLimits(NamedTuple):
     inertia: float
     mass: float
     friction: float
-    ratio: float
-    screw_efficiency: float
-    torque_constant: float
-    viscous_friction: float
-    coulomb_friction: float
+    drive: Drive
 
     @classmethod
     def of(
@@ -203,11 +199,7 @@ class CheckLimits(NamedTuple):
             inertia=parts.mass + motor.reflected_mass,
             mass=parts.mass,
             friction=parts.friction,
-            ratio=motor.ratio,
-            screw_efficiency=motor.screw_efficiency,
-            torque_constant=motor.torque_constant,
-            viscous_friction=motor.viscous_friction,
-            coulomb_friction=motor.coulomb_friction,
+            drive=Drive.of(motor, period=drive_period),
         )
 
 
@@ -318,9 +310,7 @@ def axial_force(p: CheckLimits, current: float, speed: float, acceleration: floa
         speed: v of the shaft's encoder, m/s.
         acceleration: m/s^2.
     """
-    w = p.ratio * speed
-    friction = p.viscous_friction * w + p.coulomb_friction * math.tanh(w / FRICTION_SPEED)
-    drive = p.ratio * (p.screw_efficiency * p.torque_constant * current - friction)
+    drive = carriage_force(p.drive, current, speed)
     return p.inertia * acceleration + p.mass * GRAVITY + p.friction * speed - drive
 
 

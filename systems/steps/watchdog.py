@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from skill.arrays import Array
 from skill.compiled import compiled
-from systems.steps.faults import FEED_FAULTS, SENSOR_FAULTS, Fault
+from systems.steps.faults import FEED_NUMBERS, SENSOR_NUMBERS, Fault
 
 LOST_LAG = 2.5  # steps; a rotor that lags by two has slipped, and lags by four as soon as it rests
 
@@ -15,8 +15,6 @@ FAULT, SINCE, SIZE = range(3)
 
 PITCH_RATE, YAW_RATE, FEED, UNWINDING = range(4)
 """Places in the commands: rad/s, rad/s, m/s, and whether the hole is to turn back."""
-
-SENSOR_NUMBERS, FEED_NUMBERS = (tuple(sorted(int(f) for f in faults)) for faults in (SENSOR_FAULTS, FEED_FAULTS))
 
 
 class RetractLimits(NamedTuple):

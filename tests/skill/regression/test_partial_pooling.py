@@ -9,7 +9,8 @@ from skill.regression.partial_pooling import relevance as relevance_of_contexts
 
 def relevance(weights, outputs, groups, context):
     """B of two contexts, given the probabilities (k,) of the first."""
-    return relevance_of_contexts(weights, outputs, groups, np.column_stack([context, 1.0 - context]))
+    numbers = np.ascontiguousarray(groups, dtype=np.int64)
+    return relevance_of_contexts(weights, outputs, numbers, np.column_stack([context, 1.0 - context]))
 
 
 GROUPS = np.array([4, 4, 7, 7, 8, 8, 9, 9])
