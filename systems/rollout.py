@@ -25,8 +25,8 @@ from systems.hardware.wrench_sensor import SENSOR_NOISE, drawn_bias
 from systems.math.noise import standard_normals
 from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts, needs_contacts
 from systems.plant.contact_plant import DIVERGENCE_FORCE
-from systems.plant.exact_contact import MAX_CONTACTS, STEPS, Bodies
-from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, rig_contacts, tip_in_hole
+from systems.plant.exact_contact import MAX_CONTACTS, STEPS, Bodies, find_minima
+from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, tip_in_hole
 from systems.rig_diagram import start_angles
 from systems.steps import dc_motor, drive_monitor, self_check, sensor_monitor, stepper_motor, watchdog
 from systems.steps.back_off import BackOffState
@@ -183,7 +183,9 @@ def _contacts(rig: RigNumbers, q: Array, v: Array, force: float, equilibrium: Ar
     p[2] += m.pivot
     count, contacts = join_contacts(points[:found], normals[:found], forces[:found], R, p, tip[2], rig.bodies.chamfer)
     gaps = np.zeros(MAX_CONTACTS)
-    rig_contacts(rig.bodies, m, q, gaps, points, normals, np.empty(MAX_CONTACTS, np.int64))
+    find_minima(
+        rig.bodies, tip, R[0], R[1], gaps, points, normals, np.empty(MAX_CONTACTS, np.int64), np.empty(MAX_CONTACTS)
+    )
     return Contacts(count, contacts, max(0.0, -gaps.min()))
 
 

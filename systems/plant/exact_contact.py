@@ -26,13 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from models import Array, contact_geometry
-from models.contact_geometry import GOLDEN, SAMPLES, TINY
+from models.contact_geometry import TINY
 from models.scenario import Scenario
 from skill.compiled import compiled, inlined
-
-GOLDEN_STEPS = 24
-"""Number of golden-section steps; they shrink a bracket of two sample distances to 1.3e-6 rad. A minimum of the
-gap is then exact to 1e-10 m."""
 
 Numbers = NDArray[np.int64]
 
@@ -59,7 +55,23 @@ SOFTENING = 1e-8
 """Relative increase of a contact's own mobility, so that more contacts than freedoms stick in a unique way. A contact
 that sticks under 10 N creeps at about 0.1 nm/s."""
 
-COS, SIN = np.cos(2.0 * np.pi * np.arange(SAMPLES) / SAMPLES), np.sin(2.0 * np.pi * np.arange(SAMPLES) / SAMPLES)
+SAMPLES = 48
+"""Number of samples on each circle; between two of them the slope of the gap changes its sign once."""
+
+SPACING = 2.0 * np.pi / SAMPLES
+COS, SIN = np.cos(SPACING * np.arange(SAMPLES)), np.sin(SPACING * np.arange(SAMPLES))
+
+DIP = 2.0 * REACH
+"""Largest gap at the nearer sample of a contact, m."""
+
+MAX_SEARCH = 60
+FLAT, NARROW, SHALLOW = 1e-10, 2e-3, 1e-14
+"""The search for a minimum ends after so many gaps, where the slope (m/rad) is zero, or, between angles (rad) that are
+near to each other, at the lower bound (m) that their tangents give."""
+
+CROSSING = 1e-4
+"""Largest distance between the minima on the rim and on an edge where these cross, m."""
+
 RIM, FLOOR, OUTER, INNER = 0, 3, 4, 5
 """Circles, by the number of their first `models.contact_geometry.Surface`."""
 
@@ -104,24 +116,33 @@ class Bodies(NamedTuple):
 
 
 @compiled
-def on_circle(bodies: Bodies, circle: int, cosine: float, sine: float, p: Array, u: Array, v: Array) -> tuple[Any, ...]:
-    """Returns gap, point on the bore (3), normal (3) and surface at an angle of a circle; all in H."""
+def on_circle(bodies: Bodies, circle: int, angle: float, p: Array, u: Array, v: Array) -> tuple[Any, ...]:
+    """Returns gap, its slope over the angle (m/rad), point on the bore (3), normal (3) and surface; all in H."""
+    cosine, sine = math.cos(angle), math.sin(angle)
     if circle == RIM:
         x = p[0] + bodies.r * (cosine * u[0] + sine * v[0])
         y = p[1] + bodies.r * (cosine * u[1] + sine * v[1])
         z = p[2] + bodies.r * (cosine * u[2] + sine * v[2])
         gap, n_x, n_y, n_z, surface = rim_gap(bodies.R, bodies.chamfer, x, y, z)
-        return gap, x - gap * n_x, y - gap * n_y, z - gap * n_z, n_x, n_y, n_z, surface
-    radius, z = (bodies.R + bodies.chamfer, 0.0) if circle == OUTER else (bodies.R, -bodies.chamfer)
+        along_u, along_v = n_x * u[0] + n_y * u[1] + n_z * u[2], n_x * v[0] + n_y * v[1] + n_z * v[2]
+        slope = bodies.r * (cosine * along_v - sine * along_u)
+        return gap, slope, x - gap * n_x, y - gap * n_y, z - gap * n_z, n_x, n_y, n_z, surface
+    radius, z = edge_of(bodies, circle)
     x, y = radius * cosine, radius * sine
     # The axis of the peg is u x v.
     a_x, a_y, a_z = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
     gap, n_x, n_y, n_z, _ = edge_gap(bodies.r, x - p[0], y - p[1], z - p[2], a_x, a_y, a_z)
-    return gap, x, y, z, n_x, n_y, n_z, circle
+    return gap, radius * (sine * n_x - cosine * n_y), x, y, z, n_x, n_y, n_z, circle
 
 
 @compiled
-def rim_gaps(
+def edge_of(bodies: Bodies, circle: int) -> tuple[float, float]:
+    """Returns radius and height of an edge of the bore, m."""
+    return (bodies.R + bodies.chamfer, 0.0) if circle == OUTER else (bodies.R, -bodies.chamfer)
+
+
+@compiled
+def rim_samples(
     R: float,
     chamfer: float,
     r: float,
@@ -134,17 +155,20 @@ def rim_gaps(
     v_x: float,
     v_y: float,
     v_z: float,
-    values: Array,
+    gaps: Array,
+    slopes: Array,
 ) -> None:
-    """Computes the gaps of the rim at all samples."""
+    """Computes the gaps of the rim, and their slopes over the angle, at all samples."""
     for k in range(SAMPLES):
         c, s = r * COS[k], r * SIN[k]
         x, y, z = p_x + c * u_x + s * v_x, p_y + c * u_y + s * v_y, p_z + c * u_z + s * v_z
-        values[k] = rim_gap(R, chamfer, x, y, z)[0]
+        gap, n_x, n_y, n_z, _ = rim_gap(R, chamfer, x, y, z)
+        gaps[k] = gap
+        slopes[k] = c * (n_x * v_x + n_y * v_y + n_z * v_z) - s * (n_x * u_x + n_y * u_y + n_z * u_z)
 
 
 @compiled
-def edge_gaps(
+def edge_samples(
     radius: float,
     height: float,
     r: float,
@@ -154,11 +178,171 @@ def edge_gaps(
     a_x: float,
     a_y: float,
     a_z: float,
-    values: Array,
+    gaps: Array,
+    slopes: Array,
 ) -> None:
-    """Computes the gaps of an edge of the bore at all samples."""
+    """Computes the gaps of an edge of the bore, and their slopes over the angle, at all samples."""
     for k in range(SAMPLES):
-        values[k] = edge_gap(r, radius * COS[k] - p_x, radius * SIN[k] - p_y, height - p_z, a_x, a_y, a_z)[0]
+        c, s = radius * COS[k], radius * SIN[k]
+        gap, n_x, n_y, _, _ = edge_gap(r, c - p_x, s - p_y, height - p_z, a_x, a_y, a_z)
+        gaps[k], slopes[k] = gap, s * n_x - c * n_y
+
+
+@compiled
+def lowest_angle(
+    bodies: Bodies,
+    circle: int,
+    low: float,
+    high: float,
+    g_low: float,
+    g_high: float,
+    falling: float,
+    rising: float,
+    p: Array,
+    u: Array,
+    v: Array,
+) -> float:
+    """Returns where the gap has a minimum between two angles.
+
+    It is sought where a line through the slopes is zero, as it is on a smooth stretch, and where the tangents meet, as
+    at a corner of the bore, where the slope jumps.
+
+    Args:
+        bodies: `Bodies`.
+        circle: on which the minimum is.
+        low: angle, rad.
+        high: a larger angle, rad.
+        g_low: gap at the first angle, m.
+        g_high: gap at the second angle, m.
+        falling: slope at the first angle, at most 0, m/rad.
+        rising: slope at the second angle, above 0, m/rad.
+        p: see `find_contacts`.
+        u: likewise.
+        v: likewise.
+    """
+    angle = low
+    for k in range(MAX_SEARCH):
+        share, width = falling / (falling - rising), high - low
+        meet = (g_high - g_low - rising * width) / ((falling - rising) * width)
+        if k % 3 > 0:
+            share = meet if k % 3 == 1 and 0.0 < meet < 1.0 else 0.5
+        angle = low + share * width
+        g, slope = on_circle(bodies, circle, angle, p, u, v)[:2]
+        if abs(slope) < FLAT or (width < NARROW and 0.0 < meet < 1.0 and g - g_low - falling * meet * width < SHALLOW):
+            break
+        if slope > 0.0:
+            high, g_high, rising = angle, g, slope
+        else:
+            low, g_low, falling = angle, g, slope
+    return angle
+
+
+@compiled
+def find_minima(
+    bodies: Bodies,
+    p: Array,
+    u: Array,
+    v: Array,
+    gap: Array,
+    point: Array,
+    normal: Array,
+    surface: Numbers,
+    angle: Array,
+) -> int:
+    """Finds the minima of the gap that are below `REACH`, on the rim and on both edges, and the points on the floor.
+
+    Args:
+        bodies: see `find_contacts`, as are those up to ``surface``.
+        p: likewise.
+        u: likewise.
+        v: likewise.
+        gap: likewise.
+        point: likewise.
+        normal: likewise.
+        surface: likewise.
+        angle: (MAX_CONTACTS,), receives their angles on their circles, rad.
+
+    Returns:
+        The number of minima.
+    """
+    count = 0
+    lowest = p[2] - bodies.r * math.hypot(u[2], v[2])
+    if lowest > REACH:
+        return count
+    gaps, slopes = np.empty(SAMPLES), np.empty(SAMPLES)
+    a_x, a_y, a_z = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+    for circle in (RIM, OUTER, INNER):
+        # No gap on the circle is below a bound that takes no samples.
+        if circle == RIM:
+            if bodies.R - math.hypot(p[0], p[1]) - bodies.r > REACH:
+                continue
+            rim_samples(
+                bodies.R, bodies.chamfer, bodies.r, p[0], p[1], p[2], u[0], u[1], u[2], v[0], v[1], v[2], gaps, slopes
+            )
+        else:
+            radius, height = edge_of(bodies, circle)
+            up = (height - p[2]) / a_z
+            off = math.hypot(p[0] + up * a_x, p[1] + up * a_y)
+            if max(lowest - height, a_z * (radius - off) - bodies.r) > REACH:
+                continue
+            edge_samples(radius, height, bodies.r, p[0], p[1], p[2], a_x, a_y, a_z, gaps, slopes)
+        for k in range(SAMPLES):
+            after = (k + 1) % SAMPLES
+            falling, rising = slopes[k], slopes[after]
+            # Between samples the gap is lower than at them by less than this on a smooth stretch.
+            if falling > 0.0 or rising <= 0.0 or min(gaps[k], gaps[after]) > DIP:
+                continue
+            t = lowest_angle(
+                bodies, circle, SPACING * k, SPACING * (k + 1), gaps[k], gaps[after], falling, rising, p, u, v
+            )
+            g, _, x, y, z, n_x, n_y, n_z, kind = on_circle(bodies, circle, t, p, u, v)
+            if g < REACH and count < MAX_CONTACTS - 3:
+                gap[count], surface[count], angle[count] = g, kind, t
+                point[count, 0], point[count, 1], point[count, 2] = x, y, z
+                normal[count, 0], normal[count, 1], normal[count, 2] = n_x, n_y, n_z
+                count += 1
+    # A flat tip rests on the floor at three points: the lowest one of the rim, and two at 120 degrees from it.
+    if lowest + bodies.depth < REACH:
+        first = math.atan2(-v[2], -u[2])
+        for k in range(3):
+            t = first + 2.0 * np.pi * k / 3.0
+            for i in range(3):
+                point[count, i] = p[i] + bodies.r * (math.cos(t) * u[i] + math.sin(t) * v[i])
+                normal[count, i] = 0.0
+            g = point[count, 2] + bodies.depth
+            if g < REACH:
+                gap[count], surface[count], angle[count] = g, FLOOR, t
+                point[count, 2], normal[count, 2] = -bodies.depth, 1.0
+                count += 1
+    return count
+
+
+@compiled
+def crossing(
+    circle: int, rim_angle: float, edge_angle: float, u: Array, v: Array, normal: Array
+) -> tuple[bool, float, float, float]:
+    """Returns whether the rim and an edge can touch where they cross, and the normal of this contact.
+
+    It is perpendicular to both, and lies between the normals of the surfaces that meet at each of them.
+
+    Args:
+        circle: of the edge.
+        rim_angle: of the place on the rim, rad.
+        edge_angle: of the place on the edge, rad.
+        u: see `find_contacts`.
+        v: likewise.
+        normal: (3,), that of the nearest surface, for the sign.
+    """
+    c, s, c_e, s_e = math.cos(rim_angle), math.sin(rim_angle), math.cos(edge_angle), math.sin(edge_angle)
+    t_x, t_y, t_z = c * v[0] - s * u[0], c * v[1] - s * u[1], c * v[2] - s * u[2]  # along the rim
+    x, y, z = -t_z * c_e, -t_z * s_e, t_x * c_e + t_y * s_e  # the edge is along (-s_e, c_e, 0)
+    size = math.copysign(max(TINY, math.sqrt(x * x + y * y + z * z)), x * normal[0] + y * normal[1] + z * normal[2])
+    x, y, z = x / size, y / size, z / size
+    inwards = -(x * c_e + y * s_e)
+    outwards = x * (c * u[0] + s * v[0]) + y * (c * u[1] + s * v[1]) + z * (c * u[2] + s * v[2])
+    along = x * (u[1] * v[2] - u[2] * v[1]) + y * (u[2] * v[0] - u[0] * v[2]) + z * (u[0] * v[1] - u[1] * v[0])
+    within = min(inwards, z - inwards) if circle == OUTER else min(z, inwards - z)
+    return min(within, along, -outwards) > -1e-9, x, y, z
 
 
 @compiled
@@ -166,6 +350,10 @@ def find_contacts(
     bodies: Bodies, p: Array, u: Array, v: Array, gap: Array, point: Array, normal: Array, surface: Numbers
 ) -> int:
     """Finds the contacts of a pose whose gap is below `REACH`.
+
+    They are the minima of the gap on the three circles. Where the rim crosses an edge of the bore, there is a minimum on
+    both; these become one contact, the normal of which is perpendicular to both circles. While the bodies do not
+    overlap, it is that of the minima; where they do, the nearest surface is one of those beside the edge.
 
     Args:
         bodies: `Bodies`.
@@ -180,56 +368,29 @@ def find_contacts(
     Returns:
         The number of contacts.
     """
+    angle = np.empty(MAX_CONTACTS)
+    found = find_minima(bodies, p, u, v, gap, point, normal, surface, angle)
     count = 0
-    lowest = p[2] - bodies.r * math.hypot(u[2], v[2])
-    if lowest > REACH:
-        return count
-    values = np.empty(SAMPLES)
-    width = 2.0 * np.pi / SAMPLES
-    a_x, a_y, a_z = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
-    for circle in (RIM, OUTER, INNER):
-        if circle == RIM:
-            rim_gaps(bodies.R, bodies.chamfer, bodies.r, p[0], p[1], p[2], u[0], u[1], u[2], v[0], v[1], v[2], values)
-        else:
-            radius, height = (bodies.R + bodies.chamfer, 0.0) if circle == OUTER else (bodies.R, -bodies.chamfer)
-            edge_gaps(radius, height, bodies.r, p[0], p[1], p[2], a_x, a_y, a_z, values)
-        for k in range(SAMPLES):
-            # Between samples the gap is lower than at them by less than this on a smooth stretch.
-            if values[k] > 2.0 * REACH or values[k] > values[k - 1] or values[k] >= values[(k + 1) % SAMPLES]:
-                continue
-            low, high = width * (k - 1), width * (k + 1)
-            left, right = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-            f_left = on_circle(bodies, circle, math.cos(left), math.sin(left), p, u, v)[0]
-            f_right = on_circle(bodies, circle, math.cos(right), math.sin(right), p, u, v)[0]
-            for _ in range(GOLDEN_STEPS):
-                if f_left < f_right:
-                    high, right, f_right = right, left, f_left
-                    left = high - GOLDEN * (high - low)
-                    f_left = on_circle(bodies, circle, math.cos(left), math.sin(left), p, u, v)[0]
-                else:
-                    low, left, f_left = left, right, f_right
-                    right = low + GOLDEN * (high - low)
-                    f_right = on_circle(bodies, circle, math.cos(right), math.sin(right), p, u, v)[0]
-            t = 0.5 * (low + high)
-            g, x, y, z, n_x, n_y, n_z, kind = on_circle(bodies, circle, math.cos(t), math.sin(t), p, u, v)
-            if g < REACH and count < MAX_CONTACTS - 3:
-                gap[count], surface[count] = g, kind
-                point[count, 0], point[count, 1], point[count, 2] = x, y, z
-                normal[count, 0], normal[count, 1], normal[count, 2] = n_x, n_y, n_z
-                count += 1
-    # A flat tip rests on the floor at three points: the lowest one of the rim, and two at 120 degrees from it.
-    if lowest + bodies.depth < REACH:
-        first = math.atan2(-v[2], -u[2])
-        for k in range(3):
-            t = first + 2.0 * np.pi * k / 3.0
-            for i in range(3):
-                point[count, i] = p[i] + bodies.r * (math.cos(t) * u[i] + math.sin(t) * v[i])
-                normal[count, i] = 0.0
-            g = point[count, 2] + bodies.depth
-            if g < REACH:
-                gap[count], surface[count] = g, FLOOR
-                point[count, 2], normal[count, 2] = -bodies.depth, 1.0
-                count += 1
+    for e in range(found):
+        crosses = False
+        if surface[e] == OUTER or surface[e] == INNER:
+            for i in range(count):
+                if surface[i] >= FLOOR:  # no minimum on the rim, or one that crosses another edge
+                    continue
+                d_x, d_y, d_z = point[i, 0] - point[e, 0], point[i, 1] - point[e, 1], point[i, 2] - point[e, 2]
+                if d_x * d_x + d_y * d_y + d_z * d_z > CROSSING**2:
+                    continue
+                crosses, x, y, z = crossing(surface[e], angle[i], angle[e], u, v, normal[i])
+                if crosses:
+                    aligned = normal[i, 0] * x + normal[i, 1] * y + normal[i, 2] * z
+                    gap[i], surface[i] = d_x * x + d_y * y + d_z * z + gap[i] * aligned, surface[e]
+                    point[i] = point[e]
+                    normal[i, 0], normal[i, 1], normal[i, 2] = x, y, z
+                    break
+        if not crosses:
+            gap[count], surface[count], angle[count] = gap[e], surface[e], angle[e]
+            point[count], normal[count] = point[e], normal[e]
+            count += 1
     return count
 
 
@@ -261,8 +422,8 @@ def friction_impulse(limit: float, free: Array, mobility: Array) -> tuple[float,
     # In the frame of the principal axes of the mobility.
     mean, difference = 0.5 * (mobility[0, 0] + mobility[1, 1]), 0.5 * (mobility[0, 0] - mobility[1, 1])
     radius = math.hypot(difference, mobility[0, 1])
-    turn = 0.5 * math.atan2(mobility[0, 1], difference)
-    c, s = math.cos(turn), math.sin(turn)
+    along = 0.5 * (1.0 + difference / radius) if radius > 0.0 else 1.0
+    c, s = math.sqrt(along), math.copysign(math.sqrt(1.0 - along), mobility[0, 1])
     large, small = mean + radius, max(mean - radius, 1e-9 * (mean + radius))
     first, second = c * free[0] + s * free[1], c * free[1] - s * free[0]
     # Friction p opposes the velocity: (mobility + lag) p = -free, with the smallest lag >= 0 that keeps p in the limit.

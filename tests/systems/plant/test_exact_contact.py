@@ -13,6 +13,7 @@ from systems.plant.exact_contact import (
     ROUNDS,
     Bodies,
     find_contacts,
+    find_minima,
     friction_impulse,
     normal_impulse,
     solve_contacts,
@@ -26,7 +27,7 @@ positive = st.floats(1e-3, 1e3)
 
 
 @pytest.mark.slow
-def test_the_contacts_are_those_of_the_exact_geometry():
+def test_the_minima_of_the_gap_are_those_of_the_exact_geometry():
     rng, n = np.random.default_rng(5), 10_000
     p = np.column_stack([rng.uniform(-3e-4, 3e-4, (n, 2)), rng.uniform(-0.026, 0.001, n)])
     axes = axes_of_rotation_vectors(np.column_stack([rng.uniform(-0.04, 0.04, (n, 2)), np.zeros(n)]))
@@ -37,7 +38,7 @@ def test_the_contacts_are_those_of_the_exact_geometry():
     for k in range(n):
         u = np.cross([0.0, 1.0, 0.0], axes[k])
         u /= np.linalg.norm(u)
-        count = find_contacts(BODIES, p[k], u, np.cross(axes[k], u), gap, point, normal, surface)
+        count = find_minima(BODIES, p[k], u, np.cross(axes[k], u), gap, point, normal, surface, np.empty(MAX_CONTACTS))
         near = expected.gap[k] < REACH
         touching += near.any()
         # The floor has one minimum, and three points on which a flat tip rests.
@@ -55,6 +56,40 @@ def test_the_contacts_are_those_of_the_exact_geometry():
             )
     assert touching > n / 3
     assert turned < n / 100  # on a corner, or between equal gaps, another normal is as right
+
+
+def contacts_at(p, axis):
+    """Returns gaps, normals and surfaces of the contacts of a pose."""
+    u = np.cross([0.0, 1.0, 0.0], axis)
+    u /= np.linalg.norm(u)
+    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
+    surface = np.empty(MAX_CONTACTS, np.int64)
+    count = find_contacts(BODIES, p, u, np.cross(axis, u), gap, point, normal, surface)
+    return gap[:count], normal[:count], surface[:count]
+
+
+def test_normals_are_the_slopes_of_gaps_and_do_not_jump_where_bodies_touch():
+    """Also where the rim crosses an edge of the chamfer: there the nearest surface jumps at the first overlap."""
+    rng, geometry = np.random.default_rng(2), PegInHole(BODIES.r, BODIES.R, BODIES.depth, BODIES.chamfer)
+    crossings, errors, turns = 0, [], []
+    step = np.array([0.0, 0.0, 2e-7])
+    for _ in range(300):
+        axis = axes_of_rotation_vectors([[*rng.uniform(-0.04, 0.04, 2), 0.0]])[0]
+        sides, low, high = rng.uniform(-3e-4, 3e-4, 2), -0.02, 0.001
+        for _ in range(60):  # down to the height at which the bodies touch
+            middle = 0.5 * (low + high)
+            touches = geometry.gap([[*sides, middle]], [axis])[0] < 0.0
+            low, high = (middle, high) if touches else (low, middle)
+        p = np.array([*sides, high])
+        (gap, normal, surface), (lower_gap, lower_normal, _) = contacts_at(p + step, axis), contacts_at(p - step, axis)
+        assert len(gap) == len(lower_gap) > 0
+        errors.append(np.abs(lower_gap - gap + step[2] * (normal + lower_normal)[:, 2]).max())
+        turns.append(np.abs(lower_normal - normal).max())
+        crossings += (surface >= Surface.OUTER_EDGE).any()
+    assert crossings > 100
+    # The rest touches within a micrometre of an edge, where another contact appears.
+    assert np.quantile(errors, 0.98) < 5e-9
+    assert np.quantile(turns, 0.98) < 0.03
 
 
 @given(st.floats(-1e-5, 1e-5), st.floats(-0.05, 0.05), positive)
