@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,9 @@ BLOCK = 1 << 17
 
 SEARCH_BLOCK = 1 << 18
 """Number of distances that are computed, or of candidates that are found, for many queries together."""
+
+STRIDE = 16
+"""Distance of the values that a selection looks at first."""
 
 MIN_LOG = -1e300
 """Minimum logarithm of the weight of a distance; it avoids infinite values, whose differences are NaN."""
@@ -238,7 +241,7 @@ def neighbourhood_of_one(
             share += p.memberships[row, state] * q[state]
         log_w[i] = max(-squares[i] / h2, MIN_LOG) + math.log(max(share, MIN_SHARE)) + p.log_weight[row]
     if count > k:
-        keep = _smallest(-log_w, k)
+        keep = smallest(-log_w, k)
         return found[keep], log_w[keep]
     return found, log_w
 
@@ -256,7 +259,7 @@ def _add_nearest(
             offset, points = query[i] - p.centres[part, i], p.augmented[i, start:end]
             for j in range(size):
                 relative[j] += offset * points[j]
-        near = _smallest(relative, k)
+        near = smallest(relative, k)
     else:
         near = np.arange(size)
     for j in near:
@@ -272,18 +275,34 @@ def _add_nearest(
 
 
 @compiled
-def _smallest(values: Array, k: int) -> Rows:
-    """Returns the places (k,) of the k smallest values; of equal ones the first."""
-    limit = np.partition(values, k - 1)[k - 1]
-    found, count = np.empty(k, np.int64), 0
-    for j in range(len(values)):
-        if values[j] < limit:
-            found[count] = j
-            count += 1
-    for j in range(len(values)):
-        if count < k and values[j] == limit:
-            found[count] = j
-            count += 1
+def smallest(values: Array, k: int) -> Rows:
+    """Returns the places (k,) of the k smallest values; of equal ones the first.
+
+    A limit from every `STRIDE`-th value sorts out most of many values before the selection, which takes much longer.
+    """
+    n = len(values)
+    places, count = np.empty(n, np.int64), 0
+    if n > 4 * k:
+        some = values[::STRIDE].copy()
+        rank = min(len(some) - 1, 4 + 3 * k * len(some) // (2 * n))
+        limit = np.partition(some, rank)[rank]
+        for j in range(n):
+            places[count] = j
+            count += values[j] <= limit
+    if count < k:
+        places, count = np.arange(n), n
+    places = places[:count]
+    near = values[places]
+    limit = np.partition(near, k - 1)[k - 1]
+    found, number = np.empty(k, np.int64), 0
+    for i in range(count):
+        if near[i] < limit:
+            found[number] = places[i]
+            number += 1
+    for i in range(count):
+        if number < k and near[i] == limit:
+            found[number] = places[i]
+            number += 1
     return found
 
 
@@ -297,7 +316,7 @@ class KernelNeighbourhood:
     """
 
     def __init__(self, points: Array, memberships: Array | None, sample_weight: Array) -> None:
-        self._points = points
+        self._points, self._samples = points, (points, memberships, sample_weight)
         self._index = MembershipIndex(points, memberships)
         uniform = bool((sample_weight == 1.0).all())
         self._log_sample_weight = None if uniform else np.log(sample_weight)
@@ -306,6 +325,10 @@ class KernelNeighbourhood:
         self.numbers = self.stateless
         if memberships is not None:
             self.numbers = SearchNumbers.of(points, memberships, log_weight, [*states, whole])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Leaves the indices out, which are ten times as large as the samples: a copy computes them again."""
+        return KernelNeighbourhood, self._samples
 
     def of_one(self, query: Array, q: Array | None, kernel: Kernel) -> tuple[Rows, Array]:
         """The neighbourhood of one query.
