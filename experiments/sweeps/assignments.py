@@ -141,7 +141,7 @@ def _policies(
     where: str,
 ) -> Iterator[tuple[PolicySource, list[int]]]:
     """Yields the policies of a plan in a cell, one for each set of demonstrations, and the numbers of their trials."""
-    numbers = list(range(specification.first, specification.first + specification.number))
+    numbers = list(range(specification.first, specification.first + plan.trials))
     teaching = plan_in(plan, cell, where)
     if teaching is None:
         acting = _acting(plan, scenario, arm)

@@ -83,6 +83,7 @@ class PolicyPlan:
         demonstrations: what it learns from; None for a policy that learns nothing.
         carried_over: whether it serves other pegs and holes than its own.
         for_all_arms: whether ``make`` is called once for all arms, instead of for each.
+        trials: how many it performs, the first ones of the sweep.
     """
 
     name: str
@@ -92,6 +93,7 @@ class PolicyPlan:
     demonstrations: DemonstrationPlan | None
     carried_over: bool
     for_all_arms: bool = False
+    trials: int = 20
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ class Specification:
         arms: which trials.
         engines: of `models.scenario.ENGINES`, in each of which the trials are performed.
         rules: names in ``RULES`` of what follows the clearance in every scenario.
-        first, number: of the trials.
+        first: number of the first trial.
         text: of the file.
     """
 
@@ -118,7 +120,6 @@ class Specification:
     engines: list[str]
     rules: list[str]
     first: int
-    number: int
     text: str
     _known: dict[str, Scenario] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -159,6 +160,7 @@ class PolicySection:
     demonstrations: dict[str, Any] | None = None
     carried_over: bool = False
     for_all_arms: bool = False
+    trials: int | None = None
 
 
 @dataclass(frozen=True)
@@ -198,12 +200,11 @@ def read_specification(path: Path) -> Specification:
         title=document.title or path.stem,
         scenario=scenario,
         cells=make_cells(document.vary, document.design, where),
-        policies=[_policy(name, own, document.demonstrations, where) for name, own in document.policies.items()],
+        policies=[_policy(name, own, document, where) for name, own in document.policies.items()],
         arms=[Arm(name) for name in document.arms],
         engines=document.engines,
         rules=document.clearance_rules,
         first=document.trials.first,
-        number=document.trials.number,
         text=text,
     )
     _check_cells(specification, where)
@@ -232,8 +233,8 @@ def _document_violations(document: Document) -> Iterator[Violation]:
             yield Violation(f"policies.{brief(name)}", "too long a name", limit)
 
 
-def _policy(name: str, given: Any, shared: dict[str, Any], where: str) -> PolicyPlan:
-    """Reads a section of ``policies``; ``shared`` are the demonstrations of the whole sweep."""
+def _policy(name: str, given: Any, document: Document, where: str) -> PolicyPlan:
+    """Reads a section of ``policies`` of a document."""
     path = f"policies.{name}"
     options = given.get("with") if isinstance(given, dict) and given.get("make") is not None else None
     checked = {key: value for key, value in given.items() if key != "with"} if options is not None else given
@@ -241,8 +242,9 @@ def _policy(name: str, given: Any, shared: dict[str, Any], where: str) -> Policy
     own = PolicySection(**checked)
     options = own.learn if own.make is None else options
     teaches = own.learn is not None or (own.make is not None and own.demonstrations is not None)
-    raise_first(_policy_violations(own, options, path), where)
-    plan = read_plan({**shared, **(own.demonstrations or {})}, where, f"{path}.demonstrations") if teaches else None
+    raise_first(_policy_violations(own, options, document.trials.number, path), where)
+    taught = {**document.demonstrations, **(own.demonstrations or {})}
+    plan = read_plan(taught, where, f"{path}.demonstrations") if teaches else None
     return PolicyPlan(
         name=name,
         skill=None if own.skill is None else Path(own.skill),
@@ -251,10 +253,11 @@ def _policy(name: str, given: Any, shared: dict[str, Any], where: str) -> Policy
         demonstrations=plan,
         carried_over=own.carried_over,
         for_all_arms=own.for_all_arms,
+        trials=own.trials or document.trials.number,
     )
 
 
-def _policy_violations(own: PolicySection, options: Any, path: str) -> Iterator[Violation]:
+def _policy_violations(own: PolicySection, options: Any, trials: int, path: str) -> Iterator[Violation]:
     kinds = [kind for kind in ("learn", "skill", "make") if getattr(own, kind) is not None]
     if len(kinds) != 1:
         yield Violation(path, f"made in {len(kinds)} ways {kinds}", "one of learn, skill and make")
@@ -263,6 +266,7 @@ def _policy_violations(own: PolicySection, options: Any, path: str) -> Iterator[
     yield from _no_import_path(f"{path}.make", own.make)
     if own.skill is not None and own.demonstrations:
         yield Violation(f"{path}.demonstrations", "given", "none: a skill file has learnt already")
+    yield from _outside(f"{path}.trials", own.trials, 1, trials)
     if own.for_all_arms and own.make is None:
         yield Violation(f"{path}.for_all_arms", "true", "false: there is no function that could be told the arm")
 

@@ -110,7 +110,7 @@ def test_the_defaults_are_one_set_of_thirty_and_twenty_default_trials_in_drake(t
     found = read(tmp_path, PLAIN)
     (policy,) = found.policies
     assert (found.title, found.arms, found.engines) == ("sweep", [Arm.DEFAULT], ["exact"])
-    assert (found.first, found.number) == (0, 20)
+    assert (found.first, found.policies[0].trials) == (0, 20)
     plan = policy.demonstrations
     assert plan == DemonstrationPlan([0], good=24, bad=6)
 
@@ -127,6 +127,13 @@ policies:
     assert (every.demonstrations.sets, every.demonstrations.divided) == ([3, 4], True)
     assert (few.demonstrations.sets, few.demonstrations.size, few.demonstrations.good) == ([3, 4], 5, 12)
     assert law.demonstrations is None
+
+
+def test_a_policy_may_perform_only_the_first_trials(tmp_path):
+    text = PLAIN + '  push: {make: "benchmarks.rig.policies:straight_push", trials: 4}\ntrials: {first: 7, number: 9}\n'
+    assert [policy.trials for policy in read(tmp_path, text).policies] == [9, 4]
+    with pytest.raises(ValueError, match=r"policies.push.trials is 4, expected 1 to 3"):
+        read(tmp_path, text.replace("number: 9", "number: 3"))
 
 
 def test_a_factor_of_the_training_changes_the_demonstrations_of_every_policy_that_learns(tmp_path):
