@@ -88,3 +88,12 @@ class WrappedPolicy(Generic[PolicyT]):
     def act(self, measured: ArrayLike, estimate: Estimate) -> Action:
         """Returns the action of the policy."""
         return self.policy.act(measured, estimate)
+
+
+class CarriedOver(WrappedPolicy[RigPolicy]):
+    """A policy that serves other pegs and holes than the one it was made for."""
+
+    @property
+    def metadata_(self) -> Mapping[str, Any]:
+        """Empty: the policy is not tied to a peg and hole."""
+        return {}

@@ -16,6 +16,7 @@ from skill.features.contact_features import ContactFeatures, contact_features
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, canonical_features
 from skill.manipulation_skill import ManipulationSkill
 from skill.planning.imitation import ImitationNumbers, imitate
+from skill.policy import CarriedOver
 from skill.practice.exploration import PerturbedPolicy, factors_at
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.states.contact_state_filter import FilterNumbers, contact_filter_step
@@ -76,6 +77,8 @@ class SkillAnswer(NamedTuple):
 
 def skill_numbers(policy: object) -> SkillNumbers | None:
     """Returns a skill that imitates with the parts of this package, or a perturbed one; None for other policies."""
+    if isinstance(policy, CarriedOver):
+        policy = policy.policy
     if isinstance(policy, PerturbedPolicy):
         numbers, p = skill_numbers(policy.policy), policy.perturbation
         return None if numbers is None else numbers._replace(factors=(p.depths, p.turn, p.feed))

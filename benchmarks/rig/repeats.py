@@ -20,12 +20,12 @@ import pyarrow.dataset as pads
 import typer
 
 from benchmarks.command_line import JsonFile, finish, run
-from experiments.sweeps.policies import CarriedOver
 from experiments.sweeps.trial_rows import result_columns, trial_code
 from experiments.trial import run_rig
 from interfaces.terminal import console, progress
 from models.scenario import parse_scenario
 from skill.manipulation_skill import ManipulationSkill
+from skill.policy import CarriedOver
 from systems.rig import MakeRig
 
 

@@ -28,7 +28,7 @@ from skill.data.geometry import PegHoleGeometry
 from skill.features.responses import observations
 from skill.features.wrench_features import MEASURED
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy import RigPolicy, WrappedPolicy
+from skill.policy import CarriedOver, RigPolicy
 from skill.states.estimate import estimates
 from systems.steps.faults import error_summary
 
@@ -73,15 +73,6 @@ class MadePolicy:
     query_ms: float | None
     demonstrations: int | None
     contexts: str | None
-
-
-class CarriedOver(WrappedPolicy[RigPolicy]):
-    """A policy that serves other pegs and holes than the one it was made for."""
-
-    @property
-    def metadata_(self) -> Mapping[str, Any]:
-        """Empty: the policy is not tied to a peg and hole."""
-        return {}
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from experiments.provenance import versions
 from experiments.sweeps.assignments import DemonstrationSource, PolicySource
 from experiments.sweeps.code_digest import Requirements
 from experiments.sweeps.policies import (
-    CarriedOver,
     MadePolicy,
     TrainingContext,
     chosen,
@@ -37,7 +36,7 @@ from models.scenario import dump_scenario
 from skill.data.demonstration import Demonstration, write_demonstration
 from skill.data.files import parse_object, write_atomically
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy import RigPolicy
+from skill.policy import CarriedOver, RigPolicy
 from systems.steps.faults import error_summary
 
 WAIT = 1.0

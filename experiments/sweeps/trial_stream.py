@@ -16,14 +16,15 @@ from experiments.sweeps.result_blocks import Block, HeldBlock, hold
 from experiments.sweeps.trial_rows import Row, TrialSource, engine_versions, perform, trial_code
 from experiments.worker_pool import LostWorkerError, WorkerPool
 from skill.policy import RigPolicy
+from skill.skill_step import skill_numbers
 from systems.steps.faults import error_summary
 
 WRITE_PERIOD = 1.0
 """Longest time that the row of a trial waits to be written, s."""
 
 
-BATCH = 40
-"""Largest number of trials of the exact engine in one task, about 2 s: the policy, 0.5 MB for a skill, travels with it."""
+MIN_BATCH, MAX_BATCH = 10, 40
+"""Numbers of trials of the compiled loop in one task, 0.5 to 2 s: the policy, 0.5 MB for a skill, travels with it."""
 
 
 @dataclass(frozen=True)
@@ -175,6 +176,12 @@ class TrialStream:
         if errors:
             raise errors[0]
 
+    def _batch(self, missing: int, engine: str, policy: RigPolicy) -> int:
+        """Returns how many trials a task has: several only where the compiled loop performs them, in no time."""
+        if engine != "exact" or skill_numbers(policy) is None:
+            return 1
+        return min(max(missing // (2 * self._pool.workers), MIN_BATCH), MAX_BATCH)
+
     def _tasks(self, busy: list[tuple[Assignment, Block, int]]) -> Iterator[TrialTask]:
         """Yields the missing trials of the blocks that no other sweep holds; the others become ``busy``."""
         for assignment, block, expected in self._todo:
@@ -202,7 +209,7 @@ class TrialStream:
                 "versions": json.dumps(engine_versions(assignment.source.engine)),
             }
             requirements = requirements_of(assignment.source.engine, assignment.policy.plan)
-            size = BATCH if assignment.source.engine == "exact" else 1
+            size = self._batch(len(missing), assignment.source.engine, policy.policy)
             for start in range(0, len(missing), size):
                 numbers = tuple(missing[start : start + size])
                 yield TrialTask(block, numbers, assignment.source, policy.policy, known, requirements)

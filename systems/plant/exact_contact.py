@@ -351,8 +351,8 @@ def find_contacts(
 ) -> int:
     """Finds the contacts of a pose whose gap is below `REACH`.
 
-    They are the minima of the gap on the three circles. Where the rim crosses an edge of the bore, there is a minimum on
-    both; these become one contact, the normal of which is perpendicular to both circles. While the bodies do not
+    They are the minima of the gap on the three circles. Where the rim crosses an edge of the bore, there is a minimum
+    on both; these become one contact, the normal of which is perpendicular to both circles. While the bodies do not
     overlap, it is that of the minima; where they do, the nearest surface is one of those beside the edge.
 
     Args:

@@ -130,7 +130,8 @@ policies:
 
 
 def test_a_policy_may_perform_only_the_first_trials(tmp_path):
-    text = PLAIN + '  push: {make: "benchmarks.rig.policies:straight_push", trials: 4}\ntrials: {first: 7, number: 9}\n'
+    push = '{make: "benchmarks.rig.policies:straight_push", trials: 4}'
+    text = f"policies: {{skill: {{learn: {{}}}}, push: {push}}}\ntrials: {{first: 7, number: 9}}\n"
     assert [policy.trials for policy in read(tmp_path, text).policies] == [9, 4]
     with pytest.raises(ValueError, match=r"policies.push.trials is 4, expected 1 to 3"):
         read(tmp_path, text.replace("number: 9", "number: 3"))

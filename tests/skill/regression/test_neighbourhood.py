@@ -170,7 +170,7 @@ def test_memberships_may_be_rounded(error):
     assert check_memberships(np.empty((0, 2)), 0).shape == (0, 2)
 
 
-@pytest.mark.parametrize("n, k", [(5, 5), (40, 7), (1000, 50), (10_000, 200)])
+@pytest.mark.parametrize(("n", "k"), [(5, 5), (40, 7), (1000, 50), (10_000, 200)])
 def test_the_smallest_values_are_those_of_a_stable_sort(n, k):
     values = np.random.default_rng(n).integers(0, n // 3, n) / 8.0  # many are equal
     np.testing.assert_array_equal(np.sort(smallest(values, k)), np.sort(np.argsort(values, kind="stable")[:k]))
@@ -182,5 +182,6 @@ def test_a_copy_leaves_the_indices_out_and_answers_alike():
     dut = KernelNeighbourhood(points, P, rng.uniform(0.5, 1.0, 2000))
     data = pickle.dumps(dut)
     assert len(data) < 1.1 * 8 * (points.size + P.size + 2000)
-    for a, b in zip(pickle.loads(data).of_one(points[3], P[3], Kernel(1.0)), dut.of_one(points[3], P[3], Kernel(1.0))):
+    found, expected = (index.of_one(points[3], P[3], Kernel(1.0)) for index in (pickle.loads(data), dut))
+    for a, b in zip(found, expected, strict=True):
         np.testing.assert_array_equal(a, b)
