@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import importlib.metadata
 import sys
+from functools import cache
 
 PYTHON = "python"
 
 
+@cache
 def version_of(distribution: str) -> str:
     """Returns the version of Python or of an installed distribution, or "of unknown version"."""
     if distribution == PYTHON:
@@ -20,5 +22,4 @@ def version_of(distribution: str) -> str:
 
 def versions() -> dict[str, str]:
     """Returns the versions of the interpreter, of this project and of the packages that affect results."""
-    names = ("haptic-skill", "drake", "numpy", "scipy", "scikit-learn")
-    return {PYTHON: sys.version.split()[0], **{name: importlib.metadata.version(name) for name in names}}
+    return {name: version_of(name) for name in (PYTHON, "haptic-skill", "drake", "numpy", "scipy", "scikit-learn")}

@@ -154,6 +154,28 @@ def _has_type(value: Any, kind: Any) -> bool:
     return type(value) is kind and not (kind is int and abs(value) >= 2**63)
 
 
+def set_field(node: Any, name: str, value: Any, where: str, path: str) -> None:
+    """Sets a field of a dataclass, which holds no other dataclass, to a value of a YAML document.
+
+    Args:
+        node: The dataclass; is changed.
+        name: Of the field.
+        value: See `check_document`, as are the others.
+        where: Likewise.
+        path: Likewise.
+
+    Raises:
+        ValueError: If the value has not the type of the field.
+    """
+    check_document({name: value}, type(node), where, path)
+    kind = {entry.name: entry.type for entry in fields(node)}[name]
+    if kind in (float, float | None) and value is not None:
+        value = float(value)
+    if kind in (list[float], list[float] | None) and value is not None:
+        value = [float(element) for element in value]
+    setattr(node, name, value)
+
+
 def leaves(node: Any, prefix: str = "") -> Iterator[tuple[str, Any, Limits]]:
     """Yields path, value and limits of every field of the tree that is not a dataclass instance."""
     for leaf in fields(node):

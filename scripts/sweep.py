@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -131,7 +132,7 @@ def plan_sweep(path: Path, out: Path, store: PolicyStore) -> SweepPlan:
     from importlib import import_module
 
     from experiments.sweeps.assignments import assignments
-    from experiments.sweeps.cost import cost_of
+    from experiments.sweeps.cost import TrialKind, cost_of
     from experiments.sweeps.specification import read_specification
     from experiments.sweeps.trial_files import TRIALS
 
@@ -144,10 +145,17 @@ def plan_sweep(path: Path, out: Path, store: PolicyStore) -> SweepPlan:
     policies = _distinct(a.policy for a, _, _ in todo)
     unmade = [policy for policy in policies if not store.is_made(policy)]
     sets = _distinct(policy.demonstrations for policy in unmade if policy.demonstrations is not None)
+    trials: Counter[TrialKind] = Counter()
+    for assignment, _, lacking in todo:
+        plan = assignment.policy.plan
+        trials[TrialKind(plan.name, assignment.source.engine, plan.imitates)] += lacking
+    demonstrations: Counter[str] = Counter()
+    for source in sets:
+        demonstrations[source.scenario.contact.engine] += store.unrecorded([source])
     cost = cost_of(
         out / TRIALS,
-        trials=[(assignment.source.engine, lacking) for assignment, _, lacking in todo],
-        demonstrations=store.unrecorded(sets),
+        trials=trials,
+        demonstrations=demonstrations,
         policies=len(unmade),
         unknown=sum(policy.plan.make is not None for policy in unmade),
     )

@@ -18,7 +18,7 @@ from experiments.sweeps.result_blocks import Block, blocks_of
 from experiments.sweeps.specification import BASE, PolicyPlan, Specification, plan_in
 from experiments.sweeps.trial_rows import TrialSource, trial_code
 from experiments.trial import Arm, trial_scenario
-from models.scenario import Geometry, Scenario, dump_scenario
+from models.scenario import Geometry, Scenario
 from skill.data.geometry import PegHoleGeometry, fit_difference
 
 
@@ -52,7 +52,7 @@ class DemonstrationSource:
     @cached_property
     def digest(self) -> str:
         """The digest of what decides the set, the code included."""
-        known = {"scenario": dump_scenario(self.scenario), "good": self.good, "bad": self.bad, "seed": self.seed}
+        known = {"scenario": asdict(self.scenario), "good": self.good, "bad": self.bad, "seed": self.seed}
         return values_digest({**known, "code": trial_code(), "versions": versions()})
 
 
@@ -166,7 +166,7 @@ def _policies(
 
 def _acting(plan: PolicyPlan, scenario: Scenario, arm: Arm) -> dict[str, Any]:
     """What a function that makes policies is told of the trials."""
-    return {"scenario": dump_scenario(scenario)} | ({} if plan.for_all_arms else {"arm": arm.value})
+    return {"scenario": asdict(scenario)} | ({} if plan.for_all_arms else {"arm": arm.value})
 
 
 def _require_geometry(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import quote
 
 import numpy as np
 
@@ -14,13 +15,29 @@ from experiments.sweeps.result_blocks import read_block
 REFERENCE_SPEED = 105.0
 """`machine_speed` of the machine with these CPU times, ms."""
 
-TRIAL_CPU = {"drake": 1.8, "exact": 0.2, "mujoco": 4.0}  # in units of s; of the default skill
-DEMONSTRATION_CPU = 2.0  # in units of s
-POLICY_CPU = 6.0  # in units of s
-START_CPU = 5.0  # in units of s, until a process has imported what it needs
+LOOP = "exact, in the compiled loop"
+TRIAL_CPU = {LOOP: 0.085, "exact": 0.75, "drake": 2.6, "mujoco": 9.0}  # s
+DEMONSTRATION_CPU = {"exact": 1.1, "drake": 2.4, "mujoco": 9.0}  # s
+POLICY_CPU = 10.0  # s
+START_CPU = 5.0  # s, until a process has imported what it needs
 
 SAMPLED = 20
-"""Number of blocks of an engine whose trials tell what a trial costs."""
+"""Number of blocks of a policy and an engine whose trials tell what a trial costs."""
+
+
+@dataclass(frozen=True)
+class TrialKind:
+    """Trials that cost about the same.
+
+    Attributes:
+        policy: name of the policy.
+        engine: that simulates.
+        compiled: whether the compiled loop performs those of the exact engine.
+    """
+
+    policy: str
+    engine: str
+    compiled: bool
 
 
 @dataclass(frozen=True)
@@ -54,36 +71,44 @@ class Cost:
 
 
 def cost_of(
-    data: Path, *, trials: Sequence[tuple[str, int]], demonstrations: int, policies: int, unknown: int = 0
+    data: Path,
+    *,
+    trials: Mapping[TrialKind, int],
+    demonstrations: Mapping[str, int],
+    policies: int,
+    unknown: int = 0,
 ) -> Cost:
     """Estimates a cost.
 
     Args:
         data: folder of the data set; trials in it tell what a trial costs.
-        trials: engines and the numbers of trials that are missing.
-        demonstrations: number that has to be recorded.
+        trials: numbers of trials that are missing.
+        demonstrations: numbers that have to be recorded, by their engines.
         policies: number that has to be made.
         unknown: number of them that functions make.
 
     Raises:
         ValueError: if a file of the data set is damaged.
     """
-    measured = {engine: _measured(data, engine) for engine in {engine for engine, _ in trials}}
+    measured = {kind: _measured(data, kind) for kind in trials}
     speed = machine_speed() / REFERENCE_SPEED
-    cpu = sum(number * (measured[engine] or speed * TRIAL_CPU[engine]) for engine, number in trials)
+    cpu = speed * sum(number * DEMONSTRATION_CPU[engine] for engine, number in demonstrations.items())
+    for kind, number in trials.items():
+        host = LOOP if kind.compiled and kind.engine == "exact" else kind.engine
+        cpu += number * (measured[kind] or speed * TRIAL_CPU[host])
     return Cost(
-        trials=sum(number for _, number in trials),
-        demonstrations=demonstrations,
+        trials=sum(trials.values()),
+        demonstrations=sum(demonstrations.values()),
         policies=policies,
         unknown=unknown,
-        cpu=cpu + speed * (demonstrations * DEMONSTRATION_CPU + (policies - unknown) * POLICY_CPU),
+        cpu=cpu + speed * (policies - unknown) * POLICY_CPU,
         measured=all(measured.values()),
     )
 
 
-def _measured(data: Path, engine: str) -> float | None:
-    """The mean CPU time of a trial in some blocks of an engine, s; None without any."""
-    paths = sorted(data.glob(f"policy=*/arm=*/engine={engine}/*.parquet"))
+def _measured(data: Path, kind: TrialKind) -> float | None:
+    """The mean CPU time of a trial in some blocks, s; None without any."""
+    paths = sorted((data / f"policy={quote(kind.policy, safe='')}").glob(f"arm=*/engine={kind.engine}/*.parquet"))
     chosen = [paths[k] for k in np.linspace(0, len(paths) - 1, min(SAMPLED, len(paths))).astype(int)]
     times = [read_block(path, ["cpu_s"])["cpu_s"].to_numpy() for path in chosen]
     return float(np.mean(np.concatenate(times))) if times else None

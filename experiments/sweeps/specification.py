@@ -16,22 +16,21 @@ For example:
 """
 
 # Without the future import of annotations: `check_document` reads the types of the fields.
+import copy
 import json
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, is_dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
-
-import yaml
 
 from experiments.demonstration_set import MAX_DEMONSTRATIONS
 from experiments.sweeps.factors import Cell, Overrides, make_cells
 from experiments.trial import Arm
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.document import brief, read_document, read_text
-from models.scenario import ENGINES, Scenario, dump_scenario, load_scenario, parse_scenario
-from models.validation import Violation, check_document, raise_first
+from models.scenario import ENGINES, Scenario, load_scenario, validate_scenario
+from models.validation import Violation, check_document, raise_first, set_field
 
 MAX_TRIALS = 1_000_000
 MAX_NAME = 80  # characters of the name of a policy
@@ -94,6 +93,11 @@ class PolicyPlan:
     carried_over: bool
     for_all_arms: bool = False
     trials: int = 20
+
+    @property
+    def imitates(self) -> bool:
+        """Whether it is a skill of this project's own parts, as far as the plan says."""
+        return self.make is None and not {"skill", "regressor"} & set(self.options)
 
 
 @dataclass(frozen=True)
@@ -351,12 +355,14 @@ def overridden(scenario: Scenario, overrides: Overrides, where: str) -> Scenario
     Raises:
         ValueError: naming ``where`` and the key that is unknown, or the value that is not allowed.
     """
-    document = yaml.safe_load(dump_scenario(scenario))
+    chosen = copy.deepcopy(scenario)
     for key, value in overrides.items():
-        node, names = document, key.split(".")
-        for name in names[:-1]:
-            node = node.get(name) if isinstance(node, dict) else None
-        if not isinstance(node, dict) or names[-1] not in node:
+        *groups, name = key.split(".")
+        node: Any = chosen
+        for group in groups:
+            node = getattr(node, group, None)
+        if not is_dataclass(node) or is_dataclass(getattr(node, name, chosen)):
             raise ValueError(f"{where}: unknown key {brief(key)} of the scenario")
-        node[names[-1]] = value
-    return parse_scenario(yaml.safe_dump(document), where)
+        set_field(node, name, value, where, ".".join(groups))
+    validate_scenario(chosen, where)
+    return chosen

@@ -3,7 +3,16 @@
 import pytest
 
 from experiments.sweeps import cost as costs
-from experiments.sweeps.cost import DEMONSTRATION_CPU, POLICY_CPU, REFERENCE_SPEED, TRIAL_CPU, cost_of, duration
+from experiments.sweeps.cost import (
+    DEMONSTRATION_CPU,
+    LOOP,
+    POLICY_CPU,
+    REFERENCE_SPEED,
+    TRIAL_CPU,
+    TrialKind,
+    cost_of,
+    duration,
+)
 from experiments.sweeps.result_blocks import blocks_of, hold
 from experiments.sweeps.trial_files import TRIALS
 from tests.experiments.sweeps.made_up_rows import made_up_row
@@ -16,29 +25,36 @@ def slow_machine(monkeypatch):
 
 
 def test_without_results_the_cost_follows_from_the_speed_of_the_machine(tmp_path):
-    cost = cost_of(tmp_path / TRIALS, trials=[("drake", 10), ("mujoco", 5)], demonstrations=30, policies=2)
-    expected = 10 * TRIAL_CPU["drake"] + 5 * TRIAL_CPU["mujoco"] + 30 * DEMONSTRATION_CPU + 2 * POLICY_CPU
+    trials = {
+        TrialKind("skill", "drake", compiled=True): 10,
+        TrialKind("skill", "exact", compiled=True): 5,
+        TrialKind("law", "exact", compiled=False): 3,
+    }
+    cost = cost_of(tmp_path / TRIALS, trials=trials, demonstrations={"exact": 20, "drake": 10}, policies=2)
+    expected = 10 * TRIAL_CPU["drake"] + 5 * TRIAL_CPU[LOOP] + 3 * TRIAL_CPU["exact"] + 2 * POLICY_CPU
+    expected += 20 * DEMONSTRATION_CPU["exact"] + 10 * DEMONSTRATION_CPU["drake"]
     assert cost.cpu == pytest.approx(2 * expected)
-    assert "to do: 15 trials, 30 demonstrations, 2 policies; about" in cost.text(2)
+    assert "to do: 18 trials, 30 demonstrations, 2 policies; about" in cost.text(2)
     assert "(from the speed of this machine)" in cost.text(2)
 
 
 def test_what_functions_make_is_not_estimated(tmp_path):
-    known = {"trials": [("drake", 10)], "demonstrations": 0}
+    known = {"trials": {TrialKind("p", "drake", compiled=False): 10}, "demonstrations": {}}
     cost = cost_of(tmp_path / TRIALS, **known, policies=3, unknown=2)
     assert cost.cpu == pytest.approx(2 * (10 * TRIAL_CPU["drake"] + POLICY_CPU))
     assert cost.text(1).endswith(", without the making of 2 policies by functions")
     assert "by functions" not in cost_of(tmp_path / TRIALS, **known, policies=3).text(1)
 
 
-def test_with_results_a_trial_costs_what_trials_of_this_engine_have_cost(tmp_path):
-    for engine, cpu in (("drake", 3.0), ("mujoco", 100.0)):
-        (block,) = blocks_of(tmp_path, "a" * 16, range(4), policy="p", arm="default", engine=engine)
+def test_with_results_a_trial_costs_what_trials_of_this_policy_and_engine_have_cost(tmp_path):
+    for policy, engine, cpu in (("a b", "drake", 3.0), ("a b", "mujoco", 100.0), ("c", "drake", 50.0)):
+        (block,) = blocks_of(tmp_path, "a" * 16, range(4), policy=policy, arm="default", engine=engine)
         held = hold(block)
         for number in range(4):
             held.add(made_up_row(number, cpu_s=cpu + number))
         held.write()
-    cost = cost_of(tmp_path / TRIALS, trials=[("drake", 1000), ("drake", 1000)], demonstrations=0, policies=0)
+    kind = TrialKind("a b", "drake", compiled=True)
+    cost = cost_of(tmp_path / TRIALS, trials={kind: 2000}, demonstrations={}, policies=0)
     assert cost.cpu == pytest.approx(2000 * 4.5)
     assert cost.text(3) == (
         "to do: 2,000 trials; about 2.5 h of CPU, 50.1 min with 3 idle cores"

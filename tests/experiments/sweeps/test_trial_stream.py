@@ -23,6 +23,8 @@ PUSH = {"make": "tests.experiments.sweeps.pushes:push"}
 class ReadyRows:
     """Yields rows that nobody has simulated, as a `WorkerPool` yields results."""
 
+    workers = 2
+
     def __init__(self, scenario):
         self._scenario = scenario
 
