@@ -62,12 +62,14 @@ bench: environment
 	$(RUN) pip install --quiet --editable ".[peers]" $(CONSTRAINTS:%=--constraint %)
 	for name in $(BENCHMARKS); do $(RUN) benchmarks.$$name --json out/benchmarks/$$name.json || exit 1; done
 
-SWEEPS := $(basename $(notdir $(wildcard benchmarks/sweeps/*.yaml)))
+SWEEPS := friction sensor_noise pivot mount_stiffness demonstrations
 
-# Tens of thousands of insertions: about ten hours on two cores. An interrupted sweep continues where it stopped.
+# The curves of docs/curves, or other files of benchmarks/sweeps: make sweeps SWEEPS="fresh_sets fresh_sets_exact".
+# An interrupted sweep continues where it stopped.
 sweeps: environment
-	$(RUN) pip install --quiet --editable ".[mujoco]" $(CONSTRAINTS:%=--constraint %)
-	for name in $(SWEEPS); do "$(VENV)/bin/haptic-skill" sweep benchmarks/sweeps/$$name.yaml || exit 1; done
+	for name in $(SWEEPS); do \
+	  "$(VENV)/bin/haptic-skill" sweep benchmarks/sweeps/$$name.yaml --out out/sweeps/curves || exit 1; \
+	done
 
 RELEASE := out/release/files
 NAME = haptic-skill-$(shell "$(VENV)/bin/python" -c 'from importlib.metadata import version; print(version("haptic-skill"))')
