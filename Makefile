@@ -62,12 +62,11 @@ bench: environment
 	$(RUN) pip install --quiet --editable ".[peers]" $(CONSTRAINTS:%=--constraint %)
 	for name in $(BENCHMARKS); do $(RUN) benchmarks.$$name --json out/benchmarks/$$name.json || exit 1; done
 
-SWEEPS := friction sensor_noise pivot mount_stiffness demonstrations
+CURVES := friction sensor_noise pivot mount_stiffness demonstrations
 
-# The curves of docs/curves, or other files of benchmarks/sweeps: make sweeps SWEEPS="fresh_sets fresh_sets_exact".
-# An interrupted sweep continues where it stopped.
+# The curves of docs/curves. What is there is kept: an interrupted sweep continues where it stopped.
 sweeps: environment
-	for name in $(SWEEPS); do \
+	for name in $(CURVES); do \
 	  "$(VENV)/bin/haptic-skill" sweep benchmarks/sweeps/$$name.yaml --out out/sweeps/curves || exit 1; \
 	done
 
