@@ -45,7 +45,7 @@ def paired_command(board: Scoreboard, policy: str, cell: Cell) -> str:
 
 def _read(board: Scoreboard, policy: str, cell: Cell) -> str:
     """The expression of the trials of a policy in a cell."""
-    filters: list[tuple[str, str, Any]] = [("code", "==", board.code), ("factors", "==", cell.factors)]
+    filters: list[tuple[str, str, Any]] = [("code", "==", board.codes[cell.engine]), ("factors", "==", cell.factors)]
     if board.skills:
         filters.append(("skill", "in", list(board.skills)))
     return f"pandas.read_parquet({str(partition(board.folder, policy, cell.arm, cell.engine))!r}, filters={filters!r})"

@@ -51,22 +51,22 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Origin:
-    """Which trials of a folder of results count: those of the newest code, and of them those of the newest policies.
+    """Which trials of a folder of results count: in each engine those of the newest code and the newest policies.
 
     The policy of a name is made anew where its specification, demonstrations or modules, or a version have changed.
 
     Attributes:
         folder: the folder of results.
-        code: digest of the code that made them.
+        codes: digest of the code that made them, by the engine.
         left_out: number of trials of other code, by its digest.
-        replaced: number of trials of that code whose policy has been made anew since.
+        replaced: number of trials of those codes whose policy has been made anew since.
         skills: digests of the policies in the table, if there are others; else empty.
         published: whether the folder is a published copy, in which no sweep goes on.
         sweeps: the stored specifications.
     """
 
     folder: Path
-    code: str
+    codes: dict[str, str]
     left_out: dict[str, int]
     replaced: int
     skills: tuple[str, ...]
@@ -106,9 +106,10 @@ def read_trials(folder: Path, advance: Callable[[str], None] = lambda _: None) -
     if table.empty:
         raise ValueError(f"{folder}: no trials yet; expected at least one row in the files of {folder / TRIALS}")
     _refuse_twice(table, ["key"], paths, "with the same key; expected each trial once")
-    code = str(table["code"].iloc[-1])
-    counts = table["code"].value_counts()
-    of_code = table[table["code"] == code]
+    newest = table.drop_duplicates("engine", keep="last")
+    codes = dict(sorted(zip(newest["engine"].astype(str), newest["code"].astype(str), strict=True)))
+    is_newest = table["code"].astype(str) == table["engine"].astype(str).map(codes)
+    of_code, others = table[is_newest], table["code"][~is_newest].astype(str).value_counts()
     skills = tuple(sorted(of_code.drop_duplicates(MADE_FOR, keep="last")["skill"].unique()))
     kept = of_code[of_code["skill"].isin(skills)].sort_index()
     reason = "the scenario, which has changed under its name, or the versions of the packages differ"
@@ -121,8 +122,8 @@ def read_trials(folder: Path, advance: Callable[[str], None] = lambda _: None) -
     replaced = len(of_code) - len(kept)
     return Trials(
         folder=folder,
-        code=code,
-        left_out={str(digest): int(count) for digest, count in counts.items() if digest != code},
+        codes=codes,
+        left_out={str(digest): int(count) for digest, count in others.items()},
         replaced=replaced,
         skills=skills if replaced else (),
         published=any(path.name == PUBLISHED for path in paths),

@@ -58,8 +58,16 @@ def about(board: Scoreboard) -> str:
     tables = f"{len(board.tables)} table{'' if len(board.tables) == 1 else 's'}"
     return (
         f"{board.trials:,} trials of {len(policies)} {'policy' if len(policies) == 1 else 'policies'} in {tables},"
-        f" all made by the code {board.code[:DIGEST]}; compared with “{board.reference}”"
+        f" all made by the code {codes_text(board)}; compared with “{board.reference}”"
     )
+
+
+def codes_text(board: Scoreboard) -> str:
+    """The code that made the trials: of each engine, if they differ."""
+    codes = {engine: digest[:DIGEST] for engine, digest in board.codes.items()}
+    if len(set(codes.values())) == 1:
+        return next(iter(codes.values()))
+    return ", ".join(f"{digest} ({engine})" for engine, digest in codes.items())
 
 
 def warnings(board: Scoreboard) -> list[str]:
@@ -70,7 +78,7 @@ def warnings(board: Scoreboard) -> list[str]:
         total = sum(board.left_out.values())
         found.append(
             f"{total:,} trial{' is' if total == 1 else 's are'} left out, because other code made"
-            f" {'it' if total == 1 else 'them'}: {other}. The tables hold the newest code only, {board.code[:DIGEST]}."
+            f" {'it' if total == 1 else 'them'}: {other}. The tables hold the newest code only, {codes_text(board)}."
         )
     if board.replaced:
         found.append(

@@ -28,7 +28,7 @@ def test_rows_have_their_partition_and_the_types_that_statistics_need(tmp_path):
     assert table["inserted"].dtype == bool
     np.testing.assert_array_equal(table["trusted"], [1.0, np.nan, 1.0])
     np.testing.assert_array_equal(table["demonstration_set"], [np.nan, np.nan, 2.0])
-    assert found.code == "c0de0001"
+    assert set(found.codes.values()) == {"c0de0001"}
     assert found.left_out == {}
 
 
@@ -37,9 +37,19 @@ def test_only_the_newest_code_counts_and_the_others_are_counted(tmp_path):
     rows = [{"trial": k, "code": "abc"[k % 3], "began": zones[k % 3]} for k in range(8)]
     write_trials(tmp_path, rows)
     found = read_trials(tmp_path)
-    assert found.code == "b"  # 23:00 UTC is later than 0:30 two hours east of it
+    assert set(found.codes.values()) == {"b"}  # 23:00 UTC is later than 0:30 two hours east of it
     assert found.table["trial"].tolist() == [1, 4, 7]
     assert found.left_out == {"a": 3, "c": 2}
+
+
+def test_each_engine_has_its_newest_code(tmp_path):
+    write_trials(tmp_path, [{"code": "old", "began": "2026-01-01T00:00:00+00:00"}], engine="drake")
+    rows = [{"trial": k, "code": code, "began": f"2026-02-0{k + 1}T00:00:00+00:00"} for k, code in enumerate("ab")]
+    write_trials(tmp_path, rows, engine="exact")
+    found = read_trials(tmp_path)
+    assert found.codes == {"drake": "old", "exact": "b"}
+    assert found.left_out == {"a": 1}
+    assert sorted(found.table["engine"]) == ["drake", "exact"]
 
 
 def test_of_a_policy_that_was_made_anew_only_the_newest_counts(tmp_path):
