@@ -134,7 +134,6 @@ def plan_sweep(path: Path, out: Path, store: PolicyStore) -> SweepPlan:
     from experiments.sweeps.assignments import assignments
     from experiments.sweeps.cost import TrialKind, cost_of
     from experiments.sweeps.specification import read_specification
-    from experiments.sweeps.trial_files import TRIALS
 
     specification = read_specification(path)
     if "mujoco" in specification.engines:
@@ -153,7 +152,7 @@ def plan_sweep(path: Path, out: Path, store: PolicyStore) -> SweepPlan:
     for source in sets:
         demonstrations[source.scenario.contact.engine] += store.unrecorded([source])
     cost = cost_of(
-        out / TRIALS,
+        out,
         trials=trials,
         demonstrations=demonstrations,
         policies=len(unmade),

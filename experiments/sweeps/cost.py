@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import quote
 
 import numpy as np
 
 from experiments.machine_speed import machine_speed
 from experiments.sweeps.result_blocks import read_block
+from experiments.sweeps.trial_files import partition
 
 REFERENCE_SPEED = 105.0
 """`machine_speed` of the machine with these CPU times, ms."""
@@ -71,7 +71,7 @@ class Cost:
 
 
 def cost_of(
-    data: Path,
+    results: Path,
     *,
     trials: Mapping[TrialKind, int],
     demonstrations: Mapping[str, int],
@@ -81,7 +81,7 @@ def cost_of(
     """Estimates a cost.
 
     Args:
-        data: folder of the data set; trials in it tell what a trial costs.
+        results: folder of the sweep; trials in it tell what a trial costs.
         trials: numbers of trials that are missing.
         demonstrations: numbers that have to be recorded, by their engines.
         policies: number that has to be made.
@@ -90,7 +90,7 @@ def cost_of(
     Raises:
         ValueError: if a file of the data set is damaged.
     """
-    measured = {kind: _measured(data, kind) for kind in trials}
+    measured = {kind: _measured(results, kind) for kind in trials}
     speed = machine_speed() / REFERENCE_SPEED
     cpu = speed * sum(number * DEMONSTRATION_CPU[engine] for engine, number in demonstrations.items())
     for kind, number in trials.items():
@@ -106,9 +106,9 @@ def cost_of(
     )
 
 
-def _measured(data: Path, kind: TrialKind) -> float | None:
+def _measured(results: Path, kind: TrialKind) -> float | None:
     """The mean CPU time of a trial in some blocks, s; None without any."""
-    paths = sorted((data / f"policy={quote(kind.policy, safe='')}").glob(f"arm=*/engine={kind.engine}/*.parquet"))
+    paths = sorted(results.glob(f"{partition(Path(), kind.policy, '*', kind.engine)}/*.parquet"))
     chosen = [paths[k] for k in np.linspace(0, len(paths) - 1, min(SAMPLED, len(paths))).astype(int)]
     times = [read_block(path, ["cpu_s"])["cpu_s"].to_numpy() for path in chosen]
     return float(np.mean(np.concatenate(times))) if times else None

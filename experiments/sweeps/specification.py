@@ -361,8 +361,10 @@ def overridden(scenario: Scenario, overrides: Overrides, where: str) -> Scenario
         node: Any = chosen
         for group in groups:
             node = getattr(node, group, None)
-        if not is_dataclass(node) or is_dataclass(getattr(node, name, chosen)):
+        if not (is_dataclass(node) and hasattr(node, name)):
             raise ValueError(f"{where}: unknown key {brief(key)} of the scenario")
+        if is_dataclass(getattr(node, name)):
+            raise ValueError(f"{where}: {brief(key)} is a group of keys of the scenario, expected one of its keys")
         set_field(node, name, value, where, ".".join(groups))
     validate_scenario(chosen, where)
     return chosen

@@ -177,7 +177,7 @@ class TrialStream:
             raise errors[0]
 
     def _batch(self, missing: int, engine: str, policy: RigPolicy) -> int:
-        """Returns how many trials a task has: several only where the compiled loop performs them, in no time."""
+        """Returns how many trials a task has: several only where the compiled loop performs them."""
         if engine != "exact" or skill_numbers(policy) is None:
             return 1
         return min(max(missing // (2 * self._pool.workers), MIN_BATCH), MAX_BATCH)

@@ -141,10 +141,10 @@ def block_rotation(pitch: float, yaw: float) -> Array:
 def tip_in_hole(m: Mechanics, q: Array) -> tuple[Array, Array]:
     """Returns R_WH (3, 3) and the centre of the tip in H (3,), m, at positions (5,)."""
     R, found = block_rotation(q[3], q[4]), np.empty(3)
-    # From the origin of H, which is below the pivot along the axis of the bore.
-    x, y, z = q[1] + m.pivot * R[0, 2], q[2] + m.pivot * R[1, 2], q[0] - m.sensor - m.pivot + m.pivot * R[2, 2]
+    x, y, z = q[1], q[2], q[0] - m.sensor - m.pivot  # from the pivot
     for i in range(3):
         found[i] = R[0, i] * x + R[1, i] * y + R[2, i] * z
+    found[2] += m.pivot  # from the origin of H, which is below the pivot along the axis of the bore
     return R, found
 
 
@@ -153,14 +153,9 @@ def rig_contacts(
     bodies: Bodies, m: Mechanics, q: Array, gap: Array, point: Array, normal: Array, surface: Numbers
 ) -> int:
     """Finds the contacts at positions (5,); their points and normals are in W. Returns how many there are."""
-    R = block_rotation(q[3], q[4])
-    x, y, z = q[1], q[2], q[0] - m.sensor - m.pivot  # from the pivot
-    p_H = np.empty(3)
-    for i in range(3):
-        p_H[i] = R[0, i] * x + R[1, i] * y + R[2, i] * z
-    p_H[2] += m.pivot
+    R, tip = tip_in_hole(m, q)
     # The peg does not turn in W; its x and y axes in H are two rows of R_WH.
-    count = find_contacts(bodies, p_H, R[0], R[1], gap, point, normal, surface)
+    count = find_contacts(bodies, tip, R[0], R[1], gap, point, normal, surface)
     for i in range(count):
         point[i, 2] -= m.pivot
         turn(R, point[i])
@@ -171,7 +166,7 @@ def rig_contacts(
 
 @compiled
 def turn(R: Array, x: Array) -> None:
-    """Turns a vector (3,) in place by a matrix (3, 3); a product of libraries takes ten times as long."""
+    """Turns a vector (3,) in place by a matrix (3, 3), without the call of a library and new arrays."""
     a, b, c = x[0], x[1], x[2]
     for i in range(3):
         x[i] = R[i, 0] * a + R[i, 1] * b + R[i, 2] * c

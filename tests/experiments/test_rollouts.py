@@ -10,6 +10,7 @@ from models.scenario import load_scenario
 from scripts.command_line import SHIPPED
 from skill.data.outcome import Outcome
 from skill.manipulation_skill import ManipulationSkill
+from skill.policy import CarriedOver
 from skill.practice.exploration import PerturbedPolicy, draw_perturbation
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.skill_step import skill_numbers
@@ -57,6 +58,14 @@ def compared(scenario, policy):
 @pytest.mark.parametrize(("number", "arm"), [(501, Arm.DEFAULT), (502, Arm.STRESS), (503, Arm.STRESS)])
 def test_a_trial_is_inserted_alike(shipped, number, arm):
     assert compared(scenario_of(number, arm), shipped).outcome is Outcome.INSERTED
+
+
+@pytest.mark.slow
+def test_a_carried_over_skill_rolls_out_in_another_hole(shipped):
+    scenario = scenario_of(501, geometry__hole_radius=0.01006)
+    with pytest.raises(ValueError, match="the skill was trained for"):
+        rolled_out(scenario, shipped, number=501)
+    assert compared(scenario, CarriedOver(shipped)).outcome is Outcome.INSERTED
 
 
 @pytest.mark.slow

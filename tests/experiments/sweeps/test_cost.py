@@ -14,7 +14,6 @@ from experiments.sweeps.cost import (
     duration,
 )
 from experiments.sweeps.result_blocks import blocks_of, hold
-from experiments.sweeps.trial_files import TRIALS
 from tests.experiments.sweeps.made_up_rows import made_up_row
 
 
@@ -30,7 +29,7 @@ def test_without_results_the_cost_follows_from_the_speed_of_the_machine(tmp_path
         TrialKind("skill", "exact", compiled=True): 5,
         TrialKind("law", "exact", compiled=False): 3,
     }
-    cost = cost_of(tmp_path / TRIALS, trials=trials, demonstrations={"exact": 20, "drake": 10}, policies=2)
+    cost = cost_of(tmp_path, trials=trials, demonstrations={"exact": 20, "drake": 10}, policies=2)
     expected = 10 * TRIAL_CPU["drake"] + 5 * TRIAL_CPU[LOOP] + 3 * TRIAL_CPU["exact"] + 2 * POLICY_CPU
     expected += 20 * DEMONSTRATION_CPU["exact"] + 10 * DEMONSTRATION_CPU["drake"]
     assert cost.cpu == pytest.approx(2 * expected)
@@ -40,10 +39,10 @@ def test_without_results_the_cost_follows_from_the_speed_of_the_machine(tmp_path
 
 def test_what_functions_make_is_not_estimated(tmp_path):
     known = {"trials": {TrialKind("p", "drake", compiled=False): 10}, "demonstrations": {}}
-    cost = cost_of(tmp_path / TRIALS, **known, policies=3, unknown=2)
+    cost = cost_of(tmp_path, **known, policies=3, unknown=2)
     assert cost.cpu == pytest.approx(2 * (10 * TRIAL_CPU["drake"] + POLICY_CPU))
     assert cost.text(1).endswith(", without the making of 2 policies by functions")
-    assert "by functions" not in cost_of(tmp_path / TRIALS, **known, policies=3).text(1)
+    assert "by functions" not in cost_of(tmp_path, **known, policies=3).text(1)
 
 
 def test_with_results_a_trial_costs_what_trials_of_this_policy_and_engine_have_cost(tmp_path):
@@ -54,7 +53,7 @@ def test_with_results_a_trial_costs_what_trials_of_this_policy_and_engine_have_c
             held.add(made_up_row(number, cpu_s=cpu + number))
         held.write()
     kind = TrialKind("a b", "drake", compiled=True)
-    cost = cost_of(tmp_path / TRIALS, trials={kind: 2000}, demonstrations={}, policies=0)
+    cost = cost_of(tmp_path, trials={kind: 2000}, demonstrations={}, policies=0)
     assert cost.cpu == pytest.approx(2000 * 4.5)
     assert cost.text(3) == (
         "to do: 2,000 trials; about 2.5 h of CPU, 50.1 min with 3 idle cores"

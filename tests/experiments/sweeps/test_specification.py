@@ -129,6 +129,14 @@ policies:
     assert law.demonstrations is None
 
 
+def test_a_varied_key_has_the_type_of_its_field_and_is_no_group(tmp_path):
+    found = read(tmp_path, PLAIN + "vary: {sensor.force_noise: [[1, 2, 3]], contact.friction: [1]}\n")
+    scenario = found.scenario_with(found.cells[0].scenario_overrides(), "sweep")
+    assert [type(value) for value in (scenario.contact.friction, *scenario.sensor.force_noise)] == [float] * 4
+    with pytest.raises(ValueError, match="'sensor' is a group of keys of the scenario, expected one of its keys"):
+        read(tmp_path, PLAIN + "vary: {sensor: [1, 2]}\n")
+
+
 def test_a_policy_may_perform_only_the_first_trials(tmp_path):
     push = '{make: "benchmarks.rig.policies:straight_push", trials: 4}'
     text = f"policies: {{skill: {{learn: {{}}}}, push: {push}}}\ntrials: {{first: 7, number: 9}}\n"

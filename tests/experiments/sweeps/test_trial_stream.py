@@ -12,6 +12,7 @@ from experiments.sweeps.executors import make_pool
 from experiments.sweeps.policy_store import PolicyStore
 from experiments.sweeps.specification import read_specification
 from experiments.sweeps.trial_stream import TrialStream
+from experiments.worker_pool import WorkerPool
 from models.scenario import dump_scenario
 from tests.experiments.sweeps.conftest import rows_in
 from tests.experiments.sweeps.made_up_rows import made_up_row
@@ -27,9 +28,11 @@ class ReadyRows:
 
     def __init__(self, scenario):
         self._scenario = scenario
+        self.sizes = {}
 
     def run(self, tasks):
         for task in tasks:
+            self.sizes.setdefault((task.source.name, task.source.engine), []).append(len(task.numbers))
             yield [(task.block, n, made_up_row(n, scenario=self._scenario)) for n in task.numbers]
 
 
@@ -57,6 +60,19 @@ def test_thousands_of_rows_take_no_memory_that_grows(specification, skill_file, 
     rows = rows_in(tmp_path)
     assert sorted(rows.trial) == list(range(ROWS))
     assert rows.key.is_unique
+
+
+def test_only_trials_of_the_compiled_loop_share_a_task(specification, skill_file, tmp_path):
+    policies = {"mine": {"skill": str(skill_file)}, "push": PUSH | {"trials": 3}}
+    wanted = read_specification(specification(policies=policies, engines=["exact", "drake"], trials={"number": 70}))
+    todo = [(a, block, len(block.numbers)) for a in assignments(wanted, tmp_path, "sweep") for block in a.blocks]
+    store, pool = PolicyStore(tmp_path), ReadyRows(dump_scenario(wanted.scenario))
+    with WorkerPool(1) as workers:
+        store.make([a.policy for a, _, _ in todo if a.policy.given is None], workers, lambda _: None)
+    assert TrialStream(todo, store, pool, lambda _: None).run().written == 2 * (70 + 3)
+    assert pool.sizes["mine", "exact"] == [17, 17, 17, 17, 2]  # two batches for each of two workers, and the rest
+    assert pool.sizes["mine", "drake"] == [1] * 70
+    assert pool.sizes["push", "exact"] == pool.sizes["push", "drake"] == [1] * 3
 
 
 def test_a_block_that_cannot_be_written_costs_no_rows_of_others(specification, tmp_path, monkeypatch):
