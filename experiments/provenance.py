@@ -14,18 +14,16 @@ def version_of(distribution: str) -> str:
     if distribution == PYTHON:
         return sys.version.split()[0]
     try:
-        return _installed(distribution)
+        return importlib.metadata.version(distribution)
     except importlib.metadata.PackageNotFoundError:
         return "of unknown version"
 
 
-def versions() -> dict[str, str]:
-    """Returns the versions of the interpreter, of this project and of the packages that affect results."""
-    names = ("haptic-skill", "drake", "numpy", "scipy", "scikit-learn")
-    return {PYTHON: version_of(PYTHON), **{name: _installed(name) for name in names}}
-
-
 @cache
-def _installed(distribution: str) -> str:
-    """Returns the version of a distribution as this process found it first; it is read from a file."""
-    return importlib.metadata.version(distribution)
+def versions() -> dict[str, str]:
+    """Returns the versions of the interpreter, of this project and of the packages that affect results.
+
+    They are read from files once; the dictionary is the same for all callers, who do not change it.
+    """
+    names = ("haptic-skill", "drake", "numpy", "scipy", "scikit-learn")
+    return {PYTHON: sys.version.split()[0], **{name: importlib.metadata.version(name) for name in names}}
