@@ -52,7 +52,7 @@ class DemonstrationSource:
     @cached_property
     def digest(self) -> str:
         """The digest of what decides the set, the code included."""
-        known = {"scenario": asdict(self.scenario), "good": self.good, "bad": self.bad, "seed": self.seed}
+        known = {"scenario": self.scenario, "good": self.good, "bad": self.bad, "seed": self.seed}
         return values_digest({**known, "code": trial_code(), "versions": versions()})
 
 
@@ -166,7 +166,7 @@ def _policies(
 
 def _acting(plan: PolicyPlan, scenario: Scenario, arm: Arm) -> dict[str, Any]:
     """What a function that makes policies is told of the trials."""
-    return {"scenario": asdict(scenario)} | ({} if plan.for_all_arms else {"arm": arm.value})
+    return {"scenario": scenario} | ({} if plan.for_all_arms else {"arm": arm.value})
 
 
 def _require_geometry(

@@ -26,8 +26,8 @@ INSTALLED = tuple({sysconfig.get_path(name) for name in ("stdlib", "platstdlib",
 
 
 def values_digest(values: Mapping[str, Any]) -> str:
-    """Returns a digest of JSON values, whatever the order of their keys."""
-    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:16]
+    """Returns a digest of JSON values and dataclasses, whatever the order of their keys."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True, default=vars).encode()).hexdigest()[:16]
 
 
 def code_digest(modules: Iterable[str]) -> str:

@@ -9,12 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from scipy.stats import qmc
-
 from models.document import brief
 from skill.arrays import Array
 
-MAX_CELLS = 100_000
+MAX_CELLS = 1_000
 TRAINING = "training."
 """Begins the keys that change how a policy is made; the others are keys of the scenario."""
 
@@ -192,6 +190,8 @@ def _random_design(design: dict[str, Any], where: str) -> tuple[int, int]:
 def _sobol(dimensions: int, samples: int, seed: int) -> Array:
     """Returns points (samples, dimensions) in the unit cube."""
     # A power of two keeps the sequence balanced; the first samples of it are used.
+    from scipy.stats import qmc  # slow to import, and most designs are grids
+
     sequence = qmc.Sobol(dimensions, seed=seed)
     points: Array = sequence.random_base2(math.ceil(math.log2(samples)))[:samples]
     return points

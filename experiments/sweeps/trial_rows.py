@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
 from typing import Any
@@ -54,7 +54,7 @@ class TrialSource:
     def digest(self) -> str:
         """Returns the digest of what decides the trials, the code and the versions of the packages included."""
         known = {
-            **{"scenario": asdict(self.scenario), "arm": self.arm.value},
+            **{"scenario": self.scenario, "arm": self.arm.value},
             **{"policy": self.policy, "name": self.name, "factors": self.factors, "code": trial_code()},
             "versions": engine_versions(self.engine),
         }

@@ -95,9 +95,9 @@ def test_combinations_of_listed_levels_that_are_drawn_again_count_once():
         ),
         ({"a": {date(2026, 1, 1): {"k": 1}}}, "grid", "the level datetime.date(2026, 1, 1), expected texts or numbers"),
         ({"a": [1]}, "random", "design is 'random', expected grid, or {random: N, seed: S}"),
-        ({"a": [1]}, {"random": 0}, "design.random is 0, expected 1 to 100000"),
+        ({"a": [1]}, {"random": 0}, "design.random is 0, expected 1 to 1000"),
         ({}, {"random": 4}, "design is random, expected grid, because nothing is varied"),
-        ({"a": list(range(400)), "b": list(range(400))}, "grid", "a grid of more than 100,000 cells, expected fewer"),
+        ({"a": list(range(400)), "b": list(range(400))}, "grid", "a grid of more than 1,000 cells, expected fewer"),
     ],
 )
 def test_a_design_that_makes_no_sense_is_refused(vary, design, message):
