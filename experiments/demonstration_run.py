@@ -14,7 +14,7 @@ from pydrake.systems.framework import Context, EventStatus
 from experiments.metrics.jamming import is_jammed
 from experiments.metrics.penetration import deepest_overlap
 from experiments.provenance import versions
-from models.contact_geometry import axes_of_rotation_vectors
+from models.contact_geometry import rotations_of_vectors
 from models.scenario import Scenario, dump_scenario
 from skill.data.demonstration import Demonstration
 from skill.data.outcome import Ending, Outcome
@@ -71,8 +71,8 @@ class DemonstrationRun:
             outcome = Outcome.JAMMED
         if outcome is Outcome.INSERTED and force > scenario.recorder.rough_force:
             outcome = Outcome.INSERTED_ROUGHLY
-        axis_H = axes_of_rotation_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
-        overlap = deepest_overlap(scenario.geometry, samples[["x", "y", "z"]].to_numpy(), axis_H)
+        R_HP = rotations_of_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
+        overlap = deepest_overlap(scenario.geometry, samples[["x", "y", "z"]].to_numpy(), R_HP)
         return Demonstration(
             samples=samples,
             good=outcome is Outcome.INSERTED if good is None else good,

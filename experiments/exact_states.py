@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.metrics.penetration import MIN_UPRIGHT, round_bodies
-from models.contact_geometry import ContactLabel, PegInHole, axes_of_rotation_vectors
+from experiments.metrics.penetration import MIN_UPRIGHT
+from models.contact_geometry import ContactLabel, PegInHole, rotations_of_vectors
 from skill.data.demonstration import Demonstration
 from skill.data.geometry import PegHoleGeometry
 from skill.features.wrench_features import MEASURED
@@ -23,12 +23,12 @@ UNKNOWN = -1
 
 
 def exact_bodies(demonstration: Demonstration) -> PegInHole:
-    """Returns the round peg and hole of a demonstration.
+    """Returns the exact peg and hole of a demonstration.
 
     Raises:
         ValueError: if the metadata of the demonstration hold no complete geometry.
     """
-    return round_bodies(PegHoleGeometry.from_metadata(demonstration.metadata, "demonstration"))
+    return PegInHole.of(PegHoleGeometry.from_metadata(demonstration.metadata, "demonstration"))
 
 
 def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:
@@ -40,10 +40,10 @@ def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:
         ValueError: if the metadata of the demonstration hold no complete geometry.
     """
     samples = demonstration.samples
-    axis = axes_of_rotation_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
-    upright = axis[:, 2] > MIN_UPRIGHT
+    R_HP = rotations_of_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
+    upright = R_HP[:, 2, 2] > MIN_UPRIGHT
     labels = np.full(len(samples), UNKNOWN, dtype=np.intp)
-    labels[upright] = exact_bodies(demonstration).label(samples[["x", "y", "z"]].to_numpy()[upright], axis[upright])
+    labels[upright] = exact_bodies(demonstration).label(samples[["x", "y", "z"]].to_numpy()[upright], R_HP[upright])
     return labels
 
 

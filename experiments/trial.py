@@ -52,7 +52,7 @@ class TrialRecord:
     def add_row(self, context: Context) -> None:
         """Records what is kept once a controller period."""
         X_HP = self._rig.plant.peg_in_hole(context)
-        self._poses.append(np.concatenate([X_HP.translation(), X_HP.rotation().col(2)]))
+        self._poses.append(X_HP.GetAsMatrix34())
         contacts = self._rig.plant.contacts(context)
         self.forces.add_contacts(contacts)
         self._contacts.append(contact_table(contacts))
@@ -76,8 +76,8 @@ class TrialRecord:
 
     def penetration(self) -> float:
         """Returns the deepest overlap of the round bodies at one pose per controller period, m."""
-        poses = np.reshape(self._poses, (-1, 6))
-        return deepest_overlap(self._geometry, poses[:, :3], poses[:, 3:])
+        poses = np.reshape(self._poses, (-1, 3, 4))
+        return deepest_overlap(self._geometry, poses[:, :, 3], poses[:, :, :3])
 
 
 class TrialMonitor:

@@ -17,9 +17,9 @@ the nominal one if each length keeps its ratio to the clearance:
 
 Three other quantities bound the modulus:
 
-- Drake extrapolates the pressure over a step, by about E v dt / r (`models.bore.BrokenEdge`). Where the area of contact
-  does not depend on C, as along a line, this is a force that grows with E dt and adds to friction and impacts. E dt is
-  at most the nominal one. Below the nominal clearance this leaves E proportional to 1/C, and delta/C to C^-0.6.
+- Drake extrapolates the pressure over a step, by about E v dt / r (`models.meshes.BrokenEdge`). Where the area of
+  contact does not depend on C, as along a line, this is a force that grows with E dt and adds to friction and impacts.
+  E dt is at most the nominal one. Below the nominal clearance this leaves E proportional to 1/C, and delta/C to C^-0.6.
 - Trials are trusted up to an overlap of a quarter of the clearance. delta must be smaller under the load F. With the
   nominal peg this counts below c = 0.0008.
 - The deflection F/K of the mount, with the stiffness K. The contact must add little to it. This counts above c = 0.024.
@@ -34,10 +34,10 @@ import copy
 import math
 from pathlib import Path
 
-from models.bore import facet_sagitta, minimum_facets
 from models.contact_checks import expected_overlap, softest_modulus
 from models.contact_theory import largest_entry_tilt
 from models.document import read_document, read_text
+from models.meshes import facet_sagitta, minimum_facets
 from models.scenario import FREE_FACETS, FREE_FIXTURE, MIN_TIME_STEP, Geometry, Scenario, load_scenario
 from models.validation import check_document, is_multiple
 
@@ -124,7 +124,7 @@ def facets_of_clearance(*, hole_radius: float, clearance: float, spins: bool) ->
         hole_radius: R, m.
         clearance: R - r, m.
         spins: Whether the peg may rotate about its axis. Then a quarter of the clearance is the bound (see
-            `models.bore.minimum_facets`).
+            `models.meshes.minimum_facets`).
     """
     g = NOMINAL.geometry
     if spins:

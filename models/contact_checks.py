@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from models.bore import MAX_PLAY_ERROR, facet_sagitta, minimum_aligned_facets, minimum_facets, play_error
+from models.meshes import MAX_PLAY_ERROR, facet_sagitta, minimum_aligned_facets, minimum_facets, play_error
 from models.validation import Violation
 
 OVERLAP_FACTOR = 0.121

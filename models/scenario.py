@@ -14,7 +14,6 @@ import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
-from models.bore import MAX_FACETS, minimum_clearance
 from models.contact_checks import facet_violations, softness_violations
 from models.contact_theory import largest_entry_tilt
 from models.control import ControllerParameters
@@ -26,7 +25,9 @@ from models.hardware import (
     StepperMotorParameters,
     WrenchSensorParameters,
 )
+from models.meshes import MAX_FACETS, minimum_clearance
 from models.operator import HABITS, OperatorParameters, draw_person
+from models.section import ROUND, section_of
 from models.validation import (
     PERIODS,
     TIME_LIMITS,
@@ -66,11 +67,15 @@ FREE_FACETS = 64
 
 @dataclass
 class Geometry:
-    """Sizes of the peg and the hole, and the resolution of their meshes."""
+    """Shape and sizes of the peg and the hole, and the resolution of their meshes."""
 
-    peg_radius: float = limited(0.010, low=1e-4, high=1.0)  # in units of m
+    section: str = ROUND  # one of models.section.NAMES
+    # Of a polygon, which then replaces the name: rows (x, y, radius), counter-clockwise, in units of the peg's radius.
+    corners: list[list[float]] = field(default_factory=list)
+    # In units of m; of a circle, or half of the width between the sides that are nearest to the axis.
+    peg_radius: float = limited(0.010, low=1e-4, high=1.0)
     peg_length: float = limited(0.060, low=1e-4, high=10.0)  # in units of m
-    hole_radius: float = limited(0.01005, low=1e-4, high=1.0)  # in units of m
+    hole_radius: float = limited(0.01005, low=1e-4, high=1.0)  # in units of m; likewise
     hole_depth: float = limited(0.025, low=1e-4, high=10.0)  # in units of m
     chamfer: float = limited(0.0005, low=0.0)  # in units of m, at 45 degrees
     # Of the bore and of the peg; a file with the fixture `free` has FREE_FACETS by default.
@@ -264,12 +269,18 @@ def _geometry_violations(g: Geometry) -> Iterator[Violation]:
     elif g.clearance < minimum_clearance(g.hole_radius):
         smallest = f"{1e3 * minimum_clearance(g.hole_radius):.4g} mm"
         yield Violation(name, found, f"at least {smallest}, which {MAX_FACETS} facets can resolve")
+    try:
+        mouth = section_of(g.corners or g.section).scaled(g.peg_radius).offset(max(0.0, g.clearance) + g.chamfer)
+    except ValueError as error:
+        yield Violation("geometry.section", g.section, f"another shape: {error}")
+        return
     if not 0 <= g.chamfer < g.hole_depth:
         yield Violation("geometry.chamfer", f"{g.chamfer} m", "at least 0 and below hole_depth")
     if g.peg_length <= g.hole_depth:
         yield Violation("geometry.peg_length", f"{g.peg_length} m", f"> hole_depth {g.hole_depth}")
-    if g.block_radius <= g.hole_radius + g.chamfer:
-        yield Violation("geometry.block_radius", f"{g.block_radius} m", "> hole_radius + chamfer")
+    if g.block_radius <= mouth.outer_radius:
+        expected = f"> {mouth.outer_radius:.6g} m, the outer radius of the mouth"
+        yield Violation("geometry.block_radius", f"{g.block_radius} m", expected)
 
 
 def _name_violations(scenario: Scenario) -> Iterator[Violation]:
@@ -277,6 +288,8 @@ def _name_violations(scenario: Scenario) -> Iterator[Violation]:
     approximation, habit = scenario.contact.approximation, scenario.operator.habit
     if scenario.contact.engine not in ENGINES:
         yield Violation("contact.engine", repr(scenario.contact.engine), f"one of {ENGINES}")
+    if scenario.contact.engine == "mujoco" and (scenario.geometry.corners or scenario.geometry.section != ROUND):
+        yield Violation("contact.engine", "mujoco", "drake or exact: its boxes form a round hole only")
     if approximation not in APPROXIMATIONS:
         yield Violation("contact.approximation", repr(approximation), f"one of {APPROXIMATIONS}")
     if scenario.device not in DEVICE_PRESETS:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, Self
 
@@ -154,7 +154,7 @@ class ManipulationSkill:
         self.metadata_ = {
             "demonstrations": len(refined),
             "good": int(sum(d.good for d in demonstrations)),
-            "geometry": None if geometry is None else asdict(geometry),
+            "geometry": None if geometry is None else geometry.record(),
         }
         self._fit_contexts(demonstrations, samples)
         weights = [1.0] if self.contexts_ is None else [round(float(w), 3) for w in self.contexts_.weights_]

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.learners.state_learners import Samples
 from experiments.exact_states import exact_bodies
-from models.contact_geometry import axes_of_rotation_vectors
+from models.contact_geometry import rotations_of_vectors
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration
 from skill.data.refinement import refine_demonstration, with_following_actions
@@ -54,10 +54,10 @@ def label_demonstrations(demonstrations: list[Demonstration], seed: int) -> Labe
     for demonstration in demonstrations:
         refined = refine_demonstration(with_following_actions(demonstration.samples), still=STILL, rough=ROUGH)
         bodies = exact_bodies(demonstration)
-        axis = axes_of_rotation_vectors(refined[["ax", "ay", "az"]].to_numpy() * refined[["angle"]].to_numpy())
+        R_HP = rotations_of_vectors(refined[["ax", "ay", "az"]].to_numpy() * refined[["angle"]].to_numpy())
         p_HP = refined[["x", "y", "z"]].to_numpy()
-        labels.append(bodies.label(p_HP, axis))
-        gaps.append(bodies.gap(p_HP, axis))
+        labels.append(bodies.label(p_HP, R_HP))
+        gaps.append(bodies.gap(p_HP, R_HP))
         force = np.linalg.norm(refined[["fx", "fy", "fz"]], axis=1)
         agrees.append((force > TOUCHING_FORCE) == (labels[-1] > 0))
         refined[list(MEASURED[:6])] += WRENCH_NOISE * rng.standard_normal((len(refined), 6))

@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.math import RigidTransform, RotationMatrix
 
 from benchmarks.physics.contact_probe import ContactProbe, PlanarPose, PlanarProbe, PosedMeshes
-from experiments.metrics.penetration import round_bodies
-from models.contact_geometry import PegInHole, axes_of_rotation_vectors
+from models.contact_geometry import PegInHole, rotations_of_vectors
 from models.contact_theory import (
     jamming_load,
     largest_entry_tilt,
@@ -312,7 +311,7 @@ def press(probe: PlanarProbe, sizes: PegTheory, bodies: PegInHole, tilt: float, 
     probe.step(steps)
     cost = (time.process_time() - begun) / steps
     pose = probe.pose()
-    gap = bodies.gap([[pose.x, 0.0, pose.z]], axes_of_rotation_vectors([[0.0, pose.tilt, 0.0]]))[0]
+    gap = bodies.gap([[pose.x, 0.0, pose.z]], rotations_of_vectors([[0.0, pose.tilt, 0.0]]))[0]
     return {
         "depth_error": (sizes.mouth - pose.z) / h - 1.0,
         "moment": float(probe.contact_load()[2]),
@@ -398,7 +397,7 @@ def mouth_gaps(scenario: Scenario, *, count: int, seed: int) -> Array:
     meshes, rng = PosedMeshes(scenario), np.random.default_rng(seed)
     largest, reach = largest_entry_tilt(peg_radius=sizes.r, hole_radius=sizes.R), np.sqrt(sizes.R**2 - sizes.r**2)
     centres: list[Array] = []
-    axes: list[Array] = []
+    turns: list[Array] = []
     while len(centres) < count:
         pitch, yaw = rng.uniform(-0.7 * largest, 0.7 * largest, 2)
         R_HP = (RotationMatrix.MakeXRotation(pitch) @ RotationMatrix.MakeYRotation(yaw)).inverse()
@@ -409,5 +408,5 @@ def mouth_gaps(scenario: Scenario, *, count: int, seed: int) -> Array:
             p[2] = 0.5 * (free + touching)
             free, touching = (free, p[2]) if meshes.touch(RigidTransform(R_HP, p)) else (p[2], touching)
         centres.append(np.array([p[0], p[1], free]))
-        axes.append(R_HP.matrix()[:, 2])
-    return round_bodies(g).gap(centres, axes)
+        turns.append(R_HP.matrix())
+    return PegInHole.of(g).gap(centres, turns)

@@ -78,9 +78,9 @@ class ContactProbe:
     Args:
         scenario: geometry and contact of the bodies; ``geometry.hole_radius`` is the radius of the true bore.
         matched: whether the corners of the bore's polygon lie on the true circle, like those of the peg (as in
-            `make_bore`), so that both shrink by the same factor cos(pi/n). Otherwise the polygon's sides touch the
+            `make_hole`), so that both shrink by the same factor cos(pi/n). Otherwise the polygon's sides touch the
             circle from outside.
-        sharp: whether the chamfer begins at the mouth, without a `models.bore.BrokenEdge`.
+        sharp: whether the chamfer begins at the mouth, without a `models.meshes.BrokenEdge`.
         mass: of the peg, kg.
         inertia: of the peg about its tip, kg m^2.
         damping: of x, z and tilt, N s/m, N s/m and N m s/rad.

@@ -14,7 +14,7 @@ peg slides slowly in two-point contact. Columns, one row per setting:
 - ms a step: CPU time of a step in contact.
 
 A row names what differs from the default scenario, whose bore has its corners on the true circle, like those of the
-peg (as in `make_bore`), and a broken edge. The first row is the finest; the second one has the settings of earlier
+peg (as in `make_hole`), and a broken edge. The first row is the finest; the second one has the settings of earlier
 scenarios (64 facets, 1e10 Pa, 1 s/m, a chamfer that begins at the mouth).
 
 The last rows are rigid bodies in the exact engine (`systems.plant.exact_contact`), over their stiffness and step.
@@ -47,7 +47,6 @@ from benchmarks.physics.contact_measurements import (
 )
 from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
 from benchmarks.physics.exact_probe import ExactProbe
-from experiments.metrics.penetration import round_bodies
 from interfaces.terminal import progress
 from models.contact_geometry import PegInHole
 from models.contact_theory import two_point_depth, two_point_push_moment
@@ -122,7 +121,7 @@ def drake_case(setting: dict[str, Any]) -> Case:
         geometry.hole_radius /= np.cos(np.pi / geometry.facets)
     probe = partial(ContactProbe, scenario, matched=matched, sharp=setting.get("mouth") == "sharp")
     text = ", ".join(f"{name} {value}" for name, value in setting.items()) or "default"
-    return Case(text, probe, scenario, round_bodies(geometry))
+    return Case(text, probe, scenario, PegInHole.of(geometry))
 
 
 def exact_cases() -> Iterator[Case]:
@@ -132,7 +131,7 @@ def exact_cases() -> Iterator[Case]:
         scenario.contact.stiffness = stiffness
         probe = partial(ExactProbe, scenario, time_step=step)
         name = f"exact, {stiffness:g} N/m, {1e3 * step:g} ms"
-        yield Case(name, probe, scenario, round_bodies(scenario.geometry))
+        yield Case(name, probe, scenario, PegInHole.of(scenario.geometry))
 
 
 def mujoco_cases() -> Iterator[Case]:
@@ -151,7 +150,7 @@ def mujoco_cases() -> Iterator[Case]:
         ("distances to 1 um", replace(rig, precision=1e-6)),
     ):
         probe = partial(MujocoProbe, scenario, contact)
-        yield Case(f"MuJoCo, {name}", probe, scenario, round_bodies(scenario.geometry))
+        yield Case(f"MuJoCo, {name}", probe, scenario, PegInHole.of(scenario.geometry))
 
 
 def measure(case: Case) -> dict[str, float]:

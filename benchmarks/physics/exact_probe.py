@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 from benchmarks.physics.contact_probe import AXES, PlanarPose
 from models.scenario import Scenario
 from skill.arrays import Array
-from systems.plant.exact_contact import STEPS, Bodies
+from systems.plant.exact_contact import STEPS
+from systems.plant.exact_gaps import Bodies
 from systems.plant.exact_peg import advance_peg
 
 PLANE = [3, 5, 1]

@@ -7,10 +7,10 @@ import math
 import numpy as np
 from pydrake.math import RigidTransform
 
-from experiments.metrics.penetration import MIN_UPRIGHT, round_bodies
+from experiments.metrics.penetration import MIN_UPRIGHT
 from experiments.trial import TrialRun
 from experiments.trial_result import TrialResult
-from models.contact_geometry import ContactLabel
+from models.contact_geometry import ContactLabel, PegInHole
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Outcome
@@ -35,7 +35,7 @@ class Episode:
 
     def __init__(self, rig: RigDiagram, scenario: Scenario, number: int, *, realtime: bool = False) -> None:
         self._rig, self._scenario = rig, scenario
-        self._bodies = round_bodies(scenario.geometry)
+        self._bodies = PegInHole.of(scenario.geometry)
         self._run = TrialRun(rig, scenario, number=number)
         self._context = self._run.context
         self._run.simulator.set_target_realtime_rate(float(realtime))
@@ -83,10 +83,10 @@ class Episode:
         That is in a simulation that has diverged, and for a tilt above 44.9 degrees.
         """
         X_HP = self._rig.plant.peg_in_hole(self._context)
-        p_HP, axis_H = X_HP.translation(), X_HP.rotation().col(2)
-        if self.outcome in UNPHYSICAL or not (np.isfinite(p_HP).all() and axis_H[2] > MIN_UPRIGHT):
+        p_HP, R_HP = X_HP.translation(), X_HP.rotation().matrix()
+        if self.outcome in UNPHYSICAL or not (np.isfinite(p_HP).all() and R_HP[2, 2] > MIN_UPRIGHT):
             return None
-        return ContactLabel(int(self._bodies.label(p_HP[None], axis_H[None])[0]))
+        return ContactLabel(int(self._bodies.label(p_HP[None], R_HP[None])[0]))
 
     def poses(self) -> tuple[RigidTransform, RigidTransform]:
         """Returns the poses X_WP of the peg and X_WH of the block for a picture; see `RigDiagram.poses`."""

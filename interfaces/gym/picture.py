@@ -8,7 +8,6 @@ from pydrake.common import MemoryFile
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
-    Cylinder,
     FrameId,
     FramePoseVector,
     GeometryFrame,
@@ -28,10 +27,11 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
-from models.bore import TriangleMesh, cutaway_sector, make_bore
+from models.contact_geometry import PegInHole
+from models.meshes import TriangleMesh, make_hole
 from models.scenario import Geometry
 from skill.arrays import Array
-from systems.plant.contact_plant import BLOCK_COLOUR, PEG_COLOUR
+from systems.plant.contact_plant import BLOCK_COLOUR, PEG_COLOUR, peg_shape
 from systems.visualization.meshcat_scene import CAMERA, TARGET
 
 SIZE = 480  # in units of pixels, width and height
@@ -60,8 +60,7 @@ class Picture:
         engine = RenderEngineVtkParams(default_clear_color=[1.0, 1.0, 1.0], lights=lights)
         self._scene.AddRenderer(RENDERER, MakeRenderEngineVtk(engine))
         self._source = self._scene.RegisterSource("rig")
-        peg = Cylinder(geometry.peg_radius, geometry.peg_length)
-        X_PC = RigidTransform([0.0, 0.0, 0.5 * geometry.peg_length])
+        X_PC, peg = peg_shape(geometry)
         self._peg = self._add("peg", peg, X_PC, np.append(PEG_COLOUR[:3], 1.0))
         self._block = self._add("block", _cut_block(geometry), RigidTransform(), BLOCK_COLOUR)
         self._context = self._scene.CreateDefaultContext()
@@ -100,14 +99,14 @@ def camera_pose(camera: Array, target: Array) -> RigidTransform:
 
 def _cut_block(g: Geometry) -> Mesh:
     """Returns the block without the half that the camera looks in from."""
-    mesh = make_bore(
-        radius=g.hole_radius,
+    mesh = make_hole(
+        section=PegInHole.of(g).hole,
         depth=g.hole_depth,
         chamfer=g.chamfer,
         facets=FACETS,
         block_radius=g.block_radius,
         floor=g.floor,
-        sector=cutaway_sector(FACETS),
+        cutaway=True,
     )
     return Mesh(InMemoryMesh(mesh_file=MemoryFile(faceted_obj(mesh), ".obj", "block.obj")))
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import Cylinder, Rgba
+from pydrake.geometry import Rgba
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
@@ -19,7 +19,7 @@ from skill.practice.policy_observer import Judgement
 from skill.states.state_style import state_colours
 from systems.math.rotation import from_rotation_vector
 from systems.operators.person_frame import R_HV
-from systems.plant.contact_plant import AddVirtualPlant
+from systems.plant.contact_plant import AddVirtualPlant, peg_shape
 from systems.servo.probe import Probe
 from systems.virtual_environment import start_pose
 from systems.visualization.arrow import Arrow
@@ -113,9 +113,9 @@ class LiveDisplay:
     def draw_start(self, scenario: Scenario) -> None:
         """Draws peg and hole as they are at the start of a resolved scenario."""
         draw_bodies(self._page.scene, AddVirtualPlant(DiagramBuilder(), scenario))
-        g = scenario.geometry
-        self._page.scene.SetObject("live/hand/ghost", Cylinder(GHOST * g.peg_radius, GHOST * g.peg_length), HAND)
-        self._page.scene.SetTransform("live/hand/ghost", RigidTransform([0.0, 0.0, 0.5 * g.peg_length]))
+        X_PC, ghost = peg_shape(scenario.geometry, GHOST)
+        self._page.scene.SetObject("live/hand/ghost", ghost, HAND)
+        self._page.scene.SetTransform("live/hand/ghost", X_PC)
         X_HP = start_pose(scenario)
         self.move_peg(X_HP)
         self.move_hole(RigidTransform())

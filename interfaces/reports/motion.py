@@ -12,7 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from models.bore import TriangleMesh, cutaway_sector, make_bore
+from models.contact_geometry import PegInHole
+from models.meshes import TriangleMesh, make_hole
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.geometry import PegHoleGeometry
@@ -259,14 +260,14 @@ def make_block(size: PegHoleGeometry) -> TriangleMesh:
         ValueError: if such a block cannot be made.
     """
     facets = round(size.facets)
-    return make_bore(
-        radius=size.hole_radius,
+    return make_hole(
+        section=PegInHole.of(size).hole,
         depth=size.hole_depth,
         chamfer=size.chamfer,
         facets=facets,
         block_radius=size.block_radius,
         floor=size.floor,
-        sector=cutaway_sector(facets),
+        cutaway=True,
     )
 
 

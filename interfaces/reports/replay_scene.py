@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from interfaces.reports.motion import Motion, make_block
-from models.bore import cutaway_sector
+from models.contact_geometry import PegInHole
+from models.meshes import cutaway_columns, make_prism
 from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import ContactPlace
@@ -35,6 +36,7 @@ CONTACT_COLOUR = 0x0E2A47
 MAX_ARROW_LENGTH = 0.035  # in units of m
 ARROW_RADIUS = 0.0007  # in units of m
 HEAD_LENGTH = 0.004  # in units of m; arrows shorter than 1.5 heads are scaled down as a whole
+FACETS = 96  # points on a full circle of the peg
 MARK_SPACING = 0.005  # in units of m, between the rings on the peg
 PEG_EMISSION = 0.25  # share of the peg's colour that is emitted, so that shading does not hide it
 
@@ -138,37 +140,37 @@ def _draw_block(node: meshcat.Visualizer, size: PegHoleGeometry) -> None:
     material = shapes.MeshPhongMaterial(color=BLOCK_COLOUR, shininess=12, flatShading=True, side=2)
     node["body"].set_object(shapes.TriangularMeshGeometry(block.vertices, block.triangles), material)
 
-    first, last = cutaway_sector(size.facets)
-    angles = 2.0 * np.pi * np.arange(first, last + 1) / size.facets
-    bottom = -size.hole_depth - size.floor
-    rim = size.hole_radius + size.chamfer
-    edges = (
-        (rim, 0.0),
-        (size.hole_radius, -size.chamfer),
-        (size.hole_radius, -size.hole_depth),
-        (size.block_radius, 0.0),
-        (size.block_radius, bottom),
-    )
-    for k, (radius, z) in enumerate(edges):
-        _draw_line(node[f"edge{k}"], _circle(radius, angles, z))
-    half_section = [
-        *((-size.block_radius, bottom), (-size.block_radius, 0.0), (-rim, 0.0)),
-        *((-size.hole_radius, -size.chamfer), (-size.hole_radius, -size.hole_depth)),
-    ]  # (distance from the axis, z)
-    outline = np.array(half_section + [(-r, z) for r, z in reversed(half_section)] + half_section[:1])
-    radial = np.array([np.cos(angles[-1]), np.sin(angles[-1]), 0.0])  # direction of the cut
-    _draw_line(node["section"], outline[:, :1] * radial + outline[:, 1:] * np.array([0.0, 0.0, 1.0]))
+    hole, bottom = PegInHole.of(size).hole, -size.hole_depth - size.floor
+    wall, rim = hole.polyline(size.facets), hole.offset(size.chamfer).polyline(size.facets)
+    around = size.block_radius * wall / np.hypot(wall[:, 0], wall[:, 1])[:, None]
+    chosen = cutaway_columns(wall)
+    edges = ((rim, 0.0), (wall, -size.chamfer), (wall, -size.hole_depth), (around, 0.0), (around, bottom))
+    for k, (outline, z) in enumerate(edges):
+        _draw_line(node[f"edge{k}"], _at_height(outline[chosen], z))
+    half_sections = [
+        [
+            *((*around[c], bottom), (*around[c], 0.0), (*rim[c], 0.0)),
+            *((*wall[c], -size.chamfer), (*wall[c], -size.hole_depth)),
+        ]
+        for c in (chosen[0], chosen[-1])
+    ]
+    _draw_line(node["section"], np.array([*half_sections[0], *half_sections[1][::-1], half_sections[0][0]]))
+
+
+def _at_height(outline: Array, z: float) -> Array:
+    """Returns points (n, 3) with the coordinates (n, 2) and a height, m."""
+    return np.column_stack([outline, np.full(len(outline), z)])
 
 
 def _draw_peg(node: meshcat.Visualizer, motion: Motion) -> None:
-    length, radius = motion.geometry.peg_length, motion.geometry.peg_radius
+    size = motion.geometry
+    peg = make_prism(PegInHole.of(size).peg, size.peg_length, FACETS)
     first_colour = int(motion.colours[motion.phase[0]][1:], 16)
-    material = shapes.MeshPhongMaterial(color=first_colour, shininess=25)
-    node["body"].set_object(shapes.Cylinder(length, radius), material)
-    node["body"].set_transform(_upright_cylinder(centre=length / 2))
-    angles = np.linspace(0.0, 2.0 * np.pi, 97)
-    for k, z in enumerate(np.arange(0.0, length, MARK_SPACING)):
-        _draw_line(node[f"mark{k}"], _circle(radius * 1.0005, angles, float(z)))
+    material = shapes.MeshPhongMaterial(color=first_colour, shininess=25, flatShading=True)
+    node["body"].set_object(shapes.TriangularMeshGeometry(peg.vertices, peg.triangles), material)
+    mark = PegInHole.of(size).peg.scaled(1.0005).polyline(FACETS)
+    for k, z in enumerate(np.arange(0.0, size.peg_length, MARK_SPACING)):
+        _draw_line(node[f"mark{k}"], _at_height(np.vstack([mark, mark[:1]]), float(z)))
 
 
 def _draw_arrow(node: meshcat.Visualizer, colour: int, *, heads: int) -> None:
@@ -203,10 +205,6 @@ def _upright_cylinder(*, centre: float) -> Array:
 def _draw_line(node: meshcat.Visualizer, points: Array) -> None:
     geometry = shapes.PointsGeometry(np.asarray(points, dtype=np.float32).T)
     node.set_object(shapes.Line(geometry, shapes.LineBasicMaterial(color=EDGE_COLOUR)))
-
-
-def _circle(radius: float, angles: Array, z: float) -> Array:
-    return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full_like(angles, z)])
 
 
 # ---------------------------------------------------------------------- animation

@@ -1,10 +1,10 @@
-"""The sizes of peg and hole, as stored with demonstrations, rig runs and skills."""
+"""The shape and the sizes of peg and hole, as stored with demonstrations, rig runs and skills."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any, Self
 
 MAX_SIZE = 10.0
@@ -13,7 +13,7 @@ MAX_SIZE = 10.0
 
 @dataclass(frozen=True)
 class PegHoleGeometry:
-    """The sizes of peg and hole.
+    """The shape and the sizes of peg and hole.
 
     Attributes:
         peg_radius: m.
@@ -24,6 +24,8 @@ class PegHoleGeometry:
         facets: number of facets of the simulated bore and peg, at least 3.
         block_radius: outer radius of the hole block, m, greater than that of the chamfer.
         floor: thickness of the block below the bore, m.
+        section: name of the shape, see `models.section`.
+        corners: of a polygon, which then replaces the name.
     """
 
     peg_radius: float
@@ -34,6 +36,8 @@ class PegHoleGeometry:
     facets: int
     block_radius: float
     floor: float
+    section: str = "round"
+    corners: tuple[tuple[float, ...], ...] = ()
 
     @property
     def clearance(self) -> float:
@@ -67,12 +71,21 @@ class PegHoleGeometry:
         missing = [name for name in _names() if not _is_number(stored.get(name))]
         if missing:
             raise ValueError(f"{where}: geometry lacks {missing}; expected finite numbers for {_names()}")
-        sizes = {name: float(stored[name]) for name in _names() if name != "facets"}
-        geometry = cls(facets=round(stored["facets"]), **sizes)
+        sizes: dict[str, Any] = {name: float(stored[name]) for name in _names() if name != "facets"}
+        try:
+            corners = _corners(stored.get("corners", ()))
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"{where}: geometry.corners is {stored['corners']!r}; expected rows of numbers") from error
+        section = str(stored.get("section", cls.section))
+        geometry = cls(facets=round(stored["facets"]), section=section, corners=corners, **sizes)
         errors = geometry._errors()
         if errors:
             raise ValueError(f"{where}: geometry: {'; '.join(errors)}")
         return geometry
+
+    def record(self) -> dict[str, Any]:
+        """Returns the shape and the sizes as JSON values."""
+        return {**asdict(self), "corners": [list(row) for row in self.corners]}
 
     def _errors(self) -> list[str]:
         """What is impossible about the sizes."""
@@ -126,11 +139,15 @@ def common_geometry(metadata_of: Sequence[tuple[str, Mapping[str, Any]]]) -> Peg
 
 
 def fit_difference(learnt: Mapping[str, Any], needed: Mapping[str, Any]) -> str:
-    """Compares the sizes (m) on which a policy depends, of two geometries as mappings.
+    """Compares the shape and the sizes (m) on which a policy depends, of two geometries as mappings.
 
     Returns:
         the first difference, such as "geometry.chamfer 0.001 m, not 0.002 m", or "".
     """
+    if learnt["section"] != needed["section"]:
+        return f"geometry.section {learnt['section']}, not {needed['section']}"
+    if _corners(learnt["corners"]) != _corners(needed["corners"]):
+        return "a polygon other than geometry.corners"
     for name in ("peg_radius", "hole_radius", "hole_depth", "chamfer"):
         if learnt[name] != needed[name]:
             return f"geometry.{name} {learnt[name]} m, not {needed[name]} m"
@@ -142,11 +159,18 @@ def _difference(odd: PegHoleGeometry | None, usual: PegHoleGeometry | None) -> s
     if odd is None or usual is None:
         return "no geometry, but there is one" if odd is None else "a geometry, but there is none"
     different = [name for name in _names() if getattr(odd, name) != getattr(usual, name)]
+    if not different:
+        return f"section {odd.section} {list(odd.corners)}, but {usual.section} {list(usual.corners)}"
     return ", ".join(f"{name} {getattr(odd, name):g}, but {getattr(usual, name):g}" for name in different)
 
 
 def _names() -> list[str]:
-    return [field.name for field in fields(PegHoleGeometry)]
+    """The names of the sizes."""
+    return [field.name for field in fields(PegHoleGeometry) if field.name not in ("section", "corners")]
+
+
+def _corners(rows: Any) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(float(value) for value in row) for row in rows)
 
 
 def _is_number(value: object) -> bool:

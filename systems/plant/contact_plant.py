@@ -19,6 +19,7 @@ from pydrake.geometry import (
     ProximityProperties,
     RoleAssign,
     SceneGraph,
+    Shape,
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
@@ -42,8 +43,10 @@ from pydrake.systems.framework import Context, DiagramBuilder, InputPort, Output
 from pydrake.systems.primitives import ConstantVectorSource
 
 import models
-from models.bore import BrokenEdge, cutaway_sector, make_bore
+from models.contact_geometry import PegInHole
+from models.meshes import BrokenEdge, make_hole, make_peg, make_prism
 from models.scenario import FREE_FIXTURE, Geometry, Scenario
+from models.section import ROUND
 from skill.arrays import Array
 from systems.plant.body_pose import BodyPose
 from systems.plant.contact_forces import Contact, hydroelastic_forces, single_contacts
@@ -266,7 +269,7 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
     feed, gimbal = plant.GetModelInstanceByName("feed"), plant.GetModelInstanceByName("gimbal")
     g = scenario.geometry
 
-    peg = plant.AddRigidBody("peg", feed, _cylinder_inertia(STEEL, g.peg_radius, 0.0, g.peg_length))
+    peg = plant.AddRigidBody("peg", feed, _peg_inertia(g))
     carriage = plant.GetBodyByName("carriage", feed)
     sensor_frame = plant.AddFrame(
         FixedOffsetFrame("sensor_mount", peg.body_frame(), RigidTransform([0, 0, scenario.sensor.height]))
@@ -352,6 +355,16 @@ def _cylinder_inertia(density: float, radius: float, bottom: float, top: float) 
     return central.Shift(-centre)
 
 
+def _peg_inertia(g: Geometry) -> SpatialInertia:
+    """Returns the spatial inertia of the peg: the mass of the prism, turning like a cylinder of the same radius.
+
+    The rig turns the hole and not the peg, so that only its mass and its centre matter.
+    """
+    mass = STEEL * PegInHole.of(g).peg.area * g.peg_length
+    cylinder = _cylinder_inertia(STEEL, g.peg_radius, 0.0, g.peg_length)
+    return SpatialInertia(mass, cylinder.get_com(), cylinder.get_unit_inertia())
+
+
 def _block_inertia(g: Geometry) -> SpatialInertia:
     """Returns the spatial inertia of the block; the bore is not subtracted."""
     return _cylinder_inertia(ALUMINIUM, g.block_radius, -g.hole_depth - g.floor, 0.0)
@@ -384,7 +397,7 @@ def finish_contact_plant(
     AddRigidHydroelasticProperties(rigid)
     AddContactMaterial(friction=friction, properties=rigid)
     # In the other fixtures the peg cannot leave the hole's axis.
-    bore = _bore_mesh(g, edge, inside=scenario.fixture != FREE_FIXTURE)
+    bore = _hole_mesh(g, edge, inside=scenario.fixture != FREE_FIXTURE)
     plant.RegisterCollisionGeometry(block, RigidTransform(), bore, "bore", rigid)
 
     compliant = ProximityProperties()
@@ -392,30 +405,44 @@ def finish_contact_plant(
     hint = 2.0 * math.pi * g.peg_radius / g.facets * (1.0 + 1e-6)
     AddCompliantHydroelasticProperties(resolution_hint=hint, hydroelastic_modulus=contact.modulus, properties=compliant)
     AddContactMaterial(dissipation=contact.dissipation, friction=friction, properties=compliant)
-    X_PC = RigidTransform([0.0, 0.0, 0.5 * g.peg_length])
-    shape = Cylinder(g.peg_radius, g.peg_length)
-    plant.RegisterCollisionGeometry(peg, X_PC, shape, "peg", compliant)
+    X_PC, shape = peg_shape(g)
+    if isinstance(shape, Cylinder):
+        solid: Shape = shape
+    else:
+        solid = _in_memory(make_peg(PegInHole.of(g).peg, g.peg_length, g.facets).to_vtk(), ".vtk")
+    plant.RegisterCollisionGeometry(peg, X_PC, solid, "peg", compliant)
 
     plant.RegisterVisualGeometry(peg, X_PC, shape, "peg_picture", PEG_COLOUR)
-    cutaway = _bore_mesh(g, None, sector=cutaway_sector(g.facets))
+    cutaway = _hole_mesh(g, None, cutaway=True)
     plant.RegisterVisualGeometry(block, RigidTransform(), cutaway, "block_picture", BLOCK_COLOUR)
     plant.Finalize()
     return ContactPlant(plant, scene_graph, peg, block)
 
 
-def _bore_mesh(
-    g: Geometry, edge: BrokenEdge | None, *, sector: tuple[int, int] | None = None, inside: bool = False
-) -> Mesh:
-    """Returns the mesh of the block; ``edge``, ``sector`` and ``inside`` as in `make_bore`."""
-    mesh = make_bore(
-        radius=g.hole_radius,
+def peg_shape(g: Geometry, scale: float = 1.0) -> tuple[RigidTransform, Shape]:
+    """Returns the shape of the peg for pictures, and its pose in P; ``scale`` multiplies its sizes about its centre."""
+    middle = 0.5 * g.peg_length
+    if g.section == ROUND and not g.corners:
+        return RigidTransform([0.0, 0.0, middle]), Cylinder(scale * g.peg_radius, scale * g.peg_length)
+    prism = make_prism(PegInHole.of(g).peg.scaled(scale), scale * g.peg_length, g.facets)
+    return RigidTransform([0.0, 0.0, (1.0 - scale) * middle]), _in_memory(prism.to_obj(), ".obj")
+
+
+def _in_memory(text: str, extension: str) -> Mesh:
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, extension, f"body{extension}")))
+
+
+def _hole_mesh(g: Geometry, edge: BrokenEdge | None, *, cutaway: bool = False, inside: bool = False) -> Mesh:
+    """Returns the mesh of the block; the arguments are those of `make_hole`."""
+    mesh = make_hole(
+        section=PegInHole.of(g).hole,
         depth=g.hole_depth,
         chamfer=g.chamfer,
         facets=g.facets,
         block_radius=g.block_radius,
         floor=g.floor,
         edge=edge,
-        sector=sector,
+        cutaway=cutaway,
         inside=inside,
     )
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile(mesh.to_obj(), ".obj", "bore.obj")))
+    return _in_memory(mesh.to_obj(), ".obj")

@@ -16,7 +16,8 @@ from models.contact_geometry import TINY
 from models.scenario import Scenario
 from skill.compiled import compiled
 from systems.math.rotation import free_body_pose
-from systems.plant.exact_contact import MAX_CONTACTS, STEPS, Bodies, find_contacts, match, solve_contacts, tangents
+from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents
+from systems.plant.exact_gaps import MAX_CONTACTS, Bodies, find_contacts
 
 
 @compiled
@@ -48,7 +49,7 @@ def advance_peg(
     """Takes ``count`` time steps.
 
     Args:
-        bodies: `systems.plant.exact_contact.Bodies`.
+        bodies: `systems.plant.exact_gaps.Bodies`.
         inertia: (6,), of rotation about the tip, three times the same, kg m^2, and masses, kg.
         damping: (6,), N m s/rad and N s/m.
         free: (6,), 1 for each freedom, or 0 where it is locked.

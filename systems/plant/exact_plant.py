@@ -22,16 +22,8 @@ from models.scenario import Scenario
 from skill.compiled import compiled
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import AddRigPlant
-from systems.plant.exact_contact import (
-    MAX_CONTACTS,
-    STEPS,
-    Bodies,
-    Numbers,
-    find_contacts,
-    match,
-    solve_contacts,
-    tangents,
-)
+from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents
+from systems.plant.exact_gaps import MAX_CONTACTS, Bodies, Numbers, find_contacts
 
 FREEDOMS = 5
 """Carriage, mount along x and y, pitch and yaw."""

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from pydrake.geometry import Cylinder, Meshcat, Rgba
+from pydrake.geometry import Meshcat, Rgba
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, EventStatus, LeafSystem
 
 from models.scenario import Geometry
 from skill.states.state_style import state_colours
+from systems.plant.contact_plant import peg_shape
 from systems.visualization.plant_display import PLANT
 
 PATH = "contact_state"
@@ -43,12 +44,11 @@ class StateDisplay(LeafSystem):
         self._meshcat, self._n_states, self._home = meshcat, n_states, home
         self._state = self.DeclareVectorInputPort("state", 1)
         self._carriage = self.DeclareVectorInputPort("carriage_state", 2)
-        peg = Cylinder(geometry.peg_radius, geometry.peg_length)
-        X_TipCentre = RigidTransform([0.0, 0.0, 0.5 * geometry.peg_length])
+        X_PC, peg = peg_shape(geometry)
         for k, colour in enumerate(state_colours(n_states)):
             red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
             meshcat.SetObject(f"{PATH}/{k}", peg, Rgba(red, green, blue, 1.0))
-            meshcat.SetTransform(f"{PATH}/{k}", X_TipCentre)
+            meshcat.SetTransform(f"{PATH}/{k}", X_PC)
         self.DeclarePeriodicPublishEvent(period, 0.0, self._publish)
 
     def _publish(self, context: Context) -> EventStatus:

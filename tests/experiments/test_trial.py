@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from experiments.metrics.penetration import round_bodies
 from experiments.trial import (
     STRESS_FRICTION,
     STRESS_PIVOT,
@@ -21,6 +20,7 @@ from experiments.trial import (
     trial_scenario,
 )
 from models.clearance import start_of_clearance
+from models.contact_geometry import PegInHole
 from models.scenario import Scenario, parse_scenario, resolve_scenario
 from skill.features.measurement import contact_loads
 from skill.manipulation_skill import ManipulationSkill
@@ -96,14 +96,14 @@ def test_the_result_agrees_with_the_recorded_samples(inserted):
 def test_the_penetration_is_the_overlap_of_the_round_bodies_at_the_recorded_poses(inserted):
     """The recorded poses lack the lateral deflection of the mount, which bounds the difference."""
     scenario, result, run = inserted
-    bodies = round_bodies(scenario.geometry)
+    bodies = PegInHole.of(scenario.geometry)
     s = run.samples
     # The hole turns about its pivot, by pitch and then by yaw; the peg stays upright and close to its axis.
     R_WH = Rotation.from_euler("XY", s[["pitch", "yaw"]].to_numpy())
     pivot = np.array([0.0, 0.0, scenario.rig.pivot_height])
     tip = np.column_stack([np.zeros(len(s)), np.zeros(len(s)), s["tip_z"]])
     p_HP = R_WH.inv().apply(tip - pivot) + pivot
-    unbent = -bodies.gap(p_HP, R_WH.inv().apply([0.0, 0.0, 1.0])).min()
+    unbent = -bodies.gap(p_HP, R_WH.inv().as_matrix()).min()
     bend = result.peak_lateral_force / scenario.rig.mount_stiffness
     assert result.penetration == pytest.approx(unbent, abs=bend + 1e-7)
     assert result.penetration > 1e-6

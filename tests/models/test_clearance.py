@@ -8,7 +8,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from experiments.trial_result import TRUSTED_OVERLAP
-from models.bore import MAX_FACETS, facet_sagitta, minimum_clearance
 from models.clearance import (
     TRUSTED_PART,
     facets_of_clearance,
@@ -20,6 +19,7 @@ from models.clearance import (
 )
 from models.contact_checks import expected_overlap
 from models.contact_theory import largest_entry_tilt
+from models.meshes import MAX_FACETS, facet_sagitta, minimum_clearance
 from models.scenario import (
     FIXTURES,
     FREE_FACETS,

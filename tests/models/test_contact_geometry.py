@@ -7,11 +7,13 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from models.contact_geometry import ContactLabel, PegInHole, Surface, axes_of_rotation_vectors
+from models.contact_geometry import ContactLabel, PegInHole, Surface, rotations_of_vectors
 from models.contact_theory import two_point_depth
+from models.section import CORNER, section_of
 
-DUT = PegInHole(peg_radius=0.010, hole_radius=0.01005, hole_depth=0.025, chamfer=0.0005)
-R, r, C, DEPTH = DUT.hole_radius, DUT.peg_radius, DUT.chamfer, DUT.hole_depth
+R, r, C, DEPTH = 0.01005, 0.010, 0.0005, 0.025
+ROUND = section_of("round")
+DUT = PegInHole(ROUND.scaled(r), ROUND.scaled(R), DEPTH, C)
 PROFILE = np.array([(0.2, 0.0), (R + C, 0.0), (R, -C), (R, -DEPTH), (0.0, -DEPTH)])
 
 poses = st.tuples(
@@ -24,8 +26,8 @@ poses = st.tuples(
 
 
 def pose(tilt_x, tilt_y, x, y, z):
-    """Position of the tip, and the peg's axis."""
-    return np.array([[x, y, z]]), axes_of_rotation_vectors([[tilt_x, tilt_y, 0.0]])
+    """Position of the tip, and the rotation of the peg."""
+    return np.array([[x, y, z]]), rotations_of_vectors([[tilt_x, tilt_y, 0.0]])
 
 
 def distance_to_block(q):
@@ -83,7 +85,7 @@ def test_the_gap_of_a_free_pose_equals_the_brute_force_distance(values):
     p, a = pose(*values)
     gap = DUT.gap(p, a)[0]
     if gap > 0:
-        assert gap == pytest.approx(brute_force_distance(p[0], a[0]), abs=1e-9)
+        assert gap == pytest.approx(brute_force_distance(p[0], a[0, :, 2]), abs=1e-9)
 
 
 def min_on_circle(f):
@@ -101,12 +103,12 @@ def test_the_overlap_equals_that_of_densely_sampled_circles(values):
     gap = DUT.gap(p, a)[0]
 
     def rim(t):
-        return distance_to_block(peg_surface(p[0], a[0], t, np.zeros_like(t)))
+        return distance_to_block(peg_surface(p[0], a[0, :, 2], t, np.zeros_like(t)))
 
     def edge(t, rho, z):
         e = np.stack([rho * np.cos(t), rho * np.sin(t), np.full_like(t, z)], axis=-1)
-        along = (e - p[0]) @ a[0]
-        beside = np.linalg.norm(e - p[0] - along[..., None] * a[0], axis=-1) - r
+        along = (e - p[0]) @ a[0, :, 2]
+        beside = np.linalg.norm(e - p[0] - along[..., None] * a[0, :, 2], axis=-1) - r
         outside = np.hypot(np.minimum(along, 0.0), np.maximum(beside, 0.0))
         return np.where((along > 0) & (beside < 0), np.maximum(beside, -along), np.where(along > 0, beside, outside))
 
@@ -128,7 +130,7 @@ def test_the_gap_is_invariant_to_rotations_about_the_axis_of_the_bore(values, tu
     p, a = pose(*values)
     c, s = np.cos(turn), np.sin(turn)
     turned = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    assert DUT.gap(p @ turned.T, a @ turned.T)[0] == pytest.approx(DUT.gap(p, a)[0], abs=1e-11)
+    assert DUT.gap(p @ turned.T, turned @ a)[0] == pytest.approx(DUT.gap(p, a)[0], abs=1e-11)
 
 
 @pytest.mark.slow
@@ -142,12 +144,12 @@ def test_contact_points_lie_on_both_bodies_and_normals_are_unit_vectors(values):
     points = contacts.point + contacts.normal * np.where(exists, contacts.gap, 0.0)[..., None]  # on the peg
     rim = (contacts.surface < Surface.OUTER_EDGE) & exists
     on_peg = points[rim] - p[0]
-    assert on_peg @ a[0] == pytest.approx(0.0, abs=1e-12)
+    assert on_peg @ a[0, :, 2] == pytest.approx(0.0, abs=1e-12)
     assert np.linalg.norm(on_peg, axis=1) == pytest.approx(r, abs=1e-12)
     edges = (contacts.surface >= Surface.OUTER_EDGE) & exists & contacts.side
     beside = points[edges] - p[0]
-    along = beside @ a[0]
-    assert np.linalg.norm(beside - along[:, None] * a[0], axis=1) == pytest.approx(r, abs=1e-12)
+    along = beside @ a[0, :, 2]
+    assert np.linalg.norm(beside - along[:, None] * a[0, :, 2], axis=1) == pytest.approx(r, abs=1e-12)
     touching = (contacts.surface == Surface.RIM_WALL) & exists & (contacts.gap < 1e-4)
     assert np.hypot(*contacts.point[touching].T[:2]) == pytest.approx(R, abs=1e-12)
 
@@ -183,16 +185,55 @@ def test_every_label_occurs_at_a_pose_constructed_for_it():
 
 
 @pytest.mark.parametrize(
-    ("p", "a", "message"),
+    ("p", "R_HP", "message"),
     [
-        ([[0, 0, 0]], [[0, 0, 1.1]], "length 1.1 in row 0"),
-        ([[0, 0, np.nan]], [[0, 0, 1]], "NaN or infinite"),
-        ([0, 0, 0], [0, 0, 1], r"shape \(3,\)"),
-        ([[0, 0, 0]], [[1, 0, 0]], "tilted by 90.0 deg"),
+        ([[0, 0, 0]], [np.diag([1.0, 1.0, 1.1])], "no rotation in row 0"),
+        ([[0, 0, np.nan]], [np.eye(3)], "NaN or infinite"),
+        ([0, 0, 0], np.eye(3), r"shape \(3,\)"),
+        ([[0, 0, 0]], rotations_of_vectors([[0, np.pi / 2, 0]]), "tilted by 90.0 deg"),
     ],
 )
-def test_invalid_poses_raise_an_error(p, a, message):
+def test_invalid_poses_raise_an_error(p, R_HP, message):
     with pytest.raises(ValueError, match=message):
-        DUT.gap(p, a)
+        DUT.gap(p, R_HP)
     with pytest.raises(ValueError, match="positive sizes"):
-        PegInHole(peg_radius=0.01, hole_radius=0.01, hole_depth=0.02, chamfer=0.03)
+        PegInHole(ROUND.scaled(0.01), ROUND.scaled(0.01), hole_depth=0.02, chamfer=0.03)
+
+
+def test_a_square_peg_can_clock_until_its_corners_touch():
+    """The centre of a corner turns at (a - q) sqrt(2) from the axis, and is q from the side that it touches."""
+    square = section_of("square").scaled(r)
+    dut, inner, clearance = PegInHole(square, square.offset(R - r), DEPTH, C), r * (1.0 - CORNER), R - r
+    largest = np.pi / 4 - np.arccos((inner + clearance) / (np.sqrt(2.0) * inner))
+    for turn, expected in ((largest, 0.0), (-largest, 0.0), (0.5 * largest, None)):
+        gap = dut.gap([[0.0, 0.0, -0.01]], rotations_of_vectors([[0.0, 0.0, turn]]))[0]
+        assert gap > 1e-5 if expected is None else gap == pytest.approx(expected, abs=1e-12)
+
+
+def sharp_square():
+    square = section_of([(1, -1), (1, 1), (-1, 1), (-1, -1)]).scaled(r)
+    return PegInHole(square, square.offset(R - r), DEPTH, C)
+
+
+@pytest.mark.parametrize("degrees", [0.5, 1.0, 2.0])
+def test_two_point_depth_of_a_square_in_the_plane_of_a_side_is_that_of_a_round_peg(degrees):
+    dut, t = sharp_square(), np.radians(degrees)
+    h = float(two_point_depth(t, peg_radius=r, hole_radius=R))
+    p, R_HP = pose(0.0, t, -R + r * np.cos(t), 0.0, -C - h)
+    assert dut.gap(p, R_HP)[0] == pytest.approx(0.0, abs=1e-12)
+    assert dut.label(p, R_HP, tolerance=1e-9)[0] == ContactLabel.TWO_POINT
+
+
+@pytest.mark.parametrize("degrees", [0.5, 1.0, 2.0])
+def test_two_point_depth_of_a_square_in_the_plane_of_a_diagonal(degrees):
+    """There, corners and play are sqrt(2) times as large; but the tip touches with the corners on the axis of the tilt.
+
+    These do not come nearer to the axis of the peg when it tilts, by r (1 - cos t) at each side.
+    """
+    dut, t = sharp_square(), np.radians(degrees)
+    h = float(two_point_depth(t, peg_radius=np.sqrt(2.0) * r, hole_radius=np.sqrt(2.0) * R))
+    h -= np.sqrt(2.0) * r * (1.0 - np.cos(t)) / np.tan(t)
+    aside, tilt = -(R - r), t * np.sqrt(0.5)  # along x and along y
+    p, R_HP = pose(-tilt, tilt, aside, aside, -C - h)
+    assert dut.gap(p, R_HP)[0] == pytest.approx(0.0, abs=1e-12)
+    assert dut.label(p, R_HP, tolerance=1e-9)[0] == ContactLabel.TWO_POINT

@@ -8,8 +8,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.bore import minimum_clearance, minimum_facets
 from models.hardware import DEVICE_PRESETS
+from models.meshes import minimum_clearance, minimum_facets
 from models.scenario import (
     DEMONSTRATION_STREAM,
     FIXTURES,

@@ -117,7 +117,12 @@ def test_everything_that_the_skill_consists_of_is_restored(made_up_skill, tmp_pa
     assert (
         loaded.metadata_
         == made_up_skill.metadata_
-        == {"demonstrations": 2, "good": 2, "geometry": GEOMETRY, "contexts": [1.0]}
+        == {
+            "demonstrations": 2,
+            "good": 2,
+            "geometry": {**GEOMETRY, "section": "round", "corners": []},
+            "contexts": [1.0],
+        }
     )
     np.testing.assert_array_equal(loaded.sources_, made_up_skill.sources_)
     assert isinstance(loaded.features_, CanonicalFeatures)

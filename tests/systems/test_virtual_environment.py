@@ -173,6 +173,17 @@ def test_scenario_with_one_of_everything_runs():
     assert len(demonstration.samples) == 1 + round(0.1 / scenario.recorder.period)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("engine", "section", "overlap"), [("exact", "key", 1.0), ("drake", "square", 12.5)])
+def test_a_demonstration_inserts_a_peg_that_is_not_round(quick_scenario, engine, section, overlap):
+    quick_scenario.contact.engine, quick_scenario.geometry.section = engine, section
+    resolved = resolve_scenario(quick_scenario, seed=0, stream=DEMONSTRATION_STREAM)
+    demonstration = run_demonstration(resolved)
+    assert demonstration.outcome in ("inserted", "inserted roughly")
+    assert demonstration.metadata["penetration_um"] < overlap
+    assert demonstration.metadata["geometry"]["section"] == section
+
+
 @pytest.mark.parametrize(("engine", "overlap"), [("exact", 1.0), ("mujoco", 12.5)])
 def test_a_demonstration_inserts_in_the_other_engines(quick_scenario, engine, overlap):
     quick_scenario.contact.engine = engine

@@ -7,7 +7,7 @@ from experiments.metrics.penetration import deepest_overlap
 from models.scenario import Geometry
 
 G = Geometry()
-UPRIGHT = [0.0, 0.0, 1.0]
+UPRIGHT = np.eye(3)
 
 
 def test_a_peg_pressed_sideways_overlaps_by_its_offset_beyond_the_clearance():
@@ -26,8 +26,8 @@ def test_the_overlap_of_separate_bodies_is_zero():
 
 def test_invalid_poses_are_ignored():
     poses = [[np.nan, 0.0, 0.0], [0.0, 0.0, -0.010], [0.0, 0.0, -0.010]]
-    assert deepest_overlap(G, poses, [UPRIGHT, UPRIGHT, [1.0, 0.0, 0.0]]) == 0.0
-    assert deepest_overlap(G, np.empty((0, 3)), np.empty((0, 3))) == 0.0
+    assert deepest_overlap(G, poses, [UPRIGHT, UPRIGHT, Rotation.from_rotvec([0.0, np.pi / 2, 0.0]).as_matrix()]) == 0.0
+    assert deepest_overlap(G, np.empty((0, 3)), np.empty((0, 3, 3))) == 0.0
 
 
 def test_one_invalid_coordinate_excludes_only_its_own_pose():
@@ -42,15 +42,15 @@ def test_one_invalid_coordinate_excludes_only_its_own_pose():
 def test_a_tilt_up_to_almost_45_degrees_is_evaluated(degrees):
     """The rim of the tip is r sin(tilt) lower than its centre, which is far from the wall of the bore."""
     tilt = np.radians(degrees)
-    axis = [np.sin(tilt), 0.0, np.cos(tilt)]
-    overlap = deepest_overlap(G, [[0.0, 0.0, -G.hole_depth - 1e-3]], [axis])
+    R_HP = Rotation.from_rotvec([0.0, tilt, 0.0]).as_matrix()
+    overlap = deepest_overlap(G, [[0.0, 0.0, -G.hole_depth - 1e-3]], [R_HP])
     assert (overlap > 1e-3) == (abs(degrees) < 45.0)
 
 
 def test_a_demonstration_reports_its_overlap(demonstrations):
     for demonstration in demonstrations:
         s = demonstration.samples
-        axis = Rotation.from_rotvec(s[["ax", "ay", "az"]].to_numpy() * s[["angle"]].to_numpy()).apply([0.0, 0.0, 1.0])
-        overlap = -exact_bodies(demonstration).gap(s[["x", "y", "z"]].to_numpy(), axis).min()
+        R_HP = Rotation.from_rotvec(s[["ax", "ay", "az"]].to_numpy() * s[["angle"]].to_numpy()).as_matrix()
+        overlap = -exact_bodies(demonstration).gap(s[["x", "y", "z"]].to_numpy(), R_HP).min()
         assert overlap > 0.0  # all of them touch
         assert demonstration.metadata["penetration_um"] == pytest.approx(1e6 * overlap, abs=0.051)

@@ -156,11 +156,11 @@ def test_block_is_cut_open_towards_the_camera():
     assert (points[:, 0] + points[:, 1]).max() == pytest.approx(0, abs=1e-8)
 
 
-def test_peg_is_a_cylinder_that_stands_on_its_tip_with_a_ring_every_5_mm():
+def test_peg_is_a_prism_that_stands_on_its_tip_with_a_ring_every_5_mm():
     scene = decoded()
-    body = scene.geometry("peg/body")
-    assert body["radiusTop"] == body["radiusBottom"] == 0.010
-    assert scene.interval("peg/body") == pytest.approx((0, 0.012))
+    body = scene.points("peg/body")
+    assert np.linalg.norm(body[:, :2], axis=1).max() == pytest.approx(0.010)
+    assert (body[:, 2].min(), body[:, 2].max()) == pytest.approx((0, 0.012))
     for k, z in enumerate([0, 0.005, 0.010]):
         points = scene.points(f"peg/mark{k}")
         np.testing.assert_allclose(points[:, 2], z, atol=1e-9)

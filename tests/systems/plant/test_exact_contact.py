@@ -5,23 +5,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.contact_geometry import PegInHole, Surface, axes_of_rotation_vectors
+from models.contact_geometry import PegInHole, Surface, rotations_of_vectors
 from models.scenario import Scenario
-from systems.plant.exact_contact import (
+from models.section import NAMES
+from systems.plant.exact_contact import ROUNDS, friction_impulse, normal_impulse, solve_contacts, tangents
+from systems.plant.exact_gaps import (
+    COLUMNS,
+    GAP,
     MAX_CONTACTS,
+    NORMAL,
     REACH,
-    ROUNDS,
+    SURFACE,
     Bodies,
     find_contacts,
     find_minima,
-    friction_impulse,
-    normal_impulse,
-    solve_contacts,
-    tangents,
 )
 from systems.plant.exact_peg import advance_peg
 
-BODIES = Bodies.of(Scenario())
+BODIES, GEOMETRY = Bodies.of(Scenario()), PegInHole.of(Scenario().geometry)
 STEP = 2.5e-4
 positive = st.floats(1e-3, 1e3)
 
@@ -30,15 +31,11 @@ positive = st.floats(1e-3, 1e3)
 def test_the_minima_of_the_gap_are_those_of_the_exact_geometry():
     rng, n = np.random.default_rng(5), 10_000
     p = np.column_stack([rng.uniform(-3e-4, 3e-4, (n, 2)), rng.uniform(-0.026, 0.001, n)])
-    axes = axes_of_rotation_vectors(np.column_stack([rng.uniform(-0.04, 0.04, (n, 2)), np.zeros(n)]))
-    expected = PegInHole(BODIES.r, BODIES.R, BODIES.depth, BODIES.chamfer).contacts(p, axes)
-    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
-    surface, touching = np.empty(MAX_CONTACTS, np.int64), 0
-    turned = 0
+    R = rotations_of_vectors(np.column_stack([rng.uniform(-0.04, 0.04, (n, 2)), np.zeros(n)]))
+    expected = GEOMETRY.contacts(p, R)
+    minima, touching, turned = np.empty((MAX_CONTACTS, COLUMNS)), 0, 0
     for k in range(n):
-        u = np.cross([0.0, 1.0, 0.0], axes[k])
-        u /= np.linalg.norm(u)
-        count = find_minima(BODIES, p[k], u, np.cross(axes[k], u), gap, point, normal, surface, np.empty(MAX_CONTACTS))
+        found = minima[: find_minima(BODIES, p[k], R[k, :, 0].copy(), R[k, :, 1].copy(), minima)]
         near = expected.gap[k] < REACH
         touching += near.any()
         # The floor has one minimum, and three points on which a flat tip rests.
@@ -46,42 +43,58 @@ def test_the_minima_of_the_gap_are_those_of_the_exact_geometry():
             near & (expected.surface[k] != Surface.RIM_FLOOR),
             near & (expected.surface[k] == Surface.RIM_FLOOR),
         )
-        found, order = np.flatnonzero(surface[:count] != Surface.RIM_FLOOR), np.flatnonzero(walls)
-        found, order = found[np.argsort(gap[found])], order[np.argsort(expected.gap[k][order])]
-        np.testing.assert_allclose(gap[found], expected.gap[k][order], rtol=0, atol=1e-9)
-        turned += np.abs(normal[found] - expected.normal[k][order]).max(initial=0.0) > 1e-5
+        rests, order = found[found[:, SURFACE] == Surface.RIM_FLOOR], np.flatnonzero(walls)
+        found = found[found[:, SURFACE] != Surface.RIM_FLOOR]
+        found, order = found[np.argsort(found[:, GAP])], order[np.argsort(expected.gap[k][order])]
+        np.testing.assert_allclose(found[:, GAP], expected.gap[k][order], rtol=0, atol=1e-9)
+        turned += np.abs(found[:, NORMAL] - expected.normal[k][order]).max(initial=0.0) > 1e-5
         if floor.any():
-            assert gap[:count][surface[:count] == Surface.RIM_FLOOR].min() == pytest.approx(
-                expected.gap[k][floor].min(), abs=1e-12
-            )
+            assert rests[:, GAP].min() == pytest.approx(expected.gap[k][floor].min(), abs=1e-12)
     assert touching > n / 3
     assert turned < n / 100  # on a corner, or between equal gaps, another normal is as right
 
 
-def contacts_at(p, axis):
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES[1:])
+def test_the_lowest_gap_is_that_of_the_exact_geometry_for_every_section(name):
+    scenario = Scenario()
+    scenario.geometry.section = name
+    bodies, rng, n = Bodies.of(scenario), np.random.default_rng(7), 1000
+    p = np.column_stack([rng.uniform(-8e-5, 8e-5, (n, 2)), rng.uniform(-0.0252, 0.0005, n)])
+    tilts = rng.uniform(-0.02, 0.02, (n, 2)) * np.where(p[:, 2:] < -2e-3, 0.05, 1.0)
+    R = rotations_of_vectors(np.column_stack([tilts, rng.uniform(-0.002, 0.002, n)]))
+    expected, minima = PegInHole.of(scenario.geometry).gap(p, R), np.empty((MAX_CONTACTS, COLUMNS))
+    for k in range(n):
+        count = find_minima(bodies, p[k], R[k, :, 0].copy(), R[k, :, 1].copy(), minima)
+        if expected[k] < REACH:
+            assert minima[:count, GAP].min() == pytest.approx(expected[k], abs=1e-9)
+        else:
+            assert count == 0
+    assert 0.1 < (expected < REACH).mean() < 0.95
+
+
+def contacts_at(p, R):
     """Returns gaps, normals and surfaces of the contacts of a pose."""
-    u = np.cross([0.0, 1.0, 0.0], axis)
-    u /= np.linalg.norm(u)
     gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
     surface = np.empty(MAX_CONTACTS, np.int64)
-    count = find_contacts(BODIES, p, u, np.cross(axis, u), gap, point, normal, surface)
+    count = find_contacts(BODIES, p, R[:, 0].copy(), R[:, 1].copy(), gap, point, normal, surface)
     return gap[:count], normal[:count], surface[:count]
 
 
 def test_normals_are_the_slopes_of_gaps_and_do_not_jump_where_bodies_touch():
     """Also where the rim crosses an edge of the chamfer: there the nearest surface jumps at the first overlap."""
-    rng, geometry = np.random.default_rng(2), PegInHole(BODIES.r, BODIES.R, BODIES.depth, BODIES.chamfer)
+    rng = np.random.default_rng(2)
     crossings, errors, turns = 0, [], []
     step = np.array([0.0, 0.0, 2e-7])
     for _ in range(300):
-        axis = axes_of_rotation_vectors([[*rng.uniform(-0.04, 0.04, 2), 0.0]])[0]
+        R = rotations_of_vectors([[*rng.uniform(-0.04, 0.04, 2), 0.0]])[0]
         sides, low, high = rng.uniform(-3e-4, 3e-4, 2), -0.02, 0.001
         for _ in range(60):  # down to the height at which the bodies touch
             middle = 0.5 * (low + high)
-            touches = geometry.gap([[*sides, middle]], [axis])[0] < 0.0
+            touches = GEOMETRY.gap([[*sides, middle]], [R])[0] < 0.0
             low, high = (middle, high) if touches else (low, middle)
         p = np.array([*sides, high])
-        (gap, normal, surface), (lower_gap, lower_normal, _) = contacts_at(p + step, axis), contacts_at(p - step, axis)
+        (gap, normal, surface), (lower_gap, lower_normal, _) = contacts_at(p + step, R), contacts_at(p - step, R)
         assert len(gap) == len(lower_gap) > 0
         errors.append(np.abs(lower_gap - gap + step[2] * (normal + lower_normal)[:, 2]).max())
         turns.append(np.abs(lower_normal - normal).max())

@@ -1,9 +1,10 @@
-"""Generates meshes of a chamfered blind bore in a round block, closed or of the inside only.
+"""Generates meshes of a chamfered blind hole in a round block, closed or of the inside only, and of the peg.
 
-The bore is a regular prism whose edges lie on the true cylinder, like the edges of the prism into which Drake converts
-the cylindrical peg. Two aligned prisms with the same number n of sides are similar: the clearance between them is R - r
-at the edges and (R - r) cos(pi/n) at the sides, which is within 0.5 % of the true clearance for n = 32. If the sides
-lay on the cylinder instead, the play would be larger by the sagitta.
+Round outlines become regular polygons whose corners lie on the true circle, like the edges of the prism into which
+Drake converts a cylindrical peg. Two aligned prisms with the same number n of sides are similar: the clearance between
+them is R - r at the edges and (R - r) cos(pi/n) at the sides, which is within 0.5 % of the true clearance for n = 32.
+If the sides lay on the cylinder instead, the play would be larger by the sagitta. Peg and hole of any section have
+corresponding corners in the same way.
 
 Frame H has its origin at the centre of the mouth and z out of the hole.
 """
@@ -13,9 +14,12 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from models.section import Section
 
 CUTAWAY_TURNS = (3 / 8, 7 / 8)
 """Part of the ring that a cutaway picture shows, in turns about z; the camera looks in from the other half."""
@@ -121,73 +125,142 @@ class BrokenEdge:
         return cls(width=height * math.tan(angle), height=height)
 
 
-def cutaway_sector(facets: int) -> tuple[int, int]:
-    """Returns the first and last facet of a block that is cut open for a picture (see `make_bore`)."""
-    start, end = CUTAWAY_TURNS
-    return round(start * facets), round(end * facets)
+def cutaway_columns(outline: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Returns the numbers of the points (n, 2) of an outline at which a block that is cut open has walls."""
+    turns = np.arctan2(outline[:, 1], outline[:, 0]) / (2.0 * math.pi) % 1.0
+    first, last = (int(np.abs(turns - turn).argmin()) for turn in CUTAWAY_TURNS)
+    return np.arange(first, last + 1 if last > first else last + 1 + len(outline)) % len(outline)
 
 
-def make_bore(
+def make_prism(section: Section, length: float, facets: int) -> TriangleMesh:
+    """Returns the surface of a peg along z from its tip at z = 0; see `make_peg`."""
+    outline = section.polyline(facets)
+    n = len(outline)
+    rings = [np.column_stack([outline, np.full(n, z)]) for z in (0.0, length)]
+    triangles = []
+    for a in range(n):
+        b = (a + 1) % n
+        triangles += [(2 * n, b, a), (2 * n + 1, a + n, b + n), (a, b, b + n), (a, b + n, a + n)]
+    return TriangleMesh(np.vstack([*rings, (0.0, 0.0, 0.0), (0.0, 0.0, length)]), np.array(triangles))
+
+
+@dataclass(frozen=True)
+class TetrahedronMesh:
+    """A solid.
+
+    Attributes:
+        vertices: Points (n, 3), m.
+        tetrahedra: Vertex indices (m, 4).
+    """
+
+    vertices: NDArray[np.float64]
+    tetrahedra: NDArray[np.int64]
+
+    def to_vtk(self) -> str:
+        """Returns the mesh as text of a legacy VTK file."""
+        n, m = len(self.vertices), len(self.tetrahedra)
+        lines = ["# vtk DataFile Version 3.0", "peg", "ASCII", "DATASET UNSTRUCTURED_GRID", f"POINTS {n} double"]
+        lines += [f"{x:.12g} {y:.12g} {z:.12g}" for x, y, z in self.vertices]
+        lines += [f"CELLS {m} {5 * m}", *(f"4 {a} {b} {c} {d}" for a, b, c, d in self.tetrahedra)]
+        lines += [f"CELL_TYPES {m}", *["10"] * m]
+        return "\n".join(lines) + "\n"
+
+
+def make_peg(section: Section, length: float, facets: int) -> TetrahedronMesh:
+    """Returns the solid of a peg along z from its tip at z = 0.
+
+    Vertices inside lie on the axis, at least the inner radius below the surface. Drake's pressure, which is 0 on the
+    surface and largest there, thus grows from every face as it does from the side of its own cylinder.
+
+    Args:
+        section: Outline of the peg, m, every point of which is visible from the axis.
+        length: m.
+        facets: Number of points on a full circle.
+    """
+    outline = section.polyline(facets)
+    n, inside = len(outline), min(section.inner_radius, 0.4 * length)
+    ring = [np.column_stack([outline, np.full(n, z)]) for z in (0.0, length)]
+    axis = [(0.0, 0.0, z) for z in (0.0, length, inside, length - inside)]
+    foot, head, low, high = range(2 * n, 2 * n + 4)
+    tetrahedra = []
+    for a in range(n):
+        b = (a + 1) % n
+        tetrahedra += [(foot, b, a, low), (head, a + n, b + n, high)]
+        tetrahedra += [(a, b, b + n, low), (a, b + n, a + n, low), (a + n, b + n, high, low)]
+    found = TetrahedronMesh(np.vstack([*ring, axis]), np.array(tetrahedra))
+    return TetrahedronMesh(found.vertices, _upright(found))
+
+
+def _upright(mesh: TetrahedronMesh) -> NDArray[np.int64]:
+    """Returns the tetrahedra with vertices in the order that gives each a positive volume."""
+    a, b, c, d = (mesh.vertices[mesh.tetrahedra[:, k]] for k in range(4))
+    turned = mesh.tetrahedra.copy()
+    wrong = np.einsum("ni,ni->n", np.cross(b - a, c - a), d - a) < 0.0
+    turned[wrong] = turned[wrong][:, [1, 0, 2, 3]]
+    return turned
+
+
+def make_hole(
     *,
-    radius: float,
+    section: Section,
     depth: float,
     chamfer: float,
     facets: int,
     block_radius: float,
     floor: float,
     edge: BrokenEdge | None = None,
-    sector: tuple[int, int] | None = None,
+    cutaway: bool = False,
     inside: bool = False,
 ) -> TriangleMesh:
-    """Returns the mesh of a round block with a chamfered blind bore in its top face.
+    """Returns the mesh of a round block with a chamfered blind hole in its top face.
 
     Args:
-        radius: Radius of the true cylinder, m; the edges of the bore lie on it.
-        depth: Depth from the mouth to the bottom of the bore, m.
+        section: Outline of the hole, m; its points lie on it. Every point is visible from the axis.
+        depth: Depth from the mouth to the bottom of the hole, m.
         chamfer: Width and depth of the 45 degree chamfer, m; 0 for a sharp edge.
-        facets: Number of flat faces of the bore.
+        facets: Number of points on a full circle.
         block_radius: Radius of the block, m.
-        floor: Thickness of the block below the bore, m.
+        floor: Thickness of the block below the hole, m.
         edge: Band between wall and chamfer; None for a chamfer that begins at the mouth. It needs a chamfer.
-        sector: First and last facet to keep, for a block that is cut open; None for the whole ring. A cut block is
-            closed by planes through the axis.
+        cutaway: Whether to cut the block open for a picture, along planes through the axis.
         inside: Whether to leave out the outer side and the bottom. The surface is then open, and Drake's
             query of contact costs 15 to 40 % less: it tests each part of the peg against all triangles with near boxes.
 
     Raises:
-        ValueError: If there are fewer than three facets, or the sizes describe no bore.
+        ValueError: If there are fewer than three facets, or the sizes describe no hole.
     """
     if facets < 3:
-        raise ValueError(f"bore: {facets} facets, expected at least 3")
+        raise ValueError(f"hole: {facets} facets, expected at least 3")
+    radius = section.outer_radius
     if not (radius > 0 and 0 <= chamfer < depth and radius + chamfer < block_radius and floor > 0):
         raise ValueError(
-            f"bore: radius {radius}, chamfer {chamfer}, depth {depth}, block radius {block_radius}, floor {floor}"
+            f"hole: outer radius {radius}, chamfer {chamfer}, depth {depth}, block radius {block_radius}, floor {floor}"
             " (m); expected positive sizes (chamfer may be 0), chamfer < depth and radius + chamfer < block radius"
         )
-    # The profile (radius, height) runs from the bottom of the bore over the rim to the bottom of the block.
-    rim = [(radius, -chamfer), (radius + chamfer, 0.0)] if chamfer > 0 else [(radius, 0.0)]
+    outline = section.polyline(facets)
+    around = block_radius * outline / np.hypot(outline[:, 0], outline[:, 1])[:, None]
+    # The profile of outlines and heights runs from the bottom of the hole over the rim to the bottom of the block.
+    rim = [(outline, -chamfer), (section.offset(chamfer).polyline(facets), 0.0)] if chamfer > 0 else [(outline, 0.0)]
     if edge is not None:
-        rim.insert(1, (radius + edge.width, -chamfer + edge.height))
-    profile = [
-        *((0.0, -depth), (radius, -depth), *rim),
-        *((block_radius, 0.0), (block_radius, -depth - floor), (0.0, -depth - floor)),
+        rim.insert(1, (section.offset(edge.width).polyline(facets), -chamfer + edge.height))
+    profile: list[tuple[Any, float]] = [
+        *((None, -depth), (outline, -depth), *rim),
+        *((around, 0.0), (around, -depth - floor), (None, -depth - floor)),
     ]
     if inside:
         del profile[-2:]
-    first, last = sector if sector is not None else (0, facets)
-    closed = last - first == facets
-    columns = facets if closed else last - first + 1
-    angles = 2.0 * math.pi * (first + np.arange(columns)) / facets
+    closed, chosen = not cutaway, cutaway_columns(outline) if cutaway else np.arange(len(outline))
+    columns = len(chosen)
 
     vertices: list[tuple[float, float, float]] = []
     ring: list[list[int]] = []  # ring[p][c] is the index of profile point p in column c; the axis points are shared
-    for rho, z in profile:
-        if rho == 0.0:
+    for curve, z in profile:
+        if curve is None:
             ring.append([len(vertices)] * columns)
             vertices.append((0.0, 0.0, z))
         else:
             ring.append(list(range(len(vertices), len(vertices) + columns)))
-            vertices += [(rho * math.cos(t), rho * math.sin(t), z) for t in angles]
+            vertices += [(x, y, z) for x, y in curve[chosen]]
     triangles: list[tuple[int, int, int]] = []
     for p in range(len(profile) - 1):
         for c in range(columns if closed else columns - 1):
@@ -196,17 +269,17 @@ def make_bore(
             triangles += [t for t in ((a, e, f), (a, f, b)) if len(set(t)) == 3]
     if not closed:
         for column, flip in ((0, True), (columns - 1, False)):
-            triangles += _fan([ring[p][column] for p in range(len(profile))], profile, flip)
+            triangles += _fan([ring[p][column] for p in range(len(profile))], flip)
     return TriangleMesh(np.array(vertices), np.array(triangles))
 
 
-def _fan(indices: list[int], profile: list[tuple[float, float]], flip: bool) -> list[tuple[int, int, int]]:
+def _fan(indices: list[int], flip: bool) -> list[tuple[int, int, int]]:
     """Returns triangles that close the cut at one column.
 
     They share the outer bottom corner: the profile is star-shaped about it.
     """
-    pivot = len(profile) - 2
-    others = [(pivot + k) % len(profile) for k in range(1, len(profile))]
+    pivot = len(indices) - 2
+    others = [(pivot + k) % len(indices) for k in range(1, len(indices))]
     faces = []
     for a, b in itertools.pairwise(others):
         corner = (indices[pivot], indices[a], indices[b])

@@ -6,21 +6,33 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from models.bore import (
+from models.meshes import (
     BrokenEdge,
-    cutaway_sector,
+    cutaway_columns,
     facet_sagitta,
-    make_bore,
+    make_hole,
+    make_peg,
+    make_prism,
     minimum_aligned_facets,
     minimum_facets,
     play_error,
 )
+from models.section import NAMES, section_of
 
-SIZES = {"radius": 0.01005, "depth": 0.025, "chamfer": 0.0005, "facets": 64, "block_radius": 0.03, "floor": 0.01}
+ROUND = section_of("round")
+RADIUS = 0.01005
+SIZES = {
+    "section": ROUND.scaled(RADIUS),
+    "depth": 0.025,
+    "chamfer": 0.0005,
+    "facets": 64,
+    "block_radius": 0.03,
+    "floor": 0.01,
+}
 
 shapes = st.fixed_dictionaries(
     {
-        "radius": st.floats(0.002, 0.02),
+        "section": st.floats(0.002, 0.02).map(ROUND.scaled),
         "depth": st.floats(0.005, 0.04),
         "chamfer": st.sampled_from([0.0, 0.0005, 0.002]),
         "facets": st.integers(3, 70),
@@ -48,8 +60,10 @@ def volume(mesh):
     return np.linalg.det(mesh.vertices[mesh.triangles]).sum() / 6.0
 
 
-def closed_volume(*, radius, depth, chamfer, facets, block_radius, floor):
+def closed_volume(*, section, depth, chamfer, facets, block_radius, floor):
     """Volume of the block's prism minus the bore's prism and the chamfer's frustum."""
+
+    radius = section.outer_radius
 
     def inscribed(r):
         return 0.5 * facets * r**2 * math.sin(2.0 * math.pi / facets)
@@ -63,23 +77,56 @@ def closed_volume(*, radius, depth, chamfer, facets, block_radius, floor):
 @given(sizes=shapes)
 @settings(max_examples=40)
 def test_a_block_is_watertight_and_has_the_volume_of_the_closed_form(sizes):
-    mesh = make_bore(**sizes)
+    mesh = make_hole(**sizes)
     assert_watertight(mesh)
     assert volume(mesh) == pytest.approx(closed_volume(**sizes), rel=1e-9)
 
 
-@given(sizes=shapes, first=st.integers(0, 30), count=st.integers(1, 69))
+@given(sizes=shapes)
 @settings(max_examples=40)
-def test_a_cut_block_is_watertight_and_has_its_share_of_the_volume(sizes, first, count):
-    count = min(count, sizes["facets"] - 1)
-    mesh = make_bore(**sizes, sector=(first, first + count))
+def test_a_cut_block_is_watertight_and_has_its_share_of_the_volume(sizes):
+    mesh, facets = make_hole(**sizes, cutaway=True), sizes["facets"]
     assert_watertight(mesh)
-    assert volume(mesh) == pytest.approx(closed_volume(**sizes) * count / sizes["facets"], rel=1e-9)
+    count = len(cutaway_columns(sizes["section"].polyline(facets))) - 1
+    assert count == pytest.approx(facets / 2, abs=1)
+    assert volume(mesh) == pytest.approx(closed_volume(**sizes) * count / facets, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("cutaway", [False, True])
+def test_the_block_of_every_section_is_watertight(name, cutaway):
+    hole = section_of(name).scaled(0.01).offset(5e-5)
+    sizes = {**SIZES, "section": hole}
+    mesh = make_hole(**sizes, cutaway=cutaway, edge=BrokenEdge(width=3e-6, height=2e-5))
+    assert_watertight(mesh)
+    if not cutaway:  # the block's outer side has the corners of the hole, on a circle
+        around = SIZES["block_radius"] * hole.polyline(64) / np.hypot(*hole.polyline(64).T)[:, None]
+        after = np.roll(around, -1, axis=0)
+        ground = 0.5 * float((around[:, 0] * after[:, 1] - around[:, 1] * after[:, 0]).sum())
+        block = ground * (SIZES["depth"] + SIZES["floor"])
+        inner, outer = hole.area, hole.offset(SIZES["chamfer"]).area
+        chamfer = SIZES["chamfer"] * 0.5 * (inner + outer)
+        expected = block - inner * (SIZES["depth"] - SIZES["chamfer"]) - chamfer
+        assert volume(mesh) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_peg_of_every_section_is_filled_with_tetrahedra(name):
+    section = section_of(name).scaled(0.01)
+    surface, solid = make_prism(section, 0.06, 32), make_peg(section, 0.06, 32)
+    assert_watertight(surface)
+    a, b, c, d = (solid.vertices[solid.tetrahedra[:, k]] for k in range(4))
+    volumes = np.einsum("ni,ni->n", np.cross(b - a, c - a), d - a) / 6.0
+    assert volumes.min() > 0.0
+    assert volumes.sum() == pytest.approx(volume(surface), rel=1e-9)
+    assert volume(surface) == pytest.approx(0.06 * section.area, rel=0.01)
+    header = solid.to_vtk().splitlines()[4]
+    assert header == f"POINTS {len(solid.vertices)} double"
 
 
 @pytest.mark.parametrize("facets", [3, 7, 64, 92])
 def test_the_edges_of_the_bore_lie_on_the_cylinder(facets):
-    mesh = make_bore(**{**SIZES, "facets": facets})
+    mesh = make_hole(**{**SIZES, "facets": facets})
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
@@ -87,13 +134,13 @@ def test_the_edges_of_the_bore_lie_on_the_cylinder(facets):
     to_axis = np.einsum("ij,ij->i", normals, a)  # signed distance of the face's plane from the axis, positive outwards
     bore = vertical & (to_axis < 0)
     assert bore.sum() == 2 * facets  # two triangles per face
-    np.testing.assert_allclose(-to_axis[bore], SIZES["radius"] * math.cos(math.pi / facets), rtol=1e-12)
+    np.testing.assert_allclose(-to_axis[bore], RADIUS * math.cos(math.pi / facets), rtol=1e-12)
     outer = vertical & (to_axis > 0)
     np.testing.assert_allclose(to_axis[outer], SIZES["block_radius"] * math.cos(math.pi / facets), rtol=1e-12)
 
 
 def test_the_chamfer_has_45_degrees():
-    mesh = make_bore(**SIZES)
+    mesh = make_hole(**SIZES)
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     normals = np.cross(b - a, c - a)
     normals /= np.linalg.norm(normals, axis=1)[:, None]
@@ -105,7 +152,7 @@ def test_the_chamfer_has_45_degrees():
 
 
 def test_wavefront_text_gives_the_same_mesh():
-    mesh = make_bore(**SIZES)
+    mesh = make_hole(**SIZES)
     vertices, triangles = [], []
     for line in mesh.to_obj().splitlines():
         kind, *numbers = line.split()
@@ -118,7 +165,6 @@ def test_wavefront_text_gives_the_same_mesh():
     ("change", "message"),
     [
         ({"facets": 2}, "2 facets"),
-        ({"radius": -0.01}, "radius -0.01"),
         ({"chamfer": -1e-4}, "chamfer -0.0001"),
         ({"chamfer": 0.025}, "chamfer 0.025"),
         ({"block_radius": 0.0105}, "block radius 0.0105"),
@@ -127,7 +173,7 @@ def test_wavefront_text_gives_the_same_mesh():
 )
 def test_impossible_sizes_raise_an_error(change, message):
     with pytest.raises(ValueError, match=message):
-        make_bore(**{**SIZES, **change})
+        make_hole(**{**SIZES, **change})
 
 
 def test_sagitta_of_a_square_and_a_hexagon():
@@ -150,8 +196,9 @@ def test_the_clearance_of_the_paper_needs_63_facets():
 
 
 def test_the_cutaway_is_half_of_the_ring_opposite_the_camera():
-    assert cutaway_sector(64) == (24, 56)
-    mesh = make_bore(**SIZES, sector=cutaway_sector(64))
+    columns = cutaway_columns(SIZES["section"].polyline(64))
+    assert (columns[0], columns[-1]) == (24, 56)
+    mesh = make_hole(**SIZES, cutaway=True)
     towards_camera = np.array([math.cos(math.radians(45.0)), math.sin(math.radians(45.0)), 0.0])
     assert (mesh.vertices @ towards_camera).max() < 1e-9
 
@@ -181,18 +228,18 @@ def test_the_broken_edge_stays_between_the_wall_and_the_chamfer(radius, share, c
 
 def test_a_broken_edge_adds_one_ring_above_the_mouth():
     edge = BrokenEdge(width=3e-6, height=2e-5)
-    sharp, broken = make_bore(**SIZES), make_bore(**SIZES, edge=edge)
+    sharp, broken = make_hole(**SIZES), make_hole(**SIZES, edge=edge)
     assert len(broken.vertices) == len(sharp.vertices) + SIZES["facets"]
     ring = broken.vertices[np.isclose(broken.vertices[:, 2], -SIZES["chamfer"] + 2e-5, rtol=0, atol=1e-9)]
-    np.testing.assert_allclose(np.hypot(ring[:, 0], ring[:, 1]), SIZES["radius"] + 3e-6, rtol=1e-12)
+    np.testing.assert_allclose(np.hypot(ring[:, 0], ring[:, 1]), RADIUS + 3e-6, rtol=1e-12)
     # The band adds material: the triangle between the edge, its own upper corner and the upper edge of the chamfer.
     area = 0.5 * (SIZES["chamfer"] * 2e-5 - SIZES["chamfer"] * 3e-6)
     added = volume(broken) - volume(sharp)
-    assert added == pytest.approx(2.0 * math.pi * SIZES["radius"] * area, rel=0.03)
+    assert added == pytest.approx(2.0 * math.pi * RADIUS * area, rel=0.03)
 
 
 def test_the_inside_is_the_closed_surface_without_outer_side_and_bottom():
-    closed, inside = make_bore(**SIZES), make_bore(**SIZES, inside=True)
+    closed, inside = make_hole(**SIZES), make_hole(**SIZES, inside=True)
     faces = [{m.vertices[t].tobytes() for t in m.triangles} for m in (closed, inside)]
     assert faces[1] < faces[0]
     heights, radii = inside.vertices[:, 2], np.hypot(*inside.vertices[:, :2].T)
