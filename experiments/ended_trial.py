@@ -53,7 +53,7 @@ class EndedTrial:
         samples: `LOGGED_COLUMNS`.
         forces: figures of the forces.
         motion: figures of the motion.
-        penetration: deepest overlap of the round bodies, once in each controller period, m.
+        penetration: deepest overlap of the exact bodies, once in each controller period, m.
         looks: contacts.
     """
 

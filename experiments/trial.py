@@ -75,7 +75,7 @@ class TrialRecord:
         return Looks(np.array(seen, dtype=np.int64), np.reshape(tables, (-1, MAX_JOINED, JOINED_SIZE)))
 
     def penetration(self) -> float:
-        """Returns the deepest overlap of the round bodies at one pose per controller period, m."""
+        """Returns the deepest overlap of the exact bodies at one pose per controller period, m."""
         poses = np.reshape(self._poses, (-1, 3, 4))
         return deepest_overlap(self._geometry, poses[:, :, 3], poses[:, :, :3])
 

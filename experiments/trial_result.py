@@ -54,7 +54,7 @@ class TrialResult:
         peak_axial_force: see `experiments.metrics.force_metrics.ForceFigures`, as for the other forces.
         peak_lateral_force: N.
         peak_moment: N m.
-        penetration: deepest overlap of the round bodies at the recorded samples, m.
+        penetration: deepest overlap of the exact bodies at the recorded samples, m.
         steps: number of microsteps that both steppers took.
         lost_steps: number of microsteps that both steppers lost.
         back_offs: how often the controller backed the peg off.

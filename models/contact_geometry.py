@@ -29,7 +29,7 @@ from scipy.spatial.transform import Rotation
 
 from models import Array
 from models.labelled_enum import LabelledEnum
-from models.section import KIND, SIZE, SPAN, START, C, S, Section, X, Y, section_of
+from models.section import KIND, SIZE, SPAN, C, S, Section, X, Y, on_piece, section_of
 
 SAMPLES = 256
 """Number of samples of a full circle. The gap has kinks where two surfaces of the bore are equally near, and two kinks
@@ -265,15 +265,6 @@ def surface_pieces(section: Section, *, inside: bool) -> Array:
     return np.asarray(pieces[~hollow])
 
 
-def on_piece(piece: Array, share: Any) -> tuple[Any, Any]:
-    """Returns the coordinates of points at shares of the length of a piece."""
-    if piece[KIND] == 0.0:
-        along = share * piece[SIZE]
-        return piece[X] + along * piece[C], piece[Y] + along * piece[S]
-    angle = piece[START] + share * piece[SPAN]
-    return piece[X] + piece[SIZE] * np.cos(angle), piece[Y] + piece[SIZE] * np.sin(angle)
-
-
 @register_jitable(inline="always")
 def planar_gap(piece: Array, x: Any, y: Any) -> tuple[Any, ...]:
     """Returns how far points are outside of an outline beside one of its pieces.
@@ -400,10 +391,8 @@ def edge_gap(
     along = d_x * a_x + d_y * a_y + d_z * a_z
     if piece[KIND] == 0.0:
         x, y = d_x * u_x + d_y * u_y + d_z * u_z, d_x * v_x + d_y * v_y + d_z * v_z
-        beside = (x - piece[X]) * piece[S] - (y - piece[Y]) * piece[C]
-        off = 1.0 + 0.0 * beside
-        r_x, r_y = piece[S] * u_x - piece[C] * v_x, piece[S] * u_y - piece[C] * v_y
-        r_z = piece[S] * u_z - piece[C] * v_z
+        beside, on_x, on_y, off = planar_gap(piece, x, y)
+        r_x, r_y, r_z = on_x * u_x + on_y * v_x, on_x * u_y + on_y * v_y, on_x * u_z + on_y * v_z
     else:
         r_x = d_x - along * a_x - (piece[X] * u_x + piece[Y] * v_x)
         r_y = d_y - along * a_y - (piece[X] * u_y + piece[Y] * v_y)

@@ -150,7 +150,7 @@ class TetrahedronMesh:
 
     Attributes:
         vertices: Points (n, 3), m.
-        tetrahedra: Vertex indices (m, 4).
+        tetrahedra: Vertex indices (m, 4); the fourth lies where the first three turn counter-clockwise about it.
     """
 
     vertices: NDArray[np.float64]
@@ -185,19 +185,9 @@ def make_peg(section: Section, length: float, facets: int) -> TetrahedronMesh:
     tetrahedra = []
     for a in range(n):
         b = (a + 1) % n
-        tetrahedra += [(foot, b, a, low), (head, a + n, b + n, high)]
-        tetrahedra += [(a, b, b + n, low), (a, b + n, a + n, low), (a + n, b + n, high, low)]
-    found = TetrahedronMesh(np.vstack([*ring, axis]), np.array(tetrahedra))
-    return TetrahedronMesh(found.vertices, _upright(found))
-
-
-def _upright(mesh: TetrahedronMesh) -> NDArray[np.int64]:
-    """Returns the tetrahedra with vertices in the order that gives each a positive volume."""
-    a, b, c, d = (mesh.vertices[mesh.tetrahedra[:, k]] for k in range(4))
-    turned = mesh.tetrahedra.copy()
-    wrong = np.einsum("ni,ni->n", np.cross(b - a, c - a), d - a) < 0.0
-    turned[wrong] = turned[wrong][:, [1, 0, 2, 3]]
-    return turned
+        tetrahedra += [(foot, a, b, low), (head, b + n, a + n, high)]
+        tetrahedra += [(b, a, b + n, low), (b + n, a, a + n, low), (b + n, a + n, high, low)]
+    return TetrahedronMesh(np.vstack([*ring, axis]), np.array(tetrahedra))
 
 
 def make_hole(

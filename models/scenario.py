@@ -41,7 +41,7 @@ from models.validation import (
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 ENGINES = ("drake", "exact", "mujoco")
-"""Engines of the contact: Drake's hydroelastic meshes, rigid bodies on exact circles, and MuJoCo's boxes."""
+"""Engines of the contact: Drake's hydroelastic meshes, rigid bodies in closed form, and MuJoCo's boxes."""
 
 APPROXIMATIONS = ("lagged", "similar", "sap")
 """Drake's discrete contact approximations that a scenario may name; "tamsi" is deprecated."""
@@ -82,6 +82,11 @@ class Geometry:
     facets: int = limited(32, low=3, high=MAX_FACETS)
     block_radius: float = limited(0.030, low=1e-4, high=10.0)  # in units of m
     floor: float = limited(0.010, low=1e-4, high=10.0)  # in units of m, below the bore
+
+    @property
+    def is_round(self) -> bool:
+        """Whether the section is a circle."""
+        return self.section == ROUND and not self.corners
 
     @property
     def clearance(self) -> float:
@@ -270,7 +275,7 @@ def _geometry_violations(g: Geometry) -> Iterator[Violation]:
         smallest = f"{1e3 * minimum_clearance(g.hole_radius):.4g} mm"
         yield Violation(name, found, f"at least {smallest}, which {MAX_FACETS} facets can resolve")
     try:
-        mouth = section_of(g.corners or g.section).scaled(g.peg_radius).offset(max(0.0, g.clearance) + g.chamfer)
+        mouth = section_of(g.corners or g.section).scaled(g.peg_radius).offset(g.clearance + g.chamfer)
     except ValueError as error:
         yield Violation("geometry.section", g.section, f"another shape: {error}")
         return
@@ -288,7 +293,7 @@ def _name_violations(scenario: Scenario) -> Iterator[Violation]:
     approximation, habit = scenario.contact.approximation, scenario.operator.habit
     if scenario.contact.engine not in ENGINES:
         yield Violation("contact.engine", repr(scenario.contact.engine), f"one of {ENGINES}")
-    if scenario.contact.engine == "mujoco" and (scenario.geometry.corners or scenario.geometry.section != ROUND):
+    if scenario.contact.engine == "mujoco" and not scenario.geometry.is_round:
         yield Violation("contact.engine", "mujoco", "drake or exact: its boxes form a round hole only")
     if approximation not in APPROXIMATIONS:
         yield Violation("contact.approximation", repr(approximation), f"one of {APPROXIMATIONS}")

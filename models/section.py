@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -133,12 +133,18 @@ class Section:
         return np.concatenate(points)
 
 
-def point_on(piece: Array, share: Array, whole: float = 1.0) -> Array:
-    """Returns points (n, 2) of a piece at parts (n,) of its length, of which ``whole`` is all."""
+def on_piece(piece: Array, share: Any, whole: float = 1.0) -> tuple[Any, Any]:
+    """Returns the coordinates of points of a piece at parts of its length, of which ``whole`` is all."""
     if piece[KIND] == 0.0:
-        return np.asarray(piece[X : Y + 1] + np.outer(share / whole, piece[SIZE] * piece[C : S + 1]))
+        along = share * piece[SIZE] / whole
+        return piece[X] + along * piece[C], piece[Y] + along * piece[S]
     angle = piece[START] + share * piece[SPAN] / whole
-    return np.asarray(piece[X : Y + 1] + piece[SIZE] * np.column_stack([np.cos(angle), np.sin(angle)]))
+    return piece[X] + piece[SIZE] * np.cos(angle), piece[Y] + piece[SIZE] * np.sin(angle)
+
+
+def point_on(piece: Array, share: Array, whole: float = 1.0) -> Array:
+    """Returns points (n, 2) of a piece; see `on_piece`."""
+    return np.column_stack(on_piece(piece, share, whole))
 
 
 def section_of(shape: str | Sequence[Sequence[float]]) -> Section:

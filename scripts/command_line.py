@@ -67,7 +67,7 @@ ScenarioName = Annotated[str, SCENARIO]
 Engine = Annotated[
     Literal["drake", "exact", "mujoco"] | None,
     typer.Option(
-        help="Contact: Drake's meshes, rigid circles, or MuJoCo's boxes ([mujoco]).", show_default="from the scenario"
+        help="Contact: Drake's meshes, rigid bodies, or MuJoCo's boxes ([mujoco]).", show_default="from the scenario"
     ),
 ]
 OptionalScenarioName = Annotated[str | None, SCENARIO]

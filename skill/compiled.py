@@ -32,11 +32,6 @@ def compiled(function: F) -> F:
     return cast(F, numba.njit(cache=True, error_model="numpy")(function))
 
 
-def inlined(function: F) -> F:
-    """As `compiled`, but the function becomes part of those that call it, so that their loops can use vectors."""
-    return cast(F, numba.njit(inline="always", error_model="numpy")(function))
-
-
 def numbers_class(name: str, parameters: type, module: str) -> Any:
     """Returns a class of named tuples with the fields of a dataclass, which compiled functions can take.
 

@@ -46,7 +46,6 @@ import models
 from models.contact_geometry import PegInHole
 from models.meshes import BrokenEdge, make_hole, make_peg, make_prism
 from models.scenario import FREE_FIXTURE, Geometry, Scenario
-from models.section import ROUND
 from skill.arrays import Array
 from systems.plant.body_pose import BodyPose
 from systems.plant.contact_forces import Contact, hydroelastic_forces, single_contacts
@@ -406,9 +405,8 @@ def finish_contact_plant(
     AddCompliantHydroelasticProperties(resolution_hint=hint, hydroelastic_modulus=contact.modulus, properties=compliant)
     AddContactMaterial(dissipation=contact.dissipation, friction=friction, properties=compliant)
     X_PC, shape = peg_shape(g)
-    if isinstance(shape, Cylinder):
-        solid: Shape = shape
-    else:
+    solid = shape
+    if not g.is_round:
         solid = _in_memory(make_peg(PegInHole.of(g).peg, g.peg_length, g.facets).to_vtk(), ".vtk")
     plant.RegisterCollisionGeometry(peg, X_PC, solid, "peg", compliant)
 
@@ -422,7 +420,7 @@ def finish_contact_plant(
 def peg_shape(g: Geometry, scale: float = 1.0) -> tuple[RigidTransform, Shape]:
     """Returns the shape of the peg for pictures, and its pose in P; ``scale`` multiplies its sizes about its centre."""
     middle = 0.5 * g.peg_length
-    if g.section == ROUND and not g.corners:
+    if g.is_round:
         return RigidTransform([0.0, 0.0, middle]), Cylinder(scale * g.peg_radius, scale * g.peg_length)
     prism = make_prism(PegInHole.of(g).peg.scaled(scale), scale * g.peg_length, g.facets)
     return RigidTransform([0.0, 0.0, (1.0 - scale) * middle]), _in_memory(prism.to_obj(), ".obj")

@@ -77,8 +77,8 @@ class Curve(NamedTuple):
         t_x: first component of the derivative of the coordinates by the place.
         t_y: second component.
         first: (n + 1,), number of the first sample of each piece, and m.
-        ends: (k, 2), points at which segments end, m.
         boxes: (n, 4), smallest and largest coordinates of the pieces, m.
+        ends: (k, 4), likewise of the points at which segments end.
         inner: smallest distance from the axis, m.
     """
 
@@ -89,8 +89,8 @@ class Curve(NamedTuple):
     t_x: Array
     t_y: Array
     first: Numbers
-    ends: Array
     boxes: Array
+    ends: Array
     inner: float
 
     @classmethod
@@ -125,15 +125,15 @@ class Curve(NamedTuple):
             t_x=t_x,
             t_y=t_y,
             first=np.array(first, dtype=np.int64),
-            ends=ends[new],
             boxes=boxes_of(pieces),
+            ends=np.hstack([ends[new], ends[new]]),
             inner=section.inner_radius,
         )
 
 
 def boxes_of(pieces: Array) -> Array:
     """Returns the smallest x and y and the largest x and y of pieces, (n, 4), m."""
-    points = [point_on(piece, np.linspace(0.0, 1.0, 65)) for piece in pieces]
+    points = [point_on(piece, np.linspace(0.0, 1.0, 513)) for piece in pieces]
     return np.array([[*p.min(axis=0), *p.max(axis=0)] for p in points])
 
 
@@ -230,8 +230,6 @@ def on_curve(
         gap, n_x, n_y, n_z, kind = rim_gap(chamfer, outside, r_x, r_y, size, z)
         along_u, along_v = n_x * u[0] + n_y * u[1] + n_z * u[2], n_x * v[0] + n_y * v[1] + n_z * v[2]
         slope = t_y * along_v + t_x * along_u
-        if r > 0.0:
-            slope *= r
         at_x, at_y = x, y
         x, y, z = x - gap * n_x, y - gap * n_y, z - gap * n_z
     else:
@@ -239,67 +237,44 @@ def on_curve(
         d_x, d_y, d_z = x - p[0], y - p[1], z - p[2]
         gap, n_x, n_y, n_z, _ = edge_gap(surface, d_x, d_y, d_z, u[0], u[1], u[2], v[0], v[1], v[2])
         slope = -t_x * n_x - t_y * n_y
-        if r > 0.0:
-            slope *= r
         at_x, at_y = d_x * u[0] + d_y * u[1] + d_z * u[2], d_x * v[0] + d_y * v[1] + d_z * v[2]
         kind = circle
+    if r > 0.0:
+        slope *= r
     sign = -1.0 if piece[KIND] < 0.0 else 1.0
     return gap, slope, x, y, z, n_x, n_y, n_z, kind, sign * c, sign * s, at_x, at_y
 
 
 @compiled
-def rim_samples(
+def sample_gaps(
     chamfer: float,
-    wall: Any,
+    circle: int,
+    other: Any,
     x: Array,
     y: Array,
     t_x: Array,
     t_y: Array,
-    p_x: float,
-    p_y: float,
-    p_z: float,
-    u_x: float,
-    u_y: float,
-    u_z: float,
-    v_x: float,
-    v_y: float,
-    v_z: float,
+    p: Array,
+    u: Array,
+    v: Array,
     gaps: Array,
     slopes: Array,
 ) -> None:
-    """Computes the gaps of some samples of the rim to a wall, and their slopes over the place."""
-    for k in range(len(x)):
-        q_x, q_y, q_z = p_x + x[k] * u_x + y[k] * v_x, p_y + x[k] * u_y + y[k] * v_y, p_z + x[k] * u_z + y[k] * v_z
-        outside, r_x, r_y, size = planar_gap(wall, q_x, q_y)
-        gap, n_x, n_y, n_z, _ = rim_gap(chamfer, outside, r_x, r_y, size, q_z)
-        gaps[k] = gap
-        slopes[k] = t_y[k] * (n_x * v_x + n_y * v_y + n_z * v_z) + t_x[k] * (n_x * u_x + n_y * u_y + n_z * u_z)
-
-
-@compiled
-def edge_samples(
-    side: Any,
-    height: float,
-    x: Array,
-    y: Array,
-    t_x: Array,
-    t_y: Array,
-    p_x: float,
-    p_y: float,
-    p_z: float,
-    u_x: float,
-    u_y: float,
-    u_z: float,
-    v_x: float,
-    v_y: float,
-    v_z: float,
-    gaps: Array,
-    slopes: Array,
-) -> None:
-    """Computes the gaps of some samples of an edge of the hole to a side of the peg, and their slopes."""
-    for k in range(len(x)):
-        gap, n_x, n_y, _, _ = edge_gap(side, x[k] - p_x, y[k] - p_y, height - p_z, u_x, u_y, u_z, v_x, v_y, v_z)
-        gaps[k], slopes[k] = gap, -t_x[k] * n_x - t_y[k] * n_y
+    """Computes the gaps of some samples of a curve to a piece of the other body, and their slopes over the place."""
+    p_x, p_y, p_z = p[0], p[1], p[2]
+    u_x, u_y, u_z, v_x, v_y, v_z = u[0], u[1], u[2], v[0], v[1], v[2]
+    if circle == RIM:
+        for k in range(len(x)):
+            q_x, q_y, q_z = p_x + x[k] * u_x + y[k] * v_x, p_y + x[k] * u_y + y[k] * v_y, p_z + x[k] * u_z + y[k] * v_z
+            outside, r_x, r_y, size = planar_gap(other, q_x, q_y)
+            gap, n_x, n_y, n_z, _ = rim_gap(chamfer, outside, r_x, r_y, size, q_z)
+            gaps[k] = gap
+            slopes[k] = t_y[k] * (n_x * v_x + n_y * v_y + n_z * v_z) + t_x[k] * (n_x * u_x + n_y * u_y + n_z * u_z)
+    else:
+        d_z = height_of(chamfer, circle) - p_z
+        for k in range(len(x)):
+            gap, n_x, n_y, _, _ = edge_gap(other, x[k] - p_x, y[k] - p_y, d_z, u_x, u_y, u_z, v_x, v_y, v_z)
+            gaps[k], slopes[k] = gap, -t_x[k] * n_x - t_y[k] * n_y
 
 
 @compiled
@@ -404,10 +379,10 @@ def find_minima(bodies: Bodies, p: Array, u: Array, v: Array, found: Array) -> i
                         chamfer, circle, piece, places, x, y, t_x, t_y, others, k, p, u, v, found, first, count
                     )
         for j in range(len(curve.ends)):
-            x, y = curve.ends[j, 0], curve.ends[j, 1]
+            end_x, end_y = curve.ends[j, 0], curve.ends[j, 1]
             for k in range(len(others)):
-                if apart(np.array([x, y, x, y]), boxes[k]) <= reach:
-                    count = add_end(chamfer, circle, x, y, others, k, p, u, v, found, first, count)
+                if apart(curve.ends[j], boxes[k]) <= reach:
+                    count = add_end(chamfer, circle, end_x, end_y, others, k, p, u, v, found, first, count)
     if lowest + bodies.depth < REACH:
         count = add_floor_points(bodies.rim.pieces, bodies.depth, p, u, v, found, count)
     return count
@@ -442,11 +417,7 @@ def add_minima(
     """Adds the minima of a piece of a curve and piece ``o`` of the other body, see `find_minima`; returns the count."""
     other, n = row_of(others, o), len(x)
     gaps, slopes = np.empty(n), np.empty(n)
-    if circle == RIM:
-        rim_samples(chamfer, other, x, y, t_x, t_y, p[0], p[1], p[2], u[0], u[1], u[2], v[0], v[1], v[2], gaps, slopes)
-    else:
-        height = height_of(chamfer, circle)
-        edge_samples(other, height, x, y, t_x, t_y, p[0], p[1], p[2], u[0], u[1], u[2], v[0], v[1], v[2], gaps, slopes)
+    sample_gaps(chamfer, circle, other, x, y, t_x, t_y, p, u, v, gaps, slopes)
     for k in range(n - 1):
         falling, rising = slopes[k], slopes[k + 1]
         if falling > 0.0 or rising <= 0.0 or max(gaps[k], gaps[k + 1]) < -DEEP:

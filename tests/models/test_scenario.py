@@ -123,6 +123,19 @@ INVALID = {
     "a hole narrower than the peg": ("geometry: {hole_radius: 0.0099}", "clearance .* is -0.1 mm"),
     "a negative radius": ("geometry: {peg_radius: -0.01}", "geometry.peg_radius is -0.01"),
     "a chamfer deeper than the hole": ("geometry: {chamfer: 0.03}", "geometry.chamfer is 0.03"),
+    "an unknown section": ("geometry: {section: oval}", "geometry.section is oval, expected another shape: .*one of"),
+    "a section without place for a chamfer": (
+        "geometry: {section: key, chamfer: 0.002}",
+        "geometry.section is key, .*a concave arc of the radius 0.0015 is too small",
+    ),
+    "a square in MuJoCo": (
+        "{geometry: {section: square}, contact: {engine: mujoco}}",
+        "contact.engine is mujoco, expected drake or exact",
+    ),
+    "a square that is wider than the block": (
+        "geometry: {section: square, block_radius: 0.0144}",
+        "geometry.block_radius is 0.0144 m, expected > 0.01448",
+    ),
     "a peg shorter than the hole": ("geometry: {peg_length: 0.02}", "geometry.peg_length is 0.02"),
     "a block narrower than the hole": ("geometry: {block_radius: 0.0102}", "geometry.block_radius is 0.0102"),
     "a zero time step": ("contact: {time_step: 0.0}", "contact.time_step is 0.0"),

@@ -2,7 +2,7 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from skill.data.geometry import PegHoleGeometry, common_geometry
+from skill.data.geometry import PegHoleGeometry, common_geometry, fit_difference
 from tests.trajectories import GEOMETRY
 
 DUT = PegHoleGeometry(**GEOMETRY)
@@ -66,6 +66,24 @@ def test_an_impossible_size_is_named(change, message):
 def test_extreme_sizes_are_accepted():
     edge = replace(DUT, chamfer=0.0, facets=3, block_radius=0.01006)
     assert PegHoleGeometry.from_metadata({"geometry": asdict(edge)}, "a") == edge
+
+
+def test_the_shape_is_kept_and_compared():
+    square = {**GEOMETRY, "section": "square"}
+    polygon = {**square, "corners": [[1, -1, 0.1], [1, 1, 0.1], [-1, 0]]}
+    kept = PegHoleGeometry.from_metadata({"geometry": polygon}, "a")
+    assert kept.record() == polygon
+    assert fit_difference(kept.record(), polygon) == ""
+    assert fit_difference(DUT.record(), {**square, "corners": []}) == "geometry.section round, not square"
+    assert fit_difference(kept.record(), {**square, "corners": []}) == "a polygon other than geometry.corners"
+    with pytest.raises(ValueError, match=r"^b: section square \[\], but round \[\] in 1 of 2"):
+        common_geometry([("a", {"geometry": GEOMETRY}), ("b", {"geometry": square})])
+
+
+@pytest.mark.parametrize("corners", [3, [1, 2], [["a"]]])
+def test_corners_that_are_no_rows_of_numbers_are_an_error(corners):
+    with pytest.raises(ValueError, match=r"a: geometry\.corners is .*; expected rows of numbers"):
+        PegHoleGeometry.from_metadata({"geometry": {**GEOMETRY, "corners": corners}}, "a")
 
 
 def test_the_rarest_geometry_is_the_odd_one():

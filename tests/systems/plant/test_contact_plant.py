@@ -12,7 +12,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from experiments.trial import trial_scenario
-from models.scenario import Scenario
+from models.scenario import Geometry, Scenario
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.plant.contact_plant import (
     ALUMINIUM,
@@ -20,6 +20,7 @@ from systems.plant.contact_plant import (
     STEEL,
     AddRigPlant,
     AddVirtualPlant,
+    peg_shape,
 )
 
 G = 9.81
@@ -343,3 +344,22 @@ def test_the_feed_moves_carriage_mount_and_peg_and_the_steppers_turn_rings_block
     about_pivot = block * (g.block_radius**2 / 4.0 + height**2 / 12.0 + (0.5 * height + 0.001) ** 2)
     expected = 3e-4 + 2e-4 + about_pivot + scenario.stepper.reflected_inertia
     assert contact.turning_inertia == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_scaled_picture_of_a_square_peg_has_the_same_centre():
+    geometry = Geometry(section="square")
+    X_PC, shape = peg_shape(geometry, 0.98)
+    text = shape.source().in_memory().mesh_file.contents().decode()
+    vertices = np.array([[float(x) for x in line.split()[1:]] for line in text.splitlines() if line.startswith("v ")])
+    points = vertices + X_PC.translation()
+    np.testing.assert_allclose(points.max(axis=0)[:2], 0.98 * geometry.peg_radius, rtol=1e-6)
+    ends = (0.01 * geometry.peg_length, 0.99 * geometry.peg_length)
+    assert (points[:, 2].min(), points[:, 2].max()) == pytest.approx(ends)
+
+
+def test_the_square_peg_of_the_rig_weighs_what_its_prism_does():
+    scenario = Scenario()
+    scenario.geometry.section, scenario.rig.pivot_height = "square", 0.0
+    area = (2.0 * 0.010) ** 2 - (4.0 - math.pi) * 0.0005**2
+    plant = AddRigPlant(DiagramBuilder(), scenario)
+    assert plant.peg.default_mass() == pytest.approx(STEEL * area * scenario.geometry.peg_length)

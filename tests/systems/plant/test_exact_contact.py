@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from models.contact_geometry import PegInHole, Surface, rotations_of_vectors
 from models.scenario import Scenario
-from models.section import NAMES
+from models.section import CORNER, NAMES
 from systems.plant.exact_contact import ROUNDS, friction_impulse, normal_impulse, solve_contacts, tangents
 from systems.plant.exact_gaps import (
     COLUMNS,
@@ -71,6 +71,19 @@ def test_the_lowest_gap_is_that_of_the_exact_geometry_for_every_section(name):
         else:
             assert count == 0
     assert 0.1 < (expected < REACH).mean() < 0.95
+
+
+def test_a_side_that_lies_flat_on_a_wall_touches_at_its_four_corners_once():
+    """The arc beside each corner of the side touches there too."""
+    scenario = Scenario()
+    scenario.geometry.section = "square"
+    g, minima = scenario.geometry, np.empty((MAX_CONTACTS, COLUMNS))
+    p, straight = np.array([g.clearance + 1e-6, 0.0, -0.01]), g.peg_radius * (1.0 - CORNER)
+    found = minima[: find_minima(Bodies.of(scenario), p, np.eye(3)[0], np.eye(3)[1], minima)]
+    np.testing.assert_allclose(found[:, GAP], -1e-6, atol=1e-12)
+    np.testing.assert_allclose(found[:, NORMAL], [[-1.0, 0.0, 0.0]] * 4, atol=1e-9)
+    corners = [(side * straight, z) for z in (-0.01, -g.chamfer) for side in (-1.0, 1.0)]
+    np.testing.assert_allclose(sorted(map(tuple, found[:, 2:4])), sorted(corners), atol=1e-9)
 
 
 def contacts_at(p, R):
