@@ -36,13 +36,23 @@ FILLET = 0.15
 FLAT = 0.6
 """Distance of the flat side of `D` from the axis, in units of the radius."""
 
+POLYGONS: dict[str, list[list[float]]] = {
+    SQUARE: [[1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]],
+    RECTANGLE: [[1.5, -1.0], [1.5, 1.0], [-1.5, 1.0], [-1.5, -1.0]],
+    HEXAGON: [[2.0 / math.sqrt(3.0) * f(k * math.pi / 3.0) for f in (math.cos, math.sin)] for k in range(6)],
+}
+"""Corners (x, y) of the named polygons, each with the radius `CORNER`."""
+
 KEY_WIDTH, KEY_HEIGHT = 0.25, 1.25
 """Half of the width of the key of `KEY`, and the distance of its outer side from the axis, in units of the radius."""
 
 MAX_CORNERS = 32
 """Largest number of corners of a polygon."""
 
-SYMMETRY_ERROR = 1e-9
+ROUNDING = 1e-6
+"""Length that counts as none in the corners of a polygon, in units of its size: they are read from texts."""
+
+SYMMETRY_ERROR = 1e-5
 """Largest distance of an outline from its image, in units of its size, that counts as none."""
 
 MAX_ORDER = 64
@@ -92,6 +102,12 @@ class Section:
     def inner_radius(self) -> float:
         """Radius of the largest circle about the axis inside the section."""
         return min(_nearest(piece) for piece in self.pieces)
+
+    def reach(self, x: float, y: float) -> float:
+        """Returns how far the section extends along a direction, given as a unit vector."""
+        ends = np.concatenate([point_on(piece, np.array([0.0, 1.0])) for piece in self.pieces]) @ [x, y]
+        arcs = [p[X] * x + p[Y] * y + p[SIZE] for p in self.pieces if p[KIND] == 1.0 and _faces(p, x, y)]
+        return float(max([*ends, *arcs]))
 
     def scaled(self, factor: float) -> Self:
         """Returns the section with all lengths multiplied by a factor."""
@@ -161,18 +177,19 @@ def section_of(shape: str | Sequence[Sequence[float]]) -> Section:
         return Section(_polygon(shape))
     if shape == ROUND:
         return Section(np.array([_arc(0.0, 0.0, 1.0, 0.0, 2.0 * math.pi)]))
-    if shape == SQUARE:
-        return Section(_polygon([(x, y, CORNER) for x, y in ((1, -1), (1, 1), (-1, 1), (-1, -1))]))
-    if shape == RECTANGLE:
-        return Section(_polygon([(x, y, CORNER) for x, y in ((1.5, -1), (1.5, 1), (-1.5, 1), (-1.5, -1))]))
-    if shape == HEXAGON:
-        corners = 2.0 / math.sqrt(3.0) * np.exp(1j * np.pi / 3.0 * np.arange(6))
-        return Section(_polygon([(z.real, z.imag, CORNER) for z in corners]))
+    if shape in POLYGONS:
+        return Section(_polygon(rounded_corners(shape)))
     if shape == D:
         return Section(_d())
     if shape == KEY:
         return Section(_key())
     raise ValueError(f"section {shape!r}, expected one of {list(NAMES)} or the corners of a polygon")
+
+
+def rounded_corners(name: str, turn: float = 0.0) -> list[list[float]]:
+    """Returns the corners (x, y, radius) of one of `POLYGONS`, turned about the axis by an angle, rad."""
+    c, s = math.cos(turn), math.sin(turn)
+    return [[c * x - s * y, s * x + c * y, CORNER] for x, y in POLYGONS[name]]
 
 
 def _segment(x: float, y: float, end_x: float, end_y: float) -> list[float]:
@@ -194,7 +211,7 @@ def _polygon(corners: Sequence[Sequence[float]]) -> Array:
     if not (np.isfinite(p).all() and np.isfinite(radii).all() and (radii >= 0.0).all()):
         raise ValueError("the corners of a polygon are not finite, or a radius is negative")
     sides = np.roll(p, -1) - p
-    if (np.abs(sides) < 1e-6).any():
+    if (np.abs(sides) < ROUNDING).any():
         raise ValueError("two corners of a polygon are at one place")
     turns = np.angle(sides / np.roll(sides, 1))  # at each corner
     seen = np.angle(np.roll(p, -1) / p)  # angles under which the sides are seen from the axis
@@ -202,7 +219,7 @@ def _polygon(corners: Sequence[Sequence[float]]) -> Array:
         raise ValueError("a polygon is not counter-clockwise, has a spike, or a side that is not seen from the axis")
     cut = radii * np.abs(np.tan(0.5 * turns))  # that an arc takes from both of its sides
     long = np.abs(sides) - cut - np.roll(cut, -1)
-    if (long < 0.0).any():
+    if (long < -ROUNDING).any():
         raise ValueError(f"the corners of side {int(long.argmin()) + 1} of a polygon have too large radii")
     along = sides / np.abs(sides)
     pieces = []
@@ -212,7 +229,7 @@ def _polygon(corners: Sequence[Sequence[float]]) -> Array:
         if turn != 0.0:
             pieces.append(_arc(centre.real, centre.imag, radius, float(np.angle(-inwards)) - turn, float(turn)))
         first, last = corner + cut[k] * along[k], p[(k + 1) % len(p)] - cut[(k + 1) % len(p)] * along[k]
-        if abs(last - first) > 1e-9:
+        if abs(last - first) > ROUNDING:
             pieces.append(_segment(first.real, first.imag, last.real, last.imag))
     return np.array(pieces)
 

@@ -7,6 +7,7 @@ tip's centre below the mouth, the inner edge of the chamfer.
 from __future__ import annotations
 
 import copy
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,10 +29,21 @@ from models.contact_theory import (
     wedging_tilt,
 )
 from models.scenario import Scenario
+from models.section import rounded_corners
 from skill.arrays import Array
 
 if TYPE_CHECKING:
     pass
+
+PRISMS = {
+    "square": 0.0,
+    "square, diagonal": 45.0,
+    "rectangle": 0.0,
+    "hexagon": 30.0,
+    "hexagon, diagonal": 0.0,
+}
+"""Planes in which a prism moves as in the theory: a named polygon, and by how much it is turned about its axis, deg.
+The plane halves two opposite sides, or on a diagonal two opposite corners."""
 
 CRAWLING: dict[str, Any] = {"mass": 0.15, "inertia": 3e-5, "damping": (5.0, 400.0, 0.01)}
 """A probe whose large damping of z makes the peg slide slowly, so that inertia and the damping of the tilt are
@@ -58,6 +70,13 @@ AXIAL_FORCE = 0.3
 
 MIN_KEPT_SQUEEZE = 0.9
 """Minimum part of its squeeze that a wedged peg keeps."""
+
+
+def prism_in(plane: str) -> Scenario:
+    """Returns the scenario of a prism that moves in one of `PRISMS`."""
+    scenario = Scenario()
+    scenario.geometry.corners = rounded_corners(plane.split(",")[0], math.radians(PRISMS[plane]))
+    return scenario
 
 
 def converged(scenario: Scenario, friction: float) -> Scenario:
@@ -89,8 +108,8 @@ class PegTheory:
     """The sizes in the equations of the theory, m.
 
     Attributes:
-        r: radius of the peg.
-        R: radius of the hole.
+        r: radius of the peg; of another section, how far it extends along x, which must be as far as along -x.
+        R: likewise of the hole.
         mouth: height of the mouth in H.
     """
 
@@ -101,8 +120,8 @@ class PegTheory:
     @classmethod
     def of(cls, scenario: Scenario) -> PegTheory:
         """The sizes of a scenario's geometry."""
-        g = scenario.geometry
-        return cls(g.peg_radius, g.hole_radius, -g.chamfer)
+        bodies = PegInHole.of(scenario.geometry)
+        return cls(bodies.peg.reach(1.0, 0.0), bodies.hole.reach(1.0, 0.0), -bodies.chamfer)
 
     def two_point_pose(self, tilt: float, depth: float) -> PlanarPose:
         """The pose with the tip's upper edge on the wall; at depth h(tilt) the peg also touches the mouth."""

@@ -123,8 +123,8 @@ class ContactProbe:
         self.plant: MultibodyPlant = contact.plant
         self.plant.set_stiction_tolerance(1e-6)  # m/s; a stuck contact creeps at up to this speed
         self.time_step = scenario.contact.time_step
-        # Where two contacts of the wedge lie: between the corners of both polygons.
-        self.scale = float(np.cos(np.pi / scenario.geometry.facets))
+        # Where two contacts of the wedge lie: between the corners of the polygons that stand for circles.
+        self.scale = float(np.cos(np.pi / scenario.geometry.facets)) if scenario.geometry.is_round else 1.0
         self._simulator = Simulator(builder.Build())
         self._own = self.plant.GetMyMutableContextFromRoot(self._simulator.get_mutable_context())
         self._steps = 0

@@ -1,14 +1,17 @@
 """Simulated contact against the laws of a rigid peg in a rigid hole.
 
     python -m benchmarks.physics.theory [--tilt-deg 0.5] [--tilt-deg 1] [--friction 0.2] [--points 200]
-                                        [--depth-mm 20] [--seed 0] [--engine exact] [--pictures FOLDER]
-                                        [--json FILE]
+                                        [--depth-mm 20] [--seed 0] [--engine exact] [--prism square]
+                                        [--pictures FOLDER] [--json FILE]
 
 Two-point depth and largest entry tilt are measured from Drake's meshes; the exact engine has none. Jamming, wedging and
 the two-point force balance are measured by simulating a peg with planar freedoms under constant loads, in Drake with
 softer contact and shorter steps than the default (`benchmarks.physics.contact_measurements.converged`). Depths are
 vertical, from the mouth (the inner edge of the chamfer) to the tip's centre. At the default --depth-mm 20 the tilt of
 two-point contact is small compared with the friction angle, as Whitney's laws assume.
+
+A prism moves in a plane that halves two opposite sides or, on a diagonal, two opposite corners. Its theory is that of
+the round peg, with half of its width in that plane for the radius.
 
 Main results; those from jam_agreement on for each friction (key ``laws``). The file has the single measurements too:
 
@@ -34,12 +37,14 @@ import typer
 
 from benchmarks.command_line import JsonFile, finish, run
 from benchmarks.physics.contact_measurements import (
+    PRISMS,
     PegTheory,
     force_balance,
     jamming_trials,
     measured_entry_tilt,
     measured_two_point_depth,
     measured_wedging_tilt,
+    prism_in,
 )
 from benchmarks.physics.contact_probe import ContactProbe, PlanarProbe
 from benchmarks.physics.exact_probe import ExactProbe
@@ -56,8 +61,10 @@ from models.scenario import Scenario
 TILTS = [0.25, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0]  # deg
 
 
-def depths(scenario: Scenario, tilts_deg: list[float]) -> dict[str, Any]:
-    """Two-point depth and entry tilt, from the meshes.
+def depths(scenario: Scenario, tilts_deg: list[float], *, diagonal: bool) -> dict[str, Any]:
+    """Two-point depth and, but on a diagonal, entry tilt, from the meshes.
+
+    Near the entry tilt of a diagonal the corners beside the plane touch first.
 
     Raises:
         ValueError: if a tilt has no two-point contact within the bore.
@@ -76,7 +83,7 @@ def depths(scenario: Scenario, tilts_deg: list[float]) -> dict[str, Any]:
     matched, outside = ContactProbe(scenario), ContactProbe(scenario, matched=False)
     measured = np.array([measured_two_point_depth(matched, sizes, t) for t in angles])
     default = np.array([measured_two_point_depth(outside, sizes, t) for t in angles])
-    entry = np.degrees(measured_entry_tilt(matched, sizes))
+    entry = float("nan") if diagonal else np.degrees(measured_entry_tilt(matched, sizes))
     return {
         "tilts_deg": list(tilts_deg),
         "two_point_depth_exact_mm": (1e3 * exact).tolist(),
@@ -84,7 +91,7 @@ def depths(scenario: Scenario, tilts_deg: list[float]) -> dict[str, Any]:
         "two_point_depth_default_mm": (1e3 * default).tolist(),
         "two_point_depth_error_max": float(np.abs(measured / exact - 1.0).max()),
         "two_point_depth_error_default": float(np.abs(default / exact - 1.0).max()),
-        "entry_tilt_deg": entry,
+        "entry_tilt_deg": _or_none(entry),
         "entry_tilt_exact_deg": limit,
     }
 
@@ -136,6 +143,13 @@ def laws(
     }
 
 
+def _plane(value: str) -> str:
+    """Checks the name of a plane."""
+    if value and value not in PRISMS:
+        raise typer.BadParameter(f"{value!r}, expected one of {list(PRISMS)}")
+    return value
+
+
 def _or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
@@ -149,16 +163,19 @@ def main(
     depth_mm: Annotated[float, typer.Option(help="Depth of jamming and force balance, mm.")] = 20.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the loads.")] = 0,
     engine: Annotated[Literal["drake", "exact"], typer.Option(help="Which contact to measure.")] = "drake",
+    prism: Annotated[
+        str, typer.Option(help=f"A peg that is not round, and its plane: one of {', '.join(PRISMS)}.", callback=_plane)
+    ] = "",
     pictures: Annotated[
         Path | None, typer.Option(metavar="FOLDER", help="Draw the results in Drake into this folder.")
     ] = None,
     json: JsonFile = None,
 ) -> None:
-    began, scenario = time.process_time(), Scenario()
+    began, scenario = time.process_time(), prism_in(prism) if prism else Scenario()
     probe, found = (ContactProbe if engine == "drake" else ExactProbe), {}
     with progress("contact theory", 1 + 3 * len(friction)) as advance:
         if engine == "drake":
-            found = depths(scenario, tilt_deg)
+            found = depths(scenario, tilt_deg, diagonal="diagonal" in prism)
         advance("two-point depth and entry tilt")
         by_friction = [laws(scenario, mu, 1e-3 * depth_mm, points, seed, probe, advance) for mu in sorted(friction)]
     cpu = time.process_time() - began

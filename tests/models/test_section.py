@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models.section import CORNER, FLAT, KIND, NAMES, SIZE, point_on, section_of
+from models.section import CORNER, FLAT, KIND, NAMES, POLYGONS, SIZE, point_on, rounded_corners, section_of
 
 SQUARE = [(1, -1), (1, 1), (-1, 1), (-1, -1)]
 NOTCHED = [(1, -1), (1, 1), (0.5, 1), (0.15, 0.4), (-0.15, 0.4), (-0.5, 1), (-1, 1), (-1, -1)]
@@ -50,6 +50,18 @@ def test_pieces_join_and_their_area_is_that_of_a_dense_polygon(section):
     assert section.area == pytest.approx(polygon_area(points), rel=1e-5)
     assert np.hypot(*points.T).max() == pytest.approx(section.outer_radius, rel=1e-5)
     assert np.hypot(*section.polyline(4000).T).min() >= section.inner_radius - 1e-12
+
+
+@given(sections, st.floats(-math.pi, math.pi))
+def test_a_section_reaches_as_far_as_its_farthest_point(section, angle):
+    along = math.cos(angle), math.sin(angle)
+    assert section.reach(*along) == pytest.approx((section.polyline(4000) @ along).max(), abs=1e-6)
+
+
+@given(st.sampled_from(list(POLYGONS)), st.floats(-math.pi, math.pi))
+def test_a_turned_polygon_reaches_as_far_in_the_turned_direction(name, angle):
+    turned = section_of(rounded_corners(name, angle))
+    assert turned.reach(math.cos(angle), math.sin(angle)) == pytest.approx(section_of(name).reach(1.0, 0.0))
 
 
 @given(sections, st.floats(0.0, 0.05))

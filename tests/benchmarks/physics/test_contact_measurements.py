@@ -1,5 +1,7 @@
 """The simulated contact agrees with theory; the full measurement is `benchmarks.physics.theory`."""
 
+import math
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
@@ -14,12 +16,14 @@ from benchmarks.physics.contact_measurements import (
     measured_wedging_tilt,
     mouth_gaps,
     press,
+    prism_in,
 )
 from benchmarks.physics.contact_probe import ContactProbe, PosedMeshes
 from benchmarks.physics.exact_probe import ExactProbe
 from models.contact_geometry import PegInHole
 from models.contact_theory import exact_wedging_tilt, largest_entry_tilt, two_point_depth
 from models.scenario import Scenario
+from models.section import CORNER
 
 SIZES = {"peg_radius": 0.010, "hole_radius": 0.01005}
 
@@ -63,6 +67,20 @@ def test_rigid_bodies_obey_all_laws(friction):
     assert measured == pytest.approx(predicted, rel=0.02)  # the law leaves out the tilt of the normal at the mouth
     wedge, _ = measured_wedging_tilt(Scenario(), friction, **rigid)
     assert wedge == pytest.approx(exact_wedging_tilt(**SIZES, friction=friction), rel=3e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plane", ["square", "square, diagonal"])
+def test_a_prism_obeys_the_laws_in_the_plane_of_its_sides_and_of_its_corners(plane):
+    scenario, rigid = prism_in(plane), {"engine": ExactProbe}
+    sizes = PegTheory.of(scenario)
+    wide = 0.010 if plane == "square" else 0.010 * (math.sqrt(2.0) * (1.0 - CORNER) + CORNER)
+    assert (sizes.r, sizes.R) == pytest.approx((wide, wide + 50e-6))
+    assert jamming_trials(scenario, 0.2, depth=0.020, count=10, seed=3, **rigid).agreement() == 1.0
+    predicted, measured = force_balance(scenario, 0.2, depth=0.020, shares=[0.6], **rigid)
+    assert measured == pytest.approx(predicted, rel=0.02)
+    wedge, _ = measured_wedging_tilt(scenario, 0.2, **rigid)
+    assert wedge == pytest.approx(exact_wedging_tilt(peg_radius=sizes.r, hole_radius=sizes.R, friction=0.2), rel=3e-3)
 
 
 def test_the_depth_at_rest_converges_with_the_stiffness_and_not_with_the_step():
