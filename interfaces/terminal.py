@@ -47,6 +47,7 @@ RESEND_TIME = 0.01
 EXTRAS = {
     **dict.fromkeys(("pydrake", "joblib", "tornado", "meshcat", "umsgpack"), "sim"),
     **{"matplotlib": "figures", "pyarrow": "data"},
+    **{"cascadio": "cad", "trimesh": "cad"},
     **{"distributed": "dask", "mcap": "recordings", "mujoco": "mujoco", "ray": "ray"},
     **{"hmmlearn": "peers", "ruptures": "peers"},
     **{"gymnasium": "gym", "lerobot": "lerobot", "stable_baselines3": "rl", "torch": "lerobot"},

@@ -7,7 +7,21 @@ from typing import Annotated, Any
 import typer
 
 from interfaces.terminal import report_errors
-from scripts import correct, demo, diagram, export, practise, record, replay, rig, scoreboard, states, sweep, train
+from scripts import (
+    correct,
+    demo,
+    diagram,
+    export,
+    part,
+    practise,
+    record,
+    replay,
+    rig,
+    scoreboard,
+    states,
+    sweep,
+    train,
+)
 
 EXIT_CODES = (
     "Exit codes: 0 success; 1 error, with one line on stderr; 2 wrong usage; 130 interrupted with Ctrl-C;"
@@ -30,7 +44,7 @@ def make_app(**settings: Any) -> typer.Typer:
 app = make_app(epilog=EXIT_CODES)
 for name, module in {
     **{"demo": demo, "record": record, "train": train, "correct": correct, "rig": rig, "practise": practise},
-    **{"replay": replay, "sweep": sweep, "states": states, "scoreboard": scoreboard, "diagram": diagram},
+    **{"replay": replay, "sweep": sweep, "states": states, "scoreboard": scoreboard, "diagram": diagram, "part": part},
 }.items():
     app.command(name)(report_errors(module.main))
 export_app, import_app = make_app(), make_app()

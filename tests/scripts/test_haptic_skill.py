@@ -16,7 +16,20 @@ from tests.scripts.commands import HAPTIC_SKILL, ROOT, error_line, invoke, run_p
 from tests.trajectories import make_rig_run
 
 COMMANDS = (
-    *("demo", "record", "train", "correct", "rig", "practise", "replay", "sweep", "states", "scoreboard", "diagram"),
+    *(
+        "demo",
+        "record",
+        "train",
+        "correct",
+        "rig",
+        "practise",
+        "replay",
+        "sweep",
+        "states",
+        "scoreboard",
+        "diagram",
+        "part",
+    ),
 )
 
 BLOCKED = """
@@ -71,7 +84,7 @@ def test_the_same_option_means_the_same_in_every_command():
 def test_no_option_is_required():
     for name, command in get_command(haptic_skill.app).commands.items():
         required = [option.name for option in command.params if option.required]
-        expected = {"scoreboard": ["results"], "states": ["files"], "sweep": ["specification"]}
+        expected = {"part": ["peg", "hole"], "scoreboard": ["results"], "states": ["files"], "sweep": ["specification"]}
         assert required == expected.get(name, [])
 
 

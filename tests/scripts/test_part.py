@@ -1,0 +1,37 @@
+from models.clearance import load_scenario_of_clearance
+from tests.models.cad.bodies import block, circle, peg, save
+from tests.models.cad.test_part import PARTS
+from tests.scripts.commands import error_line, invoke
+
+
+def test_a_pair_of_step_files_becomes_a_scenario_and_a_picture(tmp_path):
+    out = tmp_path / "new" / "shaft.yaml"
+    result = invoke("part", PARTS / "d_shaft.step", PARTS / "d_shaft_hole.step", "--out", out)
+    assert result.exit_code == 0, result.output
+    assert "clearance from 0.50 to 20.00 mm below the mouth: 40.00 to 40.00 um" in result.stdout
+    assert load_scenario_of_clearance(out).geometry.peg_radius == 0.0055
+    assert out.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    again = invoke("part", PARTS / "d_shaft.step", PARTS / "d_shaft_hole.step", "--out", out)
+    assert again.exit_code == 0, again.output
+
+
+def test_parts_that_do_not_fit_are_refused_and_nothing_is_written(tmp_path):
+    files = save(peg(circle(8.1)), tmp_path / "a.stl"), save(block(circle(8.05)), tmp_path / "b.stl")
+    out = tmp_path / "part.yaml"
+    assert "they interfere by 50.0 um" in error_line(invoke("part", *files, "--out", out))
+    assert not out.exists()
+
+
+def test_another_file_is_not_replaced(tmp_path):
+    (tmp_path / "part.yaml").write_text("Dear diary, ...")
+    line = error_line(
+        invoke("part", PARTS / "d_shaft.step", PARTS / "d_shaft_hole.step", "--out", tmp_path / "part.yaml")
+    )
+    assert "is another file, and is not replaced by a scenario" in line
+    assert "there is no file" not in line
+
+
+def test_a_missing_file_is_named(tmp_path):
+    assert "none.step" in error_line(
+        invoke("part", "none.step", PARTS / "d_shaft_hole.step", "--out", tmp_path / "a.yaml")
+    )
