@@ -51,7 +51,8 @@ class ManipulationSkill:
     can be saved.
 
     Args:
-        features: transformer of the measurements for the regressor; None for `CanonicalFeatures`.
+        features: transformer of the measurements for the regressor; None for `CanonicalFeatures` with the geometry of
+            the demonstrations.
         state_features: transformer of the measurements for the contact states; None for `ContactFeatures` with the
             geometry of the demonstrations.
         states: clusterer of the contact states; None for `CompetitiveAgglomeration` with ``STATE_FLOOR``. With
@@ -141,7 +142,7 @@ class ManipulationSkill:
         geometry = common_geometry(
             [(d.source or f"demonstration {n}", d.metadata) for n, d in enumerate(demonstrations)]
         )
-        self.features_ = CanonicalFeatures() if self.features is None else clone(self.features)
+        self.features_ = CanonicalFeatures.of(geometry) if self.features is None else clone(self.features)
         self.state_features_ = (
             ContactFeatures.of(geometry) if self.state_features is None else clone(self.state_features)
         )

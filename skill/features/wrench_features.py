@@ -28,6 +28,7 @@ from sklearn.base import BaseEstimator, TransformerMixin
 
 from skill.arrays import Array
 from skill.compiled import compiled
+from skill.data.geometry import PegHoleGeometry
 from skill.features.canonical_frame import canonical_angle, canonical_angles, turned, turned_rows
 
 MEASURED = ("fx", "fy", "fz", "mx", "my", "mz", "z")
@@ -304,7 +305,15 @@ class CanonicalFeatures(NormalisedFeatures):
     the tip along +x touches it: my - r fz. It is zero for a contact at the tip alone, for any friction. For a
     contact at the mouth, at depth l, it is l f_lateral. The two contacts need opposite corrections under the same
     lateral force.
+
+    The frame turns with the wrench about any angle, so that a skill acts alike under every turn that maps a part onto
+    itself. For a part that is not round r is half of the width between the sides that are nearest to its axis.
     """
+
+    @classmethod
+    def of(cls, geometry: PegHoleGeometry | None) -> Self:
+        """Returns the features for a geometry, or for the peg of the paper."""
+        return cls() if geometry is None else cls(peg_radius=geometry.peg_radius)
 
     def get_feature_names_out(self, input_features: object = None) -> NDArray[np.object_]:
         """Names of the seven features."""

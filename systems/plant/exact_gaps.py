@@ -38,7 +38,7 @@ SAMPLES = 48
 """Number of samples on a full circle; between two of them the slope of the gap changes its sign once."""
 
 MIN_INTERVALS = 4
-"""Least number of intervals between samples on a piece of a curve."""
+"""Least number of intervals between samples on an arc of a curve."""
 
 DIP = 2.0 * REACH
 """Largest gap at the nearer sample of a contact, m."""
@@ -98,7 +98,8 @@ class Curve(NamedTuple):
         """Returns the outline of a section."""
         pieces, samples, first = curve_pieces(section), [], [0]
         for piece in pieces:
-            count = max(MIN_INTERVALS, math.ceil(SAMPLES * abs(piece[SPAN]) / (2.0 * math.pi) - 1e-9))
+            arcs = max(MIN_INTERVALS, math.ceil(SAMPLES * abs(piece[SPAN]) / (2.0 * math.pi) - 1e-9))
+            count = arcs if piece[KIND] != 0.0 else 1  # along a segment a gap is convex, so that its ends suffice
             low = min(piece[START], piece[START] + piece[SPAN]) if piece[KIND] != 0.0 else 0.0
             spacing = (abs(piece[SPAN]) if piece[KIND] != 0.0 else piece[SIZE]) / count
             place = low + spacing * np.arange(count + 1)
@@ -149,6 +150,7 @@ class Bodies(NamedTuple):
         wall_boxes: (n, 4), as those of `Curve`.
         side_boxes: (n, 4), likewise.
         r: outer radius of the peg.
+        clearance: distance of the outlines of peg and hole.
         depth: of the hole.
         chamfer: width and height of the chamfer.
         friction: coefficient mu.
@@ -164,6 +166,7 @@ class Bodies(NamedTuple):
     wall_boxes: Array
     side_boxes: Array
     r: float
+    clearance: float
     depth: float
     chamfer: float
     friction: float
@@ -185,6 +188,7 @@ class Bodies(NamedTuple):
             wall_boxes=boxes_of(walls),
             side_boxes=boxes_of(sides),
             r=bodies.peg.outer_radius,
+            clearance=g.clearance,
             depth=g.hole_depth,
             chamfer=g.chamfer,
             friction=contact.friction,
@@ -352,6 +356,8 @@ def find_minima(bodies: Bodies, p: Array, u: Array, v: Array, found: Array) -> i
     # By as much as the peg is off the axis, tilted and turned, it can touch a piece beside its own.
     turn = abs(u[1]) + abs(v[0]) + abs(u[2]) + abs(v[2]) + (1.0 - u[0]) + (1.0 - v[1])
     reach = math.hypot(p[0], p[1]) + abs(p[2]) * (abs(u[2]) + abs(v[2])) + bodies.r * turn + chamfer + 5.0 * REACH
+    # By as much the outline of a tilted and turned peg, cut by a plane across the hole, can be outside of itself.
+    swept = bodies.r * (abs(u[1]) + abs(v[0]) + (1.0 - u[0]) + (1.0 - v[1]) + (1.0 / a_z - 1.0))
     for circle in (RIM, OUTER, INNER):
         curve = bodies.rim if circle == RIM else bodies.outer if circle == OUTER else bodies.inner
         others = bodies.walls if circle == RIM else bodies.sides
@@ -366,7 +372,8 @@ def find_minima(bodies: Bodies, p: Array, u: Array, v: Array, found: Array) -> i
             height = height_of(chamfer, circle)
             up = (height - p[2]) / a_z
             off = math.hypot(p[0] + up * a_x, p[1] + up * a_y)
-            if max(lowest - height, a_z * (curve.inner - off) - bodies.r) > REACH:
+            apart_by = bodies.clearance + (chamfer if circle == OUTER else 0.0)
+            if max(lowest - height, a_z * (curve.inner - off) - bodies.r, a_z * (apart_by - off) - swept) > REACH:
                 continue
         for j in range(len(curve.pieces)):
             piece = row_of(curve.pieces, j)
