@@ -62,7 +62,7 @@ bench: environment
 	$(RUN) pip install --quiet --editable ".[peers]" $(CONSTRAINTS:%=--constraint %)
 	for name in $(BENCHMARKS); do $(RUN) benchmarks.$$name --json out/benchmarks/$$name.json || exit 1; done
 
-CURVES := friction sensor_noise pivot mount_stiffness
+CURVES := demonstrations friction sensor_noise pivot mount_stiffness
 
 # The curves of docs/curves. What is there is kept: an interrupted sweep continues where it stopped.
 sweeps: environment

@@ -2,8 +2,8 @@
 Your own part
 =============
 
-From the STEP files of a shaft and its block to an insertion: measure the fit, demonstrate, learn, insert. On the command
-line this is ``haptic-skill part``, ``record``, ``train`` and ``rig``, which ends with a report.
+From the STEP files of a shaft and its block to an insertion: measure the fit, demonstrate, learn, insert. On the
+command line this is ``haptic-skill part``, ``record``, ``train`` and ``rig``, which ends with a report.
 """
 
 # %%

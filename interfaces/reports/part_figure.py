@@ -24,12 +24,11 @@ def plot_part(found: Fit) -> Figure:
     along = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
     outwards = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
     hole = points + gap[:, None] * outwards
-    section.fill(*hole.T, color="#d9e4ec", ec="0.3", lw=1.2, label=f"hole, clearance {magnified:.0f} times as wide")
-    section.fill(*points.T, color="#7c93a8", ec="0.2", lw=1.2, label="peg")
+    section.fill(*hole.T, color="#d9e4ec", ec="0.3", lw=1.2)
+    section.fill(*points.T, color="#7c93a8", ec="0.2", lw=1.2)
     section.plot(0.0, 0.0, "+", color="0.1", ms=9)
-    section.set(aspect="equal", xlabel="mm", ylabel="mm", title="section")
-    section.margins(y=0.15)
-    section.legend(fontsize=8, loc="upper left", ncols=2, frameon=False)
+    title = f"peg in hole, clearance {magnified:.1f} times as wide"
+    section.set(aspect="equal", xlabel="mm", ylabel="mm", title=title)
     for mating in found.matings:
         first, last = (1e3 * depth for depth in mating.depths)
         clearance.plot(np.degrees(angles), 1e6 * mating.clearance, label=f"{first:.2f} to {last:.2f} mm deep")
