@@ -117,7 +117,7 @@ def rounded_polygon(points: Array) -> list[tuple[complex, float]]:
     for k, piece in enumerate(pieces):
         before, after = pieces[k - 1], pieces[(k + 1) % len(pieces)]
         if isinstance(piece, Line):
-            lines.append((piece, piece_radius(piece, after)))
+            lines.append((piece, _radius_after(piece, after)))
             continue
         start, end = _common_tangent(before, piece), _common_tangent(piece, after)
         first = start or piece.tangent_at(piece.direction(piece.first))
@@ -134,7 +134,7 @@ def rounded_polygon(points: Array) -> list[tuple[complex, float]]:
     return [(complex(line.crossing(lines[(k + 1) % len(lines)][0])), radius) for k, (line, radius) in enumerate(lines)]
 
 
-def piece_radius(line: Line, after: Line | Arc) -> float:
+def _radius_after(line: Line, after: Line | Arc) -> float:
     """Returns the radius of the corner between a side and what follows: that of an arc that it touches, or 0."""
     return after.radius if isinstance(after, Arc) and _common_tangent(line, after) else 0.0
 
