@@ -13,6 +13,9 @@ from models import Array
 Points = NDArray[np.complex128]
 """Points x + i y, m."""
 
+DOUBLE, STRAIGHT = 1e-8, 5e-9
+"""Largest distance of two corners that are one, and of a corner from the line between its neighbours, m."""
+
 MAX_TURN = math.radians(31.0)
 """Largest angle between two sides of a polygon that stands for an arc."""
 
@@ -82,20 +85,19 @@ class Line:
         return other.point - other.direction * self.distance(other.point) / sine
 
 
-def without_straight_corners(points: Array) -> Array:
-    """Returns a closed polygon (n, 2) without corners that lie on the line between their neighbours, m."""
-    z = points[:, 0] + 1j * points[:, 1]
-    z = z[np.abs(z - np.roll(z, 1)) > 1e-8]
+def _without_straight_corners(z: Points) -> Points:
+    """Returns a closed polygon without corners that are double, or on the line between their neighbours."""
+    z = z[np.abs(z - np.roll(z, 1)) > DOUBLE]
     while len(z) > 3:
         before, after = np.roll(z, 1), np.roll(z, -1)
         along = (after - before) / np.abs(after - before)
         off = np.abs(((z - before) * along.conj()).imag)
-        straight = off < 5e-9
+        straight = off < STRAIGHT
         straight &= ~np.roll(straight, 1)  # one of two neighbours at a time
         if not straight.any():
             break
         z = z[~straight]
-    return np.column_stack([z.real, z.imag])
+    return z
 
 
 def rounded_polygon(points: Array) -> list[tuple[complex, float]]:
@@ -105,8 +107,7 @@ def rounded_polygon(points: Array) -> list[tuple[complex, float]]:
     `LARGEST_ARC` rounds several corners, without straight sides between them. The corners are where consecutive lines
     meet: the sides, and tangents of the arcs.
     """
-    tidy = without_straight_corners(points)
-    z = tidy[:, 0] + 1j * tidy[:, 1]
+    z = _without_straight_corners(points[:, 0] + 1j * points[:, 1])
     runs = _runs(z)
     if runs and len(runs[0]) > len(z):
         centre, radius = _circle(z)

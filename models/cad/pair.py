@@ -187,8 +187,8 @@ def fit(peg: Solid, block: Solid) -> Fit:
         length=shank[-1].high - tip,
         tip=sum((_widening(stretch) for stretch in tip_edge), 0.0),
         depth=depth,
-        chamfer=sum(_widening(stretch) for stretch in lead_in),
-        chamfer_height=sum(stretch.high - stretch.low for stretch in lead_in),
+        chamfer=sum((_widening(stretch) for stretch in lead_in), 0.0),
+        chamfer_height=sum((stretch.high - stretch.low for stretch in lead_in), 0.0),
         through=through,
         block=0.5 * float(np.ptp(block.vertices @ frame[:2].T, axis=0).min()),
         floor=bottom - hole[0].low,
@@ -332,14 +332,20 @@ def _moved(corners: Array, by: complex) -> Array:
 
 def _centre(corners: Array) -> complex:
     """Returns where the axis of an outline is: the centre of a circle of which it has half, or of its area."""
-    middle = _centroid(corners)
-    pieces = section_of_corners(_moved(corners, -middle)).pieces
+    section, middle = _about_centroid(corners)
+    pieces = section.pieces
     arcs = pieces[pieces[:, KIND] == 1.0]
     for arc in arcs:
         same = np.abs(arcs[:, [X, Y, SIZE]] - arc[[X, Y, SIZE]]).max(axis=1) < SAME
         if arcs[same, SPAN].sum() > math.pi:
             return middle + complex(arc[X], arc[Y])
-    return middle + _centroid(Section(pieces).polyline(FINE))
+    return middle + _centroid(section.polyline(FINE))
+
+
+def _about_centroid(corners: Array) -> tuple[Section, complex]:
+    """Returns the section about the centre of the polygon of its corners, from where its sides are seen, and that."""
+    middle = _centroid(corners)
+    return section_of_corners(_moved(corners, -middle)), middle
 
 
 def _centroid(points: Array) -> complex:
@@ -354,13 +360,13 @@ def _centroid(points: Array) -> complex:
 
 def _points(corners: Array) -> Points:
     """Points x + i y of an outline, dense on its arcs."""
-    middle = _centroid(corners)
-    points = section_of_corners(_moved(corners, -middle)).polyline(FINE)
+    section, middle = _about_centroid(corners)
+    points = section.polyline(FINE)
     return np.asarray(points[:, 0] + 1j * points[:, 1] + middle)
 
 
 def _mean_radius(corners: Array) -> float:
-    return math.sqrt(section_of_corners(_moved(corners, -_centroid(corners))).area / math.pi)
+    return math.sqrt(_about_centroid(corners)[0].area / math.pi)
 
 
 def _evenly(own: Array, other: Array) -> complex:

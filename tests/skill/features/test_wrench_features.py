@@ -9,6 +9,7 @@ from sklearn.base import clone
 from sklearn.utils.estimator_checks import check_estimator
 
 from skill.data.demonstration import CHANNELS
+from skill.data.geometry import PegHoleGeometry
 from skill.features.contact_features import ContactFeatures
 from skill.features.wrench_features import (
     HIDDEN,
@@ -68,6 +69,13 @@ def test_an_action_in_the_canonical_frame_turns_with_the_wrench(force, moment, a
     turned = dut.actions_from_frame(turned_about_z(X, angle), action)
     expected = Rotation.from_euler("z", angle).apply(dut.actions_from_frame(X, action))
     np.testing.assert_allclose(turned, expected, atol=1e-12)
+
+
+def test_the_features_of_a_part_have_its_radius():
+    sizes = {"peg_length": 0.05, "hole_depth": 0.02, "chamfer": 0.0, "facets": 32, "block_radius": 0.03, "floor": 0.01}
+    small = PegHoleGeometry(peg_radius=0.004, hole_radius=0.00401, **sizes)
+    assert CanonicalFeatures.of(small).peg_radius == 0.004
+    assert CanonicalFeatures.of(None).peg_radius == 0.01
 
 
 def test_features_and_actions_turn_with_a_wrench_below_the_floor():
