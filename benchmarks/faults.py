@@ -82,7 +82,7 @@ class Row:
 def inject(scenario: Scenario, policy: RigPolicy, name: str, seed: int, *, first: int = FIRST_TRIAL) -> Row:
     """Performs trial ``first`` + seed with a fault of the kind ``name``."""
     kind, number = KINDS[name], first + seed
-    onset, radius = kind.onset(seed), scenario.geometry.peg_radius
+    onset, lever = kind.onset(seed), scenario.geometry.reach
     loads = [0.0]
 
     class LoadMonitor(TrialMonitor):
@@ -90,7 +90,7 @@ def inject(scenario: Scenario, policy: RigPolicy, name: str, seed: int, *, first
 
         def __call__(self, context: Context) -> EventStatus:
             if context.get_time() >= onset:
-                loads.append(contact_load(self._rig.contact_wrench(context), radius))
+                loads.append(contact_load(self._rig.contact_wrench(context), lever))
             return super().__call__(context)
 
     with (

@@ -132,7 +132,7 @@ def find_query_state(run: RigRun, scenario: Scenario, *, number: int, inserted: 
         time=float(row["time"]),
         depth=float(row["depth"]),
         tilt=(-float(row["pitch"]), -float(row["yaw"])),  # turning the hole by theta tilts the peg by -theta
-        load=contact_load(wrench, scenario.geometry.peg_radius),
+        load=contact_load(wrench, scenario.geometry.reach),
         state=run.metadata["state_names"][int(row["state"])],
         pivot_height=float(scenario.rig.pivot_height or 0.0),
         friction=scenario.contact.friction,

@@ -60,9 +60,7 @@ def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTr
         time=trace.time,
         depth=trace.depth,
         samples=pd.DataFrame(trace.rows, columns=list(LOGGED_COLUMNS)),
-        forces=force_figures(
-            trace.wrenches[1:], scenario.geometry.peg_radius, step, trace.peak_contact, trace.peak_load
-        ),
+        forces=force_figures(trace.wrenches[1:], scenario.geometry.reach, step, trace.peak_contact, trace.peak_load),
         motion=motion_figures(trace.tips, step, scenario.geometry.hole_depth),
         penetration=trace.penetration,
         looks=Looks(trace.seen, trace.contacts),

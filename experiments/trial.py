@@ -46,7 +46,7 @@ class TrialRecord:
         self._rig, self._geometry = rig, scenario.geometry
         self._poses: list[Array] = []
         self._contacts: list[tuple[int, Array]] = []
-        self.forces = ForceMetrics(scenario.geometry.peg_radius, scenario.contact.time_step)
+        self.forces = ForceMetrics(scenario.geometry.reach, scenario.contact.time_step)
         self.motion = MotionMetrics(scenario.contact.time_step, scenario.geometry.hole_depth)
 
     def add_row(self, context: Context) -> None:

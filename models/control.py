@@ -8,7 +8,7 @@ from models.validation import PERIODS, limited
 
 @dataclass
 class ForceGuardParameters:
-    """Limits of the force guard. The load is the norm of force and moment / peg radius, in N."""
+    """Limits of the force guard. The load is the norm of force and moment / reach of the peg, in N."""
 
     # 90 % of the samples of the default good demonstrations stay below 13 N of load, 99 % below 28 N. A skill that
     # pushes harder measures loads that few demonstrations contain.

@@ -27,7 +27,7 @@ from models.hardware import (
 )
 from models.meshes import MAX_FACETS, minimum_clearance
 from models.operator import HABITS, OperatorParameters, draw_person
-from models.section import ROUND, section_of
+from models.section import ROUND, Section, section_of
 from models.validation import (
     PERIODS,
     TIME_LIMITS,
@@ -87,6 +87,16 @@ class Geometry:
     def is_round(self) -> bool:
         """Whether the section is a circle."""
         return self.section == ROUND and not self.corners
+
+    @property
+    def outline(self) -> Section:
+        """The cross-section of the peg; raises ValueError if the corners describe none."""
+        return section_of(self.corners or self.section).scaled(self.peg_radius)
+
+    @property
+    def reach(self) -> float:
+        """Radius of the smallest circle about the axis that holds the peg, m: the lever of the moments in a load."""
+        return self.outline.outer_radius
 
     @property
     def clearance(self) -> float:
@@ -275,7 +285,7 @@ def _geometry_violations(g: Geometry) -> Iterator[Violation]:
         smallest = f"{1e3 * minimum_clearance(g.hole_radius):.4g} mm"
         yield Violation(name, found, f"at least {smallest}, which {MAX_FACETS} facets can resolve")
     try:
-        mouth = section_of(g.corners or g.section).scaled(g.peg_radius).offset(g.clearance + g.chamfer)
+        mouth = g.outline.offset(g.clearance + g.chamfer)
     except ValueError as error:
         yield Violation("geometry.section", g.section, f"another shape: {error}")
         return

@@ -287,9 +287,7 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
                 tips[n_steps], wrenches[n_steps] = tip_in_hole(rig.mechanics, q)[1], true
                 n_steps += 1
                 if time > 0.0:
-                    load = load_of_components(
-                        true[0], true[1], true[2], true[3], true[4], true[5], rig.guard.peg_radius
-                    )
+                    load = load_of_components(true[0], true[1], true[2], true[3], true[4], true[5], rig.guard.lever)
                     if needs_contacts(load, extent, largest_load, largest_extent):
                         largest_load, largest_extent = max(load, largest_load), max(extent, largest_extent)
                         look = _contacts(rig, q, v, force, equilibrium)

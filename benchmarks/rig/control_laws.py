@@ -35,13 +35,13 @@ class TunedLaw(ControlLaw):
     Attributes:
         speed: feed speed without load, m/s.
         yield_force: load at which the feed stops, N.
-        peg_radius: m.
+        lever: of the moments in the load, m.
         ranges: range of each tuned parameter.
     """
 
     speed: float = 0.012
     yield_force: float = 15.0
-    peg_radius: float = 0.010
+    lever: float = 0.010
 
     ranges: ClassVar[dict[str, Range]] = {"speed": (0.005, 0.025, True), "yield_force": (5.0, 50.0, True)}
 
@@ -55,7 +55,7 @@ class TunedLaw(ControlLaw):
 
     def load(self, measured: Array) -> float:
         """The load of a measurement (7,), N."""
-        return contact_load(measured, self.peg_radius)
+        return contact_load(measured, self.lever)
 
     def feed(self, measured: Array) -> float:
         """The feed within one period, m; negative into the hole."""
@@ -213,9 +213,9 @@ def tune(law: type[TunedLaw], scenario: Scenario, candidates: int, perform: Perf
         candidates: their number.
         perform: performs trials.
     """
-    peg_radius = scenario.geometry.peg_radius
+    lever = scenario.geometry.reach
     places = qmc.LatinHypercube(len(law.ranges), seed=0).random(candidates - 1)
-    laws = [law(peg_radius=peg_radius), *(law.at(place, peg_radius=peg_radius) for place in places)]
+    laws = [law(lever=lever), *(law.at(place, lever=lever) for place in places)]
     left = list(range(candidates))
     costs: dict[int, list[float]] = {k: [] for k in left}
     number = FIRST_TUNING

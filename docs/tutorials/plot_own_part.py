@@ -67,7 +67,7 @@ figure, (above, below) = plt.subplots(2, 1, sharex=True, layout="constrained")
 for _, run in trials:
     wrenches = run.samples[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy()
     above.plot(run.samples["time"], 1e3 * run.samples["depth"])
-    below.plot(run.samples["time"], contact_loads(wrenches, scenario.geometry.peg_radius))
+    below.plot(run.samples["time"], contact_loads(wrenches, scenario.geometry.reach))
 above.set_ylabel("depth [mm]")
 below.set(xlabel="time [s]", ylabel="load [N]")
 figure.align_labels()

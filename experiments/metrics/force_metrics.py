@@ -53,11 +53,11 @@ class ForceMetrics:
     """The forces of a trial so far.
 
     Attributes:
-        peg_radius: r of the load, m.
+        lever: of the moments in the load, m.
         step: time step of the plant, s.
     """
 
-    peg_radius: float
+    lever: float
     step: float
     _wrenches: list[Array] = field(default_factory=list)
     _largest_load: float = 0.0
@@ -76,7 +76,7 @@ class ForceMetrics:
             extent: see `RigPlant.contact_extent`.
         """
         fx, fy, fz, mx, my, mz = wrench
-        load = load_of_components(fx, fy, fz, mx, my, mz, self.peg_radius)
+        load = load_of_components(fx, fy, fz, mx, my, mz, self.lever)
         needed = needs_contacts(load, extent, self._largest_load, self._largest_extent)
         if needed:
             self._largest_load = max(load, self._largest_load)
@@ -90,22 +90,22 @@ class ForceMetrics:
     def figures(self, peak_measured_load: float) -> ForceFigures:
         """Returns the figures of all that was added, with the largest measured load (N)."""
         wrenches = np.reshape(self._wrenches, (-1, 6))
-        return force_figures(wrenches, self.peg_radius, self.step, self._peak_contact, peak_measured_load)
+        return force_figures(wrenches, self.lever, self.step, self._peak_contact, peak_measured_load)
 
 
 def force_figures(
-    wrenches: Array, peg_radius: float, step: float, peak_contact: float, peak_measured_load: float
+    wrenches: Array, lever: float, step: float, peak_contact: float, peak_measured_load: float
 ) -> ForceFigures:
     """Returns the figures of a trial.
 
     Args:
         wrenches: (n, 6), true contact wrenches of the steps of the plant, N and N m.
-        peg_radius: r of the load, m.
+        lever: of the moments in the load, m.
         step: time step of the plant, s.
         peak_contact: largest force of a single contact, N.
         peak_measured_load: N.
     """
-    forces, loads = np.linalg.norm(wrenches[:, :3], axis=1), contact_loads(wrenches, peg_radius)
+    forces, loads = np.linalg.norm(wrenches[:, :3], axis=1), contact_loads(wrenches, lever)
     touching = loads >= TOUCH_LOAD
     first = int(touching.argmax()) if touching.any() else len(loads)
     touch = forces[first : first + round(FIRST_TOUCH_TIME / step)]

@@ -165,7 +165,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
             Transition(
                 depth_before=float(before["depth"][0]),
                 depth=float(self._last["depth"][0]),
-                load=contact_load(self._last["wrench"], self._scenario.geometry.peg_radius),
+                load=contact_load(self._last["wrench"], self._scenario.geometry.reach),
                 duration=episode.time - began,
                 remaining=max(0.0, self._scenario.trial.time_limit - episode.time),
                 outcome=episode.outcome if terminated else None,

@@ -60,12 +60,12 @@ class ContactLoad:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        self._radius, self._guard = scenario.geometry.peg_radius, scenario.controller.guard
+        self._lever, self._guard = scenario.geometry.reach, scenario.controller.guard
         self.load = self.peak = 0.0
 
     def take(self, sample: Mapping[Any, float]) -> None:
         """Takes a sample of the recorder; ignores one that is not finite, of a run that has diverged."""
-        load = contact_load(np.array([sample[name] for name in WRENCH]), self._radius)
+        load = contact_load(np.array([sample[name] for name in WRENCH]), self._lever)
         if math.isfinite(load):
             self.load, self.peak = load, max(self.peak, load)
 

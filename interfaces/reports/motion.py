@@ -93,7 +93,8 @@ class Motion:
     @property
     def load(self) -> Array:
         """(n,), the load that the rig's force guard monitors, N; see `contact_loads`."""
-        return contact_loads(np.hstack([self.force, self.moment]), self.geometry.peg_radius)
+        lever = PegInHole.of(self.geometry).peg.outer_radius
+        return contact_loads(np.hstack([self.force, self.moment]), lever)
 
     @property
     def lateral_force(self) -> Array:

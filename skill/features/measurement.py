@@ -24,27 +24,27 @@ def measurement(wrench: ArrayLike, depth: ArrayLike) -> Array:
     return np.concatenate([np.asarray(wrench, dtype=float), -np.asarray(depth, dtype=float)[..., None]], axis=-1)
 
 
-def contact_loads(wrenches: Array, peg_radius: float) -> Array:
+def contact_loads(wrenches: Array, lever: float) -> Array:
     """Returns the load sqrt(|f|^2 + |m/r|^2) of each wrench, N.
 
     The moment counts because a wedged peg carries a large couple under a small net force.
 
     Args:
         wrenches: (..., 6 or more), force f (N), then moment m (N m); further elements are ignored.
-        peg_radius: r, m.
+        lever: r of the moments, m; the reach of the peg.
     """
     force, moment = np.linalg.norm(wrenches[..., :3], axis=-1), np.linalg.norm(wrenches[..., 3:6], axis=-1)
-    loads: Array = np.hypot(force, moment / peg_radius)
+    loads: Array = np.hypot(force, moment / lever)
     return loads
 
 
-def contact_load(wrench: Array, peg_radius: float) -> float:
+def contact_load(wrench: Array, lever: float) -> float:
     """Returns the load of one wrench (6 or more,), N; see `contact_loads`."""
-    return float(contact_loads(wrench, peg_radius))
+    return float(contact_loads(wrench, lever))
 
 
 @compiled
-def load_of_components(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, peg_radius: float) -> float:
+def load_of_components(fx: float, fy: float, fz: float, mx: float, my: float, mz: float, lever: float) -> float:
     """Returns the load of fx fy fz (N) mx my mz (N m) as `contact_load` does, up to rounding, and faster."""
-    moment = (mx * mx + my * my + mz * mz) / (peg_radius * peg_radius)
+    moment = (mx * mx + my * my + mz * mz) / (lever * lever)
     return math.sqrt(fx * fx + fy * fy + fz * fz + moment)

@@ -47,7 +47,7 @@ class StoppingModel(NamedTuple):
         sensor, a low-pass with the time constant tau, by p/h (1 - e^{-h/tau}) <= p/T with T = max(h, tau). No contact
         of the simulation is shorter than its step, which is used for h: another step changes the guard too. With the
         mass m of the feed and its rotor, the inertia J, the stepper's damping d and stiffness K, the delay t and the
-        peg radius r, the loads of a contact that stops the feed at the speed v and the hole at the turn rate w are
+        reach r of the peg, the loads of a contact that stops the feed at the speed v and the hole at the rate w are
 
             F_v = m |v| / T,     F_w = (J/T + d + K t) |w| / r.
 
@@ -69,7 +69,7 @@ class StoppingModel(NamedTuple):
             delay=delay,
             deceleration=feed.acceleration(mass),
             feed_impact=(mass + feed.reflected_mass) / duration,
-            turn_impact=torque / scenario.geometry.peg_radius,
+            turn_impact=torque / scenario.geometry.reach,
         )
 
 
@@ -78,7 +78,7 @@ class GuardLimits(NamedTuple):
 
     Attributes:
         soft_force, hold_force, force_limit: see `models.control.ForceGuardParameters`.
-        peg_radius: lever of the moments in the load, m.
+        lever: of the moments in the load, the reach of the peg, m.
         max_turn_rate: rad/s.
         max_turn: on each axis, to either side of the start, rad.
         retract_speed: m/s.
@@ -87,7 +87,7 @@ class GuardLimits(NamedTuple):
     soft_force: float
     hold_force: float
     force_limit: float
-    peg_radius: float
+    lever: float
     max_turn_rate: float
     max_turn: float
     retract_speed: float
@@ -100,7 +100,7 @@ class GuardLimits(NamedTuple):
             p.guard.soft_force,
             p.guard.hold_force,
             p.guard.force_limit,
-            scenario.geometry.peg_radius,
+            scenario.geometry.reach,
             p.max_turn_rate,
             p.max_turn,
             p.back_off.retract_speed,
@@ -158,7 +158,7 @@ def force_guard_step(
         unwinding: see above.
         blind: see above.
     """
-    T, radius = stopping.period, p.peg_radius
+    T, lever = stopping.period, p.lever
     fx, fy, fz, mx, my, mz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
     if blind:
         fx = fy = fz = mx = my = mz = 0.0
@@ -166,7 +166,7 @@ def force_guard_step(
         unwinding = False
         speed = max(speed, 0.0)
     pitch, yaw, light_pitch, light_yaw = state[PITCH], state[YAW], state[LIGHT_PITCH], state[LIGHT_YAW]
-    load = load_of_components(fx, fy, fz, mx, my, mz, radius)
+    load = load_of_components(fx, fy, fz, mx, my, mz, lever)
     slope = state[SLOPE] + T / (SLOPE_TIME + T) * ((load - state[LOAD]) / T - state[SLOPE])
     ahead = load + max(slope, 0.0) * (stopping.delay + abs(state[FEED_SPEED]) / stopping.deceleration)
     middle = 0.5 * (p.soft_force + p.hold_force)
@@ -191,7 +191,7 @@ def force_guard_step(
     if moment > 0.0:
         moment_x, moment_y = moment_x / moment, moment_y / moment
         relief = (1.0 - turn_share) * max(pitch_rate * moment_x + yaw_rate * moment_y, 0.0)
-        relief += give * p.max_turn_rate * min(1.0, moment / radius / load)
+        relief += give * p.max_turn_rate * min(1.0, moment / lever / load)
     pitch_rate, yaw_rate = _limited(
         turn_share * pitch_rate + relief * moment_x, turn_share * yaw_rate + relief * moment_y, p.max_turn_rate
     )

@@ -21,7 +21,7 @@ def sensor_limits(scenario: Scenario) -> SensorLimits:
         resolution=scenario.rig.encoder_resolution,
         depth_period=scenario.contact.time_step,
         load_limit=scenario.controller.guard.force_limit,
-        peg_radius=scenario.geometry.peg_radius,
+        reach=scenario.geometry.reach,
     )
 
 

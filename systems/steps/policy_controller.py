@@ -24,7 +24,7 @@ class ControllerLimits(NamedTuple):
         max_turn_rate: rad/s.
         max_feed_speed: m/s.
         force_limit: load above which the peg is drawn back, N.
-        peg_radius: lever of the moments in the load, m.
+        lever: of the moments in the load, the reach of the peg, m.
         back_off: `models.control.BackOffParameters`.
     """
 
@@ -34,7 +34,7 @@ class ControllerLimits(NamedTuple):
     max_turn_rate: float
     max_feed_speed: float
     force_limit: float
-    peg_radius: float
+    lever: float
     back_off: Any
 
     @classmethod
@@ -48,7 +48,7 @@ class ControllerLimits(NamedTuple):
             p.max_turn_rate,
             p.max_feed_speed,
             p.guard.force_limit,
-            scenario.geometry.peg_radius,
+            scenario.geometry.reach,
             BackOffNumbers(*vars(p.back_off).values()),
         )
 
@@ -136,7 +136,7 @@ def policy_controller_step(
         state.back_off,
         p.period,
         min(max(feed / p.policy_period, -p.max_feed_speed), p.max_feed_speed),
-        load_of_components(fx, fy, fz, mx, my, mz, p.peg_radius) > p.force_limit,
+        load_of_components(fx, fy, fz, mx, my, mz, p.lever) > p.force_limit,
         depth,
         known,
         support,

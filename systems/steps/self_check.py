@@ -41,7 +41,9 @@ class MovingParts(NamedTuple):
         friction: viscous friction of the carriage, N s/m.
         pivot_error: largest distance of the gimbal's axes from the plane of the mouth, m.
         rim: largest height of the hole's rim above the mouth's centre when the hole is tilted, m.
-        touch_depth: largest depth at which the tip's edge is at the chamfer of a tilted hole, m.
+        touch_depth: largest depth at which the tip's edge is at the chamfer of a tilted hole, m. It is minus infinity
+            for a part that is not round: that may have two contacts from the first touch on.
+        turn: sine of the largest turn of an axis.
         top_speed: largest speed command, m/s.
     """
 
@@ -51,6 +53,7 @@ class MovingParts(NamedTuple):
     pivot_error: float
     rim: float
     touch_depth: float
+    turn: float
     top_speed: float
 
     @classmethod
@@ -63,14 +66,16 @@ class MovingParts(NamedTuple):
             peg_weight: N.
         """
         g, p = scenario.geometry, scenario.controller
-        rim = (g.hole_radius + g.chamfer) * math.sin(p.max_turn)
+        turn = math.sin(p.max_turn)
+        rim = g.outline.offset(g.clearance + g.chamfer).outer_radius * turn
         return cls(
             mass=mass,
             peg_mass=peg_weight / GRAVITY,
             friction=scenario.rig.carriage_friction,
             pivot_error=max(scenario.rig.pivot_range, scenario.rig.demonstrated_pivot_range),
             rim=rim,
-            touch_depth=rim + g.chamfer,
+            touch_depth=rim + g.chamfer if g.is_round else -math.inf,
+            turn=turn,
             top_speed=p.max_feed_speed,
         )
 
@@ -118,7 +123,7 @@ class CheckLimits(NamedTuple):
         torque_bias: of a moment against a stepper, N m.
         sticking_torque: of a stepper that lags by almost half a step, N m.
         touch_moment, untared_moment: moment of a wrong sign at the first touch, with and without a tare, N m.
-        rim, touch_depth, pivot_error: see `MovingParts`.
+        rim, touch_depth, turn, pivot_error: see `MovingParts`.
         stiffness: of a stepper, N m/rad.
         inertia, mass, friction: of the moving parts, with and without the rotor, kg, and of the carriage, N s/m.
         drive: of the feed.
@@ -142,6 +147,7 @@ class CheckLimits(NamedTuple):
     untared_moment: float
     rim: float
     touch_depth: float
+    turn: float
     pivot_error: float
     stiffness: float
     inertia: float
@@ -194,6 +200,7 @@ class CheckLimits(NamedTuple):
             untared_moment=touch_moment + float(bias[3]),
             rim=parts.rim,
             touch_depth=parts.touch_depth,
+            turn=parts.turn,
             pivot_error=parts.pivot_error,
             stiffness=stepper.stiffness,
             inertia=parts.mass + motor.reflected_mass,
@@ -215,13 +222,14 @@ def self_check_step(
 
     *First touch.* One contact with the chamfer at the place c carries the force f and the moment m = c x f. It pushes
     the peg inward, so that the lateral parts satisfy m_y f_x - m_x f_y > 0. If the opposite holds for `CROSSED_TIME` of
-    the first `TOUCH_TIME` of contact, axes are swapped or have a wrong sign. A peg that first touches deeper in the
-    hole may have two contacts at once, and is not judged.
+    the first `TOUCH_TIME` of contact, axes are swapped or have a wrong sign. A peg that is not round, or that first
+    touches deeper in the hole, may have two contacts at once, and is not judged.
 
     *Steppers.* A stepper that rests is a magnetic spring: its encoder shows the torque K (commanded - measured angle),
     which holds the moment of the contact about the axis, m_x + d f_y about pitch and m_y - d f_x about yaw, at the
-    depth d. They must agree within the unknown height of the axes, the resolution and `GAIN_ERROR`. Else the sensor is
-    wrong; or, if the stepper lags by half a step and the sensor shows half of that torque or less, the stepper sticks.
+    depth d. They must agree within the unknown height of the axes, the part of m_z that pitch turns into the axis of
+    yaw, the resolution and `GAIN_ERROR`. Else the sensor is wrong; or, if the stepper lags by half a step and the
+    sensor shows half of that torque or less, the stepper sticks.
 
     Args:
         p: limits.
@@ -240,10 +248,10 @@ def self_check_step(
         fault = _one_contact(p, found, wrench, depth)
     if fault == 0:
         moment = wrench[3] + depth * wrench[1]
-        fault = _against_stepper(p, found, 0, pitch_shaft, math.hypot(wrench[0], wrench[1]), moment)
+        fault = _against_stepper(p, found, 0, pitch_shaft, math.hypot(wrench[0], wrench[1]), moment, 0.0)
     if fault == 0:
-        moment = wrench[4] - depth * wrench[0]
-        fault = _against_stepper(p, found, 1, yaw_shaft, math.hypot(wrench[0], wrench[1]), moment)
+        moment, hidden = wrench[4] - depth * wrench[0], p.turn * abs(wrench[5])
+        fault = _against_stepper(p, found, 1, yaw_shaft, math.hypot(wrench[0], wrench[1]), moment, hidden)
     found[FAULT] = fault
     return found
 
@@ -360,8 +368,10 @@ def _one_contact(p: CheckLimits, state: Array, wrench: Array, depth: float) -> i
 
 
 @compiled
-def _against_stepper(p: CheckLimits, state: Array, axis: int, shaft: Array, lateral: float, moment: float) -> int:
-    """Compares the moment about an axis with the torque of its stepper."""
+def _against_stepper(
+    p: CheckLimits, state: Array, axis: int, shaft: Array, lateral: float, moment: float, hidden: float
+) -> int:
+    """Compares the moment about an axis, of which a part may be hidden, with the torque of its stepper."""
     commanded = shaft[0]
     state[REST + axis] = 0.0 if commanded != state[COMMANDED + axis] else state[REST + axis] + p.period
     state[COMMANDED + axis] = commanded
@@ -369,7 +379,7 @@ def _against_stepper(p: CheckLimits, state: Array, axis: int, shaft: Array, late
         state[CONTRADICTED + axis] = 0.0
         return 0
     torque = p.stiffness * (commanded - shaft[1])
-    bound = p.torque_bias + p.pivot_error * lateral + GAIN_ERROR * max(abs(torque), abs(moment))
+    bound = p.torque_bias + p.pivot_error * lateral + hidden + GAIN_ERROR * max(abs(torque), abs(moment))
     contradicted = abs(torque - moment) > bound
     state[CONTRADICTED + axis] = state[CONTRADICTED + axis] + p.period if contradicted else 0.0
     if state[CONTRADICTED + axis] <= PATIENCE + p.delay:

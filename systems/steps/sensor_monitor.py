@@ -58,7 +58,7 @@ class SensorLimits(NamedTuple):
         resolution: float,
         depth_period: float,
         load_limit: float,
-        peg_radius: float,
+        reach: float,
     ) -> Self:
         """Returns the limits.
 
@@ -68,7 +68,7 @@ class SensorLimits(NamedTuple):
             resolution: resolution of the depth encoder, m.
             depth_period: time between two changes of the depth, s; in a simulation the step of the plant.
             load_limit: load at which the peg is backed off, N.
-            peg_radius: lever of the moments in this load, m.
+            reach: radius of the smallest circle about the axis that holds the peg, m.
         """
         quantum = np.repeat([sensor.force_quantum, sensor.torque_quantum], 3)
         force, torque = reading_deviation(sensor)
@@ -80,7 +80,8 @@ class SensorLimits(NamedTuple):
             first_comparison=sensor.delay + 1.5 * sensor.period,
             max_change=top_speed * max(sensor.period, depth_period) + resolution,
             max_force=sensor.blend * 2.0 * load_limit + DEVIATIONS * force,
-            max_moment=sensor.blend * 2.0 * load_limit * peg_radius + DEVIATIONS * torque,
+            # Two opposite forces, one on either side of the outline.
+            max_moment=sensor.blend * 2.0 * load_limit * 2.0 * reach + DEVIATIONS * torque,
             fading=math.exp(-sensor.period / SPIKE_TIME),
         )
 

@@ -17,6 +17,9 @@ SENSOR, MOTOR, STEPPER = WrenchSensorParameters(), DcMotorParameters(), StepperM
 DRIVE_PERIOD = 2e-3
 PERIOD = PERIOD_STEPS * DRIVE_PERIOD
 PARTS = MovingParts.of(Scenario(), mass=1.05, peg_weight=1.45)
+SQUARE = Scenario()
+SQUARE.geometry.section = "square"
+SQUARE_PARTS = MovingParts.of(SQUARE, mass=1.05, peg_weight=1.45)
 IN_AIR, AT_CHAMFER, IN_HOLE = -0.003, 0.001, 0.005
 WEIGHT = 1.05 * GRAVITY
 
@@ -26,15 +29,15 @@ def holding_current(force=0.0):
     return (WEIGHT - force) / MOTOR.force_constant
 
 
-def limits(sensor=SENSOR):
-    return CheckLimits.of(sensor=sensor, motor=MOTOR, stepper=STEPPER, parts=PARTS, drive_period=DRIVE_PERIOD)
+def limits(sensor=SENSOR, parts=PARTS):
+    return CheckLimits.of(sensor=sensor, motor=MOTOR, stepper=STEPPER, parts=parts, drive_period=DRIVE_PERIOD)
 
 
 class Rig:
     """A rig at rest with its self-check, one period at a time."""
 
-    def __init__(self, seed=0, sensor=SENSOR):
-        self.dut = SelfCheck(limits(sensor))
+    def __init__(self, seed=0, sensor=SENSOR, parts=PARTS):
+        self.dut = SelfCheck(limits(sensor, parts))
         self.rng = np.random.default_rng(seed)
         self.context = fixed_context(
             self.dut, wrench=np.zeros(6), depth=[IN_AIR], current=[holding_current()], travel=[0.083],
@@ -164,6 +167,29 @@ def test_only_the_first_touch_is_one_contact():
     deeper = Rig()  # two contacts at once may give this wrench
     assert deeper.run(times=20) == Fault.NONE
     assert deeper.run(crossed, times=20, depth=IN_HOLE) == Fault.NONE
+
+
+def test_a_peg_that_is_not_round_may_touch_with_two_contacts_at_once():
+    rig = Rig(parts=SQUARE_PARTS)
+    assert rig.run(times=20) == Fault.NONE
+    crossed = np.array(TOUCH) * [1, 1, 1, -1, -1, 1]
+    assert rig.run(crossed, times=20, depth=AT_CHAMFER) == Fault.NONE
+
+
+def test_free_air_begins_above_the_corners_of_a_tilted_mouth():
+    corner = math.sqrt(2.0) * 0.0095 + 0.00105  # corners keep their centres; clearance and chamfer add 0.55 mm
+    assert SQUARE_PARTS.rim == pytest.approx(corner * PARTS.turn)
+    assert SQUARE_PARTS.rim > 1.3 * PARTS.rim
+
+
+@pytest.mark.parametrize(("axis", "fault"), [(0, Fault.SENSOR_MOMENT), (1, Fault.NONE)])
+def test_a_moment_along_the_peg_turns_the_axis_of_yaw_only(axis, fault):
+    """Pitch turns the axis of yaw out of the plane across the peg, by up to the largest turn."""
+    rig = Rig(parts=SQUARE_PARTS)
+    torque = [0.0, 0.0]
+    torque[axis] = 0.9 * PARTS.turn * 1.5
+    wrench = (0.0, 0.0, 5.0, 0.0, 0.0, 1.5)
+    assert rig.run(wrench, times=20, depth=IN_HOLE, torque=tuple(torque)) == fault
 
 
 @pytest.mark.parametrize("axis", [0, 1])

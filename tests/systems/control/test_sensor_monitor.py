@@ -30,7 +30,7 @@ def make_monitor(sensor=SENSOR, depth_period=SENSOR.period):
         resolution=RESOLUTION,
         depth_period=depth_period,
         load_limit=LIMIT,
-        peg_radius=RADIUS,
+        reach=RADIUS,
     )
     return SensorMonitor(limits=limits, period=sensor.period)
 
@@ -195,7 +195,7 @@ def test_one_spike_is_replaced_by_the_last_sound_reading(channel, sign):
     assert fault == Fault.NONE
 
 
-@pytest.mark.parametrize(("channel", "size"), [(2, -45.0), (4, 0.45)])
+@pytest.mark.parametrize(("channel", "size"), [(2, -45.0), (4, 0.9)])
 def test_a_change_that_the_low_pass_permits_is_no_spike(channel, size):
     dut = make_monitor()
     passed, _, _ = sample_once(dut, started(dut), with_spike(channel, size))
