@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.metrics.penetration import MIN_UPRIGHT
-from models.contact_geometry import ContactLabel, PegInHole, rotations_of_vectors
+from models.assembly import Assembly
+from models.contact_geometry import ContactLabel, rotations_of_vectors
 from skill.data.demonstration import Demonstration
 from skill.data.geometry import PegHoleGeometry
 from skill.features.wrench_features import MEASURED
@@ -22,13 +23,13 @@ UNKNOWN = -1
 """Number of a contact label that is not known."""
 
 
-def exact_bodies(demonstration: Demonstration) -> PegInHole:
+def exact_bodies(demonstration: Demonstration) -> Assembly:
     """Returns the exact peg and hole of a demonstration.
 
     Raises:
         ValueError: if the metadata of the demonstration hold no complete geometry.
     """
-    return PegInHole.of(PegHoleGeometry.from_metadata(demonstration.metadata, "demonstration"))
+    return Assembly.of(PegHoleGeometry.from_metadata(demonstration.metadata, "demonstration"))
 
 
 def exact_labels(demonstration: Demonstration) -> NDArray[np.intp]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -198,6 +199,7 @@ def make_hole(
     facets: int,
     block_radius: float,
     floor: float,
+    wider: Sequence[tuple[Section, float]] = (),
     edge: BrokenEdge | None = None,
     cutaway: bool = False,
     inside: bool = False,
@@ -206,11 +208,13 @@ def make_hole(
 
     Args:
         section: Outline of the hole, m; its points lie on it. Every point is visible from the axis.
-        depth: Depth from the mouth to the bottom of the hole, m.
+        depth: Depth from the top of the block to the bottom of the hole, m.
         chamfer: Width and depth of the 45 degree chamfer, m; 0 for a sharp edge.
         facets: Number of points on a full circle.
         block_radius: Radius of the block, m.
         floor: Thickness of the block below the hole, m.
+        wider: Outlines of wider holes above this one, of the same shape, and the depths at which they end, m; the
+            widest is the last one, and has its mouth in the top face. Each has the chamfer.
         edge: Band between wall and chamfer; None for a chamfer that begins at the mouth. It needs a chamfer.
         cutaway: Whether to cut the block open for a picture, along planes through the axis.
         inside: Whether to leave out the outer side and the bottom. The surface is then open, and Drake's
@@ -221,7 +225,7 @@ def make_hole(
     """
     if facets < 3:
         raise ValueError(f"hole: {facets} facets, expected at least 3")
-    radius = section.outer_radius
+    radius = wider[-1][0].outer_radius if wider else section.outer_radius
     if not (radius > 0 and 0 <= chamfer < depth and radius + chamfer < block_radius and floor > 0):
         raise ValueError(
             f"hole: outer radius {radius}, chamfer {chamfer}, depth {depth}, block radius {block_radius}, floor {floor}"
@@ -230,11 +234,16 @@ def make_hole(
     outline = section.polyline(facets)
     around = block_radius * outline / np.hypot(outline[:, 0], outline[:, 1])[:, None]
     # The profile of outlines and heights runs from the bottom of the hole over the rim to the bottom of the block.
-    rim = [(outline, -chamfer), (section.offset(chamfer).polyline(facets), 0.0)] if chamfer > 0 else [(outline, 0.0)]
-    if edge is not None:
-        rim.insert(1, (section.offset(edge.width).polyline(facets), -chamfer + edge.height))
+    rim: list[tuple[Any, float]] = []
+    ends = [end for _, end in wider]
+    for hole, bottom, mouth in zip((section, *(hole for hole, _ in wider)), (depth, *ends), (*ends, 0.0), strict=True):
+        rim += [(hole.polyline(facets), -bottom), (hole.polyline(facets), -mouth - chamfer)]
+        if edge is not None:
+            rim.append((hole.offset(edge.width).polyline(facets), -mouth - chamfer + edge.height))
+        if chamfer > 0:
+            rim.append((hole.offset(chamfer).polyline(facets), -mouth))
     profile: list[tuple[Any, float]] = [
-        *((None, -depth), (outline, -depth), *rim),
+        *((None, -depth), *rim),
         *((around, 0.0), (around, -depth - floor), (None, -depth - floor)),
     ]
     if inside:

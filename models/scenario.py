@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import yaml
@@ -27,7 +28,7 @@ from models.hardware import (
 )
 from models.meshes import MAX_FACETS, minimum_clearance
 from models.operator import HABITS, OperatorParameters, draw_person
-from models.section import ROUND, Section, section_of
+from models.section import ROUND
 from models.validation import (
     PERIODS,
     TIME_LIMITS,
@@ -38,6 +39,9 @@ from models.validation import (
     number_violations,
     raise_first,
 )
+
+if TYPE_CHECKING:
+    from models.assembly import Assembly
 
 SCENARIO_FOLDER = Path(__file__).parent / "scenarios"
 ENGINES = ("drake", "exact", "mujoco")
@@ -72,6 +76,9 @@ class Geometry:
     section: str = ROUND  # one of models.section.NAMES
     # Of a polygon, which then replaces the name: rows (x, y, radius), counter-clockwise, in units of the peg's radius.
     corners: list[list[float]] = field(default_factory=list)
+    # Sections that mate at once, which then replace the one on the axis: rows (x, y, radius, height of the tip above
+    # the lowest one, depth of the mouth below the top of the block), in units of m; see models.assembly.
+    mates: list[list[float]] = field(default_factory=list)
     # In units of m; of a circle, or half of the width between the sides that are nearest to the axis.
     peg_radius: float = limited(0.010, low=1e-4, high=1.0)
     peg_length: float = limited(0.060, low=1e-4, high=10.0)  # in units of m
@@ -85,18 +92,20 @@ class Geometry:
 
     @property
     def is_round(self) -> bool:
-        """Whether the section is a circle."""
-        return self.section == ROUND and not self.corners
+        """Whether peg and hole are one circle each."""
+        return self.section == ROUND and not self.corners and not self.mates
 
     @property
-    def outline(self) -> Section:
-        """The cross-section of the peg; raises ValueError if the corners describe none."""
-        return section_of(self.corners or self.section).scaled(self.peg_radius)
+    def assembly(self) -> "Assembly":
+        """Peg and hole; raises ValueError if the shape or the mates describe none."""
+        from models.assembly import Assembly  # it imports numba, which takes long
+
+        return Assembly.of(self)
 
     @property
     def reach(self) -> float:
         """Radius of the smallest circle about the axis that holds the peg, m: the lever of the moments in a load."""
-        return self.outline.outer_radius
+        return self.assembly.reach
 
     @property
     def clearance(self) -> float:
@@ -285,16 +294,17 @@ def _geometry_violations(g: Geometry) -> Iterator[Violation]:
         smallest = f"{1e3 * minimum_clearance(g.hole_radius):.4g} mm"
         yield Violation(name, found, f"at least {smallest}, which {MAX_FACETS} facets can resolve")
     try:
-        mouth = g.outline.offset(g.clearance + g.chamfer)
-    except ValueError as error:
-        yield Violation("geometry.section", g.section, f"another shape: {error}")
+        mouth_reach = g.assembly.mouth_reach
+    except (TypeError, ValueError) as error:
+        field = "mates" if g.mates else "corners" if g.corners else "section"
+        yield Violation(f"geometry.{field}", getattr(g, field), f"another shape: {error}")
         return
     if not 0 <= g.chamfer < g.hole_depth:
         yield Violation("geometry.chamfer", f"{g.chamfer} m", "at least 0 and below hole_depth")
     if g.peg_length <= g.hole_depth:
         yield Violation("geometry.peg_length", f"{g.peg_length} m", f"> hole_depth {g.hole_depth}")
-    if g.block_radius <= mouth.outer_radius:
-        expected = f"> {mouth.outer_radius:.6g} m, the outer radius of the mouth"
+    if g.block_radius <= mouth_reach:
+        expected = f"> {mouth_reach:.6g} m, the outer radius of the mouth"
         yield Violation("geometry.block_radius", f"{g.block_radius} m", expected)
 
 
@@ -305,6 +315,8 @@ def _name_violations(scenario: Scenario) -> Iterator[Violation]:
         yield Violation("contact.engine", repr(scenario.contact.engine), f"one of {ENGINES}")
     if scenario.contact.engine == "mujoco" and not scenario.geometry.is_round:
         yield Violation("contact.engine", "mujoco", "drake or exact: its boxes form a round hole only")
+    if scenario.contact.engine == "drake" and scenario.geometry.mates:
+        yield Violation("contact.engine", "drake", "exact: the mesh of the hole has one section only")
     if approximation not in APPROXIMATIONS:
         yield Violation("contact.approximation", repr(approximation), f"one of {APPROXIMATIONS}")
     if scenario.device not in DEVICE_PRESETS:

@@ -26,7 +26,7 @@ from systems.math.noise import standard_normals
 from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts, needs_contacts
 from systems.plant.contact_plant import DIVERGENCE_FORCE
 from systems.plant.exact_contact import STEPS
-from systems.plant.exact_gaps import COLUMNS, GAP, MAX_CONTACTS, Bodies, find_minima
+from systems.plant.exact_gaps import Bodies, deepest_overlap
 from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, tip_in_hole
 from systems.rig_diagram import start_angles
 from systems.steps import dc_motor, drive_monitor, self_check, sensor_monitor, stepper_motor, watchdog
@@ -183,9 +183,7 @@ def _contacts(rig: RigNumbers, q: Array, v: Array, force: float, equilibrium: Ar
     p = -m.pivot * R[:, 2]
     p[2] += m.pivot
     count, contacts = join_contacts(points[:found], normals[:found], forces[:found], R, p, tip[2], rig.bodies.chamfer)
-    minima = np.zeros((MAX_CONTACTS, COLUMNS))
-    find_minima(rig.bodies, tip, R[0], R[1], minima)
-    return Contacts(count, contacts, max(0.0, -minima[:, GAP].min()))
+    return Contacts(count, contacts, deepest_overlap(rig.bodies, tip, R[0], R[1]))
 
 
 @compiled

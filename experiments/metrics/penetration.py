@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from models.contact_geometry import PegInHole
+from models.assembly import Assembly
 
 if TYPE_CHECKING:  # a scenario needs Drake, which training must not import
     from models.scenario import Geometry
@@ -30,4 +30,4 @@ def deepest_overlap(geometry: Geometry, p_HP: ArrayLike, R_HP: ArrayLike) -> flo
     valid = np.isfinite(p).all(axis=1) & (R[:, 2, 2] > MIN_UPRIGHT)
     if not valid.any():
         return 0.0
-    return max(0.0, -float(PegInHole.of(geometry).gap(p[valid], R[valid]).min()))
+    return max(0.0, -float(Assembly.of(geometry).gap(p[valid], R[valid]).min()))

@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform
 from experiments.metrics.penetration import MIN_UPRIGHT
 from experiments.trial import TrialRun
 from experiments.trial_result import TrialResult
-from models.contact_geometry import ContactLabel, PegInHole
+from models.contact_geometry import ContactLabel
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Outcome
@@ -35,7 +35,7 @@ class Episode:
 
     def __init__(self, rig: RigDiagram, scenario: Scenario, number: int, *, realtime: bool = False) -> None:
         self._rig, self._scenario = rig, scenario
-        self._bodies = PegInHole.of(scenario.geometry)
+        self._bodies = scenario.geometry.assembly
         self._run = TrialRun(rig, scenario, number=number)
         self._context = self._run.context
         self._run.simulator.set_target_realtime_rate(float(realtime))

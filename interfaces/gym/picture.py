@@ -27,8 +27,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
-from models.contact_geometry import PegInHole
-from models.meshes import TriangleMesh, make_hole
+from models.meshes import TriangleMesh
 from models.scenario import Geometry
 from skill.arrays import Array
 from systems.plant.contact_plant import BLOCK_COLOUR, PEG_COLOUR, peg_shape
@@ -99,15 +98,7 @@ def camera_pose(camera: Array, target: Array) -> RigidTransform:
 
 def _cut_block(g: Geometry) -> Mesh:
     """Returns the block without the half that the camera looks in from."""
-    mesh = make_hole(
-        section=PegInHole.of(g).hole,
-        depth=g.hole_depth,
-        chamfer=g.chamfer,
-        facets=FACETS,
-        block_radius=g.block_radius,
-        floor=g.floor,
-        cutaway=True,
-    )
+    mesh = g.assembly.block_mesh(FACETS, block_radius=g.block_radius, floor=g.floor)
     return Mesh(InMemoryMesh(mesh_file=MemoryFile(faceted_obj(mesh), ".obj", "block.obj")))
 
 

@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from models.contact_geometry import PegInHole
-from models.meshes import TriangleMesh, make_hole
+from models.assembly import Assembly
+from models.meshes import TriangleMesh
 from skill.arrays import Array
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.geometry import PegHoleGeometry
@@ -93,8 +93,7 @@ class Motion:
     @property
     def load(self) -> Array:
         """(n,), the load that the rig's force guard monitors, N; see `contact_loads`."""
-        lever = PegInHole.of(self.geometry).peg.outer_radius
-        return contact_loads(np.hstack([self.force, self.moment]), lever)
+        return contact_loads(np.hstack([self.force, self.moment]), Assembly.of(self.geometry).reach)
 
     @property
     def lateral_force(self) -> Array:
@@ -260,16 +259,7 @@ def make_block(size: PegHoleGeometry) -> TriangleMesh:
     Raises:
         ValueError: if such a block cannot be made.
     """
-    facets = round(size.facets)
-    return make_hole(
-        section=PegInHole.of(size).hole,
-        depth=size.hole_depth,
-        chamfer=size.chamfer,
-        facets=facets,
-        block_radius=size.block_radius,
-        floor=size.floor,
-        cutaway=True,
-    )
+    return Assembly.of(size).block_mesh(size.facets, block_radius=size.block_radius, floor=size.floor)
 
 
 def _columns(samples: pd.DataFrame, *names: str) -> Array:

@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from interfaces.reports.motion import Motion, make_block
-from models.contact_geometry import PegInHole
-from models.meshes import cutaway_columns, make_prism
+from models.assembly import Assembly
+from models.meshes import cutaway_columns
 from skill.arrays import Array
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import ContactPlace
@@ -140,21 +140,20 @@ def _draw_block(node: meshcat.Visualizer, size: PegHoleGeometry) -> None:
     material = shapes.MeshPhongMaterial(color=BLOCK_COLOUR, shininess=12, flatShading=True, side=2)
     node["body"].set_object(shapes.TriangularMeshGeometry(block.vertices, block.triangles), material)
 
-    hole, bottom = PegInHole.of(size).hole, -size.hole_depth - size.floor
-    wall, rim = hole.polyline(size.facets), hole.offset(size.chamfer).polyline(size.facets)
-    around = size.block_radius * wall / np.hypot(wall[:, 0], wall[:, 1])[:, None]
-    chosen = cutaway_columns(wall)
-    edges = ((rim, 0.0), (wall, -size.chamfer), (wall, -size.hole_depth), (around, 0.0), (around, bottom))
-    for k, (outline, z) in enumerate(edges):
-        _draw_line(node[f"edge{k}"], _at_height(outline[chosen], z))
-    half_sections = [
-        [
-            *((*around[c], bottom), (*around[c], 0.0), (*rim[c], 0.0)),
-            *((*wall[c], -size.chamfer), (*wall[c], -size.hole_depth)),
-        ]
-        for c in (chosen[0], chosen[-1])
-    ]
-    _draw_line(node["section"], np.array([*half_sections[0], *half_sections[1][::-1], half_sections[0][0]]))
+    assembly = Assembly.of(size)
+    for i, (axis, mates) in enumerate(assembly.axes()):
+        wall = mates[0].bodies.hole.polyline(size.facets)
+        around = assembly.sleeve_radius(mates, size.block_radius) * wall / np.hypot(wall[:, 0], wall[:, 1])[:, None]
+        edges = [(around, mates[0].bottom - size.floor), (around, mates[-1].mouth[2])]
+        for mate in reversed(mates):
+            hole, mouth = mate.bodies.hole, mate.mouth[2]
+            wall, rim = hole.polyline(size.facets), hole.offset(size.chamfer).polyline(size.facets)
+            edges += [(rim, mouth), (wall, mouth - size.chamfer), (wall, mate.bottom)]
+        chosen = cutaway_columns(wall)
+        for k, (outline, z) in enumerate(edges):
+            _draw_line(node[f"edge{i}_{k}"], _at_height(outline[chosen] + axis, z))
+        first, last = (np.array([(*outline[c] + axis, z) for outline, z in edges]) for c in (chosen[0], chosen[-1]))
+        _draw_line(node[f"section{i}"], np.array([*first, *last[::-1], first[0]]))
 
 
 def _at_height(outline: Array, z: float) -> Array:
@@ -164,13 +163,15 @@ def _at_height(outline: Array, z: float) -> Array:
 
 def _draw_peg(node: meshcat.Visualizer, motion: Motion) -> None:
     size = motion.geometry
-    peg = make_prism(PegInHole.of(size).peg, size.peg_length, FACETS)
+    assembly = Assembly.of(size)
+    peg = assembly.peg_mesh(FACETS)
     first_colour = int(motion.colours[motion.phase[0]][1:], 16)
     material = shapes.MeshPhongMaterial(color=first_colour, shininess=25, flatShading=True)
     node["body"].set_object(shapes.TriangularMeshGeometry(peg.vertices, peg.triangles), material)
-    mark = PegInHole.of(size).peg.scaled(1.0005).polyline(FACETS)
-    for k, z in enumerate(np.arange(0.0, size.peg_length, MARK_SPACING)):
-        _draw_line(node[f"mark{k}"], _at_height(np.vstack([mark, mark[:1]]), float(z)))
+    for i, mate in enumerate(assembly.fits):
+        mark = mate.bodies.peg.scaled(1.0005).polyline(FACETS) + mate.tip[:2]
+        for k, z in enumerate(np.arange(mate.tip[2], mate.top, MARK_SPACING)):
+            _draw_line(node[f"mark{i}_{k}"], _at_height(np.vstack([mark, mark[:1]]), float(z)))
 
 
 def _draw_arrow(node: meshcat.Visualizer, colour: int, *, heads: int) -> None:

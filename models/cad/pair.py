@@ -75,11 +75,15 @@ class Mating:
 
     Attributes:
         depths: of its ends below the mouth, m.
+        tip: height of the end of this part of the peg above its tip, m.
+        mouth: depth of the mouth of this part of the hole, with its lead-in, below the top, m.
         corners: of the peg, rows (x, y, radius), about its axis, m.
         clearance: (`ANGLES`,), distance of the peg from the hole at angles about the axis, m.
     """
 
     depths: tuple[float, float]
+    tip: float
+    mouth: float
     corners: Array
     clearance: Array
 
@@ -138,6 +142,16 @@ class Fit:
         """The mating with the smallest clearance."""
         return min(self.matings, key=lambda mating: float(mating.clearance.min()))
 
+    @property
+    def steps(self) -> list[Mating]:
+        """One mating of each size that guides the peg, from the tip upwards."""
+        found: list[Mating] = []
+        for mating in sorted(self.matings, key=lambda mating: mating.tip):
+            guides = float(mating.clearance.min()) < RATIO * self.clearance
+            if guides and all(abs(_mean_radius(mating.corners) - _mean_radius(own.corners)) > SAME for own in found):
+                found.append(mating)
+        return found
+
 
 def fit(peg: Solid, block: Solid) -> Fit:
     """Measures how a peg fits into the hole of a block.
@@ -162,22 +176,26 @@ def fit(peg: Solid, block: Solid) -> Fit:
     if not prisms:
         raise ValueError(f"{peg.path}: the peg is not prismatic: no part of it keeps its outline along the axis")
     tip, depth = shank[0].low, top - bottom
-    pairs = []  # depths of the ends, the peg's part and the hole's
+    # The peg's part and the hole's, depths of the ends, height of the tip, depth of the mouth.
+    pairs: list[tuple[Array, Array, tuple[float, float], float, float]] = []
     for wall in walls:
         for prism in prisms:
             low = max(wall.low, bottom + prism.low - tip)
             high = min(wall.high, bottom + prism.high - tip)
             if high - low > SAME:
-                pairs.append(((top - high, top - low), _outline(peg, prism), _outline(block, wall)))
+                over = [stretch for stretch in hole if stretch.low >= wall.high - SAME]
+                mouth = over[0].high if over and not over[0].is_prismatic else wall.high
+                own, other, depths = _outline(peg, prism), _outline(block, wall), (top - high, top - low)
+                pairs.append((own, other, depths, prism.low - tip, top - mouth))
     if not pairs:
         raise ValueError(f"{peg.path}: no prismatic part of the peg reaches a prismatic part of the hole")
-    _check_units(peg, block, pairs[0][1], pairs[0][2])
-    tight = min(pairs, key=lambda pair: _mean_radius(pair[2]) - _mean_radius(pair[1]))
-    moved = _evenly(tight[1], tight[2])
-    centre = _centre(tight[1])
+    _check_units(peg, block, pairs[0][0], pairs[0][1])
+    tight = min(pairs, key=lambda pair: _mean_radius(pair[1]) - _mean_radius(pair[0]))
+    moved = _evenly(tight[0], tight[1])
+    centre = _centre(tight[0])
     matings = [
-        Mating(depths, _moved(own, -centre), _clearance(_moved(own, moved), other, centre + moved))
-        for depths, own, other in sorted(pairs, key=lambda pair: pair[0])
+        Mating(depths, end, mouth, _moved(own, -centre), _clearance(_moved(own, moved), other, centre + moved))
+        for own, other, depths, end, mouth in sorted(pairs, key=lambda pair: pair[2])
     ]
     tip_edge = shank[: next(k for k, stretch in enumerate(shank) if stretch.is_prismatic)]
     lead_in = hole[1 + max(k for k, stretch in enumerate(hole) if stretch.is_prismatic) :]
@@ -223,16 +241,12 @@ def _check(found: Fit, peg: Solid, block: Solid) -> None:
             f"{peg.path} and {block.path}: the clearance around the peg is {1e6 * smallest:.4g} to"
             f" {1e6 * guide.clearance.max():.4g} um, expected a largest one of at most {UNEVEN:g} times the smallest"
         )
-    own = _mean_radius(guide.corners)
-    tight = [
-        mating
-        for mating in found.matings
-        if abs(_mean_radius(mating.corners) - own) > SAME and float(mating.clearance.min()) < RATIO * smallest
-    ]
-    if tight:
+    others = [mating for mating in found.steps if not mating.is_round]
+    if len(found.steps) > 1 and others:
+        sizes = " and ".join(f"{1e3 * mating.section.inner_radius:.3f}" for mating in found.steps)
         raise ValueError(
-            f"{peg.path} and {block.path}: sections of two sizes guide the peg at once, {1e3 * size:.3f} and"
-            f" {1e3 * tight[0].section.inner_radius:.3f} mm inside; expected one"
+            f"{peg.path} and {block.path}: sections of several sizes guide the peg, {sizes} mm inside, and one is not"
+            " round; expected one size, or round steps"
         )
 
 

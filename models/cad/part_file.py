@@ -36,13 +36,19 @@ def scenario_of(found: Fit) -> Scenario:
     Raises:
         ValueError: naming the value that the simulation does not take.
     """
-    guide, scenario = found.guide, Scenario()
+    guide, scenario = found.steps[0], Scenario()
     size = round(guide.section.inner_radius, DIGITS)
+    steps = [
+        [0.0, 0.0, *(round(v, DIGITS) + 0.0 for v in (step.section.inner_radius, step.tip, step.mouth))]
+        for step in found.steps
+    ]
+    steps[0][3] = 0.0  # its own chamfer is left out
     depth, floor = round(found.depth, DIGITS), round(found.floor, DIGITS)
     rows = [[round(float(v) / size, CORNER_DIGITS) + 0.0 for v in row] for row in guide.corners]
     scenario.geometry = Geometry(
         section=ROUND,
         corners=[] if guide.is_round else rows,
+        mates=steps if len(steps) > 1 else [],
         peg_radius=size,
         peg_length=round(found.length, DIGITS),
         hole_radius=round(size + found.clearance, DIGITS),
@@ -51,6 +57,8 @@ def scenario_of(found: Fit) -> Scenario:
         block_radius=round(found.block, DIGITS),
         floor=max(LEAST_FLOOR, floor),
     )
+    if scenario.geometry.mates:
+        scenario.contact.engine = "exact"
     tilted = guide.section.outer_radius * 2.0 * found.clearance / depth
     scenario.trial.full_depth_margin = max(scenario.trial.full_depth_margin, round(tilted + MARGIN, 6))
     validate_scenario(scenario, "the part")
@@ -67,6 +75,9 @@ def remarks(found: Fit) -> list[str]:
         f"section: {shape}, {mm * section.inner_radius:.4f} to {mm * section.outer_radius:.4f} mm from the axis",
         f"symmetry: {_group(found)}",
     ]
+    if len(found.steps) > 1:
+        radii = ", ".join(f"{mm * step.section.inner_radius:.4f}" for step in found.steps)
+        lines.append(f"steps: {radii} mm from the axis, from the tip upwards; only the exact engine takes them")
     for mating in found.matings:
         low, high = um * mating.clearance.min(), um * mating.clearance.max()
         a, b = (mm * depth for depth in mating.depths)
@@ -103,10 +114,13 @@ def part_text(found: Fit) -> str:
     """
     own, nominal = scenario_of(found), Scenario()
     g, start = own.geometry, own.start
-    geometry: dict[str, Any] = {"corners": g.corners} if g.corners else {"section": g.section}
+    shapes = {"mates": g.mates, "corners": g.corners}
+    geometry: dict[str, Any] = {name: rows for name, rows in shapes.items() if rows} or {"section": g.section}
     for name in ("peg_radius", "peg_length", "hole_radius", "hole_depth", "chamfer", "block_radius", "floor"):
         geometry[name] = getattr(g, name)
     document: dict[str, Any] = {"geometry": geometry}
+    if own.contact.engine != nominal.contact.engine:
+        document["contact"] = {"engine": own.contact.engine}
     ranges = {
         name: round(getattr(start, name), 6)
         for name in ("tilt_range", "demonstrated_tilt_range")

@@ -10,6 +10,9 @@ from typing import Any, Self
 MAX_SIZE = 10.0
 """Largest size of peg or hole, m; scenarios allow no larger one."""
 
+TABLES = ("corners", "mates")
+"""Attributes of a geometry that hold rows of numbers."""
+
 
 @dataclass(frozen=True)
 class PegHoleGeometry:
@@ -26,6 +29,7 @@ class PegHoleGeometry:
         floor: thickness of the block below the bore, m.
         section: name of the shape, see `models.section`.
         corners: of a polygon, which then replaces the name.
+        mates: rows of sections that mate at once, see `models.assembly`; empty for one on the axis.
     """
 
     peg_radius: float
@@ -38,6 +42,7 @@ class PegHoleGeometry:
     floor: float
     section: str = "round"
     corners: tuple[tuple[float, ...], ...] = ()
+    mates: tuple[tuple[float, ...], ...] = ()
 
     @property
     def clearance(self) -> float:
@@ -72,12 +77,12 @@ class PegHoleGeometry:
         if missing:
             raise ValueError(f"{where}: geometry lacks {missing}; expected finite numbers for {_names()}")
         sizes: dict[str, Any] = {name: float(stored[name]) for name in _names() if name != "facets"}
-        try:
-            corners = _corners(stored.get("corners", ()))
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{where}: geometry.corners is {stored['corners']!r}; expected rows of numbers") from error
-        section = str(stored.get("section", cls.section))
-        geometry = cls(facets=round(stored["facets"]), section=section, corners=corners, **sizes)
+        for name in TABLES:
+            try:
+                sizes[name] = _rows(stored.get(name, ()))
+            except (TypeError, ValueError) as error:
+                raise ValueError(f"{where}: geometry.{name} is {stored[name]!r}; expected rows of numbers") from error
+        geometry = cls(facets=round(stored["facets"]), section=str(stored.get("section", cls.section)), **sizes)
         errors = geometry._errors()
         if errors:
             raise ValueError(f"{where}: geometry: {'; '.join(errors)}")
@@ -85,7 +90,7 @@ class PegHoleGeometry:
 
     def record(self) -> dict[str, Any]:
         """Returns the shape and the sizes as JSON values."""
-        return {**asdict(self), "corners": [list(row) for row in self.corners]}
+        return {**asdict(self), **{name: [list(row) for row in getattr(self, name)] for name in TABLES}}
 
     def _errors(self) -> list[str]:
         """What is impossible about the sizes."""
@@ -146,8 +151,9 @@ def fit_difference(learnt: Mapping[str, Any], needed: Mapping[str, Any]) -> str:
     """
     if learnt["section"] != needed["section"]:
         return f"geometry.section {learnt['section']}, not {needed['section']}"
-    if _corners(learnt["corners"]) != _corners(needed["corners"]):
-        return "a polygon other than geometry.corners"
+    for name in TABLES:
+        if _rows(learnt[name]) != _rows(needed[name]):
+            return f"geometry.{name} {learnt[name]}, not {needed[name]}"
     for name in ("peg_radius", "hole_radius", "hole_depth", "chamfer"):
         if learnt[name] != needed[name]:
             return f"geometry.{name} {learnt[name]} m, not {needed[name]} m"
@@ -160,16 +166,17 @@ def _difference(odd: PegHoleGeometry | None, usual: PegHoleGeometry | None) -> s
         return "no geometry, but there is one" if odd is None else "a geometry, but there is none"
     different = [name for name in _names() if getattr(odd, name) != getattr(usual, name)]
     if not different:
-        return f"section {odd.section} {list(odd.corners)}, but {usual.section} {list(usual.corners)}"
+        shapes = [f"{one.section} {list(one.corners)} {list(one.mates)}" for one in (odd, usual)]
+        return f"section {shapes[0]}, but {shapes[1]}"
     return ", ".join(f"{name} {getattr(odd, name):g}, but {getattr(usual, name):g}" for name in different)
 
 
 def _names() -> list[str]:
     """The names of the sizes."""
-    return [field.name for field in fields(PegHoleGeometry) if field.name not in ("section", "corners")]
+    return [field.name for field in fields(PegHoleGeometry) if field.name not in ("section", *TABLES)]
 
 
-def _corners(rows: Any) -> tuple[tuple[float, ...], ...]:
+def _rows(rows: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(float(value) for value in row) for row in rows)
 
 

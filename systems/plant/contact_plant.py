@@ -44,7 +44,7 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 import models
 from models.contact_geometry import PegInHole
-from models.meshes import BrokenEdge, make_hole, make_peg, make_prism
+from models.meshes import BrokenEdge, TriangleMesh, make_hole, make_peg
 from models.scenario import FREE_FIXTURE, Geometry, Scenario
 from skill.arrays import Array
 from systems.plant.body_pose import BodyPose
@@ -355,11 +355,11 @@ def _cylinder_inertia(density: float, radius: float, bottom: float, top: float) 
 
 
 def _peg_inertia(g: Geometry) -> SpatialInertia:
-    """Returns the spatial inertia of the peg: the mass of the prism, turning like a cylinder of the same radius.
+    """Returns the spatial inertia of the peg: the mass of its prisms, turning like a cylinder of the same radius.
 
     The rig turns the hole and not the peg, so that only its mass and its centre matter.
     """
-    mass = STEEL * PegInHole.of(g).peg.area * g.peg_length
+    mass = STEEL * g.assembly.volume
     cylinder = _cylinder_inertia(STEEL, g.peg_radius, 0.0, g.peg_length)
     return SpatialInertia(mass, cylinder.get_com(), cylinder.get_unit_inertia())
 
@@ -392,6 +392,15 @@ def finish_contact_plant(
     friction = _friction(scenario)
 
     edge = None if sharp else BrokenEdge.of(radius=g.hole_radius, clearance=g.clearance, chamfer=g.chamfer)
+    X_PC, shape = peg_shape(g)
+    plant.RegisterVisualGeometry(peg, X_PC, shape, "peg_picture", PEG_COLOUR)
+    cutaway = g.assembly.block_mesh(g.facets, block_radius=g.block_radius, floor=g.floor)
+    picture = _in_memory(cutaway.to_obj(), ".obj")
+    plant.RegisterVisualGeometry(block, RigidTransform(), picture, "block_picture", BLOCK_COLOUR)
+    if g.mates:  # only the exact engine, which has its own contact, takes several
+        plant.Finalize()
+        return ContactPlant(plant, scene_graph, peg, block)
+
     rigid = ProximityProperties()
     AddRigidHydroelasticProperties(rigid)
     AddContactMaterial(friction=friction, properties=rigid)
@@ -404,15 +413,11 @@ def finish_contact_plant(
     hint = 2.0 * math.pi * g.peg_radius / g.facets * (1.0 + 1e-6)
     AddCompliantHydroelasticProperties(resolution_hint=hint, hydroelastic_modulus=contact.modulus, properties=compliant)
     AddContactMaterial(dissipation=contact.dissipation, friction=friction, properties=compliant)
-    X_PC, shape = peg_shape(g)
     solid = shape
     if not g.is_round:
         solid = _in_memory(make_peg(PegInHole.of(g).peg, g.peg_length, g.facets).to_vtk(), ".vtk")
     plant.RegisterCollisionGeometry(peg, X_PC, solid, "peg", compliant)
 
-    plant.RegisterVisualGeometry(peg, X_PC, shape, "peg_picture", PEG_COLOUR)
-    cutaway = _hole_mesh(g, None, cutaway=True)
-    plant.RegisterVisualGeometry(block, RigidTransform(), cutaway, "block_picture", BLOCK_COLOUR)
     plant.Finalize()
     return ContactPlant(plant, scene_graph, peg, block)
 
@@ -422,15 +427,16 @@ def peg_shape(g: Geometry, scale: float = 1.0) -> tuple[RigidTransform, Shape]:
     middle = 0.5 * g.peg_length
     if g.is_round:
         return RigidTransform([0.0, 0.0, middle]), Cylinder(scale * g.peg_radius, scale * g.peg_length)
-    prism = make_prism(PegInHole.of(g).peg.scaled(scale), scale * g.peg_length, g.facets)
-    return RigidTransform([0.0, 0.0, (1.0 - scale) * middle]), _in_memory(prism.to_obj(), ".obj")
+    mesh = g.assembly.peg_mesh(g.facets)
+    scaled = TriangleMesh(scale * mesh.vertices, mesh.triangles)
+    return RigidTransform([0.0, 0.0, (1.0 - scale) * middle]), _in_memory(scaled.to_obj(), ".obj")
 
 
 def _in_memory(text: str, extension: str) -> Mesh:
     return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, extension, f"body{extension}")))
 
 
-def _hole_mesh(g: Geometry, edge: BrokenEdge | None, *, cutaway: bool = False, inside: bool = False) -> Mesh:
+def _hole_mesh(g: Geometry, edge: BrokenEdge | None, *, inside: bool) -> Mesh:
     """Returns the mesh of the block; the arguments are those of `make_hole`."""
     mesh = make_hole(
         section=PegInHole.of(g).hole,
@@ -440,7 +446,6 @@ def _hole_mesh(g: Geometry, edge: BrokenEdge | None, *, cutaway: bool = False, i
         block_radius=g.block_radius,
         floor=g.floor,
         edge=edge,
-        cutaway=cutaway,
         inside=inside,
     )
     return _in_memory(mesh.to_obj(), ".obj")

@@ -7,6 +7,7 @@ compiled here, and the ends of straight pieces, on which a side lies flat. Nothi
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -15,7 +16,6 @@ from numpy.typing import NDArray
 from models import Array
 from models.contact_geometry import (
     TINY,
-    PegInHole,
     curve_pieces,
     edge_gap,
     is_nearest,
@@ -67,10 +67,11 @@ on the rim and in H on an edge, or zero at the end of a segment; and their numbe
 
 
 class Curve(NamedTuple):
-    """An outline along which contacts are sought, at samples of its pieces.
+    """Outlines along which contacts are sought, one of each mate, at samples of their pieces.
 
     Attributes:
         pieces: (n, 8) of `models.section`, m.
+        mates: (k + 1,), number of the first piece of each outline, and n.
         places: samples, (m,): angle (rad) on an arc, or distance along a segment (m).
         x: first coordinate of the samples, m.
         y: second coordinate, m.
@@ -78,11 +79,13 @@ class Curve(NamedTuple):
         t_y: second component.
         first: (n + 1,), number of the first sample of each piece, and m.
         boxes: (n, 4), smallest and largest coordinates of the pieces, m.
-        ends: (k, 4), likewise of the points at which segments end.
-        inner: smallest distance from the axis, m.
+        ends: (e, 4), likewise of the points at which segments end.
+        mate_ends: (k + 1,), number of the first of these points of each outline, and e.
+        inner: (k,), smallest distance of each outline from its axis, m.
     """
 
     pieces: Array
+    mates: Numbers
     places: Array
     x: Array
     y: Array
@@ -91,11 +94,22 @@ class Curve(NamedTuple):
     first: Numbers
     boxes: Array
     ends: Array
-    inner: float
+    mate_ends: Numbers
+    inner: Array
 
     @classmethod
-    def of(cls, section: Section) -> Self:
-        """Returns the outline of a section."""
+    def of(cls, sections: Sequence[Section]) -> Self:
+        """Returns the outlines of sections."""
+        curves = [cls._of_one(section) for section in sections]
+        joined = {name: np.concatenate([getattr(curve, name) for curve in curves]) for name in cls._fields}
+        return cls(**joined)._replace(
+            mates=_starts([curve.pieces for curve in curves]),
+            first=np.concatenate([[0], np.cumsum(np.concatenate([np.diff(curve.first) for curve in curves]))]),
+            mate_ends=_starts([curve.ends for curve in curves]),
+        )
+
+    @classmethod
+    def _of_one(cls, section: Section) -> Self:
         pieces, samples, first = curve_pieces(section), [], [0]
         for piece in pieces:
             arcs = max(MIN_INTERVALS, math.ceil(SAMPLES * abs(piece[SPAN]) / (2.0 * math.pi) - 1e-9))
@@ -120,6 +134,7 @@ class Curve(NamedTuple):
         places, x, y, t_x, t_y = np.ascontiguousarray(np.vstack(samples).T)
         return cls(
             pieces=pieces,
+            mates=np.array([0, len(pieces)]),
             places=places,
             x=x,
             y=y,
@@ -128,8 +143,14 @@ class Curve(NamedTuple):
             first=np.array(first, dtype=np.int64),
             boxes=boxes_of(pieces),
             ends=np.hstack([ends[new], ends[new]]),
-            inner=section.inner_radius,
+            mate_ends=np.array([0, len(new)]),
+            inner=np.array([section.inner_radius]),
         )
+
+
+def _starts(parts: Sequence[Array]) -> Numbers:
+    """Returns the number of the first row of each part, (k + 1,), when all are joined, and the number of all rows."""
+    return np.concatenate([[0], np.cumsum([len(part) for part in parts])]).astype(np.int64)
 
 
 def boxes_of(pieces: Array) -> Array:
@@ -139,35 +160,43 @@ def boxes_of(pieces: Array) -> Array:
 
 
 class Bodies(NamedTuple):
-    """Outlines of peg and hole (m) and the law of their contact.
+    """Outlines of peg and hole (m) of each mate (`models.assembly`), and the law of their contact.
 
     Attributes:
-        rim: of the peg's tip.
-        outer: outer edge of the chamfer.
-        inner: inner edge of the chamfer.
-        walls: (n, 8), pieces of the hole that the peg can touch.
-        sides: (n, 8), pieces of the peg that the hole can touch.
+        tips: (k, 3), centre of each mate's tip in P.
+        mouths: (k, 3), centre of its mouth in H.
+        rim: of the tips.
+        outer: outer edges of the chamfers.
+        inner: inner edges of the chamfers.
+        walls: (n, 8), pieces of the holes that the peg can touch.
+        sides: (m, 8), pieces of the peg that the holes can touch.
+        mate_walls: (k + 1,), number of the first of the walls of each mate, and n.
+        mate_sides: (k + 1,), likewise.
         wall_boxes: (n, 4), as those of `Curve`.
-        side_boxes: (n, 4), likewise.
-        r: outer radius of the peg.
-        clearance: distance of the outlines of peg and hole.
-        depth: of the hole.
+        side_boxes: (m, 4), likewise.
+        r: (k,), outer radius of the peg.
+        clearance: (k,), distance of the outlines of peg and hole.
+        depth: (k,), of the floor below the mouth.
         chamfer: width and height of the chamfer.
         friction: coefficient mu.
         stiffness: k of a contact, N/m.
         dissipation: d, s/m.
     """
 
+    tips: Array
+    mouths: Array
     rim: Curve
     outer: Curve
     inner: Curve
     walls: Array
     sides: Array
+    mate_walls: Numbers
+    mate_sides: Numbers
     wall_boxes: Array
     side_boxes: Array
-    r: float
-    clearance: float
-    depth: float
+    r: Array
+    clearance: Array
+    depth: Array
     chamfer: float
     friction: float
     stiffness: float
@@ -177,19 +206,25 @@ class Bodies(NamedTuple):
     def of(cls, scenario: Scenario) -> Self:
         """Returns the bodies of a scenario."""
         g, contact = scenario.geometry, scenario.contact
-        bodies = PegInHole.of(g)
-        walls, sides = surface_pieces(bodies.hole, inside=True), surface_pieces(bodies.peg, inside=False)
+        mates = g.assembly.mates
+        holes, pegs = [mate.bodies.hole for mate in mates], [mate.bodies.peg for mate in mates]
+        walls = [surface_pieces(hole, inside=True) for hole in holes]
+        sides = [surface_pieces(peg, inside=False) for peg in pegs]
         return cls(
-            rim=Curve.of(bodies.peg),
-            outer=Curve.of(bodies.hole.offset(g.chamfer)),
-            inner=Curve.of(bodies.hole),
-            walls=walls,
-            sides=sides,
-            wall_boxes=boxes_of(walls),
-            side_boxes=boxes_of(sides),
-            r=bodies.peg.outer_radius,
-            clearance=g.clearance,
-            depth=g.hole_depth,
+            tips=np.array([mate.tip for mate in mates]),
+            mouths=np.array([mate.mouth for mate in mates]),
+            rim=Curve.of(pegs),
+            outer=Curve.of([hole.offset(g.chamfer) for hole in holes]),
+            inner=Curve.of(holes),
+            walls=np.concatenate(walls),
+            sides=np.concatenate(sides),
+            mate_walls=_starts(walls),
+            mate_sides=_starts(sides),
+            wall_boxes=boxes_of(np.concatenate(walls)),
+            side_boxes=boxes_of(np.concatenate(sides)),
+            r=np.array([peg.outer_radius for peg in pegs]),
+            clearance=np.array([hole.inner_radius - peg.inner_radius for hole, peg in zip(holes, pegs, strict=True)]),
+            depth=np.array([mate.bodies.hole_depth for mate in mates]),
             chamfer=g.chamfer,
             friction=contact.friction,
             stiffness=contact.stiffness,
@@ -335,13 +370,14 @@ def lowest_place(
 
 
 @compiled
-def find_minima(bodies: Bodies, p: Array, u: Array, v: Array, found: Array) -> int:
+def find_minima(bodies: Bodies, mate: int, p: Array, u: Array, v: Array, found: Array) -> int:
     """Finds the minima of the gap that are below `REACH`, on the rim and on both edges, and the points on the floor.
 
     Args:
         bodies: see `find_contacts`.
-        p: likewise.
-        u: likewise.
+        mate: number of the mate.
+        p: (3,), centre of its tip from the centre of its mouth, in H, m.
+        u: see `find_contacts`.
         v: likewise.
         found: (MAX_CONTACTS, COLUMNS), receives the minima.
 
@@ -349,33 +385,35 @@ def find_minima(bodies: Bodies, p: Array, u: Array, v: Array, found: Array) -> i
         The number of minima.
     """
     count = 0
-    lowest = p[2] - bodies.r * math.hypot(u[2], v[2])
+    r = bodies.r[mate]
+    lowest = p[2] - r * math.hypot(u[2], v[2])
     if lowest > REACH:
         return count
     chamfer, a_z = bodies.chamfer, u[0] * v[1] - u[1] * v[0]
     # By as much as the peg is off the axis, tilted and turned, it can touch a piece beside its own.
     turn = abs(u[1]) + abs(v[0]) + abs(u[2]) + abs(v[2]) + (1.0 - u[0]) + (1.0 - v[1])
-    reach = math.hypot(p[0], p[1]) + abs(p[2]) * (abs(u[2]) + abs(v[2])) + bodies.r * turn + chamfer + 5.0 * REACH
+    reach = math.hypot(p[0], p[1]) + abs(p[2]) * (abs(u[2]) + abs(v[2])) + r * turn + chamfer + 5.0 * REACH
     # By as much the outline of a tilted and turned peg, cut by a plane across the hole, can be outside of itself.
-    swept = bodies.r * (abs(u[1]) + abs(v[0]) + (1.0 - u[0]) + (1.0 - v[1]) + (1.0 / a_z - 1.0))
+    swept = r * (abs(u[1]) + abs(v[0]) + (1.0 - u[0]) + (1.0 - v[1]) + (1.0 / a_z - 1.0))
     for circle in (RIM, OUTER, INNER):
         curve = bodies.rim if circle == RIM else bodies.outer if circle == OUTER else bodies.inner
-        others = bodies.walls if circle == RIM else bodies.sides
-        boxes = bodies.wall_boxes if circle == RIM else bodies.side_boxes
+        starts = bodies.mate_walls if circle == RIM else bodies.mate_sides
+        others = (bodies.walls if circle == RIM else bodies.sides)[starts[mate] : starts[mate + 1]]
+        boxes = (bodies.wall_boxes if circle == RIM else bodies.side_boxes)[starts[mate] : starts[mate + 1]]
         first = count
         # No gap on the curve is below a bound that takes no samples.
         if circle == RIM:
-            if bodies.inner.inner - math.hypot(p[0], p[1]) - bodies.r > REACH:
+            if bodies.inner.inner[mate] - math.hypot(p[0], p[1]) - r > REACH:
                 continue
         else:
             a_x, a_y = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2]
             height = height_of(chamfer, circle)
             up = (height - p[2]) / a_z
             off = math.hypot(p[0] + up * a_x, p[1] + up * a_y)
-            apart_by = bodies.clearance + (chamfer if circle == OUTER else 0.0)
-            if max(lowest - height, a_z * (curve.inner - off) - bodies.r, a_z * (apart_by - off) - swept) > REACH:
+            apart_by = bodies.clearance[mate] + (chamfer if circle == OUTER else 0.0)
+            if max(lowest - height, a_z * (curve.inner[mate] - off) - r, a_z * (apart_by - off) - swept) > REACH:
                 continue
-        for j in range(len(curve.pieces)):
+        for j in range(curve.mates[mate], curve.mates[mate + 1]):
             piece = row_of(curve.pieces, j)
             begin, end = curve.first[j], curve.first[j + 1]
             places, x, y = curve.places[begin:end], curve.x[begin:end], curve.y[begin:end]
@@ -385,13 +423,14 @@ def find_minima(bodies: Bodies, p: Array, u: Array, v: Array, found: Array) -> i
                     count = add_minima(
                         chamfer, circle, piece, places, x, y, t_x, t_y, others, k, p, u, v, found, first, count
                     )
-        for j in range(len(curve.ends)):
+        for j in range(curve.mate_ends[mate], curve.mate_ends[mate + 1]):
             end_x, end_y = curve.ends[j, 0], curve.ends[j, 1]
             for k in range(len(others)):
                 if apart(curve.ends[j], boxes[k]) <= reach:
                     count = add_end(chamfer, circle, end_x, end_y, others, k, p, u, v, found, first, count)
-    if lowest + bodies.depth < REACH:
-        count = add_floor_points(bodies.rim.pieces, bodies.depth, p, u, v, found, count)
+    depth, rim = bodies.depth[mate], bodies.rim
+    if lowest + depth < REACH:
+        count = add_floor_points(rim.pieces[rim.mates[mate] : rim.mates[mate + 1]], depth, p, u, v, found, count)
     return count
 
 
@@ -557,6 +596,26 @@ def crossing(
 
 
 @compiled
+def tip_in_mouth(bodies: Bodies, mate: int, p: Array, u: Array, v: Array) -> Array:
+    """Returns the centre of a mate's tip from the centre of its mouth, in H, (3,), m; see `find_contacts`."""
+    tip, mouth, found = bodies.tips[mate], bodies.mouths[mate], np.empty(3)
+    axis = (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
+    for i in range(3):
+        found[i] = p[i] + (tip[0] * u[i] + tip[1] * v[i] + tip[2] * axis[i]) - mouth[i]
+    return found
+
+
+@compiled
+def deepest_overlap(bodies: Bodies, p: Array, u: Array, v: Array) -> float:
+    """Returns the deepest overlap of a pose, m, or 0; see `find_contacts`."""
+    found, deepest = np.empty((MAX_CONTACTS, COLUMNS)), 0.0
+    for mate in range(len(bodies.tips)):
+        for i in range(find_minima(bodies, mate, tip_in_mouth(bodies, mate, p, u, v), u, v, found)):
+            deepest = max(deepest, -found[i, GAP])
+    return deepest
+
+
+@compiled
 def find_contacts(
     bodies: Bodies, p: Array, u: Array, v: Array, gap: Array, point: Array, normal: Array, surface: Numbers
 ) -> int:
@@ -580,27 +639,33 @@ def find_contacts(
     Returns:
         The number of contacts.
     """
-    found, out = np.empty((MAX_CONTACTS, COLUMNS)), np.empty((MAX_CONTACTS, 2))
-    number, count = find_minima(bodies, p, u, v, found), 0
-    for e in range(number):
-        row, kind, crosses = found[e], int(found[e, SURFACE]), False
-        if kind >= OUTER and (row[8] != 0.0 or row[9] != 0.0):
-            for i in range(count):
-                # No minimum on the rim, or one that crosses another edge, or the end of a segment.
-                if surface[i] >= FLOOR or (out[i, 0] == 0.0 and out[i, 1] == 0.0):
-                    continue
-                d_x, d_y, d_z = point[i, 0] - row[1], point[i, 1] - row[2], point[i, 2] - row[3]
-                if d_x * d_x + d_y * d_y + d_z * d_z > CROSSING**2:
-                    continue
-                crosses, x, y, z = crossing(kind, out[i], row[OUT], u, v, normal[i])
-                if crosses:
-                    aligned = normal[i, 0] * x + normal[i, 1] * y + normal[i, 2] * z
-                    gap[i], surface[i] = d_x * x + d_y * y + d_z * z + gap[i] * aligned, kind
-                    point[i] = row[POINT]
-                    normal[i, 0], normal[i, 1], normal[i, 2] = x, y, z
-                    break
-        if not crosses:
-            gap[count], surface[count], out[count] = row[GAP], kind, row[OUT]
-            point[count], normal[count] = row[POINT], row[NORMAL]
-            count += 1
+    found, out, count = np.empty((MAX_CONTACTS, COLUMNS)), np.empty((MAX_CONTACTS, 2)), 0
+    for mate in range(len(bodies.tips)):
+        mouth = bodies.mouths[mate]
+        first = count
+        number = find_minima(bodies, mate, tip_in_mouth(bodies, mate, p, u, v), u, v, found)
+        for e in range(number):
+            row, kind, crosses = found[e], int(found[e, SURFACE]), False
+            if kind >= OUTER and (row[8] != 0.0 or row[9] != 0.0):
+                for i in range(first, count):
+                    # No minimum on the rim, or one that crosses another edge, or the end of a segment.
+                    if surface[i] >= FLOOR or (out[i, 0] == 0.0 and out[i, 1] == 0.0):
+                        continue
+                    d_x, d_y, d_z = point[i, 0] - row[1], point[i, 1] - row[2], point[i, 2] - row[3]
+                    if d_x * d_x + d_y * d_y + d_z * d_z > CROSSING**2:
+                        continue
+                    crosses, x, y, z = crossing(kind, out[i], row[OUT], u, v, normal[i])
+                    if crosses:
+                        aligned = normal[i, 0] * x + normal[i, 1] * y + normal[i, 2] * z
+                        gap[i], surface[i] = d_x * x + d_y * y + d_z * z + gap[i] * aligned, kind
+                        point[i] = row[POINT]
+                        normal[i, 0], normal[i, 1], normal[i, 2] = x, y, z
+                        break
+            if not crosses and count < MAX_CONTACTS:
+                gap[count], surface[count], out[count] = row[GAP], kind, row[OUT]
+                point[count], normal[count] = row[POINT], row[NORMAL]
+                count += 1
+        for i in range(first, count):
+            for j in range(3):
+                point[i, j] += mouth[j]
     return count

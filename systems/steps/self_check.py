@@ -67,7 +67,7 @@ class MovingParts(NamedTuple):
         """
         g, p = scenario.geometry, scenario.controller
         turn = math.sin(p.max_turn)
-        rim = g.outline.offset(g.clearance + g.chamfer).outer_radius * turn
+        rim = g.assembly.mouth_reach * turn
         return cls(
             mass=mass,
             peg_mass=peg_weight / GRAVITY,

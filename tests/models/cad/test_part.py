@@ -89,6 +89,34 @@ def test_two_diameters_have_two_clearances_of_which_one_guides(tmp_path):
     assert found.guide is found.matings[1]
 
 
+def stepped_peg(tip, shoulder):
+    """A peg of 40 mm whose shoulder is 11 mm above its tip."""
+    return lofted([(0.0, tip), (11.0, tip), (11.0, shoulder), (40.0, shoulder)])
+
+
+def stepped_block(deep, wide, chamfer=0.0):
+    """A block with a hole of 20 mm that is wide in the upper 10 mm."""
+    around, n = circle(30.0, len(deep)), len(deep)
+    mouths = [wide, deep] if chamfer == 0.0 else [circle(np.hypot(*p[0]) + chamfer, n) for p in (wide, deep)]
+    rings = [(0.0, mouths[0]), (-chamfer, wide), (-10.0, wide), (-10.0, mouths[1]), (-10.0 - chamfer, deep)]
+    return lofted([(-40.0, around), (0.0, around), *rings, (-20.0, deep)])
+
+
+@pytest.mark.parametrize("chamfer", [0.0, 0.5])
+def test_two_round_steps_that_both_guide_the_peg_become_mates(tmp_path, chamfer):
+    bodies = stepped_peg(circle(4.0), circle(5.0)), stepped_block(circle(4.05), circle(5.05), chamfer)
+    found = pair(tmp_path, *bodies)
+    scenario = scenario_of(found)
+    steps = [[0.0, 0.0, 0.004, 0.0, 0.010], [0.0, 0.0, 0.005, 0.011, 0.0]]
+    np.testing.assert_allclose(scenario.geometry.mates, steps, atol=2e-8)
+    assert (scenario.contact.engine, scenario.geometry.peg_radius) == ("exact", 0.004)
+    assert scenario.geometry.clearance == pytest.approx(5e-5, abs=2e-8)
+    assert any(line.startswith("steps: 4.0000, 5.0000 mm") for line in remarks(found))
+    path = tmp_path / "part.yaml"
+    path.write_text(part_text(found))
+    assert load_scenario_of_clearance(str(path)).geometry.mates == scenario.geometry.mates
+
+
 def test_a_chamfered_tip_and_a_steep_lead_in_are_said_to_be_left_out(tmp_path):
     own = lofted([(0.0, circle(7.5)), (0.5, circle(8.0)), (40.0, circle(8.0))])
     found = pair(tmp_path, own, block(circle(8.05), mouth=circle(8.45), chamfer=1.0))
@@ -174,14 +202,9 @@ def broken(body, change):
         (peg(circle(8.0)), block(circle(8.05), mouth=circle(12.0), chamfer=20.0), "1.stl: the hole is not prismatic"),
         (peg(outlines("square", 8.0, 0.0)[0]), block(circle(11.6, 240)), "clearance around the peg is"),
         (
-            lofted([(0.0, circle(6.0)), (10.0, circle(6.0)), (10.0, circle(8.0)), (40.0, circle(8.0))]),
-            lofted(
-                [
-                    *((-40.0, circle(30.0)), (0.0, circle(30.0)), (0.0, circle(8.05)), (-10.0, circle(8.05))),
-                    *((-10.0, circle(6.05)), (-20.0, circle(6.05))),
-                ]
-            ),
-            "sections of two sizes guide the peg at once, [68].000 and [68].000 mm inside",
+            stepped_peg(outlines("square", 6.0, 0.0)[0], outlines("square", 8.0, 0.0)[0]),
+            stepped_block(outlines("square", 6.0, 0.05)[1], outlines("square", 8.0, 0.05)[1]),
+            "sections of several sizes guide the peg, 6.000 and 8.000 mm inside, and one is not round",
         ),
     ],
 )

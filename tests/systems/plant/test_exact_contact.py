@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.contact_geometry import PegInHole, Surface, rotations_of_vectors
-from models.scenario import Scenario
+from models.scenario import Scenario, load_scenario
 from models.section import CORNER, NAMES
 from systems.plant.exact_contact import ROUNDS, friction_impulse, normal_impulse, solve_contacts, tangents
 from systems.plant.exact_gaps import (
@@ -17,6 +17,7 @@ from systems.plant.exact_gaps import (
     REACH,
     SURFACE,
     Bodies,
+    deepest_overlap,
     find_contacts,
     find_minima,
 )
@@ -35,7 +36,7 @@ def test_the_minima_of_the_gap_are_those_of_the_exact_geometry():
     expected = GEOMETRY.contacts(p, R)
     minima, touching, turned = np.empty((MAX_CONTACTS, COLUMNS)), 0, 0
     for k in range(n):
-        found = minima[: find_minima(BODIES, p[k], R[k, :, 0].copy(), R[k, :, 1].copy(), minima)]
+        found = minima[: find_minima(BODIES, 0, p[k], R[k, :, 0].copy(), R[k, :, 1].copy(), minima)]
         near = expected.gap[k] < REACH
         touching += near.any()
         # The floor has one minimum, and three points on which a flat tip rests.
@@ -65,12 +66,33 @@ def test_the_lowest_gap_is_that_of_the_exact_geometry_for_every_section(name):
     R = rotations_of_vectors(np.column_stack([tilts, rng.uniform(-0.002, 0.002, n)]))
     expected, minima = PegInHole.of(scenario.geometry).gap(p, R), np.empty((MAX_CONTACTS, COLUMNS))
     for k in range(n):
-        count = find_minima(bodies, p[k], R[k, :, 0].copy(), R[k, :, 1].copy(), minima)
+        count = find_minima(bodies, 0, p[k], R[k, :, 0].copy(), R[k, :, 1].copy(), minima)
         if expected[k] < REACH:
             assert minima[:count, GAP].min() == pytest.approx(expected[k], abs=1e-9)
         else:
             assert count == 0
     assert 0.1 < (expected < REACH).mean() < 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["two_pin_plug", "stepped_shaft"])
+def test_the_lowest_gap_is_that_of_the_exact_geometry_where_two_sections_mate(name):
+    scenario = load_scenario(name)
+    bodies, rng, n = Bodies.of(scenario), np.random.default_rng(8), 1000
+    p = np.column_stack([rng.uniform(-8e-5, 8e-5, (n, 2)), rng.uniform(-0.0252, 0.0005, n)])
+    R = rotations_of_vectors(np.column_stack([rng.uniform(-0.006, 0.006, (n, 2)), rng.uniform(-0.005, 0.005, n)]))
+    expected = scenario.geometry.assembly.gap(p, R)
+    overlaps = np.array([deepest_overlap(bodies, *pose(p, R, k)) for k in range(n)])
+    np.testing.assert_allclose(overlaps, np.maximum(0.0, -expected), rtol=0, atol=1e-9)
+    gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
+    counts = [find_contacts(bodies, *pose(p, R, k), gap, point, normal, np.empty(MAX_CONTACTS, int)) for k in range(n)]
+    np.testing.assert_array_equal(np.array(counts) > 0, expected < REACH)
+    assert 0.1 < (overlaps > 0.0).mean() < 0.95
+
+
+def pose(p, R, k):
+    """Returns pose k as `find_contacts` takes it."""
+    return p[k], R[k, :, 0].copy(), R[k, :, 1].copy()
 
 
 def test_a_side_that_lies_flat_on_a_wall_touches_at_its_four_corners_once():
@@ -79,7 +101,7 @@ def test_a_side_that_lies_flat_on_a_wall_touches_at_its_four_corners_once():
     scenario.geometry.section = "square"
     g, minima = scenario.geometry, np.empty((MAX_CONTACTS, COLUMNS))
     p, straight = np.array([g.clearance + 1e-6, 0.0, -0.01]), g.peg_radius * (1.0 - CORNER)
-    found = minima[: find_minima(Bodies.of(scenario), p, np.eye(3)[0], np.eye(3)[1], minima)]
+    found = minima[: find_minima(Bodies.of(scenario), 0, p, np.eye(3)[0], np.eye(3)[1], minima)]
     np.testing.assert_allclose(found[:, GAP], -1e-6, atol=1e-12)
     np.testing.assert_allclose(found[:, NORMAL], [[-1.0, 0.0, 0.0]] * 4, atol=1e-9)
     corners = [(side * straight, z) for z in (-0.01, -g.chamfer) for side in (-1.0, 1.0)]
@@ -201,7 +223,7 @@ def test_the_rotation_of_a_free_peg_is_that_of_its_rotation_vector():
 
 
 def test_a_pressed_peg_rests_on_the_floor_and_sinks_by_load_over_stiffness():
-    q, v = peg_state(z=-BODIES.depth)
+    q, v = peg_state(z=-BODIES.depth[0])
     for _ in range(20):
         contact, found, _, force = advance_peg(
             BODIES, INERTIA, UNDAMPED, FREE, q, v, np.array([0, 0, 0, 0, 0, -9.0]), STEP, 40
@@ -209,12 +231,12 @@ def test_a_pressed_peg_rests_on_the_floor_and_sinks_by_load_over_stiffness():
     assert found >= 3
     np.testing.assert_allclose(contact, [0, 0, 0, 0, 0, 9.0], atol=1e-6)
     np.testing.assert_allclose(force[:3], 3.0, rtol=1e-3)
-    assert -BODIES.depth - q[6] == pytest.approx(3.0 / BODIES.stiffness, rel=1e-3)
+    assert -BODIES.depth[0] - q[6] == pytest.approx(3.0 / BODIES.stiffness, rel=1e-3)
 
 
 def test_a_peg_that_sticks_does_not_creep():
     """On the floor under 10 N, with 1.9 N across: mu is 0.2."""
-    q, v = peg_state(z=-BODIES.depth)
+    q, v = peg_state(z=-BODIES.depth[0])
     push = np.array([0, 0, 0, 1.9, 0, -10.0])
     advance_peg(BODIES, INERTIA, UNDAMPED, FREE, q, v, np.array([0, 0, 0, 0, 0, -10.0]), STEP, 400)
     start = q[4]
@@ -247,7 +269,7 @@ def test_restitution_converges_to_that_of_the_law():
     speed, bodies = 0.003, BODIES._replace(dissipation=20.0)
     returned = []
     for step in (2e-6, 5e-7):
-        q, v = peg_state(z=-BODIES.depth + 1e-6)
+        q, v = peg_state(z=-BODIES.depth[0] + 1e-6)
         v[5] = -speed
         advance_peg(bodies, INERTIA, UNDAMPED, FREE, q, v, np.zeros(6), step, round(0.002 / step))
         returned.append(v[5] / speed)
