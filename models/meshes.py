@@ -57,6 +57,18 @@ class TriangleMesh:
         lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in self.triangles]
         return "\n".join(lines) + "\n"
 
+    def to_faceted_obj(self) -> str:
+        """Returns the mesh as Wavefront OBJ text with a normal of each triangle, as Drake's renderer requires."""
+        a, b, c = (self.vertices[self.triangles[:, k]] for k in range(3))
+        normals = np.cross(b - a, c - a)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in self.vertices]
+        lines += [f"vn {x:.6f} {y:.6f} {z:.6f}" for x, y, z in normals]
+        lines += [
+            "f " + " ".join(f"{vertex + 1}//{k}" for vertex in triangle) for k, triangle in enumerate(self.triangles, 1)
+        ]
+        return "\n".join(lines) + "\n"
+
 
 def facet_sagitta(radius: float, facets: int) -> float:
     """Returns the sagitta (m) of a regular polygon in a circle of ``radius`` r (m): r (1 - cos(pi/n))."""

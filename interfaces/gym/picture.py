@@ -27,7 +27,6 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
-from models.meshes import TriangleMesh
 from models.scenario import Geometry
 from skill.arrays import Array
 from systems.plant.contact_plant import BLOCK_COLOUR, PEG_COLOUR, peg_shape
@@ -99,17 +98,4 @@ def camera_pose(camera: Array, target: Array) -> RigidTransform:
 def _cut_block(g: Geometry) -> Mesh:
     """Returns the block without the half that the camera looks in from."""
     mesh = g.assembly.block_mesh(FACETS, block_radius=g.block_radius, floor=g.floor)
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile(faceted_obj(mesh), ".obj", "block.obj")))
-
-
-def faceted_obj(mesh: TriangleMesh) -> str:
-    """Returns a mesh as Wavefront OBJ text in which each triangle has its own normal, as the renderer requires."""
-    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in mesh.vertices]
-    lines += [f"vn {x:.6f} {y:.6f} {z:.6f}" for x, y, z in normals]
-    lines += [
-        "f " + " ".join(f"{vertex + 1}//{k}" for vertex in triangle) for k, triangle in enumerate(mesh.triangles, 1)
-    ]
-    return "\n".join(lines) + "\n"
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(mesh.to_faceted_obj(), ".obj", "block.obj")))

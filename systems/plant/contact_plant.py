@@ -429,7 +429,7 @@ def peg_shape(g: Geometry, scale: float = 1.0) -> tuple[RigidTransform, Shape]:
         return RigidTransform([0.0, 0.0, middle]), Cylinder(scale * g.peg_radius, scale * g.peg_length)
     mesh = g.assembly.peg_mesh(g.facets)
     scaled = TriangleMesh(scale * mesh.vertices, mesh.triangles)
-    return RigidTransform([0.0, 0.0, (1.0 - scale) * middle]), _in_memory(scaled.to_obj(), ".obj")
+    return RigidTransform([0.0, 0.0, (1.0 - scale) * middle]), _in_memory(scaled.to_faceted_obj(), ".obj")
 
 
 def _in_memory(text: str, extension: str) -> Mesh:
