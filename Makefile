@@ -53,7 +53,7 @@ campaign: environment
 fuzz: environment
 	$(RUN) tests.fuzz --jobs 2 --json out/fuzz.json
 
-PHYSICS := theory convergence clearance cost
+PHYSICS := theory clocking convergence clearance cost
 LEARNERS := clustering regression contact_states
 BENCHMARKS := $(PHYSICS:%=physics.%) $(LEARNERS:%=learners.%)
 

@@ -51,6 +51,27 @@ def largest_entry_tilt(*, peg_radius: float, hole_radius: float) -> float:
     return math.acos(peg_radius / hole_radius)
 
 
+def largest_clocking(corners: ArrayLike, sides: ArrayLike, radii: ArrayLike, *, clearance: float) -> float:
+    """Returns the largest angle (rad) about its axis by which an upright peg fits into its hole.
+
+    A corner with the centre e and the radius rho, at the angle alpha from the normal of a side at the distance d from
+    the axis, touches this side of the hole, at d + C, when the peg is turned by
+
+        phi = alpha - arccos((d + C - rho) / |e|).
+
+    Args:
+        corners: (n, 2), centres of the rounded corners, m; one row for each side that ends at a corner.
+        sides: (n, 2), vectors from the axis to the line of the side, perpendicular to it, m.
+        radii: (n,), of the corners, m.
+        clearance: C, m.
+    """
+    e, d = np.asarray(corners, dtype=np.float64), np.asarray(sides, dtype=np.float64)
+    size, away = np.hypot(*e.T), np.hypot(*d.T)
+    alpha = np.arccos((e * d).sum(axis=1) / (size * away))
+    reached = (away + clearance - np.asarray(radii)) / size
+    return float((alpha - np.arccos(np.minimum(reached, 1.0))).min(where=reached < 1.0, initial=math.pi))
+
+
 def slenderness(depth: ArrayLike, *, peg_radius: float, friction: float) -> Any:
     """Returns Whitney's slenderness lambda = l / (2 r mu) for a depth l (m)."""
     return np.asarray(depth, dtype=np.float64) / (2.0 * peg_radius * friction)

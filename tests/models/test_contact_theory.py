@@ -1,5 +1,7 @@
 """The laws of a rigid peg in a rigid hole agree with each other and with Whitney's for small tilts."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from models.contact_theory import (
     exact_wedging_tilt,
     jamming_load,
     jamming_vertices,
+    largest_clocking,
     slenderness,
     two_point_axial_force,
     two_point_depth,
@@ -51,3 +54,15 @@ def test_exact_wedging_needs_more_tilt_than_the_law_and_may_be_impossible():
         law = wedging_tilt(friction=friction, **SIZES)
         assert law < exact_wedging_tilt(friction=friction, **SIZES) < 1.1 * law
     assert np.isnan(exact_wedging_tilt(friction=0.09, **SIZES))
+
+
+def test_a_sharp_square_turns_until_its_corner_is_on_the_wall():
+    """The corner is sqrt(2) a from the axis: at sqrt(2) a cos(45 deg - phi) = a + C."""
+    phi = largest_clocking([[1.0, 1.0]], [[1.0, 0.0]], [0.0], clearance=0.005)
+    assert math.sqrt(2.0) * math.cos(math.pi / 4.0 - phi) == pytest.approx(1.005, abs=1e-12)
+
+
+def test_rounding_the_corner_lets_a_peg_turn_further_and_a_wide_hole_any_way():
+    sharp, rounded = (largest_clocking([[1.0 - r, 1.0 - r]], [[0.0, 1.0]], [r], clearance=0.005) for r in (0.0, 0.1))
+    assert rounded > sharp
+    assert largest_clocking([[1.0, 1.0]], [[1.0, 0.0]], [0.0], clearance=0.5) == math.pi
