@@ -10,8 +10,8 @@ from systems.steps.faults import FEED_NUMBERS, SENSOR_NUMBERS, Fault
 
 LOST_LAG = 2.5  # steps; a rotor that lags by two has slipped, and lags by four as soon as it rests
 
-FAULT, SINCE, SIZE = range(3)
-"""Places in the state: the first fault found, and the time since, s; and its size."""
+FAULT, SINCE, BLIND, SIZE = range(4)
+"""Places in the state: the first fault found, the time since, s, and whether the sensor has one; and its size."""
 
 PITCH_RATE, YAW_RATE, FEED, UNWINDING = range(4)
 """Places in the commands: rad/s, rad/s, m/s, and whether the hole is to turn back."""
@@ -51,6 +51,9 @@ def watchdog_step(
         yaw_shaft: likewise.
     """
     found = state.copy()
+    for fault in faults:
+        if int(fault) in SENSOR_NUMBERS:
+            found[BLIND] = 1.0
     if state[FAULT] != 0.0:
         found[SINCE] += p.period
         return found
@@ -89,5 +92,5 @@ def is_stopped(p: RetractLimits, state: Array) -> bool:
 
 @compiled
 def is_blind(state: Array) -> bool:
-    """Returns whether the fault is one of the sensor."""
-    return int(state[FAULT]) in SENSOR_NUMBERS
+    """Returns whether the sensor has a fault, the first one or a later one: its readings are then held, and old."""
+    return bool(state[BLIND] != 0.0)

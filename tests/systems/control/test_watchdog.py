@@ -111,3 +111,12 @@ def test_the_wrench_is_unknown_after_a_fault_of_the_sensor(fault, blind):
     assert dut.GetOutputPort("blind").Eval(context)[0] == 0.0
     step(dut, context, self_check_fault=[float(fault)])
     assert dut.GetOutputPort("blind").Eval(context)[0] == blind
+
+
+def test_a_sensor_that_fails_after_another_fault_blinds_the_guard_too():
+    """Its reading is held from then on; a guard that follows it would turn the hole against the peg."""
+    dut, context = watchdog()
+    assert step(dut, context, yaw_shaft=[0.0, 1.01 * LOST_LAG * STEP]) == Fault.YAW_STEPS_LOST
+    assert dut.GetOutputPort("blind").Eval(context)[0] == 0.0
+    assert step(dut, context, sensor_monitor_fault=[float(Fault.SENSOR_SATURATED)]) == Fault.YAW_STEPS_LOST
+    assert dut.GetOutputPort("blind").Eval(context)[0] == 1.0

@@ -96,14 +96,16 @@ def test_the_sensor_by_hand():
 def test_what_goes_on_after_a_fault():
     limits, state = retract_limits(S), np.zeros(watchdog.SIZE)
     assert passed_command(limits, state, FEED, -0.01) == -0.01
-    state[watchdog.FAULT] = Fault.SENSOR_STUCK
+    faults, shaft = np.array([float(Fault.SENSOR_STUCK), 0.0, 0.0]), np.zeros(2)
+    state = watchdog_step(limits, state, faults, False, shaft, shaft)
     assert is_blind(state)
     assert passed_command(limits, state, FEED, -0.01) == limits.retract_speed
     assert passed_command(limits, state, PITCH_RATE, 0.1) == 0.0
     state[watchdog.SINCE] = limits.retract_time
     assert is_stopped(limits, state)
     assert passed_command(limits, state, FEED, -0.01) == 0.0
-    state[:] = Fault.FEED_DEAD, 0.0
+    state = np.zeros(watchdog.SIZE)
+    state[watchdog.FAULT] = Fault.FEED_DEAD
     assert not is_blind(state)
     assert passed_command(limits, state, FEED, -0.01) == 0.0
 
