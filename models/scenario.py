@@ -293,14 +293,14 @@ def _geometry_violations(g: Geometry) -> Iterator[Violation]:
     elif g.clearance < minimum_clearance(g.hole_radius):
         smallest = f"{1e3 * minimum_clearance(g.hole_radius):.4g} mm"
         yield Violation(name, found, f"at least {smallest}, which {MAX_FACETS} facets can resolve")
+    if not 0 <= g.chamfer < g.hole_depth:
+        yield Violation("geometry.chamfer", f"{g.chamfer} m", "at least 0 and below hole_depth")
     try:
         mouth_reach = g.assembly.mouth_reach
     except (TypeError, ValueError) as error:
         field = "mates" if g.mates else "corners" if g.corners else "section"
         yield Violation(f"geometry.{field}", getattr(g, field), f"another shape: {error}")
         return
-    if not 0 <= g.chamfer < g.hole_depth:
-        yield Violation("geometry.chamfer", f"{g.chamfer} m", "at least 0 and below hole_depth")
     if g.peg_length <= g.hole_depth:
         yield Violation("geometry.peg_length", f"{g.peg_length} m", f"> hole_depth {g.hole_depth}")
     if g.block_radius <= mouth_reach:

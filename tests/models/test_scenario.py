@@ -126,7 +126,7 @@ INVALID = {
     "an unknown section": ("geometry: {section: oval}", "geometry.section is oval, expected another shape: .*one of"),
     "a section without place for a chamfer": (
         "geometry: {section: key, chamfer: 0.002}",
-        "geometry.section is key, .*a concave arc of the radius 0.0015 is too small",
+        "geometry.section is key, .*a concave arc of the radius 0.00145 is too small",
     ),
     "a square in MuJoCo": (
         "{geometry: {section: square}, contact: {engine: mujoco}}",

@@ -325,7 +325,7 @@ def test_the_contact_features_have_the_geometry_of_the_demonstrations():
     skill = ManipulationSkill(**single_state()).fit(demonstrations)
     assert skill.state_features_.peg_radius == 0.02
     assert skill.state_features_.play == pytest.approx(3e-4)
-    assert skill.metadata_["geometry"] == {**geometry, "section": "round", "corners": []}
+    assert skill.metadata_["geometry"] == {**geometry, "section": "round", "corners": [], "mates": []}
     own = ManipulationSkill(**single_state(), state_features=CanonicalFeatures(peg_radius=0.3)).fit(demonstrations)
     assert isinstance(own.state_features_, CanonicalFeatures)
     assert own.state_features_.peg_radius == 0.3

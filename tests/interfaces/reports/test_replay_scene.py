@@ -133,11 +133,11 @@ def test_edges_of_the_block_are_arcs_of_the_kept_facets():
     scene = decoded()
     s = np.sqrt(0.5)
     arc = np.array([[-s, s], [-1, 0], [-s, -s], [0, -1], [s, -s]])
-    rings = [(12, 0), (11, -1), (11, -25), (30, 0), (30, -35)]  # radius and height, mm
+    rings = [(30, -35), (30, 0), (12, 0), (11, -1), (11, -25)]  # radius and height, mm
     for k, (radius, z) in enumerate(rings):
         expected = in_mm(np.column_stack([radius * arc, np.full(5, z)]))
-        np.testing.assert_allclose(scene.points(f"hole/edge{k}"), expected, atol=1e-8)
-    assert "hole/edge5" not in scene.objects
+        np.testing.assert_allclose(scene.points(f"hole/edge0_{k}"), expected, atol=1e-8)
+    assert "hole/edge0_5" not in scene.objects
 
 
 def test_section_of_the_block_is_outlined_in_the_plane_of_the_cut():
@@ -145,7 +145,7 @@ def test_section_of_the_block_is_outlined_in_the_plane_of_the_cut():
     height = [-35, 0, 0, -1, -25, -25, -1, 0, 0, -35, -35]
     s = np.sqrt(0.5)
     expected = in_mm([s * r, -s * r, z] for r, z in zip(across, height, strict=True))
-    np.testing.assert_allclose(decoded().points("hole/section"), expected, atol=1e-8)
+    np.testing.assert_allclose(decoded().points("hole/section0"), expected, atol=1e-8)
 
 
 def test_block_is_cut_open_towards_the_camera():
@@ -162,7 +162,7 @@ def test_peg_is_a_prism_that_stands_on_its_tip_with_a_ring_every_5_mm():
     assert np.linalg.norm(body[:, :2], axis=1).max() == pytest.approx(0.010)
     assert (body[:, 2].min(), body[:, 2].max()) == pytest.approx((0, 0.012))
     for k, z in enumerate([0, 0.005, 0.010]):
-        points = scene.points(f"peg/mark{k}")
+        points = scene.points(f"peg/mark0_{k}")
         np.testing.assert_allclose(points[:, 2], z, atol=1e-9)
         radius = np.linalg.norm(points[:, :2], axis=1)
         assert np.all((radius > 0.010 + 1e-6) & (radius < 0.010 + 1e-5))  # just outside, so that the peg hides none
@@ -171,7 +171,7 @@ def test_peg_is_a_prism_that_stands_on_its_tip_with_a_ring_every_5_mm():
         np.testing.assert_allclose(chords, 2 * 0.010 * np.sin(np.radians(3.75 / 2)), rtol=1e-3)
         assert len(chords) == 96
         np.testing.assert_allclose(points[[0, -1], :2] / radius[0], [[1, 0], [1, 0]], atol=1e-6)
-    assert "peg/mark3" not in scene.objects
+    assert "peg/mark0_3" not in scene.objects
 
 
 def test_arrows_before_the_animation_are_a_shaft_of_1_m_and_heads_of_4_mm():

@@ -11,7 +11,7 @@ DUT = PegHoleGeometry(**GEOMETRY)
 def test_the_geometry_of_metadata_is_read():
     dut = PegHoleGeometry.from_metadata({"seed": 3, "geometry": {**GEOMETRY, "colour": "red"}}, "a.parquet")
     assert dut == DUT
-    assert dut.record() == {**GEOMETRY, "section": "round", "corners": []}
+    assert dut.record() == {**GEOMETRY, "section": "round", "corners": [], "mates": []}
     assert dut.clearance == pytest.approx(5e-5)
 
 
@@ -70,13 +70,19 @@ def test_extreme_sizes_are_accepted():
 
 def test_the_shape_is_kept_and_compared():
     square = {**GEOMETRY, "section": "square"}
+    square |= {"mates": []}
     polygon = {**square, "corners": [[1, -1, 0.1], [1, 1, 0.1], [-1, 0]]}
+    pins = {**square, "corners": [], "mates": [[-0.01, 0, 0.004, 0, 0], [0.01, 0, 0.004, 0, 0]]}
     kept = PegHoleGeometry.from_metadata({"geometry": polygon}, "a")
     assert kept.record() == polygon
     assert fit_difference(kept.record(), polygon) == ""
     assert fit_difference(DUT.record(), {**square, "corners": []}) == "geometry.section round, not square"
-    assert fit_difference(kept.record(), {**square, "corners": []}) == "a polygon other than geometry.corners"
-    with pytest.raises(ValueError, match=r"^b: section square \[\], but round \[\] in 1 of 2"):
+    assert (
+        fit_difference(kept.record(), {**square, "corners": []})
+        == f"geometry.corners {kept.record()['corners']}, not []"
+    )
+    assert fit_difference({**square, "corners": []}, pins) == f"geometry.mates [], not {pins['mates']}"
+    with pytest.raises(ValueError, match=r"^b: section square \[\] \[\], but round \[\] \[\] in 1 of 2"):
         common_geometry([("a", {"geometry": GEOMETRY}), ("b", {"geometry": square})])
 
 
