@@ -128,16 +128,16 @@ class Assembly:
     def block_mesh(self, facets: int, *, block_radius: float, floor: float) -> TriangleMesh:
         """Returns the block for pictures, cut open towards the camera: a sleeve around each of several holes."""
         meshes, places = [], []
-        for axis, (deepest, *wider) in self.axes():
-            top = float([deepest, *wider][-1].mouth[2])
+        for axis, mates in self.axes():
+            deepest, top = mates[0], float(mates[-1].mouth[2])
             meshes.append(
                 make_hole(
                     section=deepest.bodies.hole,
                     depth=top - deepest.bottom,
-                    wider=[(mate.bodies.hole, top - mate.bottom) for mate in wider],
+                    wider=[(mate.bodies.hole, top - mate.bottom) for mate in mates[1:]],
                     chamfer=deepest.bodies.chamfer,
                     facets=facets,
-                    block_radius=self.sleeve_radius([deepest, *wider], block_radius),
+                    block_radius=self.sleeve_radius(mates, block_radius),
                     floor=floor,
                     cutaway=True,
                 )

@@ -94,6 +94,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         _check_choice("reward", reward, list(REWARDS))
         _check_choice("render_mode", render_mode, [None, HUMAN, RGB_ARRAY])
         self._scenario = copy.deepcopy(scenario) if isinstance(scenario, Scenario) else load_scenario(scenario)
+        self._lever = self._scenario.geometry.reach  # which every step needs
         self._scenario.contact.engine = engine or self._scenario.contact.engine
         validate_scenario(self._scenario)
         self._arm, self._labels = Arm(arm), labels
@@ -165,7 +166,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
             Transition(
                 depth_before=float(before["depth"][0]),
                 depth=float(self._last["depth"][0]),
-                load=contact_load(self._last["wrench"], self._scenario.geometry.reach),
+                load=contact_load(self._last["wrench"], self._lever),
                 duration=episode.time - began,
                 remaining=max(0.0, self._scenario.trial.time_limit - episode.time),
                 outcome=episode.outcome if terminated else None,
