@@ -132,6 +132,7 @@ def find_query_state(run: RigRun, scenario: Scenario, *, number: int, inserted: 
         time=float(row["time"]),
         depth=float(row["depth"]),
         tilt=(-float(row["pitch"]), -float(row["yaw"])),  # turning the hole by theta tilts the peg by -theta
+        clocking=-float(row["clocking"]),
         load=contact_load(wrench, scenario.geometry.reach),
         state=run.metadata["state_names"][int(row["state"])],
         pivot_height=float(scenario.rig.pivot_height or 0.0),
@@ -176,7 +177,7 @@ def correction_scenario(
     correction = copy.deepcopy(scenario)
     correction.rig.pivot_height = query_state.pivot_height
     correction.contact.friction, correction.contact.friction_spread = query_state.friction, 0.0
-    correction.start.tilt = list(query_state.tilt)
+    correction.start.tilt, correction.start.clocking = list(query_state.tilt), query_state.clocking
     correction.start.depth = max(0.0, query_state.depth - LIFT)  # above the mouth it begins at the usual height
     return resolve_scenario(correction, seed=seed, stream=stream, person=person)
 
@@ -193,7 +194,13 @@ def begins_in(demonstration: Demonstration, query_state: QueryState, scenario: S
     if not isinstance(text, str):
         return False
     found, asked = (
-        [s.start.tip_height, *(s.start.tilt or [0.0, 0.0]), s.rig.pivot_height or 0.0, s.contact.friction]
+        [
+            s.start.tip_height,
+            *(s.start.tilt or [0.0, 0.0]),
+            s.start.clocking or 0.0,
+            s.rig.pivot_height or 0.0,
+            s.contact.friction,
+        ]
         for s in (parse_scenario(text, demonstration.source), correction_scenario(scenario, query_state, seed=0))
     )
     return np.allclose(found, asked, rtol=1e-6, atol=1e-9)

@@ -84,6 +84,7 @@ class DemonstrationRun:
                 "lowest_probe_energy_J": self._environment.min_energy(context),
                 "penetration_um": round(1e6 * overlap, 1),
                 "geometry": asdict(scenario.geometry),
+                "clocking": scenario.rig.clocking_stage,
                 "scenario": dump_scenario(scenario),
                 "versions": versions(),
                 **metadata,

@@ -18,6 +18,7 @@ from experiments.provenance import versions
 from experiments.trial_result import TRUSTED_OVERLAP, TrialResult
 from models.scenario import Scenario, dump_scenario
 from skill.arrays import Array
+from skill.data.axes import AXES
 from skill.data.outcome import UNPHYSICAL, Outcome
 from skill.data.rig_run import CONTACT_COLUMNS, RigRun
 from skill.policy import RigPolicy
@@ -103,8 +104,8 @@ class EndedTrial:
             field_score=0.0 if outcome in UNPHYSICAL else score.total,
             penetration=self.penetration,
             trusted=self.penetration <= TRUSTED_OVERLAP * scenario.geometry.clearance,
-            steps=int(last["pitch_taken"] + last["yaw_taken"]),
-            lost_steps=int(last["pitch_lost"] + last["yaw_lost"]),
+            steps=int(sum(last[f"{axis}_taken"] for axis in AXES)),
+            lost_steps=int(sum(last[f"{axis}_lost"] for axis in AXES)),
             back_offs=int((np.diff(samples["back_off"].to_numpy()) > 0).sum()),
             unknown_time=period * float((samples["known"].to_numpy() == 0).sum()),
             unsupported_time=period * float((samples["support"].to_numpy() < 1.0).sum()),

@@ -156,6 +156,8 @@ class WrenchSensorParameters:
 class RigParameters:
     """Mechanics of the 3-DOF rig."""
 
+    # Whether a third stepper under the block turns it about the hole's axis, for parts that are not round [choice].
+    clocking_stage: bool = False
     # In units of m, of the gimbal's axes above the mouth; None: drawn [choice].
     pivot_height: float | None = limited(None, signed=True)
     # In units of m; half width of the uniform distribution of the pivot height [choice].

@@ -19,6 +19,7 @@ class OperatorParameters:
     # In units of rad; None: drawn with sight_bias_sigma.
     sight_bias: list[float] | None = limited(None, signed=True, count=2)
     sight_bias_sigma: float = limited(math.radians(0.25), low=0.0)  # in units of rad
+    clocking_bias: float | None = limited(None, signed=True)  # in units of rad; None: drawn with sight_bias_sigma
     offset_noise: float = limited(0.10e-3, low=0.0)  # in units of m; standard deviation of the seen offset
     # In units of m; None: drawn with offset_bias_sigma.
     offset_bias: list[float] | None = limited(None, signed=True, count=2)
@@ -78,4 +79,6 @@ def draw_person(operator: OperatorParameters, rng: np.random.Generator) -> Opera
     person.offset_bias = [float(v) for v in bias] if person.offset_bias is None else person.offset_bias
     person.tremor_frequency += float(rng.uniform(-1.0, 1.0)) * person.tremor_spread
     person.tremor_spread = 0.0
+    drawn = float(rng.normal()) * person.sight_bias_sigma
+    person.clocking_bias = drawn if person.clocking_bias is None else person.clocking_bias
     return person

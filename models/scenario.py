@@ -146,6 +146,9 @@ class StartParameters:
     tilt: list[float] | None = limited(None, signed=True, count=2)  # in units of rad, about x and y of the hole
     # In units of m, along x and y of the hole.
     offset: list[float] | None = limited(None, high=MAX_OFFSET, signed=True, count=2)
+    # In units of rad, uniform, of the peg about its axis; has an effect with `rig.clocking_stage` only.
+    clocking_range: float = limited(math.radians(3.0), low=0.0, high=0.5)
+    clocking: float | None = limited(None, signed=True, high=0.5)  # in units of rad; None: drawn
 
     @property
     def tip_height(self) -> float:
@@ -315,6 +318,8 @@ def _name_violations(scenario: Scenario) -> Iterator[Violation]:
         yield Violation("contact.engine", repr(scenario.contact.engine), f"one of {ENGINES}")
     if scenario.contact.engine == "mujoco" and not scenario.geometry.is_round:
         yield Violation("contact.engine", "mujoco", "drake or exact: its boxes form a round hole only")
+    if scenario.rig.clocking_stage and scenario.geometry.is_round:
+        yield Violation("rig.clocking_stage", "true", "false: a round part has no angle about its axis")
     if scenario.contact.engine == "drake" and scenario.geometry.mates:
         yield Violation("contact.engine", "drake", "exact: the mesh of the hole has one section only")
     if approximation not in APPROXIMATIONS:
@@ -398,6 +403,9 @@ DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM, PRACTICE_STREAM, CHECK_STREAM
 CORRECTION_STREAM, QUESTION_STREAM, STRESS_STREAM = 7, 8, 9
 """Random streams; equal seeds in different streams give independent draws."""
 
+CLOCKING_DRAW = 1
+"""Third number of the seed of the clocking angle at the start."""
+
 
 def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int | None = None) -> Scenario:
     """Returns a copy of ``scenario`` in which every range is drawn: the start, the pivot, the friction, the operator.
@@ -428,5 +436,8 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int 
     start.offset = [float(v) for v in offset] if start.offset is None else start.offset
     personal = rng if person is None else np.random.default_rng([PERSON_STREAM, person])
     resolved.operator = draw_person(resolved.operator, personal)
+    if start.clocking is None:  # from a stream of its own, so that the other draws do not depend on the stage
+        share = float(np.random.default_rng([stream, seed, CLOCKING_DRAW]).uniform(-1.0, 1.0))
+        start.clocking = share * start.clocking_range if rig.clocking_stage else 0.0
     validate_scenario(resolved, f"scenario resolved with seed {seed}")
     return resolved

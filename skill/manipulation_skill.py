@@ -22,7 +22,7 @@ from skill.features.contact_features import ContactFeatures
 from skill.features.responses import ResponseFeatures, joined
 from skill.features.training_samples import CONTEXTS, PLANNING, SampleSettings, noise_stream, observed_series
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, WrenchFeatures
-from skill.planning.imitation import Imitation, lowest_log_support
+from skill.planning.imitation import FEED, N_TURNS, SPIN, Imitation, lowest_log_support
 from skill.planning.planner import Planner
 from skill.planning.planning_model import VALUE_TIME, PlanningModel
 from skill.planning.prediction import Prediction, Query, SkillExplanation
@@ -76,7 +76,8 @@ class ManipulationSkill:
     Attributes:
         features_, state_features_, states_, contexts_, regressor_: the fitted parts; ``contexts_`` is None if there is
             a single context. The outputs of the regressor are (turn_x, turn_y, feed) over one sample period that the
-            good demonstrations intend, in the frame of the features.
+            good demonstrations intend, in the frame of the features; then turn_z, if all demonstrations were recorded
+            with a clocking stage.
         graph_: `StateGraph` of the demonstrations.
         planning_: `PlanningModel`; None for the policy "imitate".
         period_: sample period, s.
@@ -156,6 +157,7 @@ class ManipulationSkill:
             "demonstrations": len(refined),
             "good": int(sum(d.good for d in demonstrations)),
             "geometry": None if geometry is None else geometry.record(),
+            "clocking": all(bool(d.metadata.get("clocking")) for d in demonstrations),
         }
         self._fit_contexts(demonstrations, samples)
         weights = [1.0] if self.contexts_ is None else [round(float(w), 3) for w in self.contexts_.weights_]
@@ -207,7 +209,8 @@ class ManipulationSkill:
         samples = pd.concat([refined[n] for n in numbers], ignore_index=True)
         measured = samples[list(MEASURED)].to_numpy()
         X = self.features_.transform(measured)
-        Y = self.features_.actions_to_frame(measured, samples[list(INTENDED)].to_numpy())
+        outputs = INTENDED if self.metadata_["clocking"] else INTENDED[:SPIN]
+        Y = self.features_.actions_to_frame(measured, samples[list(outputs)].to_numpy())
         P = pair_probabilities(self.state_probabilities(measured), self._contexts_of(groups))
         self.sources_ = np.column_stack([groups, samples["time"].to_numpy()])
         if self.regressor is None:
@@ -297,7 +300,8 @@ class ManipulationSkill:
 
     def _action(self, query: Query, prediction: Prediction) -> Action:
         local = self.features_.actions_from_frame(query.row, prediction.action[None])[0]
-        return Action(local[:2], float(local[2]), prediction.support)
+        spin = float(local[SPIN]) if len(local) > SPIN else 0.0
+        return Action(local[:N_TURNS], float(local[FEED]), prediction.support, spin)
 
     def _predictor(self) -> Imitation | Planner:
         if self.planning_ is None:

@@ -21,11 +21,13 @@ class Action:
         feed: motion of the peg along its axis, m; negative goes into the hole.
         support: kernel weight of the nearest sample of the most probable context over the minimum that demonstrated
             samples find in the other demonstrations, at most 1. A policy that does not report its support has 1.
+        spin: turn of the peg relative to the hole about z of P, rad; a rig without clocking stage cannot do it.
     """
 
     turn: Array
     feed: float
     support: float = 1.0
+    spin: float = 0.0
 
 
 class RigPolicy(Protocol):

@@ -51,8 +51,8 @@ MAX_SEED = 2**32 - 1
 POLICIES = ("imitate", "plan")
 """How a skill can act; see `skill.planning.imitation` and `skill.planning.planner`."""
 
-N_ACTIONS = 3
-"""Number of outputs of the regressor: turn about x and y, and feed."""
+N_ACTIONS = (3, 4)
+"""Number of outputs of the regressor: turn about x and y, feed, and turn about z where the skill turns there."""
 
 Check = Callable[[Any], bool]
 
@@ -318,7 +318,7 @@ def _check_parts(parts: Mapping[str, Any], sources: Array, header: Mapping[str, 
         ("states: number of channels", states.means_.shape[1], channels),
         ("graph: number of states", len(graph.visits_), K),
         ("regressor: number of features", regressor.X_.shape[1], features),
-        ("regressor: number of outputs", regressor.y_.shape[1], N_ACTIONS),
+        ("regressor: number of outputs", regressor.y_.shape[1], N_ACTIONS[bool(header["metadata"].get("clocking"))]),
         ("regressor: number of states and contexts", P.shape[1], K * (1 if contexts is None else contexts.n_contexts_)),
         ("sources: number of samples", len(sources), len(regressor.X_)),
     ):

@@ -15,7 +15,7 @@ from skill.features.canonical_frame import canonical_angle, turned
 from skill.features.contact_features import ContactFeatures, contact_features
 from skill.features.wrench_features import MEASURED, CanonicalFeatures, canonical_features
 from skill.manipulation_skill import ManipulationSkill
-from skill.planning.imitation import ImitationNumbers, imitate
+from skill.planning.imitation import FEED, SPIN, ImitationNumbers, imitate
 from skill.policy import CarriedOver
 from skill.practice.exploration import PerturbedPolicy, factors_at
 from skill.regression.locally_weighted_regression import LWRegressor
@@ -54,7 +54,8 @@ class SkillAnswer(NamedTuple):
 
     Attributes:
         memory: (m,), for the next measurement.
-        turn: (2,), of the peg relative to the hole within one period, rad, in P.
+        turn: (2,), of the peg relative to the hole within one period, about x and y of P, rad.
+        spin: the same about z, 0 of a skill that does not turn there.
         feed: along its axis within one period, m.
         support: of the action, 0 to 1.
         state: number of the most probable contact state.
@@ -66,6 +67,7 @@ class SkillAnswer(NamedTuple):
 
     memory: Array
     turn: Array
+    spin: float
     feed: float
     support: float
     state: int
@@ -157,7 +159,8 @@ def skill_step(p: SkillNumbers, memory: Array, measured: Array, pitch: float, ya
     return SkillAnswer(
         found,
         turn,
-        feed_factor * done.action[2],
+        done.action[SPIN] if len(done.action) > SPIN else 0.0,
+        feed_factor * done.action[FEED],
         done.support,
         int(np.argmax(states)),
         known,

@@ -25,7 +25,7 @@ from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_plant import ExactPlant
-from systems.plant.rig_plant import RigPlant
+from systems.plant.rig_plant import RigPlant, stepper_axes
 from systems.recording.run_recorder import AddRunRecorder, RunRecorder
 from systems.rig_diagram import RigDiagram, start_angles
 from systems.steps.force_guard import GuardLimits, StoppingModel
@@ -88,8 +88,8 @@ def WireRig(
             " free air before the first touch"
         )
     check_geometry(scenario, skill)
-    pitch, yaw = start_angles(scenario)
-    parts = _add_parts(builder, scenario, skill, plant, angles={"pitch": pitch, "yaw": yaw})
+    angles = dict(zip(stepper_axes(scenario), start_angles(scenario), strict=True))
+    parts = _add_parts(builder, scenario, skill, plant, angles=angles)
     _connect_sensors(builder, plant, parts)
     _connect_controller(builder, parts)
     _connect_motors(builder, plant, parts)
@@ -106,7 +106,7 @@ def WireRig(
         parts.watchdog,
         force_guard=parts.force_guard,
         sensor=parts.sensor,
-        steppers=(parts.steppers["pitch"], parts.steppers["yaw"]),
+        steppers=tuple(parts.steppers.values()),
         scenario=scenario,
     )
 
@@ -125,8 +125,8 @@ class _Parts:
     watchdog: Watchdog
     force_guard: ForceGuard
     motor: DcMotor
-    steppers: dict[str, StepperMotor]  # pitch, then yaw
-    gimbal_angles: Demultiplexer  # pitch, yaw and their rates
+    steppers: dict[str, StepperMotor]  # in the order of `stepper_axes`
+    gimbal_angles: Demultiplexer  # their angles and rates
 
 
 def _add_parts(
@@ -157,9 +157,10 @@ def _add_parts(
         ),
         drive_monitor=builder.AddNamedSystem("drive_monitor", DriveMonitor(drive_limits(scenario))),
         self_check=builder.AddNamedSystem(
-            "self_check", SelfCheck(check_limits(scenario, mass=plant.moving_mass, peg_weight=plant.weight))
+            "self_check",
+            SelfCheck(check_limits(scenario, mass=plant.moving_mass, peg_weight=plant.weight), tuple(angles)),
         ),
-        watchdog=builder.AddNamedSystem("watchdog", Watchdog(retract_limits(scenario))),
+        watchdog=builder.AddNamedSystem("watchdog", Watchdog(retract_limits(scenario), tuple(angles))),
         force_guard=builder.AddNamedSystem(
             "force_guard",
             ForceGuard(
@@ -174,7 +175,7 @@ def _add_parts(
             )
             for name, angle in angles.items()
         },
-        gimbal_angles=builder.AddNamedSystem("gimbal_angles", Demultiplexer(4)),
+        gimbal_angles=builder.AddNamedSystem("gimbal_angles", Demultiplexer(2 * len(angles))),
     )
 
 
@@ -215,14 +216,15 @@ def _connect_motors(builder: DiagramBuilder, plant: RigPlant, parts: _Parts) -> 
     builder.Connect(parts.drive_monitor.GetOutputPort("feed_enabled"), parts.motor.GetInputPort("enabled"))
     builder.Connect(plant.carriage_state, parts.motor.GetInputPort("carriage_state"))
     builder.Connect(parts.motor.GetOutputPort("carriage_force"), plant.carriage_force)
-    rates = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(2)))
-    equilibrium = builder.AddNamedSystem("equilibrium", Multiplexer([1, 1, 2]))
+    n = len(parts.steppers)
+    rates = builder.AddNamedSystem("at_rest", ConstantVectorSource(np.zeros(n)))
+    equilibrium = builder.AddNamedSystem("equilibrium", Multiplexer([1] * n + [n]))
     builder.Connect(plant.gimbal_state, parts.gimbal_angles.get_input_port())
     for k, (name, stepper) in enumerate(parts.steppers.items()):
         builder.Connect(parts.force_guard.GetOutputPort(f"target_{name}"), stepper.GetInputPort("target_angle"))
         builder.Connect(parts.gimbal_angles.get_output_port(k), stepper.GetInputPort("measured_angle"))
         builder.Connect(stepper.GetOutputPort("equilibrium_angle"), equilibrium.get_input_port(k))
-    builder.Connect(rates.get_output_port(), equilibrium.get_input_port(2))
+    builder.Connect(rates.get_output_port(), equilibrium.get_input_port(n))
     builder.Connect(equilibrium.get_output_port(), plant.gimbal_equilibrium)
 
 
@@ -255,7 +257,8 @@ def _add_recorder(builder: DiagramBuilder, scenario: Scenario, plant: RigPlant, 
             ("fx", "fy", "fz", "mx", "my", "mz"): parts.monitor.GetOutputPort("wrench"),
             ("depth",): parts.monitor.GetOutputPort("depth"),
             **{(name,): parts.estimator.GetOutputPort(name) for name in READINGS},
-            **{(name,): parts.force_guard.GetOutputPort(name) for name in ("target_pitch", "target_yaw", "feed_speed")},
+            ("feed_speed",): parts.force_guard.GetOutputPort("feed_speed"),
+            **{(f"target_{name}",): parts.force_guard.GetOutputPort(f"target_{name}") for name in parts.steppers},
             **{(name,): parts.controller.GetOutputPort(name) for name in ("back_off", "support", "turning")},
             ("fault",): parts.watchdog.GetOutputPort("fault"),
             **{
@@ -271,11 +274,16 @@ def _add_recorder(builder: DiagramBuilder, scenario: Scenario, plant: RigPlant, 
 
 
 def check_geometry(scenario: Scenario, policy: RigPolicy) -> None:
-    """Checks that a policy was made for the peg and hole of a scenario, if it says for which.
+    """Checks that a policy was made for the peg and hole of a scenario, if it says for which, and for its axes.
 
     Raises:
-        ValueError: if it was made for another peg or hole.
+        ValueError: if it was made for another peg or hole, or turns about an axis that the rig does not have.
     """
+    if policy.metadata_.get("clocking") and not scenario.rig.clocking_stage:
+        raise ValueError(
+            "the skill turns the hole about its axis, but the rig has no clocking stage; set rig.clocking_stage of the"
+            " scenario to true, or train a skill without it"
+        )
     trained = PegHoleGeometry.find(policy.metadata_, "the skill")
     if trained is None:
         return  # foreign demonstrations need not state their geometry

@@ -15,7 +15,7 @@ from systems.control.policy_controller import PolicyController
 from systems.control.watchdog import Watchdog
 from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor
-from systems.plant.rig_plant import RigPlant
+from systems.plant.rig_plant import RigPlant, stepper_axes
 from systems.recording.run_recorder import RunRecorder
 from systems.steps.faults import Fault
 from systems.steps.force_guard import StoppingModel
@@ -33,7 +33,7 @@ class RigDiagram:
         watchdog: the system between controller and motors.
         force_guard: the system that limits the load, before the motors.
         sensor: the force/torque sensor.
-        steppers: the axes of pitch and yaw.
+        steppers: the axes of the block, in the order of `stepper_axes`.
         scenario: of which the diagram was built.
     """
 
@@ -44,13 +44,12 @@ class RigDiagram:
     watchdog: Watchdog
     force_guard: ForceGuard
     sensor: WrenchSensor
-    steppers: tuple[StepperMotor, StepperMotor]
+    steppers: tuple[StepperMotor, ...]
     scenario: Scenario
 
     def set_start(self, context: Context) -> None:
         """Moves carriage and gimbal to the start of the scenario; ``context`` is the diagram's."""
-        carriage, (pitch, yaw) = _home(self.scenario), start_angles(self.scenario)
-        self.plant.set_start(context, carriage=carriage, pitch=pitch, yaw=yaw)
+        self.plant.set_start(context, carriage=_home(self.scenario), angles=start_angles(self.scenario))
 
     def set_trial(self, context: Context, trial: Scenario) -> None:
         """Replaces in a new context all that one trial has of its own, and moves carriage and gimbal to its start.
@@ -72,7 +71,7 @@ class RigDiagram:
         angles = start_angles(trial)
         for stepper, angle in zip(self.steppers, angles, strict=True):
             stepper.set_start_angle(stepper.GetMyMutableContextFromRoot(context), angle)
-        self.plant.set_start(context, carriage=_home(trial), pitch=angles[0], yaw=angles[1])
+        self.plant.set_start(context, carriage=_home(trial), angles=angles)
 
     def poses(self, context: Context) -> tuple[RigidTransform, RigidTransform]:
         """Returns the poses X_WP of the peg and X_WH of the block for a picture; ``context`` is the diagram's.
@@ -112,11 +111,12 @@ class RigDiagram:
         return bool(self.watchdog.GetOutputPort("stopped").Eval(self.watchdog.GetMyContextFromRoot(context))[0])
 
 
-def start_angles(scenario: Scenario) -> tuple[float, float]:
-    """Returns the angles of pitch and yaw at the start of a resolved scenario, rad."""
+def start_angles(scenario: Scenario) -> tuple[float, ...]:
+    """Returns the angles of the axes of the block at the start of a resolved scenario, rad; see `stepper_axes`."""
     assert scenario.start.tilt is not None
     # Tilting the peg by theta relative to the hole is the same as turning the hole by -theta.
-    return -scenario.start.tilt[0], -scenario.start.tilt[1]
+    angles = (*scenario.start.tilt, scenario.start.clocking or 0.0)
+    return tuple(-angle for angle in angles[: len(stepper_axes(scenario))])
 
 
 def _home(scenario: Scenario) -> float:
@@ -129,6 +129,7 @@ def _check_same_rig(built: Scenario, trial: Scenario) -> None:
     same = copy.deepcopy(trial)
     same.seed, same.operator = built.seed, built.operator
     same.start.tilt, same.start.offset = built.start.tilt, built.start.offset
+    same.start.clocking = built.start.clocking
     same.rig.pivot_height, same.contact.friction = built.rig.pivot_height, built.contact.friction
     if trial.start.tilt is None or trial.rig.pivot_height is None or same != built:
         raise ValueError(

@@ -33,7 +33,16 @@ from systems.steps import dc_motor, drive_monitor, self_check, sensor_monitor, s
 from systems.steps.back_off import BackOffState
 from systems.steps.dc_motor import Drive, carriage_force, counted_travel, dc_motor_step
 from systems.steps.drive_monitor import DriveLimits, drive_monitor_step, is_enabled
-from systems.steps.force_guard import FEED_SPEED, PEAK, PITCH, YAW, GuardLimits, StoppingModel, force_guard_step
+from systems.steps.force_guard import (
+    CLOCKING,
+    FEED_SPEED,
+    PEAK,
+    PITCH,
+    YAW,
+    GuardLimits,
+    StoppingModel,
+    force_guard_step,
+)
 from systems.steps.force_guard import SIZE as GUARD_SIZE
 from systems.steps.limits import check_limits, drive_limits, retract_limits, sensor_limits
 from systems.steps.policy_controller import ControllerLimits, ControllerState, policy_controller_step
@@ -54,11 +63,12 @@ class RigNumbers(NamedTuple):
     Attributes:
         bodies, mechanics: of the engine.
         sensor_period, plant_period, control_period: s.
-        sensor, drive, axis: of the hardware; both steppers have the same axis.
+        sensor, drive, axis: of the hardware; all steppers have the same axis.
+        steppers: how many there are, 2 or 3.
         encoder_resolution: of the depth, m.
         weight: of the peg, N.
         home: position of the carriage where the tip is level with the mouth, m.
-        start: (3,), carriage (m), pitch and yaw (rad).
+        start: (4,), carriage (m), pitch, yaw and clocking (rad).
         full_depth: at which the peg is inserted, m.
         time_limit: s.
         guard, stopping, readings, feed, checks, retract, control: limits of the steps of the law.
@@ -72,6 +82,7 @@ class RigNumbers(NamedTuple):
     sensor: Sensor
     drive: Drive
     axis: Axis
+    steppers: int
     encoder_resolution: float
     weight: float
     home: float
@@ -97,6 +108,7 @@ class RigNumbers(NamedTuple):
         """
         step = scenario.contact.time_step
         m = mechanics._replace(pivot=float(scenario.rig.pivot_height or 0.0))
+        angles = start_angles(scenario)
         mass, weight = m.weight / m.gravity, m.peg_mass * m.gravity
         return cls(
             bodies=Bodies.of(scenario),
@@ -107,10 +119,11 @@ class RigNumbers(NamedTuple):
             sensor=Sensor.of(scenario.sensor),
             drive=Drive.of(scenario.feed, period=step),
             axis=Axis.of(scenario.stepper, period=step),
+            steppers=len(angles),
             encoder_resolution=scenario.rig.encoder_resolution,
             weight=weight,
             home=scenario.sensor.height,
-            start=np.array([scenario.sensor.height + scenario.start.height, *start_angles(scenario)]),
+            start=np.array([scenario.sensor.height + scenario.start.height, *angles, *[0.0] * (3 - len(angles))]),
             full_depth=scenario.full_depth,
             time_limit=scenario.trial.time_limit,
             guard=GuardLimits.of(scenario),
@@ -212,7 +225,7 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
     next_look, last_step = 0.0, -1
 
     q, v = np.zeros(FREEDOMS), np.zeros(FREEDOMS)
-    q[0], q[3], q[4] = rig.start
+    q[0], q[3:] = rig.start[0], rig.start[1:]
     held, extent = np.zeros(6), 0.0
     held[2] = rig.weight
     tare = held.copy()
@@ -220,7 +233,8 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
     monitor, drive_state = np.zeros(sensor_monitor.SIZE), np.zeros(drive_monitor.SIZE)
     check, feed_check = np.zeros(self_check.SIZE), np.zeros(self_check.FEED_SIZE)
     dog, guard, motor = np.zeros(watchdog.SIZE), np.zeros(GUARD_SIZE), np.zeros(dc_motor.SIZE)
-    pitch_axis, yaw_axis = np.zeros(stepper_motor.SIZE), np.zeros(stepper_motor.SIZE)
+    n_axes = rig.steppers
+    axes, shafts = np.zeros((3, stepper_motor.SIZE)), np.zeros((n_axes, 2))
     memory = skill.memory.copy()
     failed = False
 
@@ -228,14 +242,14 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
     ticks = np.zeros(4, np.int64)
     row_tick = 0
     time, outcome = 0.0, TIME_OVER
-    equilibrium, measured = np.zeros(2), np.zeros(7)
+    equilibrium, measured = np.zeros(3), np.zeros(7)
     while True:
         # What the outputs show at this time.
         depth = _depth(rig, q[0])
         reading = wrench_at_tip(sensor[-6:].copy(), rig.sensor.height)
         wrench, sound = sound_wrench(rig.readings, monitor, reading), sound_depth(monitor, depth)
-        equilibrium[0] = rig.start[1] + equilibrium_angle(rig.axis, pitch_axis)
-        equilibrium[1] = rig.start[2] + equilibrium_angle(rig.axis, yaw_axis)
+        for k in range(n_axes):
+            equilibrium[k] = rig.start[1 + k] + equilibrium_angle(rig.axis, axes[k])
         force = carriage_force(rig.drive, motor[dc_motor.CURRENT], v[0])
         logs = time == row_tick * rig.control_period
         acts = time == ticks[3] * periods[3]
@@ -243,19 +257,22 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
             measured[:6], measured[6] = wrench, -sound
             answer = skill_step(skill, memory, measured, guard[PITCH], guard[YAW])
         if logs:
-            rows[n_rows] = np.array(  # in the order of `LOGGED_COLUMNS`
+            rows[n_rows, :27] = np.array(  # in the order of `LOGGED_COLUMNS`, in tuples short enough for numba
                 (
                     time, wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5], sound,
                     float(answer.state), 1.0 if answer.known else 0.0,
                     guard[PITCH], guard[YAW], guard[FEED_SPEED],
                     control.back_off.mode, control.support, dog[watchdog.FAULT],
-                    pitch_axis[stepper_motor.TAKEN], pitch_axis[stepper_motor.LOST],
-                    yaw_axis[stepper_motor.TAKEN], yaw_axis[stepper_motor.LOST],
+                    axes[0, stepper_motor.TAKEN], axes[0, stepper_motor.LOST],
+                    axes[1, stepper_motor.TAKEN], axes[1, stepper_motor.LOST],
                     q[0] - rig.home, q[3], q[4],
                     float(answer.context), answer.context_probability, answer.context_evidence,
                     control.turning,
                 )
             )  # fmt: skip
+            rows[n_rows, 27:] = np.array(
+                (guard[CLOCKING], axes[2, stepper_motor.TAKEN], axes[2, stepper_motor.LOST], q[5])
+            )
             n_rows += 1
             row_tick += 1
 
@@ -299,11 +316,12 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
         # The updates of this time, from the state before them.
         if acts:
             if not (failed or control.given_up != 0.0):
-                if np.isfinite(answer.turn).all() and math.isfinite(answer.feed) and math.isfinite(answer.support):
+                if np.isfinite(answer.turn).all() and math.isfinite(answer.spin + answer.feed + answer.support):
                     control = policy_controller_step(
                         rig.control,
                         control,
                         answer.turn,
+                        answer.spin,
                         answer.feed,
                         answer.support,
                         wrench,
@@ -320,12 +338,12 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
         samples, drives = time == ticks[0] * periods[0], time == ticks[1] * periods[1]
         checks = time == ticks[2] * periods[2]
         new_sensor, new_monitor, new_guard = sensor, monitor, guard
-        new_drive, new_motor, new_pitch, new_yaw, new_feed_check = drive_state, motor, pitch_axis, yaw_axis, feed_check
+        new_drive, new_motor, new_axes, new_feed_check = drive_state, motor, axes, feed_check
         new_check, new_dog = check, dog
         current, travel = motor[dc_motor.CURRENT], counted_travel(rig.drive, q[0])
         if checks or acts:
-            pitch_shaft = shaft_angles(rig.axis, pitch_axis, q[3] - rig.start[1])
-            yaw_shaft = shaft_angles(rig.axis, yaw_axis, q[4] - rig.start[2])
+            for k in range(n_axes):
+                shafts[k] = shaft_angles(rig.axis, axes[k], q[3 + k] - rig.start[1 + k])
         if samples:
             new_sensor = wrench_sensor_step(rig.sensor, sensor, held - tare, bias, noise[ticks[0]])
             new_monitor = sensor_monitor_step(rig.readings, monitor, reading, depth, time)
@@ -337,20 +355,21 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
                 sound,
                 passed_command(rig.retract, dog, watchdog.PITCH_RATE, control.pitch_rate),
                 passed_command(rig.retract, dog, watchdog.YAW_RATE, control.yaw_rate),
+                passed_command(rig.retract, dog, watchdog.CLOCKING_RATE, control.clocking_rate),
                 passed_command(rig.retract, dog, watchdog.FEED, control.feed_speed),
                 passed_command(rig.retract, dog, watchdog.UNWINDING, control.unwinding) > 0.0,
                 is_blind(dog),
             )
             ticks[0] += 1
         if checks:
-            new_check = self_check_step(rig.checks, check, wrench, sound, pitch_shaft, yaw_shaft, time)
+            new_check = self_check_step(rig.checks, check, wrench, sound, shafts, time)
             ticks[2] += 1
         if acts:
             faults = np.zeros(3)
             faults[0], faults[1] = monitor[sensor_monitor.FAULT], drive_state[drive_monitor.FAULT]
             own = check[self_check.FAULT]
             faults[2] = own if own != 0.0 else feed_check[self_check.FAULT]
-            new_dog = watchdog_step(rig.retract, dog, faults, failed, pitch_shaft, yaw_shaft)
+            new_dog = watchdog_step(rig.retract, dog, faults, failed, shafts)
             memory = answer.memory
         if drives:
             command = guard[FEED_SPEED]
@@ -358,15 +377,16 @@ def perform(rig: RigNumbers, skill: SkillNumbers, control: ControllerState, nois
             free = check[self_check.FREE] > 0.0
             new_feed_check = feed_check_step(rig.checks, feed_check, wrench[2], current, travel, time, free)
             new_motor = dc_motor_step(rig.drive, motor, command, v[0], is_enabled(drive_state))
-            new_pitch = stepper_step(rig.axis, pitch_axis, guard[PITCH], q[3] - rig.start[1])
-            new_yaw = stepper_step(rig.axis, yaw_axis, guard[YAW], q[4] - rig.start[2])
+            new_axes = axes.copy()
+            for k in range(n_axes):
+                new_axes[k] = stepper_step(rig.axis, axes[k], guard[PITCH + k], q[3 + k] - rig.start[1 + k])
             held, found, _, _, forces = advance_rig(
                 rig.bodies, rig.mechanics, q, v, force, equilibrium, h / STEPS, STEPS
             )
             extent = forces[:found].sum()
             ticks[1] += 1
         sensor, monitor, guard = new_sensor, new_monitor, new_guard
-        drive_state, motor, pitch_axis, yaw_axis, feed_check = new_drive, new_motor, new_pitch, new_yaw, new_feed_check
+        drive_state, motor, axes, feed_check = new_drive, new_motor, new_axes, new_feed_check
         check, dog = new_check, new_dog
         time = min((ticks * periods).min(), row_tick * rig.control_period, limit)
     return Trace(

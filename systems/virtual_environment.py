@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import LogVectorOutput, VectorLogSink
 
@@ -92,8 +92,8 @@ class VirtualEnvironment(PegEnvironment):
 def start_pose(scenario: Scenario) -> RigidTransform:
     """Returns X_HP at the start of a resolved scenario.
 
-    The axis of the peg has the scenario's tilt and passes the pivot at the scenario's offset. The pivot of a free peg
-    is the centre of the mouth.
+    The axis of the peg has the scenario's tilt and passes the pivot at the scenario's offset; the peg is turned about
+    its axis by the scenario's clocking. The pivot of a free peg is the centre of the mouth.
 
     Raises:
         ValueError: if the scenario is not resolved.
@@ -101,7 +101,7 @@ def start_pose(scenario: Scenario) -> RigidTransform:
     tilt, offset = scenario.start.tilt, scenario.start.offset
     if tilt is None or offset is None:
         raise ValueError("scenario.start is not resolved: tilt or offset is missing; use resolve_scenario first")
-    R_HP = from_rotation_vector(np.array([*tilt, 0.0]))
+    R_HP = from_rotation_vector(np.array([*tilt, 0.0])) @ RotationMatrix.MakeZRotation(scenario.start.clocking or 0.0)
     pivot = 0.0
     if scenario.fixture == RIG_FIXTURE and scenario.rig.pivot_height is not None:
         pivot = scenario.rig.pivot_height
@@ -182,7 +182,7 @@ def add_coupling(
     Their ports of the probe remain to be connected.
     """
     if fixture is None:
-        fixture = MakeFixture(scenario.fixture, pivot_height=scenario.rig.pivot_height or 0.0)
+        fixture = fixture_of(scenario)
     proxy = builder.AddNamedSystem(
         "haptic_proxy", HapticProxy(coupling=scenario.coupling, fixture=fixture, peg=plant.index)
     )
@@ -199,6 +199,12 @@ def add_coupling(
     return proxy, recorder, log
 
 
+def fixture_of(scenario: Scenario) -> VirtualFixture:
+    """Returns the virtual fixture of a resolved scenario."""
+    rig = scenario.rig
+    return MakeFixture(scenario.fixture, pivot_height=rig.pivot_height or 0.0, clocking_stage=rig.clocking_stage)
+
+
 def _make_operator(scenario: Scenario) -> SimulatedOperator:
     start = scenario.start
     return SimulatedOperator(
@@ -207,6 +213,7 @@ def _make_operator(scenario: Scenario) -> SimulatedOperator:
         start_height=start.tip_height,
         tilt=start.tilt or [0.0, 0.0],
         offset=start.offset or [0.0, 0.0],
+        clocking=start.clocking if scenario.rig.clocking_stage else None,
     )
 
 

@@ -13,6 +13,7 @@ QUERY_STATE = QueryState(
     time=0.5,
     depth=0.004,
     tilt=(0.02, -0.015),
+    clocking=0.004,
     load=9.0,
     state="against the wall",
     pivot_height=-0.0007,

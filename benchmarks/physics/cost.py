@@ -40,7 +40,7 @@ def cost(scenario: Scenario) -> tuple[float, float]:
     builder.Connect(angles.get_output_port(), plant.gimbal_equilibrium)
     simulator = Simulator(builder.Build())
     context = simulator.get_mutable_context()
-    plant.set_start(context, carriage=scenario.sensor.height + 1e-3, pitch=TILT, yaw=0.0)
+    plant.set_start(context, carriage=scenario.sensor.height + 1e-3, angles=(TILT, 0.0))
     simulator.Initialize()
     touched, steps, cpu = 0, round(SECONDS / scenario.contact.time_step), 0.0
     for k in range(1, steps + 1):

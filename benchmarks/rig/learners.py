@@ -65,6 +65,11 @@ def bad_imitated(demonstrations: Demonstrations) -> Demonstrations:
     return [replace(d, good=True) for d in demonstrations]
 
 
+def clocking_left_out(demonstrations: Demonstrations) -> Demonstrations:
+    """Chooses all demonstrations, without the turns about the axis: their skill does not move the clocking stage."""
+    return [replace(d, metadata={**d.metadata, "clocking": False}) for d in demonstrations]
+
+
 def _mixture(Z: Array, random_state: int) -> GaussianMixture:
     """The mixture of smallest BIC with at most 30 components and at least 2 d samples per component."""
     most = min(MAX_COMPONENTS, len(Z) // (2 * Z.shape[1]))

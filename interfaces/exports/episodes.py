@@ -38,7 +38,7 @@ WRENCH_UNITS = ("N", "N", "N", "N m", "N m", "N m")
 POSE = ("x", "y", "z", "rotation_x", "rotation_y", "rotation_z")
 LENGTH_AND_ANGLE = ("m", "m", "m", "rad", "rad", "rad")
 
-RIG_COMMANDS = ("target_pitch", "target_yaw", "feed_speed")
+RIG_COMMANDS = ("target_pitch", "target_yaw", "target_clocking", "feed_speed")
 RIG_STATE = ("depth", *RIG_COMMANDS)
 
 
@@ -169,9 +169,9 @@ def demonstration_episode(demonstration: Demonstration, name: str, skill: Manipu
 def run_features(run: RigRun) -> dict[str, Feature]:
     """Returns the features of runs with the columns and the state names of this one."""
     features = _features(
-        state=Feature("float32", RIG_STATE, ("m", "rad", "rad", "m/s"), "measured depth and own commands"),
+        state=Feature("float32", RIG_STATE, ("m", "rad", "rad", "rad", "m/s"), "measured depth and own commands"),
         wrench="measured, on the peg about its tip, in P",
-        action=Feature("float32", RIG_COMMANDS, ("rad", "rad", "m/s"), "command until the next frame"),
+        action=Feature("float32", RIG_COMMANDS, ("rad", "rad", "rad", "m/s"), "command until the next frame"),
         label="of the simulated contacts; -1: not known",
         recorded=RUN_COLUMNS,
     )

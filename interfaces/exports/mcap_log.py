@@ -25,6 +25,7 @@ from interfaces.exports.episodes import demonstration_labels
 from interfaces.reports.motion import Motion, motion_of_demonstration, motion_of_run
 from models.contact_geometry import ContactLabel
 from skill.arrays import Array
+from skill.data.axes import AXES
 from skill.data.demonstration import ACTIONS, Demonstration
 from skill.data.rig_run import RigRun
 from systems.steps.faults import Fault
@@ -69,11 +70,13 @@ JSON_TYPES: dict[str, dict[str, dict[str, str]]] = {
     "haptic_skill.ContactState": {"number": WHOLE, "name": TEXT, "known": FLAG},
     "haptic_skill.Context": {"number": WHOLE, "probability": NUMBER, "evidence": NUMBER},
     "haptic_skill.RigCommand": {
-        **dict.fromkeys(("target_pitch", "target_yaw", "feed_speed", "support"), NUMBER),
+        **dict.fromkeys(("target_pitch", "target_yaw", "target_clocking", "feed_speed", "support"), NUMBER),
         **{"back_off": FLAG, "turning": NUMBER},
     },
     "haptic_skill.HandMotion": dict.fromkeys(ACTIONS, NUMBER),
-    "haptic_skill.RigState": dict.fromkeys(("depth", "pitch_taken", "pitch_lost", "yaw_taken", "yaw_lost"), NUMBER),
+    "haptic_skill.RigState": dict.fromkeys(
+        ("depth", *(f"{axis}_{count}" for axis in AXES for count in ("taken", "lost"))), NUMBER
+    ),
     "haptic_skill.Fault": {"number": WHOLE, "name": TEXT},
     "haptic_skill.Outcome": {"outcome": TEXT, "success": FLAG, "result": {"type": "object"}},
 }

@@ -37,11 +37,12 @@ class PolicyAgent:
         self._policy = policy
 
     def act(self, observation: Mapping[str, Array]) -> Array:
-        """Returns turn rates, feed speed and support (4,) for an observation of the kind "dict"."""
+        """Returns turn rates, feed speed and support (4,) or (5,) for an observation of the kind "dict"."""
         measured = measurement(observation["wrench"], observation["depth"][0])
         action = self._policy.act(measured, Estimate(observation["probabilities"], observation["contexts"]))
         period = self._policy.period_
-        return np.array([*(action.turn / period), action.feed / period, action.support])
+        turn = np.append(action.turn, action.spin)[: len(observation["angles"])]
+        return np.array([*(turn / period), action.feed / period, action.support])
 
 
 def run_episode(

@@ -12,9 +12,6 @@ from skill.policy import Action, RigPolicy
 from skill.states.estimate import Estimate, Estimator
 from systems.control.control_law import ControlLaw
 
-SUPPORT = 3
-"""Place of the support in a command."""
-
 
 class CommandedPolicy(ControlLaw):
     """A law whose action is a stored command.
@@ -23,7 +20,7 @@ class CommandedPolicy(ControlLaw):
         policy: whose estimator runs on the rig; None for none.
 
     Attributes:
-        command: (4,), the action of the next period: turn rates of the peg relative to the hole about x and y of P,
+        command: (5,), the action of the next period: turn rates of the peg relative to the hole about the axes of P,
             rad/s; feed speed, m/s, negative into the hole; support, 0 to 1. It may be written to.
         period_: one second, so that a turn is a rate and a feed is a speed: no division rounds them.
         metadata_: those of the policy.
@@ -33,7 +30,7 @@ class CommandedPolicy(ControlLaw):
 
     def __init__(self, policy: RigPolicy | None) -> None:
         self._policy = policy
-        self.command = np.array([0.0, 0.0, 0.0, 1.0])
+        self.command = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
         self.metadata_: Mapping[str, Any] = {} if policy is None else policy.metadata_
 
     def estimator(self) -> Estimator | None:
@@ -46,5 +43,5 @@ class CommandedPolicy(ControlLaw):
 
     def act(self, measured: ArrayLike, estimate: Estimate) -> Action:
         """Returns the command."""
-        pitch, yaw, feed, support = self.command.tolist()
-        return Action(np.array([pitch, yaw]), feed, support)
+        pitch, yaw, spin, feed, support = self.command.tolist()
+        return Action(np.array([pitch, yaw]), feed, support, spin)

@@ -15,6 +15,7 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Outcome
 from skill.states.estimate import Estimate
+from systems.plant.rig_plant import stepper_axes
 from systems.rig_diagram import RigDiagram
 
 Observation = dict[str, Array]
@@ -72,10 +73,11 @@ class Episode:
         found = {name: np.array(rig.controller.GetInputPort(name).Eval(context)) for name in ("wrench", "depth")}
         estimate: Estimate = rig.controller.GetInputPort("estimate").Eval(context)
         found |= {"probabilities": estimate.states, "contexts": estimate.contexts}
-        targets = [rig.controller.GetInputPort(name).Eval(context)[0] for name in ("target_pitch", "target_yaw")]
         modes = [rig.controller.GetOutputPort(name).Eval(context)[0] for name in ("turning", "back_off")]
-        feed = rig.force_guard.GetOutputPort("feed_speed").Eval(rig.force_guard.GetMyContextFromRoot(self._context))
-        return {**found, "angles": np.array(targets), "feed": np.array(feed), "control": np.array(modes)}
+        guard = rig.force_guard.GetMyContextFromRoot(self._context)
+        commands = [f"target_{axis}" for axis in stepper_axes(self._scenario)]
+        *targets, feed = (rig.force_guard.GetOutputPort(name).Eval(guard)[0] for name in (*commands, "feed_speed"))
+        return {**found, "angles": np.array(targets), "feed": np.array([feed]), "control": np.array(modes)}
 
     def contact_label(self) -> ContactLabel | None:
         """Returns the exact contact state of the true pose, or None where it is not defined.

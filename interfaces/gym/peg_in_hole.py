@@ -23,6 +23,7 @@ from skill.arrays import Array
 from skill.data.outcome import UNPHYSICAL, Outcome
 from skill.features.measurement import contact_load
 from skill.policy import RigPolicy
+from systems.plant.rig_plant import stepper_axes
 from systems.rig import MakeRig
 from systems.rig_diagram import RigDiagram
 from systems.visualization.meshcat_scene import LOCAL_HOST, aim_camera
@@ -107,7 +108,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         self._flat = observation == "flat"
         self.observation_space = spaces.flatten_space(self._parts) if self._flat else self._parts
         self.action_space = action_space(self._scenario, supported=policy is not None)
-        self._action_size = spaces.flatdim(self.action_space)
+        self._action_size, self._axes = spaces.flatdim(self.action_space), len(stepper_axes(self._scenario))
         self._meshcat: Meshcat | None = None
         self._picture: Picture | None = None
         self._rig: RigDiagram | None = None
@@ -154,7 +155,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         episode = self._episode
         if episode is None or self._over:
             raise gymnasium.error.ResetNeeded("the episode is over, or none has begun: call reset() before step()")
-        self._policy.command[:] = checked_action(action, self._action_size)
+        self._policy.command[:] = checked_action(action, self._action_size, self._axes)
         before, began = self._last, episode.time
         episode.advance()
         terminated = episode.outcome is not Outcome.TIME_OVER

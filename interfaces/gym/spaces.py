@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from gymnasium import spaces
 
-from interfaces.gym.commanded_policy import SUPPORT
 from models.scenario import Scenario
 from skill.arrays import Array
 from skill.policy import RigPolicy
 from skill.states.estimate import Estimate
+from systems.plant.rig_plant import stepper_axes
 
 DEPTH_MARGIN = 0.05
 """Distance (m) from the travel limits of the feed to the bounds of the depth: no sound trial gets there."""
@@ -24,7 +24,8 @@ def observation_space(scenario: Scenario, policy: RigPolicy | None) -> spaces.Di
 
     * ``wrench`` (6,): measured force (N), then moment (N m), on the peg about its tip, in P;
     * ``depth`` (1,): measured depth of the tip below the mouth, m;
-    * ``angles`` (2,): commanded pitch and yaw of the hole, relative to the start, as the force guard permits, rad;
+    * ``angles`` (n,): commanded angles of the n axes of the hole, relative to the start, as the force guard permits,
+      rad: pitch and yaw, and clocking if the rig has that stage;
     * ``feed`` (1,): commanded feed speed, as the force guard permits, m/s, negative into the hole;
     * ``control`` (2,): 1 where the controller applies the agent's turns, -1 where it reverses them, 0 where it does not
       apply them; then 1 while it backs the peg off, else 0;
@@ -53,7 +54,7 @@ def observation_space(scenario: Scenario, policy: RigPolicy | None) -> spaces.Di
             **parts,
             "wrench": symmetric(np.concatenate([force, moment])),
             "depth": spaces.Box(np.array([-highest]), np.array([deepest]), dtype=np.float64),
-            "angles": symmetric(np.full(2, controller.max_turn)),
+            "angles": symmetric(np.full(len(stepper_axes(scenario)), controller.max_turn)),
             "feed": symmetric(np.array([fastest])),
             "control": spaces.Box(np.array([-1.0, 0.0]), np.ones(2), dtype=np.float64),
         }
@@ -61,13 +62,14 @@ def observation_space(scenario: Scenario, policy: RigPolicy | None) -> spaces.Di
 
 
 def action_space(scenario: Scenario, *, supported: bool) -> spaces.Box:
-    """Returns the space of the actions (3,) or (4,).
+    """Returns the space of the actions (3,) to (5,).
 
-    Turn rates of the peg relative to the hole about x and y of P, rad/s; feed speed, m/s, negative into the hole; and
-    the support of the action, 0 to 1, if ``supported``. The bounds are the limits of the controller.
+    Turn rates of the peg relative to the hole about x and y of P, and about z if the rig has a clocking stage, rad/s;
+    feed speed, m/s, negative into the hole; and the support of the action, 0 to 1, if ``supported``. The bounds are the
+    limits of the controller.
     """
     p = scenario.controller
-    largest = np.array([p.max_turn_rate, p.max_turn_rate, p.max_feed_speed])
+    largest = np.array([*[p.max_turn_rate] * len(stepper_axes(scenario)), p.max_feed_speed])
     if not supported:
         return symmetric(largest)
     return spaces.Box(np.append(-largest, 0.0), np.append(largest, 1.0), dtype=np.float64)
@@ -83,10 +85,15 @@ def _shares(probabilities: Array) -> spaces.Box:
     return spaces.Box(np.zeros_like(probabilities), np.full_like(probabilities, 1.0 + ROUNDING), dtype=np.float64)
 
 
-def checked_action(action: object, size: int) -> Array:
-    """Returns an action as the command (4,) of a `CommandedPolicy`; the support is 1 if the action has none.
+def checked_action(action: object, size: int, axes: int) -> Array:
+    """Returns an action as the command (5,) of a `CommandedPolicy`; the support is 1 if the action has none.
 
     A finite action outside the space is permitted: the controller limits it, as that of every policy.
+
+    Args:
+        action: numbers of the space of actions.
+        size: how many there are.
+        axes: number of the axes of the hole.
 
     Raises:
         ValueError: if the shape is wrong, or a number is NaN or infinite.
@@ -94,6 +101,6 @@ def checked_action(action: object, size: int) -> Array:
     values = np.asarray(action, dtype=float)
     if values.shape != (size,) or not np.isfinite(values).all():
         raise ValueError(f"action {action}: expected {size} finite numbers (turn rates, feed speed), shape ({size},)")
-    command = np.ones(SUPPORT + 1)
-    command[:size] = values
-    return command
+    turns, others = np.zeros(3), np.array([0.0, 1.0])
+    turns[:axes], others[: size - axes] = values[:axes], values[axes:]
+    return np.concatenate([turns, others])

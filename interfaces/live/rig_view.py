@@ -14,6 +14,7 @@ from interfaces.live.display import ContactLoad, LiveDisplay
 from interfaces.live.page import LivePage
 from interfaces.live.session import PICTURE_PERIOD
 from models.scenario import Scenario
+from skill.data.axes import AXES
 from skill.data.outcome import UNPHYSICAL
 from skill.policy import Action, RigPolicy
 from skill.practice.policy_observer import Judgement
@@ -114,6 +115,6 @@ def _judgement(samples: pd.DataFrame, period: float) -> Judgement:
     """Returns the state that the policy sees, and the motion of the peg relative to the hole in the last period."""
     now = samples.iloc[-1]
     # Turning the hole by theta turns the peg by -theta relative to it.
-    turn = -np.subtract(*samples[["target_pitch", "target_yaw"]].to_numpy()[[-1, 0]])
-    action = Action(turn=turn, feed=float(now["feed_speed"]) * period)
+    turn = -np.subtract(*samples[[f"target_{axis}" for axis in AXES]].to_numpy()[[-1, 0]])
+    action = Action(turn=turn[:2], feed=float(now["feed_speed"]) * period, spin=float(turn[2]))
     return Judgement(int(now["state"]), bool(now["known"]), action)

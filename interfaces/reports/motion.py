@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from models.assembly import Assembly
 from models.meshes import TriangleMesh
 from skill.arrays import Array
+from skill.data.axes import AXES
 from skill.data.demonstration import Demonstration, read_demonstration
 from skill.data.geometry import PegHoleGeometry
 from skill.data.rig_run import CONTACT_COLUMNS, CONTEXT_COLUMNS, ContactPlace, RigRun, read_rig_run
@@ -52,7 +53,7 @@ class Motion:
         back_off: (n,), whether the controller was backing the peg off; None for a demonstration.
         reversed: (n,), whether the policy's turns were reversed; None for a demonstration.
         force_limit: load that the force guard is to keep, N; None for a demonstration.
-        steps: (n, 2), microsteps taken so far by the motors for pitch and yaw; None for a demonstration.
+        steps: (n, 2 or 3), microsteps taken so far by the motors for pitch, yaw and clocking; None for a demonstration.
         geometry: sizes of peg and hole.
         contact_points: (n, 3, 3), points of the contacts in W, m, in the order of `ContactPlace`; None if unknown.
         contact_forces: (n, 3, 3), their normal forces on the peg in W, N, zero without contact; None if unknown.
@@ -177,9 +178,9 @@ def motion_of_demonstration(
 
 
 def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
-    """Returns the motion of a rig run: the peg slides along z, and the hole block turns about the gimbal's axes.
+    """Returns the motion of a rig run: the peg slides along z, and the hole block turns about the axes of its steppers.
 
-    R_WH = R_x(pitch) R_y(yaw), about the pivot at height ``pivot_height`` above the mouth.
+    R_WH = R_x(pitch) R_y(yaw) R_z(clocking), about the pivot at height ``pivot_height`` above the mouth.
 
     Args:
         run: its metadata must contain the geometry.
@@ -191,8 +192,9 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
     samples = run.samples
     geometry = PegHoleGeometry.from_metadata(run.metadata, where)
     n = len(samples)
-    height = run.metadata.get("rig", {}).get("pivot_height", 0.0)
-    R_WH = Rotation.from_euler("XY", _columns(samples, "pitch", "yaw"))
+    rig = run.metadata.get("rig", {})
+    height, axes = rig.get("pivot_height", 0.0), AXES if rig.get("clocking_stage") else AXES[:2]
+    R_WH = Rotation.from_euler("XYZ", _columns(samples, *AXES))
     pivot = np.array([0.0, 0.0, float(height)])
     state = samples["state"].to_numpy()
     phase = np.rint(state).astype(np.int64)
@@ -223,7 +225,7 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
         back_off=samples["back_off"].to_numpy() > 0.5,
         reversed=samples["turning"].to_numpy() < 0.0,
         force_limit=run.metadata.get("force_limit"),
-        steps=np.rint(_columns(samples, "pitch_taken", "yaw_taken")).astype(np.int64),
+        steps=np.rint(_columns(samples, *(f"{axis}_taken" for axis in axes))).astype(np.int64),
         geometry=geometry,
         **_contacts(samples),
         contexts=_contexts(samples),

@@ -14,6 +14,7 @@ for (const command of sceneCommands) {
   const sampleCount = data.time.length;
   const endTime = data.time[sampleCount - 1];
   const INK = "#1d2329", FAINT = "#8d98a3", RING = "#d3dae0", OUTER_RING = "#aab4be";
+  const AXES = ["pitch", "yaw", "clocking"];
   const byId = id => document.getElementById(id);
 
   // ------------------------------------------------------------ numbers, lines, canvases
@@ -194,13 +195,14 @@ for (const command of sceneCommands) {
     drawLine(context, pointsOf(push, yOfPush), data.force_colour, 1.5);
   }
 
-  /** Marks every motor step on the strip of phases, pitch above yaw. */
+  /** Marks every motor step on the strip of phases, pitch above yaw above clocking. */
   function drawSteps({ context, height, xOf }) {
+    const row = STRIP_HEIGHT / data.steps.length;
     context.fillStyle = INK;
     data.steps.forEach((taken, axis) => {
-      const y = height - STRIP_HEIGHT + 1 + 6 * axis;
+      const y = height - STRIP_HEIGHT + 1 + row * axis;
       for (let k = 1; k < sampleCount; k++) {
-        if (taken[k] !== taken[k - 1]) context.fillRect(xOf(data.time[k]) - 0.75, y, 1.5, 4);
+        if (taken[k] !== taken[k - 1]) context.fillRect(xOf(data.time[k]) - 0.75, y, 1.5, row - 2);
       }
     });
   }
@@ -215,7 +217,7 @@ for (const command of sceneCommands) {
       marks.push("\u25ac backs off" + (data.reversed.some(Boolean) ? ", pale: turns reversed" : ""));
     }
     if (data.context) marks.push("\u25a0 context, pale: unsure");
-    if (data.steps) marks.push("\u2758 steps of pitch, yaw");
+    if (data.steps) marks.push("\u2758 steps of " + AXES.slice(0, data.steps.length).join(", "));
     context.textAlign = "left";
     drawText(context, depth, MARGIN, 10, INK);
     drawText(context, force, MARGIN + context.measureText(depth).width + 18, 10, data.force_colour);
@@ -329,7 +331,7 @@ for (const command of sceneCommands) {
     }
     byId("reading-back-off").textContent = data.back_off[sample] ? "backing off"
       : data.reversed[sample] ? "turns reversed" : "inactive";
-    byId("reading-steps").textContent = data.steps[0][sample] + ", " + data.steps[1][sample];
+    byId("reading-steps").textContent = data.steps.map((taken) => taken[sample]).join(", ");
   }
 
   // ------------------------------------------------------------ controls

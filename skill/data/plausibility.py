@@ -15,6 +15,7 @@ import pandas as pd
 from scipy.spatial.transform import Rotation
 
 from skill.arrays import Array
+from skill.data.axes import AXES
 from skill.data.geometry import PegHoleGeometry
 
 DEFAULT_SIZE = 0.5
@@ -148,9 +149,9 @@ def check_run(samples: pd.DataFrame, geometry: PegHoleGeometry | None, states: i
     _check_depth(-samples["tip_z"].to_numpy(dtype=float), "tip_z", geometry, where)
     _check_columns(samples, dict.fromkeys(("tip_z", "depth"), _reach(geometry)), where)
     _check_wrench(samples, geometry, where, measured=True)
-    _check_columns(samples, dict.fromkeys(("target_pitch", "target_yaw", "pitch", "yaw"), angle), where)
+    _check_columns(samples, dict.fromkeys([f"{t}{a}" for t in ("target_", "") for a in AXES], angle), where)
     _check_columns(samples, {"feed_speed": Limits(-MAX_HAND_SPEED, MAX_HAND_SPEED, "m/s"), "support": flag}, where)
-    for name in ("pitch", "yaw"):
+    for name in AXES:
         steps = samples[f"{name}_taken"].to_numpy(dtype=float)[-1] + 2.0  # a rotor swings beyond its last step
         turned = samples[name].to_numpy(dtype=float) - float(samples[name].iloc[0])
         limit = Limits(-MAX_STEP_ANGLE * steps, MAX_STEP_ANGLE * steps, "rad", f"{steps - 2.0:.0f} steps were taken")
@@ -162,7 +163,7 @@ def check_run(samples: pd.DataFrame, geometry: PegHoleGeometry | None, states: i
     whole |= {"known": flag, "back_off": flag, "fault": Limits(0.0, 1e3)}
     whole |= {"context": Limits(0.0, 1e3), "turning": Limits(-1.0, 1.0)}
     _check_columns(samples, {"context_probability": flag, "context_evidence": Limits(-1e6, 1e6)}, where)
-    whole |= dict.fromkeys(("pitch_taken", "yaw_taken", "pitch_lost", "yaw_lost"), count)
+    whole |= dict.fromkeys([f"{a}_{t}" for t in ("taken", "lost") for a in AXES], count)
     _check_columns(samples, whole, where)
     for name in whole:
         values = samples[name].to_numpy(dtype=float)

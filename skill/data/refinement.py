@@ -25,8 +25,9 @@ from scipy.spatial.transform import Rotation
 from skill.arrays import Array
 from skill.data.demonstration import ACTIONS
 
-INTENDED = ("intended_x", "intended_y", "intended_feed")
-"""The columns of `intended_actions`: turn about x and y of P (rad) and feed along z (m), over one sample period."""
+INTENDED = ("intended_x", "intended_y", "intended_feed", "intended_spin")
+"""The columns of `intended_actions`: turn about x and y of P (rad), feed along z (m) and turn about z (rad), over one
+sample period."""
 
 ROUNDING = 1e-12
 """Relative rounding error of the averages; smaller differences of actions count as zero."""
@@ -97,7 +98,7 @@ def intended_actions(samples: pd.DataFrame, *, correction_time: float, feed_time
         feed_time: tau_f, s, positive; at least one sample is used, and none after the end.
 
     Returns:
-        DataFrame (n, 3) with the columns ``INTENDED``.
+        DataFrame (n, 4) with the columns ``INTENDED``.
 
     Raises:
         ValueError: if a time is not positive.
@@ -112,7 +113,9 @@ def intended_actions(samples: pd.DataFrame, *, correction_time: float, feed_time
     last = np.minimum(first + max(1, round(feed_time / period)), len(samples))
     motion = np.concatenate([[0.0], np.cumsum(samples["uz"].to_numpy(dtype=float))])
     feeds = (motion[last] - motion[first]) / (last - first)
-    return pd.DataFrame(np.column_stack([turns[:, :2], feeds]), columns=list(INTENDED), index=samples.index)
+    return pd.DataFrame(
+        np.column_stack([turns[:, :2], feeds, turns[:, 2]]), columns=list(INTENDED), index=samples.index
+    )
 
 
 def smooth_actions(actions: Array, rough: float) -> Array:

@@ -15,15 +15,16 @@ context_probability                   1      its probability
 context_evidence                      1      what the measurement added to the logarithm of its odds
 known                                 1      1 where the measurement lies within the gate of the state, else 0
 target_pitch target_yaw               rad    commanded angles of the hole, relative to its start
+target_clocking                       rad    likewise, about its axis; this axis is zero without a clocking stage
 feed_speed                            m/s    commanded speed of the peg, negative into the hole
 back_off                              1      1 while the controller backs the peg off, else 0
 turning                               1      1 where the policy's turns are applied, -1 reversed, 0 not applied
 support                               1      support of the action, in [0, 1]; 1 where it is sufficient
 fault                                 1      number of the detected fault, 0 if none
-pitch_taken yaw_taken                 1      microsteps that each stepper has taken
-pitch_lost yaw_lost                   1      microsteps that each stepper has lost
+pitch_taken yaw_taken clocking_taken  1      microsteps that each stepper has taken
+pitch_lost yaw_lost clocking_lost     1      microsteps that each stepper has lost
 tip_z                                 m      true height of the tip above the mouth (for replays only)
-pitch yaw                             rad    true angles of the hole (for replays only)
+pitch yaw clocking                    rad    true angles of the hole (for replays only)
 contact_mouth_x .._y .._z              m      true contact at the mouth: centre of its normal forces in W
 contact_mouth_fx .._fy .._fz           N      sum of its normal forces on the peg in W, zero without contact
 contact_tip_x ... contact_face_fz             the same of the contacts at the tip and on a flat face
@@ -57,6 +58,7 @@ LOGGED_COLUMNS = (
     *("tip_z", "pitch", "yaw"),
     *CONTEXT_COLUMNS,
     "turning",
+    *("target_clocking", "clocking_taken", "clocking_lost", "clocking"),
 )
 """The columns that the rig logs; its trial adds those of the contacts."""
 
@@ -75,7 +77,7 @@ CONTACT_COLUMNS = tuple(
 
 RUN_COLUMNS = (*LOGGED_COLUMNS, *CONTACT_COLUMNS)
 
-RUN_VERSION = 6
+RUN_VERSION = 7
 """Version of the files that are written and read."""
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from skill.data.axes import AXES
 from skill.data.outcome import UNPHYSICAL, Outcome, parse_outcome
 from skill.data.plausibility import contact_columns
 
@@ -93,8 +94,8 @@ def _shown(samples: pd.DataFrame, result: Mapping[str, Any]) -> dict[str, tuple[
     speed = max(MIN_SPEED, 2.0 * float(np.max(np.abs(np.diff(height)) / steps, initial=0.0)))
     way = speed * max(0.0, rest) * 1e3 + 0.05
     exact = {
-        "steps": last["pitch_taken"] + last["yaw_taken"],
-        "lost_steps": last["pitch_lost"] + last["yaw_lost"],
+        "steps": sum(last[f"{axis}_taken"] for axis in AXES),
+        "lost_steps": sum(last[f"{axis}_lost"] for axis in AXES),
         "back_offs": (samples["back_off"].diff() > 0).sum(),
     }
     if len(steps):

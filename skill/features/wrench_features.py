@@ -123,11 +123,11 @@ class WrenchFeatures(TransformerMixin, BaseEstimator, metaclass=ABCMeta):
 
         Args:
             X: (n, 7) measurements, which define the frame.
-            A: (n, 3) actions (omega_x, omega_y, feed): the planar part of the rotation vector of the peg relative to
-                the hole, expressed in P (rad), and the axial feed (m), which is not changed.
+            A: (n, 3) actions (omega_x, omega_y, feed), or (n, 4) with omega_z: the rotation vector of the peg relative
+                to the hole, expressed in P (rad), and the axial feed (m). Feed and omega_z are not changed.
 
         Returns:
-            (n, 3), the actions in the frame of the features.
+            (n, 3) or (n, 4), the actions in the frame of the features.
 
         Raises:
             ValueError: if a shape is wrong or a number is not finite.
@@ -160,13 +160,13 @@ class WrenchFeatures(TransformerMixin, BaseEstimator, metaclass=ABCMeta):
     def _turned_actions(self, X: ArrayLike, A: ArrayLike, sign: float) -> Array:
         actions = np.asarray(A, dtype=float)
         phi = self.rotation_angle(X)
-        if actions.shape != (len(phi), 3):
+        if actions.shape not in ((len(phi), 3), (len(phi), 4)):
             raise ValueError(
-                f"{type(self).__name__}: actions have shape {actions.shape}, expected ({len(phi)}, 3):"
-                " one row (omega_x, omega_y, feed) for each row of measurements"
+                f"{type(self).__name__}: actions have shape {actions.shape}, expected ({len(phi)}, 3 or 4):"
+                " one row (omega_x, omega_y, feed[, omega_z]) for each row of measurements"
             )
-        _require_finite(actions, ("omega_x", "omega_y", "feed"), type(self).__name__)
-        return np.hstack([turned_rows(actions, sign * phi), actions[:, 2:3]])
+        _require_finite(actions, ("omega_x", "omega_y", "feed", "omega_z"), type(self).__name__)
+        return np.hstack([turned_rows(actions, sign * phi), actions[:, 2:]])
 
     def _measurements(self, X: ArrayLike) -> Array:
         """Measurements as an array (n, 7); raises ValueError or TypeError if they are not valid."""

@@ -27,8 +27,9 @@ from skill.regression.protocols import Regressor, StateRegressor
 from skill.states.context_filter import pair_probabilities
 from skill.states.context_mixture import ContextMixture
 
-N_TURNS = 2
-"""Number of outputs of the regressor that are turns, the first ones."""
+N_TURNS, FEED, SPIN = 2, 2, 3
+"""Places of the outputs of the regressor: first turns about x and y, then the feed, and last the turn about z if the
+demonstrations turn there."""
 
 LOW_SUPPORT_SHARE = 0.01
 """Share of the demonstrated samples whose support, from the other demonstrations, counts as low."""
@@ -108,7 +109,7 @@ class Imitated(NamedTuple):
     """What the demonstrations do at one query; see `Prediction`.
 
     Attributes:
-        action: (3,).
+        action: (3,) or (4,).
         support: 0 to 1.
         contexts: (C,), followed.
         relevance: of the context.
@@ -139,7 +140,9 @@ def imitate(p: ImitationNumbers, x: Array, states: Array, contexts: Array) -> Im
         followed = matters * contexts + (1.0 - matters) * any_context
     action, rows, weights, log_support = local_prediction(p.regressor, query, np.outer(states, followed).ravel())
     limited = False
-    for i in range(N_TURNS):
+    for i in range(len(action)):
+        if i == FEED:
+            continue
         low, high = quartiles_of(p.regressor.y[rows, i], weights)
         turn = min(max(action[i], low), high)
         limited = limited or turn != action[i]

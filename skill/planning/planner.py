@@ -24,7 +24,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from skill.arrays import Array
-from skill.features.responses import LOADS, ResponseFeatures, horizon_steps
+from skill.features.responses import LOADS, N_INPUTS, ResponseFeatures, horizon_steps
 from skill.planning.imitation import Imitation
 from skill.planning.planning_model import PlanningModel
 from skill.planning.prediction import Plan, Prediction, Query
@@ -75,20 +75,21 @@ class Planner:
             response,
             target=step - drift,
             bounds=(low - loads - drift, high - loads - drift),
-            usual=shown.action * steps,
+            usual=shown.action[:N_INPUTS] * steps,
             spread=spread,
             largest=self.model.largest_input_,
         )
         expected = loads + drift + response @ motion
         plan = Plan(desired, loads, expected, expected - np.clip(expected, low, high))
-        return shown._replace(action=motion / steps, plan=plan)
+        # A turn about the axis is not planned: the answers of the loads to it are not modelled.
+        return shown._replace(action=np.append(motion / steps, shown.action[N_INPUTS:]), plan=plan)
 
     def _spread(self, shown: Prediction) -> Array:
         """Standard deviation (3,) of the actions of the neighbours, over one sample period."""
         regressor, samples = self.imitation.regressor, shown.samples
         if samples is None or not isinstance(regressor, LWRegressor):
             raise TypeError(f"a {type(regressor).__name__} has no neighbours; expected a regressor such as LWRegressor")
-        actions, share = regressor.y_[samples.rows], samples.weights / samples.weights.sum()
+        actions, share = regressor.y_[samples.rows, :N_INPUTS], samples.weights / samples.weights.sum()
         spread: Array = np.sqrt(share @ (actions - share @ actions) ** 2)
         return spread
 

@@ -32,6 +32,7 @@ from sklearn.base import clone
 
 from skill.arrays import Array
 from skill.manipulation_skill import ManipulationSkill
+from skill.planning.imitation import FEED, N_TURNS
 from skill.practice.exploration import Rollout
 from skill.regression.locally_weighted_regression import LWRegressor
 
@@ -91,8 +92,10 @@ def advantage_weighted_update(skill: ManipulationSkill, rollouts: Sequence[Rollo
         for w in (weights, None)
     )
     turn, feed = np.exp(weighted - unweighted).T
+    factors = np.ones_like(old.y_)
+    factors[:, :N_TURNS], factors[:, FEED] = turn[:, None], feed
     updated = copy.copy(skill)
-    updated.regressor_ = LWRegressor.from_arrays({**old.to_arrays(), "y": old.y_ * np.column_stack([turn, turn, feed])})
+    updated.regressor_ = LWRegressor.from_arrays({**old.to_arrays(), "y": old.y_ * factors})
     updated.metadata_ = {
         **skill.metadata_,
         "practice_trials": skill.metadata_.get("practice_trials", 0) + len(rollouts),

@@ -25,6 +25,7 @@ class QueryState:
         time: s.
         depth: of the tip below the mouth, m.
         tilt: of the peg relative to the hole, about x and y, rad.
+        clocking: the same about z, rad.
         load: measured contact load, N.
         state: name of the contact state.
         pivot_height: of the gimbal's axes above the mouth, m.
@@ -35,6 +36,7 @@ class QueryState:
     time: float
     depth: float
     tilt: tuple[float, float]
+    clocking: float
     load: float
     state: str
     pivot_height: float

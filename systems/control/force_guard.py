@@ -9,6 +9,7 @@ from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from systems.steps.force_guard import (
+    CLOCKING,
     FEED_SPEED,
     PEAK,
     PITCH,
@@ -30,12 +31,14 @@ class ForceGuard(LeafSystem):
         - depth
         - pitch_rate
         - yaw_rate
+        - clocking_rate
         - feed_speed
         - unwinding
         - blind
         output_ports:
         - target_pitch
         - target_yaw
+        - target_clocking
         - feed_speed
 
     The last system before the motors: every command passes through it, also that of a back-off and after a fault. What
@@ -50,12 +53,17 @@ class ForceGuard(LeafSystem):
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._inputs = [
             self.DeclareVectorInputPort(name, 1)
-            for name in ("depth", "pitch_rate", "yaw_rate", "feed_speed", "unwinding", "blind")
+            for name in ("depth", "pitch_rate", "yaw_rate", "clocking_rate", "feed_speed", "unwinding", "blind")
         ]
         self._state = self.DeclareDiscreteState(SIZE)
         self.DeclarePeriodicDiscreteUpdateEvent(stopping.period, 0.0, self._update)
         state = {self.discrete_state_ticket(self._state)}
-        for name, index in (("target_pitch", PITCH), ("target_yaw", YAW), ("feed_speed", FEED_SPEED)):
+        for name, index in (
+            ("target_pitch", PITCH),
+            ("target_yaw", YAW),
+            ("target_clocking", CLOCKING),
+            ("feed_speed", FEED_SPEED),
+        ):
             self.DeclareVectorOutputPort(name, 1, self._reader(index), state)
 
     def stopping(self, context: Context) -> StoppingModel:
@@ -78,7 +86,9 @@ class ForceGuard(LeafSystem):
         return calc
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        depth, pitch_rate, yaw_rate, speed, unwinding, blind = (port.Eval(context)[0] for port in self._inputs)
+        depth, pitch_rate, yaw_rate, clocking_rate, speed, unwinding, blind = (
+            port.Eval(context)[0] for port in self._inputs
+        )
         state = np.array(context.get_discrete_state(self._state).value())
         found = force_guard_step(
             self._limits,
@@ -88,6 +98,7 @@ class ForceGuard(LeafSystem):
             depth,
             pitch_rate,
             yaw_rate,
+            clocking_rate,
             speed,
             unwinding > 0.0,
             blind > 0.0,

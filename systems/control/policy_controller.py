@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -17,7 +16,10 @@ from systems.steps.back_off import attempts_text
 from systems.steps.faults import error_summary
 from systems.steps.policy_controller import ControllerLimits, ControllerState, policy_controller_step
 
-OUTPUTS = ("pitch_rate", "yaw_rate", "feed_speed", "unwinding", "given_up", "support", "turning", "back_off")
+OUTPUTS = (
+    *("pitch_rate", "yaw_rate", "clocking_rate", "feed_speed"),
+    *("unwinding", "given_up", "support", "turning", "back_off"),
+)
 """The output ports that read the discrete state, in the order of its first numbers."""
 
 
@@ -35,6 +37,7 @@ class PolicyController(LeafSystem):
         output_ports:
         - pitch_rate
         - yaw_rate
+        - clocking_rate
         - feed_speed
         - unwinding
         - given_up
@@ -110,6 +113,7 @@ class PolicyController(LeafSystem):
                 self._limits,
                 command,
                 np.ascontiguousarray(action.turn, dtype=float),
+                float(action.spin),
                 float(action.feed),
                 float(action.support),
                 wrench,
@@ -122,8 +126,6 @@ class PolicyController(LeafSystem):
 
     def _checked_action(self, measured: Array, estimate: Estimate) -> Action:
         action = self._policy.act(measured, estimate)
-        if not (np.isfinite(action.turn).all() and math.isfinite(action.feed) and math.isfinite(action.support)):
-            raise ValueError(
-                f"the action is not finite: turn {action.turn}, feed {action.feed}, support {action.support}"
-            )
+        if not np.isfinite([*action.turn, action.spin, action.feed, action.support]).all():
+            raise ValueError(f"the action is not finite: {action}")
         return action

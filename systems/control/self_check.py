@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
+from skill.data.axes import AXES
 from systems.steps.self_check import FAULT, FEED_SIZE, FREE, SIZE, CheckLimits, feed_check_step, self_check_step
-
-AXES = ("pitch", "yaw")
 
 
 class SelfCheck(LeafSystem):
@@ -31,16 +32,17 @@ class SelfCheck(LeafSystem):
 
     Args:
         limits: what a sound sensor keeps.
+        axes: names of the steppers, each with an input ``<name>_shaft``.
     """
 
-    def __init__(self, limits: CheckLimits) -> None:
+    def __init__(self, limits: CheckLimits, axes: Sequence[str] = AXES[:2]) -> None:
         super().__init__()
         self._limits = limits
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._depth = self.DeclareVectorInputPort("depth", 1)
         self._current = self.DeclareVectorInputPort("current", 1)
         self._travel = self.DeclareVectorInputPort("travel", 1)
-        self._shafts = [self.DeclareVectorInputPort(f"{name}_shaft", 2) for name in AXES]
+        self._shafts = [self.DeclareVectorInputPort(f"{name}_shaft", 2) for name in axes]
         self._state = self.DeclareDiscreteState(SIZE)
         self._feed_state = self.DeclareDiscreteState(FEED_SIZE)
         self.DeclarePeriodicDiscreteUpdateEvent(limits.period, 0.0, self._update)
@@ -54,8 +56,7 @@ class SelfCheck(LeafSystem):
             np.array(context.get_discrete_state(self._state).value()),
             self._wrench.Eval(context),
             self._depth.Eval(context)[0],
-            self._shafts[0].Eval(context),
-            self._shafts[1].Eval(context),
+            np.array([port.Eval(context) for port in self._shafts]),
             context.get_time(),
         )
         discrete_state.set_value(self._state, found)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from skill.arrays import Array
+from skill.data.axes import AXES
 from systems.steps.watchdog import FAULT, SIZE, RetractLimits, is_blind, is_stopped, passed_command, watchdog_step
 
-COMMANDS = ("pitch_rate", "yaw_rate", "feed_speed", "unwinding")
+COMMANDS = ("pitch_rate", "yaw_rate", "clocking_rate", "feed_speed", "unwinding")
 MONITORS = ("sensor_monitor_fault", "drive_monitor_fault", "self_check_fault")
-AXES = ("pitch", "yaw")
 
 
 class Watchdog(LeafSystem):
@@ -23,6 +23,7 @@ class Watchdog(LeafSystem):
         input_ports:
         - pitch_rate
         - yaw_rate
+        - clocking_rate
         - feed_speed
         - unwinding
         - controller_failed
@@ -34,6 +35,7 @@ class Watchdog(LeafSystem):
         output_ports:
         - pitch_rate
         - yaw_rate
+        - clocking_rate
         - feed_speed
         - unwinding
         - fault
@@ -49,15 +51,16 @@ class Watchdog(LeafSystem):
 
     Args:
         limits: what it does after a fault.
+        axes: names of the steppers, each with an input ``<name>_shaft``.
     """
 
-    def __init__(self, limits: RetractLimits) -> None:
+    def __init__(self, limits: RetractLimits, axes: Sequence[str] = AXES[:2]) -> None:
         super().__init__()
         self._limits = limits
         self._commands = [self.DeclareVectorInputPort(name, 1) for name in COMMANDS]
         self._failed = self.DeclareVectorInputPort("controller_failed", 1)
         self._monitors = [self.DeclareVectorInputPort(name, 1) for name in MONITORS]
-        self._shafts = [self.DeclareVectorInputPort(f"{name}_shaft", 2) for name in AXES]
+        self._shafts = [self.DeclareVectorInputPort(f"{name}_shaft", 2) for name in axes]
         self._state = self.DeclareDiscreteState(SIZE)
         self.DeclarePeriodicDiscreteUpdateEvent(limits.period, 0.0, self._update)
         state = {self.discrete_state_ticket(self._state)}
@@ -77,8 +80,7 @@ class Watchdog(LeafSystem):
             self._values(context),
             np.array([port.Eval(context)[0] for port in self._monitors]),
             self._failed.Eval(context)[0] != 0.0,
-            self._shafts[0].Eval(context),
-            self._shafts[1].Eval(context),
+            np.array([port.Eval(context) for port in self._shafts]),
         )
         discrete_state.set_value(self._state, found)
 

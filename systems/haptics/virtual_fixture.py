@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydrake.math import RigidTransform
 
 from models.scenario import AXIAL_FIXTURE, FREE_FIXTURE, RIG_FIXTURE
-from systems.math.rotation import rotation_between, rotation_vector
+from systems.math.rotation import clocking_angle, rotation_vector
 
 
 @dataclass(frozen=True)
@@ -52,26 +52,25 @@ class FreeFixture:
 
 
 class RigFixture:
-    """Leaves the rig's three degrees of freedom: the peg's axis passes through the gimbal's pivot, without spin.
+    """Leaves the rig's three degrees of freedom, or four with a clocking stage: the peg's axis passes the pivot.
 
     Args:
-        pivot_height: Height of the pivot above the centre of the mouth, on the hole's axis, m.
+        pivot_height: Height of the gimbal's pivot above the centre of the mouth, on the hole's axis, m.
+        clocking_stage: Whether the peg may turn about its axis.
     """
 
-    def __init__(self, pivot_height: float = 0.0) -> None:
+    def __init__(self, pivot_height: float = 0.0, *, clocking_stage: bool = False) -> None:
         self._p_HPivot = np.array([0.0, 0.0, pivot_height])
+        self._free = clocking_stage
 
     def deviation(self, X_HP: RigidTransform) -> Deviation | None:
-        """Returns the distance of the peg's axis from the pivot, and the spin about the axis."""
+        """Returns the distance of the peg's axis from the pivot, and the angle about the axis."""
         axis = X_HP.rotation().col(2)
         tip = X_HP.translation() - self._p_HPivot
         d = tip - (tip @ axis) * axis
-        # The spin is the rotation without the shortest tilt from z to the axis.
-        tilt = rotation_between(np.array([0.0, 0.0, 1.0]), axis)
-        spin = (rotation_vector(X_HP.rotation()) - tilt) @ axis
-        return Deviation(
-            p_HQ=self._p_HPivot, d_HQ=d, theta_H=spin * axis, free_axis_H=axis, guides_rotation=axis[None, :]
-        )
+        held = np.zeros((0, 3)) if self._free else axis[None, :]
+        theta = np.zeros(3) if self._free else clocking_angle(X_HP.rotation()) * axis
+        return Deviation(p_HQ=self._p_HPivot, d_HQ=d, theta_H=theta, free_axis_H=axis, guides_rotation=held)
 
 
 class AxialFixture:
@@ -89,19 +88,20 @@ class AxialFixture:
         )
 
 
-def MakeFixture(name: str, *, pivot_height: float) -> VirtualFixture:
+def MakeFixture(name: str, *, pivot_height: float, clocking_stage: bool = False) -> VirtualFixture:
     """Returns the fixture that a scenario names.
 
     Args:
         name: One of `models.scenario.FIXTURES`.
         pivot_height: Height of the rig's pivot above the mouth, m.
+        clocking_stage: Whether the rig has one.
 
     Raises:
         ValueError: If ``name`` is unknown.
     """
     fixtures: dict[str, VirtualFixture] = {
         FREE_FIXTURE: FreeFixture(),
-        RIG_FIXTURE: RigFixture(pivot_height),
+        RIG_FIXTURE: RigFixture(pivot_height, clocking_stage=clocking_stage),
         AXIAL_FIXTURE: AxialFixture(),
     }
     if name not in fixtures:

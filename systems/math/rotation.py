@@ -53,6 +53,16 @@ def rotation_between(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[
     return normal * (math.atan2(sine, cosine) / sine)
 
 
+def clocking_angle(R: RotationMatrix) -> float:
+    """Returns the angle (rad) by which a rotation turns a body about its own z axis, beyond the shortest tilt of z.
+
+    It is that of the parts of the two rotation vectors along z, which are equal up to the third order in the angles.
+    """
+    axis = R.col(2)
+    tilt = rotation_between(np.array([0.0, 0.0, 1.0]), axis)
+    return float((rotation_vector(R) - tilt) @ axis)
+
+
 def _normal_to(a: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns a unit vector (3,) normal to the unit vector ``a``."""
     normal = cross(a, np.eye(3)[int(np.abs(a).argmin())])

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import Value
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import Context, DiscreteValues, LeafSystem
 
 from models.operator import OperatorParameters
 from systems.math.noise import standard_normal
-from systems.math.rotation import from_rotation_vector, rotation_between
+from systems.math.rotation import clocking_angle, from_rotation_vector, rotation_between
 
 HINDERED_SHARE = 0.5  # share of the comfortable force above which a push counts as hindered
 
@@ -24,10 +24,10 @@ def _zeros() -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class HandState:
-    """State of the hand; `as_list` and `from_vector` convert it to and from a discrete state (17,).
+    """State of the hand; `as_list` and `from_vector` convert it to and from a discrete state (20,).
 
-    Depth, tilt and offset are those at the last decision, without tremor; the rates and the stroke describe the motion
-    since then.
+    Depth, tilt, offset and clocking are those at the last decision, without tremor; the rates and the stroke describe
+    the motion since then.
 
     Attributes:
         depth: Depth of the probe along its axis, m.
@@ -41,6 +41,9 @@ class HandState:
         stroke_start: Time at which the present visual correction began, s.
         stroke_turn: Whole change of the tilt in this correction (2,), rad.
         stroke_slide: Whole change of the offset in this correction (2,), m.
+        clocking: Angle about the axis, rad.
+        clocking_rate: Rate of the clocking due to touch, rad/s.
+        stroke_clocking: Whole change of the clocking in this correction, rad.
     """
 
     depth: float
@@ -54,6 +57,9 @@ class HandState:
     stroke_start: float = 0.0
     stroke_turn: NDArray[np.float64] = field(default_factory=_zeros)
     stroke_slide: NDArray[np.float64] = field(default_factory=_zeros)
+    clocking: float = 0.0
+    clocking_rate: float = 0.0
+    stroke_clocking: float = 0.0
 
     @classmethod
     def from_vector(cls, v: NDArray[np.float64]) -> HandState:
@@ -70,6 +76,9 @@ class HandState:
             stroke_start=v[12],
             stroke_turn=v[13:15],
             stroke_slide=v[15:17],
+            clocking=v[17],
+            clocking_rate=v[18],
+            stroke_clocking=v[19],
         )
 
     def as_list(self) -> list[float]:
@@ -79,6 +88,7 @@ class HandState:
             *(self.decided, self.hindered),
             *(self.speed, *self.turn_rate, *self.slide_rate),
             *(self.stroke_start, *self.stroke_turn, *self.stroke_slide),
+            *(self.clocking, self.clocking_rate, self.stroke_clocking),
         ]
 
 
@@ -110,16 +120,27 @@ class SimulatedOperator(LeafSystem):
     pulls the peg out. Tremor adds a sine to every coordinate. ``hand_pose`` is the pose X_HD of the probe, ``peg_pose``
     is X_HP, and ``rendered_wrench`` is [torque; force] in H.
 
+    Where the fixture leaves the angle about the axis, the operator sees and feels it as one of the tilts; the moment is
+    then that along the axis.
+
     Args:
         operator: Parameters of one person, as drawn by `draw_person`.
         seed: Seed of the noise, the tremor's phases and the time of the first correction.
         start_height: Initial height of the tip above the mouth, along the axis, m; negative inside the hole.
         tilt: Initial tilt about x and y (2,), rad.
         offset: Initial offset along x and y (2,), m.
+        clocking: Initial angle about the axis, rad; None where the operator does not turn the peg about its axis.
     """
 
     def __init__(
-        self, *, operator: OperatorParameters, seed: int, start_height: float, tilt: list[float], offset: list[float]
+        self,
+        *,
+        operator: OperatorParameters,
+        seed: int,
+        start_height: float,
+        tilt: list[float],
+        offset: list[float],
+        clocking: float | None = None,
     ) -> None:
         super().__init__()
         self._operator = operator
@@ -130,11 +151,14 @@ class SimulatedOperator(LeafSystem):
         self._phase = 2.0 * math.pi * rng.random(5)
         # The first correction begins at a random time within one period. The stroke before it is complete.
         begun = rng.uniform(operator.correction_time - operator.correction_period, 0.0) - operator.correction_time
-        start = HandState(depth=-start_height, tilt=np.array(tilt), offset=np.array(offset), stroke_start=begun)
+        self._clocks, angle = clocking is not None, clocking or 0.0
+        start = HandState(
+            depth=-start_height, tilt=np.array(tilt), offset=np.array(offset), stroke_start=begun, clocking=angle
+        )
         self._hand = self.DeclareDiscreteState(start.as_list())
-        # The seen tilts and offsets, newest first; the hand reacts to the oldest.
+        # The seen tilts, offsets and clocking angles, newest first; the hand reacts to the oldest.
         delay = max(1, round(operator.sight_delay / operator.decision_period))
-        self._seen = self.DeclareDiscreteState(np.tile([*tilt, *offset], delay))
+        self._seen = self.DeclareDiscreteState(np.tile([*tilt, *offset, angle], delay))
         self.DeclarePeriodicDiscreteUpdateEvent(operator.decision_period, 0.0, self._decide)
         self._hand_pose = self.DeclareAbstractOutputPort(
             "hand_pose",
@@ -146,16 +170,18 @@ class SimulatedOperator(LeafSystem):
     def hand_pose(self, hand: HandState, time: float) -> RigidTransform:
         """Returns X_HD of a hand state at ``time`` (s), with the tremor."""
         o = self._operator
-        depth, tilt, offset = self._steady_hand(hand, time)
+        depth, tilt, offset, clocking = self._steady_hand(hand, time)
         wave = np.sin(2.0 * math.pi * o.tremor_frequency * time + self._phase)
         depth += o.tremor * wave[0]
         tilt = tilt + o.tremor_angle * wave[1:3]
         offset = offset + o.tremor * wave[3:5]
-        R_HD = from_rotation_vector(np.array([tilt[0], tilt[1], 0.0]))
+        R_HD = from_rotation_vector(np.array([tilt[0], tilt[1], 0.0])) @ RotationMatrix.MakeZRotation(clocking)
         return RigidTransform(R_HD, np.array([offset[0], offset[1], 0.0]) - depth * R_HD.col(2))
 
-    def _steady_hand(self, hand: HandState, time: float) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
-        """Returns depth, tilt and offset at ``time`` (s), without the tremor."""
+    def _steady_hand(
+        self, hand: HandState, time: float
+    ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
+        """Returns depth, tilt, offset and clocking at ``time`` (s), without the tremor."""
         elapsed = time - hand.decided
         duration = self._operator.correction_time
         before = minimum_jerk((hand.decided - hand.stroke_start) / duration)
@@ -164,6 +190,7 @@ class SimulatedOperator(LeafSystem):
             float(hand.depth + hand.speed * elapsed),
             hand.tilt + hand.turn_rate * elapsed + hand.stroke_turn * stroke,
             hand.offset + hand.slide_rate * elapsed + hand.stroke_slide * stroke,
+            float(hand.clocking + hand.clocking_rate * elapsed + hand.stroke_clocking * stroke),
         )
 
     def _calc_hand_pose(self, context: Context, output: Value) -> None:
@@ -174,15 +201,17 @@ class SimulatedOperator(LeafSystem):
         o = self._operator
         now = context.get_time()
         hand = HandState.from_vector(context.get_discrete_state(self._hand).value())
-        depth, tilt, offset = self._steady_hand(hand, now)
-        hand = replace(hand, depth=depth, tilt=tilt, offset=offset, decided=now)
+        depth, tilt, offset, clocking = self._steady_hand(hand, now)
+        hand = replace(hand, depth=depth, tilt=tilt, offset=offset, clocking=clocking, decided=now)
 
-        memory = context.get_discrete_state(self._seen).value().reshape(-1, 4)
+        memory = context.get_discrete_state(self._seen).value().reshape(-1, 5)
         newest = self._look(self._peg_pose.Eval(context), tick=round(now / o.decision_period))
         discrete_state.get_mutable_vector(self._seen).SetFromVector(np.vstack([newest, memory[:-1]]).ravel())
         if now - hand.stroke_start > o.correction_period - 0.5 * o.decision_period:
-            turn, slide = self._plan(*np.split(memory[-1], 2))
+            turn, slide = self._stroke(memory[-1, :2]), self._slide(memory[-1, 2:4])
             hand = replace(hand, stroke_start=now, stroke_turn=turn, stroke_slide=slide)
+            if self._clocks:
+                hand = replace(hand, stroke_clocking=float(self._stroke(memory[-1, 4:])[0]))
 
         hand = self._react(hand, self._rendered_wrench.Eval(context))
         discrete_state.get_mutable_vector(self._hand).SetFromVector(hand.as_list())
@@ -200,37 +229,45 @@ class SimulatedOperator(LeafSystem):
         if hindered > o.patience:
             zero = np.zeros(2)
             pulling = replace(hand, hindered=hindered, speed=-o.insertion_speed, turn_rate=zero, slide_rate=zero)
-            return replace(pulling, stroke_turn=zero, stroke_slide=zero)
+            return replace(pulling, stroke_turn=zero, stroke_slide=zero, clocking_rate=0.0, stroke_clocking=0.0)
         return replace(
             hand,
             hindered=hindered,
             speed=o.insertion_speed * max(-0.5, 1.0 - push / o.comfortable_force),
             turn_rate=o.touch_gain * torque[:2],
             slide_rate=o.touch_slide * across[:2],
+            clocking_rate=o.touch_gain * float(torque @ R_HD.col(2)) if self._clocks else 0.0,
         )
 
     def _look(self, X_HP: RigidTransform, *, tick: int) -> NDArray[np.float64]:
-        """Returns the seen tilt and offset (4,) of a peg at X_HP, with bias and noise."""
+        """Returns the seen tilt, offset and clocking (5,) of a peg at X_HP, with bias and noise."""
         o = self._operator
         tilt, offset = seen_misalignment(X_HP)
         noise = standard_normal(self._seed, "sight", tick, 4)
         tilt_bias = o.sight_bias if o.sight_bias is not None else [0.0, 0.0]
         offset_bias = o.offset_bias if o.offset_bias is not None else [0.0, 0.0]
+        clocking = np.zeros(1)
+        if self._clocks:
+            own_noise = standard_normal(self._seed, "sight about the axis", tick, 1)
+            clocking = clocking_angle(X_HP.rotation()) + (o.clocking_bias or 0.0) + o.sight_noise * own_noise
         return np.concatenate(
-            [tilt + tilt_bias + o.sight_noise * noise[:2], offset + offset_bias + o.offset_noise * noise[2:]]
+            [tilt + tilt_bias + o.sight_noise * noise[:2], offset + offset_bias + o.offset_noise * noise[2:], clocking]
         )
 
-    def _plan(
-        self, tilt: NDArray[np.float64], offset: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Returns the turn (2,), rad, and slide (2,), m, of the stroke that answers a seen tilt and offset."""
+    def _stroke(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the turn (n,), rad, of the stroke that answers seen angles (n,)."""
         o = self._operator
-        rate = -o.align_gain * tilt if np.linalg.norm(tilt) > o.dead_zone else np.zeros(2)
+        rate = -o.align_gain * angles if np.linalg.norm(angles) > o.dead_zone else np.zeros(len(angles))
         size = np.linalg.norm(rate)
         if size > o.align_rate:
             rate *= o.align_rate / size
+        return rate * o.correction_period
+
+    def _slide(self, offset: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the slide (2,), m, of the stroke that answers a seen offset."""
+        o = self._operator
         slide = -o.align_gain * offset if np.linalg.norm(offset) > o.offset_dead_zone else np.zeros(2)
-        return rate * o.correction_period, slide * o.correction_period
+        return slide * o.correction_period
 
 
 def minimum_jerk(share: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -34,6 +35,7 @@ from pydrake.multibody.tree import (
     FixedOffsetFrame,
     PdControllerGains,
     PrismaticJoint,
+    RevoluteJoint,
     RigidBody,
     SpatialInertia,
     UnitInertia,
@@ -49,6 +51,7 @@ from models.scenario import FREE_FIXTURE, Geometry, Scenario
 from skill.arrays import Array
 from systems.plant.body_pose import BodyPose
 from systems.plant.contact_forces import Contact, hydroelastic_forces, single_contacts
+from systems.plant.rig_plant import stepper_axes
 
 DIVERGENCE_FORCE = 1e5  # in units of N; a larger contact force means that the simulation has diverged
 STEEL = 7850.0  # in units of kg/m^3
@@ -149,12 +152,12 @@ class HydroelasticRig(ContactPlant):
         axis = self.plant.GetJointByName("pitch").velocity_start()
         return float(self.plant.CalcMassMatrix(context)[axis, axis])
 
-    def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
+    def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
         """See `RigPlant`."""
         own = self.plant.GetMyMutableContextFromRoot(context)
         self.plant.GetJointByName("feed").set_translation(own, carriage)
-        self.plant.GetJointByName("pitch").set_angle(own, pitch)
-        self.plant.GetJointByName("yaw").set_angle(own, yaw)
+        for name, angle in zip(stepper_axes(self.scenario), angles, strict=True):
+            self.plant.GetJointByName(name).set_angle(own, angle)
 
     def tip_height(self, context: Context) -> float:
         """See `RigPlant`."""
@@ -253,7 +256,7 @@ def AddVirtualPlant(builder: DiagramBuilder, scenario: Scenario) -> Hydroelastic
 
 
 def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
-    """Adds the plant of the rig: peg and sensor on the feed's carriage, and the block on a gimbal with two steppers.
+    """Adds the plant of the rig: peg and sensor on the feed's carriage, and the block on a gimbal with its steppers.
 
     Raises:
         ValueError: If the scenario is not resolved.
@@ -282,7 +285,10 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
     plant.WeldFrames(above, plant.GetFrameByName("base", gimbal))
     block = plant.AddRigidBody("block", gimbal, _block_inertia(g))
     mouth = plant.AddFrame(FixedOffsetFrame("mouth", plant.GetFrameByName("yaw_ring", gimbal), pivot.inverse()))
-    plant.WeldFrames(mouth, block.body_frame())
+    if scenario.rig.clocking_stage:
+        plant.AddJoint(RevoluteJoint("clocking", mouth, block.body_frame(), [0.0, 0.0, 1.0]))
+    else:
+        plant.WeldFrames(mouth, block.body_frame())
 
     _add_drives(plant, scenario)
     finish_contact_plant(plant, scene_graph, scenario, peg, block)
@@ -301,9 +307,9 @@ def _friction(scenario: Scenario) -> CoulombFriction:
 
 
 def _add_drives(plant: MultibodyPlant, scenario: Scenario) -> None:
-    """Adds the actuators of the two stepper axes and of the feed, and the friction of the carriage."""
+    """Adds the actuators of the stepper axes and of the feed, and the friction of the carriage."""
     stepper = scenario.stepper
-    for name in ("pitch", "yaw"):
+    for name in stepper_axes(scenario):
         axis = plant.AddJointActuator(name, plant.GetJointByName(name), stepper.holding_torque)
         axis.set_default_rotor_inertia(stepper.reflected_inertia)
         axis.set_default_gear_ratio(1.0)

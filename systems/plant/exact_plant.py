@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -24,9 +25,10 @@ from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents
 from systems.plant.exact_gaps import MAX_CONTACTS, Bodies, Numbers, find_contacts
+from systems.plant.rig_plant import stepper_axes
 
-FREEDOMS = 5
-"""Carriage, mount along x and y, pitch and yaw."""
+FREEDOMS = 6
+"""Carriage, mount along x and y, pitch, yaw, and the clocking of the block, which is locked without its stage."""
 
 
 class Mechanics(NamedTuple):
@@ -53,6 +55,8 @@ class Mechanics(NamedTuple):
         stepper_stiffness: N m/rad.
         stepper_damping: N m s/rad.
         holding_torque: N m.
+        clocking: inertia of the block and the rotor of the clocking stage along the bore, kg m^2; infinite without
+            the stage.
         gravity: m/s^2.
     """
 
@@ -76,6 +80,7 @@ class Mechanics(NamedTuple):
     stepper_stiffness: float
     stepper_damping: float
     holding_torque: float
+    clocking: float
     gravity: float
 
     @classmethod
@@ -111,6 +116,7 @@ class Mechanics(NamedTuple):
             stepper_stiffness=stepper.stiffness,
             stepper_damping=stepper.damping,
             holding_torque=stepper.holding_torque,
+            clocking=float(moments["block"][2]) + stepper.reflected_inertia if rig.clocking_stage else math.inf,
             gravity=gravity,
         )
 
@@ -123,16 +129,22 @@ BODIES = ("carriage", "mount_x", "mount_y", "peg", "pitch_ring", "yaw_ring", "bl
 
 
 @compiled
-def block_rotation(pitch: float, yaw: float) -> Array:
-    """Returns R_WH (3, 3) = R_x(pitch) R_y(yaw)."""
+def block_rotation(pitch: float, yaw: float, clocking: float) -> Array:
+    """Returns R_WH (3, 3) = R_x(pitch) R_y(yaw) R_z(clocking)."""
     c, s, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
-    return np.array([[cy, 0.0, sy], [s * sy, c, -s * cy], [-c * sy, s, c * cy]])
+    R = np.array([[cy, 0.0, sy], [s * sy, c, -s * cy], [-c * sy, s, c * cy]])
+    if clocking != 0.0:
+        cz, sz = math.cos(clocking), math.sin(clocking)
+        for i in range(3):
+            x, y = R[i, 0], R[i, 1]
+            R[i, 0], R[i, 1] = cz * x + sz * y, cz * y - sz * x
+    return R
 
 
 @compiled
 def tip_in_hole(m: Mechanics, q: Array) -> tuple[Array, Array]:
-    """Returns R_WH (3, 3) and the centre of the tip in H (3,), m, at positions (5,)."""
-    R, found = block_rotation(q[3], q[4]), np.empty(3)
+    """Returns R_WH (3, 3) and the centre of the tip in H (3,), m, at positions (6,)."""
+    R, found = block_rotation(q[3], q[4], q[5]), np.empty(3)
     x, y, z = q[1], q[2], q[0] - m.sensor - m.pivot  # from the pivot
     for i in range(3):
         found[i] = R[0, i] * x + R[1, i] * y + R[2, i] * z
@@ -144,7 +156,7 @@ def tip_in_hole(m: Mechanics, q: Array) -> tuple[Array, Array]:
 def rig_contacts(
     bodies: Bodies, m: Mechanics, q: Array, gap: Array, point: Array, normal: Array, surface: Numbers
 ) -> int:
-    """Finds the contacts at positions (5,); their points and normals are in W. Returns how many there are."""
+    """Finds the contacts at positions (6,); their points and normals are in W. Returns how many there are."""
     R, tip = tip_in_hole(m, q)
     # The peg does not turn in W; its x and y axes in H are two rows of R_WH.
     count = find_contacts(bodies, tip, R[0], R[1], gap, point, normal, surface)
@@ -180,10 +192,10 @@ def advance_rig(
     Args:
         bodies: `Bodies`.
         m: `Mechanics`.
-        q: (5,), positions of carriage, mount and gimbal, m and rad; is changed.
-        v: (5,), velocities, m/s and rad/s; is changed.
+        q: (6,), positions of carriage, mount, gimbal and clocking stage, m and rad; is changed.
+        v: (6,), velocities, m/s and rad/s; is changed.
         motor: force on the carriage, N.
-        equilibrium: (2,), of the steppers, rad.
+        equilibrium: (3,), of the steppers, rad.
         step: s.
         count: number of steps.
 
@@ -197,11 +209,18 @@ def advance_rig(
     start, wrench, found = v.copy(), np.zeros(6), 0
     limit, arm = m.holding_torque, m.block_centre - m.pivot
     across, lever = m.across + m.block_mass * arm * arm, m.block_mass * m.gravity * arm
-    A, B = np.zeros(5), np.zeros(5)
+    A, B, hold, torque = np.zeros(FREEDOMS), np.zeros(FREEDOMS), np.zeros(3), np.zeros(3)
     for _ in range(count):
         cy, sy = math.cos(q[4]), math.sin(q[4])
         inertia = np.array(
-            [m.mass_z, m.mass_x, m.mass_y, m.pitch_ring + across * cy * cy + m.along * sy * sy, across + m.rotor]
+            [
+                m.mass_z,
+                m.mass_x,
+                m.mass_y,
+                m.pitch_ring + across * cy * cy + m.along * sy * sy,
+                across + m.rotor,
+                m.clocking,
+            ]
         )
         gyration = (m.along - across) * sy * cy
         load = np.array(
@@ -211,49 +230,51 @@ def advance_rig(
                 0.0,
                 lever * math.sin(q[3]) * cy - 2.0 * gyration * v[3] * v[4],
                 lever * math.cos(q[3]) * sy + gyration * v[3] * v[3],
+                0.0,
             ]
         )
         found = rig_contacts(bodies, m, q, gap, point, normal, surface)
-        jacobian, impulse = np.zeros((3 * found, 5)), np.zeros(3 * found)
+        jacobian, impulse = np.zeros((3 * found, FREEDOMS)), np.zeros(3 * found)
         c, s = math.cos(q[3]), math.sin(q[3])
         for i in range(found):
             frame = np.empty((3, 3))
             frame[0] = normal[i]
             frame[1:] = tangents(normal[i, 0], normal[i, 1], normal[i, 2])
             x, y, z = point[i, 0], point[i, 1], point[i, 2] - m.pivot
-            # Velocities of a point of the block: e_x x d for pitch, and (0, c, s) x d for yaw.
+            # Velocities of a point of the block: e_x x d for pitch, (0, c, s) x d for yaw, and the axis of the bore
+            # (sy, -s cy, c cy) x d for the clocking stage.
             for j in range(3):
                 f, row = frame[j], 3 * i + j
                 jacobian[row, 0], jacobian[row, 1], jacobian[row, 2] = f[2], f[0], f[1]
                 jacobian[row, 3] = f[1] * z - f[2] * y
                 jacobian[row, 4] = -(f[0] * (c * z - s * y) + f[1] * s * x - f[2] * c * x)
+                jacobian[row, 5] = (
+                    f[0] * (s * z + c * y) * cy + f[1] * (sy * z - c * cy * x) - f[2] * (sy * y + s * cy * x)
+                )
         match(surface[:found], old_surface, old_impulse, impulse)
-        hold_pitch, hold_yaw = 0.0, 0.0  # torque of a stepper at its limit
+        hold[:] = 0.0  # torque of a stepper at its limit
         velocity = v
         for _trial in range(3):
             A[:] = inertia
-            B[:] = inertia * v + step * load
+            for k in range(FREEDOMS):
+                B[k] = inertia[k] * v[k] + step * load[k] if inertia[k] < math.inf else 0.0
             A[0] += step * m.friction
             for k in range(1, 3):
                 A[k] += step * (m.mount_damping + step * m.mount_stiffness)
                 B[k] -= step * m.mount_stiffness * q[k]
-            for k in range(3, 5):
-                hold = hold_pitch if k == 3 else hold_yaw
-                if hold == 0.0:
+            for k in range(3, FREEDOMS):
+                if hold[k - 3] == 0.0:
                     A[k] += step * (m.stepper_damping + step * m.stepper_stiffness)
                     B[k] -= step * m.stepper_stiffness * (q[k] - equilibrium[k - 3])
                 else:
-                    B[k] += step * hold
+                    B[k] += step * hold[k - 3]
             velocity, _ = solve_contacts(bodies, step, 1.0 / A, B / A, jacobian, gap[:found], impulse)
-            pitch = (
-                -m.stepper_stiffness * (q[3] + step * velocity[3] - equilibrium[0]) - m.stepper_damping * velocity[3]
-            )
-            yaw = -m.stepper_stiffness * (q[4] + step * velocity[4] - equilibrium[1]) - m.stepper_damping * velocity[4]
             again = False
-            if hold_pitch == 0.0 and abs(pitch) > limit:
-                hold_pitch, again = math.copysign(limit, pitch), True
-            if hold_yaw == 0.0 and abs(yaw) > limit:
-                hold_yaw, again = math.copysign(limit, yaw), True
+            for k in range(3, FREEDOMS):
+                later = q[k] + step * velocity[k] - equilibrium[k - 3]
+                torque[k - 3] = -m.stepper_stiffness * later - m.stepper_damping * velocity[k]
+                if hold[k - 3] == 0.0 and abs(torque[k - 3]) > limit:
+                    hold[k - 3], again = math.copysign(limit, torque[k - 3]), True
             if not again:
                 break
         v[:] = velocity
@@ -297,11 +318,12 @@ class ExactPlant(LeafSystem):
         - reaction_forces
 
     A `systems.plant.rig_plant.RigPlant`. In every period, the contact time step of the scenario, it takes `STEPS`
-    steps. The discrete state has three groups: positions and velocities of carriage, mount and gimbal,
-    (10,); the mean force (N) and torque (N m) of the mount on the peg in the last period, at the mount, in P; and the
+    steps. The discrete state has three groups: positions and velocities of carriage, mount, gimbal and clocking stage,
+    (12,); the mean force (N) and torque (N m) of the mount on the peg in the last period, at the mount, in P; and the
     sum of the normal forces of all contacts at its end, N. The single contacts are those of the step that would follow
     with the present inputs. A stepper is a spring-damper whose torque is limited to the holding torque. The rates of
-    ``gimbal_equilibrium`` must be zero.
+    ``gimbal_equilibrium`` must be zero. The product of inertia of pitch and clocking, the inertia of the block about
+    the bore times the sine of yaw, is left out.
 
     Args:
         scenario: resolved.
@@ -319,14 +341,15 @@ class ExactPlant(LeafSystem):
         self.moving_mass = m.weight / m.gravity
         self.turning_inertia = m.turning_inertia()
         self.carriage_force = self.DeclareVectorInputPort("carriage_force", 1)
-        self.gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 4)
+        self._axes = axes = len(stepper_axes(scenario))
+        self.gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 2 * axes)
         self._motion = self.DeclareDiscreteState(np.zeros(2 * FREEDOMS))
         self._held = self.DeclareDiscreteState(np.array([0.0, 0.0, self.weight, 0.0, 0.0, 0.0]))
         self._load = self.DeclareDiscreteState(np.zeros(1))
         self.DeclarePeriodicDiscreteUpdateEvent(scenario.contact.time_step, 0.0, self._update)
         motion, measurement = {self.discrete_state_ticket(self._motion)}, {self.discrete_state_ticket(self._held)}
         self.carriage_state = self.DeclareVectorOutputPort("carriage_state", 2, self._calc_carriage, motion)
-        self.gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 4, self._calc_gimbal, motion)
+        self.gimbal_state = self.DeclareVectorOutputPort("gimbal_state", 2 * axes, self._calc_gimbal, motion)
         self.reaction_forces = self.DeclareAbstractOutputPort(
             "reaction_forces", lambda: AbstractValue.Make([SpatialForce.Zero()]), self._calc_reaction, measurement
         )
@@ -337,10 +360,10 @@ class ExactPlant(LeafSystem):
         plant: ExactPlant = builder.AddNamedSystem("plant", ExactPlant(scenario))
         return plant
 
-    def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
+    def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
         """See `RigPlant`."""
         start = np.zeros(2 * FREEDOMS)
-        start[[0, 3, 4]] = carriage, pitch, yaw
+        start[0], start[3 : 3 + len(angles)] = carriage, angles
         self.GetMyMutableContextFromRoot(context).SetDiscreteState(self._motion, start)
 
     def set_trial(self, context: Context, trial: Scenario) -> float:
@@ -386,7 +409,7 @@ class ExactPlant(LeafSystem):
         return np.array(own.get_discrete_state(self._motion).value()[:FREEDOMS])
 
     def _advanced(self, own: Context, count: int) -> tuple[Array, Array, tuple[int, Array, Array, Array]]:
-        """Returns the motion (10,) after some steps, and wrench and contacts as `advance_rig` does."""
+        """Returns the motion (12,) after some steps, and wrench and contacts as `advance_rig` does."""
         motion = own.get_discrete_state(self._motion).value()
         q, v = motion[:FREEDOMS].copy(), motion[FREEDOMS:].copy()
         wrench, found, points, normals, forces = advance_rig(
@@ -394,7 +417,7 @@ class ExactPlant(LeafSystem):
             q,
             v,
             self.carriage_force.Eval(own)[0],
-            self.gimbal_equilibrium.Eval(own)[:2],
+            np.append(self.gimbal_equilibrium.Eval(own)[: self._axes], np.zeros(3 - self._axes)),
             self._step,
             count,
         )
@@ -412,7 +435,7 @@ class ExactPlant(LeafSystem):
 
     def _calc_gimbal(self, context: Context, output: BasicVector) -> None:
         motion = context.get_discrete_state(self._motion).value()
-        output.SetFromVector([*motion[3:5], *motion[FREEDOMS + 3 :]])
+        output.SetFromVector([*motion[3 : 3 + self._axes], *motion[FREEDOMS + 3 : FREEDOMS + 3 + self._axes]])
 
     def _calc_reaction(self, context: Context, output: AbstractValue) -> None:
         held = context.get_discrete_state(self._held).value()

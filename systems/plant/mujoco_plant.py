@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
@@ -90,12 +92,12 @@ class MujocoPlant(LeafSystem):
         plant: MujocoPlant = builder.AddNamedSystem("plant", MujocoPlant(scenario))
         return plant
 
-    def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
+    def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
         """See `RigPlant`."""
         own = self.GetMyMutableContextFromRoot(context)
         model = self._model_in(own)
         data = mujoco.MjData(model)
-        data.qpos[self._feed], data.qpos[self._gimbal] = carriage, [pitch, yaw]
+        data.qpos[self._feed], data.qpos[self._gimbal] = carriage, angles
         kept = np.zeros(self._size)
         mujoco.mj_getState(model, data, kept, KEPT)
         own.SetDiscreteState(self._kept, kept)

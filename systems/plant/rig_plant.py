@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, InputPort, OutputPort
 
 from models.scenario import Scenario
+from skill.data.axes import AXES
 from systems.plant.contact_forces import Contact
+
+
+def stepper_axes(scenario: Scenario) -> tuple[str, ...]:
+    """Returns the axes of the steppers of a rig: the first two of `AXES`, or all three with a clocking stage."""
+    return AXES if scenario.rig.clocking_stage else AXES[:2]
 
 
 class RigPlant(Protocol):
@@ -23,7 +30,7 @@ class RigPlant(Protocol):
 
     @property
     def gimbal_equilibrium(self) -> InputPort:
-        """Equilibrium of the steppers (4,): pitch and yaw, rad, and their rates, rad/s."""
+        """Equilibrium of the n steppers (2n,), in the order of `stepper_axes`: angles, rad, and then rates, rad/s."""
 
     @property
     def carriage_state(self) -> OutputPort:
@@ -31,7 +38,7 @@ class RigPlant(Protocol):
 
     @property
     def gimbal_state(self) -> OutputPort:
-        """State of the gimbal (4,): pitch and yaw, rad, and their rates, rad/s."""
+        """State of the n axes of the block (2n,): their angles, rad, and then rates, rad/s."""
 
     @property
     def reaction_forces(self) -> OutputPort:
@@ -53,8 +60,8 @@ class RigPlant(Protocol):
     def turning_inertia(self) -> float:
         """Inertia of gimbal, block and rotor about the axis of pitch, where it is largest, kg m^2."""
 
-    def set_start(self, context: Context, *, carriage: float, pitch: float, yaw: float) -> None:
-        """Sets the positions of the carriage (m) and of the gimbal (rad)."""
+    def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
+        """Sets the position of the carriage (m) and the angles (n,) of the axes of the block (rad)."""
 
     def set_trial(self, context: Context, trial: Scenario) -> float:
         """Sets the height of the pivot and the friction of another resolved scenario.

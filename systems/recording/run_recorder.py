@@ -28,12 +28,15 @@ class RunRecorder:
     home: float
 
     def samples(self, context: Context) -> pd.DataFrame:
-        """Returns the rows of a run, ``LOGGED_COLUMNS``; ``context`` is the diagram's."""
+        """Returns the rows of a run, ``LOGGED_COLUMNS``; ``context`` is the diagram's.
+
+        The columns of an axis that the rig does not have are zero.
+        """
         log = self.log.FindLog(context)
         table = pd.DataFrame(np.asarray(log.data()).T, columns=self.names)
         table["time"] = log.sample_times()
         table["tip_z"] = table["carriage"] - self.home
-        return table[list(LOGGED_COLUMNS)]
+        return table.reindex(columns=list(LOGGED_COLUMNS), fill_value=0.0)
 
 
 def AddRunRecorder(

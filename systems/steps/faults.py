@@ -41,6 +41,8 @@ class Fault(LabelledEnum):
     ENCODER_CONTRADICTED = 24, "depth encoder contradicts the feed drive's own encoder"
     PITCH_STICKS = 25, "pitch stepper sticks"
     YAW_STICKS = 26, "yaw stepper sticks"
+    CLOCKING_STEPS_LOST = 27, "clocking stepper blocked or overloaded: steps lost"
+    CLOCKING_STICKS = 28, "clocking stepper sticks"
 
 
 FEED_FAULTS = frozenset({Fault.FEED_RUNS_AWAY, Fault.FEED_REVERSED, Fault.FEED_DEAD})
@@ -49,6 +51,10 @@ FEED_FAULTS = frozenset({Fault.FEED_RUNS_AWAY, Fault.FEED_REVERSED, Fault.FEED_D
 SENSOR_FAULTS = frozenset(fault for fault in Fault if fault.name.startswith("SENSOR_"))
 """Faults after which the wrench is not known."""
 
+
+STEPS_LOST = (Fault.PITCH_STEPS_LOST.value, Fault.YAW_STEPS_LOST.value, Fault.CLOCKING_STEPS_LOST.value)
+STICKS = (Fault.PITCH_STICKS.value, Fault.YAW_STICKS.value, Fault.CLOCKING_STICKS.value)
+"""Numbers of the faults of the steppers, in the order of `skill.data.axes.AXES`."""
 
 FEED_NUMBERS, SENSOR_NUMBERS = (tuple(sorted(map(int, faults))) for faults in (FEED_FAULTS, SENSOR_FAULTS))
 """The same faults as numbers, for compiled functions."""

@@ -14,7 +14,7 @@ from skill.features.measurement import load_of_components
 if TYPE_CHECKING:  # a scenario needs Drake
     from models.scenario import Scenario
 
-PITCH, YAW, FEED_SPEED, LOAD, SLOPE, LIGHT_PITCH, LIGHT_YAW, PEAK, SIZE = range(9)
+PITCH, YAW, CLOCKING, FEED_SPEED, LOAD, SLOPE, LIGHT_PITCH, LIGHT_YAW, LIGHT_CLOCKING, PEAK, SIZE = range(11)
 """Places in the state: permitted angles (rad) and feed speed (m/s), load (N) and its slope (N/s) at the last sample,
 the permitted angles at which the load was last at most F_soft (rad), and the largest load so far (N); and its size."""
 
@@ -82,6 +82,7 @@ class GuardLimits(NamedTuple):
         max_turn_rate: rad/s.
         max_turn: on each axis, to either side of the start, rad.
         retract_speed: m/s.
+        clocking: 1 where the hole can turn about its axis, else 0.
     """
 
     soft_force: float
@@ -91,6 +92,7 @@ class GuardLimits(NamedTuple):
     max_turn_rate: float
     max_turn: float
     retract_speed: float
+    clocking: float
 
     @classmethod
     def of(cls, scenario: Scenario) -> Self:
@@ -104,6 +106,7 @@ class GuardLimits(NamedTuple):
             p.max_turn_rate,
             p.max_turn,
             p.back_off.retract_speed,
+            float(scenario.rig.clocking_stage),
         )
 
 
@@ -116,6 +119,7 @@ def force_guard_step(
     depth: float,
     pitch_rate: float,
     yaw_rate: float,
+    clocking_rate: float,
     speed: float,
     unwinding: bool,
     blind: bool,
@@ -154,6 +158,7 @@ def force_guard_step(
         depth: measured depth of the tip, m.
         pitch_rate: commanded, of the hole, rad/s.
         yaw_rate: likewise.
+        clocking_rate: likewise, about the axis of the hole.
         speed: commanded feed speed, m/s, negative into the hole.
         unwinding: see above.
         blind: see above.
@@ -162,10 +167,11 @@ def force_guard_step(
     fx, fy, fz, mx, my, mz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
     if blind:
         fx = fy = fz = mx = my = mz = 0.0
-        pitch_rate = yaw_rate = 0.0
+        pitch_rate = yaw_rate = clocking_rate = 0.0
         unwinding = False
         speed = max(speed, 0.0)
-    pitch, yaw, light_pitch, light_yaw = state[PITCH], state[YAW], state[LIGHT_PITCH], state[LIGHT_YAW]
+    pitch, yaw, clocking = state[PITCH], state[YAW], state[CLOCKING]
+    light_pitch, light_yaw, light_clocking = state[LIGHT_PITCH], state[LIGHT_YAW], state[LIGHT_CLOCKING]
     load = load_of_components(fx, fy, fz, mx, my, mz, lever)
     slope = state[SLOPE] + T / (SLOPE_TIME + T) * ((load - state[LOAD]) / T - state[SLOPE])
     ahead = load + max(slope, 0.0) * (stopping.delay + abs(state[FEED_SPEED]) / stopping.deceleration)
@@ -174,26 +180,33 @@ def force_guard_step(
     turn_share = _share(ahead, middle, p.hold_force)
     give = 1.0 - _share(ahead, p.hold_force, p.force_limit)
     if load <= p.soft_force:
-        light_pitch, light_yaw = pitch, yaw
+        light_pitch, light_yaw, light_clocking = pitch, yaw, clocking
     if unwinding:
         pitch_rate, yaw_rate = (light_pitch - pitch) / T, (light_yaw - yaw) / T
+        clocking_rate = (light_clocking - clocking) / T
+    clocking_rate *= p.clocking
     # Limited before it is scaled: the scale of a rate far above the limit would have no effect.
     largest_rate = min(p.max_turn_rate, p.force_limit / stopping.turn_impact)
-    pitch_rate, yaw_rate = _limited(pitch_rate, yaw_rate, largest_rate)
-    impact = stopping.turn_impact * math.hypot(pitch_rate, yaw_rate) + stopping.feed_impact * max(-speed, 0.0)
+    pitch_rate, yaw_rate, clocking_rate = _limited(pitch_rate, yaw_rate, clocking_rate, largest_rate)
+    turning = math.hypot(math.hypot(pitch_rate, yaw_rate), clocking_rate)
+    impact = stopping.turn_impact * turning + stopping.feed_impact * max(-speed, 0.0)
     if impact > 0.0:
         stoppable = max(0.0, p.force_limit - ahead) / impact
         feed_share, turn_share = min(feed_share, stoppable), min(turn_share, stoppable)
     # The moment of the peg on the hole about the centre of the mouth, where the pivot is but for its tolerance.
-    moment_x, moment_y = -(mx + depth * fy), -(my - depth * fx)
-    moment = math.hypot(moment_x, moment_y)
+    moment_x, moment_y, moment_z = -(mx + depth * fy), -(my - depth * fx), -p.clocking * mz
+    moment = math.hypot(math.hypot(moment_x, moment_y), moment_z)
     relief = 0.0
     if moment > 0.0:
-        moment_x, moment_y = moment_x / moment, moment_y / moment
-        relief = (1.0 - turn_share) * max(pitch_rate * moment_x + yaw_rate * moment_y, 0.0)
+        moment_x, moment_y, moment_z = moment_x / moment, moment_y / moment, moment_z / moment
+        along = pitch_rate * moment_x + yaw_rate * moment_y + clocking_rate * moment_z
+        relief = (1.0 - turn_share) * max(along, 0.0)
         relief += give * p.max_turn_rate * min(1.0, moment / lever / load)
-    pitch_rate, yaw_rate = _limited(
-        turn_share * pitch_rate + relief * moment_x, turn_share * yaw_rate + relief * moment_y, p.max_turn_rate
+    pitch_rate, yaw_rate, clocking_rate = _limited(
+        turn_share * pitch_rate + relief * moment_x,
+        turn_share * yaw_rate + relief * moment_y,
+        turn_share * clocking_rate + relief * moment_z,
+        p.max_turn_rate,
     )
     if speed < 0.0:
         speed *= feed_share
@@ -204,8 +217,10 @@ def force_guard_step(
     found = np.empty(SIZE)
     found[PITCH] = min(max(pitch + T * pitch_rate, -p.max_turn), p.max_turn)
     found[YAW] = min(max(yaw + T * yaw_rate, -p.max_turn), p.max_turn)
+    found[CLOCKING] = min(max(clocking + T * clocking_rate, -p.max_turn), p.max_turn)
     found[FEED_SPEED], found[LOAD], found[SLOPE] = speed, load, slope
-    found[LIGHT_PITCH], found[LIGHT_YAW], found[PEAK] = light_pitch, light_yaw, max(state[PEAK], load)
+    found[LIGHT_PITCH], found[LIGHT_YAW], found[LIGHT_CLOCKING] = light_pitch, light_yaw, light_clocking
+    found[PEAK] = max(state[PEAK], load)
     return found
 
 
@@ -216,7 +231,7 @@ def _share(load: float, start: float, end: float) -> float:
 
 
 @compiled
-def _limited(x: float, y: float, largest: float) -> tuple[float, float]:
-    """Returns a pair with at most this norm, in the same direction."""
-    size = math.hypot(x, y)
-    return (x * largest / size, y * largest / size) if size > largest else (x, y)
+def _limited(x: float, y: float, z: float, largest: float) -> tuple[float, float, float]:
+    """Returns a vector with at most this norm, in the same direction."""
+    size = math.hypot(math.hypot(x, y), z)
+    return (x * largest / size, y * largest / size, z * largest / size) if size > largest else (x, y, z)

@@ -57,7 +57,7 @@ class ControllerState(NamedTuple):
     """State of the controller between two periods.
 
     Attributes:
-        pitch_rate, yaw_rate: commanded rates of the hole, rad/s.
+        pitch_rate, yaw_rate, clocking_rate: commanded rates of the hole, rad/s.
         feed_speed: commanded feed speed, m/s, negative into the hole.
         unwinding: whether the hole turns back to its angles at the last light load.
         given_up: whether the policy has nothing new to try.
@@ -68,6 +68,7 @@ class ControllerState(NamedTuple):
 
     pitch_rate: float = 0.0
     yaw_rate: float = 0.0
+    clocking_rate: float = 0.0
     feed_speed: float = 0.0
     unwinding: float = 0.0
     given_up: float = 0.0
@@ -84,13 +85,13 @@ class ControllerState(NamedTuple):
         """Inverts `as_list`."""
         numbers = values.tolist()
         own = len(cls._fields) - 1
-        pitch_rate, yaw_rate, feed_speed, unwinding, given_up, support, turning = numbers[:own]
-        back_off = BackOffState(*numbers[own:])
-        return cls(pitch_rate, yaw_rate, feed_speed, unwinding, given_up, support, turning, back_off)
+        return cls._make([*numbers[:own], BackOffState(*numbers[own:])])
 
     def stopped(self) -> Self:
         """Returns the state in which nothing is commanded."""
-        return self._replace(pitch_rate=0.0, yaw_rate=0.0, feed_speed=0.0, unwinding=0.0, turning=0.0)
+        return self._replace(
+            pitch_rate=0.0, yaw_rate=0.0, clocking_rate=0.0, feed_speed=0.0, unwinding=0.0, turning=0.0
+        )
 
 
 @compiled
@@ -98,6 +99,7 @@ def policy_controller_step(
     p: ControllerLimits,
     state: ControllerState,
     turn: Array,
+    spin: float,
     feed: float,
     support: float,
     wrench: Array,
@@ -112,15 +114,17 @@ def policy_controller_step(
     An action is a turn omega (rad, in P) of the peg relative to the hole and a motion u (m) along its axis, both within
     one period T_s of the policy. The rig turns the hole instead of the peg:
 
-        pitch rate = -g omega_x/T_s,   yaw rate = -g omega_y/T_s,   feed speed = u/T_s,
+        (pitch, yaw, clocking rate) = -g omega/T_s,   feed speed = u/T_s,
 
-    each within its limit. `back_off_step` reduces the feed where the policy is unsure, and draws the peg back when it
+    each within its limit. The turn about the axis is never reversed: the moment about it has the same sign at any depth
+    and any pivot. `back_off_step` reduces the feed where the policy is unsure, and draws the peg back when it
     is stuck.
 
     Args:
         p: limits.
         state: after the last period.
-        turn: (2,), omega.
+        turn: (2,), omega_x and omega_y.
+        spin: omega_z.
         feed: u.
         support: of the action, 0 to 1.
         wrench: (6,), measured wrench on the peg about its tip, in P, N and N m.
@@ -150,9 +154,11 @@ def policy_controller_step(
     size = math.hypot(rate_x, rate_y)
     if size > p.max_turn_rate:
         rate_x, rate_y = rate_x * p.max_turn_rate / size, rate_y * p.max_turn_rate / size
+    rate_z = -p.gain * abs(decision.turning) / p.policy_period * spin
     return ControllerState(
         rate_x,
         rate_y,
+        min(max(rate_z, -p.max_turn_rate), p.max_turn_rate),
         decision.feed_speed,
         1.0 if decision.unwinding else 0.0,
         1.0 if decision.given_up else 0.0,

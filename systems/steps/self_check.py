@@ -11,7 +11,7 @@ from models.hardware import DcMotorParameters, StepperMotorParameters, WrenchSen
 from skill.arrays import Array
 from skill.compiled import compiled
 from systems.steps.dc_motor import Drive, carriage_force
-from systems.steps.faults import Fault, reading_deviation
+from systems.steps.faults import STICKS, Fault, reading_deviation
 
 if TYPE_CHECKING:  # a scenario needs Drake
     from models.scenario import Scenario
@@ -86,15 +86,15 @@ FREE = 1  # time in free air, s
 COUNT = 2  # samples of the present tare
 TOUCHED = 3  # time in contact, s
 CROSSED = 4  # time for which force and moment have contradicted each other, s
-COMMANDED = 5  # last commanded angles of pitch and yaw, rad
-REST = 7  # times since they changed, s
-CONTRADICTED = 9  # times for which the axes have contradicted the sensor, s
-READING = 11  # last wrench of the tare
-SUM = 17  # sum of the wrenches of the present tare
-SQUARES = 23  # sum of their squared differences
-TARED = 29  # whether there has been a tare
-TARE = 30  # mean moments about x and y of the last tare, N m
-SIZE = 32
+COMMANDED = 5  # last commanded angles of the steppers, rad
+REST = 8  # times since they changed, s
+CONTRADICTED = 11  # times for which the axes have contradicted the sensor, s
+READING = 14  # last wrench of the tare
+SUM = 20  # sum of the wrenches of the present tare
+SQUARES = 26  # sum of their squared differences
+TARED = 32  # whether there has been a tare
+TARE = 33  # mean moments about x and y of the last tare, N m
+SIZE = 35
 
 # Places in the state of the feed drive, after its FAULT.
 STARTED = 1  # whether there has been a sample
@@ -211,9 +211,7 @@ class CheckLimits(NamedTuple):
 
 
 @compiled
-def self_check_step(
-    p: CheckLimits, state: Array, wrench: Array, depth: float, pitch_shaft: Array, yaw_shaft: Array, time: float
-) -> Array:
+def self_check_step(p: CheckLimits, state: Array, wrench: Array, depth: float, shafts: Array, time: float) -> Array:
     """Returns the next state (SIZE,): the first fault stays.
 
     *Tare.* While the tip is above the rim of the hole, the mean of `TARE_SAMPLES` readings must be within `SIGMAS` of
@@ -228,7 +226,8 @@ def self_check_step(
     *Steppers.* A stepper that rests is a magnetic spring: its encoder shows the torque K (commanded - measured angle),
     which holds the moment of the contact about the axis, m_x + d f_y about pitch and m_y - d f_x about yaw, at the
     depth d. They must agree within the unknown height of the axes, the part of m_z that pitch turns into the axis of
-    yaw, the resolution and `GAIN_ERROR`. Else the sensor is wrong; or, if the stepper lags by half a step and the
+    yaw, the resolution and `GAIN_ERROR`; that of a clocking stage holds m_z, within the part of the others that pitch
+    and yaw turn into its axis. Else the sensor is wrong; or, if the stepper lags by half a step and the
     sensor shows half of that torque or less, the stepper sticks.
 
     Args:
@@ -236,8 +235,7 @@ def self_check_step(
         state: (SIZE,), after the last period.
         wrench: (6,), measured wrench about the tip in P, N and N m.
         depth: measured depth, m.
-        pitch_shaft: (2,), [commanded, measured] angle, rad.
-        yaw_shaft: likewise.
+        shafts: (n, 2), [commanded, measured] angle of each stepper, rad.
         time: s.
     """
     found = state.copy()
@@ -246,12 +244,15 @@ def self_check_step(
     fault = _tare(p, found, wrench, depth, time)
     if fault == 0:
         fault = _one_contact(p, found, wrench, depth)
+    lateral = math.hypot(wrench[0], wrench[1])
+    about_x, about_y, about_z = wrench[3] + depth * wrench[1], wrench[4] - depth * wrench[0], wrench[5]
     if fault == 0:
-        moment = wrench[3] + depth * wrench[1]
-        fault = _against_stepper(p, found, 0, pitch_shaft, math.hypot(wrench[0], wrench[1]), moment, 0.0)
+        fault = _against_stepper(p, found, 0, shafts[0], lateral, about_x, 0.0)
     if fault == 0:
-        moment, hidden = wrench[4] - depth * wrench[0], p.turn * abs(wrench[5])
-        fault = _against_stepper(p, found, 1, yaw_shaft, math.hypot(wrench[0], wrench[1]), moment, hidden)
+        fault = _against_stepper(p, found, 1, shafts[1], lateral, about_y, p.turn * abs(about_z))
+    if fault == 0 and len(shafts) > 2:
+        hidden = math.sqrt(2.0) * p.turn * math.hypot(about_x, about_y)
+        fault = _against_stepper(p, found, 2, shafts[2], lateral, about_z, hidden)
     found[FAULT] = fault
     return found
 
@@ -385,5 +386,5 @@ def _against_stepper(
     if state[CONTRADICTED + axis] <= PATIENCE + p.delay:
         return 0
     if abs(torque) > p.sticking_torque and abs(moment) < 0.5 * abs(torque):
-        return Fault.YAW_STICKS.value if axis == 1 else Fault.PITCH_STICKS.value
+        return STICKS[axis]
     return Fault.SENSOR_MOMENT.value

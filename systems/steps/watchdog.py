@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 from skill.arrays import Array
 from skill.compiled import compiled
-from systems.steps.faults import FEED_NUMBERS, SENSOR_NUMBERS, Fault
+from systems.steps.faults import FEED_NUMBERS, SENSOR_NUMBERS, STEPS_LOST, Fault
 
 LOST_LAG = 2.5  # steps; a rotor that lags by two has slipped, and lags by four as soon as it rests
 
 FAULT, SINCE, BLIND, SIZE = range(4)
 """Places in the state: the first fault found, the time since, s, and whether the sensor has one; and its size."""
 
-PITCH_RATE, YAW_RATE, FEED, UNWINDING = range(4)
-"""Places in the commands: rad/s, rad/s, m/s, and whether the hole is to turn back."""
+PITCH_RATE, YAW_RATE, CLOCKING_RATE, FEED, UNWINDING = range(5)
+"""Places in the commands: three in rad/s, one in m/s, and whether the hole is to turn back."""
 
 
 class RetractLimits(NamedTuple):
@@ -34,9 +34,7 @@ class RetractLimits(NamedTuple):
 
 
 @compiled
-def watchdog_step(
-    p: RetractLimits, state: Array, faults: Array, failed: bool, pitch_shaft: Array, yaw_shaft: Array
-) -> Array:
+def watchdog_step(p: RetractLimits, state: Array, faults: Array, failed: bool, shafts: Array) -> Array:
     """Returns the next state (SIZE,).
 
     The first fault stays: that of a monitor, in their order, that of the controller, or that of a stepper. A stepper
@@ -47,8 +45,7 @@ def watchdog_step(
         state: (SIZE,), after the last period.
         faults: (n,), of the monitors.
         failed: whether the policy has failed.
-        pitch_shaft: (2,), [commanded, measured] angle, rad.
-        yaw_shaft: likewise.
+        shafts: (n, 2), [commanded, measured] angle of each stepper, rad.
     """
     found = state.copy()
     for fault in faults:
@@ -63,10 +60,11 @@ def watchdog_step(
             return found
     if failed:
         found[FAULT] = Fault.CONTROLLER_FAILED.value
-    elif abs(pitch_shaft[0] - pitch_shaft[1]) > p.lost_lag:
-        found[FAULT] = Fault.PITCH_STEPS_LOST.value
-    elif abs(yaw_shaft[0] - yaw_shaft[1]) > p.lost_lag:
-        found[FAULT] = Fault.YAW_STEPS_LOST.value
+        return found
+    for axis in range(len(shafts)):
+        if abs(shafts[axis, 0] - shafts[axis, 1]) > p.lost_lag:
+            found[FAULT] = STEPS_LOST[axis]
+            return found
     return found
 
 

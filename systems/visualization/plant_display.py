@@ -94,13 +94,14 @@ class RigDisplay(LeafSystem):
         self._picture = PlantPicture(self._rig, meshcat)
         self._weld, self._weight = plant.sensor, np.array([0.0, 0.0, plant.weight])
         self._carriage = self.DeclareVectorInputPort("carriage_state", 2)
-        self._gimbal = self.DeclareVectorInputPort("gimbal_state", 4)
+        self._gimbal = self.DeclareVectorInputPort("gimbal_state", plant.gimbal_state.size())
         self._reaction = self.DeclareAbstractInputPort("reaction_forces", Value([SpatialForce.Zero()]))
         self.DeclarePeriodicPublishEvent(period, 0.0, self._publish)
 
     def _publish(self, context: Context) -> EventStatus:
-        pitch, yaw = self._gimbal.Eval(context)[:2]
-        self._rig.set_start(self._picture.pose, carriage=self._carriage.Eval(context)[0], pitch=pitch, yaw=yaw)
+        state = self._gimbal.Eval(context)
+        angles = state[: len(state) // 2]
+        self._rig.set_start(self._picture.pose, carriage=self._carriage.Eval(context)[0], angles=angles)
         held = self._reaction.Eval(context)[self._weld].translational()
         self._picture.draw(self._weight - held, context.get_time())
         return EventStatus.Succeeded()

@@ -43,7 +43,7 @@ def test_a_policy_is_stuck_where_the_first_back_off_begins(quick_scenario):
     found = find_query_state(run, resolved, number=12, inserted=True)
     assert found.trial == 12
     assert (found.time, found.depth) == (row["time"], row["depth"])
-    assert found.tilt == (-row["pitch"], -row["yaw"])
+    assert (*found.tilt, found.clocking) == (-row["pitch"], -row["yaw"], -row["clocking"])
     assert found.load == contact_load(row[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(dtype=float), 0.01)
     assert found.state == STATE_NAMES[int(row["state"])]
     assert (found.pivot_height, found.friction) == (resolved.rig.pivot_height, resolved.contact.friction)
@@ -67,7 +67,7 @@ def test_a_correction_has_the_pivot_and_the_friction_of_the_practice_trial(quick
     found = correction_scenario(quick_scenario, QUERY_STATE, seed=5, person=21)
     assert found.rig.pivot_height == QUERY_STATE.pivot_height
     assert found.contact.friction == QUERY_STATE.friction
-    assert found.start.tilt == list(QUERY_STATE.tilt)
+    assert (found.start.tilt, found.start.clocking) == (list(QUERY_STATE.tilt), QUERY_STATE.clocking)
     assert found.start.tip_height == pytest.approx(LIFT - QUERY_STATE.depth)
     again = correction_scenario(quick_scenario, QUERY_STATE, seed=6, person=21)
     assert again.operator == found.operator  # the same person ...

@@ -1,5 +1,7 @@
 """Trials by the compiled loop are those of the diagram, bit for bit."""
 
+import copy
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -85,6 +87,24 @@ def test_a_policy_that_gives_up_ends_a_trial_alike(shipped):
     result = compared(scenario_of(505, sensor__force_bias=5.0), shipped)
     assert result.outcome is Outcome.JAMMED
     assert "attempts in a row" in result.reason
+
+
+@pytest.mark.slow
+def test_a_skill_that_turns_about_the_axis_acts_alike(shipped):
+    """Its fourth output is a turn with the moment about the axis."""
+    turning, old = copy.copy(shipped), shipped.regressor_
+    spin = 3e-3 * old.X_[:, list(shipped.features_.get_feature_names_out()).index("mz")]
+    turning.regressor_ = LWRegressor.from_arrays({**old.to_arrays(), "y": np.column_stack([old.y_, spin])})
+    turning.metadata_ = {**shipped.metadata_, "clocking": True}
+    square = {"geometry__section": "square", "geometry__chamfer": 0.001, "rig__clocking_stage": True}
+    scenario = scenario_of(501, trial__time_limit=1.5, **square)
+    assert scenario.start.clocking != 0.0
+    compared(scenario, CarriedOver(turning))
+    rows = rolled_out(scenario, CarriedOver(turning), number=501).samples
+    assert rows["clocking"].iloc[0] == -scenario.start.clocking
+    assert abs(rows["target_clocking"].iloc[-1]) > 0.01
+    with pytest.raises(ValueError, match="the rig has no clocking stage"):
+        rolled_out(scenario_of(501), turning, number=501)
 
 
 @pytest.mark.slow

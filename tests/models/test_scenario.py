@@ -298,6 +298,26 @@ def test_two_streams_share_no_seed_and_no_draw(ranges):
     assert len({v for s in resolved for v in s.start.tilt}) == 1200
 
 
+def test_the_angle_about_the_axis_is_drawn_for_a_clocking_stage_only_and_changes_no_other_draw(ranges):
+    ranges.geometry.section = "square"
+    with_stage = copy.deepcopy(ranges)
+    with_stage.rig.clocking_stage = True
+    found = {}
+    for n in range(50):
+        without, with_one = (resolve_scenario(s, seed=n, stream=TRIAL_STREAM) for s in (ranges, with_stage))
+        found[n] = with_one.start.clocking
+        with_one.start.clocking, with_one.rig.clocking_stage = 0.0, False
+        assert dict(leaves(with_one)) == dict(leaves(without))
+    assert len(set(found.values())) == 50
+    assert 0.9 * ranges.start.clocking_range < max(map(abs, found.values())) <= ranges.start.clocking_range
+
+
+def test_a_round_part_has_no_clocking_stage(ranges):
+    ranges.rig.clocking_stage = True
+    with pytest.raises(ValueError, match=r"rig.clocking_stage.*a round part has no angle about its axis"):
+        validate_scenario(ranges)
+
+
 @pytest.mark.slow
 def test_starts_are_uniform_within_their_ranges(ranges):
     n = 400
@@ -333,7 +353,7 @@ def test_a_habit_multiplies_the_parameters_that_it_names(habit):
     scenario.operator.personal_spread = 0.0
     scenario.operator.habit = habit
     resolved = resolve_scenario(scenario, seed=1, stream=DEMONSTRATION_STREAM).operator
-    drawn = {"habit", "sight_bias", "offset_bias", "tremor_frequency", "tremor_spread"}
+    drawn = {"habit", "sight_bias", "clocking_bias", "offset_bias", "tremor_frequency", "tremor_spread"}
     for f in fields(OperatorParameters):
         if f.name not in drawn:
             factor = HABITS[habit].get(f.name, 1.0)

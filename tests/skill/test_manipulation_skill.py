@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.spatial.transform import Rotation
 from sklearn.linear_model import LinearRegression
 
 from skill.clustering.competitive_agglomeration import CompetitiveAgglomeration
@@ -61,6 +62,41 @@ def test_a_contact_turned_about_the_axis_gets_the_turned_action(skill, rows):
         one, other = skill.act(row), skill.act(turned)
         np.testing.assert_allclose(other.turn, R[:2, :2] @ one.turn, atol=1e-9)
         assert other.feed == pytest.approx(one.feed, abs=1e-12)
+
+
+def twisted(demonstration, start):
+    """The same demonstration with a clocking stage: the peg untwists from an angle, under a moment of 0.5 N m/rad."""
+    samples = demonstration.samples.copy()
+    angle = np.linspace(start, 0.0, len(samples))
+    R = Rotation.from_rotvec(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
+    R = R * Rotation.from_rotvec(angle[:, None] * [0.0, 0.0, 1.0])
+    samples["angle"] = R.magnitude()
+    samples[["ax", "ay", "az"]] = R.as_rotvec() / np.maximum(R.magnitude(), 1e-12)[:, None]
+    samples.loc[samples["angle"] < 1e-9, ["ax", "ay", "az"]] = [0.0, 0.0, 1.0]
+    samples.loc[1:, "dangle"] = (R[:-1].inv() * R[1:]).magnitude()
+    samples["mz"] = -0.5 * angle
+    return replace(demonstration, samples=samples, metadata={**demonstration.metadata, "clocking": True})
+
+
+def test_a_skill_of_demonstrations_with_a_clocking_stage_turns_about_the_axis_too(made_up_skill, tmp_path):
+    demonstrations = [twisted(d, (-1) ** n * 0.05) for n, d in enumerate(made_up_demonstrations())]
+    turning = ManipulationSkill(regressor=LWRegressor(ridge=1.0)).fit(demonstrations)
+    turning.save(tmp_path / "turning.npz")
+    loaded = ManipulationSkill.load(tmp_path / "turning.npz")
+    rows = measurements(demonstrations[0])
+    rows = rows[np.abs(rows[:, 5]) > 5e-3][::10]
+    found = [turning.act(row) for row in rows]
+    assert all(
+        action.spin * row[5] > 0.0 for action, row in zip(found, rows, strict=True)
+    )  # with the moment on the peg
+    assert [loaded.act(row).spin for row in rows] == [action.spin for action in found]
+    c, s = np.cos(1.1), np.sin(1.1)
+    R = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    for row, action in zip(rows, found, strict=True):
+        turned = turning.act(np.concatenate([R @ row[:3], R @ row[3:6], row[6:]]))
+        assert turned.spin == pytest.approx(action.spin, abs=1e-9)
+    assert made_up_skill.act(rows[0]).spin == 0.0
+    assert made_up_skill.metadata_["clocking"] is False
 
 
 def test_the_learnt_turn_agrees_with_the_demonstrated_one_in_contact(skill, demonstrations):
@@ -260,7 +296,7 @@ def test_demonstrations_are_refined():
     refined = refine_demonstration(samples, still=1.4e-4, rough=3e-4)
     assert len(refined) < len(samples) - 5
     assert not refined["uz"].isin(refine_demonstration(samples, still=1.4e-4, rough=math.inf)["uz"]).all()  # smoothed
-    np.testing.assert_array_equal(skill.regressor_.y_, refined[list(INTENDED)])
+    np.testing.assert_array_equal(skill.regressor_.y_, refined[list(INTENDED[:3])])
     np.testing.assert_array_equal(skill.regressor_.X_, RawFeatures().transform(refined))
     span = refined["time"].iloc[-1] - refined["time"].iloc[0]  # the time of removed samples counts
     assert skill.graph_.dwell_mean_s_[0] == pytest.approx(span, abs=0.05)

@@ -12,6 +12,7 @@ from models.scenario import DEMONSTRATION_STREAM, FIXTURES, FREE_FACETS, load_sc
 from systems.haptics.haptic_proxy import HapticProxy
 from systems.haptics.virtual_fixture import MakeFixture
 from systems.recording.demonstration_recorder import DemonstrationRecorder
+from systems.rig_diagram import start_angles
 from systems.virtual_environment import AddPegEngine, MakeVirtualEnvironment, start_pose
 from tests.diagrams import unconnected_inputs, unused_plant_inputs
 
@@ -49,6 +50,16 @@ def test_peg_starts_tilted_about_the_pivot(resolved):
     distance = resolved.start.height - resolved.rig.pivot_height
     np.testing.assert_allclose(X.translation(), pivot + R.apply([0.0, 0.0, distance]), atol=1e-15)
     np.testing.assert_allclose(start_pose(resolved).GetAsMatrix34(), X.GetAsMatrix34(), atol=1e-12)
+
+
+def test_a_peg_starts_turned_about_its_axis_in_the_virtual_environment_as_on_the_rig(quick_scenario):
+    quick_scenario.geometry.section, quick_scenario.rig.clocking_stage = "square", True
+    resolved = resolve_scenario(quick_scenario, seed=2, stream=DEMONSTRATION_STREAM)
+    R = Rotation.from_rotvec([*resolved.start.tilt, 0.0]) * Rotation.from_euler("z", resolved.start.clocking)
+    np.testing.assert_allclose(start_pose(resolved).rotation().matrix(), R.as_matrix(), atol=1e-12)
+    on_rig = Rotation.from_euler("XYZ", start_angles(resolved)).inv()
+    assert (R.inv() * on_rig).magnitude() < 1e-2 * resolved.start.clocking_range + 2e-3  # pitch, then yaw
+    assert abs(resolved.start.clocking) > 0.01
 
 
 @pytest.mark.slow

@@ -13,7 +13,10 @@ from experiments.trial import Arm
 from models.scenario import load_scenario
 from skill.practice.query_state import QueryState
 
-STUCK = QueryState(trial=0, time=1.0, depth=0.01, tilt=(0.0, 0.0), load=20.0, state="", pivot_height=0.0, friction=0.2)
+STUCK = QueryState(
+    **{"trial": 0, "time": 1.0, "depth": 0.01, "tilt": (0.0, 0.0), "clocking": 0.0},
+    **{"load": 20.0, "state": "", "pivot_height": 0.0, "friction": 0.2},
+)
 
 
 def shown(number):

@@ -107,6 +107,17 @@ def test_the_feed_moves_the_peg_and_the_turn_the_hole(make):
     assert deeper["feed"][0] == pytest.approx(0.01)
 
 
+def test_a_clocking_stage_adds_a_turn_about_the_axis(make, quick_scenario):
+    quick_scenario.geometry.section, quick_scenario.rig.clocking_stage = "square", True
+    env = make()
+    assert env.action_space.shape == (4,)
+    assert env.observation_space["angles"].shape == (3,)
+    env.reset(seed=TRIAL)
+    after = steps(env, np.array([0.0, 0.0, 0.05, 0.0]), 3)[-1][0]
+    assert after["angles"] == pytest.approx([0.0, 0.0, -0.05 * 0.06], rel=0.1)
+    assert steps(env, np.array([0.0, 0.0, 0.0, 0.01]), 5)[-1][0]["feed"][0] == pytest.approx(0.01)
+
+
 def test_the_controller_limits_an_action_outside_the_space(make):
     env = make()
     env.reset(seed=TRIAL)

@@ -54,7 +54,7 @@ def test_asked_query_states_are_the_starts_in_turn():
     asked = [
         QueryState(
             **{"trial": k, "time": 1.0, "depth": 0.002 * (k + 1), "tilt": (0.01 * k, 0.02), "load": 9.0, "state": ""},
-            **{"pivot_height": 1e-3 * k, "friction": 0.1 + 0.01 * k},
+            **{"clocking": 0.0, "pivot_height": 1e-3 * k, "friction": 0.1 + 0.01 * k},
         )
         for k in range(3)
     ]

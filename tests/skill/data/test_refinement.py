@@ -178,6 +178,12 @@ def test_the_intended_turn_is_expressed_in_the_peg_frame():
     np.testing.assert_allclose(found.iloc[0, :2].to_numpy(dtype=float), [0.1, 0.0], atol=1e-12)
 
 
+def test_the_intended_spin_is_that_about_the_axis_of_the_peg():
+    found = intended_actions(turning([0.06, 0.04, 0.01]).assign(ax=0.0, az=1.0), correction_time=0.5, feed_time=0.02)
+    np.testing.assert_allclose(found["intended_spin"], 0.02 / 0.5 * np.array([-0.05, -0.03, 0.0]), atol=1e-15)
+    np.testing.assert_allclose(found[["intended_x", "intended_y"]], 0.0, atol=1e-15)
+
+
 def test_the_intended_feed_is_the_mean_of_the_feeds_that_follow():
     samples = turning([0.0] * 5).assign(uz=[-3e-4, -1e-4, 0.0, -2e-4, 0.0])
     found = intended_actions(samples, correction_time=1.0, feed_time=0.04)

@@ -94,10 +94,11 @@ def test_features_and_actions_turn_with_a_wrench_below_the_floor():
 @pytest.mark.parametrize("features", ALL)
 def test_turning_actions_to_the_frame_and_back_changes_nothing(features):
     X = random_measurements()
-    A = np.random.default_rng(1).normal(size=(len(X), 3))
+    A = np.random.default_rng(1).normal(size=(len(X), 4))
     dut = features()
     np.testing.assert_allclose(dut.actions_from_frame(X, dut.actions_to_frame(X, A)), A, atol=1e-15)
-    np.testing.assert_array_equal(dut.actions_to_frame(X, A)[:, 2], A[:, 2])
+    np.testing.assert_array_equal(dut.actions_to_frame(X, A)[:, 2:], A[:, 2:])
+    np.testing.assert_array_equal(dut.actions_to_frame(X, A[:, :3]), dut.actions_to_frame(X, A)[:, :3])
 
 
 @given(

@@ -35,6 +35,14 @@ def action_of(skill, x=0.0):
     return skill.regressor_.predict([[x]], memberships=np.ones((1, 1)))[0]
 
 
+def test_a_turn_about_the_axis_is_not_practised():
+    rollouts = [make_rollout(log_factors=DOUBLE, cost=1.0), make_rollout(log_factors=HALF, cost=3.0)]
+    turning = make_skill(action=(0.3, -0.1, -1.0, 0.2))
+    found = action_of(advantage_weighted_update(turning, rollouts))
+    np.testing.assert_allclose(found[:3], action_of(advantage_weighted_update(make_skill(), rollouts)), rtol=1e-9)
+    assert found[3] == pytest.approx(0.2)
+
+
 def test_the_advantage_is_the_saved_cost_over_its_standard_deviation():
     z = advantages(
         [make_rollout(log_factors=DOUBLE, cost=1.0), make_rollout(log_factors=HALF, cost=3.0)], make_skill().regressor_

@@ -20,14 +20,14 @@ P = ForceGuardParameters()
 RADIUS, TURN_RATE, MAX_TURN, RETRACT = 0.01, 0.2, 0.14, 0.015
 STOPPING = StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1000.0, turn_impact=200.0)
 SLOW = STOPPING._replace(turn_impact=800.0)
-REST = {"pitch_rate": [0.0], "yaw_rate": [0.0], "feed_speed": [0.0], "unwinding": [0.0], "blind": [0.0]}
+REST = {name: [0.0] for name in ("pitch_rate", "yaw_rate", "clocking_rate", "feed_speed", "unwinding", "blind")}
 MIDDLE = 0.5 * (P.soft_force + P.hold_force)
 HALF_FEED = 0.5 * (P.soft_force + MIDDLE)  # the load at which half of a feed is left
 HALF_TURN = 0.5 * (MIDDLE + P.hold_force)
 
 
-def guard(*, stopping=STOPPING, **inputs):
-    limits = GuardLimits(P.soft_force, P.hold_force, P.force_limit, RADIUS, TURN_RATE, MAX_TURN, RETRACT)
+def guard(*, stopping=STOPPING, clocking=0.0, **inputs):
+    limits = GuardLimits(P.soft_force, P.hold_force, P.force_limit, RADIUS, TURN_RATE, MAX_TURN, RETRACT, clocking)
     dut = ForceGuard(limits=limits, stopping=stopping)
     return dut, fixed_context(dut, **{"wrench": np.zeros(6), "depth": [0.01], **REST, **inputs})
 
@@ -251,6 +251,34 @@ def test_nothing_raises_the_load_at_the_hold_force(wrench, command, depth, unwin
         on_hole = -(wrench[3:5] + depth * np.array([wrench[1], -wrench[0]]))
         assert turn @ on_hole >= -1e-9
         assert outputs(dut, context)[2] >= min(0.0, wrench[2] / load * RETRACT) - 1e-12
+
+
+def clocking(dut, context):
+    """The rate about the axis of the hole in the next update."""
+    before = dut.GetOutputPort("target_clocking").Eval(context)[0]
+    update(dut, context, period=STOPPING.period)
+    return (dut.GetOutputPort("target_clocking").Eval(context)[0] - before) / STOPPING.period
+
+
+def test_a_clocking_stage_turns_as_the_other_axes_do():
+    twist = np.array([0.0, 0.0, 0.0, 0.0, 0.0, HALF_TURN * RADIUS])  # the hole feels the opposite moment
+    dut, context = guard(clocking=1.0, wrench=twist, clocking_rate=[0.05])
+    settled(dut, context)
+    assert clocking(dut, context) == pytest.approx(0.5 * 0.05)  # against the moment, half of a turn is left
+    dut.GetInputPort("clocking_rate").FixValue(context, [-0.05])
+    assert clocking(dut, context) == pytest.approx(-0.05)
+    dut.GetInputPort("wrench").FixValue(context, 2.0 * P.force_limit / HALF_TURN * twist)
+    settled(dut, context)
+    assert clocking(dut, context) == pytest.approx(-TURN_RATE)  # it yields
+    turn = rates(dut, context)
+    assert turn == pytest.approx([0.0, 0.0])
+
+
+def test_a_rig_without_a_clocking_stage_does_not_turn_about_the_axis_of_the_hole():
+    twist = np.array([0.0, 0.0, 0.0, 0.0, 0.0, P.force_limit * RADIUS])
+    dut, context = guard(wrench=twist, clocking_rate=[0.05])
+    settled(dut, context)
+    assert dut.GetOutputPort("target_clocking").Eval(context)[0] == 0.0
 
 
 def test_after_a_fault_of_the_sensor_only_a_retraction_passes():

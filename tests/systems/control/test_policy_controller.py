@@ -16,7 +16,7 @@ from systems.steps.policy_controller import ControllerLimits, ControllerState
 from tests.stepping import fixed_context, update_unrestricted
 
 RADIUS = 0.01
-COMMANDS = ("pitch_rate", "yaw_rate", "feed_speed", "unwinding", "back_off")
+COMMANDS = ("pitch_rate", "yaw_rate", "clocking_rate", "feed_speed", "unwinding", "back_off")
 
 
 class FixedPolicy:
@@ -84,6 +84,18 @@ def test_the_hole_turns_opposite_to_the_action_and_the_feed_has_its_speed(skill,
     assert turned > 3  # the demonstration does correct its tilt
 
 
+@pytest.mark.parametrize("turning", [1.0, -1.0])
+def test_the_turn_about_the_axis_is_limited_and_never_reversed(skill, measurements, turning):
+    action = Action(turn=np.zeros(2), feed=0.0, spin=1e-3)
+    dut, context, _ = controller(FixedPolicy(skill, action), measurements[0])
+    state = ControllerState(back_off=BackOffState(reversing=float(turning < 0.0)))
+    context.SetDiscreteState(state.as_list())
+    assert step(dut, context)["clocking_rate"] == pytest.approx(-1e-3 / skill.period_)
+    assert dut.GetOutputPort("turning").Eval(context)[0] == turning
+    slow = replace(GENTLE, max_turn_rate=0.02)
+    assert step(*controller(FixedPolicy(skill, action), measurements[0], slow)[:2], slow)["clocking_rate"] == -0.02
+
+
 class TwoContexts(FixedPolicy):
     """A policy that turns about x by the difference of the probabilities of its two contexts."""
 
@@ -144,7 +156,7 @@ def test_above_the_force_limit_the_peg_is_backed_off_without_turning(skill, meas
     row[:3] = 20.01 * np.array(direction)
     found = step(*controller(skill, row, GUARDED)[:2], GUARDED)
     drawn_back = {"feed_speed": BACK_OFF.retract_speed, "unwinding": 0.0, "back_off": 1.0}
-    assert found == {"pitch_rate": 0.0, "yaw_rate": 0.0, **drawn_back}
+    assert found == {"pitch_rate": 0.0, "yaw_rate": 0.0, "clocking_rate": 0.0, **drawn_back}
 
 
 def test_a_moment_contributes_to_the_load(skill, measurements):

@@ -8,6 +8,7 @@ from pydrake.systems.analysis import Simulator
 
 from models.hardware import DcMotorParameters, StepperMotorParameters, WrenchSensorParameters
 from models.scenario import Scenario
+from skill.data.axes import AXES
 from systems.control.self_check import SelfCheck
 from systems.steps.faults import Fault
 from systems.steps.self_check import GRAVITY, PERIOD_STEPS, CheckLimits, MovingParts, axial_force
@@ -36,23 +37,23 @@ def limits(sensor=SENSOR, parts=PARTS):
 class Rig:
     """A rig at rest with its self-check, one period at a time."""
 
-    def __init__(self, seed=0, sensor=SENSOR, parts=PARTS):
-        self.dut = SelfCheck(limits(sensor, parts))
+    def __init__(self, seed=0, sensor=SENSOR, parts=PARTS, axes=AXES[:2]):
+        self.dut, self.axes = SelfCheck(limits(sensor, parts), axes), axes
         self.rng = np.random.default_rng(seed)
         self.context = fixed_context(
             self.dut, wrench=np.zeros(6), depth=[IN_AIR], current=[holding_current()], travel=[0.083],
-            pitch_shaft=[0.0, 0.0], yaw_shaft=[0.0, 0.0],
+            **{f"{name}_shaft": [0.0, 0.0] for name in axes},
         )  # fmt: skip
         self.simulator = Simulator(self.dut, self.context)
 
     def run(self, wrench=(0.0,) * 6, *, times=20, depth=IN_AIR, force=None, torque=None, noise=1.0):
         """Reads a wrench with noise. The drives carry ``force`` (N) and ``torque`` (N m), by default those of it."""
         wrench = np.array(wrench)
-        fx, fy, fz, mx, my, _ = wrench
-        torque = (mx + depth * fy, my - depth * fx) if torque is None else torque
+        fx, fy, fz, mx, my, mz = wrench
+        torque = (mx + depth * fy, my - depth * fx, mz)[: len(self.axes)] if torque is None else torque
         sigma = np.array([*SENSOR.force_noise, *SENSOR.torque_noise])
         inputs = {"depth": [depth], "current": [holding_current(fz if force is None else force)]}
-        for name, value in zip(("pitch", "yaw"), torque, strict=True):
+        for name, value in zip(self.axes, torque, strict=True):
             inputs[f"{name}_shaft"] = [0.01, 0.01 - value / STEPPER.stiffness]
         for name, value in inputs.items():
             self.dut.GetInputPort(name).FixValue(self.context, value)
@@ -192,30 +193,32 @@ def test_a_moment_along_the_peg_turns_the_axis_of_yaw_only(axis, fault):
     assert rig.run(wrench, times=20, depth=IN_HOLE, torque=tuple(torque)) == fault
 
 
-@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize(("gain", "fault"), [(1.0, Fault.NONE), (1.2, Fault.NONE), (-1.0, Fault.SENSOR_MOMENT)])
 def test_a_resting_stepper_measures_the_moment_about_its_axis(axis, gain, fault):
-    rig = Rig()
-    moments = np.zeros(2)
+    rig = Rig(axes=AXES)
+    moments = np.zeros(3)
     moments[axis] = 0.4
-    wrench = (0.0, 0.0, 5.0, *(gain * moments), 0.0)
+    wrench = (0.0, 0.0, 5.0, *(gain * moments))
     assert rig.run(wrench, times=8, depth=IN_HOLE, torque=tuple(moments)) == Fault.NONE  # it may ring
     assert rig.run(wrench, times=12, depth=IN_HOLE, torque=tuple(moments)) == fault
 
 
-@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_lag_below_half_a_step_does_not_name_the_stepper(axis):
     """Half a step is a torque of K step/2 = 0.39 N m; at 0.3 N m the sensor or the stepper may be wrong."""
-    rig = Rig()
-    torque = [0.0, 0.0]
+    rig = Rig(axes=AXES)
+    torque = [0.0, 0.0, 0.0]
     torque[axis] = 0.3
     assert rig.run(times=20, depth=IN_HOLE, torque=tuple(torque)) == Fault.SENSOR_MOMENT
 
 
-@pytest.mark.parametrize(("axis", "fault"), [(0, Fault.PITCH_STICKS), (1, Fault.YAW_STICKS)])
+@pytest.mark.parametrize(
+    ("axis", "fault"), [(0, Fault.PITCH_STICKS), (1, Fault.YAW_STICKS), (2, Fault.CLOCKING_STICKS)]
+)
 def test_a_stepper_that_does_not_reach_its_angle_without_a_load_sticks(axis, fault):
-    torque = [0.0, 0.0]
+    torque = [0.0, 0.0, 0.0]
     torque[axis] = 0.9 * STEPPER.holding_torque
-    assert Rig().run(times=30, torque=torque) == fault
+    assert Rig(axes=AXES).run(times=30, torque=torque) == fault
     torque[axis] = 0.05
-    assert Rig().run(times=30, torque=torque) == Fault.NONE
+    assert Rig(axes=AXES).run(times=30, torque=torque) == Fault.NONE

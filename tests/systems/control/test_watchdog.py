@@ -1,21 +1,25 @@
 import pytest
 
 from models.hardware import StepperMotorParameters
+from skill.data.axes import AXES
 from systems.control.watchdog import COMMANDS, MONITORS, Watchdog
 from systems.steps.faults import Fault
 from systems.steps.watchdog import LOST_LAG, RetractLimits
 from tests.stepping import fixed_context, update
 
 PERIOD, SPEED, TIME, STEP = 0.02, 0.015, 0.4, StepperMotorParameters().step_angle
-COMMANDED = {"pitch_rate": [0.01], "yaw_rate": [-0.02], "feed_speed": [-0.01], "unwinding": [1.0]}
-RETRACTING = {"pitch_rate": [0.0], "yaw_rate": [0.0], "feed_speed": [SPEED], "unwinding": [0.0]}
+COMMANDED = {
+    **{"pitch_rate": [0.01], "yaw_rate": [-0.02], "clocking_rate": [0.03]},
+    **{"feed_speed": [-0.01], "unwinding": [1.0]},
+}
+RETRACTING = {**{name: [0.0] for name in COMMANDED}, "feed_speed": [SPEED]}
 STOPPED = {**RETRACTING, "feed_speed": [0.0]}
 SOUND = {**{name: [0.0] for name in MONITORS}, "controller_failed": [0.0]}
-SOUND |= {"pitch_shaft": [0.01, 0.0101], "yaw_shaft": [-0.02, -0.0201]}
+SOUND |= {"pitch_shaft": [0.01, 0.0101], "yaw_shaft": [-0.02, -0.0201], "clocking_shaft": [0.03, 0.0301]}
 
 
 def watchdog(**changes):
-    dut = Watchdog(RetractLimits(PERIOD, SPEED, TIME, LOST_LAG * STEP))
+    dut = Watchdog(RetractLimits(PERIOD, SPEED, TIME, LOST_LAG * STEP), AXES)
     return dut, fixed_context(dut, **{**COMMANDED, **SOUND, **changes})
 
 
@@ -49,6 +53,7 @@ FAULTS = [
     ({"self_check_fault": [float(Fault.SENSOR_LOW)]}, Fault.SENSOR_LOW),
     ({"pitch_shaft": [0.0, 1.01 * LOST_LAG * STEP]}, Fault.PITCH_STEPS_LOST),
     ({"yaw_shaft": [0.0, -1.01 * LOST_LAG * STEP]}, Fault.YAW_STEPS_LOST),
+    ({"clocking_shaft": [0.0, 1.01 * LOST_LAG * STEP]}, Fault.CLOCKING_STEPS_LOST),
 ]
 
 

@@ -52,6 +52,16 @@ def test_the_rigs_deviation_contains_the_spin_of_a_tilted_peg_about_its_axis(til
     np.testing.assert_allclose(theta, spin * R.col(2), atol=abs(spin) * (0.15**2 * 2) + 1e-12)
 
 
+def test_a_clocking_stage_leaves_the_angle_about_the_axis_to_the_hand():
+    R = from_rotation_vector(np.array([0.03, -0.02, 0.0])) @ RotationMatrix.MakeZRotation(0.05)
+    found = MakeFixture("rig", pivot_height=0.001, clocking_stage=True).deviation(RigidTransform(R, [1e-4, 0.0, 0.0]))
+    held = MakeFixture("rig", pivot_height=0.001).deviation(RigidTransform(R, [1e-4, 0.0, 0.0]))
+    np.testing.assert_array_equal(found.theta_H, np.zeros(3))
+    assert found.guides_rotation.shape == (0, 3)
+    np.testing.assert_array_equal(found.d_HQ, held.d_HQ)
+    assert held.theta_H @ R.col(2) == pytest.approx(0.05, rel=1e-3)
+
+
 def test_the_axial_fixture_leaves_the_slide_along_the_axis_only():
     X = RigidTransform(from_rotation_vector(np.array([0.02, -0.03, 0.01])), [0.001, -0.002, 0.003])
     found = AxialFixture().deviation(X)

@@ -42,7 +42,7 @@ class PitchAxis:
         self.simulator = Simulator(self.diagram)
         root = self.simulator.get_mutable_context()
         self.own = plant.GetMyMutableContextFromRoot(root)
-        rig.set_start(root, carriage=0.5, pitch=start, yaw=0.0)
+        rig.set_start(root, carriage=0.5, angles=(start, 0.0))
         self.joint = plant.GetJointByName("pitch")
         self.push(load)
         mass = plant.CalcMassMatrix(self.own)  # includes the rotor's inertia

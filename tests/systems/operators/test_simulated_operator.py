@@ -1,12 +1,13 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 
 from models.operator import PERSONAL, OperatorParameters, draw_person
 from models.scenario import DEMONSTRATION_STREAM, Scenario, resolve_scenario
-from systems.math.rotation import from_rotation_vector, rotation_between
+from systems.math.rotation import clocking_angle, from_rotation_vector, rotation_between
 from systems.operators.simulated_operator import (
     HINDERED_SHARE,
     SimulatedOperator,
@@ -87,6 +88,31 @@ def test_spin_about_the_axis_is_not_seen():
     X = tilted([0.04, -0.03])
     spun = RigidTransform(X.rotation() @ from_rotation_vector(np.array([0.0, 0.0, 0.7])), X.translation())
     np.testing.assert_allclose(seen_misalignment(spun)[0], [0.04, -0.03], rtol=1e-12)
+
+
+def turned_hand(o, *, seen, clocking, torque=0.0, periods=1):
+    """The angle of the hand about its axis after decisions, where the peg is seen at an angle."""
+    dut = SimulatedOperator(
+        operator=o, seed=3, start_height=HEIGHT, tilt=[0.02, -0.01], offset=[0.0, 0.0], clocking=clocking
+    )
+    R = from_rotation_vector(np.array([0.02, -0.01, 0.0])) @ RotationMatrix.MakeZRotation(seen)
+    X = RigidTransform(R, tilted([0.02, -0.01]).translation())
+    context = fixed_context(dut, peg_pose=X, rendered_wrench=[*(torque * R.col(2)), 0.0, 0.0, 0.0])
+    update(dut, context, period=o.decision_period, times=periods)
+    return clocking_angle(dut.GetOutputPort("hand_pose").Eval(context).rotation())
+
+
+def test_an_angle_about_the_axis_is_corrected_by_sight_and_by_touch_where_the_fixture_leaves_it():
+    o = person(align_gain=0.8, align_rate=10.0, touch_gain=0.0, clocking_bias=0.0)
+    after = round(2 * o.correction_period / o.decision_period)
+    still = replace(o, align_gain=0.0)
+    assert turned_hand(still, seen=0.04, clocking=0.04) == pytest.approx(0.04, rel=1e-3)
+    moved = turned_hand(o, seen=0.04, clocking=0.04, periods=round(1.2 * o.correction_period / o.decision_period))
+    assert moved <= 0.04 - 0.8 * o.correction_period * 0.04 * 0.5
+    assert turned_hand(o, seen=0.04, clocking=None, periods=after) == pytest.approx(0.0, abs=1e-12)
+    touching = replace(still, touch_gain=3.0)
+    felt = turned_hand(touching, seen=0.0, clocking=0.0, torque=0.01, periods=11)
+    assert felt == pytest.approx(10 * o.decision_period * 3.0 * 0.01, rel=0.15)
 
 
 # strokes and rates

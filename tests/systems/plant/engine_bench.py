@@ -20,14 +20,14 @@ class Bench:
         self.plant = AddEngine(builder, scenario)
         for value, port in (
             ([force], self.plant.carriage_force),
-            ([*equilibrium, 0, 0], self.plant.gimbal_equilibrium),
+            ([*equilibrium, *np.zeros(len(equilibrium))], self.plant.gimbal_equilibrium),
         ):
             builder.Connect(builder.AddSystem(ConstantVectorSource(value)).get_output_port(), port)
         self.simulator = Simulator(builder.Build())
 
     def start(self, *, tip_z, pitch=0.0, yaw=0.0):
         carriage = self.scenario.sensor.height + tip_z
-        self.plant.set_start(self.simulator.get_mutable_context(), carriage=carriage, pitch=pitch, yaw=yaw)
+        self.plant.set_start(self.simulator.get_mutable_context(), carriage=carriage, angles=(pitch, yaw))
         return self
 
     def advance(self, seconds):
@@ -35,12 +35,14 @@ class Bench:
         return self
 
     def held(self):
-        own = self.plant.GetMyContextFromRoot(self.simulator.get_context())
-        force = self.plant.reaction_forces.Eval(own)[self.plant.sensor]
+        force = self._eval(self.plant.reaction_forces)[self.plant.sensor]
         return np.concatenate([force.translational(), force.rotational()])
 
     def gimbal(self):
-        return self.plant.gimbal_state.Eval(self.plant.GetMyContextFromRoot(self.simulator.get_context()))
+        return self._eval(self.plant.gimbal_state)
+
+    def _eval(self, port):
+        return port.Eval(port.get_system().GetMyContextFromRoot(self.simulator.get_context()))
 
 
 def hanging_weight(scenario):

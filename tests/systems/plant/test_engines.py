@@ -71,7 +71,7 @@ def test_all_engines_start_with_the_peg_in_the_same_place(scenario):
         builder = DiagramBuilder()
         plant = add(builder, scenario)
         context = builder.Build().CreateDefaultContext()
-        plant.set_start(context, carriage=0.081, pitch=0.04, yaw=-0.03)
+        plant.set_start(context, carriage=0.081, angles=(0.04, -0.03))
         poses.append(plant.peg_in_hole(context).GetAsMatrix34())
     np.testing.assert_allclose(poses[0], poses[1], atol=1e-12)
 
@@ -81,9 +81,8 @@ def test_two_contexts_do_not_disturb_each_other(scenario):
     bench = Bench(scenario, force=hanging_weight(scenario) - 5.0)
     alone, first, second = (Simulator(bench.simulator.get_system()) for _ in range(3))
     for simulator, pitch in ((alone, 0.03), (first, 0.03), (second, -0.01)):
-        bench.plant.set_start(
-            simulator.get_mutable_context(), carriage=scenario.sensor.height - 1e-4, pitch=pitch, yaw=0.0
-        )
+        carriage = scenario.sensor.height - 1e-4
+        bench.plant.set_start(simulator.get_mutable_context(), carriage=carriage, angles=(pitch, 0.0))
     alone.AdvanceTo(0.1)
     for t in (0.03, 0.06, 0.1):
         first.AdvanceTo(t)

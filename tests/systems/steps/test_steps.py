@@ -19,16 +19,17 @@ from systems.steps.watchdog import FEED, PITCH_RATE, is_blind, is_stopped, passe
 from systems.steps.wrench_sensor import Sensor, wrench_at_tip, wrench_sensor_step
 
 S = Scenario()
-WRENCH, REST = np.array([1.0, -2.0, 3.0, 0.01, 0.02, -0.03]), np.zeros(2)
+WRENCH, REST = np.array([1.0, -2.0, 3.0, 0.01, 0.02, -0.03]), np.zeros((3, 2))
 DRIVE, AXIS, SENSOR = Drive.of(S.feed, period=2e-3), Axis.of(S.stepper, period=2e-3), Sensor.of(S.sensor)
+GUARD = GuardLimits.of(S)
 STOPPING = StoppingModel(period=1e-3, delay=7e-3, deceleration=9.0, feed_impact=1000.0, turn_impact=200.0)
 STEPS = {
-    "guard": lambda x: force_guard_step(GuardLimits.of(S), STOPPING, x, WRENCH, 0.01, 0.1, -0.1, -0.01, False, False),
+    "guard": lambda x: force_guard_step(GUARD, STOPPING, x, WRENCH, 0.01, 0.1, -0.1, 0.0, -0.01, False, False),
     "monitor": lambda x: sensor_monitor_step(sensor_limits(S), x, WRENCH, 0.001, 0.1),
     "drive": lambda x: drive_monitor_step(drive_limits(S), x, -0.01, WRENCH, 0.001, 0.4, 0.08),
-    "check": lambda x: self_check_step(check_limits(S, mass=1.0, peg_weight=1.4), x, WRENCH, -0.003, REST, REST, 0.1),
+    "check": lambda x: self_check_step(check_limits(S, mass=1.0, peg_weight=1.4), x, WRENCH, -0.003, REST, 0.1),
     "feed": lambda x: feed_check_step(check_limits(S, mass=1.0, peg_weight=1.4), x, 3.0, 0.4, 0.08, 0.1, True),
-    "watchdog": lambda x: watchdog_step(retract_limits(S), x, np.array([0.0, 9.0, 0.0]), False, REST, REST),
+    "watchdog": lambda x: watchdog_step(retract_limits(S), x, np.array([0.0, 9.0, 0.0]), False, REST),
     "motor": lambda x: dc_motor_step(DRIVE, x, -0.01, 0.0, True),
     "stepper": lambda x: stepper_step(AXIS, x, 0.05, 0.0),
     "sensor": lambda x: wrench_sensor_step(SENSOR, x, WRENCH, np.zeros(6), np.zeros(12)),
@@ -53,10 +54,10 @@ def test_a_step_returns_a_new_state_and_leaves_the_old_one(name):
 def test_the_guard_by_hand():
     """At a load of 12.5 N, that has grown within a period, half of the commanded feed would be left, but for the look
     ahead; at rest before, with a = 9 m/s^2 and t = 7 ms."""
-    limits, state = GuardLimits.of(S), np.zeros(force_guard.SIZE)
+    limits, state = GUARD, np.zeros(force_guard.SIZE)
     wrench = np.array([0.0, 0.0, 11.0, 0.0, 0.0, 0.0])
     state[force_guard.LOAD] = 11.0
-    found = force_guard_step(limits, STOPPING, state, wrench, 0.0, 0.0, 0.0, -0.01, False, False)
+    found = force_guard_step(limits, STOPPING, state, wrench, 0.0, 0.0, 0.0, 0.0, -0.01, False, False)
     middle = 0.5 * (limits.soft_force + limits.hold_force)
     share = min((middle - 11.0) / (middle - limits.soft_force), (limits.force_limit - 11.0) / 10.0)
     assert found[force_guard.FEED_SPEED] == pytest.approx(-0.01 * share)
@@ -96,8 +97,8 @@ def test_the_sensor_by_hand():
 def test_what_goes_on_after_a_fault():
     limits, state = retract_limits(S), np.zeros(watchdog.SIZE)
     assert passed_command(limits, state, FEED, -0.01) == -0.01
-    faults, shaft = np.array([float(Fault.SENSOR_STUCK), 0.0, 0.0]), np.zeros(2)
-    state = watchdog_step(limits, state, faults, False, shaft, shaft)
+    faults, shaft = np.array([float(Fault.SENSOR_STUCK), 0.0, 0.0]), np.zeros((2, 2))
+    state = watchdog_step(limits, state, faults, False, shaft)
     assert is_blind(state)
     assert passed_command(limits, state, FEED, -0.01) == limits.retract_speed
     assert passed_command(limits, state, PITCH_RATE, 0.1) == 0.0

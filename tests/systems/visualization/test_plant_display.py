@@ -31,7 +31,7 @@ def test_the_floor_pushes_the_peg_up_and_the_arrow_starts_at_the_tip(quick_scena
     diagram.GetInputPort("carriage_force").FixValue(context, np.zeros(1))
     diagram.GetInputPort("gimbal_equilibrium").FixValue(context, np.zeros(4))
     tip = -scenario.geometry.hole_depth - 1e-5
-    plant.set_start(context, carriage=scenario.sensor.height + tip, pitch=0.0, yaw=0.0)
+    plant.set_start(context, carriage=scenario.sensor.height + tip, angles=(0.0, 0.0))
     simulator.AdvanceTo(0.3)  # at rest on the floor
     dut = diagram.GetSubsystemByName("rig_display")
     dut._publish(dut.GetMyContextFromRoot(context))
