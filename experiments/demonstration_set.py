@@ -17,6 +17,8 @@ GOOD_HABITS = ("expert", "novice")
 BAD_HABITS = ("blind", "slams", "gives_up", "overcorrects")
 OPERATORS = 10  # number of people who demonstrate in turn: three of thirty demonstrations each
 MAX_ATTEMPTS = 50
+PATIENCE = 8  # attempts of a person that all end alike, after which the outcome does not depend on luck
+SUBSTITUTE = 10**9  # added to the number of a person for the one who takes over
 MAX_DEMONSTRATIONS = 10_000  # in one set, so that `attempt_seed` is unique
 
 
@@ -68,7 +70,8 @@ def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstra
     """Repeats a demonstration until it is good or bad, as requested.
 
     A bad habit may insert by luck from a small tilt, and a good one may fail or end at once. The same person then tries
-    again from another start. The metadata hold the number of attempts.
+    again from another start. A person whose first `PATIENCE` attempts all end alike is replaced, once, by another one
+    of the same habit. The metadata hold the numbers of the person and of attempts.
 
     Raises:
         ValueError: if no attempt is as requested.
@@ -89,8 +92,10 @@ def demonstrate(scenario: Scenario, request: Request, *, seed: int) -> Demonstra
                 demonstration.metadata.update({"number": number, "operator": person, "attempts": attempt + 1})
                 return demonstration
             outcomes.append(demonstration.reason)
-        if len(outcomes) >= 8 and len(set(outcomes)) == 1:
-            break  # the outcome does not depend on luck
+        if len(set(outcomes)) == 1 and len(outcomes) == PATIENCE:
+            person += SUBSTITUTE
+        if len(set(outcomes)) == 1 and len(outcomes) == 2 * PATIENCE:
+            break
     kind = "good" if request.good else "bad"
     raise ValueError(
         f"demonstration {request.number}: habit '{request.habit}' gave no {kind} example in {len(outcomes)}"

@@ -6,6 +6,7 @@ from experiments import demonstration_set
 from experiments.demonstration_set import (
     MAX_ATTEMPTS,
     OPERATORS,
+    SUBSTITUTE,
     Request,
     attempt_seed,
     demonstrate,
@@ -84,11 +85,20 @@ def test_a_demonstration_that_no_file_may_hold_is_repeated(quick_scenario, recor
     assert (found.outcome, found.metadata["attempts"]) == (Outcome.JAMMED, 2)
 
 
-def test_eight_equal_outcomes_end_the_attempts(quick_scenario, record):
+def test_after_eight_equal_outcomes_another_person_tries(quick_scenario, record):
+    scenarios = record(*[Outcome.JAMMED] * 8, Outcome.INSERTED)
+    found = demonstrate(quick_scenario, Request(3, "novice", True), seed=2)
+    assert found.metadata["operator"] == 2 * OPERATORS + 3 + SUBSTITUTE
+    people = [(s.operator.habit, s.operator.align_gain) for s in scenarios]
+    assert [person == people[0] for person in people] == [True] * 8 + [False]
+    assert people[8][0] == "novice"
+
+
+def test_sixteen_equal_outcomes_end_the_attempts(quick_scenario, record):
     scenarios = record(Outcome.JAMMED)
-    with pytest.raises(ValueError, match=r"no good example in 8 attempts \(outcomes: \['jammed'\]\)"):
+    with pytest.raises(ValueError, match=r"no good example in 16 attempts \(outcomes: \['jammed'\]\)"):
         demonstrate(quick_scenario, Request(0, "expert", True), seed=0)
-    assert len(scenarios) == 8
+    assert len(scenarios) == 16
 
 
 def test_different_outcomes_are_tried_fifty_times(quick_scenario, record):
