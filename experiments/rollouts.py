@@ -12,13 +12,14 @@ import pandas as pd
 from experiments.ended_trial import EndedTrial, Looks
 from experiments.metrics.force_metrics import force_figures
 from experiments.metrics.motion_metrics import motion_figures
+from models.arm import RIG
 from models.scenario import Scenario
 from skill.data.outcome import Outcome
 from skill.data.rig_run import LOGGED_COLUMNS
 from skill.policy import RigPolicy
 from skill.skill_step import skill_numbers
+from systems.law import check_geometry
 from systems.plant.exact_plant import Mechanics
-from systems.rig import check_geometry
 from systems.rollout import DIVERGED, FAILED, OUTCOMES, RigNumbers, roll_out
 from systems.steps.back_off import attempts_text
 from systems.steps.faults import Fault
@@ -36,13 +37,14 @@ def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTr
         number: of the trial, for the record.
 
     Returns:
-        The trial; None if only a diagram can perform it: in another engine, with a policy that is no skill that
-        imitates, or because the simulation breaks down, for which the diagram gives the reason.
+        The trial; None if only a diagram can perform it: by an arm, in another engine, with a policy that is no skill
+        that imitates, or because the simulation breaks down, for which the diagram gives the reason.
 
     Raises:
         ValueError: if the policy was made for another peg or hole.
     """
-    skill = skill_numbers(policy) if scenario.contact.engine == "exact" and scenario.start.depth <= 0.0 else None
+    looped = scenario.carrier == RIG and scenario.contact.engine == "exact" and scenario.start.depth <= 0.0
+    skill = skill_numbers(policy) if looped else None
     if skill is None:
         return None
     check_geometry(scenario, policy)

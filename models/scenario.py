@@ -15,6 +15,7 @@ import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
+from models.arm import CARRIERS, RIG, ArmParameters
 from models.contact_checks import facet_violations, softness_violations
 from models.contact_theory import largest_entry_tilt
 from models.control import ControllerParameters
@@ -201,9 +202,11 @@ class Scenario:
     device: str = "paper"  # a key of DEVICE_PRESETS
     coupling: CouplingParameters = field(default_factory=CouplingParameters)
     fixture: str = RIG_FIXTURE  # one of FIXTURES
+    carrier: str = RIG  # one of models.arm.CARRIERS: what performs the skill
     operator: OperatorParameters = field(default_factory=OperatorParameters)
     recorder: RecorderParameters = field(default_factory=RecorderParameters)
     rig: RigParameters = field(default_factory=RigParameters)
+    arm: ArmParameters = field(default_factory=ArmParameters)
     stepper: StepperMotorParameters = field(default_factory=StepperMotorParameters)
     feed: DcMotorParameters = field(default_factory=DcMotorParameters)
     sensor: WrenchSensorParameters = field(default_factory=WrenchSensorParameters)
@@ -328,6 +331,10 @@ def _name_violations(scenario: Scenario) -> Iterator[Violation]:
         yield Violation("device", repr(scenario.device), f"one of {sorted(DEVICE_PRESETS)}")
     if scenario.fixture not in FIXTURES:
         yield Violation("fixture", repr(scenario.fixture), f"one of {FIXTURES}")
+    if scenario.carrier not in CARRIERS:
+        yield Violation("carrier", repr(scenario.carrier), f"one of {CARRIERS}")
+    if scenario.carrier != RIG and scenario.contact.engine != "exact":
+        yield Violation("contact.engine", repr(scenario.contact.engine), "exact, for an arm")
     if habit not in HABITS:
         yield Violation("operator.habit", repr(habit), f"one of {sorted(HABITS)}")
 
@@ -403,8 +410,8 @@ DEMONSTRATION_STREAM, TRIAL_STREAM, PERSON_STREAM, PRACTICE_STREAM, CHECK_STREAM
 CORRECTION_STREAM, QUESTION_STREAM, STRESS_STREAM = 7, 8, 9
 """Random streams; equal seeds in different streams give independent draws."""
 
-CLOCKING_DRAW = 1
-"""Third number of the seed of the clocking angle at the start."""
+CLOCKING_DRAW, HOLE_DRAW = 1, 2
+"""Third numbers of the seeds of the clocking angle at the start, and of the place of the hole under an arm."""
 
 
 def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int | None = None) -> Scenario:
@@ -439,5 +446,8 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int 
     if start.clocking is None:  # from a stream of its own, so that the other draws do not depend on the stage
         share = float(np.random.default_rng([stream, seed, CLOCKING_DRAW]).uniform(-1.0, 1.0))
         start.clocking = share * start.clocking_range if rig.clocking_stage else 0.0
+    if resolved.arm.hole_offset is None:
+        shares = np.random.default_rng([stream, seed, HOLE_DRAW]).uniform(-1.0, 1.0, 2)
+        resolved.arm.hole_offset = [float(share) * resolved.arm.hole_offset_range for share in shares]
     validate_scenario(resolved, f"scenario resolved with seed {seed}")
     return resolved

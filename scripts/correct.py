@@ -353,7 +353,7 @@ def correct_live(
     from scripts.record import announced_page, live_margins
     from skill.data.demonstration import read_demonstration
     from skill.data.geometry import common_geometry
-    from systems.rig import check_geometry
+    from systems.law import check_geometry
 
     chosen, learnt, train = begin(skill, demonstrations, corrections, out, plan, scenario)
     shown_in = load_scenario("device" if driver else "live", defaults=chosen)

@@ -198,7 +198,7 @@ def record_live(
     from models.clearance import load_scenario_of_clearance
     from skill.manipulation_skill import ManipulationSkill
     from skill.practice.query_state import read_query_states
-    from systems.rig import check_geometry
+    from systems.law import check_geometry
 
     chosen = load_scenario_of_clearance(scenario)
     margins = live_margins(chosen, driver)

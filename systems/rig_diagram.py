@@ -15,10 +15,9 @@ from systems.control.policy_controller import PolicyController
 from systems.control.watchdog import Watchdog
 from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor
-from systems.plant.rig_plant import RigPlant, stepper_axes
+from systems.plant.rig_plant import PegCarrier, stepper_axes
 from systems.recording.run_recorder import RunRecorder
 from systems.steps.faults import Fault
-from systems.steps.force_guard import StoppingModel
 
 
 @dataclass(frozen=True)
@@ -33,12 +32,12 @@ class RigDiagram:
         watchdog: the system between controller and motors.
         force_guard: the system that limits the load, before the motors.
         sensor: the force/torque sensor.
-        steppers: the axes of the block, in the order of `stepper_axes`.
+        steppers: of the block, in the order of `stepper_axes`; an arm has none.
         scenario: of which the diagram was built.
     """
 
     diagram: Diagram
-    plant: RigPlant
+    plant: PegCarrier
     recorder: RunRecorder
     controller: PolicyController
     watchdog: Watchdog
@@ -64,12 +63,11 @@ class RigDiagram:
             ValueError: if the scenario differs in more than `resolve_scenario` draws.
         """
         _check_same_rig(self.scenario, trial)
-        inertia = self.plant.set_trial(context, trial)
-        stopping = StoppingModel.of(trial, mass=self.plant.moving_mass, inertia=inertia)
+        stopping = self.plant.set_trial(context, trial)
         self.force_guard.set_stopping(self.force_guard.GetMyMutableContextFromRoot(context), stopping)
         self.sensor.set_seed(self.sensor.GetMyMutableContextFromRoot(context), trial.seed)
         angles = start_angles(trial)
-        for stepper, angle in zip(self.steppers, angles, strict=True):
+        for stepper, angle in zip(self.steppers, angles, strict=False):  # an arm has no steppers
             stepper.set_start_angle(stepper.GetMyMutableContextFromRoot(context), angle)
         self.plant.set_start(context, carriage=_home(trial), angles=angles)
 
@@ -129,7 +127,7 @@ def _check_same_rig(built: Scenario, trial: Scenario) -> None:
     same = copy.deepcopy(trial)
     same.seed, same.operator = built.seed, built.operator
     same.start.tilt, same.start.offset = built.start.tilt, built.start.offset
-    same.start.clocking = built.start.clocking
+    same.start.clocking, same.arm.hole_offset = built.start.clocking, built.arm.hole_offset
     same.rig.pivot_height, same.contact.friction = built.rig.pivot_height, built.contact.friction
     if trial.start.tilt is None or trial.rig.pivot_height is None or same != built:
         raise ValueError(

@@ -38,7 +38,7 @@ def test_demo_and_test_run_in_a_folder_with_a_space(checkout):
     assert done.returncode == 0, done.stdout + done.stderr
     assert (checkout / "out" / "rig" / "report.html").is_file()
     assert (checkout / "out" / "skill.npz").is_file()
-    done = make(checkout, *own, "test", "TESTS=tests/models/test_bore.py")
+    done = make(checkout, *own, "test", "TESTS=tests/models/test_meshes.py")
     assert done.returncode == 0, done.stdout + done.stderr
     assert " passed in " in done.stdout.splitlines()[-1]
 

@@ -54,4 +54,4 @@ def test_a_module_has_mirrored_tests_and_those_that_import_it():
     assert [path.as_posix() for path in mirrored] == ["tests/systems/steps/test_back_off.py"]
     names = [path.as_posix() for path in others]
     assert "tests/systems/control/test_policy_controller.py" in names  # imports a module that imports it
-    assert "tests/models/test_bore.py" not in names
+    assert "tests/models/test_meshes.py" not in names

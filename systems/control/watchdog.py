@@ -80,7 +80,7 @@ class Watchdog(LeafSystem):
             self._values(context),
             np.array([port.Eval(context)[0] for port in self._monitors]),
             self._failed.Eval(context)[0] != 0.0,
-            np.array([port.Eval(context) for port in self._shafts]),
+            np.reshape([port.Eval(context) for port in self._shafts], (-1, 2)),
         )
         discrete_state.set_value(self._state, found)
 

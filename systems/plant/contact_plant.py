@@ -52,6 +52,7 @@ from skill.arrays import Array
 from systems.plant.body_pose import BodyPose
 from systems.plant.contact_forces import Contact, hydroelastic_forces, single_contacts
 from systems.plant.rig_plant import stepper_axes
+from systems.steps.force_guard import StoppingModel
 
 DIVERGENCE_FORCE = 1e5  # in units of N; a larger contact force means that the simulation has diverged
 STEEL = 7850.0  # in units of kg/m^3
@@ -132,7 +133,7 @@ class HydroelasticRig(ContactPlant):
         """See `RigPlant`."""
         return self._turning_inertia(self.plant.CreateDefaultContext())
 
-    def set_trial(self, context: Context, trial: Scenario) -> float:
+    def set_trial(self, context: Context, trial: Scenario) -> StoppingModel:
         """See `RigPlant`."""
         pivot = _pivot_pose(trial)
         home = self.plant.CreateDefaultContext()
@@ -146,7 +147,7 @@ class HydroelasticRig(ContactPlant):
                 properties = ProximityProperties(inspector.GetProximityProperties(geometry))
                 properties.UpdateProperty("material", "coulomb_friction", _friction(trial))
                 self.scene_graph.AssignRole(scene, source, geometry, properties, RoleAssign.kReplace)
-        return self._turning_inertia(home)
+        return StoppingModel.of(trial, mass=self.moving_mass, inertia=self._turning_inertia(home))
 
     def _turning_inertia(self, context: Context) -> float:
         axis = self.plant.GetJointByName("pitch").velocity_start()

@@ -45,7 +45,7 @@ def advance_peg(
     wrench: Array,
     step: float,
     count: int,
-) -> tuple[Array, int, Array, Array]:
+) -> tuple[Array, int, Array, Array, Array]:
     """Takes ``count`` time steps.
 
     Args:
@@ -61,7 +61,8 @@ def advance_peg(
 
     Returns:
         Torque and force of the contact on the peg at the tip, in H, in the last step, (6,), N m and N; and the
-        contacts of the last step: number, points (MAX_CONTACTS, 3) in H, and normal forces (MAX_CONTACTS,).
+        contacts of the last step: number, points (MAX_CONTACTS, 3) and normals (MAX_CONTACTS, 3) in H, and normal
+        forces (MAX_CONTACTS,).
     """
     gap, point, normal = np.empty(MAX_CONTACTS), np.empty((MAX_CONTACTS, 3)), np.empty((MAX_CONTACTS, 3))
     surface, force, contact, found = np.empty(MAX_CONTACTS, np.int64), np.zeros(MAX_CONTACTS), np.zeros(6), 0
@@ -96,7 +97,7 @@ def advance_peg(
             old_impulse[i // 3, i % 3] = impulse[i]
         for i in range(found):
             force[i], old_surface[i] = impulse[3 * i] / step, surface[i]
-    return contact, found, point, force
+    return contact, found, point, normal, force
 
 
 class ExactPeg(LeafSystem):
@@ -160,7 +161,7 @@ class ExactPeg(LeafSystem):
         state, wrench = self._state(context).copy(), np.zeros(6)
         for force in self.peg_forces.Eval(context):  # at the tip
             wrench += np.concatenate([force.F_Bq_W.rotational(), force.F_Bq_W.translational()])
-        contact, found, points, forces = advance_peg(
+        contact, found, points, _, forces = advance_peg(
             self._bodies,
             self._inertia,
             self._damping,

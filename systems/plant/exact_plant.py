@@ -26,6 +26,7 @@ from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents
 from systems.plant.exact_gaps import MAX_CONTACTS, Bodies, Numbers, find_contacts
 from systems.plant.rig_plant import stepper_axes
+from systems.steps.force_guard import StoppingModel
 
 FREEDOMS = 6
 """Carriage, mount along x and y, pitch, yaw, and the clocking of the block, which is locked without its stage."""
@@ -366,14 +367,14 @@ class ExactPlant(LeafSystem):
         start[0], start[3 : 3 + len(angles)] = carriage, angles
         self.GetMyMutableContextFromRoot(context).SetDiscreteState(self._motion, start)
 
-    def set_trial(self, context: Context, trial: Scenario) -> float:
+    def set_trial(self, context: Context, trial: Scenario) -> StoppingModel:
         """See `RigPlant`."""
         own = self.GetMyMutableContextFromRoot(context)
         bodies, m = self._constants_in(own)
         bodies = bodies._replace(friction=trial.contact.friction)
         m = m._replace(pivot=float(trial.rig.pivot_height or 0.0))
         own.get_mutable_abstract_parameter(self._constants).set_value((bodies, m))
-        return m.turning_inertia()
+        return StoppingModel.of(trial, mass=self.moving_mass, inertia=m.turning_inertia())
 
     def tip_height(self, context: Context) -> float:
         """See `RigPlant`."""

@@ -21,6 +21,7 @@ from pydrake.systems.framework import (
 from models.scenario import Scenario
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.mujoco_model import STEPS, MujocoContact, forces_on_the_peg, rig_document
+from systems.steps.force_guard import StoppingModel
 
 KEPT = mujoco.mjtState.mjSTATE_PHYSICS | mujoco.mjtState.mjSTATE_WARMSTART
 """The parts of MuJoCo's state that, with the inputs, determine the next step."""
@@ -102,12 +103,12 @@ class MujocoPlant(LeafSystem):
         mujoco.mj_getState(model, data, kept, KEPT)
         own.SetDiscreteState(self._kept, kept)
 
-    def set_trial(self, context: Context, trial: Scenario) -> float:
+    def set_trial(self, context: Context, trial: Scenario) -> StoppingModel:
         """See `RigPlant`: another model of the same size is compiled."""
         model = mujoco.MjModel.from_xml_string(rig_document(trial, MujocoContact.of(trial)))
         own = self.GetMyMutableContextFromRoot(context)
         own.get_mutable_abstract_parameter(self._constants).set_value(model)
-        return _inertia(model, "pitch")
+        return StoppingModel.of(trial, mass=self.moving_mass, inertia=_inertia(model, "pitch"))
 
     def tip_height(self, context: Context) -> float:
         """See `RigPlant`."""

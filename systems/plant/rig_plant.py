@@ -11,6 +11,7 @@ from pydrake.systems.framework import Context, InputPort, OutputPort
 from models.scenario import Scenario
 from skill.data.axes import AXES
 from systems.plant.contact_forces import Contact
+from systems.steps.force_guard import StoppingModel
 
 
 def stepper_axes(scenario: Scenario) -> tuple[str, ...]:
@@ -18,11 +19,44 @@ def stepper_axes(scenario: Scenario) -> tuple[str, ...]:
     return AXES if scenario.rig.clocking_stage else AXES[:2]
 
 
-class RigPlant(Protocol):
-    """Ports and queries of carriage, mount, peg, gimbal and block.
+class PegCarrier(Protocol):
+    """Queries of what carries peg and hole, the rig or an arm.
 
     Every ``context`` is the root context of the diagram.
     """
+
+    def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
+        """Sets the position of the carriage (m) and the angles (n,) of the axes of the block (rad)."""
+
+    def set_trial(self, context: Context, trial: Scenario) -> StoppingModel:
+        """Sets the height of the pivot and the friction of another resolved scenario.
+
+        Args:
+            context: of the diagram.
+            trial: as the scenario of the plant, but for pivot and friction.
+
+        Returns:
+            How the rig stops with this pivot.
+        """
+
+    def tip_height(self, context: Context) -> float:
+        """Returns the height of the centre of the peg's tip in W, m."""
+
+    def peg_in_hole(self, context: Context) -> RigidTransform:
+        """Returns X_HP, the pose of the peg in the block."""
+
+    def contact_extent(self, context: Context) -> float:
+        """Returns a number that is cheap and grows with the contact in the plant's last step; 0 without contact."""
+
+    def contacts(self, context: Context) -> list[Contact]:
+        """Returns the single contacts of the plant's last step, at most five, the strongest first.
+
+        Their normal forces, with friction, make up the contact wrench on the peg.
+        """
+
+
+class RigPlant(PegCarrier, Protocol):
+    """Ports of carriage, mount, peg, gimbal and block."""
 
     @property
     def carriage_force(self) -> InputPort:
@@ -59,32 +93,3 @@ class RigPlant(Protocol):
     @property
     def turning_inertia(self) -> float:
         """Inertia of gimbal, block and rotor about the axis of pitch, where it is largest, kg m^2."""
-
-    def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
-        """Sets the position of the carriage (m) and the angles (n,) of the axes of the block (rad)."""
-
-    def set_trial(self, context: Context, trial: Scenario) -> float:
-        """Sets the height of the pivot and the friction of another resolved scenario.
-
-        Args:
-            context: of the diagram.
-            trial: as the scenario of the plant, but for pivot and friction.
-
-        Returns:
-            `turning_inertia` with this pivot, kg m^2.
-        """
-
-    def tip_height(self, context: Context) -> float:
-        """Returns the height of the centre of the peg's tip in W, m."""
-
-    def peg_in_hole(self, context: Context) -> RigidTransform:
-        """Returns X_HP, the pose of the peg in the block."""
-
-    def contact_extent(self, context: Context) -> float:
-        """Returns a number that is cheap and grows with the contact in the plant's last step; 0 without contact."""
-
-    def contacts(self, context: Context) -> list[Contact]:
-        """Returns the single contacts of the plant's last step, at most five, the strongest first.
-
-        Their normal forces, with friction, make up the contact wrench on the peg.
-        """

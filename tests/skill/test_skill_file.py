@@ -121,6 +121,7 @@ def test_everything_that_the_skill_consists_of_is_restored(made_up_skill, tmp_pa
             "demonstrations": 2,
             "good": 2,
             "geometry": {**GEOMETRY, "section": "round", "corners": [], "mates": []},
+            "clocking": False,
             "contexts": [1.0],
         }
     )

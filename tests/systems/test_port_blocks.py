@@ -14,7 +14,7 @@ from pydrake.systems.framework import LeafSystem
 
 import systems
 from models.hardware import DEVICE_PRESETS
-from models.scenario import TRIAL_STREAM, Scenario, resolve_scenario
+from models.scenario import TRIAL_STREAM, Scenario, load_scenario, resolve_scenario
 from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
 from systems.plant.exact_plant import ExactPlant
@@ -26,7 +26,11 @@ S = Scenario()
 X = RigidTransform()
 
 TRIAL = resolve_scenario(S, seed=0, stream=TRIAL_STREAM)
+ARM = resolve_scenario(load_scenario("fr3"), seed=0, stream=TRIAL_STREAM)
 ARGUMENTS = {
+    "HeldPeg": lambda skill: {"scenario": ARM, "period": 1e-3},
+    "TipServo": lambda skill: {"scenario": ARM, "held_weight": 3.0},
+    "TipMotion": lambda skill: {"scenario": ARM, "flange": BodyIndex(8), "p_FP": np.zeros(3)},
     "BodyPose": lambda skill: {"body": BodyIndex(1)},
     "DcMotor": lambda skill: {"parameters": S.feed, "period": 1e-3},
     "DemonstrationRecorder": lambda skill: {"period": 0.02, "X_HP_start": X},
@@ -138,6 +142,9 @@ def test_only_the_listed_outputs_have_direct_feedthrough(dut, kind):
         "MujocoPeg": set(),
         "MujocoPlant": set(),
         "HapticDevice": {("virtual_wrench", "rendered_wrench")},
+        "HeldPeg": set(),
+        "TipServo": {("joint_state", "torques")},
+        "TipMotion": {("joint_state", "anchor"), ("joint_state", "depth"), ("held_wrench", "forces")},
         "LocalPeg": set(),
         "StaleContactFade": {("virtual_wrench", "faded_wrench")},
         "PolicyController": set(),

@@ -160,6 +160,8 @@ def test_the_rig_runs_with_every_key_changed(quick_scenario, skill):
     scenario = load_scenario("one_of_everything")
     scenario.geometry = replace(quick_scenario.geometry, facets=FREE_FACETS)  # the geometry of the skill
     scenario.start.depth = 0.0  # for demonstrations only
+    scenario.rig.clocking_stage = False  # as this geometry is round
+    scenario.carrier = "rig"
     resolved = resolve_scenario(scenario, seed=0, stream=TRIAL_STREAM)
     foreign = copy.copy(skill)
     foreign.metadata_ = {}  # foreign demonstrations need not state their geometry

@@ -144,7 +144,7 @@ def test_a_skill_for_another_peg_is_refused(skill):
 def test_a_run_holds_what_the_rig_measures_and_commands_and_an_action_the_next_command():
     run = make_rig_run()
     columns = run_episode(run, "a.parquet").columns
-    names = ["target_pitch", "target_yaw", "feed_speed"]
+    names = ["target_pitch", "target_yaw", "target_clocking", "feed_speed"]
     np.testing.assert_array_equal(columns["observation.state"], run.samples[["depth", *names]].astype("f4"))
     commands = run.samples[names].to_numpy(dtype="f4")
     np.testing.assert_array_equal(columns["action"], [*commands[1:], commands[-1]])

@@ -190,7 +190,7 @@ def test_person_with_mouse_and_keys_records_a_demonstration(tmp_path):
 @pytest.mark.browser
 def test_a_person_begins_in_the_pose_that_a_skill_asked_to_be_shown(tmp_path):
     asked = {"trial": 5, "time": 1.0, "depth": 0.0018, "tilt": [0.02, 0.0], "load": 12.0, "state": "two-point contact"}
-    write_json(tmp_path / "asked.json", [asked | {"pivot_height": -0.001, "friction": 0.2}])
+    write_json(tmp_path / "asked.json", [asked | {"clocking": 0.0, "pivot_height": -0.001, "friction": 0.2}])
     with live(tmp_path, options=("--asked", str(tmp_path / "asked.json"))) as session, session.page() as page:
         wait_for_text(page, "status", "ready: press Space")
         assert text_of(page, "depth") == "1.50 of 3.7 mm"  # 0.3 mm above

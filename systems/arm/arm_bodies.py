@@ -1,0 +1,70 @@
+"""The bodies and joint drives of an arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import SceneGraph
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, Frame, PdControllerGains
+from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
+
+from models.scenario import Scenario
+from systems.arm.kinematics import ARMS, add_arm_model
+
+PERIOD = 1e-3
+"""Step of the arm, s."""
+
+
+@dataclass(frozen=True)
+class ArmBodies:
+    """A finalised plant of an arm, whose joints are held by implicit spring-dampers.
+
+    Attributes:
+        plant: the plant.
+        scene_graph: its scene graph.
+        tip: frame of the tip of the peg at rest on its compliance.
+    """
+
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    tip: Frame
+
+    @property
+    def flange(self) -> BodyIndex:
+        """Index of the body that carries the flange."""
+        return self.tip.body().index()
+
+    @property
+    def desired(self) -> InputPort:
+        """Desired angles and rates (2n,), rad and rad/s."""
+        return self.plant.get_desired_state_input_port(self.plant.GetModelInstanceByName("fr3"))
+
+    @property
+    def torques(self) -> InputPort:
+        """Torques beside those of the spring-dampers (n,), N m."""
+        return self.plant.get_actuation_input_port(self.plant.GetModelInstanceByName("fr3"))
+
+    @property
+    def state(self) -> OutputPort:
+        """Angles and rates (2n,), rad and rad/s."""
+        return self.plant.get_state_output_port(self.plant.GetModelInstanceByName("fr3"))
+
+
+def AddArm(builder: DiagramBuilder, scenario: Scenario) -> ArmBodies:
+    """Adds the arm of a scenario."""
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, PERIOD)
+    tip = add_arm_model(plant, scenario)
+    model, arm = ARMS[scenario.carrier], scenario.arm
+    instance = plant.GetModelInstanceByName("fr3")
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices(instance)]
+    turning = [joint for joint in joints if joint.num_velocities() > 0]
+    for joint, rotor, ratio in zip(turning, model.rotor_inertia, model.gear_ratio, strict=True):
+        drive = plant.GetJointActuatorByName(joint.name())
+        drive.set_default_rotor_inertia(rotor)
+        drive.set_default_gear_ratio(ratio)
+        damping = 2.0 * arm.joint_damping * np.sqrt(arm.joint_stiffness * rotor * ratio**2)
+        drive.set_controller_gains(PdControllerGains(p=arm.joint_stiffness, d=damping))
+    plant.Finalize()
+    return ArmBodies(plant, scene_graph, tip)

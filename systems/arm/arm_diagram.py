@@ -1,0 +1,154 @@
+"""The diagram of an arm that carries the peg over a fixed hole, behind the same law of control as the rig."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, DiagramBuilder
+
+from models.scenario import Scenario
+from skill.data.axes import AXES
+from skill.policy import RigPolicy
+from systems.arm.arm_bodies import PERIOD, AddArm, ArmBodies
+from systems.arm.kinematics import ArmKinematics
+from systems.arm.tip_servo import TipMotion, TipServo, tip_pose
+from systems.law import AddLaw, check_geometry, connect_carrier
+from systems.plant.contact_forces import Contact
+from systems.plant.held_peg import Compliance, HeldPeg
+from systems.recording.run_recorder import AddRunRecorder
+from systems.rig_diagram import RigDiagram
+from systems.steps.force_guard import StoppingModel
+
+
+@dataclass(frozen=True)
+class ArmPlant:
+    """An arm with its peg, for `RigDiagram`.
+
+    Attributes:
+        scenario: resolved.
+        bodies: of the arm.
+        peg: on the compliance.
+        servo: of the tip.
+        motion: of the tip.
+    """
+
+    scenario: Scenario
+    bodies: ArmBodies
+    peg: HeldPeg
+    servo: TipServo
+    motion: TipMotion
+
+    def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
+        """See `RigPlant`."""
+        turned = np.append(angles, np.zeros(len(AXES) - len(angles)))
+        height = carriage - self.scenario.sensor.height
+        q = self.servo.set_start(context, turned, height)
+        own = self.bodies.plant.GetMyMutableContextFromRoot(context)
+        self.bodies.plant.SetPositions(own, q)
+        self.bodies.plant.SetVelocities(own, np.zeros_like(q))
+        X_WP = tip_pose(turned, height)
+        sag = X_WP.rotation().inverse() @ np.array([0.0, 0.0, -self.peg.compliance.weight])
+        bent = X_WP.rotation() @ (sag / self.peg.compliance.stiffness[3:])
+        self.peg.set_start(context, RigidTransform(X_WP.rotation(), X_WP.translation() + bent))
+
+    def set_trial(self, context: Context, trial: Scenario) -> StoppingModel:
+        """Sets friction and place of the hole of another resolved scenario, and returns how the arm stops."""
+        self.peg.set_trial(context, trial)
+        return stopping_of(trial)
+
+    def tip_height(self, context: Context) -> float:
+        """See `RigPlant`: along the axis of the peg, from the mouth."""
+        p_WP = self.peg.pose(context).translation()
+        return math.copysign(float(np.linalg.norm(p_WP)), p_WP[2])
+
+    def peg_in_hole(self, context: Context) -> RigidTransform:
+        """See `RigPlant`."""
+        return self.peg.peg_in_hole(context)
+
+    def contact_extent(self, context: Context) -> float:
+        """See `RigPlant`."""
+        return self.peg.contact_extent(context)
+
+    def contacts(self, context: Context) -> list[Contact]:
+        """See `RigPlant`."""
+        return self.peg.contacts(context)
+
+
+def stopping_of(scenario: Scenario) -> StoppingModel:
+    """Returns how an arm stops, from the stiffness of its joints and of its compliance in series.
+
+    A contact that stops the tip at the speed v stops the held mass, which the spring k of the arm carries, and bends
+    this spring further until the command stops: F = v (sqrt(k m) + k t); likewise for a turn about the mouth.
+    """
+    arm, sensor = scenario.arm, scenario.sensor
+    kinematics = ArmKinematics(scenario)
+    q = kinematics.angles_at(tip_pose(np.zeros(3), scenario.start.height))
+    joints = kinematics.stiffness(q, arm.joint_stiffness)
+    c = Compliance.of(arm, 0.0)
+    turning, _, _, _, _, axial = (1.0 / (1.0 / joints + 1.0 / c.stiffness)).tolist()
+    delay = sensor.delay + sensor.time_constant + sensor.period + arm.delay + PERIOD
+    reach = scenario.geometry.reach
+    return StoppingModel(
+        period=sensor.period,
+        delay=delay,
+        deceleration=arm.max_acceleration,
+        feed_impact=math.sqrt(axial * c.inertia[5]) + axial * delay,
+        turn_impact=(math.sqrt(turning * c.inertia[0]) + turning * delay) / reach,
+    )
+
+
+def MakeArm(scenario: Scenario, policy: RigPolicy) -> RigDiagram:
+    """Builds the diagram of a resolved scenario whose carrier is an arm.
+
+    Raises:
+        ValueError: if the policy was trained for another peg or hole, or the arm does not reach the start.
+    """
+    check_geometry(scenario, policy)
+    builder = DiagramBuilder()
+    bodies = AddArm(builder, scenario)
+    peg = builder.AddNamedSystem("held_peg", HeldPeg(scenario, period=PERIOD))
+    weight = peg.compliance.weight
+    servo = builder.AddNamedSystem("tip_servo", TipServo(scenario, held_weight=weight))
+    p_FP = bodies.tip.GetFixedPoseInBodyFrame().translation()
+    motion = builder.AddNamedSystem("tip_motion", TipMotion(scenario, flange=bodies.flange, p_FP=p_FP))
+    law = AddLaw(builder, scenario, policy, stopping=stopping_of(scenario), weld=0, weight=weight, steppers=())
+    connect_carrier(
+        builder,
+        law,
+        reaction_forces=peg.GetOutputPort("reaction_forces"),
+        depth=motion.GetOutputPort("depth"),
+        monitors={},
+    )
+    for name in (*(f"target_{axis}" for axis in AXES), "feed_speed"):
+        builder.Connect(law.force_guard.GetOutputPort(name), servo.GetInputPort(name))
+    for reader in (servo, motion):
+        builder.Connect(bodies.state, reader.GetInputPort("joint_state"))
+    builder.Connect(servo.GetOutputPort("desired"), bodies.desired)
+    builder.Connect(servo.GetOutputPort("torques"), bodies.torques)
+    builder.Connect(motion.GetOutputPort("anchor"), peg.GetInputPort("anchor"))
+    builder.Connect(peg.GetOutputPort("held_wrench"), motion.GetInputPort("held_wrench"))
+    builder.Connect(motion.GetOutputPort("forces"), bodies.plant.get_applied_spatial_force_input_port())
+    recorder = AddRunRecorder(
+        builder=builder,
+        ports={**law.recorded(AXES), ("carriage", *AXES): peg.GetOutputPort("as_on_rig")},
+        period=scenario.controller.period,
+        home=0.0,
+    )
+    diagram = builder.Build()
+    diagram.set_name("arm")
+    plant = ArmPlant(scenario, bodies, peg, servo, motion)
+    return RigDiagram(
+        diagram,
+        plant,
+        recorder,
+        law.controller,
+        law.watchdog,
+        force_guard=law.force_guard,
+        sensor=law.sensor,
+        steppers=(),
+        scenario=scenario,
+    )

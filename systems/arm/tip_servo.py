@@ -1,0 +1,163 @@
+"""The motion of an arm's tip: what it is commanded, where it is, and how the peg loads the arm."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from pydrake.common.value import AbstractValue, Value
+from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce
+from pydrake.multibody.tree import BodyIndex
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from models.scenario import Scenario
+from skill.arrays import Array
+from skill.data.axes import AXES
+from systems.arm.arm_bodies import PERIOD
+from systems.arm.kinematics import ArmKinematics
+
+
+def tip_pose(angles: Array, height: float) -> RigidTransform:
+    """Returns X_WP of a peg at a height (m) of its tip over a hole that is turned by three angles (rad), as the rig's.
+
+    An arm turns the peg instead, by the inverse rotation about the centre of the mouth.
+    """
+    pitch, yaw, clocking = angles
+    R_WH = RotationMatrix(RollPitchYaw(pitch, 0.0, 0.0)) @ RotationMatrix(RollPitchYaw(0.0, yaw, 0.0))
+    R_HP = (R_WH @ RotationMatrix.MakeZRotation(clocking)).inverse()
+    return RigidTransform(R_HP, R_HP @ np.array([0.0, 0.0, height]))
+
+
+class TipServo(LeafSystem):
+    """
+    .. pydrake_system::
+
+        name: TipServo
+        input_ports:
+        - target_pitch
+        - target_yaw
+        - target_clocking
+        - feed_speed
+        - joint_state
+        output_ports:
+        - desired
+        - torques
+
+    Moves the joints of an arm so that the tip follows the commands of the force guard: ``target_*``, the angles of the
+    hole relative to the start (rad), which the peg turns by the inverse of, and ``feed_speed`` (m/s), which is changed
+    with the arm's acceleration at most. ``desired`` (2n,) is the angles and rates of the joints, rad and rad/s, after
+    the delay of the arm. ``torques`` (n,) compensates for the weight of the arm and of what it holds, with the relative
+    error of the scenario.
+
+    Args:
+        scenario: resolved, of an arm.
+        held_weight: of what the arm holds, N.
+    """
+
+    def __init__(self, scenario: Scenario, *, held_weight: float) -> None:
+        super().__init__()
+        self._arm, self._kinematics, self._weight = scenario.arm, ArmKinematics(scenario), held_weight
+        self._targets = [self.DeclareVectorInputPort(f"target_{name}", 1) for name in AXES]
+        self._feed = self.DeclareVectorInputPort("feed_speed", 1)
+        n = len(self._kinematics.posture)
+        self._joints = self.DeclareVectorInputPort("joint_state", 2 * n)
+        self._rows = 2 + round(scenario.arm.delay / PERIOD)  # joint angles, the newest first
+        self._start = self.DeclareAbstractParameter(Value[object](np.zeros(3)))
+        self._angles = self.DeclareDiscreteState(self._rows * n)
+        self._tip = self.DeclareDiscreteState(2)  # height, m, and its rate, m/s
+        self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._update)
+        self.DeclareVectorOutputPort("desired", 2 * n, self._calc_desired, {self.discrete_state_ticket(self._angles)})
+        self.DeclareVectorOutputPort("torques", n, self._calc_torques, {self._joints.ticket()})
+
+    def set_start(self, context: Context, angles: Array, height: float) -> Array:
+        """Puts the command at a start, at rest, and returns the joint angles (n,) there; ``context`` is the root's."""
+        own = self.GetMyMutableContextFromRoot(context)
+        q = self._kinematics.angles_at(tip_pose(angles, height))
+        own.get_mutable_abstract_parameter(self._start).set_value(np.array(angles))
+        own.SetDiscreteState(self._angles, np.tile(q, self._rows))
+        own.SetDiscreteState(self._tip, np.array([height, 0.0]))
+        return q
+
+    def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
+        height, rate = context.get_discrete_state(self._tip).value()
+        change = self._arm.max_acceleration * PERIOD
+        wanted = min(max(self._feed.Eval(context)[0], -self._arm.max_speed), self._arm.max_speed)
+        rate += min(max(wanted - rate, -change), change)
+        height += PERIOD * rate
+        rows = np.array(context.get_discrete_state(self._angles).value()).reshape(self._rows, -1)
+        start = context.get_abstract_parameter(self._start).get_value()
+        angles = start + np.array([port.Eval(context)[0] for port in self._targets])
+        q = rows[0] + self._kinematics.motion_to(rows[0], tip_pose(angles, height))
+        discrete_state.set_value(self._tip, [height, rate])
+        discrete_state.set_value(self._angles, np.vstack([q, rows[:-1]]).ravel())
+
+    def _calc_desired(self, context: Context, output: BasicVector) -> None:
+        newer, older = np.array(context.get_discrete_state(self._angles).value()).reshape(self._rows, -1)[-2:]
+        output.SetFromVector(np.concatenate([newer, (newer - older) / PERIOD]))
+
+    def _calc_torques(self, context: Context, output: BasicVector) -> None:
+        joints = self._joints.Eval(context)
+        found = self._kinematics.weight_torques(joints[: len(joints) // 2], self._weight)
+        output.SetFromVector((1.0 + self._arm.gravity_error) * found)
+
+
+class TipMotion(LeafSystem):
+    """
+    .. pydrake_system::
+
+        name: TipMotion
+        input_ports:
+        - joint_state
+        - held_wrench
+        output_ports:
+        - anchor
+        - depth
+        - forces
+
+    From the joints of an arm (angles and rates, rad and rad/s) the motion of its tip: ``anchor`` (13,), for a
+    `HeldPeg`, and the measured ``depth`` of the tip (m), which does not know how the compliance is bent. ``forces`` are
+    those of what the arm holds on its flange, the opposite of ``held_wrench`` (6,), torque and force at the tip in W.
+
+    Args:
+        scenario: of an arm.
+        flange: index of the body that carries the flange.
+        p_FP: (3,), the tip in the frame of this body, m.
+    """
+
+    def __init__(self, scenario: Scenario, *, flange: BodyIndex, p_FP: Array) -> None:
+        super().__init__()
+        self._kinematics, self._resolution = ArmKinematics(scenario), scenario.arm.depth_resolution
+        self._flange, self._p_FP = flange, p_FP
+        n = len(self._kinematics.posture)
+        self._joints = self.DeclareVectorInputPort("joint_state", 2 * n)
+        self._held = self.DeclareVectorInputPort("held_wrench", 6)
+        joints = {self._joints.ticket()}
+        self.DeclareVectorOutputPort("anchor", 13, self._calc_anchor, joints)
+        self.DeclareVectorOutputPort("depth", 1, self._calc_depth, joints)
+        self.DeclareAbstractOutputPort(
+            "forces",
+            lambda: AbstractValue.Make([ExternallyAppliedSpatialForce()]),
+            self._calc_forces,
+            {self._held.ticket()},
+        )
+
+    def _calc_anchor(self, context: Context, output: BasicVector) -> None:
+        q, v = np.split(self._joints.Eval(context), 2)
+        X_WP = self._kinematics.tip(q)
+        pose = [*X_WP.rotation().ToQuaternion().wxyz(), *X_WP.translation()]
+        output.SetFromVector([*pose, *(self._kinematics.jacobian(q) @ v)])
+
+    def _calc_depth(self, context: Context, output: BasicVector) -> None:
+        q, _ = np.split(self._joints.Eval(context), 2)
+        p_WP = self._kinematics.tip(q).translation()
+        distance = math.copysign(float(np.linalg.norm(p_WP)), p_WP[2])  # along the axis of the peg from the mouth
+        output[0] = -round(distance / self._resolution) * self._resolution
+
+    def _calc_forces(self, context: Context, output: AbstractValue) -> None:
+        held = self._held.Eval(context)
+        force = ExternallyAppliedSpatialForce()
+        force.body_index, force.p_BoBq_B = self._flange, self._p_FP
+        force.F_Bq_W = SpatialForce(tau=-held[:3], f=-held[3:])
+        output.set_value([force])

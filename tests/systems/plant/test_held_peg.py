@@ -1,0 +1,100 @@
+"""A peg on a compliance, against hand-worked statics and dynamics."""
+
+import math
+
+import numpy as np
+import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.systems.analysis import Simulator
+
+from models.scenario import TRIAL_STREAM, load_scenario, resolve_scenario
+from systems.plant.held_peg import HeldPeg, held_wrench
+
+
+@pytest.fixture
+def scenario():
+    return resolve_scenario(load_scenario("fr3"), seed=0, stream=TRIAL_STREAM)
+
+
+class Bench:
+    """A peg whose anchor is fixed."""
+
+    def __init__(self, scenario, X_WA):
+        self.dut = HeldPeg(scenario, period=1e-3)
+        self.simulator = Simulator(self.dut)
+        self.context = self.simulator.get_mutable_context()
+        pose = [*X_WA.rotation().ToQuaternion().wxyz(), *X_WA.translation()]
+        self.dut.GetInputPort("anchor").FixValue(self.context, [*pose, *np.zeros(6)])
+        self.dut.set_start(self.context, X_WA)
+
+    def settle(self, seconds=0.3):
+        self.simulator.AdvanceTo(self.context.get_time() + seconds)
+        return self
+
+    @property
+    def tip(self):
+        return self.dut.pose(self.context).translation()
+
+    def held(self):
+        return np.array(self.dut.GetOutputPort("held_wrench").Eval(self.context))
+
+
+def test_in_free_air_the_peg_sags_by_its_weight_over_the_stiffness(scenario):
+    bench = Bench(scenario, RigidTransform([0.0, 0.0, 0.02])).settle()
+    c = bench.dut.compliance
+    assert 0.02 - bench.tip[2] == pytest.approx(c.weight / scenario.arm.axial_stiffness, rel=1e-3)
+    np.testing.assert_allclose(bench.held(), [0, 0, 0, 0, 0, c.weight], atol=1e-6)
+    assert bench.dut.contacts(bench.context) == []
+    reaction = bench.dut.GetOutputPort("reaction_forces").Eval(bench.context)[0]
+    np.testing.assert_allclose(reaction.translational(), [0, 0, c.weight], atol=1e-6)
+
+
+def test_a_released_peg_swings_at_the_frequency_of_spring_and_mass(scenario):
+    """Across the axis, with a damping ratio of 0.3: the damped frequency."""
+    bench = Bench(scenario, RigidTransform([0.0, 0.0, 0.02]))
+    bench.dut.set_start(bench.context, RigidTransform([1e-3, 0.0, 0.02]))
+    c, arm = bench.dut.compliance, scenario.arm
+    xs = [bench.settle(1e-3).tip[0] for _ in range(40)]
+    crossing = next(k for k in range(39) if xs[k] > 0.0 >= xs[k + 1])
+    time = 1e-3 * (1 + crossing + xs[crossing] / (xs[crossing] - xs[crossing + 1]))
+    omega, zeta = math.sqrt(arm.lateral_stiffness / c.inertia[3]), arm.damping_ratio
+    damped = omega * math.sqrt(1.0 - zeta**2)
+    expected = (math.pi - math.acos(zeta)) / damped  # of x0 e^(-zeta omega t) (cos + ... sin) = 0
+    assert time == pytest.approx(expected, rel=0.05)
+
+
+def test_a_press_on_the_floor_is_the_way_of_the_anchor_times_the_stiffness(scenario):
+    depth = scenario.geometry.hole_depth
+    bench = Bench(scenario, RigidTransform([0.0, 0.0, -depth - 5e-5]))
+    bench.dut.set_start(bench.context, RigidTransform([0.0, 0.0, -depth + 1e-4]))
+    bench.settle()
+    assert bench.held()[5] == pytest.approx(-5e-5 * scenario.arm.axial_stiffness, rel=0.02)
+    pressed = sum(contact.force for contact in bench.dut.contacts(bench.context))
+    assert pressed == pytest.approx(bench.dut.compliance.weight - bench.held()[5], rel=0.02)
+
+
+def test_the_compliance_acts_along_the_axes_of_the_anchor(scenario):
+    R = RollPitchYaw(0.3, -0.2, 0.1).ToRotationMatrix()
+    c = Bench(scenario, RigidTransform()).dut.compliance
+    anchor = np.array([*R.ToQuaternion().wxyz(), *np.zeros(9)])
+    q = np.array([*R.ToQuaternion().wxyz(), *(R @ np.array([1e-4, 0.0, -1e-5]))])
+    found = held_wrench(c, q, np.zeros(6), anchor)
+    expected = R @ np.array([-1e-4 * scenario.arm.lateral_stiffness, 0.0, 1e-5 * scenario.arm.axial_stiffness])
+    np.testing.assert_allclose(found, [0, 0, 0, *expected], atol=1e-9)
+
+
+def test_a_hole_beside_where_one_believes_it_meets_the_peg_there(scenario):
+    scenario.arm.hole_offset = [3e-4, -2e-4]
+    bench = Bench(scenario, RigidTransform([0.0, 0.0, 0.003]))
+    np.testing.assert_allclose(bench.dut.peg_in_hole(bench.context).translation(), [-3e-4, 2e-4, 0.003], atol=1e-12)
+
+
+def test_its_angles_are_those_of_a_rig_with_the_same_orientation(scenario):
+    R_WH = (
+        RollPitchYaw(0.05, 0, 0).ToRotationMatrix()
+        @ RollPitchYaw(0, -0.03, 0).ToRotationMatrix()
+        @ RollPitchYaw(0, 0, 0.02).ToRotationMatrix()
+    )
+    bench = Bench(scenario, RigidTransform(R_WH.inverse(), [0.0, 0.0, 0.004]))
+    found = bench.dut.GetOutputPort("as_on_rig").Eval(bench.context)
+    np.testing.assert_allclose(found, [0.004, 0.05, -0.03, 0.02], atol=1e-12)
