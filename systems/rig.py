@@ -37,13 +37,13 @@ def MakeRig(scenario: Scenario, skill: RigPolicy, *, meshcat: Meshcat | None = N
     Args:
         scenario: resolved; the tilt of its start is that of the peg relative to the hole.
         skill: the policy, such as a skill or a control law (see `systems.control.control_law`).
-        meshcat: where to draw the rig; None draws nothing.
+        meshcat: where to draw; None draws nothing.
 
     Raises:
         ValueError: if the scenario is not resolved, or the policy was trained for another peg or hole.
     """
     if scenario.carrier != RIG:
-        return MakeArm(scenario, skill)
+        return MakeArm(scenario, skill, meshcat=meshcat)
     builder = DiagramBuilder()
     plant = AddEngine(builder, scenario)
     if meshcat is not None:

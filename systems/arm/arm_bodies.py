@@ -6,12 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import SceneGraph
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 
 from models.scenario import Scenario
 from systems.arm.kinematics import ARMS, add_arm_model
+from systems.plant.contact_plant import BLOCK_COLOUR, PEG_COLOUR, block_picture, peg_shape
 
 PERIOD = 1e-3
 """Step of the arm, s."""
@@ -53,7 +55,7 @@ class ArmBodies:
 
 
 def AddArm(builder: DiagramBuilder, scenario: Scenario) -> ArmBodies:
-    """Adds the arm of a scenario."""
+    """Adds the arm of a scenario, with pictures of peg and block, where one believes the hole to be."""
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, PERIOD)
     tip = add_arm_model(plant, scenario)
     model, arm = ARMS[scenario.carrier], scenario.arm
@@ -66,5 +68,10 @@ def AddArm(builder: DiagramBuilder, scenario: Scenario) -> ArmBodies:
         drive.set_default_gear_ratio(ratio)
         damping = 2.0 * arm.joint_damping * np.sqrt(arm.joint_stiffness * rotor * ratio**2)
         drive.set_controller_gains(PdControllerGains(p=arm.joint_stiffness, d=damping))
+    g = scenario.geometry
+    X_PC, shape = peg_shape(g)
+    X_BC = tip.GetFixedPoseInBodyFrame() @ X_PC
+    plant.RegisterVisualGeometry(tip.body(), X_BC, shape, "peg_picture", PEG_COLOUR)
+    plant.RegisterVisualGeometry(plant.world_body(), RigidTransform(), block_picture(g), "block_picture", BLOCK_COLOUR)
     plant.Finalize()
     return ArmBodies(plant, scene_graph, tip)

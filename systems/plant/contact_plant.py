@@ -401,9 +401,7 @@ def finish_contact_plant(
     edge = None if sharp else BrokenEdge.of(radius=g.hole_radius, clearance=g.clearance, chamfer=g.chamfer)
     X_PC, shape = peg_shape(g)
     plant.RegisterVisualGeometry(peg, X_PC, shape, "peg_picture", PEG_COLOUR)
-    cutaway = g.assembly.block_mesh(g.facets, block_radius=g.block_radius, floor=g.floor)
-    picture = _in_memory(cutaway.to_obj(), ".obj")
-    plant.RegisterVisualGeometry(block, RigidTransform(), picture, "block_picture", BLOCK_COLOUR)
+    plant.RegisterVisualGeometry(block, RigidTransform(), block_picture(g), "block_picture", BLOCK_COLOUR)
     if g.mates:  # only the exact engine, which has its own contact, takes several
         plant.Finalize()
         return ContactPlant(plant, scene_graph, peg, block)
@@ -437,6 +435,12 @@ def peg_shape(g: Geometry, scale: float = 1.0) -> tuple[RigidTransform, Shape]:
     mesh = g.assembly.peg_mesh(g.facets)
     scaled = TriangleMesh(scale * mesh.vertices, mesh.triangles)
     return RigidTransform([0.0, 0.0, (1.0 - scale) * middle]), _in_memory(scaled.to_faceted_obj(), ".obj")
+
+
+def block_picture(g: Geometry) -> Mesh:
+    """Returns the block for pictures, cut open, in H."""
+    cutaway = g.assembly.block_mesh(g.facets, block_radius=g.block_radius, floor=g.floor)
+    return _in_memory(cutaway.to_obj(), ".obj")
 
 
 def _in_memory(text: str, extension: str) -> Mesh:
