@@ -262,7 +262,10 @@ def parse_scenario(text: str, where: str, *, defaults: Scenario | None = None) -
     # Drake gets the values as they were read, not the text: it takes 1e10 for a string.
     facets = FREE_FACETS if document.get("fixture") == FREE_FIXTURE else Geometry.facets
     defaults = defaults or Scenario(geometry=Geometry(facets=facets))
-    scenario: Scenario = yaml_load_typed(schema=Scenario, data=yaml.safe_dump(document), defaults=defaults)
+    try:
+        scenario: Scenario = yaml_load_typed(schema=Scenario, data=yaml.safe_dump(document), defaults=defaults)
+    except OverflowError as error:
+        raise ValueError(f"{where}: a whole number has hundreds of digits; expected numbers in SI units") from error
     validate_scenario(scenario, where)
     return scenario
 

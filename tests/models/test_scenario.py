@@ -312,6 +312,12 @@ def test_the_angle_about_the_axis_is_drawn_for_a_clocking_stage_only_and_changes
     assert 0.9 * ranges.start.clocking_range < max(map(abs, found.values())) <= ranges.start.clocking_range
 
 
+@pytest.mark.parametrize("key", ["start: {clocking: NUMBER}", "geometry: {corners: [[NUMBER, 0, 0]]}"])
+def test_a_whole_number_beyond_all_numbers_is_named(key):
+    with pytest.raises(ValueError, match=r"here: a whole number has hundreds of digits; expected numbers"):
+        parse_scenario(key.replace("NUMBER", "1" + 400 * "0"), "here")
+
+
 def test_a_round_part_has_no_clocking_stage(ranges):
     ranges.rig.clocking_stage = True
     with pytest.raises(ValueError, match=r"rig.clocking_stage.*a round part has no angle about its axis"):
