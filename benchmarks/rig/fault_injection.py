@@ -15,6 +15,7 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, InputPort
 
 from skill.arrays import Array
+from systems import law as law_module
 from systems import rig as rig_module
 from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
@@ -51,7 +52,8 @@ def injected(kind: Kind, *, onset: float, seed: int) -> Iterator[None]:
     """Lets `systems.rig` build rigs with this fault."""
     with ExitStack() as stack:
         for name, replacement in kind.classes(onset, seed).items():
-            stack.enter_context(patch.object(rig_module, name, replacement))
+            module = law_module if hasattr(law_module, name) else rig_module
+            stack.enter_context(patch.object(module, name, replacement))
         yield
 
 

@@ -2,7 +2,7 @@ import pytest
 
 from benchmarks.faults import Row, inject, show, summary
 from benchmarks.rig.fault_injection import KINDS, Kind, injected, sensor
-from systems import rig as rig_module
+from systems import law as law_module
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.steps.faults import Fault
 
@@ -36,9 +36,9 @@ def test_the_summary_counts_the_trials_in_which_the_fault_began():
 def test_every_kind_is_injected_only_within_the_statement():
     kind = Kind(sensor(lambda wrench, since, memory: wrench), frozenset())
     with injected(kind, onset=0.0, seed=0):
-        assert rig_module.WrenchSensor is not WrenchSensor
-        assert issubclass(rig_module.WrenchSensor, WrenchSensor)
-    assert rig_module.WrenchSensor is WrenchSensor
+        assert law_module.WrenchSensor is not WrenchSensor
+        assert issubclass(law_module.WrenchSensor, WrenchSensor)
+    assert law_module.WrenchSensor is WrenchSensor
 
 
 def test_a_fault_of_the_installation_is_there_from_the_start_and_others_begin_later():

@@ -6,6 +6,7 @@ from pydrake.systems.analysis import Simulator
 
 from models.scenario import TRIAL_STREAM, resolve_scenario
 from skill.data.rig_run import CONTEXT_COLUMNS
+from systems import law as law_module
 from systems import rig as rig_module
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.wrench_sensor import WrenchSensor
@@ -94,7 +95,7 @@ def test_equal_readings_give_bit_identical_commands_for_different_true_poses(sce
 
     recorded = run(first)
     wrenches, depths = recorded[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(), recorded["depth"].to_numpy()
-    monkeypatch.setattr(rig_module, "WrenchSensor", replaying(WrenchSensor, "_calc_wrench", wrenches, period))
+    monkeypatch.setattr(law_module, "WrenchSensor", replaying(WrenchSensor, "_calc_wrench", wrenches, period))
     monkeypatch.setattr(rig_module, "DepthEncoder", replaying(DepthEncoder, "_calc", depths, period))
     runs = []
     for tilt, height in (([0.04, -0.03], 2e-4), ([-0.05, 0.02], 1.2e-3)):
