@@ -418,7 +418,7 @@ CLOCKING_DRAW, HOLE_DRAW = 1, 2
 
 
 def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int | None = None) -> Scenario:
-    """Returns a copy of ``scenario`` in which every range is drawn: the start, the pivot, the friction, the operator.
+    """Returns a copy of ``scenario`` in which every range is drawn: start, pivot, friction, hole, operator.
 
     Args:
         scenario: Scenario with ranges; not modified.

@@ -138,6 +138,21 @@ def connect_carrier(
         builder.Connect(fault, law.watchdog.GetInputPort(name))
 
 
+def check_start(scenario: Scenario) -> None:
+    """Checks that a trial can start as a scenario says.
+
+    Raises:
+        ValueError: if the scenario is not resolved, or starts in the hole.
+    """
+    if scenario.start.tilt is None:
+        raise ValueError("scenario.start.tilt is missing: the scenario is not resolved; use resolve_scenario first")
+    if scenario.start.depth > 0.0:
+        raise ValueError(
+            f"scenario.start.depth is {scenario.start.depth:g} m; expected 0 on the rig, which checks its sensor in"
+            " free air before the first touch"
+        )
+
+
 def check_geometry(scenario: Scenario, policy: RigPolicy) -> None:
     """Checks that a policy was made for the peg and hole of a scenario, if it says for which, and for its axes.
 

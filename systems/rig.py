@@ -18,7 +18,7 @@ from systems.control.self_check import SelfCheck
 from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.stepper_motor import StepperMotor
-from systems.law import AddLaw, Law, check_geometry, connect_carrier, connect_measurement
+from systems.law import AddLaw, Law, check_geometry, check_start, connect_carrier, connect_measurement
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_plant import ExactPlant
 from systems.plant.rig_plant import RigPlant, stepper_axes
@@ -77,13 +77,7 @@ def WireRig(
     meshcat: Meshcat | None = None,
 ) -> RigDiagram:
     """Adds sensors, motors, controller and a display of the state to a plant, and builds the diagram; see `MakeRig`."""
-    if scenario.start.tilt is None:
-        raise ValueError("scenario.start.tilt is missing: the scenario is not resolved; use resolve_scenario first")
-    if scenario.start.depth > 0.0:
-        raise ValueError(
-            f"scenario.start.depth is {scenario.start.depth:g} m; expected 0 on the rig, which checks its sensor in"
-            " free air before the first touch"
-        )
+    check_start(scenario)
     check_geometry(scenario, skill)
     angles = dict(zip(stepper_axes(scenario), start_angles(scenario), strict=True))
     law = AddLaw(
@@ -101,19 +95,8 @@ def WireRig(
     if meshcat is not None:
         _add_state_display(builder, scenario, skill, plant, law, meshcat)
     recorder = _add_recorder(builder, scenario, plant, law, drives)
-    diagram = builder.Build()
-    diagram.set_name("rig")
-    return RigDiagram(
-        diagram,
-        plant,
-        recorder,
-        law.controller,
-        law.watchdog,
-        force_guard=law.force_guard,
-        sensor=law.sensor,
-        steppers=tuple(drives.steppers.values()),
-        scenario=scenario,
-    )
+    steppers = tuple(drives.steppers.values())
+    return RigDiagram.of(builder, "rig", plant, recorder, law, steppers=steppers, scenario=scenario)
 
 
 @dataclass(frozen=True)

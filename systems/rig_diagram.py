@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
+from typing import Self
 
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, Diagram
+from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from models.scenario import Scenario
 from skill.arrays import Array
@@ -15,6 +16,7 @@ from systems.control.policy_controller import PolicyController
 from systems.control.watchdog import Watchdog
 from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor
+from systems.law import Law
 from systems.plant.rig_plant import PegCarrier, stepper_axes
 from systems.recording.run_recorder import RunRecorder
 from systems.steps.faults import Fault
@@ -45,6 +47,33 @@ class RigDiagram:
     sensor: WrenchSensor
     steppers: tuple[StepperMotor, ...]
     scenario: Scenario
+
+    @classmethod
+    def of(
+        cls,
+        builder: DiagramBuilder,
+        name: str,
+        plant: PegCarrier,
+        recorder: RunRecorder,
+        law: Law,
+        *,
+        steppers: tuple[StepperMotor, ...],
+        scenario: Scenario,
+    ) -> Self:
+        """Builds the diagram and names it; the other arguments are its parts."""
+        diagram = builder.Build()
+        diagram.set_name(name)
+        return cls(
+            diagram,
+            plant,
+            recorder,
+            law.controller,
+            law.watchdog,
+            force_guard=law.force_guard,
+            sensor=law.sensor,
+            steppers=steppers,
+            scenario=scenario,
+        )
 
     def set_start(self, context: Context) -> None:
         """Moves carriage and gimbal to the start of the scenario; ``context`` is the diagram's."""

@@ -118,7 +118,9 @@ class RecordOrder:
         ahead = (number - self._newest) % WRAP
         if ahead < WRAP // 2:
             self.lost += ahead - 1
-            self._missing.update((self._newest + k) % WRAP for k in range(max(1, ahead - WINDOW), ahead))
+            if ahead > 1:
+                gap = {(self._newest + k) % WRAP for k in range(max(1, ahead - WINDOW), ahead)}
+                self._missing = {k for k in self._missing | gap if (number - k) % WRAP <= WINDOW}
             self._newest = number
             return Arrival.NEW
         if number in self._missing:
@@ -133,6 +135,4 @@ class RecordOrder:
         self._seen.add((number, sample))
         self._recent.append((number, sample))
         if len(self._recent) > WINDOW:
-            forgotten = self._recent.popleft()
-            self._seen.discard(forgotten)
-            self._missing.discard((forgotten[0] - WINDOW) % WRAP)
+            self._seen.discard(self._recent.popleft())

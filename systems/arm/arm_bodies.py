@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Frame, PdControllerGains
+from pydrake.multibody.tree import BodyIndex, Frame, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 
 from models.scenario import Scenario
@@ -39,19 +39,24 @@ class ArmBodies:
         return self.tip.body().index()
 
     @property
+    def arm(self) -> ModelInstanceIndex:
+        """Index of the arm in the plant."""
+        return self.tip.body().model_instance()
+
+    @property
     def desired(self) -> InputPort:
         """Desired angles and rates (2n,), rad and rad/s."""
-        return self.plant.get_desired_state_input_port(self.plant.GetModelInstanceByName("fr3"))
+        return self.plant.get_desired_state_input_port(self.arm)
 
     @property
     def torques(self) -> InputPort:
         """Torques beside those of the spring-dampers (n,), N m."""
-        return self.plant.get_actuation_input_port(self.plant.GetModelInstanceByName("fr3"))
+        return self.plant.get_actuation_input_port(self.arm)
 
     @property
     def state(self) -> OutputPort:
         """Angles and rates (2n,), rad and rad/s."""
-        return self.plant.get_state_output_port(self.plant.GetModelInstanceByName("fr3"))
+        return self.plant.get_state_output_port(self.arm)
 
 
 def AddArm(builder: DiagramBuilder, scenario: Scenario) -> ArmBodies:
@@ -59,8 +64,7 @@ def AddArm(builder: DiagramBuilder, scenario: Scenario) -> ArmBodies:
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, PERIOD)
     tip = add_arm_model(plant, scenario)
     model, arm = ARMS[scenario.carrier], scenario.arm
-    instance = plant.GetModelInstanceByName("fr3")
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices(instance)]
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices(tip.body().model_instance())]
     turning = [joint for joint in joints if joint.num_velocities() > 0]
     for joint, rotor, ratio in zip(turning, model.rotor_inertia, model.gear_ratio, strict=True):
         drive = plant.GetJointActuatorByName(joint.name())

@@ -16,8 +16,8 @@ from skill.data.axes import AXES
 from skill.policy import RigPolicy
 from systems.arm.arm_bodies import PERIOD, AddArm, ArmBodies
 from systems.arm.kinematics import ArmKinematics
-from systems.arm.tip_servo import TipMotion, TipServo, tip_pose
-from systems.law import AddLaw, check_geometry, connect_carrier
+from systems.arm.tip_servo import TipMotion, TipServo, height_along, tip_pose
+from systems.law import AddLaw, check_geometry, check_start, connect_carrier
 from systems.plant.contact_forces import Contact
 from systems.plant.held_peg import Compliance, HeldPeg
 from systems.recording.run_recorder import AddRunRecorder
@@ -35,14 +35,14 @@ class ArmPlant:
         bodies: of the arm.
         peg: on the compliance.
         servo: of the tip.
-        motion: of the tip.
+        stopping: how the arm stops.
     """
 
     scenario: Scenario
     bodies: ArmBodies
     peg: HeldPeg
     servo: TipServo
-    motion: TipMotion
+    stopping: StoppingModel
 
     def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
         """See `RigPlant`."""
@@ -58,14 +58,13 @@ class ArmPlant:
         self.peg.set_start(context, RigidTransform(X_WP.rotation(), X_WP.translation() + bent))
 
     def set_trial(self, context: Context, trial: Scenario) -> StoppingModel:
-        """Sets friction and place of the hole of another resolved scenario, and returns how the arm stops."""
+        """See `RigPlant`: sets friction and place of the hole, of which the stop does not depend."""
         self.peg.set_trial(context, trial)
-        return stopping_of(trial)
+        return self.stopping
 
     def tip_height(self, context: Context) -> float:
         """See `RigPlant`: along the axis of the peg, from the mouth."""
-        p_WP = self.peg.pose(context).translation()
-        return math.copysign(float(np.linalg.norm(p_WP)), p_WP[2])
+        return height_along(self.peg.pose(context).translation())
 
     def peg_in_hole(self, context: Context) -> RigidTransform:
         """See `RigPlant`."""
@@ -80,14 +79,13 @@ class ArmPlant:
         return self.peg.contacts(context)
 
 
-def stopping_of(scenario: Scenario) -> StoppingModel:
+def stopping_of(scenario: Scenario, kinematics: ArmKinematics) -> StoppingModel:
     """Returns how an arm stops, from the stiffness of its joints and of its compliance in series.
 
     A contact that stops the tip at the speed v stops the held mass, which the spring k of the arm carries, and bends
     this spring further until the command stops: F = v (sqrt(k m) + k t); likewise for a turn about the mouth.
     """
     arm, sensor = scenario.arm, scenario.sensor
-    kinematics = ArmKinematics(scenario)
     q = kinematics.angles_at(tip_pose(np.zeros(3), scenario.start.height))
     joints = kinematics.stiffness(q, arm.joint_stiffness)
     c = Compliance.of(arm, 0.0)
@@ -112,17 +110,20 @@ def MakeArm(scenario: Scenario, policy: RigPolicy, *, meshcat: Meshcat | None = 
         meshcat: where to draw; None draws nothing.
 
     Raises:
-        ValueError: if the policy was trained for another peg or hole, or the arm does not reach the start.
+        ValueError: if the scenario is not resolved, the policy was trained for another peg or hole, or the arm does not
+            reach the start.
     """
+    check_start(scenario)
     check_geometry(scenario, policy)
     builder = DiagramBuilder()
-    bodies = AddArm(builder, scenario)
+    bodies, kinematics = AddArm(builder, scenario), ArmKinematics(scenario)
+    stopping = stopping_of(scenario, kinematics)
     peg = builder.AddNamedSystem("held_peg", HeldPeg(scenario, period=PERIOD))
     weight = peg.compliance.weight
-    servo = builder.AddNamedSystem("tip_servo", TipServo(scenario, held_weight=weight))
+    servo = builder.AddNamedSystem("tip_servo", TipServo(scenario, kinematics, held_weight=weight))
     p_FP = bodies.tip.GetFixedPoseInBodyFrame().translation()
-    motion = builder.AddNamedSystem("tip_motion", TipMotion(scenario, flange=bodies.flange, p_FP=p_FP))
-    law = AddLaw(builder, scenario, policy, stopping=stopping_of(scenario), weld=0, weight=weight, steppers=())
+    motion = builder.AddNamedSystem("tip_motion", TipMotion(scenario, kinematics, flange=bodies.flange, p_FP=p_FP))
+    law = AddLaw(builder, scenario, policy, stopping=stopping, weld=0, weight=weight, steppers=())
     connect_carrier(
         builder,
         law,
@@ -148,17 +149,5 @@ def MakeArm(scenario: Scenario, policy: RigPolicy, *, meshcat: Meshcat | None = 
         period=scenario.controller.period,
         home=0.0,
     )
-    diagram = builder.Build()
-    diagram.set_name("arm")
-    plant = ArmPlant(scenario, bodies, peg, servo, motion)
-    return RigDiagram(
-        diagram,
-        plant,
-        recorder,
-        law.controller,
-        law.watchdog,
-        force_guard=law.force_guard,
-        sensor=law.sensor,
-        steppers=(),
-        scenario=scenario,
-    )
+    plant = ArmPlant(scenario, bodies, peg, servo, stopping)
+    return RigDiagram.of(builder, "arm", plant, recorder, law, steppers=(), scenario=scenario)

@@ -30,6 +30,11 @@ def tip_pose(angles: Array, height: float) -> RigidTransform:
     return RigidTransform(R_HP, R_HP @ np.array([0.0, 0.0, height]))
 
 
+def height_along(p_WP: Array) -> float:
+    """Returns the height of a tip (3,), m, over the mouth where one believes it to be, along the axis of the peg."""
+    return math.copysign(float(np.linalg.norm(p_WP)), p_WP[2])
+
+
 class TipServo(LeafSystem):
     """
     .. pydrake_system::
@@ -53,12 +58,13 @@ class TipServo(LeafSystem):
 
     Args:
         scenario: resolved, of an arm.
+        kinematics: of the arm.
         held_weight: of what the arm holds, N.
     """
 
-    def __init__(self, scenario: Scenario, *, held_weight: float) -> None:
+    def __init__(self, scenario: Scenario, kinematics: ArmKinematics, *, held_weight: float) -> None:
         super().__init__()
-        self._arm, self._kinematics, self._weight = scenario.arm, ArmKinematics(scenario), held_weight
+        self._arm, self._kinematics, self._weight = scenario.arm, kinematics, held_weight
         self._targets = [self.DeclareVectorInputPort(f"target_{name}", 1) for name in AXES]
         self._feed = self.DeclareVectorInputPort("feed_speed", 1)
         n = len(self._kinematics.posture)
@@ -122,13 +128,14 @@ class TipMotion(LeafSystem):
 
     Args:
         scenario: of an arm.
+        kinematics: of the arm.
         flange: index of the body that carries the flange.
         p_FP: (3,), the tip in the frame of this body, m.
     """
 
-    def __init__(self, scenario: Scenario, *, flange: BodyIndex, p_FP: Array) -> None:
+    def __init__(self, scenario: Scenario, kinematics: ArmKinematics, *, flange: BodyIndex, p_FP: Array) -> None:
         super().__init__()
-        self._kinematics, self._resolution = ArmKinematics(scenario), scenario.arm.depth_resolution
+        self._kinematics, self._resolution = kinematics, scenario.arm.depth_resolution
         self._flange, self._p_FP = flange, p_FP
         n = len(self._kinematics.posture)
         self._joints = self.DeclareVectorInputPort("joint_state", 2 * n)
@@ -151,9 +158,8 @@ class TipMotion(LeafSystem):
 
     def _calc_depth(self, context: Context, output: BasicVector) -> None:
         q, _ = np.split(self._joints.Eval(context), 2)
-        p_WP = self._kinematics.tip(q).translation()
-        distance = math.copysign(float(np.linalg.norm(p_WP)), p_WP[2])  # along the axis of the peg from the mouth
-        output[0] = -round(distance / self._resolution) * self._resolution
+        height = height_along(self._kinematics.tip(q).translation())
+        output[0] = -round(height / self._resolution) * self._resolution
 
     def _calc_forces(self, context: Context, output: AbstractValue) -> None:
         held = self._held.Eval(context)

@@ -35,6 +35,19 @@ def turn(quaternion: Array, vector: Array) -> None:
 
 
 @compiled
+def rotation_of(q: Array) -> Array:
+    """Returns the matrix (3, 3) of a unit quaternion (4,), w first."""
+    a, b, c, d = q[0], q[1], q[2], q[3]
+    return np.array(
+        [
+            [1.0 - 2.0 * (c * c + d * d), 2.0 * (b * c - a * d), 2.0 * (b * d + a * c)],
+            [2.0 * (b * c + a * d), 1.0 - 2.0 * (b * b + d * d), 2.0 * (c * d - a * b)],
+            [2.0 * (b * d - a * c), 2.0 * (c * d + a * b), 1.0 - 2.0 * (b * b + c * c)],
+        ]
+    )
+
+
+@compiled
 def advance_peg(
     bodies: Bodies,
     inertia: Array,
@@ -68,10 +81,8 @@ def advance_peg(
     surface, force, contact, found = np.empty(MAX_CONTACTS, np.int64), np.zeros(MAX_CONTACTS), np.zeros(6), 0
     old_surface, old_impulse = np.full(MAX_CONTACTS, -1), np.zeros((MAX_CONTACTS, 3))
     for _ in range(count):
-        a, b, c, d = q[0], q[1], q[2], q[3]
-        x_axis = np.array([1.0 - 2.0 * (c * c + d * d), 2.0 * (b * c + a * d), 2.0 * (b * d - a * c)])
-        y_axis = np.array([2.0 * (b * c - a * d), 1.0 - 2.0 * (b * b + d * d), 2.0 * (c * d + a * b)])
-        found = find_contacts(bodies, q[4:], x_axis, y_axis, gap, point, normal, surface)
+        R = rotation_of(q[:4])
+        found = find_contacts(bodies, q[4:], R[:, 0].copy(), R[:, 1].copy(), gap, point, normal, surface)
         jacobian, impulse = np.zeros((3 * found, 6)), np.zeros(3 * found)
         frame = np.empty((3, 3))
         for i in range(found):

@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.multibody.math import SpatialForce
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
@@ -20,7 +20,7 @@ from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import STEEL
 from systems.plant.exact_contact import STEPS
 from systems.plant.exact_gaps import Bodies
-from systems.plant.exact_peg import advance_peg, turn
+from systems.plant.exact_peg import advance_peg, rotation_of, turn
 
 GRAVITY = 9.81
 """m/s^2, downwards in H."""
@@ -53,19 +53,6 @@ class Compliance(NamedTuple):
         mass = arm.held_mass + peg_mass
         inertia = np.repeat([arm.held_inertia, mass], 3)
         return cls(stiffness, 2.0 * arm.damping_ratio * np.sqrt(stiffness * inertia), inertia, mass * GRAVITY)
-
-
-@compiled
-def rotation_of(q: Array) -> Array:
-    """Returns the matrix (3, 3) of a unit quaternion (4,), w first."""
-    a, b, c, d = q[0], q[1], q[2], q[3]
-    return np.array(
-        [
-            [1.0 - 2.0 * (c * c + d * d), 2.0 * (b * c - a * d), 2.0 * (b * d + a * c)],
-            [2.0 * (b * c + a * d), 1.0 - 2.0 * (b * b + d * d), 2.0 * (c * d - a * b)],
-            [2.0 * (b * d - a * c), 2.0 * (c * d + a * b), 1.0 - 2.0 * (b * b + c * c)],
-        ]
-    )
 
 
 @compiled
@@ -170,12 +157,6 @@ class HeldPeg(LeafSystem):
         )
         self.DeclareVectorOutputPort("as_on_rig", 4, self._calc_as_on_rig, motion)
 
-    def _calc_as_on_rig(self, context: Context, output: BasicVector) -> None:
-        R, p = rotation_of(self._state(context)[:4]).T, self._state(context)[4:7]  # R_WH = R_HP'
-        yaw = math.asin(R[0, 2])
-        pitch, clocking = math.atan2(-R[1, 2], R[2, 2]), math.atan2(-R[0, 1], R[0, 0])
-        output.SetFromVector([p[2], pitch, yaw, clocking])
-
     def set_start(self, context: Context, X_WP: RigidTransform) -> None:
         """Puts the peg at a pose in W, at rest; ``context`` is the root context."""
         pose = np.concatenate([X_WP.rotation().ToQuaternion().wxyz(), X_WP.translation(), np.zeros(6)])
@@ -244,14 +225,19 @@ class HeldPeg(LeafSystem):
 
     def _calc_reaction(self, context: Context, output: AbstractValue) -> None:
         held = context.get_discrete_state(self._held).value()
-        R_PW = RotationMatrix(free_body_pose(self._state(context)[:7]).rotation().matrix().T).matrix()
+        R_PW = rotation_of(self._state(context)[:4]).T
         torque, force = R_PW @ held[:3], R_PW @ held[3:]
         moment = torque - np.cross([0.0, 0.0, self._sensor], force)
         output.set_value([SpatialForce(tau=moment, f=force)])
+
+    def _calc_as_on_rig(self, context: Context, output: BasicVector) -> None:
+        R, p = rotation_of(self._state(context)[:4]).T, self._state(context)[4:7]  # R_WH = R_HP'
+        yaw = math.asin(R[0, 2])
+        pitch, clocking = math.atan2(-R[1, 2], R[2, 2]), math.atan2(-R[0, 1], R[0, 0])
+        output.SetFromVector([p[2], pitch, yaw, clocking])
 
 
 def _offset(scenario: Scenario) -> Array:
     """Returns where the centre of the mouth is in W (3,), m."""
     x, y = scenario.arm.hole_offset or (0.0, 0.0)
-    assert math.isfinite(x + y)
     return np.array([x, y, 0.0])

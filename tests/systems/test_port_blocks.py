@@ -15,6 +15,7 @@ from pydrake.systems.framework import LeafSystem
 import systems
 from models.hardware import DEVICE_PRESETS
 from models.scenario import TRIAL_STREAM, Scenario, load_scenario, resolve_scenario
+from systems.arm.kinematics import ArmKinematics
 from systems.control.watchdog import COMMANDS
 from systems.haptics.virtual_fixture import FreeFixture
 from systems.plant.exact_plant import ExactPlant
@@ -29,8 +30,13 @@ TRIAL = resolve_scenario(S, seed=0, stream=TRIAL_STREAM)
 ARM = resolve_scenario(load_scenario("fr3"), seed=0, stream=TRIAL_STREAM)
 ARGUMENTS = {
     "HeldPeg": lambda skill: {"scenario": ARM, "period": 1e-3},
-    "TipServo": lambda skill: {"scenario": ARM, "held_weight": 3.0},
-    "TipMotion": lambda skill: {"scenario": ARM, "flange": BodyIndex(8), "p_FP": np.zeros(3)},
+    "TipServo": lambda skill: {"scenario": ARM, "kinematics": ArmKinematics(ARM), "held_weight": 3.0},
+    "TipMotion": lambda skill: {
+        "scenario": ARM,
+        "kinematics": ArmKinematics(ARM),
+        "flange": BodyIndex(8),
+        "p_FP": np.zeros(3),
+    },
     "BodyPose": lambda skill: {"body": BodyIndex(1)},
     "DcMotor": lambda skill: {"parameters": S.feed, "period": 1e-3},
     "DemonstrationRecorder": lambda skill: {"period": 0.02, "X_HP_start": X},

@@ -11,6 +11,7 @@ from models.scenario import load_scenario, validate_scenario
 from skill.policy import Action
 from skill.states.estimate import Estimate
 from systems.arm.arm_diagram import MakeArm, stopping_of
+from systems.arm.kinematics import ArmKinematics
 from systems.control.control_law import ControlLaw
 from systems.rig import MakeRig
 from tests.diagrams import unconnected_inputs
@@ -75,16 +76,17 @@ def test_the_peg_turns_about_the_mouth_and_feeds_as_commanded(scenario):
 
 
 def test_a_stop_is_that_of_spring_mass_and_delay(scenario):
-    found, arm = stopping_of(scenario), scenario.arm
+    kinematics = ArmKinematics(scenario)
+    found, arm = stopping_of(scenario, kinematics), scenario.arm
     assert found.delay == pytest.approx(
         scenario.sensor.delay + scenario.sensor.time_constant + scenario.sensor.period + arm.delay + 1e-3
     )
-    stiff = stopping_of(scenario).feed_impact
+    stiff = stopping_of(scenario, kinematics).feed_impact
     arm.axial_stiffness, arm.joint_stiffness = 1e4, 1e9  # only the compliance is soft
-    assert stopping_of(scenario).feed_impact == pytest.approx(
+    assert stopping_of(scenario, kinematics).feed_impact == pytest.approx(
         math.sqrt(1e4 * arm.held_mass) + 1e4 * found.delay, rel=1e-3
     )
-    assert stopping_of(scenario).feed_impact < stiff
+    assert stopping_of(scenario, kinematics).feed_impact < stiff
 
 
 def test_another_trial_in_the_same_diagram_is_that_of_a_new_one(scenario):
@@ -112,3 +114,8 @@ def test_the_skill_of_the_rig_inserts_with_an_arm(quick_scenario, skill):
     assert result.reason == "inserted"
     assert result.steps == 0
     assert np.abs(run.samples[["pitch", "yaw"]].iloc[-1]).max() < 0.01  # upright in the hole
+
+
+def test_a_scenario_that_is_not_resolved_is_refused():
+    with pytest.raises(ValueError, match=r"scenario.start.tilt is missing: the scenario is not resolved"):
+        MakeRig(load_scenario("fr3"), Commanded())
