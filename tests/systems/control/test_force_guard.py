@@ -274,9 +274,10 @@ def test_a_clocking_stage_turns_as_the_other_axes_do():
     assert turn == pytest.approx([0.0, 0.0])
 
 
-def test_a_rig_without_a_clocking_stage_does_not_turn_about_the_axis_of_the_hole():
-    twist = np.array([0.0, 0.0, 0.0, 0.0, 0.0, P.force_limit * RADIUS])
-    dut, context = guard(wrench=twist, clocking_rate=[0.05])
+@pytest.mark.parametrize("load", [0.0, P.force_limit])
+def test_a_rig_without_a_clocking_stage_does_not_turn_about_the_axis_of_the_hole(load):
+    """Neither by a command, in free air, nor to yield to a moment."""
+    dut, context = guard(wrench=np.array([0.0, 0.0, 0.0, 0.0, 0.0, load * RADIUS]), clocking_rate=[0.05])
     settled(dut, context)
     assert dut.GetOutputPort("target_clocking").Eval(context)[0] == 0.0
 
