@@ -1,0 +1,1 @@
+"""Arms that people have, by their own protocols."""
