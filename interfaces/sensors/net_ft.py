@@ -24,7 +24,8 @@ import numpy as np
 from interfaces.sensors.wrench_stream import Arrival, Reading, RecordOrder, StreamCounts
 
 PORT, PAGE = 49152, "netftapi2.xml"
-START, STOP = 0x0002, 0x0000
+HEADER, START, STOP = 0x1234, 0x0002, 0x0000
+REQUEST = struct.Struct("!HHI")
 RECORD = struct.Struct("!III6i")
 ERROR, OUT_OF_RANGE = 1 << 31, 1 << 30
 
@@ -133,7 +134,7 @@ class NetFt:
 
     def _request(self, command: int) -> None:
         with contextlib.suppress(OSError):  # nobody listens: the records will be missed, and asked for again
-            self._socket.send(struct.pack("!HHI", 0x1234, command, 0))
+            self._socket.send(REQUEST.pack(HEADER, command, 0))
 
     def _receive(self) -> None:
         self._request(START)

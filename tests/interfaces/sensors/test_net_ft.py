@@ -1,5 +1,6 @@
 """The client of a Net F/T sensor, against a server on loopback whose stream is disturbed."""
 
+import math
 import time
 
 import numpy as np
@@ -7,9 +8,7 @@ import pytest
 
 from interfaces.sensors.net_ft import ERROR, OUT_OF_RANGE, NetFt, parse_calibration
 from interfaces.sensors.wrench_stream import Arrival, RecordOrder
-from tests.interfaces.sensors.net_ft_server import NetFtServer
-
-WRENCH = [1.0, -2.0, 3.0, 1e-4, 2e-4, -3e-4]  # of the server's counts: 1,000 in a newton, 100 in a newton millimetre
+from tests.interfaces.sensors.net_ft_server import WRENCH, DisturbedNetFtServer
 
 
 def until(condition, seconds=5.0):
@@ -22,7 +21,7 @@ def until(condition, seconds=5.0):
 
 @pytest.fixture
 def pair():
-    with NetFtServer() as server:
+    with DisturbedNetFtServer() as server:
         stream = NetFt("127.0.0.1", port=server.port, http_port=server.http_port)
         assert until(lambda: stream.latest() is not None)
         yield server, stream
@@ -76,9 +75,9 @@ def test_overloads_and_faults_are_counted_and_not_sound(pair):
 def test_a_restart_and_a_silence_are_counted_and_the_stream_goes_on(pair):
     server, stream = pair
     assert until(lambda: stream.counts().received > 200)
-    server.silent = True
+    server.silent_until = math.inf
     assert until(lambda: stream.counts().silences > 0)
-    server.number, server.sample, server.silent = 1, 2, False
+    server.number, server.sample, server.silent_until = 1, 2, 0.0
     before = time.monotonic()
     assert until(lambda: stream.latest().time > before)
     assert until(lambda: stream.counts().restarts == 1)
@@ -86,7 +85,8 @@ def test_a_restart_and_a_silence_are_counted_and_the_stream_goes_on(pair):
 
 
 def test_counters_that_wrap_are_no_event():
-    with NetFtServer(number=(1 << 32) - 50) as server:
+    with DisturbedNetFtServer() as server:
+        server.number = (1 << 32) - 50
         stream = NetFt("127.0.0.1", port=server.port, http_port=server.http_port)
         assert until(lambda: stream.counts().received >= 150)
         counts = stream.counts()
