@@ -138,14 +138,18 @@ class NetFt:
 
     def _receive(self) -> None:
         self._request(START)
+        silent = False
         while not self._ended.is_set():
             try:
                 packet = self._socket.recv(RECORD.size + 1)
             except OSError:
-                self._count(silences=1)
+                self._count(silences=not silent)
+                silent = True
+                self._order.forget_seen()
                 self._ended.wait(SILENCE)
                 self._request(START)
             else:
+                silent = False
                 self._take(packet, time.monotonic())
 
     def _take(self, packet: bytes, now: float) -> None:

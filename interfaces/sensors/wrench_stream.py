@@ -89,8 +89,8 @@ class Arrival(Enum):
 class RecordOrder:
     """Places each record of a stream by its counters.
 
-    A record is late if it fills a gap that newer ones left, and doubled if both of its counters have been seen. Any
-    other record behind the newest one means that the counter of the sensor began anew.
+    A record is late if it fills a gap that newer ones left and is an older sample than these, and doubled if both of
+    its counters have been seen. Any other record behind the newest one means that the counter of the sensor began anew.
 
     Attributes:
         lost: records that are missing at present.
@@ -98,6 +98,7 @@ class RecordOrder:
 
     lost: int = 0
     _newest: int | None = None
+    _sample: int = 0
     _missing: set[int] = field(default_factory=set)
     _seen: set[tuple[int, int]] = field(default_factory=set)
     _recent: deque[tuple[int, int]] = field(default_factory=deque)
@@ -112,24 +113,28 @@ class RecordOrder:
         if (number, sample) in self._seen:
             return Arrival.DOUBLED
         self._remember(number, sample)
-        if self._newest is None:
-            self._newest = number
-            return Arrival.NEW
-        ahead = (number - self._newest) % WRAP
-        if ahead < WRAP // 2:
-            self.lost += ahead - 1
-            if ahead > 1:
-                gap = {(self._newest + k) % WRAP for k in range(max(1, ahead - WINDOW), ahead)}
-                self._missing = {k for k in self._missing | gap if (number - k) % WRAP <= WINDOW}
-            self._newest = number
-            return Arrival.NEW
-        if number in self._missing:
+        newest, last_sample = self._newest, self._sample
+        if number in self._missing and (sample - last_sample) % WRAP >= WRAP // 2:
             self._missing.discard(number)
             self.lost -= 1
             return Arrival.LATE
-        self._newest = number
-        self._missing.clear()
-        return Arrival.RESTARTED
+        self._newest, self._sample = number, sample
+        if newest is None:
+            return Arrival.NEW
+        ahead = (number - newest) % WRAP
+        if not 0 < ahead < WRAP // 2:
+            self._missing.clear()
+            return Arrival.RESTARTED
+        self.lost += ahead - 1
+        if ahead > 1:
+            gap = {(newest + k) % WRAP for k in range(max(1, ahead - WINDOW), ahead)}
+            self._missing = {k for k in self._missing | gap if (number - k) % WRAP <= WINDOW}
+        return Arrival.NEW
+
+    def forget_seen(self) -> None:
+        """Forgets the counters that were seen: after a silence, the same ones are those of a sensor that began anew."""
+        self._seen.clear()
+        self._recent.clear()
 
     def _remember(self, number: int, sample: int) -> None:
         self._seen.add((number, sample))

@@ -141,3 +141,21 @@ def test_the_order_of_records_by_hand():
     assert order.place(1, 100) is Arrival.RESTARTED
     assert order.place(2, 101) is new
     assert order.lost == 1
+
+
+def test_the_same_counters_are_a_restart_after_a_silence_and_for_another_sample():
+    order = RecordOrder()
+    for number in range(1, 6):
+        order.place(number, number)
+    order.forget_seen()
+    assert [order.place(number, number) for number in (5, 1, 2)] == [Arrival.RESTARTED, Arrival.RESTARTED, Arrival.NEW]
+    assert order.place(2, 100) is Arrival.RESTARTED
+    assert order.lost == 0
+
+
+def test_a_restart_into_a_gap_is_not_late():
+    order = RecordOrder()
+    for number in (1, 4):
+        order.place(number, number)
+    assert order.place(2, 5) is Arrival.RESTARTED
+    assert order.lost == 2
