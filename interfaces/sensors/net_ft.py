@@ -32,6 +32,10 @@ ERROR, OUT_OF_RANGE = 1 << 31, 1 << 30
 SILENCE = 0.05
 """Time without a record after which the stream is asked for again, s."""
 
+RECEIVE_BUFFER = 1 << 20
+"""Bytes asked for records that wait while the receiving thread does not run: 2.5 s of them at 1 kHz. Linux grants no
+more than ``net.core.rmem_max``, by default 0.5 s; with its default of 0.25 s a busy program loses records."""
+
 PAGE_PERIOD = 1.0
 """Time between two readings of the sensor's page, s."""
 
@@ -109,6 +113,7 @@ class NetFt:
         self._latest: Reading | None = None
         self._lock, self._ended = threading.Lock(), threading.Event()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         self._socket.settimeout(SILENCE)
         self._socket.connect((host, port))
         self._threads = [threading.Thread(target=run, daemon=True) for run in (self._receive, self._watch_page)]

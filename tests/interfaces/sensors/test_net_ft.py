@@ -2,11 +2,13 @@
 
 import math
 import time
+from contextlib import closing
 
 import numpy as np
 import pytest
 
 from interfaces.sensors.net_ft import ERROR, OUT_OF_RANGE, NetFt, parse_calibration
+from interfaces.sensors.net_ft_server import NetFtServer
 from interfaces.sensors.wrench_stream import Arrival, RecordOrder
 from tests.interfaces.sensors.net_ft_server import WRENCH, DisturbedNetFtServer
 
@@ -70,6 +72,19 @@ def test_overloads_and_faults_are_counted_and_not_sound(pair):
         assert not stream.latest().sound
     server.status = 1 << 16  # a latched monitor condition is no error
     assert until(lambda: stream.latest().sound)
+
+
+def test_records_wait_while_the_program_is_busy():
+    with (
+        closing(NetFtServer()) as server,
+        closing(NetFt("127.0.0.1", port=server.port, http_port=server.http_port)) as stream,
+    ):
+        assert until(lambda: server.send(WRENCH) or stream.latest() is not None)
+        with stream._lock:  # the receiving thread waits
+            for _ in range(450):
+                server.send(WRENCH)
+        assert until(lambda: stream.counts().received == server.number - 1)
+        assert stream.counts().lost == 0
 
 
 def test_a_restart_and_a_silence_are_counted_and_the_stream_goes_on(pair):
