@@ -55,7 +55,8 @@ fuzz: environment
 
 PHYSICS := theory clocking convergence clearance cost
 LEARNERS := clustering regression contact_states
-BENCHMARKS := $(PHYSICS:%=physics.%) $(LEARNERS:%=learners.%)
+SENSORS := age
+BENCHMARKS := $(PHYSICS:%=physics.%) $(LEARNERS:%=learners.%) $(SENSORS:%=sensors.%)
 
 # With the demonstrations and the skill of `make demo`.
 bench: environment
