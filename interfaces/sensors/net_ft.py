@@ -150,7 +150,7 @@ class NetFt:
             except OSError:
                 self._count(silences=not silent)
                 silent = True
-                self._order.forget_seen()
+                self._order.forget()
                 self._ended.wait(SILENCE)
                 self._request(START)
             else:

@@ -131,10 +131,11 @@ class RecordOrder:
             self._missing = {k for k in self._missing | gap if (number - k) % WRAP <= WINDOW}
         return Arrival.NEW
 
-    def forget_seen(self) -> None:
-        """Forgets the counters that were seen: after a silence, the same ones are those of a sensor that began anew."""
+    def forget(self) -> None:
+        """Forgets what was seen and what is missing: after a silence, these counters are those of a new beginning."""
         self._seen.clear()
         self._recent.clear()
+        self._missing.clear()
 
     def _remember(self, number: int, sample: int) -> None:
         self._seen.add((number, sample))

@@ -162,7 +162,7 @@ def test_the_same_counters_are_a_restart_after_a_silence_and_for_another_sample(
     order = RecordOrder()
     for number in range(1, 6):
         order.place(number, number)
-    order.forget_seen()
+    order.forget()
     assert [order.place(number, number) for number in (5, 1, 2)] == [Arrival.RESTARTED, Arrival.RESTARTED, Arrival.NEW]
     assert order.place(2, 100) is Arrival.RESTARTED
     assert order.lost == 0
@@ -174,3 +174,7 @@ def test_a_restart_into_a_gap_is_not_late():
         order.place(number, number)
     assert order.place(2, 5) is Arrival.RESTARTED
     assert order.lost == 2
+    order.place(5, 8)
+    order.forget()
+    assert order.place(3, 3) is Arrival.RESTARTED  # an older sample, which would have been late before the silence
+    assert order.lost == 4
