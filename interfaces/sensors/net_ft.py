@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import re
+import selectors
 import socket
 import struct
 import threading
@@ -91,7 +92,7 @@ def parse_calibration(page: bytes, where: str) -> Calibration:
 
 
 class NetFt:
-    """A `WrenchStream` of a Net F/T sensor; a thread receives its records.
+    """A `WrenchStream` of a Net F/T sensor; a thread and `latest` take its records.
 
     A record that is late or doubled is counted and not used. After a change of the units no reading is sound any more:
     those since the change may have been wrong. After a silence the stream is asked for again.
@@ -111,17 +112,19 @@ class NetFt:
         self._scale = np.repeat(self._calibration, 3)
         self._order, self._counts = RecordOrder(), StreamCounts()
         self._latest: Reading | None = None
-        self._lock, self._ended = threading.Lock(), threading.Event()
+        self._arrived = time.monotonic()
+        self._lock, self._ended = threading.RLock(), threading.Event()
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
-        self._socket.settimeout(SILENCE)
+        self._socket.setblocking(False)
         self._socket.connect((host, port))
         self._threads = [threading.Thread(target=run, daemon=True) for run in (self._receive, self._watch_page)]
         for thread in self._threads:
             thread.start()
 
     def latest(self) -> Reading | None:
-        """See `WrenchStream`."""
+        """See `WrenchStream`; takes what has arrived: on a busy machine the thread may wait for milliseconds."""
+        self._take_arrived()
         return self._latest
 
     def counts(self) -> StreamCounts:
@@ -144,26 +147,33 @@ class NetFt:
     def _receive(self) -> None:
         self._request(START)
         silent = False
-        while not self._ended.is_set():
-            try:
+        with selectors.DefaultSelector() as selector:
+            selector.register(self._socket, selectors.EVENT_READ)
+            while not self._ended.is_set():
+                selector.select(SILENCE)
+                self._take_arrived()
+                with self._lock:
+                    was_silent, silent = silent, time.monotonic() - self._arrived > SILENCE
+                    if silent:
+                        self._count(silences=not was_silent)
+                        self._order.forget()
+                if silent:
+                    self._ended.wait(SILENCE)
+                    self._request(START)
+
+    def _take_arrived(self) -> None:
+        with self._lock, contextlib.suppress(OSError):  # there are no more, or nobody listens
+            while True:
                 packet = self._socket.recv(RECORD.size + 1)
-            except OSError:
-                self._count(silences=not silent)
-                silent = True
-                self._order.forget()
-                self._ended.wait(SILENCE)
-                self._request(START)
-            else:
-                silent = False
-                self._take(packet, time.monotonic())
+                self._arrived = time.monotonic()
+                self._take(packet, self._arrived)
 
     def _take(self, packet: bytes, now: float) -> None:
         if len(packet) != RECORD.size:
             self._count(received=1, malformed=1)
             return
         number, sample, status, *counts = RECORD.unpack(packet)
-        with self._lock:
-            arrival = self._order.place(number, sample)
+        arrival = self._order.place(number, sample)
         self._count(
             received=1,
             late=arrival is Arrival.LATE,

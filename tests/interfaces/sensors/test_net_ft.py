@@ -87,6 +87,18 @@ def test_records_wait_while_the_program_is_busy():
         assert stream.counts().lost == 0
 
 
+def test_the_newest_record_is_read_while_the_thread_waits():
+    with (
+        closing(NetFtServer()) as server,
+        closing(NetFt("127.0.0.1", port=server.port, http_port=server.http_port)) as stream,
+    ):
+        assert until(lambda: server.send(WRENCH) or stream.latest() is not None)
+        stream._ended.set()
+        stream._threads[0].join()
+        server.send((7.0, *WRENCH[1:]))
+        assert stream.latest().wrench[0] == pytest.approx(7.0)
+
+
 def test_a_restart_and_a_silence_are_counted_and_the_stream_goes_on(pair):
     server, stream = pair
     assert until(lambda: stream.counts().received > 200)
