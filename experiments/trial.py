@@ -123,10 +123,10 @@ class TrialMonitor:
 
     def _ending_of_control(self, context: Context) -> Ending | None:
         """Returns how watchdog or controller have ended the trial, if they have."""
-        if self._rig.stopped(context):
+        if self._rig.law.stopped(context):
             return Ending(Outcome.FAULT)
-        tried = self._rig.tried(context)
-        if tried and self._rig.fault(context) is Fault.NONE:  # after a fault the peg is still drawn back
+        tried = self._rig.law.tried(context)
+        if tried and self._rig.law.fault(context) is Fault.NONE:  # after a fault the peg is still drawn back
             return Ending(Outcome.JAMMED, tried)
         return None
 
@@ -280,12 +280,12 @@ class TrialRun:
             scenario=self._scenario,
             outcome=monitor.outcome,
             detail=monitor.detail,
-            fault=rig.fault(context),
-            failure=rig.failure(context),
+            fault=rig.law.fault(context),
+            failure=rig.law.failure(context),
             time=context.get_time(),
             depth=monitor.depth,
             samples=self.samples(),
-            forces=record.forces.figures(rig.peak_measured_load(context)),
+            forces=record.forces.figures(rig.law.peak_load(context)),
             motion=record.motion.figures(),
             penetration=record.penetration(),
             looks=record.looks(),

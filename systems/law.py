@@ -6,18 +6,21 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from pydrake.systems.framework import DiagramBuilder, LeafSystem, OutputPort
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem, OutputPort
 from pydrake.systems.primitives import ConstantVectorSource
 
 from models.scenario import Scenario
 from skill.data.geometry import PegHoleGeometry, fit_difference
 from skill.policy import RigPolicy
+from systems.control.drive_monitor import DriveMonitor
 from systems.control.estimator import READINGS, PolicyEstimator
 from systems.control.force_guard import ForceGuard
 from systems.control.policy_controller import PolicyController
+from systems.control.self_check import SelfCheck
 from systems.control.sensor_monitor import SensorMonitor
 from systems.control.watchdog import COMMANDS, MONITORS, Watchdog
 from systems.hardware.wrench_sensor import WrenchSensor
+from systems.steps.faults import Fault
 from systems.steps.force_guard import GuardLimits, StoppingModel
 from systems.steps.limits import retract_limits, sensor_limits
 from systems.steps.policy_controller import ControllerLimits
@@ -25,9 +28,8 @@ from systems.steps.policy_controller import ControllerLimits
 
 @dataclass(frozen=True)
 class Law:
-    """The systems of a law, from the sensor to the force guard."""
+    """The systems of a law, from the monitor of the sensor to the force guard."""
 
-    sensor: WrenchSensor
     monitor: SensorMonitor
     estimator: PolicyEstimator
     controller: PolicyController
@@ -46,6 +48,29 @@ class Law:
             ("fault",): self.watchdog.GetOutputPort("fault"),
         }
 
+    # Every ``context`` is that of the diagram.
+
+    def peak_load(self, context: Context) -> float:
+        """Returns the largest load (N) that the sensor has measured."""
+        return self.force_guard.peak_load(self.force_guard.GetMyContextFromRoot(context))
+
+    def fault(self, context: Context) -> Fault:
+        """Returns the fault that has been detected."""
+        own = self.watchdog.GetMyContextFromRoot(context)
+        return Fault(int(self.watchdog.GetOutputPort("fault").Eval(own)[0]))
+
+    def failure(self, context: Context) -> str:
+        """Returns why the policy failed, or "" if it has not."""
+        return self.controller.failure(self.controller.GetMyContextFromRoot(context))
+
+    def tried(self, context: Context) -> str:
+        """Returns what the policy has tried if it has nothing new to try, else ""."""
+        return self.controller.tried(self.controller.GetMyContextFromRoot(context))
+
+    def stopped(self, context: Context) -> bool:
+        """Returns whether the watchdog has retracted the peg after a fault and stopped."""
+        return bool(self.watchdog.GetOutputPort("stopped").Eval(self.watchdog.GetMyContextFromRoot(context))[0])
+
 
 def AddLaw(
     builder: DiagramBuilder,
@@ -53,8 +78,6 @@ def AddLaw(
     policy: RigPolicy,
     *,
     stopping: StoppingModel,
-    weld: int,
-    weight: float,
     steppers: Sequence[str],
 ) -> Law:
     """Adds the systems of a law and connects them with each other.
@@ -64,16 +87,10 @@ def AddLaw(
         scenario: resolved.
         policy: that acts.
         stopping: how what carries the peg stops.
-        weld: index of the sensor in the reaction forces.
-        weight: of what hangs on the sensor, N.
         steppers: names of the axes that have steppers.
     """
     sensor, control = scenario.sensor, scenario.controller
-    tare = np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0])  # the reaction in free air
     law = Law(
-        sensor=builder.AddNamedSystem(
-            "wrench_sensor", WrenchSensor(parameters=sensor, seed=scenario.seed, weld=weld, tare=tare)
-        ),
         monitor=builder.AddNamedSystem(
             "sensor_monitor", SensorMonitor(limits=sensor_limits(scenario), period=sensor.period)
         ),
@@ -89,7 +106,6 @@ def AddLaw(
             "force_guard", ForceGuard(limits=GuardLimits.of(scenario), stopping=stopping)
         ),
     )
-    builder.Connect(law.sensor.GetOutputPort("wrench"), law.monitor.GetInputPort("raw_wrench"))
     for reader in (law.estimator, law.controller, law.force_guard):
         connect_measurement(builder, law, reader)
     builder.Connect(law.estimator.GetOutputPort("estimate"), law.controller.GetInputPort("estimate"))
@@ -104,31 +120,40 @@ def AddLaw(
     return law
 
 
+def AddSensor(
+    builder: DiagramBuilder, scenario: Scenario, reaction_forces: OutputPort, *, weld: int, weight: float
+) -> WrenchSensor:
+    """Adds the sensor between what carries the peg and the peg.
+
+    Args:
+        builder: of the diagram.
+        scenario: resolved.
+        reaction_forces: with that of the sensor.
+        weld: index of the sensor in the reaction forces.
+        weight: of what hangs on the sensor, which it does not report, N.
+    """
+    tare = np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0])  # the reaction in free air
+    sensor: WrenchSensor = builder.AddNamedSystem(
+        "wrench_sensor", WrenchSensor(parameters=scenario.sensor, seed=scenario.seed, weld=weld, tare=tare)
+    )
+    builder.Connect(reaction_forces, sensor.GetInputPort("reaction_forces"))
+    return sensor
+
+
 def connect_measurement(builder: DiagramBuilder, law: Law, reader: LeafSystem) -> None:
     """Connects the monitored wrench and depth to a system that reads both."""
     for name in ("wrench", "depth"):
         builder.Connect(law.monitor.GetOutputPort(name), reader.GetInputPort(name))
 
 
-def connect_carrier(
-    builder: DiagramBuilder,
-    law: Law,
-    *,
-    reaction_forces: OutputPort,
-    depth: OutputPort,
-    monitors: Mapping[str, LeafSystem],
-) -> None:
-    """Connects what carries the peg to a law: its measurements, and the monitors that it has beside the sensor's.
+def connect_monitors(builder: DiagramBuilder, law: Law, monitors: Mapping[str, DriveMonitor | SelfCheck]) -> None:
+    """Connects the monitors that a carrier of the peg has beside the sensor's.
 
     Args:
         builder: of the diagram.
         law: from `AddLaw`.
-        reaction_forces: with that of the sensor.
-        depth: as measured, m.
         monitors: systems with an output ``fault``, by their inputs of the watchdog; a missing one finds no fault.
     """
-    builder.Connect(reaction_forces, law.sensor.GetInputPort("reaction_forces"))
-    builder.Connect(depth, law.monitor.GetInputPort("raw_depth"))
     present = {MONITORS[0]: law.monitor, **monitors}
     for name in MONITORS:
         if name in present:

@@ -18,7 +18,8 @@ from systems.control.self_check import SelfCheck
 from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.stepper_motor import StepperMotor
-from systems.law import AddLaw, Law, check_geometry, check_start, connect_carrier, connect_measurement
+from systems.hardware.wrench_sensor import WrenchSensor
+from systems.law import AddLaw, AddSensor, Law, check_geometry, check_start, connect_measurement, connect_monitors
 from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_plant import ExactPlant
 from systems.plant.rig_plant import RigPlant, stepper_axes
@@ -85,18 +86,19 @@ def WireRig(
         scenario,
         skill,
         stopping=StoppingModel.of(scenario, mass=plant.moving_mass, inertia=plant.turning_inertia),
-        weld=plant.sensor,
-        weight=plant.weight,
         steppers=tuple(angles),
     )
     drives = _add_drives(builder, scenario, plant, angles=angles)
-    _connect_monitors(builder, plant, law, drives)
+    sensor = AddSensor(builder, scenario, plant.reaction_forces, weld=plant.sensor, weight=plant.weight)
+    _connect_monitors(builder, plant, law, sensor, drives)
     _connect_motors(builder, plant, law, drives)
     if meshcat is not None:
         _add_state_display(builder, scenario, skill, plant, law, meshcat)
     recorder = _add_recorder(builder, scenario, plant, law, drives)
     steppers = tuple(drives.steppers.values())
-    return RigDiagram.of(builder, "rig", plant, recorder, law, steppers=steppers, scenario=scenario)
+    diagram = builder.Build()
+    diagram.set_name("rig")
+    return RigDiagram(diagram, plant, recorder, law, sensor, steppers=steppers, scenario=scenario)
 
 
 @dataclass(frozen=True)
@@ -131,16 +133,18 @@ def _add_drives(builder: DiagramBuilder, scenario: Scenario, plant: RigPlant, *,
     )
 
 
-def _connect_monitors(builder: DiagramBuilder, plant: RigPlant, law: Law, drives: _Drives) -> None:
+def _connect_monitors(
+    builder: DiagramBuilder, plant: RigPlant, law: Law, sensor: WrenchSensor, drives: _Drives
+) -> None:
     builder.Connect(plant.carriage_state, drives.encoder.GetInputPort("carriage_state"))
-    connect_carrier(
-        builder,
-        law,
-        reaction_forces=plant.reaction_forces,
-        depth=drives.encoder.GetOutputPort("depth"),
-        monitors={"drive_monitor_fault": drives.drive_monitor, "self_check_fault": drives.self_check},
-    )
-    for monitor in (drives.drive_monitor, drives.self_check):
+    builder.Connect(sensor.GetOutputPort("wrench"), law.monitor.GetInputPort("raw_wrench"))
+    builder.Connect(drives.encoder.GetOutputPort("depth"), law.monitor.GetInputPort("raw_depth"))
+    monitors: dict[str, DriveMonitor | SelfCheck] = {
+        "drive_monitor_fault": drives.drive_monitor,
+        "self_check_fault": drives.self_check,
+    }
+    connect_monitors(builder, law, monitors)
+    for monitor in monitors.values():
         connect_measurement(builder, law, monitor)
         for name in ("current", "travel"):
             builder.Connect(drives.motor.GetOutputPort(name), monitor.GetInputPort(name))

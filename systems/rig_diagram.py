@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Self
 
 from pydrake.math import RigidTransform
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Context, Diagram
 
 from models.scenario import Scenario
 from skill.arrays import Array
-from systems.control.force_guard import ForceGuard
-from systems.control.policy_controller import PolicyController
-from systems.control.watchdog import Watchdog
 from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.law import Law
 from systems.plant.rig_plant import PegCarrier, stepper_axes
 from systems.recording.run_recorder import RunRecorder
-from systems.steps.faults import Fault
 
 
 @dataclass(frozen=True)
@@ -30,9 +25,7 @@ class RigDiagram:
         diagram: the diagram, for a Simulator.
         plant: the plant and its bodies.
         recorder: recorder of measurements, commands and motions.
-        controller: the system that runs the policy.
-        watchdog: the system between controller and motors.
-        force_guard: the system that limits the load, before the motors.
+        law: the systems from the sensor's monitor to the force guard.
         sensor: the force/torque sensor.
         steppers: of the block, in the order of `stepper_axes`; an arm has none.
         scenario: of which the diagram was built.
@@ -41,39 +34,10 @@ class RigDiagram:
     diagram: Diagram
     plant: PegCarrier
     recorder: RunRecorder
-    controller: PolicyController
-    watchdog: Watchdog
-    force_guard: ForceGuard
+    law: Law
     sensor: WrenchSensor
     steppers: tuple[StepperMotor, ...]
     scenario: Scenario
-
-    @classmethod
-    def of(
-        cls,
-        builder: DiagramBuilder,
-        name: str,
-        plant: PegCarrier,
-        recorder: RunRecorder,
-        law: Law,
-        *,
-        steppers: tuple[StepperMotor, ...],
-        scenario: Scenario,
-    ) -> Self:
-        """Builds the diagram and names it; the other arguments are its parts."""
-        diagram = builder.Build()
-        diagram.set_name(name)
-        return cls(
-            diagram,
-            plant,
-            recorder,
-            law.controller,
-            law.watchdog,
-            force_guard=law.force_guard,
-            sensor=law.sensor,
-            steppers=steppers,
-            scenario=scenario,
-        )
 
     def set_start(self, context: Context) -> None:
         """Moves carriage and gimbal to the start of the scenario; ``context`` is the diagram's."""
@@ -93,7 +57,8 @@ class RigDiagram:
         """
         _check_same_rig(self.scenario, trial)
         stopping = self.plant.set_trial(context, trial)
-        self.force_guard.set_stopping(self.force_guard.GetMyMutableContextFromRoot(context), stopping)
+        guard = self.law.force_guard
+        guard.set_stopping(guard.GetMyMutableContextFromRoot(context), stopping)
         self.sensor.set_seed(self.sensor.GetMyMutableContextFromRoot(context), trial.seed)
         angles = start_angles(trial)
         for stepper, angle in zip(self.steppers, angles, strict=False):  # an arm has no steppers
@@ -115,27 +80,6 @@ class RigDiagram:
         at the speeds of the rig.
         """
         return self.sensor.contact_wrench(self.sensor.GetMyContextFromRoot(context))
-
-    def peak_measured_load(self, context: Context) -> float:
-        """Returns the largest load (N) that the sensor has measured; ``context`` is the diagram's."""
-        return self.force_guard.peak_load(self.force_guard.GetMyContextFromRoot(context))
-
-    def fault(self, context: Context) -> Fault:
-        """Returns the fault that the rig has detected; ``context`` is the diagram's."""
-        own = self.watchdog.GetMyContextFromRoot(context)
-        return Fault(int(self.watchdog.GetOutputPort("fault").Eval(own)[0]))
-
-    def failure(self, context: Context) -> str:
-        """Returns why the policy failed, or "" if it has not; ``context`` is the diagram's."""
-        return self.controller.failure(self.controller.GetMyContextFromRoot(context))
-
-    def tried(self, context: Context) -> str:
-        """Returns what the policy has tried if it has nothing new to try, else ""; ``context`` is the diagram's."""
-        return self.controller.tried(self.controller.GetMyContextFromRoot(context))
-
-    def stopped(self, context: Context) -> bool:
-        """Returns whether the watchdog has retracted the peg after a fault and stopped."""
-        return bool(self.watchdog.GetOutputPort("stopped").Eval(self.watchdog.GetMyContextFromRoot(context))[0])
 
 
 def start_angles(scenario: Scenario) -> tuple[float, ...]:

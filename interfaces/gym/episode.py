@@ -69,14 +69,14 @@ class Episode:
         `observation_space` has the parts and their units; here are always ``probabilities`` and ``contexts`` too.
         """
         rig = self._rig
-        context = rig.controller.GetMyContextFromRoot(self._context)
-        found = {name: np.array(rig.controller.GetInputPort(name).Eval(context)) for name in ("wrench", "depth")}
-        estimate: Estimate = rig.controller.GetInputPort("estimate").Eval(context)
+        context = rig.law.controller.GetMyContextFromRoot(self._context)
+        found = {name: np.array(rig.law.controller.GetInputPort(name).Eval(context)) for name in ("wrench", "depth")}
+        estimate: Estimate = rig.law.controller.GetInputPort("estimate").Eval(context)
         found |= {"probabilities": estimate.states, "contexts": estimate.contexts}
-        modes = [rig.controller.GetOutputPort(name).Eval(context)[0] for name in ("turning", "back_off")]
-        guard = rig.force_guard.GetMyContextFromRoot(self._context)
+        modes = [rig.law.controller.GetOutputPort(name).Eval(context)[0] for name in ("turning", "back_off")]
+        guard = rig.law.force_guard.GetMyContextFromRoot(self._context)
         commands = [f"target_{axis}" for axis in stepper_axes(self._scenario)]
-        *targets, feed = (rig.force_guard.GetOutputPort(name).Eval(guard)[0] for name in (*commands, "feed_speed"))
+        *targets, feed = (rig.law.force_guard.GetOutputPort(name).Eval(guard)[0] for name in (*commands, "feed_speed"))
         return {**found, "angles": np.array(targets), "feed": np.array([feed]), "control": np.array(modes)}
 
     def contact_label(self) -> ContactLabel | None:

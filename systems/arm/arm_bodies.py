@@ -1,16 +1,17 @@
-"""The bodies and joint drives of an arm."""
+"""The bodies of an arm, and what drives its joints."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, ModelInstanceIndex, PdControllerGains
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 
+from models.arm import ArmParameters
 from models.scenario import Scenario
 from systems.arm.kinematics import ARMS, add_arm_model
 from systems.plant.contact_plant import BLOCK_COLOUR, PEG_COLOUR, block_picture, peg_shape
@@ -21,7 +22,7 @@ PERIOD = 1e-3
 
 @dataclass(frozen=True)
 class ArmBodies:
-    """A finalised plant of an arm, whose joints are held by implicit spring-dampers.
+    """A finalised plant of an arm.
 
     Attributes:
         plant: the plant.
@@ -59,8 +60,14 @@ class ArmBodies:
         return self.plant.get_state_output_port(self.arm)
 
 
-def AddArm(builder: DiagramBuilder, scenario: Scenario) -> ArmBodies:
-    """Adds the arm of a scenario, with pictures of peg and block, where one believes the hole to be."""
+def AddArm(builder: DiagramBuilder, scenario: Scenario, *, holds: bool) -> ArmBodies:
+    """Adds the arm of a scenario, with pictures of peg and block, where one believes the hole to be.
+
+    Args:
+        builder: of the diagram.
+        scenario: of an arm.
+        holds: whether implicit spring-dampers hold the joints at desired angles; otherwise they have torques only.
+    """
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, PERIOD)
     tip = add_arm_model(plant, scenario)
     model, arm = ARMS[scenario.carrier], scenario.arm
@@ -70,8 +77,8 @@ def AddArm(builder: DiagramBuilder, scenario: Scenario) -> ArmBodies:
         drive = plant.GetJointActuatorByName(joint.name())
         drive.set_default_rotor_inertia(rotor)
         drive.set_default_gear_ratio(ratio)
-        damping = 2.0 * arm.joint_damping * np.sqrt(arm.joint_stiffness * rotor * ratio**2)
-        drive.set_controller_gains(PdControllerGains(p=arm.joint_stiffness, d=damping))
+        if holds:
+            drive.set_controller_gains(PdControllerGains(p=arm.joint_stiffness, d=joint_damping(arm, rotor * ratio**2)))
     g = scenario.geometry
     X_PC, shape = peg_shape(g)
     X_BC = tip.GetFixedPoseInBodyFrame() @ X_PC
@@ -79,3 +86,8 @@ def AddArm(builder: DiagramBuilder, scenario: Scenario) -> ArmBodies:
     plant.RegisterVisualGeometry(plant.world_body(), RigidTransform(), block_picture(g), "block_picture", BLOCK_COLOUR)
     plant.Finalize()
     return ArmBodies(plant, scene_graph, tip)
+
+
+def joint_damping(arm: ArmParameters, inertia: float) -> float:
+    """Returns the damping of a joint that is held, N m s/rad, of the inertia of its rotor at the joint, kg m^2."""
+    return 2.0 * arm.joint_damping * math.sqrt(arm.joint_stiffness * inertia)

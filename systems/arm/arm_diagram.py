@@ -16,8 +16,8 @@ from skill.data.axes import AXES
 from skill.policy import RigPolicy
 from systems.arm.arm_bodies import PERIOD, AddArm, ArmBodies
 from systems.arm.kinematics import ArmKinematics
-from systems.arm.tip_servo import TipMotion, TipServo, height_along, tip_pose
-from systems.law import AddLaw, check_geometry, check_start, connect_carrier
+from systems.arm.tip_servo import TipMotion, TipServo, height_along, tip_at, tip_pose
+from systems.law import AddLaw, AddSensor, check_geometry, check_start, connect_monitors
 from systems.plant.contact_forces import Contact
 from systems.plant.held_peg import Compliance, HeldPeg
 from systems.recording.run_recorder import AddRunRecorder
@@ -52,7 +52,7 @@ class ArmPlant:
         own = self.bodies.plant.GetMyMutableContextFromRoot(context)
         self.bodies.plant.SetPositions(own, q)
         self.bodies.plant.SetVelocities(own, np.zeros_like(q))
-        X_WP = tip_pose(turned, height)
+        X_WP = tip_pose(turned, tip_at(height))
         sag = X_WP.rotation().inverse() @ np.array([0.0, 0.0, -self.peg.compliance.weight])
         bent = X_WP.rotation() @ (sag / self.peg.compliance.stiffness[3:])
         self.peg.set_start(context, RigidTransform(X_WP.rotation(), X_WP.translation() + bent))
@@ -64,7 +64,7 @@ class ArmPlant:
 
     def tip_height(self, context: Context) -> float:
         """See `RigPlant`: along the axis of the peg, from the mouth."""
-        return height_along(self.peg.pose(context).translation())
+        return height_along(self.peg.pose(context))
 
     def peg_in_hole(self, context: Context) -> RigidTransform:
         """See `RigPlant`."""
@@ -86,7 +86,7 @@ def stopping_of(scenario: Scenario, kinematics: ArmKinematics) -> StoppingModel:
     this spring further until the command stops: F = v (sqrt(k m) + k t); likewise for a turn about the mouth.
     """
     arm, sensor = scenario.arm, scenario.sensor
-    q = kinematics.angles_at(tip_pose(np.zeros(3), scenario.start.height))
+    q = kinematics.angles_at(tip_pose(np.zeros(3), tip_at(scenario.start.height)))
     joints = kinematics.stiffness(q, arm.joint_stiffness)
     c = Compliance.of(arm, 0.0)
     turning, _, _, _, _, axial = (1.0 / (1.0 / joints + 1.0 / c.stiffness)).tolist()
@@ -116,23 +116,21 @@ def MakeArm(scenario: Scenario, policy: RigPolicy, *, meshcat: Meshcat | None = 
     check_start(scenario)
     check_geometry(scenario, policy)
     builder = DiagramBuilder()
-    bodies, kinematics = AddArm(builder, scenario), ArmKinematics(scenario)
+    bodies, kinematics = AddArm(builder, scenario, holds=True), ArmKinematics(scenario)
     stopping = stopping_of(scenario, kinematics)
     peg = builder.AddNamedSystem("held_peg", HeldPeg(scenario, period=PERIOD))
     weight = peg.compliance.weight
     servo = builder.AddNamedSystem("tip_servo", TipServo(scenario, kinematics, held_weight=weight))
     p_FP = bodies.tip.GetFixedPoseInBodyFrame().translation()
     motion = builder.AddNamedSystem("tip_motion", TipMotion(scenario, kinematics, flange=bodies.flange, p_FP=p_FP))
-    law = AddLaw(builder, scenario, policy, stopping=stopping, weld=0, weight=weight, steppers=())
-    connect_carrier(
-        builder,
-        law,
-        reaction_forces=peg.GetOutputPort("reaction_forces"),
-        depth=motion.GetOutputPort("depth"),
-        monitors={},
-    )
+    law = AddLaw(builder, scenario, policy, stopping=stopping, steppers=())
+    sensor = AddSensor(builder, scenario, peg.GetOutputPort("reaction_forces"), weld=0, weight=weight)
+    builder.Connect(sensor.GetOutputPort("wrench"), law.monitor.GetInputPort("raw_wrench"))
+    builder.Connect(motion.GetOutputPort("depth"), law.monitor.GetInputPort("raw_depth"))
+    connect_monitors(builder, law, {})
     for name in (*(f"target_{axis}" for axis in AXES), "feed_speed"):
         builder.Connect(law.force_guard.GetOutputPort(name), servo.GetInputPort(name))
+    builder.Connect(law.monitor.GetOutputPort("wrench"), servo.GetInputPort("wrench"))
     for reader in (servo, motion):
         builder.Connect(bodies.state, reader.GetInputPort("joint_state"))
     builder.Connect(servo.GetOutputPort("desired"), bodies.desired)
@@ -150,4 +148,6 @@ def MakeArm(scenario: Scenario, policy: RigPolicy, *, meshcat: Meshcat | None = 
         home=0.0,
     )
     plant = ArmPlant(scenario, bodies, peg, servo, stopping)
-    return RigDiagram.of(builder, "arm", plant, recorder, law, steppers=(), scenario=scenario)
+    diagram = builder.Build()
+    diagram.set_name("arm")
+    return RigDiagram(diagram, plant, recorder, law, sensor, steppers=(), scenario=scenario)

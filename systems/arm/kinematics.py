@@ -33,21 +33,24 @@ class ArmModel:
         posture: (n,), joint angles near which the tip stands over the hole, rad.
         rotor_inertia: (n,), of the motors, kg m^2.
         gear_ratio: (n,).
+        friction: of a joint that moves, N m.
     """
 
     file: str
     posture: tuple[float, ...]
     rotor_inertia: tuple[float, ...]
     gear_ratio: tuple[float, ...]
+    friction: float
 
 
 ARMS = {
     FR3: ArmModel(
         "fr3.sdf",
         posture=(0.0, -0.2, 0.0, -2.4, 0.0, 2.2, 0.785),
-        # Franka Robotics' franka_description, as the inertias of the model.
+        # These are of Franka Robotics' franka_description, as the inertias of the model.
         rotor_inertia=(4.206399e-5,) * 2 + (3.211626e-5,) * 5,
         gear_ratio=(120.0,) * 4 + (80.0,) * 3,
+        friction=0.2,
     )
 }
 

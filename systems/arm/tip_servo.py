@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from pydrake.common.value import AbstractValue, Value
 from pydrake.math import RigidTransform, RollPitchYaw, RotationMatrix
@@ -17,22 +15,34 @@ from skill.arrays import Array
 from skill.data.axes import AXES
 from systems.arm.arm_bodies import PERIOD
 from systems.arm.kinematics import ArmKinematics
+from systems.steps.tip import HEIGHT, SIZE, TipLimits, X, Y, tip_step
 
 
-def tip_pose(angles: Array, height: float) -> RigidTransform:
-    """Returns X_WP of a peg at a height (m) of its tip over a hole that is turned by three angles (rad), as the rig's.
+def tip_pose(angles: Array, tip: Array) -> RigidTransform:
+    """Returns X_WP of a peg over a hole that is turned by three angles (rad), as the rig's.
 
     An arm turns the peg instead, by the inverse rotation about the centre of the mouth.
+
+    Args:
+        angles: (3,).
+        tip: (SIZE,) of `systems.steps.tip`, its height and where the mouth is.
     """
     pitch, yaw, clocking = angles
     R_WH = RotationMatrix(RollPitchYaw(pitch, 0.0, 0.0)) @ RotationMatrix(RollPitchYaw(0.0, yaw, 0.0))
     R_HP = (R_WH @ RotationMatrix.MakeZRotation(clocking)).inverse()
-    return RigidTransform(R_HP, R_HP @ np.array([0.0, 0.0, height]))
+    return RigidTransform(R_HP, R_HP @ np.array([0.0, 0.0, tip[HEIGHT]]) + np.array([tip[X], tip[Y], 0.0]))
 
 
-def height_along(p_WP: Array) -> float:
-    """Returns the height of a tip (3,), m, over the mouth where one believes it to be, along the axis of the peg."""
-    return math.copysign(float(np.linalg.norm(p_WP)), p_WP[2])
+def tip_at(height: float) -> Array:
+    """Returns the state of a tip (SIZE,) at rest at a height (m) over the mouth that the scenario names."""
+    found = np.zeros(SIZE)
+    found[HEIGHT] = height
+    return found
+
+
+def height_along(X_WP: RigidTransform) -> float:
+    """Returns the height of a tip over the mouth where one believes it to be, along the axis of the peg, m."""
+    return float(X_WP.rotation().matrix()[:, 2] @ X_WP.translation())
 
 
 class TipServo(LeafSystem):
@@ -45,14 +55,15 @@ class TipServo(LeafSystem):
         - target_yaw
         - target_clocking
         - feed_speed
+        - wrench
         - joint_state
         output_ports:
         - desired
         - torques
 
     Moves the joints of an arm so that the tip follows the commands of the force guard: ``target_*``, the angles of the
-    hole relative to the start (rad), which the peg turns by the inverse of, and ``feed_speed`` (m/s), which is changed
-    with the arm's acceleration at most. ``desired`` (2n,) is the angles and rates of the joints, rad and rad/s, after
+    hole relative to the start (rad), which the peg turns by the inverse of, and ``feed_speed`` (m/s). It yields to the
+    measured ``wrench`` as in `tip_step`. ``desired`` (2n,) is the angles and rates of the joints, rad and rad/s, after
     the delay of the arm. ``torques`` (n,) compensates for the weight of the arm and of what it holds, with the relative
     error of the scenario.
 
@@ -65,14 +76,16 @@ class TipServo(LeafSystem):
     def __init__(self, scenario: Scenario, kinematics: ArmKinematics, *, held_weight: float) -> None:
         super().__init__()
         self._arm, self._kinematics, self._weight = scenario.arm, kinematics, held_weight
+        self._limits = TipLimits.of(scenario.arm, PERIOD)
         self._targets = [self.DeclareVectorInputPort(f"target_{name}", 1) for name in AXES]
         self._feed = self.DeclareVectorInputPort("feed_speed", 1)
+        self._wrench = self.DeclareVectorInputPort("wrench", 6)
         n = len(self._kinematics.posture)
         self._joints = self.DeclareVectorInputPort("joint_state", 2 * n)
         self._rows = 2 + round(scenario.arm.delay / PERIOD)  # joint angles, the newest first
         self._start = self.DeclareAbstractParameter(Value[object](np.zeros(3)))
         self._angles = self.DeclareDiscreteState(self._rows * n)
-        self._tip = self.DeclareDiscreteState(2)  # height, m, and its rate, m/s
+        self._tip = self.DeclareDiscreteState(SIZE)
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._update)
         self.DeclareVectorOutputPort("desired", 2 * n, self._calc_desired, {self.discrete_state_ticket(self._angles)})
         self.DeclareVectorOutputPort("torques", n, self._calc_torques, {self._joints.ticket()})
@@ -80,23 +93,22 @@ class TipServo(LeafSystem):
     def set_start(self, context: Context, angles: Array, height: float) -> Array:
         """Puts the command at a start, at rest, and returns the joint angles (n,) there; ``context`` is the root's."""
         own = self.GetMyMutableContextFromRoot(context)
-        q = self._kinematics.angles_at(tip_pose(angles, height))
+        tip = tip_at(height)
+        q = self._kinematics.angles_at(tip_pose(angles, tip))
         own.get_mutable_abstract_parameter(self._start).set_value(np.array(angles))
         own.SetDiscreteState(self._angles, np.tile(q, self._rows))
-        own.SetDiscreteState(self._tip, np.array([height, 0.0]))
+        own.SetDiscreteState(self._tip, tip)
         return q
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        height, rate = context.get_discrete_state(self._tip).value()
-        change = self._arm.max_acceleration * PERIOD
-        wanted = min(max(self._feed.Eval(context)[0], -self._arm.max_speed), self._arm.max_speed)
-        rate += min(max(wanted - rate, -change), change)
-        height += PERIOD * rate
+        tip = np.array(context.get_discrete_state(self._tip).value())
         rows = np.array(context.get_discrete_state(self._angles).value()).reshape(self._rows, -1)
         start = context.get_abstract_parameter(self._start).get_value()
         angles = start + np.array([port.Eval(context)[0] for port in self._targets])
-        q = rows[0] + self._kinematics.motion_to(rows[0], tip_pose(angles, height))
-        discrete_state.set_value(self._tip, [height, rate])
+        push = tip_pose(angles, tip).rotation() @ self._wrench.Eval(context)[:3]
+        tip = tip_step(self._limits, tip, self._feed.Eval(context)[0], push[:2])
+        q = rows[0] + self._kinematics.motion_to(rows[0], tip_pose(angles, tip))
+        discrete_state.set_value(self._tip, tip)
         discrete_state.set_value(self._angles, np.vstack([q, rows[:-1]]).ravel())
 
     def _calc_desired(self, context: Context, output: BasicVector) -> None:
@@ -158,7 +170,7 @@ class TipMotion(LeafSystem):
 
     def _calc_depth(self, context: Context, output: BasicVector) -> None:
         q, _ = np.split(self._joints.Eval(context), 2)
-        height = height_along(self._kinematics.tip(q).translation())
+        height = height_along(self._kinematics.tip(q))
         output[0] = -round(height / self._resolution) * self._resolution
 
     def _calc_forces(self, context: Context, output: AbstractValue) -> None:

@@ -56,6 +56,39 @@ class Compliance(NamedTuple):
 
 
 @compiled
+def seen_from(frame: Array, motion: Array) -> Array:
+    """Returns a motion (13,), see `HeldPeg`, seen from a frame (7,), its quaternion (w first) and origin, at rest."""
+    R = rotation_of(frame[:4]).T
+    found = np.empty(13)
+    found[:4] = product(np.array([frame[0], -frame[1], -frame[2], -frame[3]]), motion[:4])
+    found[4:7] = R @ (motion[4:7] - frame[4:])
+    found[7:10], found[10:] = R @ motion[7:10], R @ motion[10:]
+    return found
+
+
+@compiled
+def product(a: Array, b: Array) -> Array:
+    """Returns the product (4,) of two quaternions (4,), w first."""
+    return np.array(
+        [
+            a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+            a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+            a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+            a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+        ]
+    )
+
+
+@compiled
+def inverse(frame: Array) -> Array:
+    """Returns the inverse (7,) of a frame (7,); see `seen_from`."""
+    found = frame.copy()
+    found[1:4] *= -1.0
+    found[4:] = -(rotation_of(frame[:4]).T @ frame[4:])
+    return found
+
+
+@compiled
 def held_wrench(c: Compliance, q: Array, v: Array, anchor: Array) -> Array:
     """Returns the torque and force (6,) of a compliance on the peg at its tip, in H.
 
@@ -83,13 +116,14 @@ def held_wrench(c: Compliance, q: Array, v: Array, anchor: Array) -> Array:
 
 @compiled
 def advance_held_peg(
-    bodies: Bodies, c: Compliance, q: Array, v: Array, anchor: Array, step: float, count: int
+    bodies: Bodies, c: Compliance, weight: Array, q: Array, v: Array, anchor: Array, step: float, count: int
 ) -> tuple[Array, int, Array, Array, Array]:
     """Takes ``count`` time steps, in which the anchor moves on with its velocities; changes q, v and anchor.
 
     Args:
         bodies: `Bodies`.
         c: `Compliance`.
+        weight: (3,), of what it holds, in H, N.
         q: (7,), see `held_wrench`.
         v: (6,), likewise.
         anchor: (13,), likewise.
@@ -104,7 +138,7 @@ def advance_held_peg(
     for _ in range(count):
         wrench = held_wrench(c, q, v, anchor)
         total += wrench
-        wrench[5] -= c.weight
+        wrench[3:] += weight
         _, found, point, normal, force = advance_peg(bodies, c.inertia, damping, free, q, v, wrench, step, 1)
         turn(anchor[:4], step * anchor[7:10])
         anchor[4:7] += step * anchor[10:]
@@ -126,7 +160,7 @@ class HeldPeg(LeafSystem):
     A peg on a compliance, in steps of ``period``. ``anchor`` (13,) is the pose and the motion at which the compliance
     is at rest, in W: quaternion, w first, tip (m), angular velocity and velocity. ``held_wrench`` (6,) is the mean
     torque and force of the compliance on the peg in the last period, at the tip, in W. ``reaction_forces`` is the same
-    as a `SpatialForce` at the sensor, in P, in a list of one. The hole may be elsewhere than in W (``hole_offset``).
+    as a `SpatialForce` at the sensor, in P, in a list of one. The hole may be elsewhere than in W.
     ``as_on_rig`` (4,) is the height of the tip over the mouth (m), and the angles (rad) of the rig's axes that give the
     same orientation of the peg in the hole.
 
@@ -144,7 +178,7 @@ class HeldPeg(LeafSystem):
         self._count = round(period / self._step)
         self._sensor, self._chamfer = scenario.sensor.height, g.chamfer
         self.compliance = Compliance.of(scenario.arm, STEEL * g.assembly.volume)
-        self._constants = self.DeclareAbstractParameter(Value[object]((Bodies.of(scenario), _offset(scenario))))
+        self._constants = self.DeclareAbstractParameter(Value[object](_World.of(scenario)))
         self._anchor = self.DeclareVectorInputPort("anchor", 13)
         self._motion = self.DeclareDiscreteState(np.eye(13)[0])
         self._held = self.DeclareDiscreteState(np.array([0.0, 0.0, 0.0, 0.0, 0.0, self.compliance.weight]))
@@ -164,10 +198,13 @@ class HeldPeg(LeafSystem):
 
     def set_trial(self, context: Context, trial: Scenario) -> None:
         """Sets the friction and the place of the hole of another resolved scenario."""
-        own = self.GetMyMutableContextFromRoot(context)
-        bodies, _ = self._constants_in(own)
-        bodies = bodies._replace(friction=trial.contact.friction)
-        own.get_mutable_abstract_parameter(self._constants).set_value((bodies, _offset(trial)))
+        self._set_world(context, _World.of(trial))
+
+    def set_hole(self, context: Context, X_WH: RigidTransform) -> None:
+        """Puts the hole at a pose in W; ``context`` is the root context."""
+        pose = np.concatenate([X_WH.rotation().ToQuaternion().wxyz(), X_WH.translation()])
+        world = self._world(self.GetMyContextFromRoot(context))
+        self._set_world(context, world._replace(hole=pose))
 
     def pose(self, context: Context) -> RigidTransform:
         """Returns X_WP; ``context`` is the root context."""
@@ -176,7 +213,7 @@ class HeldPeg(LeafSystem):
     def peg_in_hole(self, context: Context) -> RigidTransform:
         """Returns X_HP; ``context`` is the root context."""
         own = self.GetMyContextFromRoot(context)
-        return RigidTransform(-self._constants_in(own)[1]) @ free_body_pose(self._state(own)[:7])
+        return free_body_pose(seen_from(self._world(own).hole, self._state(own))[:7])
 
     def contact_extent(self, context: Context) -> float:
         """Returns the sum of the normal forces in the last step, N; ``context`` is the root context."""
@@ -185,39 +222,39 @@ class HeldPeg(LeafSystem):
     def contacts(self, context: Context) -> list[Contact]:
         """Returns the single contacts of the step that would follow; ``context`` is the root context."""
         own = self.GetMyContextFromRoot(context)
-        bodies, offset = self._constants_in(own)
-        state, anchor = self._in_hole(own)
-        _, found, points, normals, forces = advance_held_peg(
-            bodies, self.compliance, state[:7], state[7:], anchor, self._step, 1
-        )
-        parts = NormalForces(points[:found] + offset, normals[:found], forces[:found])
-        X_WH = RigidTransform(offset)
+        world = self._world(own)
+        _, _, found, points, normals, forces = self._advanced(own, 1)
+        X_WH, R_HW = free_body_pose(world.hole), rotation_of(world.hole[:4]).T
+        parts = NormalForces(points[:found] @ R_HW + world.hole[4:], normals[:found] @ R_HW, forces[:found])
         return single_contacts(parts, X_WH, self.peg_in_hole(context), chamfer=self._chamfer)
 
-    def _constants_in(self, own: Context) -> tuple[Bodies, Array]:
-        found: tuple[Bodies, Array] = own.get_abstract_parameter(self._constants).get_value()
+    def _world(self, own: Context) -> _World:
+        found: _World = own.get_abstract_parameter(self._constants).get_value()
         return found
+
+    def _set_world(self, context: Context, world: _World) -> None:
+        own = self.GetMyMutableContextFromRoot(context)
+        own.get_mutable_abstract_parameter(self._constants).set_value(world)
 
     def _state(self, own: Context) -> Array:
         return np.array(own.get_discrete_state(self._motion).value())
 
-    def _in_hole(self, own: Context) -> tuple[Array, Array]:
-        """Returns the motion of the peg and of the anchor in H."""
-        state, anchor = self._state(own), np.array(self._anchor.Eval(own))
-        offset = self._constants_in(own)[1]
-        state[4:7] -= offset
-        anchor[4:7] -= offset
-        return state, anchor
+    def _advanced(self, own: Context, count: int) -> tuple[Array, Array, int, Array, Array, Array]:
+        """Returns the motion (13,) of the peg in H after some steps, and then what `advance_held_peg` returns."""
+        bodies, hole = self._world(own)
+        state, anchor = seen_from(hole, self._state(own)), seen_from(hole, np.array(self._anchor.Eval(own)))
+        weight = -self.compliance.weight * rotation_of(hole[:4])[2]
+        held, found, points, normals, forces = advance_held_peg(
+            bodies, self.compliance, weight, state[:7], state[7:], anchor, self._step, count
+        )
+        return state, held, found, points, normals, forces
 
     def _update(self, context: Context, discrete_state: DiscreteValues) -> None:
-        bodies, offset = self._constants_in(context)
-        state, anchor = self._in_hole(context)
-        held, found, _, _, forces = advance_held_peg(
-            bodies, self.compliance, state[:7], state[7:], anchor, self._step, self._count
-        )
-        state[4:7] += offset
-        discrete_state.set_value(self._motion, state)
-        discrete_state.set_value(self._held, held)
+        hole = self._world(context).hole
+        state, held, found, _, _, forces = self._advanced(context, self._count)
+        R = rotation_of(hole[:4])
+        discrete_state.set_value(self._motion, seen_from(inverse(hole), state))
+        discrete_state.set_value(self._held, np.concatenate([R @ held[:3], R @ held[3:]]))
         discrete_state.set_value(self._load, [forces[:found].sum()])
 
     def _calc_held(self, context: Context, output: BasicVector) -> None:
@@ -231,13 +268,24 @@ class HeldPeg(LeafSystem):
         output.set_value([SpatialForce(tau=moment, f=force)])
 
     def _calc_as_on_rig(self, context: Context, output: BasicVector) -> None:
-        R, p = rotation_of(self._state(context)[:4]).T, self._state(context)[4:7]  # R_WH = R_HP'
-        yaw = math.asin(R[0, 2])
-        pitch, clocking = math.atan2(-R[1, 2], R[2, 2]), math.atan2(-R[0, 1], R[0, 0])
-        output.SetFromVector([p[2], pitch, yaw, clocking])
+        motion = seen_from(self._world(context).hole, self._state(context))
+        output.SetFromVector([motion[6], *rig_angles(rotation_of(motion[:4]))])
 
 
-def _offset(scenario: Scenario) -> Array:
-    """Returns where the centre of the mouth is in W (3,), m."""
-    x, y = scenario.arm.hole_offset or (0.0, 0.0)
-    return np.array([x, y, 0.0])
+def rig_angles(R_HP: Array) -> tuple[float, float, float]:
+    """Returns the angles (rad) of the axes of a rig with the same orientation (3, 3) of the peg in the hole."""
+    R = R_HP.T  # R_WH, of a peg that is upright
+    yaw = math.asin(R[0, 2])
+    return math.atan2(-R[1, 2], R[2, 2]), yaw, math.atan2(-R[0, 1], R[0, 0])
+
+
+class _World(NamedTuple):
+    """What a trial has of its own: the bodies with their friction, and the pose (7,) of the hole in W, w first."""
+
+    bodies: Bodies
+    hole: Array
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Self:
+        x, y = scenario.arm.hole_offset or (0.0, 0.0)
+        return cls(Bodies.of(scenario), np.array([1.0, 0.0, 0.0, 0.0, x, y, 0.0]))

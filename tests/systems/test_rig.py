@@ -41,7 +41,7 @@ def test_every_input_is_connected_except_for_the_unused_ones_of_the_plant(resolv
 def test_the_force_guard_knows_the_masses_of_the_rig(resolved, skill):
     rig = MakeRig(resolved, skill)
     mass, inertia = rig.plant.moving_mass, rig.plant.turning_inertia
-    stopping = rig.force_guard.stopping(rig.force_guard.CreateDefaultContext())
+    stopping = rig.law.force_guard.stopping(rig.law.force_guard.CreateDefaultContext())
     assert stopping == StoppingModel.of(resolved, mass=mass, inertia=inertia)
 
 
@@ -197,10 +197,10 @@ def test_the_guard_and_the_stopping_model_follow_the_pivot_of_the_trial(resolved
     rig = MakeRig(resolved, skill)
     context = rig.diagram.CreateDefaultContext()
     rig.set_trial(context, other)
-    expected = MakeRig(other, skill).force_guard
-    stopping = rig.force_guard.stopping(rig.force_guard.GetMyContextFromRoot(context))
+    expected = MakeRig(other, skill).law.force_guard
+    stopping = rig.law.force_guard.stopping(rig.law.force_guard.GetMyContextFromRoot(context))
     assert stopping == expected.stopping(expected.CreateDefaultContext())
-    assert stopping != rig.force_guard.stopping(rig.force_guard.CreateDefaultContext())
+    assert stopping != rig.law.force_guard.stopping(rig.law.force_guard.CreateDefaultContext())
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pydrake.math import RigidTransform
 
 from models.scenario import load_scenario
 from systems.arm.kinematics import FLANGE_TO_SENSOR, ArmKinematics
-from systems.arm.tip_servo import tip_pose
+from systems.arm.tip_servo import tip_at, tip_pose
 
 S = load_scenario("fr3")
 Q = np.array([0.1, -0.7, 0.2, -2.2, 0.3, 1.6, 0.7])
@@ -36,7 +36,7 @@ def test_the_jacobian_is_that_of_finite_differences(kinematics):
 
 @pytest.mark.parametrize(("angles", "height"), [((0.0, 0.0, 0.0), 0.003), ((0.06, -0.05, 0.0), -0.02)])
 def test_angles_are_found_for_a_pose(kinematics, angles, height):
-    X = tip_pose(np.array(angles), height)
+    X = tip_pose(np.array(angles), tip_at(height))
     found = kinematics.tip(kinematics.angles_at(X))
     np.testing.assert_allclose(found.GetAsMatrix34(), X.GetAsMatrix34(), atol=1e-9)
 

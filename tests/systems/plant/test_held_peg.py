@@ -98,3 +98,24 @@ def test_its_angles_are_those_of_a_rig_with_the_same_orientation(scenario):
     bench = Bench(scenario, RigidTransform(R_WH.inverse(), [0.0, 0.0, 0.004]))
     found = bench.dut.GetOutputPort("as_on_rig").Eval(bench.context)
     np.testing.assert_allclose(found, [0.004, 0.05, -0.03, 0.02], atol=1e-12)
+
+
+def test_a_press_on_the_floor_of_a_tilted_hole_is_along_its_axis(scenario):
+    bench = Bench(scenario, RigidTransform())
+    X_WH = RigidTransform(RollPitchYaw(0.3, -0.2, 0.1), [0.01, 0.02, 0.03])
+    depth, c = scenario.geometry.hole_depth, bench.dut.compliance
+    anchor = X_WH @ RigidTransform([0.0, 0.0, -depth - 5e-5])
+    bench.dut.GetInputPort("anchor").FixValue(
+        bench.context, [*anchor.rotation().ToQuaternion().wxyz(), *anchor.translation(), *np.zeros(6)]
+    )
+    bench.dut.set_hole(bench.context, X_WH)
+    bench.dut.set_start(bench.context, X_WH @ RigidTransform([0.0, 0.0, -depth + 1e-4]))
+    bench.settle()
+    np.testing.assert_allclose(bench.dut.peg_in_hole(bench.context).translation()[2], -depth, atol=1e-6)
+    axis = X_WH.rotation().matrix()[:, 2]
+    assert bench.held()[3:] @ axis == pytest.approx(-5e-5 * scenario.arm.axial_stiffness, rel=0.02)
+    contacts = bench.dut.contacts(bench.context)
+    assert sum(contact.force for contact in contacts) == pytest.approx(
+        c.weight * axis[2] - bench.held()[3:] @ axis, rel=0.02
+    )
+    np.testing.assert_allclose([contact.normal for contact in contacts], np.tile(axis, (len(contacts), 1)), atol=1e-6)
