@@ -30,7 +30,7 @@ class ArmParameters:
     held_mass: float = 0.15  # in units of kg, below the sensor besides the peg
     held_inertia: float = 1.2e-3  # in units of kg m^2, of peg and holder about the tip
     joint_stiffness: float = 14250.0  # in units of N m/rad, the largest joint impedance of libfranka
-    joint_damping: float = limited(0.7, low=0.0)  # damping ratio of a joint with its rotor
+    joint_damping: float = limited(0.7, low=0.0)  # damping ratio of a joint with the arm beyond it
     gravity_error: float = limited(0.01, low=0.0, high=1.0)  # relative error of the compensation of gravity
     max_speed: float = 0.25  # in units of m/s, of the tip
     max_acceleration: float = 5.0  # in units of m/s^2, of the tip, with which a command stops

@@ -8,6 +8,7 @@ import typer
 
 from interfaces.terminal import report_errors
 from scripts import (
+    arm,
     correct,
     demo,
     diagram,
@@ -21,6 +22,7 @@ from scripts import (
     states,
     sweep,
     train,
+    twin,
 )
 
 EXIT_CODES = (
@@ -45,6 +47,7 @@ app = make_app(epilog=EXIT_CODES)
 for name, module in {
     **{"demo": demo, "record": record, "train": train, "correct": correct, "rig": rig, "practise": practise},
     **{"replay": replay, "sweep": sweep, "states": states, "scoreboard": scoreboard, "diagram": diagram, "part": part},
+    **{"arm": arm, "twin": twin},
 }.items():
     app.command(name)(report_errors(module.main))
 export_app, import_app = make_app(), make_app()

@@ -11,7 +11,8 @@ squares.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +24,9 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 
 LEAST_SPREAD = math.radians(20.0)
 """Least angle, rad, between directions of gravity in S, about two axes, that tells mass and bias apart."""
+
+LARGEST_ERROR = 0.05
+"""Largest root mean square of the forces that the model leaves, in units of 1 N and the weight."""
 
 LEAST_PUSH = 2.0
 """Least change of the force in a push, N."""
@@ -51,6 +55,27 @@ class Tool:
         """Returns the wrench (6,) of the contact on the tool in S, about the origin of S, of a reading (6,)."""
         weight = self.mass * (R_WS.T @ GRAVITY)
         return np.asarray(reading - self.bias - np.concatenate([weight, np.cross(self.centre, weight)]))
+
+    def with_bias(self, reading: Array, R_WS: Array) -> Tool:
+        """Returns the tool with the bias of a reading (6,) in free air."""
+        return replace(self, bias=self.bias + self.contact(reading, R_WS))
+
+    def check(self) -> None:
+        """Checks that the readings were those of a weight.
+
+        Raises:
+            ValueError: if the mass is negative, or the model leaves much of the readings. The message says why.
+        """
+        if self.mass < 0.0:
+            raise ValueError(
+                f"what hangs on the sensor has a mass of {self.mass:.3f} kg: the sensor reports the force of the tool"
+                " on the world; change the sign of all six numbers"
+            )
+        if self.force_error > LARGEST_ERROR * (1.0 + self.mass * 9.81):
+            raise ValueError(
+                f"a mass of {self.mass:.3f} kg leaves {self.force_error:.2f} N of the readings: the sensor is mounted"
+                " turned, its axes are swapped, or something touches the tool"
+            )
 
 
 def identify_tool(R_WS: ArrayLike, readings: ArrayLike) -> Tool:
@@ -89,7 +114,7 @@ def identify_tool(R_WS: ArrayLike, readings: ArrayLike) -> Tool:
     )
 
 
-def check_pushes(pushes: dict[str, ArrayLike]) -> None:
+def check_pushes(pushes: Mapping[str, ArrayLike]) -> None:
     """Checks signs and axes of a sensor by pushes on its tool.
 
     Args:

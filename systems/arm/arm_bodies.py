@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
+import numpy as np
 from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
@@ -13,7 +13,8 @@ from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
 
 from models.arm import ArmParameters
 from models.scenario import Scenario
-from systems.arm.kinematics import ARMS, add_arm_model
+from skill.arrays import Array
+from systems.arm.kinematics import ArmKinematics, add_arm_model
 from systems.plant.contact_plant import BLOCK_COLOUR, PEG_COLOUR, block_picture, peg_shape
 
 PERIOD = 1e-3
@@ -60,25 +61,27 @@ class ArmBodies:
         return self.plant.get_state_output_port(self.arm)
 
 
-def AddArm(builder: DiagramBuilder, scenario: Scenario, *, holds: bool) -> ArmBodies:
+def AddArm(builder: DiagramBuilder, scenario: Scenario, kinematics: ArmKinematics, *, holds: bool) -> ArmBodies:
     """Adds the arm of a scenario, with pictures of peg and block, where one believes the hole to be.
 
     Args:
         builder: of the diagram.
         scenario: of an arm.
+        kinematics: of this arm.
         holds: whether implicit spring-dampers hold the joints at desired angles; otherwise they have torques only.
     """
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, PERIOD)
     tip = add_arm_model(plant, scenario)
-    model, arm = ARMS[scenario.carrier], scenario.arm
+    model, stiffness = kinematics.model, scenario.arm.joint_stiffness
+    damping = joint_damping(scenario.arm, kinematics)
     joints = [plant.get_joint(index) for index in plant.GetJointIndices(tip.body().model_instance())]
     turning = [joint for joint in joints if joint.num_velocities() > 0]
-    for joint, rotor, ratio in zip(turning, model.rotor_inertia, model.gear_ratio, strict=True):
+    for joint, rotor, ratio, d in zip(turning, model.rotor_inertia, model.gear_ratio, damping, strict=True):
         drive = plant.GetJointActuatorByName(joint.name())
         drive.set_default_rotor_inertia(rotor)
         drive.set_default_gear_ratio(ratio)
         if holds:
-            drive.set_controller_gains(PdControllerGains(p=arm.joint_stiffness, d=joint_damping(arm, rotor * ratio**2)))
+            drive.set_controller_gains(PdControllerGains(p=stiffness, d=d))
     g = scenario.geometry
     X_PC, shape = peg_shape(g)
     X_BC = tip.GetFixedPoseInBodyFrame() @ X_PC
@@ -88,6 +91,7 @@ def AddArm(builder: DiagramBuilder, scenario: Scenario, *, holds: bool) -> ArmBo
     return ArmBodies(plant, scene_graph, tip)
 
 
-def joint_damping(arm: ArmParameters, inertia: float) -> float:
-    """Returns the damping of a joint that is held, N m s/rad, of the inertia of its rotor at the joint, kg m^2."""
-    return 2.0 * arm.joint_damping * math.sqrt(arm.joint_stiffness * inertia)
+def joint_damping(arm: ArmParameters, kinematics: ArmKinematics) -> Array:
+    """Returns the damping (n,) of joints that are held, N m s/rad, near the posture of the arm."""
+    inertia = kinematics.inertia(kinematics.posture)
+    return np.asarray(2.0 * arm.joint_damping * np.sqrt(arm.joint_stiffness * inertia))

@@ -116,7 +116,8 @@ def MakeArm(scenario: Scenario, policy: RigPolicy, *, meshcat: Meshcat | None = 
     check_start(scenario)
     check_geometry(scenario, policy)
     builder = DiagramBuilder()
-    bodies, kinematics = AddArm(builder, scenario, holds=True), ArmKinematics(scenario)
+    kinematics = ArmKinematics(scenario)
+    bodies = AddArm(builder, scenario, kinematics, holds=True)
     stopping = stopping_of(scenario, kinematics)
     peg = builder.AddNamedSystem("held_peg", HeldPeg(scenario, period=PERIOD))
     weight = peg.compliance.weight

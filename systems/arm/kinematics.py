@@ -86,7 +86,8 @@ class ArmKinematics:
         self._tip = add_arm_model(self._plant, scenario)
         self._plant.Finalize()
         self._context = self._plant.CreateDefaultContext()
-        self.posture = np.array(ARMS[scenario.carrier].posture)
+        self.model = ARMS[scenario.carrier]
+        self.posture = np.array(self.model.posture)
 
     def tip(self, q: Array) -> RigidTransform:
         """Returns X_WP of the peg at rest on its compliance, at joint angles (n,), rad."""
@@ -116,6 +117,12 @@ class ArmKinematics:
         held = held_weight * self.jacobian(q)[5]
         found: Array = held - self._plant.CalcGravityGeneralizedForces(self._context)
         return found
+
+    def inertia(self, q: Array) -> Array:
+        """Returns the inertia (n,) of each joint with the arm beyond it and its rotor, kg m^2, the others held."""
+        self._plant.SetPositions(self._context, q)
+        rotors = np.array(self.model.rotor_inertia) * np.array(self.model.gear_ratio) ** 2
+        return np.asarray(np.diag(self._plant.CalcMassMatrix(self._context)) + rotors)
 
     def stiffness(self, q: Array, joint_stiffness: float) -> Array:
         """Returns the stiffness (6,) about and along each axis of W at the tip, N m/rad and N/m, of stiff joints."""

@@ -11,7 +11,7 @@ from pydrake.systems.framework import DiagramBuilder
 from models.scenario import Scenario
 from skill.arrays import Array
 from systems.arm.arm_bodies import PERIOD, AddArm, joint_damping
-from systems.arm.kinematics import ARMS, ArmKinematics
+from systems.arm.kinematics import ArmKinematics
 from systems.arm.tip_servo import TipMotion
 from systems.law import AddSensor
 from systems.plant.held_peg import HeldPeg
@@ -40,7 +40,7 @@ class TorqueArm:
     def __init__(self, scenario: Scenario, *, meshcat: Meshcat | None = None) -> None:
         self.scenario, self.kinematics = scenario, ArmKinematics(scenario)
         builder = DiagramBuilder()
-        self._bodies = AddArm(builder, scenario, holds=False)
+        self._bodies = AddArm(builder, scenario, self.kinematics, holds=False)
         self._peg: HeldPeg = builder.AddNamedSystem("held_peg", HeldPeg(scenario, period=PERIOD))
         p_FP = self._bodies.tip.GetFixedPoseInBodyFrame().translation()
         motion = TipMotion(scenario, self.kinematics, flange=self._bodies.flange, p_FP=p_FP)
@@ -60,11 +60,9 @@ class TorqueArm:
         self._context = self._simulator.get_mutable_context()
         self._own = self._bodies.plant.GetMyMutableContextFromRoot(self._context)
         self._torques = diagram.GetInputPort("torques").FixValue(self._context, np.zeros(len(self.kinematics.posture)))
-        model = ARMS[scenario.carrier]
-        self._friction = model.friction
-        rotors = np.array(model.rotor_inertia) * np.array(model.gear_ratio) ** 2
-        self.stiffness = np.full(len(rotors), scenario.arm.joint_stiffness)
-        self.damping = np.array([joint_damping(scenario.arm, rotor) for rotor in rotors])
+        self._friction = self.kinematics.model.friction
+        self.damping = joint_damping(scenario.arm, self.kinematics)
+        self.stiffness = np.full(len(self.damping), scenario.arm.joint_stiffness)
         self._step = 0
 
     @property

@@ -1,0 +1,112 @@
+"""A Franka Research 3 by libfranka, through franky."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from types import ModuleType
+
+import numpy as np
+
+from interfaces.robots.robot_arm import ArmState
+from skill.arrays import Array
+
+HOLD = 20
+"""Time for which a rate is held unless the next one comes, ms."""
+
+CORRECTION = 20.0
+"""Rate at which a difference between the commanded angles and those of the arm fades, 1/s."""
+
+FORCE_LIMIT, TORQUE_LIMIT = 80.0, 40.0
+"""Estimated force on the flange (N), and torque of a joint (N m), at which the arm stops by itself."""
+
+
+class FrankyArm:
+    """A `RobotArm` with libfranka's protocol: joint velocities, held by the arm's own joint impedance.
+
+    Args:
+        host: address of the arm.
+        stiffness: of the joints, N m/rad.
+
+    Raises:
+        ModuleNotFoundError: if franky is not installed.
+        ConnectionError: if no arm answers at the address.
+    """
+
+    period = 4e-3
+
+    def __init__(self, host: str, stiffness: float) -> None:
+        self._franky = _franky()
+        try:
+            self._robot = self._franky.Robot(host, realtime_config=self._franky.RealtimeConfig.Ignore)
+        except self._franky.NetworkException as error:
+            raise ConnectionError(
+                f"{host}: no arm answers ({error}); expected a Franka with FCI activated, or `haptic-skill twin fr3`"
+            ) from error
+        with self._errors():
+            self._robot.recover_from_errors()
+            self._robot.set_joint_impedance([stiffness] * 7)
+            self._robot.set_collision_behavior(TORQUE_LIMIT, FORCE_LIMIT)
+            unit = np.eye(4).ravel().tolist()
+            self._robot.set_ee(unit)
+            self._robot.set_k(unit)
+
+    def state(self) -> ArmState:
+        """See `RobotArm`."""
+        with self._errors():
+            state = self._robot.state
+        # libfranka reports the force of the arm on the world (libfranka, issue 26).
+        return ArmState(
+            time=state.time.to_sec(),
+            angles=np.array(state.q),
+            rates=np.array(state.dq),
+            wrench=-np.array(state.O_F_ext_hat_K),
+            fault=str(state.current_errors) if self._robot.has_errors else "",
+        )
+
+    def move_to(self, angles: Array, speed: float) -> None:
+        """See `RobotArm`."""
+        factor = min(1.0, speed / float(np.max(self._robot.joint_velocity_limit.get())))
+        with self._errors():
+            self._robot.move(self._franky.JointMotion(angles, relative_dynamics_factor=factor))
+
+    def follow(self, angles: Array, rates: Array) -> None:
+        """See `RobotArm`."""
+        with self._errors():
+            here = np.array(self._robot.state.q_d)
+            wanted = rates + CORRECTION * (angles - here)
+            motion = self._franky.JointVelocityMotion(wanted, self._franky.Duration(HOLD))
+            self._robot.move(motion, asynchronous=True)
+
+    def set_tool(self, mass: float, centre: Array) -> None:
+        """See `RobotArm`."""
+        with self._errors():
+            self._robot.set_load(mass, centre.tolist(), [0.0] * 9)
+
+    def stop(self) -> None:
+        """See `RobotArm`."""
+        with self._errors():
+            self._robot.stop()
+        with suppress(self._franky.ControlException):  # it says that the motion has been stopped
+            self._robot.join_motion()
+
+    def close(self) -> None:
+        """See `RobotArm`."""
+        with suppress(self._franky.Exception):  # nothing is left to stop
+            self._robot.stop()
+        del self._robot
+
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        try:
+            yield
+        except self._franky.Exception as error:
+            raise ConnectionError(f"the arm has stopped: {error}") from error
+
+
+def _franky() -> ModuleType:
+    try:
+        return import_module("franky")
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError("a Franka arm needs franky: pip install 'haptic-skill[arm]'") from error

@@ -1,0 +1,266 @@
+"""Insertions with an arm through its protocol: it sees joint angles and a sensor, and nothing else."""
+
+from __future__ import annotations
+
+import copy
+import time
+from typing import NoReturn
+
+import numpy as np
+from pydrake.math import RigidTransform, RollPitchYaw
+
+from experiments.ended_trial import EndedTrial, Looks
+from experiments.metrics.force_metrics import ForceMetrics
+from experiments.metrics.motion_metrics import MotionMetrics
+from interfaces.robots.robot_arm import ArmState, RobotArm
+from interfaces.sensors.tool import Tool, identify_tool
+from interfaces.sensors.wrench_stream import WrenchStream
+from models.scenario import TRIAL_STREAM, Scenario, resolve_scenario
+from skill.arrays import Array
+from skill.data.outcome import Ending, Outcome
+from skill.policy import RigPolicy
+from systems.arm.arm_bodies import PERIOD
+from systems.arm.arm_diagram import stopping_of
+from systems.arm.arm_law import ArmLaw
+from systems.arm.kinematics import FLANGE_TO_SENSOR, ArmKinematics
+from systems.arm.tip_servo import height_along, tip_at, tip_pose
+from systems.plant.contact_forces import JOINED_SIZE, MAX_JOINED
+from systems.plant.held_peg import rig_angles
+from systems.steps.faults import Fault
+from systems.steps.tip import HEIGHT, TipLimits, tip_step
+from systems.steps.wrench_sensor import wrench_at_tip
+
+READY_HEIGHT = 0.03
+"""Height of the tip over the mouth between insertions, m."""
+
+AIR_HEIGHT = 0.15
+"""Height of the tip over the mouth where the arm turns the tool, m."""
+
+JOINT_SPEED = 0.6
+"""Of motions in free air, rad/s."""
+
+RETREAT_SPEED = 0.03
+"""Of the tip out of the hole, m/s."""
+
+LOOK_TILT = 0.8
+"""Angle by which the arm turns the tool to find its weight, rad."""
+
+REST_TIME, LOOK_TIME = 0.3, 0.3
+"""Time before and during which readings at rest are averaged, s."""
+
+SILENCE = 0.02
+"""Time without a new reading of the sensor, or a new state of the arm, after which the arm is stopped, s."""
+
+LONGEST_STEP = 0.01
+"""Longest time that one step of the law covers, s; what is longer does not count."""
+
+FORCE_LIMIT = 80.0
+"""Measured force at which the arm is stopped at once, N: twice the load that the force guard keeps."""
+
+SIDE_LIMIT = 0.005
+"""Distance of the peg's axis from the believed mouth at which the arm is stopped, m."""
+
+NO_LOOKS = Looks(np.zeros(0, dtype=np.int64), np.zeros((0, MAX_JOINED, JOINED_SIZE)))
+
+
+class ArmSession:
+    """An arm, its sensor, and a hole where the scenario says that it is.
+
+    Every method that moves the arm raises a `ConnectionError` where the arm or the sensor stops answering, or a limit
+    of force or place is passed; the arm is stopped before.
+
+    Attributes:
+        tool: what hangs on the sensor.
+        scenario: resolved.
+
+    Args:
+        arm: the arm.
+        sensor: its sensor; the axes of its frame S are those of the peg, z from the tip to the flange.
+        scenario: of the arm; what it draws for a simulated hole has no effect.
+    """
+
+    def __init__(self, arm: RobotArm, sensor: WrenchStream, scenario: Scenario) -> None:
+        known = copy.deepcopy(scenario)
+        known.start.tilt, known.start.clocking, known.arm.hole_offset = [0.0, 0.0], 0.0, [0.0, 0.0]
+        self.scenario = resolve_scenario(known, seed=0, stream=TRIAL_STREAM)
+        self._arm, self._sensor, self._kinematics = arm, sensor, ArmKinematics(self.scenario)
+        self.tool = Tool(0.0, np.zeros(3), np.zeros(6), 0.0, 0.0)
+        self._command = arm.state().angles
+        self._fresh = (-1.0, 0.0)  # time of the newest reading, and of the arm when it came
+
+    def find_tool(self) -> Tool:
+        """Turns the tool in free air, finds what hangs on the sensor, and tells the arm.
+
+        Raises:
+            ValueError: if the readings are not those of a weight. The message says what explains them.
+        """
+        tilts = [(0.0, 0.0), (LOOK_TILT, 0.0), (-LOOK_TILT, 0.0), (0.0, LOOK_TILT), (0.0, -LOOK_TILT)]
+        upright = tip_pose(np.zeros(3), tip_at(AIR_HEIGHT))
+        rotations, readings = [], []
+        for about_x, about_y in tilts:
+            self._move_to(RigidTransform(RollPitchYaw(about_x, about_y, 0.0), upright.translation()))
+            rotations.append(self._kinematics.tip(self._arm.state().angles).rotation().matrix())
+            readings.append(self._mean_reading())
+        found = identify_tool(rotations, readings)
+        found.check()
+        self.tool = found
+        # From S to the frame of the flange: half a turn about x.
+        self._arm.set_tool(found.mass, np.array([1.0, -1.0, -1.0]) * found.centre + [0.0, 0.0, FLANGE_TO_SENSOR])
+        return found
+
+    def reading_along_base(self) -> Array:
+        """Returns the mean force (3,) that the sensor reads, along the axes of the base, with weight and bias."""
+        R_WS = self._kinematics.tip(self._arm.state().angles).rotation().matrix()
+        return np.asarray(R_WS @ self._mean_reading()[:3])
+
+    def approach(self, raised: float = 0.0) -> None:
+        """Moves over the hole, and takes what the sensor reads there, without the weight, as its bias.
+
+        Args:
+            raised: height by which all that follows is above its place, m; for a motion in free air only.
+        """
+        self._raised = raised
+        self._move_to(self._above(READY_HEIGHT))
+        R_WS = self._kinematics.tip(self._arm.state().angles).rotation().matrix()
+        self.tool = self.tool.with_bias(self._mean_reading(), R_WS)
+        self._move_to(self._above(self.scenario.start.height))
+
+    def insert(self, policy: RigPolicy, number: int) -> EndedTrial:
+        """Performs an insertion from above the mouth; see `approach`.
+
+        Args:
+            policy: that acts.
+            number: of the insertion, for the record.
+        """
+        s = self.scenario
+        law = ArmLaw(s, policy, stopping_of(s, self._kinematics))
+        forces, motion = ForceMetrics(s.geometry.reach, PERIOD), MotionMetrics(PERIOD, s.geometry.hole_depth)
+        tip, angles = tip_at(s.start.height), np.zeros(3)
+        limits = TipLimits.of(s.arm, PERIOD)
+        ending, depth = None, -s.start.height
+        followed = state = self._arm.state()
+        while ending is None:
+            state, seconds = self._next_state(state)
+            X_WP = self._tip(state)
+            wrench = self._contact(state, X_WP)
+            depth = -height_along(X_WP)
+            as_on_rig = np.array([-depth, *rig_angles(X_WP.rotation().matrix())])
+            law.advance(seconds, wrench, depth, as_on_rig)
+            for _ in range(round(seconds / PERIOD)):
+                forces.add_step(wrench)
+                motion.add_step(X_WP.translation())
+            angles, feed = law.commands()
+            push = X_WP.rotation() @ law.wrench()[:3]
+            tip = tip_step(limits._replace(period=seconds), tip, feed, push[:2])
+            if state.time - followed.time >= self._arm.period - 0.5 * PERIOD:
+                self._follow(tip_pose(angles, tip), state.time - followed.time)
+                followed = state
+            ending = self._ending(law, depth)
+        self._tip_state, self._angles = tip, angles
+        return EndedTrial(
+            number=number,
+            scenario=s,
+            outcome=ending.outcome,
+            detail=ending.detail,
+            fault=law.law.fault(law.context),
+            failure=law.law.failure(law.context),
+            time=law.time,
+            depth=depth,
+            samples=law.samples(),
+            forces=forces.figures(law.law.peak_load(law.context)),
+            motion=motion.figures(),
+            penetration=0.0,
+            looks=NO_LOOKS,
+        )
+
+    def retreat(self) -> None:
+        """Draws the peg out of the hole along its axis, and stays over the hole."""
+        tip, followed = self._tip_state.copy(), self._arm.state()
+        state = followed
+        while tip[HEIGHT] < READY_HEIGHT:
+            state, seconds = self._next_state(state)
+            self._contact(state, self._tip(state))
+            tip[HEIGHT] += RETREAT_SPEED * seconds
+            if state.time - followed.time >= self._arm.period - 0.5 * PERIOD:
+                self._follow(tip_pose(self._angles, tip), state.time - followed.time)
+                followed = state
+        self._arm.stop()
+
+    def _ending(self, law: ArmLaw, depth: float) -> Ending | None:
+        """Returns how the insertion has ended, if it has."""
+        s, own = self.scenario, law.law
+        if own.stopped(law.context):
+            return Ending(Outcome.FAULT)
+        tried = own.tried(law.context)
+        if tried and own.fault(law.context) is Fault.NONE:
+            return Ending(Outcome.JAMMED, tried)
+        if depth >= s.full_depth:
+            return Ending(Outcome.INSERTED)
+        return Ending(Outcome.TIME_OVER) if law.time >= s.trial.time_limit else None
+
+    def _above(self, height: float) -> RigidTransform:
+        return RigidTransform([0.0, 0.0, self._raised]) @ tip_pose(np.zeros(3), tip_at(height))
+
+    def _tip(self, state: ArmState) -> RigidTransform:
+        """Returns X_WP, with the mouth of the hole raised as in `approach`."""
+        return RigidTransform([0.0, 0.0, -self._raised]) @ self._kinematics.tip(state.angles)
+
+    def _move_to(self, X_WP: RigidTransform) -> None:
+        self._command = self._kinematics.angles_at(X_WP)
+        self._arm.move_to(self._command, JOINT_SPEED)
+
+    def _follow(self, X_WP: RigidTransform, seconds: float) -> None:
+        raised = RigidTransform([0.0, 0.0, self._raised]) @ X_WP
+        step = self._kinematics.motion_to(self._command, raised)
+        self._command = self._command + step
+        self._arm.follow(self._command, step / seconds)
+
+    def _next_state(self, last: ArmState) -> tuple[ArmState, float]:
+        """Waits for the next state, and returns it and the time since the last one as whole periods, s."""
+        began = time.monotonic()
+        while True:
+            state = self._arm.state()
+            if state.fault:
+                raise ConnectionError(f"the arm has stopped: {state.fault}")
+            steps = round((state.time - last.time) / PERIOD)
+            if steps > 0:
+                return state, PERIOD * min(steps, round(LONGEST_STEP / PERIOD))
+            if time.monotonic() - began > 10.0 * SILENCE:
+                self._halt("the arm sends no new state")
+            time.sleep(0.2 * PERIOD)
+
+    def _contact(self, state: ArmState, X_WP: RigidTransform) -> Array:
+        """Returns the wrench (6,) of the contact on the peg about its tip, in P."""
+        reading = self._sensor.latest()
+        if reading is None or not reading.sound:
+            self._halt(f"the sensor has no sound reading ({self._sensor.counts().text()})")
+        if reading.time != self._fresh[0]:
+            self._fresh = (reading.time, state.time)
+        elif state.time - self._fresh[1] > SILENCE:
+            self._halt(f"the sensor is silent ({self._sensor.counts().text()})")
+        wrench = self.tool.contact(reading.wrench, X_WP.rotation().matrix())
+        force = float(np.linalg.norm(wrench[:3]))
+        if force > FORCE_LIMIT:
+            self._halt(f"a force of {force:.0f} N, beyond {FORCE_LIMIT:g} N")
+        axis, p = X_WP.rotation().col(2), X_WP.translation()
+        aside = float(np.linalg.norm(p - axis * (p @ axis)))
+        if aside > SIDE_LIMIT:
+            self._halt(f"the peg is {1e3 * aside:.1f} mm beside the hole, beyond {1e3 * SIDE_LIMIT:g} mm")
+        return wrench_at_tip(wrench, self.scenario.sensor.height)
+
+    def _halt(self, reason: str) -> NoReturn:
+        self._arm.stop()
+        raise ConnectionError(f"stopped: {reason}")
+
+    def _mean_reading(self) -> Array:
+        """Returns the mean reading (6,) at rest."""
+        state = self._arm.state()
+        readings: dict[float, Array] = {}
+        while (now := self._arm.state().time - state.time) < REST_TIME + LOOK_TIME:
+            reading = self._sensor.latest()
+            if now > REST_TIME and reading is not None and reading.sound:
+                readings[reading.time] = reading.wrench
+            time.sleep(PERIOD)
+        if not readings:
+            self._halt(f"the sensor has no sound reading ({self._sensor.counts().text()})")
+        return np.asarray(np.mean(list(readings.values()), axis=0))

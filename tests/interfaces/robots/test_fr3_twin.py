@@ -1,0 +1,203 @@
+"""The simulated FR3 through libfranka's protocol: motions, estimates, stops, and an insertion."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("franky")
+pytest.importorskip("franky_sim")
+
+from experiments.trial import Arm
+from interfaces.robots.fr3_twin import SENSOR_PAGE_PORT, SENSOR_PORT, Fr3Twin
+from interfaces.robots.franky_arm import FORCE_LIMIT as FRANKA_LIMIT
+from interfaces.robots.franky_arm import FrankyArm
+from interfaces.robots.insertion import FORCE_LIMIT, ArmSession
+from interfaces.robots.open_arm import open_arm
+from interfaces.sensors.net_ft import NetFt
+from models.scenario import load_scenario
+from systems.arm.tip_servo import tip_at, tip_pose
+from systems.plant.held_peg import GRAVITY
+from systems.steps.tip import HEIGHT, X
+
+# One address and one pair of ports of the sensor each: these tests run one after the other.
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("twin")]
+STOP_TIME = 0.05  # in units of s
+
+FOLLOW = """
+import numpy as np
+from interfaces.robots.franky_arm import FrankyArm
+arm = FrankyArm({host!r}, 14250.0)
+start = last = arm.state()
+print("moves", flush=True)
+while True:
+    state = arm.state()
+    if state.time > last.time + 0.0035:
+        last = state
+        arm.follow(start.angles + 0.2 * (state.time - start.time), np.full(7, 0.2))
+"""
+
+
+class Served:
+    """A twin that a thread serves, with what its arm does."""
+
+    def __init__(self, seed=3, trials=Arm.DEFAULT, **changes):
+        self.scenario = load_scenario("fr3")
+        for name, value in changes.items():
+            setattr(self.scenario.arm, name, value)
+        self.host, self.holes, self.rates = "127.0.0.1", [], []
+        self.twin = Fr3Twin(self.scenario, seed=seed, trials=trials, host=self.host, ended=self.holes.append)
+        self.thread = threading.Thread(target=self._serve, daemon=True)
+        self.is_over = False
+
+    def _serve(self):
+        after_step = self.twin.sensor.send
+
+        def send(wrench, status=0):
+            self.rates.append((self.twin.arm.time, float(np.abs(self.twin.arm.rates).max())))
+            if self.is_over:
+                raise InterruptedError
+            after_step(wrench, status)
+
+        self.twin.sensor.send = send
+        with contextlib.suppress(InterruptedError):
+            self.twin.run(1.0)
+
+    def __enter__(self):
+        self.thread.start()
+        while not self.rates:
+            time.sleep(0.01)
+        return self
+
+    def __exit__(self, *_):
+        self.is_over = True
+        self.thread.join()
+        self.twin.close()
+
+    def time_to_rest(self, since):
+        """Returns after which time of the arm since a time of its clock it rests, s."""
+        deadline = time.monotonic() + 5.0
+        while time.monotonic() < deadline:
+            moving = [t for t, rate in list(self.rates) if t > since and rate > 0.01]
+            if self.twin.arm.time > since + 0.3:
+                return max(moving, default=since) - since
+            time.sleep(0.02)
+        raise AssertionError("the clock of the arm stands")
+
+
+@pytest.fixture
+def served():
+    with Served() as twin:
+        yield twin
+
+
+@contextlib.contextmanager
+def session_with(twin):
+    arm = open_arm(twin.host, twin.scenario)
+    sensor = NetFt(twin.host, port=SENSOR_PORT, http_port=SENSOR_PAGE_PORT)
+    try:
+        yield ArmSession(arm, sensor, twin.scenario)
+    finally:
+        sensor.close()
+        arm.close()
+
+
+def test_the_joints_move_to_angles_and_follow_a_motion(served):
+    arm = FrankyArm(served.host, served.scenario.arm.joint_stiffness)
+    start = arm.state()
+    arm.move_to(start.angles + 0.02, 0.6)
+    # The friction of a joint over its stiffness, and its part of an uncompensated weight.
+    np.testing.assert_allclose(arm.state().angles, start.angles + 0.02, atol=5e-4)
+    arm.move_to(start.angles, 0.6)
+    begin = last = arm.state()
+    errors = []
+    while last.time < begin.time + 1.0:
+        state = arm.state()
+        if state.time < last.time + 0.0035:
+            continue
+        last, t = state, state.time - begin.time
+        arm.follow(begin.angles + 0.02 * (1.0 - np.cos(3.0 * t)), np.full(7, 0.06 * np.sin(3.0 * t)))
+        errors.append(state.angles - begin.angles - 0.02 * (1.0 - np.cos(3.0 * t)))
+    arm.stop()
+    assert np.abs(errors).max() < 1e-3
+    arm.close()
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "without commands"])
+def test_an_arm_whose_program_is_gone_stops(served, how):
+    client = subprocess.Popen(
+        [sys.executable, "-c", FOLLOW.format(host=served.host)], stdout=subprocess.PIPE, env=os.environ
+    )
+    try:
+        assert client.stdout.readline() == b"moves\n"
+        while served.rates[-1][1] < 0.15:
+            time.sleep(0.005)
+        since = served.twin.arm.time
+        client.send_signal(how)
+        assert served.time_to_rest(since) < STOP_TIME
+    finally:
+        client.kill()
+        client.wait()
+
+
+def test_a_silent_sensor_stops_an_insertion(served, skill):
+    with session_with(served) as session:
+        session.approach()
+        since = []
+
+        def fall_silent():
+            while served.twin.arm.peg_in_hole().translation()[2] > 0.001:
+                time.sleep(0.001)
+            served.twin.sensor.send = lambda *_: served.rates.append(
+                (served.twin.arm.time, float(np.abs(served.twin.arm.rates).max()))
+            )
+            since.append(served.twin.arm.time)
+
+        threading.Thread(target=fall_silent).start()
+        with pytest.raises(ConnectionError, match="stopped: the sensor is silent"):
+            session.insert(skill, 0)
+        assert served.time_to_rest(since[0]) < STOP_TIME
+
+
+def test_the_tool_is_found_within_a_percent_and_a_millimetre(served):
+    with session_with(served) as session:
+        tool = session.find_tool()
+    assert tool.mass == pytest.approx(served.twin.arm.held_weight / GRAVITY, rel=0.01)
+    np.testing.assert_allclose(tool.centre, [0.0, 0.0, -served.scenario.sensor.height], atol=1e-3)
+
+
+def test_a_limit_of_the_arm_stops_it_by_itself(served):
+    """The arm presses on the block beside the hole, until its own estimate passes the limit of its force."""
+    arm = FrankyArm(served.host, served.scenario.arm.joint_stiffness)
+    beside = tip_at(0.005)
+    beside[X] = 0.02
+    pressed = beside.copy()
+    pressed[HEIGHT] = -0.02
+    above, below = (served.twin.arm.kinematics.angles_at(tip_pose(np.zeros(3), tip)) for tip in (beside, pressed))
+    arm.move_to(above, 0.6)
+    with pytest.raises(ConnectionError, match=r"the arm has stopped: .*reflex"):
+        arm.move_to(below, 0.1)
+    force = -served.twin.arm.reading()[2]
+    assert FRANKA_LIMIT < force < 1.5 * FRANKA_LIMIT
+    arm.close()
+
+
+def test_a_peg_is_inserted_and_recorded(served, skill):
+    with session_with(served) as session:
+        session.find_tool()
+        session.approach()
+        ended = session.insert(skill, 0)
+        session.retreat()
+        session.approach()  # the next hole
+    assert ended.result.reason == "inserted"
+    assert ended.result.peak_measured_load < FORCE_LIMIT
+    (hole,) = served.holes
+    assert hole.depth >= served.scenario.full_depth
+    run = ended.record(skill)
+    assert run.samples["depth"].iloc[-1] == pytest.approx(served.scenario.full_depth, abs=1e-3)
