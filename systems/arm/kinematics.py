@@ -12,7 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame, JacobianWrtVariable
 
 import models
-from models.arm import FR3
+from models.arm import FR3, UR5E
 from models.scenario import Scenario
 from skill.arrays import Array
 from systems.math.rotation import rotation_vector
@@ -48,7 +48,14 @@ ARMS = {
         # Franka Robotics' franka_description, as the inertias of the model.
         rotor_inertia=(4.206399e-5,) * 2 + (3.211626e-5,) * 5,
         gear_ratio=(120.0,) * 4 + (80.0,) * 3,
-    )
+    ),
+    UR5E: ArmModel(
+        "ur5e.sdf",
+        posture=(2.87, -1.37, 2.08, -2.28, -1.57, -1.84),
+        # 0.1 kg m^2 at the joints, as in MuJoCo Menagerie's UR5e, which calls it untuned; none is published [choice].
+        rotor_inertia=(9.8e-6,) * 6,
+        gear_ratio=(101.0,) * 6,
+    ),
 }
 
 
