@@ -8,16 +8,9 @@ import pytest
 from interfaces.sensors.net_ft import ERROR, OUT_OF_RANGE, NetFt, parse_calibration
 from interfaces.sensors.wrench_stream import Arrival, RecordOrder
 from tests.interfaces.sensors.net_ft_server import NetFtServer
+from tests.interfaces.sensors.waiting import until
 
 WRENCH = [1.0, -2.0, 3.0, 1e-4, 2e-4, -3e-4]  # of the server's counts: 1,000 in a newton, 100 in a newton millimetre
-
-
-def until(condition, seconds=5.0):
-    """Waits until a condition holds, and returns whether it does."""
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(2e-3)
-    return condition()
 
 
 @pytest.fixture
