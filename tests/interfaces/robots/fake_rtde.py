@@ -114,7 +114,9 @@ class Controller:
 
     def _accept(self, server, run):
         while True:
-            threading.Thread(target=run, args=(server.accept()[0],), daemon=True).start()
+            connection, _ = server.accept()
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            threading.Thread(target=run, args=(connection,), daemon=True).start()
 
     def _dashboard(self, connection):
         connection.sendall(b"Connected: Universal Robots Dashboard Server\n")
