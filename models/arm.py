@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from models.validation import limited
 
-RIG, FR3 = CARRIERS = ("rig", "fr3")
+RIG, FR3, UR5E = CARRIERS = ("rig", "fr3", "ur5e")
 """What carries peg and hole: the rig, which turns the hole, or an arm, which turns the peg over a fixed hole."""
 
 

@@ -32,7 +32,7 @@ def main(
         str,
         text_option("URL", "The force/torque sensor: netft://HOST[:PORT[:HTTPPORT]], or arm: for the arm's estimate."),
     ] = "netft://127.0.0.1:49152:8049",
-    robot: Annotated[Literal["fr3"], typer.Option(help="Which arm.")] = "fr3",
+    robot: Annotated[Literal["fr3", "ur5e"], typer.Option(help="Which arm.")] = "fr3",
     skill: DefaultSkillFile = None,
     trials: Trials = 10,
     scenario: Annotated[

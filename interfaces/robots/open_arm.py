@@ -6,8 +6,9 @@ import numpy as np
 
 from interfaces.robots.franky_arm import FrankyArm
 from interfaces.robots.robot_arm import RobotArm
+from interfaces.robots.ur_arm import UrArm
 from interfaces.sensors.arm_wrench import ArmWrench
-from models.arm import FR3
+from models.arm import FR3, UR5E
 from models.scenario import Scenario
 from skill.arrays import Array
 from systems.arm.kinematics import FLANGE_TO_SENSOR, ArmKinematics
@@ -24,8 +25,10 @@ def open_arm(host: str, scenario: Scenario) -> RobotArm:
     match scenario.carrier:
         case str(name) if name == FR3:
             return FrankyArm(host, scenario.arm.joint_stiffness)
+        case str(name) if name == UR5E:
+            return UrArm(host)
         case other:
-            raise ValueError(f"scenario.carrier is {other!r}; expected {FR3!r}, an arm that this program can move")
+            raise ValueError(f"scenario.carrier is {other!r}; expected an arm, {FR3!r} or {UR5E!r}")
 
 
 def estimated_wrench(arm: RobotArm, scenario: Scenario) -> ArmWrench:

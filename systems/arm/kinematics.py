@@ -12,7 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame, JacobianWrtVariable
 
 import models
-from models.arm import FR3
+from models.arm import FR3, UR5E
 from models.scenario import Scenario
 from skill.arrays import Array
 from systems.math.rotation import rotation_vector
@@ -33,25 +33,29 @@ class ArmModel:
         posture: (n,), joint angles near which the tip stands over the hole, rad.
         rotor_inertia: (n,), of the motors, kg m^2.
         gear_ratio: (n,).
-        friction: of a joint that moves, N m.
     """
 
     file: str
     posture: tuple[float, ...]
     rotor_inertia: tuple[float, ...]
     gear_ratio: tuple[float, ...]
-    friction: float
 
 
 ARMS = {
     FR3: ArmModel(
         "fr3.sdf",
         posture=(0.0, -0.2, 0.0, -2.4, 0.0, 2.2, 0.785),
-        # These are of Franka Robotics' franka_description, as the inertias of the model.
+        # Franka Robotics' franka_description, as the inertias of the model.
         rotor_inertia=(4.206399e-5,) * 2 + (3.211626e-5,) * 5,
         gear_ratio=(120.0,) * 4 + (80.0,) * 3,
-        friction=0.2,
-    )
+    ),
+    UR5E: ArmModel(
+        "ur5e.sdf",
+        posture=(2.87, -1.37, 2.08, -2.28, -1.57, -1.84),
+        # 0.1 kg m^2 at the joints, as in MuJoCo Menagerie's UR5e, which calls it untuned; none is published [choice].
+        rotor_inertia=(9.8e-6,) * 6,
+        gear_ratio=(101.0,) * 6,
+    ),
 }
 
 

@@ -18,6 +18,9 @@ from systems.plant.held_peg import HeldPeg
 from systems.steps.wrench_sensor import wrench_at_tip
 from systems.visualization.meshcat_scene import FRAME
 
+FRICTION = 0.2
+"""Of a joint that moves, N m, as in Franka Robotics' franka_description."""
+
 FRICTION_RATE = 5e-3
 """Rate at which the friction of a joint has tanh(1) of its size, rad/s."""
 
@@ -25,7 +28,7 @@ FRICTION_RATE = 5e-3
 class TorqueArm:
     """An arm under gravity that advances a millisecond at a time.
 
-    A joint with the rate v loses the torque friction tanh(v / `FRICTION_RATE`), beside the damping of its model.
+    A joint with the rate v loses the torque `FRICTION` tanh(v / `FRICTION_RATE`), beside the damping of its model.
 
     Attributes:
         kinematics: that a controller knows.
@@ -60,7 +63,6 @@ class TorqueArm:
         self._context = self._simulator.get_mutable_context()
         self._own = self._bodies.plant.GetMyMutableContextFromRoot(self._context)
         self._torques = diagram.GetInputPort("torques").FixValue(self._context, np.zeros(len(self.kinematics.posture)))
-        self._friction = self.kinematics.model.friction
         self.damping = joint_damping(scenario.arm, self.kinematics)
         self.stiffness = np.full(len(self.damping), scenario.arm.joint_stiffness)
         self._step = 0
@@ -105,7 +107,7 @@ class TorqueArm:
     def advance(self, torques: Array) -> None:
         """Applies motor torques (n,), N m, for a millisecond."""
         v = self.rates
-        left = torques - self._friction * np.tanh(v / FRICTION_RATE)
+        left = torques - FRICTION * np.tanh(v / FRICTION_RATE)
         self._torques.GetMutableData().get_mutable_value().SetFromVector(left)
         self._step += 1
         self._simulator.AdvanceTo(self.time)

@@ -11,14 +11,7 @@ from interfaces.sensors.net_ft import ERROR, OUT_OF_RANGE, NetFt, parse_calibrat
 from interfaces.sensors.net_ft_server import NetFtServer
 from interfaces.sensors.wrench_stream import Arrival, RecordOrder
 from tests.interfaces.sensors.net_ft_server import WRENCH, DisturbedNetFtServer
-
-
-def until(condition, seconds=5.0):
-    """Waits until a condition holds, and returns whether it does."""
-    end = time.monotonic() + seconds
-    while not condition() and time.monotonic() < end:
-        time.sleep(2e-3)
-    return condition()
+from tests.interfaces.sensors.waiting import until
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from experiments.trial import run_rig, run_trial, trial_scenario
+from models.arm import FR3, UR5E
 from models.scenario import load_scenario, validate_scenario
 from skill.policy import Action
 from skill.states.estimate import Estimate
@@ -27,9 +28,9 @@ class Commanded(ControlLaw):
         return Action(self.turn * self.period_, self.feed * self.period_)
 
 
-@pytest.fixture
-def scenario():
-    scenario = load_scenario("fr3")
+@pytest.fixture(params=[FR3, UR5E])
+def scenario(request):
+    scenario = load_scenario(request.param)
     scenario.start.height, scenario.start.tilt = 0.02, [0.02, -0.01]
     return trial_scenario(scenario, number=1)
 
@@ -62,6 +63,7 @@ def test_at_rest_in_free_air_the_tip_stays_and_the_sensor_reads_nothing(scenario
 
 
 def test_the_peg_turns_about_the_mouth_and_feeds_as_commanded(scenario):
+    scenario.arm.delay = 2e-3  # the force guard slows an arm that hears its commands later
     rig, simulator = started(scenario, Commanded(turn=(0.05, -0.02), feed=-0.01))
     simulator.AdvanceTo(0.5)
     found = rows(rig, simulator)
@@ -90,10 +92,10 @@ def test_a_stop_is_that_of_spring_mass_and_delay(scenario):
 
 
 def test_another_trial_in_the_same_diagram_is_that_of_a_new_one(scenario):
-    other = trial_scenario(load_scenario("fr3"), number=5)
+    other = trial_scenario(load_scenario(scenario.carrier), number=5)
     other.trial.time_limit = scenario.trial.time_limit = 0.4
     law = Commanded(turn=(0.02, 0.0), feed=-0.02)
-    built = trial_scenario(load_scenario("fr3"), number=6)
+    built = trial_scenario(load_scenario(scenario.carrier), number=6)
     built.trial.time_limit = 0.4
     ended = [run_rig(MakeRig(base, law), other, seed=5) for base in (built, other)]
     np.testing.assert_array_equal(ended[0].samples.to_numpy(), ended[1].samples.to_numpy())
@@ -106,8 +108,10 @@ def test_an_arm_has_the_exact_engine(scenario):
 
 
 @pytest.mark.slow
-def test_the_skill_of_the_rig_inserts_with_an_arm(quick_scenario, skill):
-    quick_scenario.carrier, quick_scenario.contact.engine = "fr3", "exact"
+@pytest.mark.parametrize("carrier", [FR3, UR5E])
+def test_the_skill_of_the_rig_inserts_with_an_arm(quick_scenario, skill, carrier):
+    quick_scenario.carrier, quick_scenario.contact.engine = carrier, "exact"
+    quick_scenario.arm = load_scenario(carrier).arm
     quick_scenario.start.tilt = [0.03, -0.025]
     quick_scenario.trial.time_limit = 8.0
     result, run = run_trial(trial_scenario(quick_scenario, number=1000), skill, seed=1000)

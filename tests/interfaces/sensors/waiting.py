@@ -1,0 +1,11 @@
+"""Waiting for what another thread does."""
+
+import time
+
+
+def until(condition, seconds=5.0):
+    """Waits until a condition holds, and returns whether it does."""
+    end = time.monotonic() + seconds
+    while not condition() and time.monotonic() < end:
+        time.sleep(2e-3)
+    return condition()
