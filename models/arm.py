@@ -30,13 +30,13 @@ class ArmParameters:
     held_mass: float = 0.15  # in units of kg, below the sensor besides the peg
     held_inertia: float = 1.2e-3  # in units of kg m^2, of peg and holder about the tip
     joint_stiffness: float = 14250.0  # in units of N m/rad, the largest joint impedance of libfranka
-    joint_damping: float = limited(0.7, low=0.0)  # damping ratio of a joint with the arm beyond it
+    joint_damping: float = limited(1.0, low=0.0)  # damping ratio of a joint with the arm beyond it
     gravity_error: float = limited(0.01, low=0.0, high=1.0)  # relative error of the compensation of gravity
     max_speed: float = 0.25  # in units of m/s, of the tip
     max_acceleration: float = 5.0  # in units of m/s^2, of the tip, with which a command stops
     delay: float = limited(2.0e-3, low=0.0, high=0.1)  # in units of s, from a command to the motors
     # How the tip yields to a lateral force at the mouth; see `systems.steps.tip`.
-    yield_softness: float = limited(2.0e-3, low=0.0)  # in units of m/s/N
+    yield_softness: float = limited(1.0e-3, low=0.0)  # in units of m/s/N
     yield_threshold: float = limited(0.5, low=0.0)  # in units of N
     yield_speed: float = limited(0.01, low=0.0)  # in units of m/s
     yield_reach: float = limited(2.0e-3, low=0.0, high=0.01)  # in units of m
