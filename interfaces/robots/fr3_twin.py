@@ -34,10 +34,10 @@ from interfaces.sensors.net_ft_server import NetFtServer
 from models.scenario import Scenario
 from skill.arrays import Array
 from systems.arm.arm_bodies import PERIOD
-from systems.arm.kinematics import FLANGE_TO_SENSOR
 from systems.arm.tip_servo import tip_at, tip_pose
 from systems.arm.torque_arm import TorqueArm
 from systems.math.noise import standard_normal
+from systems.plant.held_peg import GRAVITY
 
 logging.getLogger("franky_sim").setLevel(logging.ERROR)  # it warns of frames that are only stored
 
@@ -111,13 +111,16 @@ class _Robot(BaseRobot):
         self._tick += 1
         noise = TORQUE_NOISE * standard_normal(self._seed, "noise of the joint torques", self._tick, 7)
         angles, (force, moment) = arm.angles, np.split(arm.world_wrench(), 2)
-        J = arm.kinematics.jacobian(angles)  # of the tip
-        torques = J.T @ np.concatenate([moment, force]) + self._bias + noise
+        J, X_WF = arm.kinematics.jacobian(angles), arm.kinematics.flange(angles)  # J is that of the tip
+        p_tip = arm.kinematics.tip(angles).translation()
+        # The weight of what the arm was told to carry is no wrench of the world.
+        load = np.array([0.0, 0.0, self.m_load * GRAVITY])
+        moment = moment + np.cross(X_WF @ np.array(self.F_x_Cload) - p_tip, load)
+        torques = J.T @ np.concatenate([moment, force + load]) + self._bias + noise
         self.estimate = self.estimate + PERIOD / ESTIMATE_TIME * (torques - self.estimate)
         moment, force = np.split(np.linalg.solve(J @ J.T, J @ self.estimate), 2)
-        lever = (FLANGE_TO_SENSOR + arm.scenario.sensor.height) * arm.kinematics.tip(angles).rotation().col(2)
         # libfranka reports the force of the arm on the world (libfranka, issue 26), here about the flange.
-        self.wrench = -np.concatenate([force, moment - np.cross(lever, force)])
+        self.wrench = -np.concatenate([force, moment - np.cross(X_WF.translation() - p_tip, force)])
 
     def collides(self) -> int | None:
         """Returns the error of an estimate beyond the limits, if it is."""

@@ -98,6 +98,11 @@ class ArmKinematics:
         self._plant.SetPositions(self._context, q)
         return self._tip.CalcPoseInWorld(self._context)
 
+    def flange(self, q: Array) -> RigidTransform:
+        """Returns X_WF of the flange at joint angles (n,), rad."""
+        self._plant.SetPositions(self._context, q)
+        return self._plant.GetFrameByName("flange").CalcPoseInWorld(self._context)
+
     def jacobian(self, q: Array) -> Array:
         """Returns the Jacobian (6, n) of angular velocity and velocity of the tip in W."""
         self._plant.SetPositions(self._context, q)

@@ -130,10 +130,10 @@ class TorqueArm:
         return wrench_at_tip(about_tip, -self.scenario.sensor.height)
 
     def world_wrench(self) -> Array:
-        """Returns the true wrench (6,) of the world on the peg at its tip, without the weight, along the axes of W.
+        """Returns the true wrench (6,) of the world on what hangs on the sensor, about the tip, along the axes of W.
 
-        It includes the inertial force of what hangs on the sensor.
+        It includes the weight and the inertial force.
         """
         own = self._peg.GetMyContextFromRoot(self._context)
         held = np.array(self._peg.GetOutputPort("held_wrench").Eval(own))
-        return np.array([*-held[3:5], self.held_weight - held[5], *-held[:3]])
+        return np.array([*-held[3:], *-held[:3]])
