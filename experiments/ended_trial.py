@@ -118,6 +118,7 @@ class EndedTrial:
         samples[list(CONTACT_COLUMNS)] = contact_rows(self.looks.seen, self.looks.contacts, len(samples))
         metadata = {
             "geometry": asdict(scenario.geometry),
+            "carrier": scenario.carrier,
             "rig": asdict(scenario.rig),
             "force_limit": scenario.controller.guard.force_limit,
             "state_names": policy.state_names(),

@@ -12,6 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from models.arm import RIG
 from models.assembly import Assembly
 from models.meshes import TriangleMesh
 from skill.arrays import Array
@@ -180,7 +181,8 @@ def motion_of_demonstration(
 def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
     """Returns the motion of a rig run: the peg slides along z, and the hole block turns about the axes of its steppers.
 
-    R_WH = R_x(pitch) R_y(yaw) R_z(clocking), about the pivot at height ``pivot_height`` above the mouth.
+    R_WH = R_x(pitch) R_y(yaw) R_z(clocking), about the pivot at height ``pivot_height`` above the mouth. An arm turns
+    the peg instead: the block rests, and the axis of the peg is drawn through the centre of the mouth.
 
     Args:
         run: its metadata must contain the geometry.
@@ -196,6 +198,12 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
     height, axes = rig.get("pivot_height", 0.0), AXES if rig.get("clocking_stage") else AXES[:2]
     R_WH = Rotation.from_euler("XYZ", _columns(samples, *AXES))
     pivot = np.array([0.0, 0.0, float(height)])
+    R_WP, p_WP = Rotation.identity(n), np.column_stack([np.zeros((n, 2)), samples["tip_z"].to_numpy()])
+    p_WH = pivot - R_WH.apply(pivot)
+    if run.metadata.get("carrier", RIG) != RIG:
+        R_WP, R_WH, p_WH = R_WH.inv(), R_WP, np.zeros((n, 3))
+        axis = R_WP.apply([0.0, 0.0, 1.0])
+        p_WP = axis * (p_WP[:, 2:] / axis[:, 2:])
     state = samples["state"].to_numpy()
     phase = np.rint(state).astype(np.int64)
     invalid = state[(phase < 0) | (phase != state)]
@@ -211,10 +219,10 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
         kind="rig run",
         outcome=str(run.result.get("reason", "")),
         time=samples["time"].to_numpy() - samples["time"].iloc[0],
-        R_WP=Rotation.identity(n),
-        p_WP=np.column_stack([np.zeros((n, 2)), samples["tip_z"].to_numpy()]),
+        R_WP=R_WP,
+        p_WP=p_WP,
         R_WH=R_WH,
-        p_WH=pivot - R_WH.apply(pivot),
+        p_WH=p_WH,
         force=_columns(samples, "fx", "fy", "fz"),
         moment=_columns(samples, "mx", "my", "mz"),
         depth=-samples["tip_z"].to_numpy(),

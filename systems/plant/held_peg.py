@@ -220,13 +220,11 @@ class HeldPeg(LeafSystem):
         return float(self.GetMyContextFromRoot(context).get_discrete_state(self._load).value()[0])
 
     def contacts(self, context: Context) -> list[Contact]:
-        """Returns the single contacts of the step that would follow; ``context`` is the root context."""
+        """Returns the single contacts of the step that would follow, in H; ``context`` is the root context."""
         own = self.GetMyContextFromRoot(context)
-        world = self._world(own)
         _, _, found, points, normals, forces = self._advanced(own, 1)
-        X_WH, R_HW = free_body_pose(world.hole), rotation_of(world.hole[:4]).T
-        parts = NormalForces(points[:found] @ R_HW + world.hole[4:], normals[:found] @ R_HW, forces[:found])
-        return single_contacts(parts, X_WH, self.peg_in_hole(context), chamfer=self._chamfer)
+        parts = NormalForces(points[:found], normals[:found], forces[:found])
+        return single_contacts(parts, RigidTransform(), self.peg_in_hole(context), chamfer=self._chamfer)
 
     def _world(self, own: Context) -> _World:
         found: _World = own.get_abstract_parameter(self._constants).get_value()

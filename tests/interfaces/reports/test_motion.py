@@ -34,6 +34,15 @@ def test_hole_of_the_rig_turns_by_pitch_then_yaw_about_the_pivot():
     assert np.linalg.norm(motion.lean[k]) == pytest.approx(np.arccos(np.cos(pitch) * np.cos(yaw)), abs=1e-9)
 
 
+def test_an_arm_turns_the_peg_through_the_mouth_of_a_block_at_rest():
+    run = make_rig_run(rig={"pivot_height": 0.0})
+    rig, found = motion_of_run(run), motion_of_run(replace(run, metadata={**run.metadata, "carrier": "fr3"}))
+    np.testing.assert_allclose(found.R_WH.magnitude(), 0.0)
+    np.testing.assert_allclose(found.lean, rig.lean, atol=1e-12)
+    np.testing.assert_allclose(np.cross(found.R_WP.apply([0.0, 0.0, 1.0]), found.p_WP), 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.p_WP[:, 2], run.samples["tip_z"])
+
+
 def test_demonstration_without_a_skill_is_coloured_by_its_force():
     motion = motion_of_demonstration(make_demonstration())
     force = np.linalg.norm(motion.force, axis=1)
