@@ -28,8 +28,7 @@ from systems.arm.tip_servo import tip_at, tip_pose
 from systems.plant.held_peg import GRAVITY
 from systems.steps.tip import HEIGHT, X
 
-# One address and one pair of ports of the sensor each: these tests run one after the other.
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("twin")]
+pytestmark = pytest.mark.slow
 STOP_TIME = 0.05  # in units of s
 
 FOLLOW = """
@@ -46,6 +45,11 @@ while True:
 """
 
 
+def loopback_address():
+    """Returns an address of this machine of which no other test takes the ports."""
+    return "127." + ".".join(str(1 + part % 250) for part in os.urandom(3))
+
+
 class Served:
     """A twin that a thread serves, with what its arm does."""
 
@@ -53,7 +57,7 @@ class Served:
         self.scenario = load_scenario("fr3")
         for name, value in changes.items():
             setattr(self.scenario.arm, name, value)
-        self.host, self.holes, self.rates = "127.0.0.1", [], []
+        self.host, self.holes, self.rates = loopback_address(), [], []
         self.twin = Fr3Twin(self.scenario, seed=seed, trials=trials, host=self.host, ended=self.holes.append)
         self.thread = threading.Thread(target=self._serve, daemon=True)
         self.is_over = self.is_silent = False
