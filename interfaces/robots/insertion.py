@@ -49,7 +49,10 @@ REST_TIME, LOOK_TIME = 0.3, 0.3
 """Time before and during which readings at rest are averaged, s."""
 
 SILENCE = 0.02
-"""Time without a new reading of the sensor, or a new state of the arm, after which the arm is stopped, s."""
+"""Time on the clock of the arm without a new reading of the sensor after which the arm is stopped, s."""
+
+PATIENCE = 1.0
+"""Time for which a new state of the arm is waited for, s; without commands the arm stops by itself long before."""
 
 LONGEST_STEP = 0.01
 """Longest time that one step of the law covers, s; what is longer does not count."""
@@ -225,7 +228,7 @@ class ArmSession:
             steps = round((state.time - last.time) / PERIOD)
             if steps > 0:
                 return state, PERIOD * min(steps, round(LONGEST_STEP / PERIOD))
-            if time.monotonic() - began > 10.0 * SILENCE:
+            if time.monotonic() - began > PATIENCE:
                 self._halt("the arm sends no new state")
             time.sleep(0.2 * PERIOD)
 
