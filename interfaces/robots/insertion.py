@@ -136,7 +136,8 @@ class ArmSession:
             number: of the insertion, for the record.
         """
         s = self.scenario
-        law = ArmLaw(s, policy, stopping_of(s, self._kinematics))
+        stopping = stopping_of(s, self._kinematics, delay=self._arm.period)
+        law = ArmLaw(s, policy, stopping)
         forces, motion = ForceMetrics(s.geometry.reach, PERIOD), MotionMetrics(PERIOD, s.geometry.hole_depth)
         tip, angles = tip_at(s.start.height), np.zeros(3)
         limits = TipLimits.of(s.arm, PERIOD)

@@ -79,18 +79,23 @@ class ArmPlant:
         return self.peg.contacts(context)
 
 
-def stopping_of(scenario: Scenario, kinematics: ArmKinematics) -> StoppingModel:
+def stopping_of(scenario: Scenario, kinematics: ArmKinematics, delay: float = 0.0) -> StoppingModel:
     """Returns how an arm stops, from the stiffness of its joints and of its compliance in series.
 
     A contact that stops the tip at the speed v stops the held mass, which the spring k of the arm carries, and bends
     this spring further until the command stops: F = v (sqrt(k m) + k t); likewise for a turn about the mouth.
+
+    Args:
+        scenario: of the arm.
+        kinematics: of the arm.
+        delay: beyond those of the sensor and of the arm, s.
     """
     arm, sensor = scenario.arm, scenario.sensor
     q = kinematics.angles_at(tip_pose(np.zeros(3), tip_at(scenario.start.height)))
     joints = kinematics.stiffness(q, arm.joint_stiffness)
     c = Compliance.of(arm, 0.0)
     turning, _, _, _, _, axial = (1.0 / (1.0 / joints + 1.0 / c.stiffness)).tolist()
-    delay = sensor.delay + sensor.time_constant + sensor.period + arm.delay + PERIOD
+    delay += sensor.delay + sensor.time_constant + sensor.period + arm.delay + PERIOD
     reach = scenario.geometry.reach
     return StoppingModel(
         period=sensor.period,
