@@ -30,6 +30,8 @@ class ArmParameters:
     held_mass: float = 0.15  # in units of kg, below the sensor besides the peg
     held_inertia: float = 1.2e-3  # in units of kg m^2, of peg and holder about the tip
     joint_stiffness: float = 14250.0  # in units of N m/rad, the largest joint impedance of libfranka
+    # Of a Cartesian impedance of the flange instead of held joints, in units of N/m and N m/rad; through a protocol.
+    impedance: list[float] | None = limited(None, count=2)
     joint_damping: float = limited(1.0, low=0.0)  # damping ratio of a joint with the arm beyond it
     gravity_error: float = limited(0.01, low=0.0, high=1.0)  # relative error of the compensation of gravity
     max_speed: float = 0.25  # in units of m/s, of the tip

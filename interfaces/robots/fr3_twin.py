@@ -144,6 +144,11 @@ class _Robot(BaseRobot):
     def _get_state(self) -> InnerRobotState:
         return InnerRobotState(tuple(self.arm.angles), tuple(self.arm.rates), tuple(self.torques))
 
+    def torque_control(self, torques: Sequence[float], has_new_command: bool = True) -> None:
+        """Takes torques beside the weight; where they end, the joints are held as they are."""
+        self._command = self.arm.angles
+        super().torque_control(torques, has_new_command)
+
     def _torque_control(self, torques: Array) -> None:
         self.torques = np.asarray(torques)
 
@@ -160,7 +165,7 @@ class _Robot(BaseRobot):
 
     def _hold(self) -> None:
         arm = self.arm
-        self.torque_control(self.kp * (self._command - arm.angles) + self.kv * (self._rate - arm.rates))
+        super().torque_control(self.kp * (self._command - arm.angles) + self.kv * (self._rate - arm.rates))
 
     def set_hand_goal(self, width: float, max_velocity: float, max_force: float) -> None:
         """There is no hand."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from types import ModuleType
+from typing import Any
 
 import numpy as np
+from pydrake.math import RigidTransform
 
 from interfaces.robots.robot_arm import ArmState
 from skill.arrays import Array
@@ -103,6 +105,42 @@ class FrankyArm:
             yield
         except self._franky.Exception as error:
             raise ConnectionError(f"the arm has stopped: {error}") from error
+
+
+class ImpedanceArm(FrankyArm):
+    """The same arm under a Cartesian impedance of its flange, by torques that franky sends at 1 kHz.
+
+    It holds the last pose where nothing more is said.
+
+    Args:
+        host: address of the arm.
+        stiffness: of the joints where it moves in free air, N m/rad.
+        impedance: (2,), of the flange, N/m and N m/rad.
+        flange: a function of joint angles (n,), rad, that returns the pose of the flange in the base.
+    """
+
+    def __init__(
+        self, host: str, stiffness: float, impedance: list[float], flange: Callable[[Array], RigidTransform]
+    ) -> None:
+        super().__init__(host, stiffness)
+        self._impedance, self._flange = impedance, flange
+        self._motion: Any = None
+
+    def follow(self, angles: Array, rates: Array) -> None:
+        """See `RobotArm`."""
+        target = self._franky.CartesianReference(self._franky.Affine(self._flange(angles).GetAsMatrix4()))
+        with self._errors():
+            if self._motion is None:
+                self._motion = self._franky.CartesianImpedanceTrackingMotion(*self._impedance)
+                self._motion.set_reference(target)
+                self._robot.move(self._motion, asynchronous=True)
+            self._motion.set_reference(target)
+            self._robot.poll_motion()  # raises what has stopped it
+
+    def stop(self) -> None:
+        """See `RobotArm`."""
+        super().stop()
+        self._motion = None
 
 
 def _franky() -> ModuleType:

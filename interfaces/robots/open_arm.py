@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from pydrake.math import RigidTransform
 
-from interfaces.robots.franky_arm import FrankyArm
+from interfaces.robots.franky_arm import FrankyArm, ImpedanceArm
 from interfaces.robots.robot_arm import RobotArm
 from interfaces.robots.ur_arm import UrArm
 from interfaces.sensors.arm_wrench import ArmWrench
@@ -23,6 +24,11 @@ def open_arm(host: str, scenario: Scenario) -> RobotArm:
         ConnectionError: if no arm answers.
     """
     match scenario.carrier:
+        case str(name) if name == FR3 and scenario.arm.impedance is not None:
+            base, kinematics = RigidTransform(scenario.arm.hole), ArmKinematics(scenario)
+            return ImpedanceArm(
+                host, scenario.arm.joint_stiffness, scenario.arm.impedance, lambda q: base @ kinematics.flange(q)
+            )
         case str(name) if name == FR3:
             return FrankyArm(host, scenario.arm.joint_stiffness)
         case str(name) if name == UR5E:

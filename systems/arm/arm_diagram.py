@@ -92,7 +92,10 @@ def stopping_of(scenario: Scenario, kinematics: ArmKinematics, delay: float = 0.
     """
     arm, sensor = scenario.arm, scenario.sensor
     q = kinematics.angles_at(tip_pose(np.zeros(3), tip_at(scenario.start.height)))
-    joints = kinematics.stiffness(q, arm.joint_stiffness)
+    if arm.impedance is None:
+        joints = kinematics.stiffness(q, arm.joint_stiffness)
+    else:
+        joints = np.repeat(arm.impedance[::-1], 3)
     c = Compliance.of(arm, 0.0)
     turning, _, _, _, _, axial = (1.0 / (1.0 / joints + 1.0 / c.stiffness)).tolist()
     delay += sensor.delay + sensor.time_constant + sensor.period + arm.delay + PERIOD
@@ -115,9 +118,11 @@ def MakeArm(scenario: Scenario, policy: RigPolicy, *, meshcat: Meshcat | None = 
         meshcat: where to draw; None draws nothing.
 
     Raises:
-        ValueError: if the scenario is not resolved, the policy was trained for another peg or hole, or the arm does not
-            reach the start.
+        ValueError: if the scenario is not resolved, the policy was trained for another peg or hole, the arm does not
+            reach the start, or it has a Cartesian impedance.
     """
+    if scenario.arm.impedance is not None:
+        raise ValueError("scenario.arm.impedance is set: this arm is simulated behind its protocol only, by `twin`")
     check_start(scenario)
     check_geometry(scenario, policy)
     builder = DiagramBuilder()
