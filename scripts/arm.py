@@ -85,6 +85,7 @@ def main(
     from interfaces.terminal import progress, say, show, write_json
     from models.scenario import dump_scenario, load_scenario
     from scripts.rig import REPLAY, REPORT
+    from skill.data.outcome import Outcome
     from skill.data.rig_run import write_rig_run
     from skill.manipulation_skill import ManipulationSkill
 
@@ -132,6 +133,8 @@ def main(
                     runs.write(RUN.format(number), partial(write_rig_run, ended.record(policy)))
                     done[number] = ended.result
                     write_results(runs, done)
+                    if ended.outcome is Outcome.FAILED:
+                        raise ConnectionError(f"insertion {number}: {ended.detail}")
                     session.retreat()
                     advance(f"insertion {number}: {ended.result.reason}, {ended.result.time:.1f} s")
             runs.complete()

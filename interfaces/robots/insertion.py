@@ -90,6 +90,9 @@ class ArmSession:
         self.tool = Tool(0.0, np.zeros(3), np.zeros(6), 0.0, 0.0)
         self._command = arm.state().angles
         self._fresh = (-1.0, 0.0)  # time of the newest reading, and of the arm when it came
+        self._raised = 0.0  # height by which everything is above its place, m
+        self._commanded = np.zeros(3), tip_at(self.scenario.start.height)  # angles and tip of the last command
+        self._depth = 0.0  # last measured depth of the tip, m
 
     def find_tool(self) -> Tool:
         """Turns the tool in free air, finds what hangs on the sensor, and tells the arm.
@@ -131,36 +134,21 @@ class ArmSession:
     def insert(self, policy: RigPolicy, number: int) -> EndedTrial:
         """Performs an insertion from above the mouth; see `approach`.
 
+        Where the arm is stopped, the insertion has ``Outcome.FAILED``, and its detail says why.
+
         Args:
             policy: that acts.
             number: of the insertion, for the record.
         """
         s = self.scenario
-        stopping = stopping_of(s, self._kinematics, delay=self._arm.period)
-        law = ArmLaw(s, policy, stopping)
+        law = ArmLaw(s, policy, stopping_of(s, self._kinematics, delay=self._arm.period))
         forces, motion = ForceMetrics(s.geometry.reach, PERIOD), MotionMetrics(PERIOD, s.geometry.hole_depth)
-        tip, angles = tip_at(s.start.height), np.zeros(3)
-        limits = TipLimits.of(s.arm, PERIOD)
-        ending, depth = None, -s.start.height
-        followed = state = self._arm.state()
-        while ending is None:
-            state, seconds = self._next_state(state)
-            X_WP = self._tip(state)
-            wrench = self._contact(state, X_WP)
-            depth = -height_along(X_WP)
-            as_on_rig = np.array([-depth, *rig_angles(X_WP.rotation().matrix())])
-            law.advance(seconds, wrench, depth, as_on_rig)
-            for _ in range(round(seconds / PERIOD)):
-                forces.add_step(wrench)
-                motion.add_step(X_WP.translation())
-            angles, feed = law.commands()
-            push = X_WP.rotation() @ law.wrench()[:3]
-            tip = tip_step(limits._replace(period=seconds), tip, feed, push[:2])
-            if state.time - followed.time >= self._arm.period - 0.5 * PERIOD:
-                self._follow(tip_pose(angles, tip), state.time - followed.time)
-                followed = state
-            ending = self._ending(law, depth)
-        self._tip_state, self._angles = tip, angles
+        try:
+            ending = self._perform(law, forces, motion)
+        except ConnectionError as error:
+            if law.time == 0.0:
+                raise  # there is nothing to record
+            ending = Ending(Outcome.FAILED, str(error))
         return EndedTrial(
             number=number,
             scenario=s,
@@ -169,7 +157,7 @@ class ArmSession:
             fault=law.law.fault(law.context),
             failure=law.law.failure(law.context),
             time=law.time,
-            depth=depth,
+            depth=self._depth,
             samples=law.samples(),
             forces=forces.figures(law.law.peak_load(law.context)),
             motion=motion.figures(),
@@ -177,16 +165,40 @@ class ArmSession:
             looks=NO_LOOKS,
         )
 
+    def _perform(self, law: ArmLaw, forces: ForceMetrics, motion: MotionMetrics) -> Ending:
+        """Moves as the law says until the insertion ends, and returns how."""
+        limits = TipLimits.of(self.scenario.arm, PERIOD)
+        tip, ending = tip_at(self.scenario.start.height), None
+        followed = state = self._arm.state()
+        while ending is None:
+            state, seconds = self._next_state(state)
+            X_WP = self._tip(state)
+            wrench, depth = self._contact(state, X_WP), -height_along(X_WP)
+            self._depth = depth
+            law.advance(seconds, wrench, depth, np.array([-depth, *rig_angles(X_WP.rotation().matrix())]))
+            for _ in range(round(seconds / PERIOD)):
+                forces.add_step(wrench)
+                motion.add_step(X_WP.translation())
+            angles, feed = law.commands()
+            push = X_WP.rotation() @ law.wrench()[:3]
+            tip = tip_step(limits._replace(period=seconds), tip, feed, push[:2])
+            self._commanded = angles, tip
+            if state.time - followed.time >= self._arm.period - 0.5 * PERIOD:
+                self._follow(tip_pose(angles, tip), state.time - followed.time)
+                followed = state
+            ending = self._ending(law, depth)
+        return ending
+
     def retreat(self) -> None:
         """Draws the peg out of the hole along its axis, and stays over the hole."""
-        tip, followed = self._tip_state.copy(), self._arm.state()
-        state = followed
+        (angles, tip), state = self._commanded, self._arm.state()
+        tip, followed = tip.copy(), state
         while tip[HEIGHT] < READY_HEIGHT:
             state, seconds = self._next_state(state)
             self._contact(state, self._tip(state))
             tip[HEIGHT] += RETREAT_SPEED * seconds
             if state.time - followed.time >= self._arm.period - 0.5 * PERIOD:
-                self._follow(tip_pose(self._angles, tip), state.time - followed.time)
+                self._follow(tip_pose(angles, tip), state.time - followed.time)
                 followed = state
         self._arm.stop()
 
