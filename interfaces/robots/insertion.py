@@ -149,6 +149,9 @@ class ArmSession:
             if law.time == 0.0:
                 raise  # there is nothing to record
             ending = Ending(Outcome.FAILED, str(error))
+        samples = law.samples()
+        if ending.outcome is Outcome.INSERTED:  # the hole is as askew as the peg in it, which a replay shows
+            samples[["pitch", "yaw"]] -= samples[["pitch", "yaw"]].iloc[-1]
         return EndedTrial(
             number=number,
             scenario=s,
@@ -158,7 +161,7 @@ class ArmSession:
             failure=law.law.failure(law.context),
             time=law.time,
             depth=self._depth,
-            samples=law.samples(),
+            samples=samples,
             forces=forces.figures(law.law.peak_load(law.context)),
             motion=motion.figures(),
             penetration=0.0,

@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("franky")
 pytest.importorskip("franky_sim")
 
-from experiments.trial import Arm
+from experiments.trial import Arm, trial_scenario
 from interfaces.robots.fr3_twin import SENSOR_PAGE_PORT, SENSOR_PORT, Fr3Twin
 from interfaces.robots.franky_arm import FORCE_LIMIT as FRANKA_LIMIT
 from interfaces.robots.franky_arm import FrankyArm
@@ -218,3 +218,6 @@ def test_a_peg_is_inserted_and_recorded(served, skill):
     assert hole.depth >= served.scenario.full_depth
     run = ended.record(skill)
     assert run.samples["depth"].iloc[-1] == pytest.approx(served.scenario.full_depth, abs=1e-3)
+    # The hole of trial 3 is askew by the tilt that this trial has on a rig.
+    tilt = trial_scenario(served.scenario, number=3).start.tilt
+    np.testing.assert_allclose(-run.samples[["pitch", "yaw"]].iloc[0], tilt, atol=0.01)
