@@ -48,6 +48,7 @@ EXTRAS = {
     **dict.fromkeys(("pydrake", "joblib", "tornado", "meshcat", "umsgpack"), "sim"),
     **{"matplotlib": "figures", "pyarrow": "data"},
     **{"cascadio": "cad", "trimesh": "cad"},
+    **{"franky": "arm", "franky_sim": "arm", "rtde_control": "ur"},
     **{"distributed": "dask", "mcap": "recordings", "mujoco": "mujoco", "ray": "ray"},
     **{"hmmlearn": "peers", "ruptures": "peers"},
     **{"gymnasium": "gym", "lerobot": "lerobot", "stable_baselines3": "rl", "torch": "lerobot"},

@@ -47,7 +47,7 @@ def main(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Move in free air only, 60 mm above the hole, and ask for a few pushes.")
     ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the arm moves.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before the arm moves, nor for pushes.")] = False,
     out: OutFolder = Path("out/arm"),
     json: Annotated[
         Path | None, path_option("FILE", "JSON file for a copy of results.json, one object per trial.", shown="no copy")
@@ -103,12 +103,15 @@ def main(
         if json is not None:
             check_file(json, ".json", option="--json")
     if not yes:
-        typer.confirm(f"Move the {robot} at {address}? Is its way free, and the emergency stop at hand", abort=True)
+        typer.confirm(
+            f"Move the {chosen.carrier} at {address}? Is its way free, and the emergency stop at hand", abort=True
+        )
     with contextlib.ExitStack() as stack:
         arm = open_arm(address, chosen)
         stack.callback(arm.close)
         stream = open_sensor(sensor, estimated_wrench(arm, chosen))
         stack.callback(stream.close)
+        stack.callback(arm.stop)  # first of all, whatever happens
         session = ArmSession(arm, stream, chosen)
         if dry_run and not yes:
             ask_for_pushes(session)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from importlib import import_module
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -39,7 +37,15 @@ class FrankyArm:
     period = 4e-3
 
     def __init__(self, host: str, stiffness: float) -> None:
-        self._franky = _franky()
+        import franky
+
+        self._franky = franky
+        self._errors_of_franky = (
+            franky.Exception,
+            franky.InvalidMotionTypeException,
+            franky.MotionReuseException,
+            franky.TorqueSignalTimeoutException,
+        )
         try:
             self._robot = self._franky.Robot(host, realtime_config=self._franky.RealtimeConfig.Ignore)
         except self._franky.NetworkException as error:
@@ -53,22 +59,28 @@ class FrankyArm:
             unit = np.eye(4).ravel().tolist()
             self._robot.set_ee(unit)
             self._robot.set_k(unit)
+            if not np.allclose(self._robot.state.F_T_EE.matrix, np.eye(4), atol=1e-6):
+                raise ConnectionError(
+                    f"{host}: an end effector is set in Desk; expected none, so that its frame is the flange"
+                )
 
     def state(self) -> ArmState:
         """See `RobotArm`."""
         with self._errors():
-            state = self._robot.state
+            state, has_errors = self._robot.state, self._robot.has_errors
         # libfranka reports the force of the arm on the world (libfranka, issue 26).
         return ArmState(
             time=state.time.to_sec(),
             angles=np.array(state.q),
             rates=np.array(state.dq),
             wrench=-np.array(state.O_F_ext_hat_K),
-            fault=str(state.current_errors) if self._robot.has_errors else "",
+            fault=str(state.current_errors) if has_errors else "",
         )
 
     def move_to(self, angles: Array, speed: float) -> None:
         """See `RobotArm`."""
+        if self._robot.is_in_control:
+            self.stop()
         factor = min(1.0, speed / float(np.max(self._robot.joint_velocity_limit.get())))
         with self._errors():
             self._robot.move(self._franky.JointMotion(angles, relative_dynamics_factor=factor))
@@ -95,7 +107,7 @@ class FrankyArm:
 
     def close(self) -> None:
         """See `RobotArm`."""
-        with suppress(self._franky.Exception):  # nothing is left to stop
+        with suppress(*self._errors_of_franky):  # nothing is left to stop
             self._robot.stop()
         del self._robot
 
@@ -103,7 +115,7 @@ class FrankyArm:
     def _errors(self) -> Iterator[None]:
         try:
             yield
-        except self._franky.Exception as error:
+        except self._errors_of_franky as error:
             raise ConnectionError(f"the arm has stopped: {error}") from error
 
 
@@ -141,10 +153,3 @@ class ImpedanceArm(FrankyArm):
         """See `RobotArm`."""
         super().stop()
         self._motion = None
-
-
-def _franky() -> ModuleType:
-    try:
-        return import_module("franky")
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError("a Franka arm needs franky: pip install 'haptic-skill[arm]'") from error

@@ -17,6 +17,7 @@ from interfaces.sensors.tool import Tool, identify_tool
 from interfaces.sensors.wrench_stream import WrenchStream
 from models.scenario import TRIAL_STREAM, Scenario, resolve_scenario
 from skill.arrays import Array
+from skill.data.axes import AXES
 from skill.data.outcome import Ending, Outcome
 from skill.policy import RigPolicy
 from systems.arm.arm_bodies import PERIOD
@@ -70,7 +71,7 @@ class ArmSession:
     """An arm, its sensor, and a hole where the scenario says that it is.
 
     Every method that moves the arm raises a `ConnectionError` where the arm or the sensor stops answering, or a limit
-    of force or place is passed; the arm is stopped before.
+    of force or place is passed in an insertion or a retreat; the arm is stopped before.
 
     Attributes:
         tool: what hangs on the sensor.
@@ -151,7 +152,7 @@ class ArmSession:
             ending = Ending(Outcome.FAILED, str(error))
         samples = law.samples()
         if ending.outcome is Outcome.INSERTED:  # the hole is as askew as the peg in it, which a replay shows
-            samples[["pitch", "yaw"]] -= samples[["pitch", "yaw"]].iloc[-1]
+            samples[list(AXES)] -= samples[list(AXES)].iloc[-1]
         return EndedTrial(
             number=number,
             scenario=s,
@@ -172,7 +173,8 @@ class ArmSession:
         """Moves as the law says until the insertion ends, and returns how."""
         limits = TipLimits.of(self.scenario.arm, PERIOD)
         tip, ending = tip_at(self.scenario.start.height), None
-        followed = state = self._arm.state()
+        state = self._arm.state()
+        followed = state.time
         while ending is None:
             state, seconds = self._next_state(state)
             X_WP = self._tip(state)
@@ -186,23 +188,19 @@ class ArmSession:
             push = X_WP.rotation() @ law.wrench()[:3]
             tip = tip_step(limits._replace(period=seconds), tip, feed, push[:2])
             self._commanded = angles, tip
-            if state.time - followed.time >= self._arm.period - 0.5 * PERIOD:
-                self._follow(tip_pose(angles, tip), state.time - followed.time)
-                followed = state
+            followed = self._follow(tip_pose(angles, tip), state, followed)
             ending = self._ending(law, depth)
         return ending
 
     def retreat(self) -> None:
         """Draws the peg out of the hole along its axis, and stays over the hole."""
         (angles, tip), state = self._commanded, self._arm.state()
-        tip, followed = tip.copy(), state
+        tip, followed = tip.copy(), state.time
         while tip[HEIGHT] < READY_HEIGHT:
             state, seconds = self._next_state(state)
             self._contact(state, self._tip(state))
             tip[HEIGHT] += RETREAT_SPEED * seconds
-            if state.time - followed.time >= self._arm.period - 0.5 * PERIOD:
-                self._follow(tip_pose(angles, tip), state.time - followed.time)
-                followed = state
+            followed = self._follow(tip_pose(angles, tip), state, followed)
         self._arm.stop()
 
     def _ending(self, law: ArmLaw, depth: float) -> Ending | None:
@@ -225,14 +223,22 @@ class ArmSession:
         return RigidTransform([0.0, 0.0, -self._raised]) @ self._kinematics.tip(state.angles)
 
     def _move_to(self, X_WP: RigidTransform) -> None:
+        tip = self._kinematics.tip(self._arm.state().angles).translation()
+        if tip[2] < 0.0 and np.hypot(tip[0], tip[1]) < 2.0 * SIDE_LIMIT:
+            self._halt("the peg is in the hole, out of which joints do not move it; draw it out by hand")
         self._command = self._kinematics.angles_at(X_WP)
         self._arm.move_to(self._command, JOINT_SPEED)
 
-    def _follow(self, X_WP: RigidTransform, seconds: float) -> None:
+    def _follow(self, X_WP: RigidTransform, state: ArmState, last: float) -> float:
+        """Commands a pose of the tip if the arm takes the next one; returns the time of the last command, s."""
+        seconds = state.time - last
+        if seconds < self._arm.period - 0.5 * PERIOD:
+            return last
         raised = RigidTransform([0.0, 0.0, self._raised]) @ X_WP
         step = self._kinematics.motion_to(self._command, raised)
         self._command = self._command + step
         self._arm.follow(self._command, step / seconds)
+        return state.time
 
     def _next_state(self, last: ArmState) -> tuple[ArmState, float]:
         """Waits for the next state, and returns it and the time since the last one as whole periods, s."""
@@ -240,7 +246,7 @@ class ArmSession:
         while True:
             state = self._arm.state()
             if state.fault:
-                raise ConnectionError(f"the arm has stopped: {state.fault}")
+                self._halt(state.fault)
             steps = round((state.time - last.time) / PERIOD)
             if steps > 0:
                 return state, PERIOD * min(steps, round(LONGEST_STEP / PERIOD))
@@ -250,14 +256,7 @@ class ArmSession:
 
     def _contact(self, state: ArmState, X_WP: RigidTransform) -> Array:
         """Returns the wrench (6,) of the contact on the peg about its tip, in P."""
-        reading = self._sensor.latest()
-        if reading is None or not reading.sound:
-            self._halt(f"the sensor has no sound reading ({self._sensor.counts().text()})")
-        if reading.time != self._fresh[0]:
-            self._fresh = (reading.time, state.time)
-        elif state.time - self._fresh[1] > SILENCE:
-            self._halt(f"the sensor is silent ({self._sensor.counts().text()})")
-        wrench = self.tool.contact(reading.wrench, X_WP.rotation().matrix())
+        wrench = self.tool.contact(self._reading(state), X_WP.rotation().matrix())
         force = float(np.linalg.norm(wrench[:3]))
         if force > FORCE_LIMIT:
             self._halt(f"a force of {force:.0f} N, beyond {FORCE_LIMIT:g} N")
@@ -267,19 +266,28 @@ class ArmSession:
             self._halt(f"the peg is {1e3 * aside:.1f} mm beside the hole, beyond {1e3 * SIDE_LIMIT:g} mm")
         return wrench_at_tip(wrench, self.scenario.sensor.height)
 
+    def _reading(self, state: ArmState) -> Array:
+        """Returns the newest reading (6,) at a state of the arm."""
+        reading = self._sensor.latest()
+        if reading is None or not reading.sound:
+            self._halt(f"the sensor has no sound reading ({self._sensor.counts().text()})")
+        if reading.time != self._fresh[0]:
+            self._fresh = (reading.time, state.time)
+        elif state.time - self._fresh[1] > SILENCE:
+            self._halt(f"the sensor is silent ({self._sensor.counts().text()})")
+        return reading.wrench
+
     def _halt(self, reason: str) -> NoReturn:
         self._arm.stop()
         raise ConnectionError(f"stopped: {reason}")
 
     def _mean_reading(self) -> Array:
         """Returns the mean reading (6,) at rest."""
-        state = self._arm.state()
-        readings: dict[float, Array] = {}
-        while (now := self._arm.state().time - state.time) < REST_TIME + LOOK_TIME:
-            reading = self._sensor.latest()
-            if now > REST_TIME and reading is not None and reading.sound:
-                readings[reading.time] = reading.wrench
-            time.sleep(PERIOD)
-        if not readings:
-            self._halt(f"the sensor has no sound reading ({self._sensor.counts().text()})")
-        return np.asarray(np.mean(list(readings.values()), axis=0))
+        start = state = self._arm.state()
+        readings = []
+        while state.time - start.time < REST_TIME + LOOK_TIME:
+            state, _ = self._next_state(state)
+            reading = self._reading(state)
+            if state.time - start.time >= REST_TIME:
+                readings.append(reading)
+        return np.asarray(np.mean(readings, axis=0))

@@ -31,10 +31,12 @@ def open_arm(host: str, scenario: Scenario) -> RobotArm:
             )
         case str(name) if name == FR3:
             return FrankyArm(host, scenario.arm.joint_stiffness)
-        case str(name) if name == UR5E:
+        case str(name) if name == UR5E and scenario.arm.impedance is None:
             return UrArm(host)
         case other:
-            raise ValueError(f"scenario.carrier is {other!r}; expected an arm, {FR3!r} or {UR5E!r}")
+            raise ValueError(
+                f"scenario.carrier is {other!r}; expected an arm, {FR3!r}, or {UR5E!r} without arm.impedance"
+            )
 
 
 def estimated_wrench(arm: RobotArm, scenario: Scenario) -> ArmWrench:

@@ -69,18 +69,14 @@ class UrArm:
 
     Raises:
         ConnectionError: if no such controller answers, or it does not take commands.
-        ValueError: if the extra ``ur`` is not installed.
+        ModuleNotFoundError: if the extra ``ur`` is not installed.
     """
 
     period: float = PERIOD
 
     def __init__(self, host: str) -> None:
-        try:
-            import rtde_control
-        except ImportError as error:
-            raise ValueError(
-                f"an arm of Universal Robots needs the extra 'ur': pip install haptic-skill[ur] ({error})"
-            ) from error
+        import rtde_control
+
         self.sensor = RtdeWrench(host)
         self._following = False
         try:
@@ -91,7 +87,11 @@ class UrArm:
                 f"{self.sensor.where}: the arm takes no commands ({error}); expected one in remote control, whose ports"
                 " 29999 and 30003 answer too"
             ) from error
-        self._require(self._control.setTcp([0.0] * 6), "set its tool centre point")
+        try:
+            self._require(self._control.setTcp([0.0] * 6), "set its tool centre point")
+        except ConnectionError:
+            self.close()
+            raise
 
     def state(self) -> ArmState:
         """See `RobotArm`; the wrench is that of the sensor in the wrist, without the weight of the tool."""
@@ -102,6 +102,14 @@ class UrArm:
         """See `RobotArm`."""
         self.stop()
         self._require(self._control.moveJ(angles.tolist(), speed, ACCELERATION, True), "move")
+        try:
+            self._wait_for(angles)
+        except BaseException:
+            self._control.stopJ(JOINT_STOP)
+            raise
+
+    def _wait_for(self, angles: Array) -> None:
+        """Waits until the joints rest at angles (n,), rad."""
         moved = time.monotonic()
         while True:
             state = self.state()

@@ -47,7 +47,11 @@ class NetFtServer:
         self._socket.setblocking(False)
         self._socket.bind((host, port))
         self.port = self._socket.getsockname()[1]
-        self._http = ThreadingHTTPServer((host, http_port), self._page_handler())
+        try:
+            self._http = ThreadingHTTPServer((host, http_port), self._page_handler())
+        except OSError:
+            self._socket.close()
+            raise
         self.http_port = self._http.server_port
         self._thread = threading.Thread(target=self._http.serve_forever, args=(0.01,), daemon=True)
         self._thread.start()

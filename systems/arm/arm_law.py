@@ -12,6 +12,7 @@ from models.scenario import Scenario
 from skill.arrays import Array
 from skill.data.axes import AXES
 from skill.policy import RigPolicy
+from systems.arm.arm_bodies import PERIOD
 from systems.law import AddLaw, check_geometry, check_start, connect_monitors
 from systems.recording.run_recorder import AddRunRecorder
 from systems.steps.force_guard import StoppingModel
@@ -53,25 +54,27 @@ class ArmLaw:
         diagram.set_name("law of an arm")
         self._simulator = Simulator(diagram)
         self.context = self._simulator.get_mutable_context()
+        self._steps = 0  # of `PERIOD`; sums of seconds would drift from the times of the updates
         self._inputs = {name: diagram.GetInputPort(name) for name in ("wrench", "depth", "as_on_rig")}
 
     @property
     def time(self) -> float:
         """Time since the start, s."""
-        return float(self.context.get_time())
+        return self._steps * PERIOD
 
     def advance(self, seconds: float, wrench: Array, depth: float, as_on_rig: Array) -> None:
         """Lets the law act for some seconds on measurements, which stay as they are.
 
         Args:
-            seconds: a multiple of the sensor's period.
+            seconds: a multiple of `PERIOD`.
             wrench: (6,), of the contact on the peg about its tip, in P, N and N m.
             depth: of the tip, m.
             as_on_rig: (4,), height of the tip (m) and the angles (rad) of a rig's axes, for the record.
         """
         for name, value in (("wrench", wrench), ("depth", [depth]), ("as_on_rig", as_on_rig)):
             self._inputs[name].FixValue(self.context, value)
-        self._simulator.AdvanceTo(self.time + seconds)
+        self._steps += round(seconds / PERIOD)
+        self._simulator.AdvanceTo(self.time)
 
     def commands(self) -> tuple[Array, float]:
         """Returns the angles (3,) of the hole relative to the start, rad, and the feed speed, m/s."""

@@ -100,7 +100,8 @@ class TorqueArm:
         """
         assert trial.start.tilt is not None
         pitch, yaw = (-angle for angle in trial.start.tilt)
-        R_WH = RotationMatrix(RollPitchYaw(pitch, 0.0, 0.0)) @ RotationMatrix(RollPitchYaw(0.0, yaw, 0.0))
+        clocking = RotationMatrix.MakeZRotation(-(trial.start.clocking or 0.0))
+        R_WH = RotationMatrix(RollPitchYaw(pitch, 0.0, 0.0)) @ RotationMatrix(RollPitchYaw(0.0, yaw, 0.0)) @ clocking
         self._peg.set_trial(self._context, trial)
         self._peg.set_hole(self._context, RigidTransform(R_WH, [*(trial.arm.hole_offset or (0.0, 0.0)), 0.0]))
 

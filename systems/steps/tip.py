@@ -77,5 +77,7 @@ def tip_step(p: TipLimits, state: Array, feed: float, push: Array) -> Array:
     if force > p.threshold and state[HEIGHT] > -p.depth:
         speed = min(p.softness * (force - p.threshold), p.yield_speed)
         found[X : Y + 1] += p.period * speed / force * push
-        found[X : Y + 1] *= min(1.0, p.reach / float(np.hypot(*found[X : Y + 1])))
+        distance = float(np.hypot(*found[X : Y + 1]))
+        if distance > p.reach:
+            found[X : Y + 1] *= p.reach / distance
     return found

@@ -75,7 +75,7 @@ class Served:
 
         self.twin.sensor.send = send
         with contextlib.suppress(InterruptedError):
-            self.twin.run(1.0)
+            self.twin.run(0.4)  # so that a busy machine keeps up with it
 
     def __enter__(self):
         self.thread.start()
@@ -93,7 +93,7 @@ class Served:
 
         The joints then swing back a little, and rest after some 0.1 s.
         """
-        deadline = time.monotonic() + 5.0
+        deadline = time.monotonic() + 20.0
         while time.monotonic() < deadline:
             moving = [t for t, rates in list(self.rates) if t > since and (directions * rates > 0.02).any()]
             if self.twin.arm.time > since + 0.3:
@@ -154,6 +154,7 @@ def test_an_arm_whose_program_is_gone_stops(served, how):
     try:
         assert client.stdout.readline() == b"moves\n"
         while served.rates[-1][1].min() < 0.15:
+            assert client.poll() is None, "the program has ended by itself"
             time.sleep(0.005)
         since = served.twin.arm.time
         client.send_signal(how)
@@ -169,7 +170,7 @@ def test_a_silent_sensor_stops_an_insertion(served, skill):
         since = []
 
         def fall_silent():
-            while served.twin.arm.peg_in_hole().translation()[2] > 0.001:
+            while served.twin.arm.peg_in_hole().translation()[2] > 0.0022:
                 time.sleep(0.001)
             served.is_silent = True
             since.append(served.twin.arm.time)
@@ -178,8 +179,9 @@ def test_a_silent_sensor_stops_an_insertion(served, skill):
         ended = session.insert(skill, 0)
         assert ended.outcome is Outcome.FAILED
         assert ended.detail.startswith("stopped: the sensor is silent")
-        directions = next(np.sign(rates) for t, rates in served.rates if t >= since[0])
-        assert served.time_to_stop(since[0], directions) < STOP_TIME
+        at_that_time = next(rates for t, rates in served.rates if t >= since[0])
+        assert np.abs(at_that_time).max() > 0.02
+        assert served.time_to_stop(since[0], np.sign(at_that_time)) < STOP_TIME
 
 
 def test_the_tool_is_found_within_a_percent_and_a_millimetre(served):
