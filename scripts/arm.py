@@ -9,11 +9,11 @@ import typer
 
 from scripts.command_line import (
     DefaultSkillFile,
+    OptionalScenarioName,
     OutFolder,
     Overwrite,
     Trials,
     find_skill,
-    parse_text,
     path_option,
     text_option,
 )
@@ -35,15 +35,7 @@ def main(
     robot: Annotated[Literal["fr3", "ur5e"], typer.Option(help="Which arm.")] = "fr3",
     skill: DefaultSkillFile = None,
     trials: Trials = 10,
-    scenario: Annotated[
-        str | None,
-        typer.Option(
-            parser=parse_text,
-            metavar="TEXT",
-            help="Name of a scenario in models/scenarios, or path of a YAML file: where the hole is, and the arm.",
-            show_default="that of the arm",
-        ),
-    ] = None,
+    scenario: OptionalScenarioName = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Move in free air only, 60 mm above the hole, and ask for a few pushes.")
     ] = False,
@@ -63,7 +55,7 @@ def main(
     The default is the simulated arm of `haptic-skill twin fr3`. **Not tried on a real arm yet**: read docs/arm.md, and
     begin with `--dry-run`.
 
-    Writes what `haptic-skill rig` writes into the folder of `--out`.
+    Reads a skill and a scenario. Writes what `haptic-skill rig` writes into the folder of `--out`.
 
     For example:
 

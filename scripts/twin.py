@@ -7,14 +7,14 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from scripts.command_line import Seed, parse_text, path_option, text_option
+from scripts.command_line import OptionalScenarioName, Seed, path_option, text_option
 
 OFFSETS = {"default": 0.5, "stress": 1.0}
 """Half width of the distributions of the place of the hole, mm, by the arm of the trials."""
 
 
 def main(
-    robot: Annotated[Literal["fr3"], typer.Argument(help="Which arm.")],
+    robot: Annotated[Literal["fr3"], typer.Argument(help="Which arm.")] = "fr3",
     seed: Seed = 0,
     arm: Annotated[
         Literal["default", "stress"],
@@ -28,15 +28,7 @@ def main(
             show_default="0.5, stress 1",
         ),
     ] = None,
-    scenario: Annotated[
-        str | None,
-        typer.Option(
-            parser=parse_text,
-            metavar="TEXT",
-            help="Name of a scenario in models/scenarios, or path of a YAML file.",
-            show_default="that of the arm",
-        ),
-    ] = None,
+    scenario: OptionalScenarioName = None,
     host: Annotated[str, text_option("ADDRESS", "Address of this machine at which the arm is served.")] = "127.0.0.1",
     speed: Annotated[
         float, typer.Option(min=0.01, max=1.0, help="Of the clock of the arm, in units of real time.")
@@ -52,7 +44,8 @@ def main(
     askew of where one believes it to be, as in trial SEED of the scenario. Once the arm has been at the hole and is
     25 mm away again, the hole of the next trial is there.
 
-    On a slow machine the arm's clock is slower than real time; what is printed says how fast it was. Ends with Ctrl-C.
+    Reads a scenario. Writes what has become of each hole into the file of `--json`. On a slow machine the arm's clock is
+    slower than real time; what is printed says how fast it was. Ends with Ctrl-C.
 
     For example:
 

@@ -12,7 +12,6 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from models.arm import RIG
 from models.assembly import Assembly
 from models.meshes import TriangleMesh
 from skill.arrays import Array
@@ -200,7 +199,7 @@ def motion_of_run(run: RigRun, *, where: str = "rig run") -> Motion:
     pivot = np.array([0.0, 0.0, float(height)])
     R_WP, p_WP = Rotation.identity(n), np.column_stack([np.zeros((n, 2)), samples["tip_z"].to_numpy()])
     p_WH = pivot - R_WH.apply(pivot)
-    if run.metadata.get("carrier", RIG) != RIG:
+    if run.metadata.get("carrier", "rig") != "rig":
         R_WP, R_WH, p_WH = R_WH.inv(), R_WP, np.zeros((n, 3))
         axis = R_WP.apply([0.0, 0.0, 1.0])
         p_WP = axis * (p_WP[:, 2:] / axis[:, 2:])

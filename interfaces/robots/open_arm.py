@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from pydrake.math import RigidTransform
 
+from interfaces.robots.arm_wrench import ArmWrench
 from interfaces.robots.franky_arm import FrankyArm, ImpedanceArm
 from interfaces.robots.robot_arm import RobotArm
 from interfaces.robots.ur_arm import UrArm
-from interfaces.sensors.arm_wrench import ArmWrench
 from models.arm import FR3, UR5E
 from models.scenario import Scenario
 from skill.arrays import Array

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import re
 
-from interfaces.sensors.arm_wrench import ArmWrench
 from interfaces.sensors.net_ft import PORT, NetFt
 from interfaces.sensors.wrench_stream import WrenchStream
 
 NET_FT = re.compile(r"netft://([^\s:/]+)(?::(\d{1,5}))?(?::(\d{1,5}))?")
 
 
-def open_sensor(url: str, arm: ArmWrench | None = None) -> WrenchStream:
+def open_sensor(url: str, arm: WrenchStream | None = None) -> WrenchStream:
     """Opens a sensor.
 
     Args:

@@ -75,7 +75,7 @@ def test_the_same_option_means_the_same_in_every_command():
             texts.setdefault(option.opts[0], {})[name] = option.help
     for flag in ("--seed", "--jobs", "--scenario", "--skill", "--trials", "--good", "--bad"):
         assert len(set(texts[flag].values())) == 1, texts[flag]
-    assert set(texts["--seed"]) == {"demo", "record", "train", "correct", "rig", "practise", "states"}
+    assert set(texts["--seed"]) == {"demo", "record", "train", "correct", "rig", "practise", "states", "twin"}
     assert "trial k of the rig uses seed + k" in texts["--seed"]["rig"]
     for name, text in texts["--out"].items():
         assert text.startswith(("Folder to write into", "File to write", "HTML page to write")), name

@@ -6,9 +6,9 @@ from contextlib import closing
 import numpy as np
 import pytest
 
+from interfaces.robots.arm_wrench import ArmWrench
 from interfaces.robots.robot_arm import ArmState
 from interfaces.sensors import open_sensor as module
-from interfaces.sensors.arm_wrench import ArmWrench
 from interfaces.sensors.net_ft import NetFt
 from interfaces.sensors.net_ft_server import NetFtServer
 from interfaces.sensors.open_sensor import open_sensor

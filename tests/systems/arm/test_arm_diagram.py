@@ -9,6 +9,8 @@ from pydrake.systems.analysis import Simulator
 from experiments.trial import run_rig, run_trial, trial_scenario
 from models.arm import FR3, UR5E
 from models.scenario import load_scenario, validate_scenario
+from scripts.command_line import SHIPPED
+from skill.manipulation_skill import ManipulationSkill
 from skill.policy import Action
 from skill.states.estimate import Estimate
 from systems.arm.arm_diagram import MakeArm, stopping_of
@@ -109,12 +111,10 @@ def test_an_arm_has_the_exact_engine(scenario):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("carrier", [FR3, UR5E])
-def test_the_skill_of_the_rig_inserts_with_an_arm(quick_scenario, skill, carrier):
-    quick_scenario.carrier, quick_scenario.contact.engine = carrier, "exact"
-    quick_scenario.arm = load_scenario(carrier).arm
-    quick_scenario.start.tilt = [0.03, -0.025]
-    quick_scenario.trial.time_limit = 8.0
-    result, run = run_trial(trial_scenario(quick_scenario, number=1000), skill, seed=1000)
+def test_the_skill_of_the_rig_inserts_with_an_arm(carrier):
+    scenario = load_scenario(carrier)
+    scenario.start.tilt, scenario.arm.hole_offset, scenario.trial.time_limit = [0.03, -0.025], [2e-4, -1e-4], 20.0
+    result, run = run_trial(trial_scenario(scenario, number=1000), ManipulationSkill.load(SHIPPED), seed=1000)
     assert result.reason == "inserted"
     assert result.steps == 0
     assert np.abs(run.samples[["pitch", "yaw"]].iloc[-1]).max() < 0.01  # upright in the hole

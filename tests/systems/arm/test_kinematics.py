@@ -71,7 +71,7 @@ def test_the_links_that_move_weigh_what_is_published(carrier, mass):
 
 def test_over_the_hole_the_tip_moves_as_well_in_all_directions_as_that_of_the_fr3(kinematics):
     """The smallest singular value of the Jacobian: 0.22 m for the FR3."""
-    J = kinematics.jacobian(kinematics.angles_at(tip_pose(np.zeros(3), 0.003)))
+    J = kinematics.jacobian(kinematics.angles_at(tip_pose(np.zeros(3), tip_at(0.003))))
     assert np.linalg.svd(J, compute_uv=False).min() > 0.2
 
 

@@ -15,11 +15,12 @@ def limits():
 def test_the_feed_changes_with_the_acceleration_and_keeps_its_top_speed(limits):
     p = limits._replace(acceleration=5.0, speed=0.012)
     state, rates = np.zeros(SIZE), []
+    state[HEIGHT] = 1e-3
     for _ in range(4):
         state = tip_step(p, state, -1.0, np.zeros(2))
         rates.append(state[RATE])
     np.testing.assert_allclose(rates, [-0.005, -0.01, -0.012, -0.012])
-    assert state[HEIGHT] == pytest.approx(-1e-3 * 0.039)
+    assert state[HEIGHT] == pytest.approx(1e-3 - 1e-3 * 0.039)
 
 
 def test_the_feed_is_slow_where_the_tip_yields_in_the_hole(limits):
