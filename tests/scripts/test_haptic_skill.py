@@ -22,6 +22,8 @@ COMMANDS = (
         "train",
         "correct",
         "rig",
+        "arm",
+        "twin",
         "practise",
         "replay",
         "sweep",
