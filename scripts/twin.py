@@ -44,8 +44,8 @@ def main(
     askew of where one believes it to be, as in trial SEED of the scenario. Once the arm has been at the hole and is
     25 mm away again, the hole of the next trial is there.
 
-    Reads a scenario. Writes what has become of each hole into the file of `--json`. On a slow machine the arm's clock is
-    slower than real time; what is printed says how fast it was. Ends with Ctrl-C.
+    Reads a scenario. Writes what has become of each hole into the file of `--json`. On a slow machine the arm's clock
+    is slower than real time; what is printed says how fast it was. Ends with Ctrl-C.
 
     For example:
 
