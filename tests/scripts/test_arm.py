@@ -38,7 +38,7 @@ def test_an_arm_that_does_not_answer_is_named(tmp_path):
 @pytest.mark.slow
 def test_an_insertion_is_served_performed_and_recorded(tmp_path):
     host = loopback_address()
-    serve = ["-m", "haptic_skill", "twin", "fr3", "--host", host, "--speed", "0.35"]
+    serve = ["-m", "haptic_skill", "twin", "fr3", "--host", host, "--speed", "0.5"]
     serve += ["--json", str(tmp_path / "twin.json")]
     twin = subprocess.Popen([sys.executable, *serve], stdout=subprocess.PIPE, text=True)
     try:
