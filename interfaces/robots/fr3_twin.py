@@ -63,8 +63,9 @@ CATCH_UP = 0.02
 LOST_COMMANDS = 20
 """Missing commands in a row after which the arm stops by itself, as a real one does."""
 
-COMMUNICATION, CARTESIAN_REFLEX, JOINT_REFLEX = 10, 6, 5
-"""Places of the errors in a state of libfranka (`franka::Errors`)."""
+JOINT_REFLEX, CARTESIAN_REFLEX, COMMUNICATION = 6, 7, 25
+"""Places in a state of the errors that libfranka names ``joint_reflex``, ``cartesian_reflex`` and
+``communication_constraints_violation``."""
 
 
 @dataclass(frozen=True)
@@ -179,7 +180,7 @@ class _Server(FrankaRobotServer):
 
     def __init__(self, robot: _Robot, hostnames: Sequence[str]) -> None:
         super().__init__(robot, hostnames)
-        self._twin, self._missing = robot, 0
+        self._missing = 0
         self._errors: tuple[int, ...] = ()
         # franky-sim acknowledges these commands and ignores them.
         commands = self._FrankaServer__command_class_map
@@ -205,7 +206,7 @@ class _Server(FrankaRobotServer):
     def _post_process_commands(self) -> None:
         self._missing += 1
         if self.current_motion_id:
-            error = COMMUNICATION if self._missing > LOST_COMMANDS else self._twin.collides()
+            error = COMMUNICATION if self._missing > LOST_COMMANDS else self.robot.collides()
             if error is not None:
                 self._abort(error)
         super()._post_process_commands()

@@ -15,6 +15,7 @@ pytest.importorskip("franky")
 pytest.importorskip("franky_sim")
 
 from experiments.trial import Arm, trial_scenario
+from interfaces.robots import fr3_twin
 from interfaces.robots.fr3_twin import SENSOR_PAGE_PORT, SENSOR_PORT, Fr3Twin
 from interfaces.robots.franky_arm import FORCE_LIMIT as FRANKA_LIMIT
 from interfaces.robots.franky_arm import FrankyArm
@@ -202,11 +203,53 @@ def test_a_limit_of_the_arm_stops_it_by_itself(served):
     pressed[HEIGHT] = -0.02
     above, below = (served.twin.arm.kinematics.angles_at(tip_pose(np.zeros(3), tip)) for tip in (beside, pressed))
     arm.move_to(above, 0.6)
-    with pytest.raises(ConnectionError, match=r"the arm has stopped: .*reflex"):
+    with pytest.raises(ConnectionError, match=r"the arm has stopped: .*cartesian_reflex"):
         arm.move_to(below, 0.1)
     force = served.twin.arm.reading()[2]
     assert FRANKA_LIMIT < force < 1.5 * FRANKA_LIMIT
     arm.close()
+
+
+@pytest.mark.parametrize(
+    ("place", "name"),
+    [
+        (fr3_twin.JOINT_REFLEX, "joint_reflex"),
+        (fr3_twin.CARTESIAN_REFLEX, "cartesian_reflex"),
+        (fr3_twin.COMMUNICATION, "communication_constraints_violation"),
+    ],
+)
+def test_an_error_has_the_name_that_libfranka_gives_it(served, place, name):
+    arm = FrankyArm(served.host, served.scenario.arm.joint_stiffness)
+    served.twin._server.robot_servers[0]._errors = (place,)
+    end = time.monotonic() + 5.0
+    while not (fault := arm.state().fault) and time.monotonic() < end:
+        time.sleep(0.01)
+    assert fault == f'["{name}"]'
+    arm.close()
+
+
+def test_a_peg_in_the_hole_is_not_moved_by_joints(served):
+    with session_with(served) as session:
+        q = served.twin.arm.kinematics.angles_at(tip_pose(np.zeros(3), tip_at(-0.005)))
+        session._arm.move_to(q, 0.3)
+        with pytest.raises(ConnectionError, match="the peg is in the hole"):
+            session.approach()
+
+
+def test_a_flange_under_impedance_gives_way_by_its_stiffness():
+    """What hangs on the sensor is not told to the arm: the flange sags by its weight over the stiffness."""
+    with Served(impedance=[2000.0, 200.0], gravity_error=0.0) as served:
+        arm = open_arm(served.host, served.scenario)
+        kinematics = served.twin.arm.kinematics
+        held = start = arm.state()
+        while held.time < start.time + 1.0:
+            held = arm.state()
+            arm.follow(start.angles, np.zeros(7))
+            time.sleep(0.005)
+        sag = kinematics.flange(start.angles).translation() - kinematics.flange(held.angles).translation()
+        np.testing.assert_allclose(sag[2], served.twin.arm.held_weight / 2000.0, rtol=0.3)  # friction holds some of it
+        arm.stop()
+        arm.close()
 
 
 def test_a_peg_is_inserted_and_recorded(served, skill):
