@@ -21,16 +21,25 @@ from systems.plant.exact_gaps import MAX_CONTACTS, Bodies, find_contacts
 
 
 @compiled
+def product(a: Array, b: Array) -> Array:
+    """Returns the product (4,) of two quaternions (4,), w first."""
+    return np.array(
+        [
+            a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+            a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+            a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+            a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+        ]
+    )
+
+
+@compiled
 def turn(quaternion: Array, vector: Array) -> None:
     """Turns a quaternion (4,), w first, in place by a rotation vector (3,), rad."""
     angle = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
     half = 0.5 * math.sin(0.5 * angle) / (0.5 * angle) if angle > 1e-9 else 0.5
-    w, x, y, z = math.cos(0.5 * angle), half * vector[0], half * vector[1], half * vector[2]
-    a, b, c, d = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
-    quaternion[0] = w * a - x * b - y * c - z * d
-    quaternion[1] = w * b + x * a + y * d - z * c
-    quaternion[2] = w * c - x * d + y * a + z * b
-    quaternion[3] = w * d + x * c - y * b + z * a
+    step = np.array([math.cos(0.5 * angle), half * vector[0], half * vector[1], half * vector[2]])
+    quaternion[:] = product(step, quaternion)
     quaternion /= math.sqrt((quaternion**2).sum())
 
 

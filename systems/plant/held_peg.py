@@ -20,7 +20,7 @@ from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.contact_plant import STEEL
 from systems.plant.exact_contact import STEPS
 from systems.plant.exact_gaps import Bodies
-from systems.plant.exact_peg import advance_peg, rotation_of, turn
+from systems.plant.exact_peg import advance_peg, product, rotation_of, turn
 
 GRAVITY = 9.81
 """m/s^2, downwards in H."""
@@ -64,19 +64,6 @@ def seen_from(frame: Array, motion: Array) -> Array:
     found[4:7] = R @ (motion[4:7] - frame[4:])
     found[7:10], found[10:] = R @ motion[7:10], R @ motion[10:]
     return found
-
-
-@compiled
-def product(a: Array, b: Array) -> Array:
-    """Returns the product (4,) of two quaternions (4,), w first."""
-    return np.array(
-        [
-            a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-            a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-            a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-            a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-        ]
-    )
 
 
 @compiled
