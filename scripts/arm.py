@@ -17,7 +17,16 @@ from scripts.command_line import (
     path_option,
     text_option,
 )
-from scripts.rig import RESULTS, RUN, write_report, write_results
+from scripts.rig import (
+    REPLAY,
+    REPORT,
+    RESULTS,
+    RUN,
+    copy_of_results,
+    finish,
+    show_results,
+    write_results,
+)
 
 if TYPE_CHECKING:
     from interfaces.robots.insertion import ArmSession
@@ -65,18 +74,16 @@ def main(
     import hashlib
     from functools import partial
 
-    from experiments.outputs.output_checks import RECORDING_SIZE, REPORT_SIZE, check_file, check_folder, named_errors
+    from experiments.outputs.output_checks import RECORDING_SIZE, REPORT_SIZE, check_folder
     from experiments.outputs.output_set import open_set
     from experiments.outputs.set_index import RUNS, SetIndex
     from experiments.provenance import versions
     from experiments.trial_result import TrialResult
-    from interfaces.reports.result_tables import result_summary, result_table
     from interfaces.robots.insertion import ArmSession
     from interfaces.robots.open_arm import estimated_wrench, open_arm
     from interfaces.sensors.open_sensor import open_sensor
-    from interfaces.terminal import progress, say, show, write_json
+    from interfaces.terminal import progress, say
     from models.scenario import dump_scenario, load_scenario
-    from scripts.rig import REPLAY, REPORT
     from skill.data.outcome import Outcome
     from skill.data.rig_run import write_rig_run
     from skill.manipulation_skill import ManipulationSkill
@@ -92,8 +99,7 @@ def main(
     index = SetIndex(RUNS, request, files, reports=(REPORT, *map(REPLAY.format, numbers)))
     if not dry_run:
         check_folder(out, size=trials * (RECORDING_SIZE + REPORT_SIZE))
-        if json is not None:
-            check_file(json, ".json", option="--json")
+    copy = copy_of_results(json, out, skill, index)
     if not yes:
         typer.confirm(
             f"Move the {chosen.carrier} at {address}? Is its way free, and the emergency stop at hand", abort=True
@@ -132,18 +138,10 @@ def main(
                         raise ConnectionError(f"insertion {number}: {ended.detail}")
                     session.retreat()
                     advance(f"insertion {number}: {ended.result.reason}, {ended.result.time:.1f} s")
-            runs.complete()
-            results = [done[number] for number in numbers]
-            if json is not None:
-                with named_errors(json, f"the results are in {out / RESULTS}"):
-                    write_json(json, [result.record() for result in results])
             made_by = {"skill": str(skill), "address": address, "sensor": sensor, **versions()}
-            write_report(runs, results, made_by=made_by, scenario=dump_scenario(chosen))
+            results = finish(runs, done, out, copy, made_by=made_by, scenario=dump_scenario(chosen))
         say(f"sensor: {stream.counts().text()}")
-    show(result_table(results))
-    for line in result_summary(results):
-        say(line)
-    say(f"open {out / REPORT}: all trials, and a replay of each")
+    show_results(results, out)
 
 
 def ask_for_pushes(session: ArmSession) -> None:

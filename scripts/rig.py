@@ -23,6 +23,7 @@ from scripts.command_line import (
 
 if TYPE_CHECKING:
     from experiments.outputs.output_set import OutputSet
+    from experiments.outputs.set_index import SetIndex
     from experiments.trial_result import TrialResult
 
 RESULTS, REPORT = "results.json", "report.html"
@@ -72,20 +73,12 @@ def main(
     import hashlib
     from functools import partial
 
-    from experiments.outputs.output_checks import (
-        RECORDING_SIZE,
-        REPORT_SIZE,
-        check_file,
-        check_folder,
-        named_errors,
-        require_distinct,
-    )
+    from experiments.outputs.output_checks import RECORDING_SIZE, REPORT_SIZE, check_folder
     from experiments.outputs.output_set import open_set
     from experiments.outputs.set_index import RUNS, SetIndex
     from experiments.provenance import versions
     from experiments.trial import Arm, run_trials
-    from interfaces.reports.result_tables import result_summary, result_table
-    from interfaces.terminal import progress, say, show, write_json
+    from interfaces.terminal import progress, say
     from models.clearance import load_scenario_of_clearance
     from models.scenario import dump_scenario, validate_scenario
     from skill.data.rig_run import write_rig_run
@@ -106,11 +99,7 @@ def main(
     files = (*map(RUN.format, numbers), RESULTS)
     index = SetIndex(RUNS, request, files, reports=(REPORT, *map(REPLAY.format, numbers)))
     check_folder(out, size=trials * (RECORDING_SIZE + REPORT_SIZE))
-    copy = None if json is None or json.resolve() == (out / RESULTS).resolve() else json
-    if copy is not None:
-        require_distinct({"--skill": skill, **{name: out / name for name in index.names}, "--json": copy})
-        check_file(copy, ".json", option="--json")
-
+    copy = copy_of_results(json, out, skill, index)
     with open_set(out, index, overwrite=overwrite) as runs:
         done: dict[int, TrialResult] = {result.seed: result for result in runs.finished.values()}
         if runs.damaged:
@@ -125,12 +114,49 @@ def main(
                 done[result.seed] = result
                 write_results(runs, done)  # after each, so that they agree with the runs
                 advance(f"trial {result.seed}: {result.reason}, {result.time:.1f} s")
-        runs.complete()
-        results = [done[number] for number in numbers]
-        if copy is not None:
-            with named_errors(copy, f"the results are in {out / RESULTS}"):
-                write_json(copy, [result.record() for result in results])
-        write_report(runs, results, made_by={"skill": str(skill), **versions()}, scenario=dump_scenario(chosen))
+        made_by = {"skill": str(skill), **versions()}
+        results = finish(runs, done, out, copy, made_by=made_by, scenario=dump_scenario(chosen))
+    show_results(results, out)
+
+
+def copy_of_results(json: Path | None, out: Path, skill: Path, index: SetIndex) -> Path | None:
+    """Returns the checked file of a copy of the results; None where none is wanted, or it is the results themselves."""
+    from experiments.outputs.output_checks import check_file, require_distinct
+
+    if json is None or json.resolve() == (out / RESULTS).resolve():
+        return None
+    require_distinct({"--skill": skill, **{name: out / name for name in index.names}, "--json": json})
+    check_file(json, ".json", option="--json")
+    return json
+
+
+def finish(
+    runs: OutputSet,
+    done: dict[int, TrialResult],
+    out: Path,
+    copy: Path | None,
+    *,
+    made_by: dict[str, str],
+    scenario: str,
+) -> list[TrialResult]:
+    """Completes the set of a folder, writes the copy of its results and its report, and returns them in order."""
+    from experiments.outputs.output_checks import named_errors
+    from interfaces.terminal import write_json
+
+    runs.complete()
+    results = [done[number] for number in sorted(done)]
+    if copy is not None:
+        with named_errors(copy, f"the results are in {out / RESULTS}"):
+            write_json(copy, [result.record() for result in results])
+    write_report(runs, results, made_by=made_by, scenario=scenario)
+    return results
+
+
+def show_results(results: list[TrialResult], out: Path) -> None:
+    """Prints the results, and says where their report is."""
+    from interfaces.reports.result_tables import result_summary, result_table
+    from interfaces.terminal import say, show
+
     show(result_table(results))
     for line in result_summary(results):
         say(line)
