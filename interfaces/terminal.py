@@ -78,15 +78,24 @@ def report_errors(command: Callable[P, R]) -> Callable[P, R]:
                 return command(*args, **kwargs)
         except (ValueError, OSError) as error:
             fail(str(error) or type(error).__name__)
-        except ImportError as error:
-            if isinstance(error.__cause__, KeyboardInterrupt):  # Ctrl-C while Drake was initialising
-                interrupt(error.__cause__)
+        except (ImportError, SystemError) as error:
+            reason = interrupt_behind(error)
+            if reason is not None:
+                interrupt(reason)
             fail_without_extra(error)
             raise
         except KeyboardInterrupt as reason:
             interrupt(reason)
 
     return reporting
+
+
+def interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
+    """Returns the interrupt that Drake's start or a compiled function has turned into another exception, if any."""
+    cause = error.__cause__
+    while not (cause is None or isinstance(cause, KeyboardInterrupt)):
+        cause = cause.__cause__
+    return cause
 
 
 def fail_without_extra(error: BaseException) -> None:

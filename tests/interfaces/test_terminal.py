@@ -61,7 +61,10 @@ def test_a_warning_is_one_line_on_stderr_without_the_code_that_issued_it(capsys)
 def test_an_interruption_is_one_line_with_exit_code_130(capsys):
     during_import = ImportError("initialization failed")
     during_import.__cause__ = KeyboardInterrupt()
-    for error in (KeyboardInterrupt(), during_import):
+    in_compiled_code = SystemError("returned a result with an exception set")
+    in_compiled_code.__cause__ = SystemError("the same, one call deeper")
+    in_compiled_code.__cause__.__cause__ = KeyboardInterrupt()
+    for error in (KeyboardInterrupt(), during_import, in_compiled_code):
         with pytest.raises(SystemExit) as ended:
             raising(error)()
         assert ended.value.code == 130
