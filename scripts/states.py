@@ -33,7 +33,7 @@ def main(
         typer.Argument(
             parser=parse_path,
             metavar="FILES",
-            help="Recordings: .csv .parquet .npz .mcap .db3 files, or folders of a rosbag2 or a LeRobot data set.",
+            help="Recordings: .csv .parquet .npz .mcap .db3 .h5 files, or folders of a rosbag2 or a LeRobot data set.",
             show_default=False,
         ),
     ],

@@ -8,6 +8,7 @@ from typing import Any
 
 from skill.recordings.column_table import ColumnChoice
 from skill.recordings.csv_file import read_bare_file, read_csv_file
+from skill.recordings.fmb_file import refuse_npy_file
 from skill.recordings.messages.mcap_file import read_mcap_file
 from skill.recordings.messages.sqlite_bag import read_sqlite_bag
 from skill.recordings.npz_file import read_npz_file
@@ -34,10 +35,10 @@ def read_recordings(
 
     A table (CSV, Parquet, NPZ) is one recording, or one for each trial if it has a column of trials. An MCAP file, a
     file of a rosbag2, or a folder of their parts, is one recording. A data set of LeRobot is one recording for each
-    episode.
+    episode, an HDF5 file of REASSEMBLE one for each action.
 
     Args:
-        path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3``), or folder of a LeRobot data set or of a rosbag2.
+        path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3 .h5``), or folder of a LeRobot data set or a rosbag2.
         columns: list of texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N"; not for messages.
             Columns with usual names need none. See `skill.recordings.columns`.
         trial_column: column that says to which trial a row of a table belongs; None for one with a usual name.
@@ -93,6 +94,12 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
         return read_mcap_file(path, **_chosen(path, options, {"topic"}, "an MCAP file"))
     if suffix == ".db3":
         return read_sqlite_bag(path, **_chosen(path, options, {"topic"}, "a rosbag2"))
+    if suffix == ".h5":
+        from skill.recordings.hdf5_file import read_hdf5_file  # needs an extra
+
+        return read_hdf5_file(path, **_chosen(path, options, set(), "an HDF5 file"))
+    if suffix == ".npy":
+        refuse_npy_file(path)
     if suffix in TABLES:
         choice = ColumnChoice(**_chosen(path, options, {"columns", "trial_column", "phase_column"}, "a table"))
         if suffix in (".parquet", ".pq"):
@@ -101,7 +108,7 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
             return read_parquet_file(path, choice)
         return (read_npz_file if suffix == ".npz" else read_csv_file)(path, choice)
     remedy = "; convert a bag of ROS 1 to MCAP first" if suffix == ".bag" else ""
-    raise ValueError(f"{path}: ends in '{suffix}', expected {' '.join(TABLES)} .mcap .db3 or a folder{remedy}")
+    raise ValueError(f"{path}: ends in '{suffix}', expected {' '.join(TABLES)} .mcap .db3 .h5 or a folder{remedy}")
 
 
 def _chosen(path: Path, options: Mapping[str, Any], allowed: set[str], kind: str) -> dict[str, Any]:

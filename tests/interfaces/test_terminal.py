@@ -102,7 +102,9 @@ def test_an_interruption_in_a_destructor_is_not_lost(error, code):
     assert ended.value.code == code
 
 
-@pytest.mark.parametrize(("package", "extra"), [("pydrake.geometry", "sim"), ("pyarrow", "data")])
+@pytest.mark.parametrize(
+    ("package", "extra"), [("pydrake.geometry", "sim"), ("pyarrow", "data"), ("h5py", "recordings")]
+)
 def test_a_missing_package_names_its_extra(capsys, package, extra):
     with pytest.raises(SystemExit) as ended:
         raising(ModuleNotFoundError(f"no {package}", name=package))()

@@ -87,13 +87,13 @@ def test_other_files_are_refused(tmp_path):
     folder = "a folder without meta/info.json (LeRobot), *.mcap or *.db3 (rosbag2)"
     with pytest.raises(ValueError, match=re.escape(folder) + "$"):
         read_recordings(tmp_path)
-    message = "ends in '.xlsx', expected .csv .tsv .txt .parquet .pq .npz .mcap .db3 or a folder"
+    message = "ends in '.xlsx', expected .csv .tsv .txt .parquet .pq .npz .mcap .db3 .h5 or a folder"
     with pytest.raises(ValueError, match=re.escape(message) + "$"):
         read_recordings("a.xlsx")
     with pytest.raises(ValueError, match="ends in '', expected"):
         read_recordings(tmp_path / "nothing")
     with pytest.raises(ValueError, match=r"a folder; convert a bag of ROS 1 to MCAP first$"):
         read_recordings("a.bag")
-    for suffix in (*TABLES, ".mcap", ".db3"):
+    for suffix in (*TABLES, ".mcap", ".db3", ".h5", ".npy"):
         with pytest.raises(ValueError, match=rf"a\{suffix}: no such file$"):
             read_recordings(tmp_path / f"a{suffix}")
