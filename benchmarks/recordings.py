@@ -1,10 +1,11 @@
 """Contact states that are discovered in recordings of a real sensor, against the phases of its controller.
 
-    python -m benchmarks.recordings --data FILE.npz --train-trials A-B --test-trials C-D [--rate HZ] [--seed 0]
+    python -m benchmarks.recordings --data FILE.npz|FOLDER --train-trials A-B --test-trials C-D [--rate HZ] [--seed 0]
                                     [--hours H] [--json FILE]
 
-The file has the arrays time (s), wrench (N and N m), trial and phase. A phase of less than three samples counts as the
-next one. Learners see the wrenches of the training trials only, scaled to variance one. All figures are of the test
+The file has the arrays time (s), wrench (N and N m), trial and phase. A folder of simulated demonstrations serves too:
+the good ones, counted from 1, their wrenches with the noise of the rig's sensor; their phases are the exact contact
+states. A phase of less than three samples counts as the next one. Learners see the wrenches of the training trials only, scaled to variance one. All figures are of the test
 trials:
 
 - states: number of states that were discovered; of segments per trial on average for change point detection;
@@ -41,6 +42,7 @@ from sklearn.preprocessing import StandardScaler
 from threadpoolctl import threadpool_limits
 
 from benchmarks.command_line import JsonFile, finish, run
+from benchmarks.learners.labelled_demonstrations import WRENCH_NOISE, poses
 from benchmarks.learners.state_learners import (
     Found,
     Learner,
@@ -53,13 +55,17 @@ from benchmarks.learners.state_learners import (
     mixture,
 )
 from benchmarks.state_scores import MIN_DURATION, boundary_f1, recognition
+from experiments.exact_states import exact_bodies
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console, progress
 from skill.arrays import sequences
+from skill.data.demonstration import read_demonstrations
+from skill.features.wrench_features import MEASURED
 from skill.recordings.reading import read_recordings
 from skill.recordings.recording import Recording
 from skill.states.contact_states import ContactStates
 
+WRENCH = MEASURED[:6]
 FAST = 1000.0  # sampling rate of the long recordings, Hz
 NOISE, OFFSET = 0.05, 0.1  # their standard deviations in the long recordings, in those of the channels
 
@@ -139,6 +145,24 @@ def compare(train: Samples, test: Samples, seed: int) -> dict[str, Any]:
                 peers[title] = scores(test, number_found, states)
                 advance(title)
     return found | {"peers": peers}
+
+
+def simulated(folder: Path, seed: int) -> list[Recording]:
+    """The good demonstrations of a folder: noisy wrenches, and exact contact states as phases."""
+    rng = np.random.default_rng(seed)
+    good = [demonstration for demonstration in read_demonstrations(folder) if demonstration.good]
+    return [
+        Recording(
+            f"{folder}, good demonstration {number}",
+            demonstration.samples["time"].to_numpy(),
+            demonstration.samples[list(WRENCH)].to_numpy()
+            + WRENCH_NOISE * rng.standard_normal((len(demonstration.samples), 6)),
+            WRENCH,
+            exact_bodies(demonstration).label(*poses(demonstration.samples)),
+            str(number),
+        )
+        for number, demonstration in enumerate(good, start=1)
+    ]
 
 
 def selected(recordings: list[Recording], trials: str, rate: float) -> list[Recording]:
@@ -221,7 +245,7 @@ def cost(recordings: list[Recording], hours: float, rate: float, seed: int) -> d
 
 
 def main(
-    data: Annotated[Path, typer.Option(metavar="FILE", help="Recordings with known phases.")],
+    data: Annotated[Path, typer.Option(metavar="FILE|FOLDER", help="Recordings with known phases, or demonstrations.")],
     train_trials: Annotated[str, typer.Option(metavar="A-B", help="Trials to learn from.")],
     test_trials: Annotated[str, typer.Option(metavar="C-D", help="Trials to judge on.")],
     rate: Annotated[float, typer.Option(help="Hz; faster recordings are averaged.")] = 50.0,
@@ -233,7 +257,7 @@ def main(
 ) -> None:
     warnings.simplefilter("ignore")
     logging.getLogger("hmmlearn").setLevel(logging.ERROR)
-    recordings = read_recordings(data)
+    recordings = simulated(data, seed) if data.is_dir() else read_recordings(data)
     parts = [selected(recordings, trials, rate) for trials in (train_trials, test_trials)]
     scaler = StandardScaler().fit(np.concatenate([recording.values for recording in parts[0]]))
     train, test = (samples(part, scaler) for part in parts)

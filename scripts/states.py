@@ -211,6 +211,8 @@ def check_recordings(recordings: Sequence[Recording]) -> None:
                 f"{other.name} has the channels {' '.join(other.channels)}, but {first.name} has"
                 f" {' '.join(first.channels)}; expected the same in all files; name them with --columns"
             )
+    if len(recordings) == 2:
+        say("two recordings hide states in what differs between them; three or more are better")
     rates = sorted(recording.rate for recording in recordings)
     if rates[-1] > SAME_RATE * rates[0]:
         low, high = (f"{end:.3g}" for end in (rates[0], rates[-1]))
@@ -232,20 +234,18 @@ def learn(recordings: Sequence[Recording], seed: int) -> tuple[ContactStates, li
     groups = np.repeat(np.arange(len(counts)), counts)
     values = np.concatenate([recording.values for recording in recordings])
     learner = ContactStates(random_state=seed).fit(values, groups=groups)
-    parts = np.split(learner.probabilities_, np.cumsum(counts)[:-1])
-    return learner, [
-        LabelledRecording(recording, part.argmax(axis=1), part.max(axis=1))
-        for recording, part in zip(recordings, parts, strict=True)
-    ]
+    probability = np.take_along_axis(learner.probabilities_, learner.labels_[:, None], axis=1)[:, 0]
+    parts = (np.split(of_all, np.cumsum(counts)[:-1]) for of_all in (learner.labels_, probability))
+    return learner, [LabelledRecording(*each) for each in zip(recordings, *parts, strict=True)]
 
 
 def _method(learner: ContactStates) -> str:
     """How the states were found, in three sentences."""
     return (
         f"Competitive Agglomeration found {_count(learner.components_.n_clusters_, 'component')} in the samples of all"
-        f" recordings, without labels, and {_count(learner.n_clusters_, 'set')} of them that valleys of the density"
-        " separate: these are the states. A set that few recordings have belongs to the state whose place it takes. A"
-        " hidden Markov model learnt how one follows another, and gave each sample its most probable state."
+        f" recordings, without labels, and {_count(learner.n_clusters_, 'set')} of them: these are the states. A set"
+        " that few recordings have belongs to the state whose place it takes. A hidden Markov model learnt how one"
+        " follows another, and found the most probable path of each recording."
     )
 
 

@@ -204,7 +204,7 @@ def main(
     names = list(learners(seed))
     with threadpool_limits(1), progress("folds", len(problems) * len(names) * repeats) as advance:
         found = {name: accuracies(*problem, repeats, seed, advance) for name, problem in problems.items()}
-    table = plain_table("accuracy (%) and its 95 % interval; the last two are published")
+    table = plain_table("accuracy (%) and its 95 % interval; the last two: published, not checked at the source")
     table.padding = (0, 0, 0, 0)  # so that ten columns fit 80 characters
     table.add_column("")
     for name in ("windows", "copies", "classes", "majority", *names, "SMTS", "MUSE"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.learners.state_learners import Samples
 from experiments.exact_states import exact_bodies
@@ -41,6 +42,12 @@ class LabelledDemonstrations(Samples):
         return replace(self, Z=self.regressor_Z, measured=len(CanonicalFeatures().get_feature_names_out()))
 
 
+def poses(samples: pd.DataFrame) -> tuple[Array, Array]:
+    """Returns the positions p_HP (n, 3), m, and orientations R_HP (n, 3, 3) of the peg in the hole."""
+    R_HP = rotations_of_vectors(samples[["ax", "ay", "az"]].to_numpy() * samples[["angle"]].to_numpy())
+    return samples[["x", "y", "z"]].to_numpy(), R_HP
+
+
 def label_demonstrations(demonstrations: list[Demonstration], seed: int) -> LabelledDemonstrations:
     """Refines the demonstrations, adds sensor noise of the given seed, and labels every sample from its true pose.
 
@@ -54,8 +61,7 @@ def label_demonstrations(demonstrations: list[Demonstration], seed: int) -> Labe
     for demonstration in demonstrations:
         refined = refine_demonstration(with_following_actions(demonstration.samples), still=STILL, rough=ROUGH)
         bodies = exact_bodies(demonstration)
-        R_HP = rotations_of_vectors(refined[["ax", "ay", "az"]].to_numpy() * refined[["angle"]].to_numpy())
-        p_HP = refined[["x", "y", "z"]].to_numpy()
+        p_HP, R_HP = poses(refined)
         labels.append(bodies.label(p_HP, R_HP))
         gaps.append(bodies.gap(p_HP, R_HP))
         force = np.linalg.norm(refined[["fx", "fy", "fz"]], axis=1)

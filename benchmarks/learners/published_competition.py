@@ -98,7 +98,7 @@ class PublishedCompetition(CompetitiveAgglomeration):
         shift = X.mean(axis=0) if centred else np.zeros(X.shape[1])
         scale = standard_scale(X) if self.standardize else np.ones(X.shape[1])
         Z = (X - shift) / scale
-        prior = self._prior(Z)
+        prior = self._prior(Z, np.zeros(Z.shape[1]))
         if self.init is None:
             components = self._initialize(Z, prior, phase, check_random_state(self.random_state))[0]
         else:

@@ -23,7 +23,7 @@ from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import validate_data
 from threadpoolctl import threadpool_limits
 
-from skill.arrays import Array, standard_scale
+from skill.arrays import Array, outlier_limits, resolution, standard_scale
 from skill.clustering.component_merging import Mixture, best_of_each_number, merge_path, polished
 from skill.clustering.expectation_maximization import (
     CovariancePrior,
@@ -107,14 +107,16 @@ class CompetitiveAgglomeration(GaussianStates):
     Clusters with N_i below max(5, T/2) die, with T the number of parameters of one component. The surviving clusters
     are merged pair by pair. The number of states is the one that the evidence supports: it minimises the Bayesian
     information criterion, or follows from a comparison at the effective sample size
-    (`skill.clustering.number_of_states`) if ``groups`` are given to `fit`.
+    (`skill.clustering.number_of_states`) if ``groups`` are given to `fit`. An outlier (`skill.arrays.outlier_limits`)
+    counts as a sample at its limit.
 
     Args:
         m_init: initial number of clusters, at most N / (2 (d + 1)).
         eta0: initial strength of the competition. None means 1, or 5 with a phase.
         tails: "normal" for Gaussians, or "heavy" for Student distributions with 4 degrees of freedom, which impacts
             and other rare samples hardly change.
-        reg_covar: variance added to each channel, as a fraction of the mean variance of the channels.
+        reg_covar: variance added to each channel, as a fraction of the mean variance of the channels; at least that of
+            rounding to the smallest step between values of the channel.
         number: with ``groups``, "states" for components each of which is a state, or "density" for as many components
             as describe the density.
         n_init: number of starts; the mixture of maximum likelihood is kept for each number of states.
@@ -196,10 +198,11 @@ class CompetitiveAgglomeration(GaussianStates):
 
     def _fit(self, X: Array, groups: NDArray[np.intp] | None, phase: Array | None) -> None:
         """Finds the states of checked samples and sets the fitted attributes."""
-        shift, scale = X.mean(axis=0), standard_scale(X)
-        Z = (X - shift) / scale
+        limited = np.clip(X, *outlier_limits(X))
+        shift, scale = limited.mean(axis=0), standard_scale(X)
+        Z = (limited - shift) / scale
         N = len(Z)
-        prior = self._prior(Z)
+        prior = self._prior(Z, resolution(X) / scale)
         random_state = check_random_state(self.random_state)
         initial = self._initialize(Z, prior, phase, random_state)
         searched = Z
@@ -234,11 +237,14 @@ class CompetitiveAgglomeration(GaussianStates):
         self.n_effective_ = N / tau
         self.labels_ = self._log_densities(X, *self.marginal())[0].argmax(axis=1)
 
-    def _prior(self, Z: Array) -> CovariancePrior:
-        """Returns the regularisation of the covariances: that of d + 1 samples, and the floor."""
+    def _prior(self, Z: Array, step: Array) -> CovariancePrior:
+        """Returns the regularisation of the covariances: that of d + 1 samples, and the floor.
+
+        The floor is at least the variance of what a ``step`` (d,) between values leaves unknown, step^2 / 12.
+        """
         d = Z.shape[1]
         g = float(Z.var(axis=0).mean()) or 1.0
-        floor = np.full(d, self.reg_covar * g)
+        floor = np.maximum(self.reg_covar * g, step**2 / 12.0)
         return CovariancePrior(float(d + 1), variance=g, floor=floor)
 
     def _initialize(

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 from scipy.special import logsumexp
+from scipy.stats import entropy
 
 from skill.arrays import Array
 
@@ -37,7 +38,8 @@ BANDWIDTH = 1.5
 Estimation, 1992, has 1.06 for a Gaussian. Half as much again hides the gaps between single visits."""
 
 RIDGE = 1e-6
-"""Share of its own variance that is added to each channel, so that channels may depend on each other."""
+"""Share of a channel's variance, within and between two groups, that is added, so that channels may depend on each
+other."""
 
 SMALLEST_SET = 2
 """Smallest number of samples of a set."""
@@ -59,6 +61,7 @@ def density_valley(one: Array, other: Array, n_effective: float) -> float:
         return 1.0
     shares = [n_effective * len(x) / len(both) for x in (one, other)]
     widths = [BANDWIDTH * float(x.std()) * max(n, 2.0) ** -0.2 for x, n in zip((one, other), shares, strict=True)]
+    widths = [max(width, (high - low) / BINS) for width in widths]  # a group without noise has no spread
     # A margin on either side keeps the kernels inside.
     margin = MARGIN * max(widths)
     edges = np.linspace(low - margin, high + margin, BINS + 1)
@@ -76,8 +79,10 @@ def density_valley(one: Array, other: Array, n_effective: float) -> float:
 def discriminant(A: Array, B: Array) -> Array:
     """Returns Fisher's direction (S_A + S_B)^-1 (mean_A - mean_B) of samples (n, d) and (m, d), shape (d,)."""
     scatter = np.atleast_2d(np.cov(A.T)) + np.atleast_2d(np.cov(B.T))
-    scatter += np.diag(RIDGE * np.diag(scatter) + np.finfo(float).tiny)
-    return np.linalg.solve(scatter, A.mean(axis=0) - B.mean(axis=0))
+    difference = A.mean(axis=0) - B.mean(axis=0)
+    # Without noise, a channel may differ between the groups and not within them.
+    scatter += np.diag(RIDGE * (np.diag(scatter) + difference**2) + np.finfo(float).tiny)
+    return np.linalg.solve(scatter, difference)
 
 
 def _without_small(memberships: Array, counts: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -149,6 +154,28 @@ def component_sets(
             if c not in (b, alone):
                 valleys[max(b, c), min(b, c)] = compare(b, int(c))
     return np.unique(sets, return_inverse=True)[1]
+
+
+def recurrence_of_components(labels: NDArray[np.intp], sets: NDArray[np.intp], groups: NDArray[np.intp]) -> float:
+    """Returns in how many recordings a component occurs, relative to its set, over the sets of several components.
+
+    The number is that of equal shares with the same entropy, exp H, a mean over the samples. It is near 1 where every
+    recording passes through the components of a set, as when a force drifts, and near 0 where each recording has a
+    component of its own. It is 1 if all sets are single components.
+
+    Args:
+        labels: shape (N,), component of each sample.
+        sets: shape (M,), set of each component.
+        groups: shape (N,), recording of each sample, counted from 0.
+    """
+    M = len(sets)
+    counts = np.zeros((M, int(groups.max()) + 1))
+    np.add.at(counts, (labels, groups), 1.0)
+    of_sets = np.stack([counts[sets == s].sum(axis=0) for s in sets])
+    samples = counts.sum(axis=1) * (np.bincount(sets)[sets] > 1)
+    if not samples.any():
+        return 1.0
+    return float(samples @ np.exp(entropy(counts, axis=1)) / (samples @ np.exp(entropy(of_sets, axis=1))))
 
 
 def set_log_likelihoods(densities: Array, weights: Array, sets: NDArray[np.intp]) -> Array:

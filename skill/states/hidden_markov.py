@@ -1,4 +1,4 @@
-"""Forward and backward recursions of a hidden Markov model (Rabiner, Proc. IEEE 77(2), 1989).
+"""Recursions of a hidden Markov model (Rabiner, Proc. IEEE 77(2), 1989).
 
 Sequences are groups of rows in the order of time (`skill.arrays.sequences`).
 """
@@ -79,13 +79,35 @@ def smoothed(log_likelihoods: Array, chain: MarkovChain) -> Array:
     return probabilities
 
 
+def most_probable_path(log_likelihoods: Array, chain: MarkovChain) -> Array:
+    """Returns the most probable sequence of states given all samples, as a probability of one in each row, (n, M).
+
+    It is found by the recursion of Viterbi. The states that are most probable one by one can follow each other too
+    often: a short visit that is unlikely as a whole may hold the likeliest state of each of its samples.
+    """
+    with np.errstate(divide="ignore"):
+        change = np.log(chain.transitions)
+        best = np.log(chain.initial) + log_likelihoods[0]
+    came_from = np.empty(log_likelihoods.shape, dtype=np.intp)
+    for t, log_likelihood in enumerate(log_likelihoods[1:], start=1):
+        paths = best[:, None] + change
+        came_from[t] = paths.argmax(axis=0)
+        best = paths.max(axis=0) + log_likelihood
+    path = np.zeros_like(log_likelihoods)
+    state = int(best.argmax())
+    for t in range(len(path) - 1, -1, -1):
+        path[t, state] = 1.0
+        state = int(came_from[t, state]) if t else state
+    return path
+
+
 def by_sequence(
     recursion: Callable[[Array, MarkovChain], Array],
     log_likelihoods: Array,
     chain: MarkovChain,
     groups: NDArray[np.intp],
 ) -> Array:
-    """Applies `forward`, `backward` or `smoothed` to each sequence, shape (N, M).
+    """Applies a recursion, such as `forward` or `smoothed`, to each sequence, shape (N, M).
 
     Args:
         recursion: function of the log-likelihoods of one sequence and of the chain.

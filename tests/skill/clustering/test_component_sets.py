@@ -10,6 +10,7 @@ from skill.clustering.component_sets import (
     densest_component,
     density_valley,
     discriminant,
+    recurrence_of_components,
 )
 
 MANY = 1e5  # effective samples, so that the kernel is narrow
@@ -142,3 +143,19 @@ def test_the_densest_component_worked_by_hand():
     assert densest(0.25 / 8.01) == 2  # the next has 1
     assert densest(0.25 / 7.99) is None
     assert densest_component(np.ones(1), np.eye(2)[None]) is None
+
+
+def test_recurrence_of_components_worked_by_hand():
+    """Of a set of two components, one is in one recording and the other in two; a component alone does not count."""
+    labels, groups = np.array([0, 0, 1, 1, 2, 2]), np.array([0, 0, 1, 2, 0, 2])
+    sets = np.array([0, 0, 1])
+    of_set = 4.0 * np.sqrt(2.0) / 2.0  # exp H of shares 1/2, 1/4, 1/4
+    assert recurrence_of_components(labels, sets, groups) == pytest.approx((2 * 1 + 2 * 2) / (4 * of_set))
+    assert recurrence_of_components(labels, np.arange(3), groups) == 1.0
+
+
+def test_groups_without_noise_are_told_apart():
+    A, B = np.tile([0.0, 2.0], (9, 1)), np.tile([1.0, 2.0], (9, 1))
+    direction = discriminant(A, B)
+    assert np.isfinite(direction).all()
+    assert density_valley(A @ direction, B @ direction, 10.0) < 0.01

@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skill.states.hidden_markov import MarkovChain, backward, forward, learnt_chain, smoothed
+from skill.states.hidden_markov import (
+    MarkovChain,
+    backward,
+    forward,
+    learnt_chain,
+    most_probable_path,
+    smoothed,
+)
 
 CHAIN = MarkovChain(np.array([0.6, 0.4]), np.array([[0.9, 0.1], [0.3, 0.7]]))
 
@@ -92,3 +99,25 @@ def test_transitions_are_learnt_from_uncertain_states():
     log_likelihoods = -0.5 * (x[:, None] - [0.0, 3.0]) ** 2
     chain = learnt_chain(log_likelihoods, np.zeros(len(x), dtype=int))
     np.testing.assert_allclose(chain.transitions, true, atol=0.02)
+
+
+@given(seed=st.integers(0, 2**32 - 1), n=st.integers(1, 5), M=st.integers(1, 3))
+def test_no_path_is_more_probable(seed, n, M):
+    rng = np.random.default_rng(seed)
+    chain = MarkovChain(rng.dirichlet(np.ones(M)), rng.dirichlet(np.ones(M), size=M))
+    likelihoods = rng.uniform(0.1, 1.0, size=(n, M))
+
+    def probability(path):
+        steps = chain.initial[path[0]] * np.prod([chain.transitions[a, b] for a, b in pairwise(path)])
+        return steps * np.prod(likelihoods[np.arange(n), list(path)])
+
+    found = most_probable_path(np.log(likelihoods), chain)
+    np.testing.assert_array_equal(found.sum(axis=1), 1.0)
+    best = max(probability(path) for path in product(range(M), repeat=n))
+    np.testing.assert_allclose(probability(tuple(found.argmax(axis=1))), best)
+
+
+def test_a_short_visit_is_left_out_of_the_most_probable_path():
+    chain = MarkovChain(np.array([0.5, 0.5]), np.array([[0.95, 0.05], [0.05, 0.95]]))
+    log_likelihoods = np.where(np.arange(9)[:, None] == 4, [-4.0, 0.0], [0.0, -4.0])
+    assert most_probable_path(log_likelihoods, chain)[:, 0].tolist() == [1.0] * 9
