@@ -5,8 +5,8 @@
 
 The file has the arrays time (s), wrench (N and N m), trial and phase. A folder of simulated demonstrations serves too:
 the good ones, counted from 1, their wrenches with the noise of the rig's sensor; their phases are the exact contact
-states. A phase of less than three samples counts as the next one. Learners see the wrenches of the training trials only, scaled to variance one. All figures are of the test
-trials:
+states. A phase of less than three samples counts as the next one. Learners see the wrenches of the training trials
+only, scaled to variance one. All figures are of the test trials:
 
 - states: number of states that were discovered; of segments per trial on average for change point detection;
 - ARI, NMI: adjusted Rand index and normalised mutual information between states and phases;

@@ -21,7 +21,7 @@ REACH = 2.0
 """What lies farther from the other samples than this many of their ranges is an outlier."""
 
 
-def outlier_limits(X: Array) -> tuple[Array, Array]:
+def outlier_limits(X: Array, weights: Array | None = None) -> tuple[Array, Array]:
     """Returns the lower and the upper limit, (d,) each, beyond which a sample of a channel is an outlier.
 
     The limits are `REACH` ranges below and above the range of all but the `OUTLYING` smallest and largest samples;
@@ -29,8 +29,9 @@ def outlier_limits(X: Array) -> tuple[Array, Array]:
 
     Args:
         X: samples, shape (N, d).
+        weights: (N,), number of times that each sample counts; None for once.
     """
-    low, high = np.quantile(X, [OUTLYING, 1.0 - OUTLYING], axis=0, method="inverted_cdf")
+    low, high = np.quantile(X, [OUTLYING, 1.0 - OUTLYING], axis=0, method="inverted_cdf", weights=weights)
     reach = np.where(high > low, REACH * (high - low), np.inf)
     return low - reach, high + reach
 
@@ -46,7 +47,7 @@ def resolution(X: Array) -> Array:
     return np.where(np.isfinite(smallest), smallest, 0.0)
 
 
-def standard_scale(X: Array) -> Array:
+def standard_scale(X: Array, weights: Array | None = None) -> Array:
     """Returns the standard deviation of each channel; one for a channel that is constant up to round-off, (d,).
 
     An outlier counts as a sample at its limit (`outlier_limits`): one wild sample does not change the scale of a
@@ -55,8 +56,13 @@ def standard_scale(X: Array) -> Array:
 
     Args:
         X: samples, shape (N, d).
+        weights: (N,), number of times that each sample counts; None for once.
     """
-    spread: Array = np.clip(X, *outlier_limits(X)).std(axis=0)
+    limited = np.clip(X, *outlier_limits(X, weights))
+    if weights is None:
+        spread: Array = limited.std(axis=0)
+    else:
+        spread = np.sqrt(np.average((limited - np.average(limited, axis=0, weights=weights)) ** 2, 0, weights))
     round_off = ROUND_OFF * np.abs(X).max(axis=0)
     varies = (np.ptp(X, axis=0) > 2.0 * round_off) & (spread > round_off)
     return np.where(varies, spread, 1.0)

@@ -154,7 +154,7 @@ def lwr(**settings: Any) -> Fit:
     """Locally weighted regression with these settings; the bandwidth is chosen by cross-validation."""
 
     def fit(X: Array, train: Problem) -> Predict:
-        model = LWRegressor(**settings)
+        model = LWRegressor(feature_scale=None, **settings)
         chosen = select_bandwidth(model, X, train.y, train.groups)
         return predictor(model.set_params(bandwidth=chosen.bandwidth).fit(X, train.y))
 

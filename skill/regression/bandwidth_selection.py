@@ -15,7 +15,7 @@ from sklearn.base import clone
 from sklearn.model_selection import GroupKFold
 
 from skill.arrays import Array
-from skill.regression.leave_one_out import candidate_bandwidths
+from skill.regression.leave_one_out import candidate_bandwidths, searched
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.neighbourhood import Kernel
 
@@ -65,7 +65,9 @@ class FeatureScaleSelection:
 
 
 def select_bandwidth(regressor: LWRegressor, X: ArrayLike, y: ArrayLike, groups: ArrayLike) -> BandwidthSelection:
-    """Selects the bandwidth, among `default_bandwidths`, with the minimum error on left-out groups.
+    """Selects the bandwidth with the minimum error on left-out groups.
+
+    The candidates are `default_bandwidths`, which go on while the best is the first or the last.
 
     Args:
         regressor: regressor with all other parameters; it is not changed.
@@ -78,16 +80,22 @@ def select_bandwidth(regressor: LWRegressor, X: ArrayLike, y: ArrayLike, groups:
     """
     data = GroupedSamples.checked(X, y, groups, None)
     template = clone(regressor).set_params(bandwidth=1.0)  # any number: fits with "auto" would select one in vain
-    candidates = default_bandwidths(data.fit(clone(template), np.arange(len(data.X))))
-    errors = np.empty((len(data.folds), len(candidates)))
-    for i, (train, test) in enumerate(data.folds):
-        model = data.fit(clone(template), train)
-        for j, bandwidth in enumerate(candidates):
-            # The neighbour index does not depend on the bandwidth, so one fit serves all candidates.
-            model.set_params(bandwidth=float(bandwidth))
-            errors[i, j] = data.error(model, test)
-    mean = errors.mean(axis=0)
-    return BandwidthSelection(float(candidates[mean.argmin()]), candidates, mean)
+    # The neighbour index does not depend on the bandwidth, so one fit of a fold serves all candidates.
+    models = [data.fit(clone(template), train) for train, _ in data.folds]
+
+    def error_of(bandwidth: float) -> float:
+        return float(
+            np.mean(
+                [
+                    data.error(model.set_params(bandwidth=bandwidth), test)
+                    for model, (_, test) in zip(models, data.folds, strict=True)
+                ]
+            )
+        )
+
+    initial = default_bandwidths(data.fit(clone(template), np.arange(len(data.X))))
+    candidates, errors = searched(initial, lambda bandwidths: np.array([error_of(float(h)) for h in bandwidths]))
+    return BandwidthSelection(float(candidates[errors.argmin()]), candidates, errors)
 
 
 def select_feature_scale(

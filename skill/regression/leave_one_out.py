@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,9 @@ MAX_LEFT_OUT = 500
 
 RADII = 100
 """Number, roughly, of the neighbourhoods whose median radius gives the candidate bandwidths."""
+
+MAX_EXTENSIONS, EXTENSION = 8, 3
+"""How often the candidates go on beyond the best one, and by how many; in all by a factor of 1,900 on either side."""
 
 
 @dataclass(frozen=True)
@@ -84,16 +87,38 @@ class StoredSamples:
         if not varies.any():
             return kernel.bandwidth
         rows = np.unique(np.linspace(0, len(self.X) - 1, MAX_LEFT_OUT).astype(np.intp))
-        candidates = candidate_bandwidths(np.unique(self.X, axis=0), kernel)[::-1]
-        kernels = [replace(kernel, bandwidth=float(bandwidth)) for bandwidth in candidates]
-        predicted = self.predictions(rows, kernels, ridge=ridge, degree=degree)
-        squares = np.average((predicted - self.y[rows]) ** 2, axis=1, weights=self.sample_weight[rows])
-        errors = (squares[:, varies] / variance[varies]).mean(axis=1)
-        return float(candidates[errors.argmin()])  # the widest of equal ones
+
+        def errors(bandwidths: Array) -> Array:
+            kernels = [replace(kernel, bandwidth=float(bandwidth)) for bandwidth in bandwidths]
+            predicted = self.predictions(rows, kernels, ridge=ridge, degree=degree)
+            squares = np.average((predicted - self.y[rows]) ** 2, axis=1, weights=self.sample_weight[rows])
+            return np.asarray((squares[:, varies] / variance[varies]).mean(axis=1))
+
+        candidates, found = searched(candidate_bandwidths(np.unique(self.X, axis=0), kernel), errors)
+        return float(candidates[::-1][found[::-1].argmin()])  # the widest of equal ones
+
+
+def searched(candidates: Array, errors_of: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Returns candidates and their errors; a geometric series goes on while its best one is the first or the last.
+
+    Args:
+        candidates: ascending, with one ratio.
+        errors_of: function that returns the errors of candidates.
+    """
+    errors = errors_of(candidates)
+    ratio = candidates[1] / candidates[0]
+    for _ in range(MAX_EXTENSIONS):
+        best = int(errors.argmin())
+        if 0 < best < len(errors) - 1:
+            break
+        more = candidates[best] * ratio ** (np.arange(-EXTENSION, 0) if best == 0 else np.arange(1, EXTENSION + 1))
+        order = (more, candidates), (errors_of(more), errors)
+        candidates, errors = (np.concatenate(pair if best == 0 else pair[::-1]) for pair in order)
+    return candidates, errors
 
 
 def candidate_bandwidths(X: Array, kernel: Kernel) -> Array:
-    """Twelve candidates, from an eighth to four times the median radius of a neighbourhood.
+    """Twelve candidates, from an eighth to four times the median radius of a neighbourhood; `searched` goes on.
 
     The radius is the distance to the farthest neighbour used. For an adaptive kernel, whose bandwidth is in units of
     this radius, the candidates are the multiples themselves.

@@ -75,10 +75,12 @@ class LWRegressor(RegressorMixin, BaseEstimator):
     Args:
         bandwidth: h, in units of the scaled features; for ``bandwidth_type="adaptive"``, in units of the distance to
             the farthest neighbour used. "auto" selects it in ``fit`` by the leave-one-out error of at most 500
-            samples. Where samples resemble their neighbours in time, this is too narrow: use `select_bandwidth`.
+            samples, among candidates that go on while the best is the first or the last. Where samples resemble their
+            neighbours in time, this is too narrow: use `select_bandwidth`.
         bandwidth_type: "fixed" or "adaptive".
         degree: 1 for the local linear model, 0 for the kernel mean.
-        ridge: penalty on the squared slope, for scaled features and weights of at most 1.
+        ridge: penalty on the squared slope, for scaled features and weights of at most 1; with the default scale it
+            does not depend on the units of X.
         n_neighbors: number of nearest samples used; None for all. With memberships, these are the samples of greatest
             weight among the nearest of each state that the query may be in.
         feature_scale: m, (d,), positive; "standard" for the reciprocal standard deviation of each feature, one for a
@@ -115,7 +117,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         degree: int = 1,
         ridge: float = 1e-2,
         n_neighbors: int | None = 200,
-        feature_scale: ArrayLike | str | None = None,
+        feature_scale: ArrayLike | str | None = "standard",
     ) -> None:
         self.bandwidth = bandwidth
         self.bandwidth_type = bandwidth_type
@@ -152,7 +154,8 @@ class LWRegressor(RegressorMixin, BaseEstimator):
         rows = np.flatnonzero(weight > 0)
         if rows.size == 0:
             raise ValueError("every sample_weight is zero; give at least one sample a positive weight")
-        self.feature_scale_ = resolved_scale(self.feature_scale, samples[rows])
+        counts = None if sample_weight is None else weight[rows]
+        self.feature_scale_ = resolved_scale(self.feature_scale, samples[rows], counts)
         self.X_ = np.ascontiguousarray(samples[rows] * self.feature_scale_)
         self.y_ = np.ascontiguousarray(outputs[rows])
         self.memberships_ = None if P is None else np.ascontiguousarray(P[rows])
@@ -413,7 +416,7 @@ def local_prediction(p: RegressionNumbers, query: Array, q: Array) -> tuple[Arra
     return weighted_output(kernel, p.y, rows), rows, weights, log_w_max
 
 
-def resolved_scale(feature_scale: ArrayLike | str | None, X: Array) -> Array:
+def resolved_scale(feature_scale: ArrayLike | str | None, X: Array, weights: Array | None) -> Array:
     """Returns the factors (d,) that a parameter asks for: numbers, "standard" (see `standard_scale`), or None for ones.
 
     Raises:
@@ -422,7 +425,7 @@ def resolved_scale(feature_scale: ArrayLike | str | None, X: Array) -> Array:
     if feature_scale is None:
         return np.ones(X.shape[1])
     if isinstance(feature_scale, str):
-        return 1.0 / standard_scale(X)
+        return 1.0 / standard_scale(X, weights)
     scale = np.asarray(feature_scale, dtype=float)
     expected = f"expected {X.shape[1]} positive, finite numbers, one for each feature"
     if scale.shape != (X.shape[1],):

@@ -109,7 +109,9 @@ def test_a_skill_that_turns_about_the_axis_acts_alike(shipped):
 
 @pytest.mark.slow
 def test_contexts_are_followed_alike():
-    skill = ManipulationSkill(contexts=ContextMixture(), regressor=LWRegressor(ridge=1.0)).fit(hinged_demonstrations())
+    skill = ManipulationSkill(contexts=ContextMixture(), regressor=LWRegressor(ridge=1.0, feature_scale=None)).fit(
+        hinged_demonstrations()
+    )
     assert skill.contexts_ is not None
     compared(scenario_of(507, trial__time_limit=1.5), skill)
 

@@ -33,7 +33,7 @@ def made_up_demonstrations(number=6):
 @pytest.fixture(scope="module")
 def made_up_skill():
     """Four states from synthetic trajectories; no cross-validation, hence quick to fit."""
-    return ManipulationSkill(regressor=LWRegressor(ridge=1.0)).fit(made_up_demonstrations())
+    return ManipulationSkill(regressor=LWRegressor(ridge=1.0, feature_scale=None)).fit(made_up_demonstrations())
 
 
 def single_state():
@@ -80,7 +80,7 @@ def twisted(demonstration, start):
 
 def test_a_skill_of_demonstrations_with_a_clocking_stage_turns_about_the_axis_too(made_up_skill, tmp_path):
     demonstrations = [twisted(d, (-1) ** n * 0.05) for n, d in enumerate(made_up_demonstrations())]
-    turning = ManipulationSkill(regressor=LWRegressor(ridge=1.0)).fit(demonstrations)
+    turning = ManipulationSkill(regressor=LWRegressor(ridge=1.0, feature_scale=None)).fit(demonstrations)
     turning.save(tmp_path / "turning.npz")
     loaded = ManipulationSkill.load(tmp_path / "turning.npz")
     rows = measurements(demonstrations[0])
@@ -177,7 +177,7 @@ class WrappedRegressor:
     """A regressor of another package, which offers the same methods as ours."""
 
     def __init__(self, inner=None):
-        self.inner = inner or LWRegressor(ridge=1.0)
+        self.inner = inner or LWRegressor(ridge=1.0, feature_scale=None)
 
     def get_params(self, deep=False):
         return {}

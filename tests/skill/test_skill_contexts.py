@@ -37,7 +37,9 @@ def hinged_demonstrations(number=8):
 
 @pytest.fixture(scope="module")
 def skill_with_contexts():
-    return ManipulationSkill(contexts=ContextMixture(), regressor=LWRegressor(ridge=1.0)).fit(hinged_demonstrations())
+    return ManipulationSkill(contexts=ContextMixture(), regressor=LWRegressor(ridge=1.0, feature_scale=None)).fit(
+        hinged_demonstrations()
+    )
 
 
 def test_contexts_are_discovered_in_the_answers_to_motions(skill_with_contexts):
@@ -91,7 +93,9 @@ def test_where_contexts_act_alike_all_demonstrations_count(skill_with_contexts):
     found = [share_of_context(skill_with_contexts, row, 0) for row in rows]
     assert np.median([share for share, _ in found]) == pytest.approx(0.5, abs=0.1)
     assert np.median([explained.prediction.relevance for _, explained in found]) < 0.2
-    free = ManipulationSkill(contexts=ContextMixture(max_contexts=1), regressor=LWRegressor(ridge=1.0))
+    free = ManipulationSkill(
+        contexts=ContextMixture(max_contexts=1), regressor=LWRegressor(ridge=1.0, feature_scale=None)
+    )
     free.fit(hinged_demonstrations())
     given = [in_context(skill_with_contexts, row, [1.0, 0.0]) for row in rows]
     supports = [
@@ -126,12 +130,14 @@ def test_a_skill_with_contexts_is_stored(skill_with_contexts, tmp_path):
 
 
 def test_fewer_than_two_demonstrations_that_answer_have_a_single_context():
-    dut = ManipulationSkill(contexts=ContextMixture(), regressor=LWRegressor(ridge=1.0))
+    dut = ManipulationSkill(contexts=ContextMixture(), regressor=LWRegressor(ridge=1.0, feature_scale=None))
     assert dut.fit(hinged_demonstrations(1)).contexts_ is None
 
 
 def test_a_skill_may_be_limited_to_a_single_context():
-    dut = ManipulationSkill(contexts=ContextMixture(max_contexts=1), regressor=LWRegressor(ridge=1.0))
+    dut = ManipulationSkill(
+        contexts=ContextMixture(max_contexts=1), regressor=LWRegressor(ridge=1.0, feature_scale=None)
+    )
     dut.fit(hinged_demonstrations(4))
     assert dut.contexts_ is None
     assert dut.estimator().initial().contexts.tolist() == [1.0]

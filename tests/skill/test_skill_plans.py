@@ -28,7 +28,7 @@ def demonstrations():
 
 @pytest.fixture(scope="module")
 def planning(demonstrations):
-    parts = {"contexts": ContextMixture(), "regressor": LWRegressor(ridge=1.0)}
+    parts = {"contexts": ContextMixture(), "regressor": LWRegressor(ridge=1.0, feature_scale=None)}
     return ManipulationSkill(policy="plan", **parts).fit(demonstrations)
 
 

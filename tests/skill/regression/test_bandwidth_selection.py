@@ -80,11 +80,11 @@ def test_bad_groups_raise(groups, remedy):
 def test_the_errors_are_normalised_mean_squares_over_the_folds():
     X, y, groups = demonstrations(n_groups=7, length=20)
     y = np.column_stack([y, np.full(len(y), 3.0)])  # an output that does not vary is ignored
-    found = select_bandwidth(LWRegressor(), X, y, groups)
-    errors = np.empty((5, 12))
+    found = select_bandwidth(LWRegressor(feature_scale=None), X, y, groups)
+    errors = np.empty((5, len(found.bandwidths)))
     for i, (train, test) in enumerate(GroupKFold(5).split(X, groups=groups)):
         for j, h in enumerate(found.bandwidths):
-            model = LWRegressor(bandwidth=h).fit(X[train], y[train])
+            model = LWRegressor(feature_scale=None, bandwidth=h).fit(X[train], y[train])
             squares = (model.predict(X[test]) - y[test])[:, :2] ** 2
             errors[i, j] = (squares.mean(axis=0) / y[:, :2].var(axis=0)).mean()
     np.testing.assert_allclose(found.errors, errors.mean(axis=0), rtol=1e-12)
@@ -101,9 +101,9 @@ def test_default_candidates_are_multiples_of_the_median_radius(n, step, k):
     X = np.random.default_rng(0).normal(size=(n, 3))
     radii = [np.sort(np.linalg.norm(X - q, axis=1))[(n if k is None else k) - 1] for q in X[::step]]
     expected = np.median(radii) * 2.0 ** np.linspace(-3.0, 2.0, 12)
-    fitted = LWRegressor(n_neighbors=k).fit(X, X[:, 0])
+    fitted = LWRegressor(feature_scale=None, n_neighbors=k).fit(X, X[:, 0])
     np.testing.assert_allclose(default_bandwidths(fitted), expected, rtol=1e-12)
-    adaptive = LWRegressor(n_neighbors=k, bandwidth_type="adaptive").fit(X, X[:, 0])
+    adaptive = LWRegressor(feature_scale=None, n_neighbors=k, bandwidth_type="adaptive").fit(X, X[:, 0])
     np.testing.assert_allclose(default_bandwidths(adaptive), 2.0 ** np.linspace(-3.0, 2.0, 12))
 
 
@@ -178,7 +178,7 @@ def test_queries_are_drawn_and_training_samples_are_kept():
     for train, test in thinned.folds:
         original = next(fold for fold in data.folds if np.array_equal(fold[0], train))
         assert set(test) <= set(original[1])
-    model = LWRegressor(bandwidth=1.0).fit(X, y)
+    model = LWRegressor(feature_scale=None, bandwidth=1.0).fit(X, y)
     few = select_feature_scale(model, X, y, groups, max_queries=10, random_state=4)
     assert few.initial_error == pytest.approx(
         np.mean([thinned.error(thinned.fit(model, train), test) for train, test in thinned.folds])

@@ -6,7 +6,7 @@ from sklearn.preprocessing import StandardScaler
 
 from benchmarks.learners.regression_sets import cross, friedman, insertion
 from skill.regression.bandwidth_selection import default_bandwidths, select_feature_scale
-from skill.regression.leave_one_out import MAX_LEFT_OUT
+from skill.regression.leave_one_out import MAX_LEFT_OUT, searched
 from skill.regression.locally_weighted_regression import LWRegressor
 from tests.skill.regression.samples import wavy
 
@@ -148,3 +148,25 @@ def test_a_feature_scale_is_selected_for_one_bandwidth():
     other = select_feature_scale(LWRegressor(bandwidth=selected), X, Y, groups)
     np.testing.assert_array_equal(one.feature_scale, other.feature_scale)
     assert one.error == other.error
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_the_best_bandwidth_may_lie_beyond_the_candidates(unit):
+    """150 samples of two periods have neighbourhoods as wide as the data: the best bandwidth is far below."""
+    rng = np.random.default_rng(0)
+    X = rng.uniform(0.0, 10.0, (150, 1))
+    y = np.sin(X[:, 0]) + 0.05 * rng.normal(size=150)
+    dut = LWRegressor().fit(unit * X, y)
+    assert dut.bandwidth_ < 0.5 * default_bandwidths(dut)[0]
+    x = np.linspace(1.0, 9.0, 50)[:, None]
+    np.testing.assert_allclose(dut.predict(unit * x), np.sin(x[:, 0]), atol=0.08)
+
+
+def test_candidates_go_on_in_both_directions_and_end():
+    candidates = np.geomspace(1.0, 32.0, 6)
+    for best in (1e-3, 0.2, 5.0, 300.0):
+        found, errors = searched(candidates, lambda h, best=best: np.abs(np.log(h / best)))
+        np.testing.assert_allclose(np.diff(np.log(found)), np.log(2.0))
+        np.testing.assert_allclose(errors, np.abs(np.log(found / best)))
+        assert np.abs(np.log(found[errors.argmin()] / best)) <= 0.5 * np.log(2.0) + 1e-12
+    assert searched(candidates, lambda h: 1.0 / h)[0].max() == 32.0 * 2.0**24

@@ -41,7 +41,7 @@ def plain(X, Y, q, h, ridge, weights=None):
 def test_the_prediction_is_the_weighted_least_squares_one(ridge):
     X, Y = wavy()
     queries = np.random.default_rng(1).uniform(-1, 1, (20, 3))
-    dut = LWRegressor(bandwidth=0.7, ridge=ridge, n_neighbors=None).fit(X, Y)
+    dut = LWRegressor(feature_scale=None, bandwidth=0.7, ridge=ridge, n_neighbors=None).fit(X, Y)
     expected = np.array([plain(X, Y, q, 0.7, ridge) for q in queries])
     np.testing.assert_allclose(dut.predict(queries), expected, rtol=0, atol=1e-12)
     one_by_one = np.vstack([dut.predict(q[None]) for q in queries])
@@ -52,7 +52,7 @@ def test_degree_zero_is_the_kernel_mean():
     X, Y = wavy()
     queries = X[:15] + 0.01
     w = np.exp(-((X[None] - queries[:, None]) ** 2).sum(-1) / 0.3**2)
-    dut = LWRegressor(bandwidth=0.3, degree=0, n_neighbors=None).fit(X, Y)
+    dut = LWRegressor(feature_scale=None, bandwidth=0.3, degree=0, n_neighbors=None).fit(X, Y)
     np.testing.assert_allclose(dut.predict(queries), w @ Y / w.sum(1, keepdims=True), atol=1e-13)
 
 
@@ -61,7 +61,7 @@ def test_statsmodels_local_linear_kernel_regression_agrees():
     h = 0.5
     queries = X[:30] * 0.9
     peer = KernelReg(Y[:, 0], X, var_type="cc", reg_type="ll", bw=[h / np.sqrt(2)] * 2)
-    dut = LWRegressor(bandwidth=h, ridge=0.0, n_neighbors=None).fit(X, Y[:, 0])
+    dut = LWRegressor(feature_scale=None, bandwidth=h, ridge=0.0, n_neighbors=None).fit(X, Y[:, 0])
     np.testing.assert_allclose(dut.predict(queries), peer.fit(queries)[0], atol=1e-12)
 
 
@@ -172,10 +172,10 @@ def test_one_hot_memberships_are_a_regressor_for_each_state():
     X, Y = wavy(600)
     labels = np.random.default_rng(2).integers(0, 4, 600)
     queries, state = X[:40] + 0.02, np.random.default_rng(3).integers(0, 4, 40)
-    dut = LWRegressor(bandwidth=0.5, n_neighbors=60).fit(X, Y, memberships=one_hot(labels, 4))
+    dut = LWRegressor(feature_scale=None, bandwidth=0.5, n_neighbors=60).fit(X, Y, memberships=one_hot(labels, 4))
     expected = np.empty((40, 2))
     for k in range(4):
-        alone = LWRegressor(bandwidth=0.5, n_neighbors=60).fit(X[labels == k], Y[labels == k])
+        alone = LWRegressor(feature_scale=None, bandwidth=0.5, n_neighbors=60).fit(X[labels == k], Y[labels == k])
         expected[state == k] = alone.predict(queries[state == k])
     Q = one_hot(state, 4)
     np.testing.assert_allclose(dut.predict(queries, Q), expected, atol=1e-12)
@@ -189,7 +189,9 @@ def test_soft_memberships_multiply_the_kernel():
     P, Q = rng.dirichlet([0.5] * 3, 300), rng.dirichlet([0.5] * 3, 25)
     queries = rng.uniform(-1, 1, (25, 3))
     weight = rng.uniform(0.1, 1.0, 300)
-    dut = LWRegressor(bandwidth=0.6, n_neighbors=None).fit(X, Y, memberships=P, sample_weight=weight)
+    dut = LWRegressor(feature_scale=None, bandwidth=0.6, n_neighbors=None).fit(
+        X, Y, memberships=P, sample_weight=weight
+    )
     expected = [plain(X, Y, q, 0.6, 1e-2, weight * (P @ r)) for q, r in zip(queries, Q, strict=True)]
     # Samples and states below the search's threshold are left out.
     np.testing.assert_allclose(dut.predict(queries, Q), expected, atol=2e-3)
@@ -214,8 +216,8 @@ def test_sample_weights_count_like_repetitions():
     X, Y = wavy(100)
     weight = np.random.default_rng(0).integers(0, 3, 100)
     repeated = np.repeat(np.arange(100), weight)
-    dut = LWRegressor(bandwidth=0.5, n_neighbors=None).fit(X, Y, sample_weight=weight)
-    other = LWRegressor(bandwidth=0.5, n_neighbors=None).fit(X[repeated], Y[repeated])
+    dut = LWRegressor(feature_scale=None, bandwidth=0.5, n_neighbors=None).fit(X, Y, sample_weight=weight)
+    other = LWRegressor(feature_scale=None, bandwidth=0.5, n_neighbors=None).fit(X[repeated], Y[repeated])
     np.testing.assert_allclose(dut.predict(X), other.predict(X), atol=1e-11)
     kept = dut.explain(X[0]).neighbours
     assert np.all(weight[kept] > 0)
@@ -303,11 +305,13 @@ def test_duplicates_constant_channels_and_few_samples_stay_finite(n, d, bandwidt
 @given(st.floats(1e-3, 1e3), st.floats(-100, 100), st.integers(0, 1000))
 def test_scaling_features_with_their_bandwidth_and_shifting_outputs_commute_with_the_regression(factor, shift, seed):
     X, Y = wavy(80, 2, seed=seed)
-    one = LWRegressor(bandwidth=0.5, ridge=0.0, n_neighbors=None).fit(X, Y).predict(X[:5])
-    scaled = LWRegressor(bandwidth=0.5 * factor, ridge=0.0, n_neighbors=None).fit(factor * X, Y + shift)
+    one = LWRegressor(feature_scale=None, bandwidth=0.5, ridge=0.0, n_neighbors=None).fit(X, Y).predict(X[:5])
+    scaled = LWRegressor(feature_scale=None, bandwidth=0.5 * factor, ridge=0.0, n_neighbors=None).fit(
+        factor * X, Y + shift
+    )
     np.testing.assert_allclose(scaled.predict(factor * X[:5]), one + shift, atol=1e-8)
     order = np.random.default_rng(seed).permutation(80)
-    permuted = LWRegressor(bandwidth=0.5, ridge=0.0, n_neighbors=None).fit(X[order], Y[order])
+    permuted = LWRegressor(feature_scale=None, bandwidth=0.5, ridge=0.0, n_neighbors=None).fit(X[order], Y[order])
     np.testing.assert_allclose(permuted.predict(X[:5]), one, atol=1e-9)
 
 
@@ -316,12 +320,12 @@ def test_support_is_the_log_of_the_greatest_kernel_weight():
     X, y = rng.normal(size=(80, 3)), rng.normal(size=(80, 2))
     P = rng.dirichlet(np.ones(3), 80)
     queries, Q = rng.normal(size=(7, 3)), rng.dirichlet(np.ones(3), 7)
-    dut = LWRegressor(bandwidth=0.7).fit(X, y, memberships=P)
+    dut = LWRegressor(feature_scale=None, bandwidth=0.7).fit(X, y, memberships=P)
     predicted, support = dut.predict_with_support(queries, Q)
     np.testing.assert_allclose(predicted, dut.predict(queries, Q), rtol=1e-9)
     squared = ((queries[:, None] - X[None]) ** 2).sum(axis=2)
     np.testing.assert_allclose(support, (np.log(Q @ P.T) - squared / 0.7**2).max(axis=1), rtol=1e-9)
-    alone, at_a_sample = LWRegressor().fit(X, y).predict_with_support(X[:1])
+    alone, at_a_sample = LWRegressor(feature_scale=None).fit(X, y).predict_with_support(X[:1])
     assert at_a_sample == pytest.approx(0.0)
     assert alone.shape == (1, 2)
 
@@ -333,7 +337,7 @@ def test_support_between_groups_leaves_each_group_out(n_neighbors):
     # Each group walks around its own place, so that the nearest samples of a sample belong to its own group.
     X = rng.normal(size=(4, 1, 2))[:, np.zeros(20, dtype=int)] + 0.05 * rng.normal(size=(4, 20, 2)).cumsum(axis=1)
     X = X.reshape(80, 2)
-    dut = LWRegressor(bandwidth=0.5, n_neighbors=n_neighbors).fit(X, X)
+    dut = LWRegressor(feature_scale=None, bandwidth=0.5, n_neighbors=n_neighbors).fit(X, X)
     squared = ((X[:, None] - X[None]) ** 2).sum(axis=2)
     squared[groups[:, None] == groups] = np.inf
     np.testing.assert_allclose(dut.support_between(groups), -squared.min(axis=1) / 0.25, rtol=1e-9)

@@ -27,7 +27,7 @@ def test_standardised_features_ignore_those_that_do_not_vary():
     np.testing.assert_allclose(dut.X_, X * dut.feature_scale_)
     given = LWRegressor(feature_scale=[1.0, 2.0, 3.0, 4.0]).fit(X, Y)
     np.testing.assert_array_equal(given.X_, X * [1.0, 2.0, 3.0, 4.0])
-    np.testing.assert_array_equal(LWRegressor().fit(X, Y).feature_scale_, 1.0)
+    np.testing.assert_array_equal(LWRegressor(feature_scale=None).fit(X, Y).feature_scale_, 1.0)
 
 
 @pytest.mark.parametrize(
@@ -61,7 +61,7 @@ def test_a_constant_feature_keeps_its_unit_for_any_number_of_samples(value, n):
 def test_the_variance_is_that_of_the_weighted_residuals(ridge, degree, bandwidth):
     """sum w r^2 / (n - p) with p = sum w^2 z' A^-1 z; less than one degree of freedom is filled by the variance."""
     X, Y = wavy(40, 2)
-    dut = LWRegressor(bandwidth=bandwidth, ridge=ridge, degree=degree, n_neighbors=None).fit(X, Y)
+    dut = LWRegressor(feature_scale=None, bandwidth=bandwidth, ridge=ridge, degree=degree, n_neighbors=None).fit(X, Y)
     queries = np.random.default_rng(3).uniform(-1, 1, (15, 2))
     local = dut.predict_local(queries)
     filled = 0
@@ -131,7 +131,7 @@ def test_stored_arrays_restore_every_parameter():
     X, Y = wavy(30)
     P = np.full((30, 2), 0.5)
     for options in ({"n_neighbors": None}, {"n_neighbors": 7, "bandwidth_type": "adaptive", "degree": 0, "ridge": 0.5}):
-        dut = LWRegressor(bandwidth=0.3, **options).fit(X, Y[:, 0], memberships=P)
+        dut = LWRegressor(feature_scale=None, bandwidth=0.3, **options).fit(X, Y[:, 0], memberships=P)
         again = LWRegressor.from_arrays(dut.to_arrays())
         expected = {**dut.get_params(), "feature_scale": [1.0, 1.0, 1.0]}
         assert {**again.get_params(), "feature_scale": again.feature_scale.tolist()} == expected
@@ -145,5 +145,6 @@ def test_stored_arrays_restore_every_parameter():
 
 def test_each_of_two_samples_finds_the_support_of_the_other():
     np.testing.assert_allclose(
-        LWRegressor(bandwidth=1.0).fit([[0.0], [1.0]], [3.0, 5.0]).support_between([0, 1]), [-1.0, -1.0]
+        LWRegressor(feature_scale=None, bandwidth=1.0).fit([[0.0], [1.0]], [3.0, 5.0]).support_between([0, 1]),
+        [-1.0, -1.0],
     )
