@@ -38,8 +38,8 @@ def read_recordings(
 
     Args:
         path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3``), or folder of a LeRobot data set or of a rosbag2.
-        columns: list of texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N"; not for messages.
-            Columns with usual names need none. See `skill.recordings.columns`.
+        columns: list of texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N". Columns with usual
+            names need none. See `skill.recordings.columns`. For messages, "time=log_time" takes the time of logging.
         trial_column: column that says to which trial a row of a table belongs; None for one with a usual name.
         phase_column: column of a table or a data set with the phase of each row; None for one with a usual name,
             "" for none.
@@ -85,14 +85,14 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
                 path, **_chosen(path, options, {"columns", "phase_column", "feature"}, "a data set of LeRobot")
             )
         if any(path.glob("*.mcap")):
-            return read_mcap_file(path, **_chosen(path, options, {"topic"}, "MCAP files"))
+            return read_mcap_file(path, **_chosen(path, options, {"topic", "columns"}, "MCAP files"))
         if any(path.glob("*.db3")):
-            return read_sqlite_bag(path, **_chosen(path, options, {"topic"}, "a rosbag2"))
+            return read_sqlite_bag(path, **_chosen(path, options, {"topic", "columns"}, "a rosbag2"))
         raise ValueError(f"{path}: a folder without meta/info.json (LeRobot), *.mcap or *.db3 (rosbag2)")
     if suffix == ".mcap":
-        return read_mcap_file(path, **_chosen(path, options, {"topic"}, "an MCAP file"))
+        return read_mcap_file(path, **_chosen(path, options, {"topic", "columns"}, "an MCAP file"))
     if suffix == ".db3":
-        return read_sqlite_bag(path, **_chosen(path, options, {"topic"}, "a rosbag2"))
+        return read_sqlite_bag(path, **_chosen(path, options, {"topic", "columns"}, "a rosbag2"))
     if suffix in TABLES:
         choice = ColumnChoice(**_chosen(path, options, {"columns", "trial_column", "phase_column"}, "a table"))
         if suffix in (".parquet", ".pq"):

@@ -56,9 +56,9 @@ def test_mcap(tmp_path):
     write_mcap(tmp_path / "a.mcap", messages)
     for path in (tmp_path / "a.mcap", tmp_path):
         assert len(read_recordings(path, topic="/tool", columns=iter([]))[0].time) == 4
-        for option in ("columns", "trial_column", "phase_column", "feature"):
+        for option in ("trial_column", "phase_column", "feature"):
             with pytest.raises(ValueError, match=rf"\['{option}'\] cannot be chosen for (an )?MCAP file"):
-                read_recordings(path, **{option: ["fx=a"] if option == "columns" else "a"})
+                read_recordings(path, **{option: "a"})
 
 
 def test_columns_are_a_list(tmp_path):
