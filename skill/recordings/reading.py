@@ -40,7 +40,8 @@ def read_recordings(
         path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3``), or folder of a LeRobot data set or of a rosbag2.
         columns: list of texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N". Columns with usual
             names need none. See `skill.recordings.columns`. For messages, "time=log_time" takes the time of logging.
-        trial_column: column that says to which trial a row of a table belongs; None for one with a usual name.
+        trial_column: column that says to which trial a row of a table belongs; None for one with a usual name, ""
+            for none.
         phase_column: column of a table or a data set with the phase of each row; None for one with a usual name,
             "" for none.
         topic: topic of an MCAP file or a rosbag2; None for its only one of the type WrenchStamped.

@@ -28,7 +28,7 @@ def test_a_file_of_pandas_is_read(tmp_path, compression, version):
     table["trial"] = np.repeat([5, 2, 5], 100)
     table["note"] = [f"{k}" * 50 for k in range(300)]
     table.to_parquet(tmp_path / "a.parquet", compression=compression, data_page_version=version, row_group_size=70)
-    first, second = read_parquet_file(tmp_path / "a.parquet")
+    first, second = read_parquet_file(tmp_path / "a.parquet", ColumnChoice(trial_column="trial"))
     assert [first.name, second.name] == ["a.parquet, trial 5", "a.parquet, trial 2"]
     np.testing.assert_array_equal(second.values, table.iloc[100:200, 1:7])
     np.testing.assert_array_equal(first.time, table["time"][table["trial"] == 5])
