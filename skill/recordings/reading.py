@@ -89,7 +89,8 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
             return read_mcap_file(path, **_chosen(path, options, {"topic", "columns"}, "MCAP files"))
         if any(path.glob("*.db3")):
             return read_sqlite_bag(path, **_chosen(path, options, {"topic", "columns"}, "a rosbag2"))
-        raise ValueError(f"{path}: a folder without meta/info.json (LeRobot), *.mcap or *.db3 (rosbag2)")
+        remedy = "; unpack its files with 'zstd -d' first" if any(path.glob("*.zstd")) else ""
+        raise ValueError(f"{path}: a folder without meta/info.json (LeRobot), *.mcap or *.db3 (rosbag2){remedy}")
     if suffix == ".mcap":
         return read_mcap_file(path, **_chosen(path, options, {"topic", "columns"}, "an MCAP file"))
     if suffix == ".db3":

@@ -87,6 +87,9 @@ def test_other_files_are_refused(tmp_path):
     folder = "a folder without meta/info.json (LeRobot), *.mcap or *.db3 (rosbag2)"
     with pytest.raises(ValueError, match=re.escape(folder) + "$"):
         read_recordings(tmp_path)
+    (tmp_path / "bag_0.db3.zstd").touch()
+    with pytest.raises(ValueError, match=re.escape(f"{folder}; unpack its files with 'zstd -d' first") + "$"):
+        read_recordings(tmp_path)
     message = "ends in '.xlsx', expected .csv .tsv .txt .parquet .pq .npz .mcap .db3 or a folder"
     with pytest.raises(ValueError, match=re.escape(message) + "$"):
         read_recordings("a.xlsx")
