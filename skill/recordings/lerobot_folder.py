@@ -128,17 +128,13 @@ def _lengths(path: Path, version: str) -> dict[int, int]:
             raise ValueError(f"{file}: damaged ({one_line(error)})") from error
     lengths: dict[int, int] = {}
     for file in sorted((path / "meta" / "episodes").glob("chunk-*/*.parquet")):
-
-        def choose(schema: pa.Schema, file: Path = file) -> list[str]:
-            for field in schema:
-                if field.name in (_EPISODE, _LENGTH):
-                    check_type(field, str(file), number=True)
-            return [_EPISODE, _LENGTH]
-
-        rows = read_columns(file, choose)
-        if rows[_EPISODE].null_count or rows[_LENGTH].null_count:
-            raise ValueError(f"{file}: an episode without number or length")
-        lengths |= zip(*(rows[name].cast(pa.int64()).to_pylist() for name in (_EPISODE, _LENGTH)), strict=True)
+        rows = read_columns(file, lambda _: [_EPISODE, _LENGTH])
+        for name in (_EPISODE, _LENGTH):
+            if not pa.types.is_integer(rows[name].type) or rows[name].null_count:
+                raise ValueError(
+                    f"{file}: column '{name}' has type {rows[name].type}, expected a whole number in each row"
+                )
+        lengths |= zip(rows[_EPISODE].to_pylist(), rows[_LENGTH].to_pylist(), strict=True)
     return lengths
 
 

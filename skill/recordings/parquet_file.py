@@ -51,7 +51,7 @@ def read_parquet_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Reco
         time, *_ = chosen[0].columns
         for name in chosen[0].names:
             if not (name == time.name and _is_time(schema.field(name).type)):
-                check_type(schema.field(name), str(path), number=name in chosen[0].numbers)
+                _check_chosen(schema.field(name), str(path), chosen[0])
         return chosen[0].names
 
     rows = read_columns(path, choose)
@@ -104,6 +104,17 @@ def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, wi
         file = pq.ParquetFile(pa.BufferReader(data), read_dictionary=texts, page_checksum_verification=True)
         table: pa.Table = file.read(columns=names)
         return table.select(names).replace_schema_metadata(None)
+
+
+def _check_chosen(field: pa.Field, where: str, selection: Selection) -> None:
+    """Refuses a column that does not hold what it was chosen for; of labels, says how to leave it out."""
+    try:
+        check_type(field, where, number=field.name in {column.name for column in selection.columns})
+    except ValueError as error:
+        for option, name in (("--trial-column", selection.trial), ("--phase-column", selection.phase)):
+            if field.name == name:
+                raise ValueError(f"{error}; {option} '' leaves it out") from error
+        raise
 
 
 def check_type(field: pa.Field, where: str, *, number: bool) -> None:
@@ -164,8 +175,8 @@ def _frame(rows: pa.Table, selection: Selection, path: Path) -> tuple[pd.DataFra
         ticks = rows[time.name].cast(pa.int32() if pa.types.is_time32(kind) else pa.int64())
         rows = rows.set_column(rows.schema.get_field_index(time.name), time.name, ticks)
         time = replace(time, size=_TIME_UNITS[kind.unit], stated=True)
+    numbers = {column.name for column in selection.columns}
     table = {
-        name: plain_column(rows[name], f"{path}: column '{name}'", number=name in selection.numbers)
-        for name in selection.names
+        name: plain_column(rows[name], f"{path}: column '{name}'", number=name in numbers) for name in selection.names
     }
     return pd.DataFrame(table), replace(selection, columns=(time, *channels))

@@ -58,9 +58,11 @@ class BagMetadata:
                 counts[name] = counts.get(name, 0) + int(topic["message_count"])
             parts = tuple(Path(str(part)).name for part in found["relative_file_paths"])
             return cls(path, parts, counts, int(found["duration"]["nanoseconds"]) * 1e-9)
-        except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError, RecursionError, OverflowError) as error:
+        except (OSError, ValueError, yaml.YAMLError, RecursionError, OverflowError) as error:
             reason = one_line(error)
-            raise ValueError(f"{file}: damaged ({reason}); 'ros2 bag reindex' writes it again") from error
+        except (TypeError, KeyError):
+            reason = "expected topics_with_message_count, relative_file_paths and duration.nanoseconds"
+        raise ValueError(f"{file}: damaged ({reason}); 'ros2 bag reindex' writes it again")
 
     def check_parts(self, found: list[Path]) -> None:
         """Checks that the declared files are those that are there.

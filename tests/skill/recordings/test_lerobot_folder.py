@@ -213,6 +213,18 @@ def test_a_data_set_that_declares_something_else_is_refused(tmp_path, version, n
     assert "\n" not in str(error.value)
 
 
+@pytest.mark.parametrize("lengths", [[0.5], ["20"], [None], [[20]]])
+def test_lengths_that_are_no_whole_numbers_are_refused(tmp_path, lengths):
+    write(tmp_path)
+    (tmp_path / "meta" / "episodes" / "chunk-000").mkdir(parents=True)
+    file = tmp_path / "meta" / "episodes" / "chunk-000" / "file-000.parquet"
+    pq.write_table(pa.table({"episode_index": [0], "length": lengths}), file)
+    with pytest.raises(
+        ValueError, match=rf"{re.escape(str(file))}: column 'length' has type .*, expected a whole number"
+    ):
+        read_lerobot_folder(tmp_path)
+
+
 @pytest.mark.parametrize("text", ["[1]", '{"episode_index": 0}', '{"episode_index": 0, "length": null}', "{"])
 def test_a_damaged_list_of_episodes_is_refused(tmp_path, text):
     write(tmp_path, version="v2.1")

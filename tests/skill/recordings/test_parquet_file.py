@@ -160,6 +160,10 @@ def test_columns_of_other_types_are_refused(tmp_path, column, kind):
         rows = rows.drop_columns(column)
     pq.write_table(rows.append_column(column, NO_NUMBERS[kind]), tmp_path / "a.parquet")
     refused(tmp_path / "a.parquet", f"column '{column}' has type {kind}")
+    if column not in ("fx", "time"):  # labels can be left out
+        option = "phase" if column == "phase" else "trial"
+        refused(tmp_path / "a.parquet", f"expected single values; --{option}-column '' leaves it out")
+        assert len(read_parquet_file(tmp_path / "a.parquet", ColumnChoice(**{f"{option}_column": ""}))) == 1
 
 
 def test_bytes_that_are_no_text_are_refused(tmp_path):
