@@ -96,7 +96,10 @@ def _read_part(path: Path, topics: WrenchTopics) -> None:
                 stated = record
             elif isinstance(record, Message):
                 counts[record.channel_id] += 1
-                first, last = min(first, record.log_time), max(last, record.log_time)
+                if record.log_time < first:
+                    first = record.log_time
+                if record.log_time > last:
+                    last = record.log_time
                 if record.channel_id in wrenches:
                     wrenches[record.channel_id](record.log_time, record.data)
     if counts:

@@ -96,13 +96,16 @@ class WrenchTopics:
         if decode is None:
             raise ValueError(f"topic '{topic}' has the encoding '{encoding}', expected {' or '.join(DECODERS)}")
         samples = self._topics.setdefault(topic, _Samples())
+        numbers: dict[str, int] = {}  # of the source, by the frame
 
         def take(logged: int, message: bytes) -> None:
             if len(self._topics) > 1:
                 return  # the user has to choose first
             frame, stamp, wrench = decode(message)
             samples.numbers.extend((logged * 1e-9, stamp, *wrench))
-            samples.sources.append(self._sources.setdefault((publisher, frame.strip("/")), len(self._sources)))
+            if frame not in numbers:
+                numbers[frame] = self._sources.setdefault((publisher, frame.strip("/")), len(self._sources))
+            samples.sources.append(numbers[frame])
             if len(samples.sources) % CHECKED_EVERY == 0:
                 check_length(len(samples.sources), "the topic")
 
@@ -177,7 +180,7 @@ def _by_stamp(table: pd.DataFrame, where: str) -> pd.DataFrame:
     stamps = table[STAMP].to_numpy()
     unset = int(np.argmax(stamps != 0)) if stamps.any() else 0
     if unset > 1 or (unset == 1 and abs(stamps[1]) > 1.0):  # a simulation may begin at 0 s
-        table = _without(table, np.arange(len(table)) < unset, "no time stamp", where)
+        table = _without(table, np.arange(len(table)) < unset, f"no time stamp{BY_LOG_TIME}", where)
     stamps, logged = table[STAMP].to_numpy(), table[LOG_TIME].to_numpy()
     steps = np.diff(stamps)
     jumps = np.flatnonzero(~(np.abs(steps - np.diff(logged)) <= MAX_JUMP))
