@@ -15,6 +15,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky.backend.reduction import dumps, loads
 
 R = TypeVar("R")
 
@@ -138,6 +139,12 @@ def run_in_processes(tasks: Iterable[Callable[[], R]], *, jobs: int) -> Iterator
         while number in ended:
             yield ended.pop(number)
             number += 1
+
+
+def received(value: R) -> R:
+    """Returns what another process receives of a value; raises what pickling it raises, whatever that is."""
+    found: R = loads(dumps(value))
+    return found
 
 
 def call(task: Callable[[], R]) -> R:

@@ -90,3 +90,7 @@ def haptic_skill(
     recordings of a force/torque sensor. Every option has a default; `haptic-skill COMMAND -h` explains a command with
     an example.
     """
+
+
+if __name__ == "__main__":
+    app(prog_name="haptic-skill")

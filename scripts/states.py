@@ -56,7 +56,9 @@ def main(
     trial_column: Annotated[
         str | None,
         text_option(
-            "COLUMN", "Column with the trial of each row.", shown="trial, episode, episode_index or run, if it is there"
+            "COLUMN",
+            "Column with the trial of each row; '' for none.",
+            shown="trial, episode, episode_index or run, if it is there",
         ),
     ] = None,
     phase_column: Annotated[
@@ -113,6 +115,7 @@ def main(
     from interfaces.reports.states_page import StatesReport, states_page
     from interfaces.terminal import busy, say, show
     from skill.data.files import write_atomically
+    from skill.recordings.orientation import with_common_orientation
     from skill.recordings.reading import read_recordings
     from skill.states.phase_agreement import compare_with_phases
     from skill.states.state_summary import summarise_states
@@ -140,6 +143,7 @@ def main(
             by_source.append([recording.averaged(rate) for recording in read_recordings(source, **options)])
     recordings = [recording for found in by_source for recording in found]
     check_recordings(recordings)
+    recordings = with_common_orientation(recordings)
     with ExitStack() as locks:
         for path in (out, *tables):
             locks.enter_context(locked_file(path))

@@ -20,6 +20,7 @@ import pyarrow.dataset as pads
 import typer
 
 from benchmarks.command_line import JsonFile, finish, run
+from experiments.sweeps.trial_files import PARTITIONING
 from experiments.sweeps.trial_rows import result_columns, trial_code
 from experiments.trial import run_rig
 from interfaces.terminal import console, progress
@@ -37,7 +38,7 @@ def stored_rows(results: Path) -> pd.DataFrame:
     """
     if not (results / "trials").is_dir():
         raise ValueError(f"{results}: no folder 'trials' in it; expected a folder that `haptic-skill sweep` wrote")
-    table: pd.DataFrame = pads.dataset(results / "trials", partitioning="hive").to_table().to_pandas()
+    table: pd.DataFrame = pads.dataset(results / "trials", partitioning=PARTITIONING).to_table().to_pandas()
     if len(table):
         table = table[table["code"] == table.sort_values("began")["code"].iloc[-1]]
     kept = {path.stem for path in (results / "skills").glob("*.npz")}

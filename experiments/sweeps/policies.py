@@ -21,6 +21,7 @@ from experiments.provenance import version_of, versions
 from experiments.sweeps.code_digest import code_digest, is_own, modules_of, values_digest
 from experiments.sweeps.specification import PolicyPlan
 from experiments.trial import Arm
+from experiments.worker_pool import received
 from models.document import brief
 from models.scenario import Scenario
 from skill.data.demonstration import Demonstration, read_demonstration
@@ -182,12 +183,20 @@ def make_policy(plan: PolicyPlan, training_context: TrainingContext) -> MadePoli
     """Makes the policy of a plan from a training context, on one thread.
 
     Raises:
-        ValueError: naming the policy and why it cannot be made.
+        ValueError: naming the policy and why it cannot be made, or not be sent to the processes that perform trials.
     """
     try:
-        return _made(plan, training_context)
+        made = _made(plan, training_context)
     except Exception as error:  # whatever a part of the user raises
         raise ValueError(f"policies.{plan.name}: cannot be made ({error_summary(error)})") from error
+    try:
+        received(made.policy)
+    except Exception as error:  # whatever the policy of a user holds
+        raise ValueError(
+            f"policies.{plan.name}: cannot be sent to another process ({error_summary(error)}); let it make what it"
+            " holds, such as locks and open files, when it acts first, and leave it out in __getstate__"
+        ) from error
+    return made
 
 
 def _made(plan: PolicyPlan, training_context: TrainingContext) -> MadePolicy:

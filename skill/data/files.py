@@ -87,6 +87,11 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
     return data
 
 
+def no_access(error: FileNotFoundError | PermissionError, what: str = "file") -> str:
+    """Returns in words why a file cannot be opened."""
+    return f"no such {what}" if isinstance(error, FileNotFoundError) else f"no permission to read this {what}"
+
+
 def write_atomically(path: Path, data: bytes) -> None:
     """Writes a file completely or not at all: to a temporary file in the same folder, which is then renamed.
 

@@ -15,6 +15,7 @@ from skill.data.files import (
     MAX_LENGTH,
     UNSEALED,
     check_seal,
+    no_access,
     one_line,
     parse_object,
     read_bounded,
@@ -210,8 +211,8 @@ def named_parquet_errors(path: Path, what: str = "file") -> Iterator[None]:
 
     try:
         yield
-    except FileNotFoundError:
-        raise ValueError(f"{path}: no such {what}") from None
+    except (FileNotFoundError, PermissionError) as error:
+        raise ValueError(f"{path}: {no_access(error, what)}") from None
     except (pa.ArrowException, OSError, ValueError, MemoryError, OverflowError) as error:
         raise ValueError(f"{path}: not a complete Parquet file ({one_line(error)})") from error
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from skill.arrays import Array
 from skill.recordings.columns import PHASE_COLUMNS, TRIAL_COLUMNS, Column, choose_columns, label_column
+from skill.recordings.orientation import with_rotation_vector
 from skill.recordings.recording import MAX_SAMPLES, Recording
 
 RATES = (10.0, 1e6)
@@ -24,6 +25,10 @@ MAX_LABEL = 60
 """Largest number of characters of a trial or a phase."""
 
 
+FLAGS = {"true", "false", "t", "f", "yes", "no", "y", "n", "on", "off"}
+"""What a column of truth values holds, in lower case."""
+
+
 @dataclass(frozen=True)
 class Selection:
     """Which columns of a table are read.
@@ -32,11 +37,13 @@ class Selection:
         columns: time first, then the channels.
         trial: column that says to which trial a row belongs; None where all rows are one.
         phase: column with the phase of each row; None where there is none.
+        guessed: whether the column of trials follows from its name alone.
     """
 
     columns: tuple[Column, ...]
     trial: str | None
     phase: str | None
+    guessed: bool = False
 
     @property
     def names(self) -> list[str]:
@@ -56,7 +63,7 @@ class ColumnChoice:
 
     Attributes:
         columns: texts "channel=column" or "channel=column:unit"; see `skill.recordings.columns.choose_columns`.
-        trial_column: column of the trials; None for one with a usual name.
+        trial_column: column of the trials; None for one with a usual name, "" for none.
         phase_column: column of the phases; None for one with a usual name, "" for none.
     """
 
@@ -83,6 +90,7 @@ def select_columns(names: Sequence[str], where: str, choice: ColumnChoice) -> Se
         choose_columns(names, choice.columns, where),
         label_column(names, choice.trial_column, TRIAL_COLUMNS, where),
         label_column(names, choice.phase_column, PHASE_COLUMNS, where),
+        guessed=choice.trial_column is None,
     )
     twice = [name for name in selection.names if list(names).count(name) > 1]
     if twice:
@@ -111,7 +119,8 @@ def table_recordings(
     """Returns the trials of a table, in the order in which they first occur.
 
     Rows in which no channel has a value are left out: they hold no sample, but those of another sensor. A row in which
-    some channels have a value and others have none is refused, and so is a value that is infinite.
+    some channels have a value and others have none is refused, and so is a value that is infinite. An orientation
+    becomes a rotation vector (`skill.recordings.orientation`).
 
     Args:
         table: table with the columns of the selection; numbers, apart from trials and phases.
@@ -140,16 +149,20 @@ def table_recordings(
         raise ValueError(f"{where}: no samples; expected at least 2 rows with values")
     phases = None if selection.phase is None else _phases(table[selection.phase], kept, where, row_name)
     trials = None if selection.trial is None else _labels(table[selection.trial], kept, where, row_name)
+    if trials is not None and selection.guessed:
+        _check_trials(trials, f"{where}: column '{selection.trial}'", str(selection.trial))
+    rows = np.flatnonzero(kept)
     stamps, values = stamps[kept], values[kept]
+    names, values = with_rotation_vector(channels, values, where, lambda row: row_name(int(rows[row])))
     recordings = []
-    for label, rows in _trials(trials, len(stamps)):
+    for label, of in _trials(trials, len(stamps)):
         recordings.append(
             Recording(
                 f"{name}{label and f', {_trial_word(selection.trial)} {label}'}",
-                stamps[rows],
-                values[rows],
-                tuple(c.channel for c in channels),
-                None if phases is None else phases[rows],
+                stamps[of],
+                values[of],
+                names,
+                None if phases is None else phases[of],
                 label,
             )
         )
@@ -201,6 +214,24 @@ def _phases(
     except ValueError as error:
         raise ValueError(f"{error}; to leave the phases out, give an empty name for their column") from error
     return phases
+
+
+def _check_trials(labels: NDArray[Any], what: str, column: str) -> None:
+    """Refuses a column that has the name of a column of trials, but says something else of the rows."""
+    names, counts = np.unique(labels, return_counts=True)
+    begins = np.flatnonzero(np.append(True, labels[1:] != labels[:-1]))
+    if FLAGS.issuperset(str(name).strip().lower() for name in names):
+        found = f"is a flag with the values {' and '.join(map(str, names))}"
+    elif len(begins) > len(names):
+        found = f"changes {len(begins) - 1} times between {len(names)} values"
+    elif counts.max() < 2:
+        found = "has another value in each row"
+    else:
+        return
+    raise ValueError(
+        f"{what} {found}, expected rows of one trial after those of another; if it says which trial a row belongs to,"
+        f" choose it (--trial-column {column}); if not, choose none (--trial-column '')"
+    )
 
 
 def _trials(labels: NDArray[Any] | None, rows: int) -> list[tuple[str, Any]]:

@@ -1,6 +1,7 @@
 """Reads recordings from data sets of LeRobot, versions 2.1 and 3.0: one recording an episode.
 
-The format: `meta/info.json` describes the features, and the Parquet files below `data` hold their frames.
+The format: `meta/info.json` describes the features, the Parquet files below `data` hold their frames, and
+`meta/episodes.jsonl` (2.1) or the Parquet files below `meta/episodes` (3.0) the lengths of the episodes.
 """
 
 from __future__ import annotations
@@ -14,21 +15,24 @@ import pandas as pd
 import pyarrow as pa
 
 from skill.arrays import Array
-from skill.data.files import MAX_LENGTH, one_line, parse_object, read_bounded
+from skill.data.files import MAX_LENGTH, no_access, one_line, parse_object, read_bounded
 from skill.recordings.column_table import ColumnChoice, Selection, check_length, select_columns, table_recordings
 from skill.recordings.columns import FORCES, MOMENTS, PHASE_COLUMNS, label_column, listed
-from skill.recordings.parquet_file import read_columns
-from skill.recordings.recording import Recording
+from skill.recordings.parquet_file import check_type, plain_column, read_columns
+from skill.recordings.recording import MAX_SAMPLES, Recording
 
 FEATURES = ("observation.wrench", "observation.environment_state", "observation.state")
 """Features in which the channels are looked for, in this order."""
 
 VERSIONS = ("v2.1", "v3.0")
 MAX_FILES = 10_000
+MAX_BYTES = 100_000_000
+"""Largest size of the list of episodes."""
+
 MAX_WIDTH = 1000
 """Largest number of numbers of a feature in one frame."""
 
-_EPISODE, _FRAME, _TIMESTAMP = "episode_index", "frame_index", "timestamp"
+_EPISODE, _FRAME, _TIMESTAMP, _LENGTH = "episode_index", "frame_index", "timestamp", "length"
 
 
 def read_lerobot_folder(
@@ -39,10 +43,12 @@ def read_lerobot_folder(
     The channels are the ``names`` of the feature. An ``observation.wrench`` of six numbers without names is
     fx fy fz mx my mz; the numbers of another feature without names are called "0", "1" and so on. The time is
     ``frame_index / fps``, because time stamps in 32 bits are too coarse for long episodes. The options are those of
-    `skill.recordings.reading.read_recordings`; without a feature, it is the first of ``FEATURES`` with forces.
+    `skill.recordings.reading.read_recordings`; without a feature, it is the first of ``FEATURES`` with forces. The
+    numbers of episodes and frames must be those that the data set declares.
     """
     path = Path(path)
-    features, fps = _info(path / "meta" / "info.json")
+    info = _info(path / "meta" / "info.json")
+    features, fps = info["features"], float(info["fps"])
     choices = list(columns)
     feature, names = _feature(path, features, feature, choices)
     phase = label_column([n for n in features if n not in FEATURES], phase_column, PHASE_COLUMNS, str(path))
@@ -54,8 +60,11 @@ def read_lerobot_folder(
     for part in parts:
         tables.append(_part(part, feature, names, phase, fps))
         check_length(sum(map(len, tables)), str(path))
+    table = pd.concat(tables, ignore_index=True)
+    episodes, frames = np.unique(table[_EPISODE].dropna().astype(int), return_counts=True)
+    _check_totals(path, info, dict(zip(episodes.tolist(), frames.tolist(), strict=True)))
     return table_recordings(
-        pd.concat(tables, ignore_index=True),
+        table,
         Selection(selection.columns, _EPISODE, phase),
         str(path),
         path.resolve().name,
@@ -63,12 +72,12 @@ def read_lerobot_folder(
     )
 
 
-def _info(path: Path) -> tuple[dict[str, dict[str, Any]], float]:
-    """The features of a data set and its frames per second."""
+def _info(path: Path) -> dict[str, Any]:
+    """What a data set says of itself; its version, features and frames per second are checked."""
     try:
         info = parse_object(read_bounded(path, MAX_LENGTH))
-    except FileNotFoundError:
-        raise ValueError(f"{path}: no such file; expected a data set of LeRobot") from None
+    except (FileNotFoundError, PermissionError) as error:
+        raise ValueError(f"{path}: {no_access(error)}; expected a data set of LeRobot") from None
     except (OSError, ValueError) as error:
         raise ValueError(f"{path}: damaged ({one_line(error)})") from error
     version, fps, features = info.get("codebase_version"), info.get("fps"), info.get("features")
@@ -78,7 +87,55 @@ def _info(path: Path) -> tuple[dict[str, dict[str, Any]], float]:
         raise ValueError(f"{path}: fps is {fps!r:.40}, expected a positive number")
     if not isinstance(features, dict) or not all(isinstance(f, dict) for f in features.values()):
         raise ValueError(f"{path}: 'features' is no object of objects")
-    return features, float(fps)
+    return info
+
+
+def _check_totals(path: Path, info: dict[str, Any], found: dict[int, int]) -> None:
+    """Refuses a data set that has not the episodes that it declares; ``found`` has the number of frames of each."""
+    for name in ("total_episodes", "total_frames"):
+        if info.get(name) is not None and (type(info[name]) is not int or info[name] < 0):
+            raise ValueError(f"{path}: {name} in meta/info.json is {info[name]!r:.40}, expected a whole number")
+    lengths = _lengths(path, info["codebase_version"])
+    total = info.get("total_episodes")
+    total = len(lengths or found) if total is None else total
+    declared = set(lengths) or (set(found) if total == len(found) else set(range(min(total, MAX_SAMPLES))))
+    wrong = {"missing": sorted(declared - set(found)), "not declared": sorted(set(found) - declared)}
+    if any(wrong.values()) or total != len(found):
+        names = "".join(f"; {what}: {listed(list(map(str, those)))}" for what, those in wrong.items() if those)
+        raise ValueError(f"{path}: {len(found)} episodes in the data, but its meta data declare {total}{names}")
+    others = [episode for episode in lengths if lengths[episode] != found[episode]]
+    if others:
+        first = others[0]
+        raise ValueError(
+            f"{path}: episode {first} has {found[first]} frames, but its meta data declare {lengths[first]}"
+            f" ({len(others)} such episodes)"
+        )
+    frames = sum(found.values())
+    if info.get("total_frames") not in (None, frames):
+        raise ValueError(f"{path}: {frames} frames in the data, but meta/info.json declares {info['total_frames']}")
+
+
+def _lengths(path: Path, version: str) -> dict[int, int]:
+    """The declared number of frames of each episode; empty if there is no list of them."""
+    if version == "v2.1":
+        file = path / "meta" / "episodes.jsonl"
+        try:
+            lines = [parse_object(line) for line in read_bounded(file, MAX_BYTES).splitlines() if line.strip()]
+            return {int(line[_EPISODE]): int(line[_LENGTH]) for line in lines}
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError, TypeError, KeyError, OverflowError) as error:
+            raise ValueError(f"{file}: damaged ({one_line(error)})") from error
+    lengths: dict[int, int] = {}
+    for file in sorted((path / "meta" / "episodes").glob("chunk-*/*.parquet")):
+        rows = read_columns(file, lambda _: [_EPISODE, _LENGTH])
+        for name in (_EPISODE, _LENGTH):
+            if not pa.types.is_integer(rows[name].type) or rows[name].null_count:
+                raise ValueError(
+                    f"{file}: column '{name}' has type {rows[name].type}, expected a whole number in each row"
+                )
+        lengths |= zip(rows[_EPISODE].to_pylist(), rows[_LENGTH].to_pylist(), strict=True)
+    return lengths
 
 
 def _feature(
@@ -121,9 +178,21 @@ def _names(path: Path, name: str, feature: dict[str, Any]) -> list[str]:
 
 def _part(path: Path, feature: str, names: list[str], phase: str | None, fps: float) -> pd.DataFrame:
     """The frames of one Parquet file as a table of the time, the numbers of the feature, episode and phase."""
-    labels = [_EPISODE, *([] if phase is None else [phase])]
-    rows = read_columns(path, lambda _: [feature, _TIMESTAMP, _FRAME, *labels], width=len(names))
-    frames, stamps = (np.asarray(_scalars(rows, name, path), dtype=float) for name in (_FRAME, _TIMESTAMP))
+    numbers = (_TIMESTAMP, _FRAME, _EPISODE)
+    labels = [] if phase is None or phase in numbers else [phase]
+
+    def choose(schema: pa.Schema) -> list[str]:
+        for name in (*numbers, *labels):
+            if schema.names.count(name) == 1:  # else the error is another one
+                check_type(schema.field(name), str(path), number=name in numbers)
+        return [feature, *numbers, *labels]
+
+    rows = read_columns(path, choose, width=len(names))
+    found = {
+        name: plain_column(rows[name], f"{path}: column '{name}'", number=name in numbers)
+        for name in (*numbers, *labels)
+    }
+    frames, stamps = (found[name].to_numpy(dtype=float) for name in (_FRAME, _TIMESTAMP))
     time = frames / fps
     off = np.abs(stamps - time)
     if not np.all(off <= 0.5 / fps):
@@ -133,18 +202,7 @@ def _part(path: Path, feature: str, names: list[str], phase: str | None, fps: fl
         )
     table = pd.DataFrame(_numbers(rows[feature], len(names), feature, path), columns=names)
     table.insert(0, "time", time)
-    for label in labels:
-        table[label] = _scalars(rows, label, path).to_numpy()
-    return table
-
-
-def _scalars(rows: pa.Table, name: str, path: Path) -> pd.Series:
-    """A column of single numbers or texts."""
-    column = rows[name]
-    if pa.types.is_nested(column.type):
-        raise ValueError(f"{path}: column '{name}' has type {column.type}, expected single values")
-    series: pd.Series = column.to_pandas()
-    return series
+    return table.assign(**{label: found[label].to_numpy() for label in found if label in (_EPISODE, phase)})
 
 
 def _numbers(column: pa.ChunkedArray, width: int, name: str, path: Path) -> Array:

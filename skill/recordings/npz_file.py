@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from skill.data.files import one_line, read_bounded
+from skill.data.files import no_access, one_line, read_bounded
 from skill.data.npz_archive import read_archive
 from skill.recordings.column_table import NO_CHOICE, ColumnChoice, check_length, select_columns, table_recordings
 from skill.recordings.columns import FORCES, MOMENTS
@@ -27,8 +27,8 @@ def read_npz_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Recordin
     """
     try:
         arrays = read_archive(read_bounded(path, MAX_BYTES), MAX_BYTES)
-    except FileNotFoundError:
-        raise ValueError(f"{path}: no such file") from None
+    except (FileNotFoundError, PermissionError) as error:
+        raise ValueError(f"{path}: {no_access(error)}") from None
     except (OSError, ValueError, MemoryError) as error:
         raise ValueError(f"{path}: not a NumPy archive of plain arrays ({one_line(error)})") from error
     parts = {name: array for name, array in arrays.items() if array.ndim == 1}

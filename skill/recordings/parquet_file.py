@@ -38,21 +38,25 @@ _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 def read_parquet_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Recording]:
     """Reads the recordings of a Parquet file.
 
-    A column of time stamps or durations is a time in its own unit. In a demonstration or a rig run of this program the
-    action of the operator (``rx ry rz``) is no orientation, and is left out unless the user names it.
+    A column of time stamps, durations or times of the day is a time in its own unit. In a demonstration or a rig run of
+    this program the action of the operator (``rx ry rz``) is no orientation, and is left out unless the user names it.
     """
     chosen: list[Selection] = []
 
-    def choose(schema: pa.Schema) -> list[str]:
+    def choose(schema: pa.Schema) -> Sequence[str]:
         own = any(kind in (schema.metadata or {}) for kind in _OWN_KINDS)
         named = {text.partition("=")[2].strip().partition(":")[0] for text in choice.columns}
         names = [name for name in schema.names if not (own and name in ACTIONS and name not in named)]
         chosen.append(select_columns(names, str(path), choice))
+        time, *_ = chosen[0].columns
+        for name in chosen[0].names:
+            if not (name == time.name and _is_time(schema.field(name).type)):
+                _check_chosen(schema.field(name), str(path), chosen[0])
         return chosen[0].names
 
     rows = read_columns(path, choose)
     [selection] = chosen
-    return table_recordings(*_frame(rows, selection), str(path), path.name)
+    return table_recordings(*_frame(rows, selection, path), str(path), path.name)
 
 
 def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, width: int = 1) -> pa.Table:
@@ -102,11 +106,77 @@ def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, wi
         return table.select(names).replace_schema_metadata(None)
 
 
-def _frame(rows: pa.Table, selection: Selection) -> tuple[pd.DataFrame, Selection]:
+def _check_chosen(field: pa.Field, where: str, selection: Selection) -> None:
+    """Refuses a column that does not hold what it was chosen for; of labels, says how to leave it out."""
+    try:
+        check_type(field, where, number=field.name in {column.name for column in selection.columns})
+    except ValueError as error:
+        for option, name in (("--trial-column", selection.trial), ("--phase-column", selection.phase)):
+            if field.name == name:
+                raise ValueError(f"{error}; {option} '' leaves it out") from error
+        raise
+
+
+def check_type(field: pa.Field, where: str, *, number: bool) -> None:
+    """Refuses a column whose type holds no numbers, or no labels: numbers, texts, truth values and times.
+
+    Raises:
+        ValueError: naming the column and its type.
+    """
+    types, kind = pa.types, field.type
+    if types.is_dictionary(kind):
+        kind = kind.value_type
+    if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind) or types.is_null(kind):
+        return
+    if number or not (_is_text(kind) or types.is_boolean(kind) or types.is_date(kind) or _is_time(kind)):
+        expected = "numbers" if number else "single values"
+        raise ValueError(f"{where}: column '{field.name}' has type {str(field.type)[:60]}, expected {expected}")
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    """Whether these are texts; some writers do not say that their bytes are."""
+    types = pa.types
+    text = types.is_string(kind) or types.is_large_string(kind) or types.is_string_view(kind)
+    return bool(text or _is_bytes(kind))
+
+
+def _is_bytes(kind: pa.DataType) -> bool:
+    types = pa.types
+    return bool(types.is_binary(kind) or types.is_large_binary(kind) or types.is_binary_view(kind))
+
+
+def _is_time(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_timestamp(kind) or pa.types.is_duration(kind) or pa.types.is_time(kind))
+
+
+def plain_column(column: pa.ChunkedArray, where: str, *, number: bool) -> pd.Series:
+    """Returns a column of a type that `check_type` accepts, as numbers or labels.
+
+    Raises:
+        ValueError: if its bytes are no text in UTF-8. The message begins with ``where``.
+    """
+    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+    if number and not pa.types.is_integer(column.type):
+        column = column.cast(kind).cast(pa.float64())
+    elif _is_bytes(kind):
+        try:
+            column = column.cast(kind).cast(pa.string())
+        except pa.ArrowInvalid:
+            raise ValueError(f"{where} has bytes that are no text in UTF-8") from None
+    series: pd.Series = column.to_pandas()
+    return series
+
+
+def _frame(rows: pa.Table, selection: Selection, path: Path) -> tuple[pd.DataFrame, Selection]:
     """A table as pandas columns; time stamps become integers, and their unit goes into the selection."""
     time, *channels = selection.columns
     kind = rows.schema.field(time.name).type
-    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind):
-        rows = rows.set_column(rows.schema.get_field_index(time.name), time.name, rows[time.name].cast(pa.int64()))
+    if _is_time(kind):
+        ticks = rows[time.name].cast(pa.int32() if pa.types.is_time32(kind) else pa.int64())
+        rows = rows.set_column(rows.schema.get_field_index(time.name), time.name, ticks)
         time = replace(time, size=_TIME_UNITS[kind.unit], stated=True)
-    return rows.to_pandas(ignore_metadata=True), replace(selection, columns=(time, *channels))
+    numbers = {column.name for column in selection.columns}
+    table = {
+        name: plain_column(rows[name], f"{path}: column '{name}'", number=name in numbers) for name in selection.names
+    }
+    return pd.DataFrame(table), replace(selection, columns=(time, *channels))

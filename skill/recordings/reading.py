@@ -39,9 +39,10 @@ def read_recordings(
 
     Args:
         path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3 .h5``), or folder of a LeRobot data set or a rosbag2.
-        columns: list of texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N"; not for messages.
-            Columns with usual names need none. See `skill.recordings.columns`.
-        trial_column: column that says to which trial a row of a table belongs; None for one with a usual name.
+        columns: list of texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N". Columns with usual
+            names need none. See `skill.recordings.columns`. For messages, "time=log_time" takes the time of logging.
+        trial_column: column that says to which trial a row of a table belongs; None for one with a usual name, ""
+            for none.
         phase_column: column of a table or a data set with the phase of each row; None for one with a usual name,
             "" for none.
         topic: topic of an MCAP file or a rosbag2; None for its only one of the type WrenchStamped.
@@ -86,14 +87,15 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
                 path, **_chosen(path, options, {"columns", "phase_column", "feature"}, "a data set of LeRobot")
             )
         if any(path.glob("*.mcap")):
-            return read_mcap_file(path, **_chosen(path, options, {"topic"}, "MCAP files"))
+            return read_mcap_file(path, **_chosen(path, options, {"topic", "columns"}, "MCAP files"))
         if any(path.glob("*.db3")):
-            return read_sqlite_bag(path, **_chosen(path, options, {"topic"}, "a rosbag2"))
-        raise ValueError(f"{path}: a folder without meta/info.json (LeRobot), *.mcap or *.db3 (rosbag2)")
+            return read_sqlite_bag(path, **_chosen(path, options, {"topic", "columns"}, "a rosbag2"))
+        remedy = "; unpack its files with 'zstd -d' first" if any(path.glob("*.zstd")) else ""
+        raise ValueError(f"{path}: a folder without meta/info.json (LeRobot), *.mcap or *.db3 (rosbag2){remedy}")
     if suffix == ".mcap":
-        return read_mcap_file(path, **_chosen(path, options, {"topic"}, "an MCAP file"))
+        return read_mcap_file(path, **_chosen(path, options, {"topic", "columns"}, "an MCAP file"))
     if suffix == ".db3":
-        return read_sqlite_bag(path, **_chosen(path, options, {"topic"}, "a rosbag2"))
+        return read_sqlite_bag(path, **_chosen(path, options, {"topic", "columns"}, "a rosbag2"))
     if suffix == ".h5":
         from skill.recordings.hdf5_file import read_hdf5_file  # needs an extra
 

@@ -140,8 +140,9 @@ def test_wrong_usage_has_exit_code_2(arguments):
 
 
 @pytest.mark.slow
-def test_a_failed_command_prints_one_line_in_a_separate_process(tmp_path):
-    done = run_python(*HAPTIC_SKILL, "train", "--demonstrations", tmp_path / "nowhere", "--out", tmp_path / "skill.npz")
+@pytest.mark.parametrize("command", [HAPTIC_SKILL, ("-m", "scripts.haptic_skill"), (ROOT / "haptic_skill.py",)])
+def test_a_failed_command_prints_one_line_in_a_separate_process(tmp_path, command):
+    done = run_python(*command, "train", "--demonstrations", tmp_path / "nowhere", "--out", tmp_path / "skill.npz")
     assert done.returncode == 1
     assert done.stderr.startswith("error: ")
     assert len(done.stderr.splitlines()) == 1

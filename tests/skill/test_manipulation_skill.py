@@ -42,7 +42,7 @@ def single_state():
         "features": RawFeatures(),
         "states": CompetitiveAgglomeration(m_init=1),
         "contexts": ContextMixture(max_contexts=1),
-        "regressor": LWRegressor(),
+        "regressor": LWRegressor(feature_scale=None),
     }
 
 

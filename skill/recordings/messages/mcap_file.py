@@ -4,41 +4,47 @@ from __future__ import annotations
 
 import io
 import struct
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from skill.data.files import one_line
+from skill.data.files import no_access, one_line
+from skill.recordings.messages.bag_metadata import BagMetadata
 from skill.recordings.messages.wrench_topics import TakeMessage, WrenchTopics, check_file
 from skill.recordings.recording import Recording
 
 if TYPE_CHECKING:
-    from mcap.records import Chunk
+    from mcap.records import Chunk, Statistics
 
 MAX_RECORD = 100_000_000
 """Largest number of bytes of a piece (a record of MCAP), packed and unpacked; usual chunks have some megabytes."""
 
 
-def read_mcap_file(path: Path, *, topic: str | None = None) -> list[Recording]:
+def read_mcap_file(path: Path, *, topic: str | None = None, columns: Sequence[str] = ()) -> list[Recording]:
     """Reads the recording of a wrench topic from an MCAP file, or from a folder of the parts of one recording.
 
-    Samples, times and channels are those of `WrenchTopics.recording`.
+    Samples, times and channels are those of `WrenchTopics.recordings`.
 
     Raises:
         ValueError: if the package ``mcap`` is missing, and as `skill.recordings.reading.read_recordings`.
     """
     _require_mcap(path)
+    metadata = BagMetadata.find(path)
     paths = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
-    topics = WrenchTopics(topic)
+    if metadata is not None:
+        metadata.check_parts(paths)
+    topics = WrenchTopics(topic, columns)
     for part in paths:
         try:
             _read_part(part, topics)
-        except FileNotFoundError:
-            raise ValueError(f"{part}: no such file") from None
+        except (FileNotFoundError, PermissionError) as error:
+            raise ValueError(f"{part}: {no_access(error)}") from None
         except _errors() as error:
-            raise ValueError(f"{part}: not a complete MCAP file ({one_line(error)})") from error
-    return [topics.recording(path)]
+            reason = f"({one_line(error)}); 'mcap recover' makes one of what is there"
+            raise ValueError(f"{part}: not a complete MCAP file {reason}") from error
+    return topics.recordings(path, metadata)
 
 
 def _require_mcap(path: Path) -> None:
@@ -64,41 +70,65 @@ def _errors() -> tuple[type[Exception], ...]:
 
 
 def _read_part(path: Path, topics: WrenchTopics) -> None:
-    """Reads the messages of all wrench topics of a file."""
-    from mcap.records import Channel, Message, Schema, Statistics
+    """Reads the messages of all wrench topics of a file, and compares their numbers with the statistics."""
+    from mcap.records import Channel, Chunk, Message, Schema, Statistics
 
     check_file(path)
     schemas: dict[int, str] = {}
+    names: dict[int, str] = {}
     wrenches: dict[int, TakeMessage] = {}
-    messages, stated = 0, None
+    counts: Counter[int] = Counter()
+    chunks, first, last = 0, 2**63, 0  # number, ns, ns
+    stated: Statistics | None = None
     with path.open("rb") as stream:
         for record in _records(stream):
             if isinstance(record, Schema):
                 schemas[record.id] = record.name
             elif isinstance(record, Channel):
-                take = topics.open(record.topic, schemas.get(record.schema_id), record.message_encoding)
+                names[record.id] = record.topic
+                publisher = record.metadata.get("callerid", f"channel {record.id}")
+                take = topics.open(record.topic, schemas.get(record.schema_id), record.message_encoding, publisher)
                 if take is not None:
                     wrenches[record.id] = take
+            elif isinstance(record, Chunk):
+                chunks += 1
             elif isinstance(record, Statistics):
-                stated = record.message_count
+                stated = record
             elif isinstance(record, Message):
-                messages += 1
+                counts[record.channel_id] += 1
+                if record.log_time < first:
+                    first = record.log_time
+                if record.log_time > last:
+                    last = record.log_time
                 if record.channel_id in wrenches:
                     wrenches[record.channel_id](record.log_time, record.data)
-    if stated not in (None, messages):
-        raise ValueError(f"{messages} messages, but its statistics say {stated}")
+    if counts:
+        topics.extend(first, last)
+    if stated is not None:
+        _compare(stated, counts, chunks, names)
+
+
+def _compare(stated: Statistics, counts: Counter[int], chunks: int, names: dict[int, str]) -> None:
+    """Refuses a file that has not what its statistics declare."""
+    if stated.message_count != counts.total():
+        raise ValueError(f"{counts.total()} messages, but its statistics say {stated.message_count}")
+    if stated.chunk_count != chunks:
+        raise ValueError(f"{chunks} chunks, but its statistics say {stated.chunk_count}")
+    for number, declared in stated.channel_message_counts.items():
+        if counts[number] != declared:
+            topic = names.get(number, f"channel {number}")
+            raise ValueError(f"{counts[number]} messages of '{topic}', but its statistics say {declared}")
 
 
 def _records(stream: BinaryIO) -> Iterator[Any]:
-    """The records of a file, those in its chunks too; each chunk is unpacked within ``MAX_RECORD`` bytes."""
+    """The records of a file, after each chunk those in it; each chunk is unpacked within ``MAX_RECORD`` bytes."""
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader, breakup_chunk
 
     for record in StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=MAX_RECORD).records:
+        yield record
         if isinstance(record, Chunk):
             yield from breakup_chunk(replace(record, data=_unpacked(record), compression=""), validate_crc=True)
-        else:
-            yield record
 
 
 def _unpacked(chunk: Chunk) -> bytes:

@@ -9,19 +9,30 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from skill.data.files import parse_object
 
 SCHEMAS = ("geometry_msgs/WrenchStamped", "geometry_msgs/msg/WrenchStamped")
 """Names of the type in ROS 1 and ROS 2."""
 
-Sample = tuple[float, ...]
-"""Time, s, then fx fy fz in N and mx my mz in N m."""
+
+class Sample(NamedTuple):
+    """A message.
+
+    Attributes:
+        frame: ``frame_id`` of the header; empty if there is none.
+        stamp: of the header, s; 0 if there is none.
+        wrench: fx fy fz in N and mx my mz in N m.
+    """
+
+    frame: str
+    stamp: float
+    wrench: tuple[float, ...]
 
 
 def decode_cdr(message: bytes) -> Sample:
-    """Decodes a message of ROS 2; the time is 0 if its header has none.
+    """Decodes a message of ROS 2.
 
     Raises:
         ValueError: if the message has another layout.
@@ -31,32 +42,36 @@ def decode_cdr(message: bytes) -> Sample:
         raise ValueError(f"encapsulation {message[:2].hex()}, expected plain CDR (0000 or 0001)")
     seconds, nanoseconds, length = _unpack(f"{order}iII", message, 4)
     place = 4 + (12 + length + 7) // 8 * 8
-    return (seconds + nanoseconds * 1e-9, *_unpack_end(f"{order}6d", message, place))
+    wrench = _unpack_end(f"{order}6d", message, place)
+    return Sample(_frame(message[16 : 16 + length]), seconds + nanoseconds * 1e-9, wrench)
 
 
 def decode_ros1(message: bytes) -> Sample:
-    """Decodes a message of ROS 1; the time is 0 if its header has none.
+    """Decodes a message of ROS 1.
 
     Raises:
         ValueError: if the message has another layout.
     """
     _, seconds, nanoseconds, length = _unpack("<4I", message, 0)
-    return (seconds + nanoseconds * 1e-9, *_unpack_end("<6d", message, 16 + length))
+    wrench = _unpack_end("<6d", message, 16 + length)
+    return Sample(_frame(message[16 : 16 + length]), seconds + nanoseconds * 1e-9, wrench)
 
 
 def decode_json(message: bytes) -> Sample:
-    """Decodes a message in JSON, with the fields of ROS 1 or ROS 2; the time is 0 if it has no header.
+    """Decodes a message in JSON, with the fields of ROS 1 or ROS 2; null is no number (NaN).
 
     Raises:
         ValueError: if a field is missing or no number.
     """
     fields = parse_object(message)
     try:
-        stamp = (fields.get("header") or {}).get("stamp") or {}
+        header = fields.get("header") or {}
+        stamp = header.get("stamp") or {}
         seconds = _number(stamp.get("sec", stamp.get("secs", 0)))
         nanoseconds = _number(stamp.get("nanosec", stamp.get("nsec", stamp.get("nsecs", 0))))
         parts = [fields["wrench"][part][axis] for part in ("force", "torque") for axis in "xyz"]
-        return (seconds + nanoseconds * 1e-9, *map(_number, parts))
+        wrench = tuple(float("nan") if part is None else _number(part) for part in parts)
+        return Sample(str(header.get("frame_id") or ""), seconds + nanoseconds * 1e-9, wrench)
     except (KeyError, TypeError, AttributeError, OverflowError) as error:
         raise ValueError(f"no numbers in header.stamp, wrench.force or wrench.torque ({error})") from error
 
@@ -69,6 +84,11 @@ def _number(value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{value!r:.40} is no number")
     return float(value)
+
+
+def _frame(text: bytes) -> str:
+    """The name of a frame, which ends with a zero in ROS 2."""
+    return text.rstrip(b"\0").decode(errors="replace")
 
 
 def _unpack(layout: str, message: bytes, place: int) -> tuple[Any, ...]:

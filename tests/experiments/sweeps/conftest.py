@@ -4,6 +4,7 @@ import pyarrow.dataset as ds
 import pytest
 import yaml
 
+from experiments.sweeps.trial_files import PARTITIONING
 from models.scenario import dump_scenario
 from scripts import sweep
 from tests.quick_scenario import make_quick_scenario
@@ -44,5 +45,5 @@ def perform(tmp_path, monkeypatch):
 
 def rows_in(results):
     """All rows of a data set, in the order of their keys."""
-    data = ds.dataset(results / "trials", format="parquet", partitioning=ds.partitioning(flavor="hive"))
+    data = ds.dataset(results / "trials", format="parquet", partitioning=PARTITIONING)
     return data.to_table().to_pandas().sort_values("key", ignore_index=True)

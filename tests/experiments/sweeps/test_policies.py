@@ -1,5 +1,7 @@
 """How the policies of a sweep are found and made; what is wrong with one is told in one line."""
 
+import pickle
+
 import pytest
 
 from experiments.sweeps.policies import TrainingContext, check_imports, make_policy
@@ -36,3 +38,20 @@ def test_a_policy_that_cannot_be_made_is_named():
         make_policy(plan(f"{PUSHES}:push", speed=3), context)
     made = make_policy(plan(f"{PUSHES}:push", depth=0.003), context)
     assert (made.policy.depth, made.query_ms, made.demonstrations) == (0.003, None, None)
+
+
+@pytest.mark.parametrize("what", ["lock", "file", "thread", "generator", "database", "other"])
+def test_a_policy_that_cannot_be_sent_to_another_process_is_named(what):
+    with pytest.raises(ValueError, match=r"policies.push: cannot be sent to another process \(.*__getstate__") as error:
+        make_policy(plan(f"{PUSHES}:holding", what=what), TrainingContext(load_scenario(), Arm.DEFAULT, [], 0))
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("sent", [plan(f"{PUSHES}:holding", what="logger"), plan(f"{PUSHES}:holding", what="function")])
+def test_a_policy_that_holds_what_can_be_sent_is_made(sent):
+    assert make_policy(sent, TrainingContext(load_scenario(), Arm.DEFAULT, [], 0)).policy.held is not None
+
+
+def test_the_remedy_for_what_cannot_be_sent_works():
+    made = make_policy(plan(f"{PUSHES}:lazy"), TrainingContext(load_scenario(), Arm.DEFAULT, [], 0))
+    assert pickle.loads(pickle.dumps(made.policy)).held is None

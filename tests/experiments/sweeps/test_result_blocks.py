@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.scoreboard.result_store import read_trials
 from experiments.sweeps.result_blocks import BLOCK, Block, blocks_of, hold, read_block
-from experiments.sweeps.trial_files import SCHEMA
+from experiments.sweeps.trial_files import PARTITIONING, SCHEMA
 from experiments.sweeps.trial_rows import row_key
 from tests.experiments.sweeps.made_up_rows import made_up_row
 
@@ -52,6 +53,21 @@ def test_rows_are_written_and_read_by_pandas_and_duckdb_without_us(tmp_path):
     assert duckdb.sql(query).fetchall() == [
         (arm, 150, int(frame.inserted[frame.arm == arm].sum())) for arm in ("default", "stress")
     ]
+
+
+@pytest.mark.parametrize(
+    "names", [("01", "1", "1.0"), ("2026-01-31", "31"), ("true", "null", "nan"), ("a b/c=%20", "a")]
+)
+def test_names_of_policies_stay_texts(tmp_path, names):
+    for k, name in enumerate(names):
+        (block,) = blocks_of(tmp_path, f"{k:016}", [3], **{**NAMES, "policy": name})
+        held = hold(block)
+        held.add(made_up_row(3))
+        held.write()
+    frame = pd.read_parquet(tmp_path / "trials", partitioning=PARTITIONING)
+    assert sorted(frame["policy"]) == sorted(names)
+    assert set(frame["engine"]) == {"drake"}
+    assert sorted(read_trials(tmp_path).table["policy"].unique()) == sorted(names)
 
 
 def test_a_block_goes_on_with_what_is_there(tmp_path):

@@ -65,7 +65,9 @@ def test_numbers_are_read_to_twelve_digits(tmp_path_factory, values, layout, end
 @pytest.mark.parametrize("column", ["trial", "Episode", "episode_index", "run"])
 def test_a_column_of_trials_splits_the_table(read, column):
     text = f"t,fx,fy,fz,{column}\n0,1,2,3,7\n0.01,1,2,3,7\n5,4,5,6,3\n5.01,4,5,6,3\n0.02,7,8,9,7\n"
-    first, second = read(text)
+    with pytest.raises(ValueError, match=f"column '{column}' changes 2 times between 2 values"):
+        read(text)
+    first, second = read(text, trial_column=column)
     word = column.lower().removesuffix("_index")
     assert [first.name, second.name] == [f"snap.csv, {word} 7", f"snap.csv, {word} 3"]
     assert [first.trial, second.trial] == ["7", "3"]

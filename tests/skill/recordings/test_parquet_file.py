@@ -1,6 +1,7 @@
 """Parquet files of other programs, with any compression, within limits of what they unpack to."""
 
 import re
+from decimal import Decimal
 
 import numpy as np
 import pandas as pd
@@ -11,6 +12,8 @@ import pytest
 from skill.recordings import column_table, parquet_file
 from skill.recordings.column_table import ColumnChoice
 from skill.recordings.parquet_file import read_columns, read_parquet_file
+from tests.scripts.commands import run_python
+from tests.skill.recordings.messages.wrench_messages import series, write_db3
 
 
 def wrench(rows=300):
@@ -28,7 +31,7 @@ def test_a_file_of_pandas_is_read(tmp_path, compression, version):
     table["trial"] = np.repeat([5, 2, 5], 100)
     table["note"] = [f"{k}" * 50 for k in range(300)]
     table.to_parquet(tmp_path / "a.parquet", compression=compression, data_page_version=version, row_group_size=70)
-    first, second = read_parquet_file(tmp_path / "a.parquet")
+    first, second = read_parquet_file(tmp_path / "a.parquet", ColumnChoice(trial_column="trial"))
     assert [first.name, second.name] == ["a.parquet, trial 5", "a.parquet, trial 2"]
     np.testing.assert_array_equal(second.values, table.iloc[100:200, 1:7])
     np.testing.assert_array_equal(first.time, table["time"][table["trial"] == 5])
@@ -55,6 +58,155 @@ def test_time_stamps_and_durations_have_their_own_unit(tmp_path, unit):
         pq.write_table(rows, tmp_path / "a.parquet")
         [found] = read_parquet_file(tmp_path / "a.parquet")
         np.testing.assert_allclose(found.time - found.time[0], [0, 1, 2], rtol=1e-12)
+
+
+NUMBERS = {
+    "decimals": pa.array([Decimal(k).scaleb(-2) for k in range(50)], pa.decimal128(9, 2)),
+    "long decimals": pa.array([Decimal(k).scaleb(-2) for k in range(50)], pa.decimal256(60, 2)),
+    "a dictionary": pa.array(np.arange(50) / 100).dictionary_encode(),
+    "half floats": pa.array((np.arange(50) / 128).astype("f2")),
+    "bytes": pa.array(np.arange(50), pa.uint8()),
+}
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("with_schema", [True, False])
+def test_numbers_of_other_types_are_read(tmp_path, name, with_schema):
+    rows = pa.Table.from_pandas(wrench(50), preserve_index=False)
+    for column in ("time", "fy"):
+        rows = rows.set_column(rows.schema.get_field_index(column), column, NUMBERS[name])
+    pq.write_table(rows, tmp_path / "a.parquet", store_schema=with_schema)
+    [found] = read_parquet_file(tmp_path / "a.parquet", ColumnChoice(["time=time:ms"]))
+    expected = np.array([float(value) for value in NUMBERS[name].to_pylist()])
+    np.testing.assert_allclose(found.values[:, 1], expected, rtol=1e-15)
+    np.testing.assert_allclose(found.time, expected * 1e-3, rtol=1e-15)
+
+
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+def test_times_of_the_day_have_their_own_unit(tmp_path, unit):
+    kind = pa.time32(unit) if unit in ("s", "ms") else pa.time64(unit)
+    number = pa.int32() if pa.types.is_time32(kind) else pa.int64()
+    ticks = np.arange(7, 10) * {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[unit]
+    rows = pa.Table.from_pandas(wrench(3)).set_column(0, "time", pa.array(ticks).cast(number).cast(kind))
+    pq.write_table(rows, tmp_path / "a.parquet")
+    np.testing.assert_allclose(read_parquet_file(tmp_path / "a.parquet")[0].time, [7, 8, 9])
+
+
+TEXTS = {
+    "texts": pa.array(["a"] * 20 + ["b"] * 30),
+    "long texts": pa.array(["a"] * 20 + ["b"] * 30, pa.large_string()),
+    "views": pa.array(["a"] * 20 + ["b"] * 30, pa.string_view()),
+    "bytes": pa.array([b"a"] * 20 + [b"b"] * 30),
+    "a dictionary": pa.array(["a"] * 20 + ["b"] * 30).dictionary_encode(),
+    "a dictionary of bytes": pa.array([b"a"] * 20 + [b"b"] * 30).dictionary_encode(),
+}
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_labels_are_texts_however_they_are_stored(tmp_path, name):
+    rows = pa.Table.from_pandas(wrench(50), preserve_index=False)
+    rows = rows.append_column("trial", TEXTS[name]).append_column("label", TEXTS[name])
+    pq.write_table(rows, tmp_path / "a.parquet")
+    found = read_parquet_file(tmp_path / "a.parquet")
+    assert [(r.trial, len(r.time), set(r.phases)) for r in found] == [("a", 20, {"a"}), ("b", 30, {"b"})]
+
+
+@pytest.mark.parametrize(
+    ("values", "labels"),
+    [
+        (pa.array([Decimal(k // 20) for k in range(50)], pa.decimal128(5, 0)), ["0", "1", "2"]),
+        (pa.array([k // 20 for k in range(50)]).dictionary_encode(), ["0", "1", "2"]),
+        (pa.array([k // 25 for k in range(50)], pa.date32()), ["1970-01-01", "1970-01-02"]),
+        (
+            pa.array([k // 25 for k in range(50)], pa.timestamp("s", "UTC")),
+            ["1970-01-01 00:00:00+00:00", "1970-01-01 00:00:01+00:00"],
+        ),
+    ],
+)
+def test_trials_of_other_types_are_read(tmp_path, values, labels):
+    rows = pa.Table.from_pandas(wrench(50), preserve_index=False).append_column("trial", values)
+    pq.write_table(rows, tmp_path / "a.parquet")
+    assert [r.trial for r in read_parquet_file(tmp_path / "a.parquet")] == labels
+
+
+NESTED = {
+    "struct<id: int64>": pa.array([{"id": 1}] * 50),
+    "list<element: int64>": pa.array([[1]] * 50),
+    "list<element: list<element: double>>": pa.array([[[1.0]]] * 50),
+    "fixed_size_list<element: float>[3]": pa.array([[1.0, 2.0, 3.0]] * 50, pa.list_(pa.float32(), 3)),
+    "map<string, int64": pa.array([[("a", 1)]] * 50, pa.map_(pa.string(), pa.int64())),
+}
+NO_NUMBERS = NESTED | {
+    "bool": pa.array([True, False] * 25),
+    "string": pa.array(["1.5"] * 50),
+    "binary": pa.array([b"1"] * 50),
+    "date32[day]": pa.array(range(50), pa.date32()),
+    "timestamp[us, tz=UTC]": pa.array(range(50), pa.timestamp("us", "UTC")),
+    "duration[ms]": pa.array(range(50), pa.duration("ms")),
+}
+
+
+REFUSED_TYPES = [
+    *((column, kind) for column in ("trial", "run", "phase", "fx", "time") for kind in NESTED),
+    *((column, kind) for column in ("fx", "time") for kind in ("bool", "string", "binary", "date32[day]")),
+    *(("fx", kind) for kind in ("timestamp[us, tz=UTC]", "duration[ms]")),
+]
+
+
+@pytest.mark.parametrize(("column", "kind"), REFUSED_TYPES)
+def test_columns_of_other_types_are_refused(tmp_path, column, kind):
+    rows = pa.Table.from_pandas(wrench(50), preserve_index=False)
+    if column in rows.column_names:
+        rows = rows.drop_columns(column)
+    pq.write_table(rows.append_column(column, NO_NUMBERS[kind]), tmp_path / "a.parquet")
+    refused(tmp_path / "a.parquet", f"column '{column}' has type {kind}")
+    if column not in ("fx", "time"):  # labels can be left out
+        option = "phase" if column == "phase" else "trial"
+        refused(tmp_path / "a.parquet", f"expected single values; --{option}-column '' leaves it out")
+        assert len(read_parquet_file(tmp_path / "a.parquet", ColumnChoice(**{f"{option}_column": ""}))) == 1
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path):
+    rows = pa.Table.from_pandas(wrench(50), preserve_index=False).append_column("phase", pa.array([b"\xff"] * 50))
+    pq.write_table(rows, tmp_path / "a.parquet")
+    refused(tmp_path / "a.parquet", "column 'phase' has bytes that are no text in UTF-8")
+
+
+@pytest.mark.parametrize("change", [{}, {"phase": "a"}, {"trial": 1}, {"trial": True, "phase": b"a"}])
+def test_a_table_without_rows_is_refused(tmp_path, change):
+    path = tmp_path / "a.parquet"
+    table = wrench(4).assign(**change).iloc[:0]
+    table.to_parquet(path)
+    refused(path, "no samples; expected at least 2 rows with values")
+    pd.DataFrame(columns=list(table), dtype=object).to_parquet(path)  # without types
+    refused(path, "no samples; expected at least 2 rows with values")
+    with pq.ParquetWriter(path, pa.Table.from_pandas(table).schema):
+        pass  # without row groups
+    refused(path, "no samples; expected at least 2 rows with values")
+
+
+def test_a_column_without_any_value_is_refused(tmp_path):
+    path = tmp_path / "a.parquet"
+    wrench(4).assign(mz=None).to_parquet(path)
+    refused(path, "column 'mz' has no value in row 0 (4 such rows)")
+
+
+def test_a_file_that_may_not_be_read_is_refused(tmp_path):
+    """Root may read everything, so a process of another user tries."""
+    path = tmp_path / "a.parquet"
+    wrench().to_parquet(path)
+    np.savez(tmp_path / "a.npz", time=np.arange(3), wrench=np.zeros((3, 3)))
+    write_db3(tmp_path / "a.db3", series())
+    code = "import os, sys, skill.recordings.parquet_file; from skill.recordings.reading import read_recordings\n"
+    code += "os.geteuid() or os.seteuid(65534)\n"
+    code += "for path in sys.argv[1:]:\n try: read_recordings(path)\n except ValueError as error: print(error)"
+    paths = sorted(tmp_path.iterdir())
+    for file in paths:
+        file.chmod(0)
+    for folder in (tmp_path, *tmp_path.parents[:2]):
+        folder.chmod(0o755)
+    done = run_python("-c", code, *paths)
+    assert done.stdout.splitlines() == [f"{file}: no permission to read this file" for file in paths], done.stderr
 
 
 def test_an_index_of_pandas_is_a_column(tmp_path):

@@ -56,9 +56,9 @@ def test_mcap(tmp_path):
     write_mcap(tmp_path / "a.mcap", messages)
     for path in (tmp_path / "a.mcap", tmp_path):
         assert len(read_recordings(path, topic="/tool", columns=iter([]))[0].time) == 4
-        for option in ("columns", "trial_column", "phase_column", "feature"):
+        for option in ("trial_column", "phase_column", "feature"):
             with pytest.raises(ValueError, match=rf"\['{option}'\] cannot be chosen for (an )?MCAP file"):
-                read_recordings(path, **{option: ["fx=a"] if option == "columns" else "a"})
+                read_recordings(path, **{option: "a"})
 
 
 def test_columns_are_a_list(tmp_path):
@@ -86,6 +86,9 @@ def test_lerobot(tmp_path):
 def test_other_files_are_refused(tmp_path):
     folder = "a folder without meta/info.json (LeRobot), *.mcap or *.db3 (rosbag2)"
     with pytest.raises(ValueError, match=re.escape(folder) + "$"):
+        read_recordings(tmp_path)
+    (tmp_path / "bag_0.db3.zstd").touch()
+    with pytest.raises(ValueError, match=re.escape(f"{folder}; unpack its files with 'zstd -d' first") + "$"):
         read_recordings(tmp_path)
     message = "ends in '.xlsx', expected .csv .tsv .txt .parquet .pq .npz .mcap .db3 .h5 or a folder"
     with pytest.raises(ValueError, match=re.escape(message) + "$"):

@@ -1,6 +1,8 @@
 """Files of a rosbag2 in SQLite, written with the tables of ROS 2, by the package rosbags, and with damage."""
 
 import sqlite3
+import subprocess
+import sys
 from contextlib import closing
 
 import numpy as np
@@ -102,6 +104,56 @@ def test_a_file_that_is_cut_off_is_refused(tmp_path):
         path.write_bytes(whole[:size])
         with pytest.raises(ValueError, match=r"a\.db3: not a complete file of a rosbag2"):
             read_sqlite_bag(path)
+
+
+KILLED = """
+import os, sqlite3, sys
+mode, path = sys.argv[1:]
+bag = sqlite3.connect(path, isolation_level=None)
+bag.execute(f"PRAGMA journal_mode={mode}")
+bag.execute("PRAGMA wal_autocheckpoint=0")
+bag.execute("PRAGMA cache_size=1")
+rows = bag.execute("SELECT timestamp, data FROM messages WHERE topic_id = 2").fetchall()
+bag.execute("BEGIN")
+bag.executemany("UPDATE messages SET data = ? WHERE timestamp = ?", [(data, time) for time, data in rows])
+if mode == "WAL":
+    late = rows[-1][0] + 10_000_000
+    bag.execute("INSERT INTO messages(topic_id, timestamp, data) VALUES (2, ?, ?)", [late, rows[-1][1]])
+    bag.execute("COMMIT")
+    bag.execute("BEGIN")
+bag.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES (2, ?, ?)", rows * 20)
+os._exit(0)
+"""
+
+
+@pytest.mark.parametrize(("mode", "ending", "count"), [("WAL", "-wal", 51), ("DELETE", "-journal", 50)])
+@pytest.mark.parametrize("link", [False, True])
+def test_what_a_killed_recorder_had_committed_is_read_and_the_folder_stays_as_it_is(
+    tmp_path, mode, ending, count, link
+):
+    (tmp_path / "bag").mkdir()
+    path = tmp_path / "bag" / "bag_0.db3"
+    write_db3(path, series(start=0))
+    subprocess.run([sys.executable, "-c", KILLED, mode, str(path)], check=True)
+    before = {file.name: (file.read_bytes(), file.stat().st_mtime_ns) for file in path.parent.iterdir()}
+    assert before[f"bag_0.db3{ending}"][0]
+    source = path
+    if link:
+        source = tmp_path / "link.db3"
+        source.symlink_to(path)
+    for place in (source, path.parent):
+        [found] = read_sqlite_bag(place)
+        assert len(found.time) == count
+        assert found.values[49, 0] == 49
+    assert {file.name: (file.read_bytes(), file.stat().st_mtime_ns) for file in path.parent.iterdir()} == before
+
+
+def test_a_bag_that_was_closed_properly_in_this_mode_is_not_touched(tmp_path):
+    path = tmp_path / "a.db3"
+    write_db3(path, series())
+    execute(path, "PRAGMA journal_mode=WAL")
+    check_series(read_sqlite_bag(path)[0])
+    assert sorted(tmp_path.iterdir()) == [path]
 
 
 def test_limits(tmp_path, monkeypatch):

@@ -4,6 +4,7 @@ import json
 import re
 import struct
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -29,7 +30,7 @@ BY_HAND = bytes.fromhex(
 
 def test_the_layout_of_ros_2_is_that_worked_out_by_hand():
     assert cdr(frame="ft") == BY_HAND
-    assert decode_cdr(BY_HAND) == (12.5, *WRENCH)
+    assert decode_cdr(BY_HAND) == ("ft", 12.5, WRENCH)
 
 
 @pytest.mark.parametrize("decode_write", [(decode_cdr, cdr), (decode_ros1, ros1), (decode_json, as_json)])
@@ -41,14 +42,18 @@ def test_the_layout_of_ros_2_is_that_worked_out_by_hand():
 )
 def test_every_message_is_decoded(decode_write, frame, sec, nanosec, wrench):
     decode, write = decode_write
-    assert decode(write(sec, nanosec, frame, wrench)) == (sec + nanosec * 1e-9, *wrench)
+    assert decode(write(sec, nanosec, frame, wrench)) == (frame, sec + nanosec * 1e-9, tuple(wrench))
 
 
 def test_other_byte_orders_and_names_of_fields():
-    assert decode_cdr(cdr(order=">", frame="tool0")) == (12.5, *WRENCH)
-    assert decode_cdr(cdr() + bytes(4)) == (12.5, *WRENCH)
-    assert decode_json(as_json(fraction="nsec")) == decode_json(as_json(fraction="nsecs")) == (12.5, *WRENCH)
-    assert decode_json(b'{"wrench": ' + json.dumps(json.loads(as_json())["wrench"]).encode() + b"}") == (0, *WRENCH)
+    assert decode_cdr(cdr(order=">", frame="tool0")) == ("tool0", 12.5, WRENCH)
+    assert decode_cdr(cdr() + bytes(4)) == ("ft_link", 12.5, WRENCH)
+    assert decode_json(as_json(fraction="nsec")) == decode_json(as_json(fraction="nsecs")) == ("ft_link", 12.5, WRENCH)
+    assert decode_json(b'{"wrench": ' + json.dumps(json.loads(as_json())["wrench"]).encode() + b"}") == ("", 0, WRENCH)
+
+
+def test_null_in_json_is_no_number():
+    assert np.isnan(decode_json(as_json(wrench=[None] * 6)).wrench).all()
 
 
 @pytest.mark.parametrize(("encoding", "write"), [("cdr", cdr), ("ros1", ros1), ("json", as_json)])

@@ -38,6 +38,16 @@ def series(count=50, write=cdr, topic="/ft", rate=100, start=START):
         yield topic, START * 10**9 + ns + 5_000_000, write(*stamp, wrench=[k, k + 1, k + 2, k + 3, k + 4, k + 5])
 
 
+def messages(stamps, logged=None, wrenches=None, frames="ft", topic="/ft", write=cdr):
+    """Messages with these stamps, s, logged 5 ms later unless said otherwise; the wrench counts up."""
+    for k, stamp in enumerate(stamps):
+        ns = round(stamp * 1e9)
+        log = ns + 5_000_000 if logged is None else round(logged[k] * 1e9)
+        wrench = np.arange(6.0) + k if wrenches is None else wrenches[k]
+        frame = frames if isinstance(frames, str) else frames[k]
+        yield topic, log, write(ns // 10**9, ns % 10**9, frame, list(wrench))
+
+
 def check_series(found, count=50, offset=0.0):
     assert found.channels == ("fx", "fy", "fz", "mx", "my", "mz")
     assert found.phases is None
