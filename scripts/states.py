@@ -84,7 +84,9 @@ def main(
     decimal: Annotated[
         str | None, text_option("SIGN", "Decimal sign of texts: . or ,", shown="the one that all numbers fit")
     ] = None,
-    rate: Annotated[float, typer.Option(help="Sampling rate, Hz; faster recordings are averaged.")] = 50.0,
+    rate: Annotated[
+        float, typer.Option(help="Rate at which the states are found, Hz; faster recordings are averaged.")
+    ] = 50.0,
     seed: Seed = 0,
 ) -> None:
     """Discovers the contact states in recordings of a force/torque sensor.
