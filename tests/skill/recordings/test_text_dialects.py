@@ -40,6 +40,10 @@ class Dialect:
     notes: str
     damaged: bool = False  # whether fields were written without the quotes that they need
 
+    def __post_init__(self):
+        if self.thousands == "other":  # than the decimal sign
+            self.thousands = "." if self.decimal == "," else ","
+
     def number(self, value):
         """A number as this dialect writes it."""
         whole, point, rest = format(value, self.form).partition(".")
@@ -77,20 +81,20 @@ dialects = st.builds(
     Dialect,
     separator=st.sampled_from([",", ";", "\t", " "]),
     decimal=st.sampled_from([".", ","]),
-    thousands=st.sampled_from(["", "", "", ".", ",", " ", "'", "’", "\u00a0", "\u202f"]),
-    form=st.sampled_from([".0f", ".1f", ".3f", ".6f", ".3e", ".12g"]),
+    thousands=st.sampled_from(["", "", "other", "other", " ", "'", "\u202f"]),
+    form=st.sampled_from([".0f", ".0f", ".1f", ".3f", ".3e", ".12g"]),
     quotes=st.sampled_from(["never", "needed", "all"]),
-    encoding=st.sampled_from([*READABLE, "utf-16-le", "utf-16-be"]),
+    encoding=st.sampled_from(["utf-8", "utf-8", "utf-8", *READABLE, "utf-16-le"]),
     end=st.sampled_from(["\n", "\r\n", "\r"]),
     missing=st.sampled_from(["", "NaN", "-1.#IND", "1,#QNAN", "#N/A", "#NV", "-nan(ind)", "NULL", "n/a", "-", r"\N"]),
     preamble=st.sampled_from(list(PREAMBLES)),
     names=st.sampled_from(["line", "comment", "list"]),
     units=st.sampled_from(["names", "row", "brackets"]),
     notes=st.sampled_from(["nothing", "ok", "part #2", "two\nlines", "1.5", "23.11.2026", 'say ""ok""']),
-).filter(lambda d: d.thousands != d.decimal)
+)
 
 tables = st.tuples(
-    st.sampled_from([0.05, 1.0, 1000.0]),  # ms
+    st.sampled_from([1.0, 20.0, 1000.0]),  # ms
     st.lists(st.none() | st.tuples(*[st.floats(-1e6, 1e6, allow_subnormal=False)] * 3), min_size=3, max_size=9).filter(
         lambda rows: sum(row is not None for row in rows) > 1
     ),
@@ -112,8 +116,7 @@ def test_a_table_is_read_right_or_refused(tmp_path_factory, dialect, table):
         found, message = read(path, **options, decimal=dialect.decimal)
     if found is None:
         assert re.fullmatch(rf"({path}|a\.txt): .+", message)
-        repeated = np.any(np.diff(written[:, 0]) <= 0)  # a time was rounded
-        assert dialect.damaged or dialect.encoding not in READABLE or repeated, message
+        assert dialect.damaged or dialect.encoding not in READABLE, message
         return
     np.testing.assert_allclose(found.time, written[:, 0] * 1e-3, rtol=1e-12)
     np.testing.assert_array_equal(found.values, written[:, 1:])
