@@ -33,7 +33,7 @@ def main(
         typer.Argument(
             parser=parse_path,
             metavar="FILES",
-            help="Recordings: .csv .parquet .npz .mcap .db3 .h5 files, or folders of a rosbag2 or a LeRobot data set.",
+            help="Recordings: texts, .parquet .npz .mcap .db3 .h5 files, folders of a rosbag2 or a LeRobot data set.",
             show_default=False,
         ),
     ],
@@ -50,7 +50,9 @@ def main(
         list[str],
         text_option(
             "CHANNEL=COLUMN:UNIT",
-            "Column of a channel, such as fx=ati_1:N; may be given several times. Usual names need none.",
+            "Which column is which channel: fx=ati_1:N. In texts, COLUMN may be its number, from 1; for texts without"
+            " names, say all channels in their order, as in time:ms,fx,fy,fz. Without UNIT, it is that of the file, or"
+            " an SI unit. May be given several times. Usual names need none.",
         ),
     ] = [],  # noqa: B006
     trial_column: Annotated[
@@ -75,15 +77,18 @@ def main(
     feature: Annotated[
         str | None, text_option("NAME", "Feature of a LeRobot data set.", shown="the one with forces")
     ] = None,
-    input_rate: Annotated[
+    sampling_rate: Annotated[
         float | None,
         typer.Option(
-            metavar="HZ",
-            help="Rate of the rows of texts that hold nothing but fx fy fz [mx my mz], as numpy.savetxt writes them.",
-            show_default="the files have a time",
+            metavar="HZ", help="Rate of the rows of texts without a time.", show_default="the files have a time"
         ),
     ] = None,
-    rate: Annotated[float, typer.Option(help="Sampling rate, Hz; faster recordings are averaged.")] = 50.0,
+    decimal: Annotated[
+        str | None, text_option("SIGN", "Decimal sign of texts: . or ,", shown="the one that all numbers fit")
+    ] = None,
+    rate: Annotated[
+        float, typer.Option(help="Rate at which the states are found, Hz; faster recordings are averaged.")
+    ] = 50.0,
     seed: Seed = 0,
 ) -> None:
     """Discovers the contact states in recordings of a force/torque sensor.
@@ -101,7 +106,7 @@ def main(
 
         haptic-skill states insert_1.csv insert_2.csv insert_3.csv
 
-        haptic-skill states wrench_1.txt wrench_2.txt --input-rate 100
+        haptic-skill states wrench_1.txt wrench_2.txt --columns fx,fy,fz,mx,my,mz --sampling-rate 100
 
         haptic-skill states runs.csv --columns fz=load:N --columns time=clock:ms --trial-column part --out runs.html
     """
@@ -120,9 +125,8 @@ def main(
     from skill.states.phase_agreement import compare_with_phases
     from skill.states.state_summary import summarise_states
 
-    for name, value in (("--rate", rate), ("--input-rate", 1.0 if input_rate is None else input_rate)):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"{name} {value:g}: expected a positive number of Hz")
+    if not (math.isfinite(rate) and rate > 0):
+        raise ValueError(f"--rate {rate:g}: expected a positive number of Hz")
     sources = find_sources(files)
     tables = [state_table_path(source, labels) for source in sources]
     check_file(out, ".html", size=REPORT_SIZE)
@@ -135,13 +139,16 @@ def main(
         require_distinct({"--out": out, "the table of states": path})
     options: dict[str, Any] = {
         **{"columns": tuple(columns), "trial_column": trial_column, "phase_column": phase_column},
-        **{"topic": topic, "feature": feature, "input_rate": input_rate},
+        **{"topic": topic, "feature": feature, "sampling_rate": sampling_rate, "decimal": decimal},
     }
-    by_source = []
+    by_source, read = [], []
     for source in sources:
         with busy(f"reading {source.name}"):
-            by_source.append([recording.averaged(rate) for recording in read_recordings(source, **options)])
+            found = read_recordings(source, **options)
+            read += [(len(recording.time), recording.rate, recording.duration) for recording in found]
+            by_source.append([recording.averaged(rate) for recording in found])
     recordings = [recording for found in by_source for recording in found]
+    say(_what_was_read(read))
     check_recordings(recordings)
     recordings = with_common_orientation(recordings)
     with ExitStack() as locks:
@@ -270,6 +277,13 @@ def _made_by(sources: Sequence[Path], options: dict[str, Any], rate: float, seed
         **{name: ", ".join(value) if isinstance(value, tuple) else str(value) for name, value in chosen.items()},
         "versions": packages,
     }
+
+
+def _what_was_read(read: Sequence[tuple[int, float, float]]) -> str:
+    """The samples, rates (Hz) and durations (s) of the recordings, so that a wrong unit or rate is seen."""
+    counts, rates, durations = zip(*read, strict=True)
+    ends = [" to ".join(dict.fromkeys(f"{end:.4g}" for end in (min(x), max(x)))) for x in (rates, durations)]
+    return f"read {sum(counts)} samples at {ends[0]} Hz; a recording lasts {ends[1]} s"
 
 
 def _count(number: int, noun: str) -> str:

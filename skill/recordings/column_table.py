@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,9 +15,17 @@ from skill.arrays import Array
 from skill.recordings.columns import PHASE_COLUMNS, TRIAL_COLUMNS, Column, choose_columns, label_column
 from skill.recordings.orientation import with_rotation_vector
 from skill.recordings.recording import MAX_SAMPLES, Recording
+from skill.recordings.units import UNITS
 
 RATES = (10.0, 1e6)
-"""Range of sampling rates, Hz, in which a time without a unit may be in seconds; 1 kHz in ms looks like 1 Hz."""
+"""Range of plausible sampling rates, Hz."""
+
+SURE_RATE, SURE_DURATION = 50.0, 3600.0  # Hz, s
+"""A time without a unit is in seconds at this rate or more and up to this duration: few sensors are a thousand times
+faster, and few recordings longer. 20 kHz in ms looks like 20 Hz."""
+
+EPOCH = (1e9, 4e9)
+"""Range of time stamps that count from 1970, s: of the years 2001 to 2096. They show their unit."""
 
 MAX_PHASES = 200
 """Largest number of different phases; more are no phases but numbers or notes."""
@@ -65,29 +74,34 @@ class ColumnChoice:
         columns: texts "channel=column" or "channel=column:unit"; see `skill.recordings.columns.choose_columns`.
         trial_column: column of the trials; None for one with a usual name, "" for none.
         phase_column: column of the phases; None for one with a usual name, "" for none.
+        sampling_rate: rate of the rows of a text without a time, Hz; None for a table with a time.
+        decimal: "." or ",", the decimal sign of a text; None where its numbers leave no doubt.
     """
 
     columns: Sequence[str] = ()
     trial_column: str | None = None
     phase_column: str | None = None
+    sampling_rate: float | None = None
+    decimal: str | None = None
 
 
 NO_CHOICE = ColumnChoice()
 
 
-def select_columns(names: Sequence[str], where: str, choice: ColumnChoice) -> Selection:
+def select_columns(names: Sequence[str], where: str, choice: ColumnChoice, units: Sequence[str] = ()) -> Selection:
     """Chooses what to read of a table.
 
     Args:
         names: names of all columns.
         where: name of the file, for messages.
         choice: what the user says about them.
+        units: see `skill.recordings.columns.choose_columns`.
 
     Raises:
         ValueError: if columns are missing, ambiguous or there twice. The message names the file.
     """
     selection = Selection(
-        choose_columns(names, choice.columns, where),
+        choose_columns(names, choice.columns, where, units),
         label_column(names, choice.trial_column, TRIAL_COLUMNS, where),
         label_column(names, choice.phase_column, PHASE_COLUMNS, where),
         guessed=choice.trial_column is None,
@@ -154,6 +168,9 @@ def table_recordings(
     rows = np.flatnonzero(kept)
     stamps, values = stamps[kept], values[kept]
     names, values = with_rotation_vector(channels, values, where, lambda row: row_name(int(rows[row])))
+    epoch = None if time.stated else _epoch_unit(stamps)
+    if epoch is not None:
+        stamps, time = stamps * epoch, replace(time, size=epoch, stated=True)
     recordings = []
     for label, of in _trials(trials, len(stamps)):
         recordings.append(
@@ -250,11 +267,25 @@ def _trial_word(column: str | None) -> str:
     return word if word in TRIAL_COLUMNS else "trial"
 
 
+def _epoch_unit(stamps: Array) -> float | None:
+    """The size of the unit of time stamps that count from 1970, s; None for others."""
+    interval = float(np.median(np.abs(np.diff(stamps)))) if len(stamps) > 1 else 0.0
+    for size in UNITS["time"].values():
+        since_epoch = EPOCH[0] <= stamps.min() * size and stamps.max() * size <= EPOCH[1]
+        if since_epoch and interval > 0 and RATES[0] <= 1 / (interval * size) <= RATES[1]:
+            return size
+    return None
+
+
 def _check_rate(recording: Recording, time: Column) -> None:
-    """Refuses a time in an unknown unit that cannot be seconds."""
-    low, high = RATES
-    if not time.stated and not low <= recording.rate <= high:
-        raise ValueError(
-            f"{recording.name}: a sample every {1 / recording.rate:.3g} s if column '{time.name}' is in seconds;"
-            f" say its unit, e.g. time={time.name}:ms, or time={time.name}:s if it is so"
-        )
+    """Refuses a time in an unknown unit that is not clearly in seconds."""
+    rates = {unit: recording.rate / UNITS["time"][unit] for unit in ("s", "ms", "us", "ns")}
+    plausible = {unit: rate for unit, rate in rates.items() if RATES[0] <= rate <= RATES[1]}
+    sure = recording.duration <= SURE_DURATION or len(plausible) == 1
+    if time.stated or ("s" in plausible and rates["s"] > 0.99 * SURE_RATE and sure):
+        return
+    readings = " or ".join(
+        f"{rate:.6g} Hz with --columns {shlex.quote(f'time={time.name}:{unit}')}"
+        for unit, rate in ({"s": rates["s"]} | plausible).items()
+    )
+    raise ValueError(f"{recording.name}: column '{time.name}' does not say its unit: {readings}; say which")

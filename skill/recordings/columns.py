@@ -3,7 +3,7 @@
 ==============  =====  ==============================================================================
 channel         unit   other names that are recognised
 ==============  =====  ==============================================================================
-time            s      t, timestamp, time_stamp, stamp, elapsed_time
+time            s      t, timestamp, time_stamp, stamp, elapsed_time, x_value
 fx fy fz        N      f_x, force_x, forcex
 mx my mz        N m    m_x, moment_x, momentx, torque_x, torquex, tau_x, taux; tx (see below)
 px py pz        m      p_x, pos_x, position_x, positionx
@@ -14,7 +14,8 @@ depth           m      insertion_depth
 
 Upper and lower case are the same, and so are ``_``, ``.``, ``/``, ``-`` and a space; what stands before ``wrench`` or
 ``pose`` does not count (``/ft/wrench/force/x``). A unit may follow: ``Fx [N]``, ``fx (mN)``, ``mz_nmm``, ``time_ms``.
-A column without a unit is in SI units. The standard name goes before the others.
+A column without a unit is in SI units. The standard name goes before the others. Where columns of a text have the same
+name, the number of the column stands before it, as in ``5:fx``.
 
 ``tx ty tz`` are torques in some files and translations in others. With a unit they are what the unit says. Without one
 they are torques if the file has forces and neither other moments nor an orientation; beside other moments they are not
@@ -24,6 +25,7 @@ read; beside an orientation the user must say what they are.
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -60,12 +62,13 @@ _TRANSLATION_OR_TORQUE = {"tx": ("px", "mx"), "ty": ("py", "my"), "tz": ("pz", "
 _NAMES = {
     **{stem + axis: kind + axis for kind, stems in _STEMS.items() for stem in stems for axis in "xyz"},
     **{stem + "w": "qw" for stem in _STEMS["q"]},
-    **dict.fromkeys(("time", "t", "timestamp", "time_stamp", "stamp", "elapsed_time"), "time"),
+    **dict.fromkeys(("time", "t", "timestamp", "time_stamp", "stamp", "elapsed_time", "x_value"), "time"),
     **dict.fromkeys(("depth", "insertion_depth"), "depth"),
 }
 _PREFIX = re.compile(r"^(?:.*[/.])?(?:wrench|pose)[/._](?:pose[/._])?")
 _BRACKET = re.compile(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*")
 _SUFFIX = re.compile(r"(.+?)[_ ]+((?:n|mn)[_ ]m{1,2}|[^_ ]+)\s*", re.IGNORECASE)
+_NUMBERED = re.compile(r"^\d+:")
 _MAX_NAME = 200  # longer names are not searched
 _NO_UNIT = ("", "1", "-")
 
@@ -87,27 +90,32 @@ class Column:
     stated: bool = False
 
 
-def choose_columns(names: Sequence[str], choices: Iterable[str], where: str) -> tuple[Column, ...]:
+def choose_columns(
+    names: Sequence[str], choices: Iterable[str], where: str, units: Sequence[str] = ()
+) -> tuple[Column, ...]:
     """Returns the columns to read: first the time, then the channels in the order of ``STANDARD``, then other ones.
 
     Args:
         names: names of all columns of the file.
         choices: texts "channel=column" or "channel=column:unit" of the user; they go before names that are recognised.
         where: name of the file, for messages.
+        units: the unit of each column where the file says it beside the names, "" for none; as if it were in the name.
 
     Raises:
         ValueError: if a choice does not fit the file, a unit does not fit its channel, two columns are the same
             channel, or there is no time, no force or only a part of a force, moment or quaternion. Of a group that
             the user names, such as ``fz=load``, a part is enough; so it is without forces if the user names a channel.
     """
-    chosen = _choices(names, choices, where)
+    beside = {name: unit for name, unit in zip(names, units, strict=False) if unit not in _NO_UNIT}
+    chosen = _choices(names, choices, where, beside)
     taken = {column.name for column in chosen.values()}
     found: dict[str, list[Column]] = {}
     for name in names:
-        column = None if name in taken or len(name) > _MAX_NAME else _recognised(name, chosen, names, where)
+        long = name in taken or len(name) > _MAX_NAME
+        column = None if long else _recognised(name, beside.get(name, ""), chosen, names, where)
         if column is not None and column.channel not in chosen:
             found.setdefault(column.channel, []).append(column)
-    columns = {**{channel: _only(same, where) for channel, same in found.items()}, **chosen}
+    columns = {**_only(found, where), **chosen}
     _settle_translations(columns, where)
     _check_complete(columns, chosen, names, where)
     order = [*(c for c in STANDARD if c in columns), *(c for c in columns if c not in STANDARD)]
@@ -133,9 +141,12 @@ def label_column(names: Sequence[str], chosen: str | None, usual: Sequence[str],
         if chosen not in names:
             raise ValueError(f"{where}: no column '{chosen}'; columns are {listed(names)}")
         return chosen
-    found = [name for name in names if name.strip().lower() in usual]
+    found = [name for name in names if _NUMBERED.sub("", name.strip().lower()) in usual]
     if len(found) > 1:
-        raise ValueError(f"{where}: columns {listed(found)} could all be the {usual[0]}; say which one")
+        raise ValueError(
+            f"{where}: columns {listed(found)} could all be the {usual[0]}; say which one, e.g."
+            f" --{usual[0]}-column {shlex.quote(found[0])}"
+        )
     return found[0] if found else None
 
 
@@ -145,13 +156,16 @@ def listed(names: Sequence[str]) -> str:
     return f"{[str(name)[:60] for name in names[:30]]}{more}"
 
 
-def _choices(names: Sequence[str], choices: Iterable[str], where: str) -> dict[str, Column]:
+def _choices(names: Sequence[str], choices: Iterable[str], where: str, beside: dict[str, str]) -> dict[str, Column]:
     """The columns that the user names, by channel."""
     columns: dict[str, Column] = {}
     for text in choices:
         channel, equals, rest = (part.strip() for part in text.partition("="))
         if not (channel and equals and rest):
-            raise ValueError(f"{where}: '{text}', expected CHANNEL=COLUMN or CHANNEL=COLUMN:UNIT, such as fx=force_1:N")
+            raise ValueError(
+                f"{where}: '{text}', expected CHANNEL=COLUMN or CHANNEL=COLUMN:UNIT, such as fx=force_1:N; the columns"
+                f" have names already, {listed(names)}"
+            )
         channel = channel.lower() if channel.lower() in STANDARD else channel
         if channel in columns:
             raise ValueError(
@@ -159,52 +173,65 @@ def _choices(names: Sequence[str], choices: Iterable[str], where: str) -> dict[s
             )
         column, colon, unit = (part.strip() for part in rest.rpartition(":"))
         if rest in names:
-            columns[channel] = _with_own_unit(channel, rest, where)
+            columns[channel] = _with_own_unit(channel, rest, beside.get(rest, ""), where)
         elif colon and column in names:
             columns[channel] = Column(channel, column, _size(unit, channel, f"{where}: '{text}'"), stated=True)
         else:
             missing = column if colon and is_unit(unit) else rest
-            raise ValueError(f"{where}: no column '{missing}'; columns are {listed(names)}")
+            same = next((name for name in names if _NUMBERED.sub("", name) == missing), None)
+            remedy = f"; say which one, e.g. {shlex.quote(f'{channel}={same}')}" if same else ""
+            raise ValueError(f"{where}: no column '{missing}'; columns are {listed(names)}{remedy}")
     return columns
 
 
-def _with_own_unit(channel: str, name: str, where: str) -> Column:
-    """A column without a unit of the user: in the unit of its name, if that fits the channel, else in SI units."""
-    if len(name) > _MAX_NAME:
-        return Column(channel, name)
-    bracket = _BRACKET.fullmatch(name)
-    if bracket and (channel in STANDARD or is_unit(bracket[2])):
-        return Column(channel, name, _size(bracket[2], channel, where, name), stated=True)
-    ending = _SUFFIX.fullmatch(name)
-    if ending and channel in _QUANTITIES and is_unit(ending[2], _QUANTITIES[channel]):
-        return Column(channel, name, unit_size(ending[2]), stated=True)
+def _with_own_unit(channel: str, name: str, beside: str, where: str) -> Column:
+    """A column whose unit the user does not say: in that of its name, if it fits the channel, else in SI units."""
+    _, unit, certain = _parts(name, beside, where)
+    known = is_unit(unit, _QUANTITIES.get(channel)) if channel in _QUANTITIES else certain and is_unit(unit)
+    if known or (certain and unit and channel in STANDARD):
+        return Column(channel, name, _size(unit, channel, where, name), stated=True)
     return Column(channel, name)
 
 
-def _recognised(name: str, chosen: dict[str, Column], names: Sequence[str], where: str) -> Column | None:
+def _recognised(name: str, beside: str, chosen: dict[str, Column], names: Sequence[str], where: str) -> Column | None:
     """The channel that a column is by its name, or None."""
-    channel = _NAMES.get(_plain(name))
-    if channel is not None:
+    stem, unit, certain = _parts(name, beside, where)
+    channel = _NAMES.get(_plain(stem))
+    if channel is None or (unit and channel in chosen):
+        return None
+    if not unit:
         # rostopic writes the time "%time" in nanoseconds, beside the columns "field.…".
         nanoseconds = name.startswith("%time") and any(n.startswith("field.") for n in names)
         return Column(channel, name, 1e-9 if nanoseconds else 1.0, stated=nanoseconds)
-    bracket = _BRACKET.fullmatch(name)
-    ending = bracket or _SUFFIX.fullmatch(name)
-    channel = _NAMES.get(_plain(ending[1])) if ending else None
-    if ending is None or channel is None or channel in chosen:
-        return None
-    unit = ending[2]
     if channel in _TRANSLATION_OR_TORQUE:
         position, moment = _TRANSLATION_OR_TORQUE[channel]
         channel = position if is_unit(unit, "length") else moment
-    if not bracket and not is_unit(unit, _QUANTITIES.get(channel)):
+    if not certain and not is_unit(unit, _QUANTITIES.get(channel)):
         return None  # the last word of a longer name
     return Column(channel, name, _size(unit, channel, where, name), stated=True)
 
 
+def _parts(name: str, beside: str, where: str) -> tuple[str, str, bool]:
+    """A name without its unit, its unit or that beside it, and whether this can be nothing but a unit."""
+    if len(name) > _MAX_NAME:
+        return name, beside, True
+    bracket = _BRACKET.fullmatch(name)
+    ending = None if _plain(name) in _NAMES else bracket or _SUFFIX.fullmatch(name)
+    if ending is None:
+        return name, beside, True
+    if not beside:
+        return ending[1], ending[2], bracket is not None
+    if bracket is None and not is_unit(ending[2]):
+        return name, beside, True
+    if not is_unit(ending[2]) or not is_unit(beside) or unit_size(ending[2]) != unit_size(beside):
+        raise ValueError(f"{where}: column '{name}' has the unit '{beside}' beside its name, expected '{ending[2]}'")
+    return ending[1], ending[2], True
+
+
 def _plain(name: str) -> str:
     """A name in lower case, without what stands before "wrench" or "pose", its parts joined by underscores."""
-    text = _PREFIX.sub("", name.strip().lower().lstrip("%_/ ").removeprefix("field."))
+    text = _NUMBERED.sub("", name.strip()).lower().lstrip("%_/ ").removeprefix("field.")
+    text = _PREFIX.sub("", text)
     return re.sub(r"[/.\s_-]+", "_", text)
 
 
@@ -217,21 +244,26 @@ def _size(unit: str, channel: str, where: str, name: str = "") -> float:
     try:
         return unit_size(unit, _QUANTITIES.get(channel))
     except ValueError as error:
-        remedy = f"; say the unit, e.g. {channel}={name}:{si_symbol(_QUANTITIES.get(channel))}" if name else ""
+        choice = shlex.quote(f"{channel}={name}:{si_symbol(_QUANTITIES.get(channel))}")
+        remedy = f"; say the unit, e.g. {choice}" if name else ""
         raise ValueError(f"{where}: {f'column {name!r}: ' if name else ''}{error}{remedy}") from None
 
 
-def _only(same: list[Column], where: str) -> Column:
-    """The column of a channel: the one with its standard name, or the only one."""
-    if len(same) == 1:
-        return same[0]
-    standard = [column for column in same if column.name.strip().lower() == column.channel]
-    if len(standard) == 1:
-        return standard[0]
-    channel, names = same[0].channel, [column.name for column in same]
-    raise ValueError(
-        f"{where}: columns {listed(names)} could all be {channel}; say which one, e.g. {channel}={names[0]}"
-    )
+def _only(found: dict[str, list[Column]], where: str) -> dict[str, Column]:
+    """The column of each channel: the one with its standard name, or the only one."""
+    columns: dict[str, Column] = {}
+    unclear: dict[str, list[str]] = {}
+    for channel, same in found.items():
+        standard = [column for column in same if column.name.strip().lower() == column.channel]
+        if len(same) == 1 or len(standard) == 1:
+            columns[channel] = (standard or same)[0]
+        else:
+            unclear[channel] = [column.name for column in same]
+    if unclear:
+        could = ", ".join(f"columns {listed(names)} could all be {channel}" for channel, names in unclear.items())
+        choices = " ".join(f"--columns {shlex.quote(f'{channel}={names[0]}')}" for channel, names in unclear.items())
+        raise ValueError(f"{where}: {could}; say which, e.g. {choices}")
+    return columns
 
 
 def _settle_translations(columns: dict[str, Column], where: str) -> None:
@@ -243,7 +275,7 @@ def _settle_translations(columns: dict[str, Column], where: str) -> None:
         name = next(iter(open_names.values())).name
         raise ValueError(
             f"{where}: columns {listed([c.name for c in open_names.values()])} could be moments or positions;"
-            f" say which, e.g. mx={name}:Nm or px={name}:m"
+            f" say which, e.g. {shlex.quote(f'mx={name}:Nm')} or {shlex.quote(f'px={name}:m')}"
         )
     for channel, column in open_names.items():
         moment = _TRANSLATION_OR_TORQUE[channel][1]

@@ -1,253 +1,245 @@
-"""Reads recordings from CSV files: text with commas, semicolons or tabs, a line of column names, and numbers."""
+"""Reads recordings from texts: columns of numbers with commas, semicolons, tabs or spaces between them."""
 
 from __future__ import annotations
 
+import codecs
 import csv
 import re
 import stat
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from array import array
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import TextIO, cast
+from typing import Any, TextIO
 
 import numpy as np
 import pandas as pd
 
+from skill.arrays import Array
 from skill.data.files import one_line
-from skill.recordings.column_table import (
-    NO_CHOICE,
-    ColumnChoice,
-    Selection,
-    check_length,
-    select_columns,
-    table_recordings,
-)
-from skill.recordings.columns import FORCES, MOMENTS, listed
+from skill.recordings.column_table import NO_CHOICE, ColumnChoice, check_length, table_recordings
 from skill.recordings.recording import Recording
+from skill.recordings.text_layout import MAX_HEAD, ROWS, Layout, divided, find_layout, is_comment, split
+from skill.recordings.text_numbers import DECIMALS, is_number, numbers
 
 MAX_BYTES = 1_000_000_000
 """Largest size of a file; 3.6 million samples of eight columns with 16 characters each have 0.6 GB."""
 
-MAX_LINE = 1_000_000
+MAX_LINE = 100_000
 """Largest number of bytes of a line."""
 
-SEPARATORS = (",", ";", "\t")
-DATE = re.compile(r"\d{4}-\d\d?-\d\d?")
-"""How a date begins."""
+CHUNK = 20_000
+"""Number of rows that are converted at a time."""
 
-NO_VALUES = ("", "nan", "NaN", "NAN", "NA", "null")
-"""Texts that say that there is no value."""
+DATE = re.compile(r"\d{1,4}[-./]\d\d?[-./]\d{1,4}|\d\d?:\d\d")
+"""How a date or a time of day begins."""
 
+_BREAKS = re.compile(r"\s*[\r\n]\s*")
 
-@dataclass(frozen=True)
-class _Layout:
-    """How the text of a file is divided: its column names, separator, decimal sign and lines before the numbers."""
+NO_LABELS = ("", "nan", "NaN", "NAN", "NA", "null")
+"""Texts that say that a row has no trial or phase."""
 
-    names: list[str]
-    separator: str
-    decimal: str
-    skipped: int
-
-
-class _Headed:
-    """A text with a line before it."""
-
-    def __init__(self, header: str, stream: TextIO) -> None:
-        self._header = f"{header}\n"
-        self._stream = stream
-
-    def read(self, size: int = -1) -> str:
-        """The next characters; the header alone comes first."""
-        header, self._header = self._header, ""
-        return header or self._stream.read(size)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._stream)
-
-
-def read_bare_file(path: Path, input_rate: float) -> list[Recording]:
-    """Reads a text of numbers without names and time, as `numpy.savetxt` writes it: fx fy fz, or fx fy fz mx my mz.
-
-    The units are N and N m, and ``input_rate`` is that of the rows, Hz. The numbers are divided by blanks, commas,
-    semicolons or tabs.
-    """
-    try:
-        _check_text(path)
-        table = pd.read_csv(path, header=None, comment="#", sep=r"[\s,;]+", engine="python", dtype=float)
-    except FileNotFoundError:
-        raise ValueError(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{path}: not a text of numbers alone, as --input-rate expects ({one_line(error)})") from error
-    table = table.dropna(axis="columns", how="all")  # of blanks at the begin or the end of the lines
-    if table.shape[1] not in (3, 6):
-        raise ValueError(f"{path}: {table.shape[1]} columns, expected 3 (fx fy fz) or 6 (fx fy fz mx my mz)")
-    names = [*FORCES, *MOMENTS][: table.shape[1]]
-    table = table.set_axis(names, axis="columns").assign(time=np.arange(len(table)) / input_rate)
-    selection = select_columns([*names, "time"], str(path), ColumnChoice(["time=time:s"]))
-    return table_recordings(table, selection, str(path), path.name)
+MARKS = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF32_LE: "utf-32",  # begins as the next one
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+    codecs.BOM_UTF32_BE: "utf-32",
+}
+"""Byte order marks and what they stand for; without one, a text is UTF-8."""
 
 
 def read_csv_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Recording]:
-    """Reads the recordings of a CSV file.
+    """Reads the recordings of a text.
 
-    The first line that is neither empty nor a comment (``#``) names the columns; if it has numbers only, the last
-    comment before it does. The separator is the one of comma, semicolon and tab that occurs most often in it. With a
-    semicolon or tab, numbers may have a decimal comma, all or none. Only the columns that are used must be numbers.
-    The text is UTF-8, with or without a byte order mark. An error names the file and, where there is one, the line.
+    `skill.recordings.text_layout` says how the columns are found. Lines that begin with ``#`` are comments, quotes are
+    those of CSV. Every other line below the names is a row; all have the same number of fields, apart from texts at the
+    end. Only the columns that are used must be numbers, as `skill.recordings.text_numbers` describes. Whether commas
+    or points are decimal signs follows from all numbers of the file. An error names the file and the line.
     """
+    where = str(path)
     try:
-        _check_text(path)
-        layout, rows = _layout(path)
-        selection = select_columns(layout.names, str(path), choice)
-        layout = replace(layout, decimal=_decimal(rows, layout, selection.numbers))
-        table = _table(path, layout, selection)
+        encoding = _check_text(path)
+        with path.open(encoding=encoding, newline="") as stream:
+            layout = find_layout(list(islice(stream, MAX_HEAD)), where, choice)
+        with path.open(encoding=encoding, newline="") as stream:
+            table, lines = _Rows(layout, where, choice.decimal).read(stream)
     except FileNotFoundError:
         raise ValueError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not a text in UTF-8 ({one_line(error)})") from error
+    except (OSError, UnicodeError) as error:
+        raise ValueError(f"{path}: not a text in UTF-8 ({one_line(error)}); convert it to UTF-8") from error
+    except csv.Error as error:
+        raise ValueError(f"{path}: damaged text ({one_line(error)})") from error
+    if choice.sampling_rate is not None:
+        trial = layout.selection.trial
+        count = np.arange(len(table)) if trial is None else table.groupby(trial, dropna=False).cumcount().to_numpy()
+        table[ROWS] = count / choice.sampling_rate
+    return table_recordings(table, layout.selection, where, path.name, row_name=lambda row: f"line {lines[row]}")
 
-    def row_name(row: int) -> str:
-        number = next((number for number, _ in islice(_lines(path, layout), row, None)), None)
-        return f"row {row} of the data" if number is None else f"line {number}"  # None: a text of several lines
 
-    return table_recordings(table, selection, str(path), path.name, row_name=row_name)
-
-
-def _check_text(path: Path) -> None:
-    """Refuses a file that is not regular, too large, has too many lines, or NUL bytes or lines without end."""
+def _check_text(path: Path) -> str:
+    """Refuses a file that is not regular, too large, or has NUL bytes or lines without end; returns its encoding."""
     status = path.stat()
     if not stat.S_ISREG(status.st_mode):
         raise ValueError(f"{path}: expected a file")
     if status.st_size > MAX_BYTES:
         raise ValueError(f"{path}: {status.st_size / 1e6:.0f} MB, expected at most {MAX_BYTES / 1e6:.0f} MB")
-    lines = 0
     with path.open("rb") as stream:
+        begin = stream.read(4)
+        encoding = next((name for mark, name in MARKS.items() if begin.startswith(mark)), "utf-8")
+        stream.seek(0)
         while block := stream.read(MAX_LINE):
-            if b"\0" in block:
-                raise ValueError(f"{path}: NUL bytes, expected a text in UTF-8 (not UTF-16)")
-            if len(block) == MAX_LINE and b"\n" not in block:
+            if b"\0" in block and encoding.startswith("utf-8"):
+                raise ValueError(f"{path}: NUL bytes, expected a text in UTF-8, or in UTF-16 with a byte order mark")
+            if len(block) == MAX_LINE and b"\n" not in block and b"\r" not in block:
                 raise ValueError(f"{path}: a line of more than {MAX_LINE} characters")
-            lines += block.count(b"\n")
-    check_length(lines - 1000, str(path))  # some lines may be comments
+    return encoding
 
 
-def _layout(path: Path) -> tuple[_Layout, list[str]]:
-    """Finds the line of column names and the separator; returns the first rows too."""
-    comment, skipped = "", 0
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        for number, line in enumerate(stream, start=1):
-            text = line.strip("\r\n ")
-            if text.startswith("#"):
-                comment, skipped = text.lstrip("# "), number
-            elif text:
-                break
-        else:
-            raise ValueError(f"{path}: no line of column names; the file has no data")
-        rows = [line.partition("#")[0] for line in islice(stream, 100)]
-    header = text.partition("#")[0]
-    separator = max(SEPARATORS, key=header.count)
-    if separator not in header:
-        hint = "; for numbers without names and time, say the rate of their rows with --input-rate HZ"
-        bare = all(_is_number(field, ".") for field in header.split())
-        raise ValueError(
-            f"{path}: line {number} is '{header[:60]}', expected commas, semicolons or tabs in it{hint if bare else ''}"
-        )
-    names = _fields(header, separator, f"{path}: line {number}")
-    if not all(_is_number(name, ".") or _is_number(name, ",") for name in names):
-        skipped = number
-    else:
-        values, names = names, _fields(comment, separator, f"{path}: line {skipped}")
-        if len(names) != len(values):
+class _Rows:
+    """The rows of a text, converted piece by piece, with each decimal sign as long as all numbers fit it."""
+
+    def __init__(self, layout: Layout, where: str, decimal: str | None) -> None:
+        self._layout = layout
+        self._where = where
+        self._columns: dict[str, list[list[Array]]] = {
+            sign: [[] for _ in layout.numbers] for sign in DECIMALS if decimal in (None, sign)
+        }
+        self._failures: list[tuple[int, str, str, str]] = []  # line, text, name of the column, decimal sign
+        self._labels: list[list[str | float]] = [[] for _ in layout.labels]
+        self._known: dict[str, str | float] = dict.fromkeys(NO_LABELS, np.nan)
+        self._lines = array("q")
+        self._first = self._width = -1  # number of fields of the first row, with and without texts at its end
+
+    def read(self, stream: TextIO) -> tuple[pd.DataFrame, Sequence[int]]:
+        """The table of the columns that are read, and the line in which each row begins."""
+        rows: list[list[str]] = []
+        for number, row in _records(stream, self._layout, self._where):
+            if len(row) != self._width:
+                if len(row) < 2 and not any(map(str.strip, row)):
+                    continue  # an empty line
+                self._check_width(number, row)
+            self._lines.append(number)
+            rows.append(row)
+            if len(rows) == CHUNK:
+                self._convert(rows)
+                rows.clear()
+        if rows:
+            self._convert(rows)
+        table: dict[str, Any] = dict(zip(self._layout.numbers, self._numbers(), strict=True))
+        for name, found in zip(self._layout.labels, self._labels, strict=True):
+            table[name] = found if name == self._layout.selection.trial else _label_numbers(found)
+        return pd.DataFrame(table), self._lines
+
+    def _check_width(self, number: int, row: list[str]) -> None:
+        """Refuses a row with another number of fields than the first one, apart from texts at its end."""
+        layout = self._layout
+        last = max((*layout.numbers.values(), *layout.labels.values()))
+        if self._first < 0:
+            self._first = self._width = min(len(row), len(layout.names))
+            while self._width > last + 1 and (text := row[self._width - 1].strip()) and not is_number(text):
+                self._width -= 1
+        if len(row) < self._width or last >= len(row) or any(map(str.strip, row[len(layout.names) :])):
+            expected = self._first if last < len(row) < self._first else len(layout.names)
+            raise ValueError(f"{self._where}: line {number} has {len(row)} fields, expected {expected}")
+
+    def _convert(self, rows: Sequence[list[str]]) -> None:
+        """Converts some rows with each decimal sign that has fitted so far."""
+        check_length(len(self._lines), self._where)
+        names = list(self._layout.numbers)
+        texts = [[row[k] for row in rows] for k in self._layout.numbers.values()]
+        for sign in list(self._columns):
+            found = [numbers(column, sign) for column in texts]
+            failures = [(row, k) for k, row in enumerate(found) if isinstance(row, int)]
+            if failures:
+                row, k = min(failures)
+                line = self._lines[len(self._lines) - len(rows) + row]
+                self._failures.append((line, texts[k][row].strip(), names[k], sign))
+                del self._columns[sign]
+            else:
+                for pieces, piece in zip(self._columns[sign], found, strict=True):
+                    pieces.append(np.asarray(piece))
+        if not self._columns:
+            raise ValueError(f"{self._where}: {self._failure()}")
+        for k, labels in zip(self._layout.labels.values(), self._labels, strict=True):
+            labels.extend(
+                self._known.setdefault(label, label) for label in (_BREAKS.sub(" ", row[k].strip()) for row in rows)
+            )
+
+    def _failure(self) -> str:
+        """Which text is no number, with the decimal sign that fitted for longer."""
+        line, text, name, sign = max(self._failures, key=lambda failure: failure[0])
+        other = next(((n, t) for n, t, *_ in self._failures if t != text and is_number(t)), None)
+        expected = f"line {line}: '{_BREAKS.sub(' ', text)[:60]}' in column '{name}', expected a number"
+        if DATE.match(text):
+            return f"{expected}; convert dates to seconds first"
+        if not is_number(text):
+            return expected
+        return f"{expected} with a decimal {DECIMALS[sign]}{f', as {other[1]!r} in line {other[0]}' if other else ''}"
+
+    def _numbers(self) -> list[Array]:
+        """The columns of numbers; refuses those that could be read in two ways."""
+        columns = [
+            [np.concatenate(pieces) if pieces else np.empty(0) for pieces in found] for found in self._columns.values()
+        ]
+        for name, point, comma in zip(self._layout.numbers, columns[0], columns[-1], strict=True):
+            bad = np.flatnonzero((point != comma) & ~np.isnan(point))
+            if bad.size:
+                row = bad[0]
+                raise ValueError(
+                    f"{self._where}: line {self._lines[row]}: column '{name}' is {point[row]:.9g} with decimal points,"
+                    f" {comma[row]:.9g} with decimal commas; say which, with --decimal . or --decimal ,"
+                )
+        return columns[0]
+
+
+def _records(stream: Iterable[str], layout: Layout, where: str) -> Iterator[tuple[int, list[str]]]:
+    """The line in which each record begins, and its fields; refuses a record that swallows rows."""
+    begin, inside = layout.start, False
+
+    def feed() -> Iterator[str]:
+        nonlocal begin, inside
+        for number, line in enumerate(islice(stream, layout.start, None), start=layout.start + 1):
+            if inside:
+                if layout.is_row(split(line, layout.separator)):
+                    raise ValueError(
+                        f"{where}: line {number} looks like data, but is inside a text in quotes that begins in line"
+                        f" {begin}"
+                    )
+            elif "#" in line and is_comment(line) and not _is_row(line, number):
+                continue
+            else:
+                begin, inside = number, True
+            yield line
+
+    def _is_row(line: str, number: int) -> bool:
+        """Whether a line is a row in spite of its "#", as in "#N/A"."""
+        fields = split(line, layout.separator)
+        if not layout.is_row(fields):
+            return False
+        if 0 not in layout.numbers.values():
             raise ValueError(
-                f"{path}: line {number} has numbers {listed(values)}, expected the names of the columns; for a wrench"
-                " without names and time, say the rate of its rows with --input-rate HZ"
+                f"{where}: line {number} looks like data, but is a comment; put '{fields[0][:60]}' in double quotes, or"
+                " remove the line"
             )
-        rows.append(header)
-    return _Layout(names, separator, ".", skipped), rows
+        return True
+
+    rows = divided(feed(), layout.separator, strict=True)
+    while True:
+        inside = False
+        try:
+            row = next(rows)
+        except StopIteration:
+            return
+        except csv.Error as error:
+            raise ValueError(f"{where}: line {begin}: damaged text ({error})") from error
+        yield begin, row
 
 
-def _decimal(rows: Sequence[str], layout: _Layout, numbers: set[str]) -> str:
-    """The decimal sign: a comma if the columns of numbers have commas and no full stops."""
-    if layout.separator == ",":
-        return "."
-    fields = [
-        field
-        for row in csv.reader(rows, delimiter=layout.separator)
-        for name, field in zip(layout.names, row, strict=False)
-        if name in numbers
-    ]
-    return "," if any("," in field for field in fields) and not any("." in field for field in fields) else "."
-
-
-def _fields(header: str, separator: str, where: str) -> list[str]:
-    """The names in a line."""
+def _label_numbers(labels: list[str | float]) -> pd.Series:
+    """Labels as numbers, if all of them are."""
+    texts, names = pd.Series(labels), pd.Series(list(set(labels)))
     try:
-        return [field.strip() for row in csv.reader([header], delimiter=separator, strict=True) for field in row]
-    except csv.Error as error:
-        raise ValueError(f"{where}: damaged column names ({error})") from error
-
-
-def _table(path: Path, layout: _Layout, selection: Selection) -> pd.DataFrame:
-    """The columns of the selection; a text where a number should be is an error that names the line."""
-    numbers = selection.numbers
-    width = len(layout.names)  # one more column is read, for what a line has too much
-    kinds: dict[str, type] = {str(k): float for k, name in enumerate(layout.names) if name in numbers}
-    kinds |= {str(k): str for k, name in enumerate(layout.names) if name == selection.trial}  # "01" is not "1"
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            for _ in range(layout.skipped):
-                stream.readline()
-            table: pd.DataFrame = pd.read_csv(
-                cast("TextIO", _Headed(layout.separator.join(map(str, range(width + 1))), stream)),
-                sep=layout.separator,
-                decimal=layout.decimal,
-                index_col=False,
-                usecols=[str(k) for k in (*(layout.names.index(name) for name in selection.names), width)],
-                dtype={**kinds, str(width): str},
-                comment="#",
-                skipinitialspace=True,
-                keep_default_na=False,
-                na_values=list(NO_VALUES),
-            )
-    except UnicodeDecodeError:
-        raise
-    except (ValueError, OverflowError) as error:
-        raise ValueError(f"{path}: {_fault(path, layout, numbers) or one_line(error)}") from error
-    if table.pop(str(width)).notna().any():
-        raise ValueError(f"{path}: {_fault(path, layout, numbers) or 'a line has too many fields'}")
-    return table.rename(columns={str(k): name for k, name in enumerate(layout.names)})
-
-
-def _fault(path: Path, layout: _Layout, numbers: set[str]) -> str:
-    """Where a text stands in a column of numbers, or where a line has too many fields; empty if nowhere."""
-    try:
-        for number, row in _lines(path, layout):
-            if any(field.strip() not in NO_VALUES for field in row[len(layout.names) :]):
-                return f"line {number} has {len(row)} fields, expected {len(layout.names)}"
-            for name, field in zip(layout.names, row, strict=False):
-                text = field.strip()
-                if name in numbers and text not in NO_VALUES and not _is_number(text, layout.decimal):
-                    hint = "; convert dates to seconds first" if DATE.match(text) else ""
-                    return f"line {number}: '{text[:60]}' in column '{name}', expected a number{hint}"
-    except csv.Error as error:
-        return f"damaged text ({error})"
-    return ""
-
-
-def _lines(path: Path, layout: _Layout) -> Iterator[tuple[int, list[str]]]:
-    """The number and the fields of each line with data."""
-    blanks = " \r\n" if layout.separator == "\t" else " \t\r\n"
-    with path.open(encoding="utf-8-sig", newline="") as stream:
-        for number, line in enumerate(stream, start=1):
-            if number > layout.skipped and not line.startswith("#") and line.strip(blanks):
-                text = line.partition("#")[0].rstrip("\r\n")
-                yield number, next(csv.reader([text], delimiter=layout.separator, skipinitialspace=True), [])
-
-
-def _is_number(text: str, decimal: str) -> bool:
-    try:
-        float(text.replace(decimal, "."))
+        return texts.map(dict(zip(names, pd.to_numeric(names), strict=True)))
     except ValueError:
-        return False
-    return "_" not in text and (decimal == "." or "." not in text)
+        return texts

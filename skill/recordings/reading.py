@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from skill.recordings.column_table import ColumnChoice
-from skill.recordings.csv_file import read_bare_file, read_csv_file
+from skill.recordings.csv_file import read_csv_file
 from skill.recordings.fmb_file import refuse_npy_file
 from skill.recordings.messages.mcap_file import read_mcap_file
 from skill.recordings.messages.sqlite_bag import read_sqlite_bag
 from skill.recordings.npz_file import read_npz_file
 from skill.recordings.recording import Recording
+from skill.recordings.text_numbers import DECIMALS
 
-TABLES = (".csv", ".tsv", ".txt", ".parquet", ".pq", ".npz")
-"""Endings of the names of tables."""
-
-BARE = (".csv", ".tsv", ".txt", ".dat")
-"""Endings of the names of texts that may hold numbers alone."""
+TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".lvm")
+TABLES = (*TEXTS, ".parquet", ".pq", ".npz")
+"""Endings of the names of texts, and of all tables."""
 
 
 def read_recordings(
@@ -29,7 +29,8 @@ def read_recordings(
     phase_column: str | None = None,
     topic: str | None = None,
     feature: str | None = None,
-    input_rate: float | None = None,
+    sampling_rate: float | None = None,
+    decimal: str | None = None,
 ) -> list[Recording]:
     """Reads all recordings of a file or folder.
 
@@ -40,14 +41,17 @@ def read_recordings(
     Args:
         path: file (``.csv .tsv .txt .parquet .pq .npz .mcap .db3 .h5``), or folder of a LeRobot data set or a rosbag2.
         columns: list of texts "channel=column" or "channel=column:unit", such as "fx=ati_force_x:N". Columns with usual
-            names need none. See `skill.recordings.columns`. For messages, "time=log_time" takes the time of logging.
+            names need none. See `skill.recordings.columns`. In a text, a column may be said by its number, from 1, and
+            a text without names gets all of them in one, such as "time,fx,fy,fz". For messages, "time=log_time" takes
+            the time of logging.
         trial_column: column that says to which trial a row of a table belongs; None for one with a usual name, ""
             for none.
         phase_column: column of a table or a data set with the phase of each row; None for one with a usual name,
             "" for none.
         topic: topic of an MCAP file or a rosbag2; None for its only one of the type WrenchStamped.
         feature: feature of a data set of LeRobot; None for the usual one.
-        input_rate: rate of the rows of a text of numbers without names and time, Hz; None for a table with both.
+        sampling_rate: rate of the rows of a text without a time, Hz.
+        decimal: "." or ",", the decimal sign of a text; None where its numbers leave no doubt.
 
     Returns:
         The recordings, at least one, in SI units.
@@ -60,14 +64,13 @@ def read_recordings(
     if isinstance(columns, str):
         raise ValueError(f"{path}: columns '{columns}', expected a list of texts such as fx=force_1:N")
     columns = list(columns)
-    options = {"columns": columns, "trial_column": trial_column, "phase_column": phase_column}
-    options |= {"topic": topic, "feature": feature}
+    options: dict[str, Any] = {"columns": columns, "trial_column": trial_column, "phase_column": phase_column}
+    options |= {"topic": topic, "feature": feature, "sampling_rate": sampling_rate, "decimal": decimal}
+    if sampling_rate is not None and not (math.isfinite(sampling_rate) and sampling_rate > 0):
+        raise ValueError(f"{path}: a sampling rate of {sampling_rate}, expected a positive number of Hz")
+    if decimal not in (None, *DECIMALS):
+        raise ValueError(f"{path}: the decimal sign '{decimal}', expected '.' or ','")
     try:
-        if input_rate is not None:
-            _chosen(path, options, set(), "numbers without names")
-            if path.suffix.lower() not in BARE:
-                raise ValueError(f"{path}: has a time of its own; expected no input rate")
-            return read_bare_file(path, input_rate)
         return _read(path, options)
     except ValueError as error:
         if str(path) in str(error):
@@ -103,7 +106,9 @@ def _read(path: Path, options: Mapping[str, Any]) -> list[Recording]:
     if suffix == ".npy":
         refuse_npy_file(path)
     if suffix in TABLES:
-        choice = ColumnChoice(**_chosen(path, options, {"columns", "trial_column", "phase_column"}, "a table"))
+        text = suffix in TEXTS
+        allowed = {"columns", "trial_column", "phase_column", *(("sampling_rate", "decimal") if text else ())}
+        choice = ColumnChoice(**_chosen(path, options, allowed, "a text" if text else "a table"))
         if suffix in (".parquet", ".pq"):
             from skill.recordings.parquet_file import read_parquet_file  # needs an extra
 

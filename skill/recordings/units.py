@@ -8,9 +8,9 @@ _LBF, _INCH = 4.4482216152605, 0.0254
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9},
-    "force": {"n": 1.0, "mn": 1e-3, "kn": 1e3, "lbf": _LBF, "gf": 9.80665e-3, "kgf": 9.80665},
+    "force": {"n": 1.0, "mn": 1e-3, "kn": 1e3, "lbf": _LBF, "klbf": 1e3 * _LBF, "gf": 9.80665e-3, "kgf": 9.80665},
     "torque": {
-        **{"nm": 1.0, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2},
+        **{"nm": 1.0, "knm": 1e3, "mnm": 1e-3, "nmm": 1e-3, "ncm": 1e-2, "kgfcm": 9.80665e-2},
         **{"lbfin": _LBF * _INCH, "lbfft": _LBF * 12 * _INCH, "ozfin": _LBF * _INCH / 16},
     },
     "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": _INCH},
@@ -21,6 +21,8 @@ UNITS: dict[str, dict[str, float]] = {
 _SYNONYMS = {"µ": "u", "μ": "u", "°": "deg", "·": "", "*": "", "-": "", "_": "", " ": "", ".": ""}
 _WORDS = {
     **{"seconds": "s", "second": "s", "milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"},
+    **{"secs": "s", "msec": "ms", "usec": "us", "nsec": "ns"},
+    **{"newtons": "n", "newtonmeter": "nm", "newtonmeters": "nm"},
     **{"lbin": "lbfin", "inlb": "lbfin", "inlbf": "lbfin", "ozin": "ozfin", "inoz": "ozfin", "inozf": "ozfin"},
     **{"lbft": "lbfft", "ftlb": "lbfft", "ftlbf": "lbfft", "degrees": "deg", "radians": "rad", "newton": "n"},
 }

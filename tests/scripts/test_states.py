@@ -114,8 +114,12 @@ def test_numbers_without_names_and_time_need_the_rate_of_their_rows(tmp_path):
     for k, path in enumerate(paths):
         np.savetxt(path, three_contacts(k, rate=100.0)[list(CHANNELS)])
     line = refused(tmp_path, *paths, "--out", tmp_path / "states.html")
-    assert "say the rate of their rows with --input-rate HZ" in line
-    done = states(*paths, "--input-rate", 100, "--out", tmp_path / "states.html")
+    command, _, remedy = line.partition("e.g. haptic-skill ")[2].partition(f" {paths[0]} ")
+    assert command == "states"
+    assert remedy == "--columns fx,fy,fz,mx,my,mz --sampling-rate 100"
+    done = states(*paths, *remedy.split(), "--out", tmp_path / "states.html")
+    samples = sum(len(three_contacts(k, rate=100.0)) for k in range(2))
+    assert f"read {samples} samples at 100 Hz; a recording lasts " in done.stdout
     assert "3 contact states in 2 recordings" in done.stdout
     assert np.diff(pd.read_csv(tmp_path / "0.states.csv")["time"]).max() == pytest.approx(0.02)
 
@@ -123,7 +127,10 @@ def test_numbers_without_names_and_time_need_the_rate_of_their_rows(tmp_path):
 def test_rates_that_differ_are_mentioned(tmp_path):
     first, second = write_files(tmp_path, 2)
     three_contacts(1, rate=20.0).to_csv(second, index=False)
-    done = states(first, second, "--out", tmp_path / "states.html")
+    line = refused(tmp_path, first, second, "--out", tmp_path / "states.html")
+    assert "20 Hz with --columns time=time:s or 20000 Hz with --columns time=time:ms; say which" in line
+    done = states(first, second, "--columns", "time=time:s", "--out", tmp_path / "states.html")
+    assert re.search(r"read \d+ samples at 20 to 50 Hz; a recording lasts [\d.]+ to [\d.]+ s", done.stdout)
     assert "rates from 20 to 50 Hz; --rate 20 makes them alike" in done.stdout
     assert "gap" not in done.stdout
 

@@ -1,6 +1,7 @@
 """Columns are recognised by names and units, or named by the user; what is unclear is an error with a remedy."""
 
 import re
+import shlex
 
 import pytest
 from hypothesis import given
@@ -84,7 +85,7 @@ def test_the_standard_name_goes_before_others():
 
 
 def test_two_names_that_could_be_the_same_are_refused():
-    message = "snap.csv: columns ['force_x', 'Fx [N]'] could all be fx; say which one, e.g. fx=force_x"
+    message = "snap.csv: columns ['force_x', 'Fx [N]'] could all be fx; say which, e.g. --columns fx=force_x"
     with pytest.raises(ValueError, match=re.escape(message)):
         chosen(["time", "force_x", "Fx [N]", "fy", "fz"])
     assert chosen(["time", "force_x", "Fx [N]", "fy", "fz"], "fx=force_x")["fx"] == ("force_x", 1)
@@ -137,6 +138,36 @@ def test_the_user_names_columns_and_units():
     }
 
 
+def test_several_channels_that_are_unclear_are_one_error():
+    with pytest.raises(
+        ValueError, match=r"could all be fx, columns .* could all be fy; say which, e\.g\. --columns"
+    ) as no:
+        chosen(["time", "force x", "f x", "f_y", "force_y", "fz"])
+    choices = shlex.split(str(no.value).partition("e.g. ")[2])[1::2]
+    assert choices == ["fx=force x", "fy=f_y"]
+    assert chosen(["time", "force x", "f x", "f_y", "force_y", "fz"], *choices)["fx"] == ("force x", 1)
+
+
+def test_the_unit_beside_a_name_is_as_if_it_were_in_it():
+    def sizes(names, units, *choices):
+        return {c.channel: (c.name, c.size, c.stated) for c in choose_columns(names, choices, "snap.csv", units)}
+
+    found = sizes(
+        ["clock", "fx", "fy", "fz", "grip"], ["ms", "mN", "", "-", "mm"], "time=clock", "grip=grip", "fz=fz:kN"
+    )
+    assert found == {
+        "time": ("clock", 1e-3, True),
+        "fx": ("fx", 1e-3, True),
+        "fy": ("fy", 1, False),
+        "fz": ("fz", 1e3, True),
+        "grip": ("grip", 1e-3, True),
+    }
+    assert sizes(FORCE, ["s", "mN", "N", "N"], "fx=fx:kN")["fx"] == ("fx", 1e3, True)  # the user says more
+    for unit, message in (("V", "'V' is no unit of force.*; say the unit, e.g. fx=fx:N"), ("mm", "'mm' is no unit of")):
+        with pytest.raises(ValueError, match=f"column 'fx': {message}"):
+            sizes(FORCE, ["s", unit, "N", "N"])
+
+
 def test_the_unit_of_the_user_goes_before_that_of_the_name():
     assert chosen(["time", "a_mn", "fy", "fz"], "fx=a_mn")["fx"] == ("a_mn", 1e-3)
     assert chosen(["time", "a_mn", "fy", "fz"], "fx=a_mn:N")["fx"] == ("a_mn", 1)
@@ -170,8 +201,8 @@ REFUSED = {
         (["time", "fx", "fy", "fz", "mx [V]"],),
         "snap.csv: column 'mx [V]': 'V' is no unit of torque; expected one of",
     ),
-    "bracket remedy": ((["time", "Fx [V]", "fy", "fz"],), "; say the unit, e.g. fx=Fx [V]:N"),
-    "chosen bracket": ((["time", "a [V]", "fy", "fz"], "fx=a [V]"), "say the unit, e.g. fx=a [V]:N"),
+    "bracket remedy": ((["time", "Fx [V]", "fy", "fz"],), "; say the unit, e.g. 'fx=Fx [V]:N'"),
+    "chosen bracket": ((["time", "a [V]", "fy", "fz"], "fx=a [V]"), "say the unit, e.g. 'fx=a [V]:N'"),
     "mega": ((["time", "Fx [MN]", "fy", "fz"],), "snap.csv: column 'Fx [MN]': 'MN' is no unit of force"),
 }
 

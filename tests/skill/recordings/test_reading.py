@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from skill.recordings.reading import TABLES, read_recordings
+from skill.recordings.reading import TABLES, TEXTS, read_recordings
 from tests.skill.recordings.messages.wrench_messages import cdr, write_db3, write_mcap
 from tests.skill.recordings.test_lerobot_folder import write
 
@@ -33,17 +33,19 @@ def test_tables(tmp_path, suffix):
     assert [r.name for r in found] == [f"snap{suffix}, trial 1", f"snap{suffix}, trial 2"]
     np.testing.assert_array_equal(found[1].values, [[0.003, 1, 2], [0.004, 1, 2], [0.005, 1, 2]])
     assert set(found[0].phases) == {"x"}
-    for option in ("topic", "feature"):
+    text = suffix.lower() in TEXTS
+    for option in ("topic", "feature", *(() if text else ("sampling_rate", "decimal"))):
+        kind = "text" if text else "table"
         with pytest.raises(
-            ValueError, match=rf"snap{suffix}: \['{option}'\] cannot be chosen for a table; expected only"
+            ValueError, match=rf"snap{suffix}: \['{option}'\] cannot be chosen for a {kind}; expected only"
         ):
-            read_recordings(path, **{option: "a"})
-    assert {s.lower() for s in WRITERS} == set(TABLES)
+            read_recordings(path, **{option: {"sampling_rate": 1, "decimal": "."}.get(option, "a")})
+    assert {s.lower() for s in WRITERS} == set(TABLES) - {".dat", ".asc", ".log", ".lvm"}
 
 
 def test_a_defect_names_the_folder_too(tmp_path):
     path = tmp_path / "a.csv"
-    path.write_text("time,fx,fy,fz,trial\n0,1,1,1,a\n0.1,1,1,1,a\n0.1,2,2,2,b\n0,2,2,2,b\n")
+    path.write_text("time,fx,fy,fz,trial\n0,1,1,1,a\n0.01,1,1,1,a\n0.01,2,2,2,b\n0,2,2,2,b\n")
     with pytest.raises(ValueError, match=re.escape(f"{path}, trial b: time 0 s jumps back")):
         read_recordings(path)
     with pytest.raises(ValueError, match=re.escape(f"{path}: ")):  # once
@@ -90,7 +92,9 @@ def test_other_files_are_refused(tmp_path):
     (tmp_path / "bag_0.db3.zstd").touch()
     with pytest.raises(ValueError, match=re.escape(f"{folder}; unpack its files with 'zstd -d' first") + "$"):
         read_recordings(tmp_path)
-    message = "ends in '.xlsx', expected .csv .tsv .txt .parquet .pq .npz .mcap .db3 .h5 or a folder"
+    message = (
+        "ends in '.xlsx', expected .csv .tsv .txt .dat .asc .log .lvm .parquet .pq .npz .mcap .db3 .h5 or a folder"
+    )
     with pytest.raises(ValueError, match=re.escape(message) + "$"):
         read_recordings("a.xlsx")
     with pytest.raises(ValueError, match="ends in '', expected"):

@@ -10,7 +10,9 @@ KNOWN = {  # (quantity, unit): its size, from the definitions of the units
     ("force", "N"): 1,
     ("force", "mN"): 1e-3,
     ("force", " kN "): 1e3,
+    ("force", "Newtons"): 1,
     ("force", "lbf"): 0.45359237 * 9.80665,
+    ("force", "klbf"): 453.59237 * 9.80665,
     ("force", "gf"): 9.80665e-3,
     ("force", "kgf"): 9.80665,
     ("torque", "Nm"): 1,
@@ -20,6 +22,9 @@ KNOWN = {  # (quantity, unit): its size, from the definitions of the units
     ("torque", "N.m"): 1,
     ("torque", "N-m"): 1,
     ("torque", "n_m"): 1,
+    ("torque", "Newton-meters"): 1,
+    ("torque", "kNm"): 1e3,
+    ("torque", "kgf-cm"): 9.80665e-2,
     ("torque", "Nmm"): 1e-3,
     ("torque", "N mm"): 1e-3,
     ("torque", "mNm"): 1e-3,
@@ -40,6 +45,7 @@ KNOWN = {  # (quantity, unit): its size, from the definitions of the units
     ("time", "s"): 1,
     ("time", "Seconds"): 1,
     ("time", "ms"): 1e-3,
+    ("time", "msec"): 1e-3,
     ("time", "us"): 1e-6,
     ("time", "μs"): 1e-6,
     ("time", "ns"): 1e-9,
@@ -62,7 +68,9 @@ def test_what_is_no_unit_is_refused(unit):
 
 
 def test_a_unit_of_another_quantity_is_refused():
-    with pytest.raises(ValueError, match=r"'mm' is no unit of force; expected one of \['gf', 'kgf', 'kn', 'lbf', 'mn'"):
+    with pytest.raises(
+        ValueError, match=r"'mm' is no unit of force; expected one of \['gf', 'kgf', 'klbf', 'kn', 'lbf'"
+    ):
         unit_size("mm", "force")
 
 
