@@ -47,6 +47,15 @@ def resolution(X: Array) -> Array:
     return np.where(np.isfinite(smallest), smallest, 0.0)
 
 
+def limited_variance(X: Array) -> Array:
+    """Returns the variance (d,) of each channel, in which an outlier counts as a sample at its limit.
+
+    Args:
+        X: samples, shape (N, d).
+    """
+    return np.asarray(np.clip(X, *outlier_limits(X)).var(axis=0))
+
+
 def standard_scale(X: Array, weights: Array | None = None) -> Array:
     """Returns the standard deviation of each channel; one for a channel that is constant up to round-off, (d,).
 

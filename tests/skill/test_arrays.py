@@ -1,6 +1,6 @@
 import numpy as np
 
-from skill.arrays import outlier_limits, resolution, sequences, standard_scale
+from skill.arrays import limited_variance, outlier_limits, resolution, sequences, standard_scale
 
 
 def test_sequences_are_the_rows_of_each_group_in_their_order():
@@ -26,6 +26,16 @@ def test_one_wild_sample_does_not_change_the_scale():
         spiked = X.copy()
         spiked[7, 1] = value
         np.testing.assert_allclose(standard_scale(spiked), X.std(axis=0), rtol=0.05)
+        np.testing.assert_allclose(limited_variance(spiked), X.var(axis=0), rtol=0.1)
+
+
+def test_weights_count_like_repetitions():
+    rng = np.random.default_rng(0)
+    X, weights = rng.normal(size=(200, 3)), rng.integers(1, 4, size=200)
+    X[5] = 1e3
+    repeated = np.repeat(X, weights, axis=0)
+    np.testing.assert_array_equal(outlier_limits(X, weights), outlier_limits(repeated))
+    np.testing.assert_allclose(standard_scale(X, weights), standard_scale(repeated))
 
 
 def test_resolution_is_the_smallest_step():
