@@ -163,7 +163,7 @@ def lwr(**settings: Any) -> Fit:
 
 def fit_scaled_lwr(X: Array, train: Problem) -> Predict:
     """Chooses the bandwidth, then the scale of each feature, then the bandwidth again."""
-    model = LWRegressor()
+    model = LWRegressor(feature_scale=None)
     model.set_params(bandwidth=select_bandwidth(model, X, train.y, train.groups).bandwidth)
     scale = select_feature_scale(model, X, train.y, train.groups, max_queries=500).feature_scale
     model.set_params(feature_scale=scale)
