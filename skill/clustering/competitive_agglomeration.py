@@ -225,6 +225,12 @@ class CompetitiveAgglomeration(GaussianStates):
                 ConvergenceWarning,
                 stacklevel=3,
             )
+        if M == self.m_init > 1:
+            warnings.warn(
+                f"found as many states as the competition began with, m_init={self.m_init}: raise m_init",
+                UserWarning,
+                stacklevel=3,
+            )
         self.history_ = start.history
         self.n_iter_ = len(start.history.eta)
         self.merge_path_ = np.array(

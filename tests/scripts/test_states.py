@@ -163,6 +163,12 @@ def test_recordings_with_different_channels_are_one_error_that_names_both(tmp_pa
     assert "insert_1.csv has the channels fx fy fz, but insert_0.csv has fx fy fz mx my mz" in line
 
 
+def test_two_recordings_are_few(tmp_path, result):
+    text = states(*write_files(tmp_path, 2), "--out", tmp_path / "states.html").output
+    assert "two recordings hide states in what differs between them; three or more are better" in " ".join(text.split())
+    assert "two recordings hide" not in result[1]
+
+
 def test_a_single_recording_is_one_error(tmp_path):
     (path,) = write_files(tmp_path, 1)
     line = refused(tmp_path, path, "--out", tmp_path / "states.html")

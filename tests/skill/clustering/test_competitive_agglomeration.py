@@ -411,3 +411,26 @@ def test_checked_groups_are_indices_of_two_demonstrations_or_more():
 def test_checked_phase_includes_both_ends():
     np.testing.assert_array_equal(checked_phase([0, 1], 2), [0.0, 1.0])
     assert checked_phase(None, 2) is None
+
+
+def test_more_states_than_initial_clusters_are_told():
+    X, _ = spheres(0)
+    with pytest.warns(UserWarning, match="began with, m_init=3: raise m_init"):
+        CompetitiveAgglomeration(m_init=3, random_state=0).fit(X)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert CompetitiveAgglomeration(m_init=12, random_state=0).fit(X).n_clusters_ == 4
+
+
+def test_one_wild_sample_does_not_move_the_states():
+    X, y = spheres(0)
+    spiked = np.vstack([X, [[-1e6, 1e6]]])
+    labels = CompetitiveAgglomeration(random_state=0).fit(spiked).labels_[:-1]
+    assert adjusted_rand_score(labels, CompetitiveAgglomeration(random_state=0).fit(X).labels_) > 0.98
+
+
+def test_rounded_values_leave_the_variance_of_rounding():
+    """Two states of one value each: their variances are those of rounding to the step between them, 1/12."""
+    X = np.repeat([[0.0], [1.0]], 400, axis=0)
+    dut = CompetitiveAgglomeration(random_state=0).fit(X)
+    assert (dut.covariances_ >= 1.0 / 12.0).all()
