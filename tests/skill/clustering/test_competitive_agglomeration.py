@@ -423,7 +423,7 @@ def test_more_states_than_initial_clusters_are_told():
 
 
 def test_one_wild_sample_does_not_move_the_states():
-    X, y = spheres(0)
+    X, _ = spheres(0)
     spiked = np.vstack([X, [[-1e6, 1e6]]])
     labels = CompetitiveAgglomeration(random_state=0).fit(spiked).labels_[:-1]
     assert adjusted_rand_score(labels, CompetitiveAgglomeration(random_state=0).fit(X).labels_) > 0.98
