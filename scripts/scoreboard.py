@@ -43,10 +43,11 @@ def main(
     factors, and curves over every factor with three values or more. Each number links the files of its trials and
     tells the command that recomputes it. The page needs neither a network nor this program.
 
-    Insertions have 95 % intervals. Each policy is compared with one reference in the trials that both performed: by
-    the exact McNemar test for the insertions and a sign-flip test for the times, corrected by Holm's method over the
-    rows of a table. Only trials of the newest code are shown, and of a policy that was made anew only the newest; the
-    page says how many others there are. The rows are never changed.
+    Insertions have 95 % intervals over sets of demonstrations. Each policy is compared with one reference in the trials
+    that both performed: the signs of the mean differences of the sets are flipped, and p-values corrected by Holm's
+    method over the rows of a table. Fewer than six sets have no p-value, but their differences are shown. Only trials
+    of the newest code are shown, and of a policy that was made anew only the newest; the page says how many others
+    there are. The rows are never changed.
 
     For example:
 

@@ -20,7 +20,7 @@ from experiments.scoreboard.result_store import read_trials
 from experiments.scoreboard.summary import Cell, Row, Scoreboard, make_scoreboard
 from interfaces.reports.scoreboard_page import about, scoreboard_page, warnings
 
-SHOWN = {"inserted", "over sets", "against", "time", "contact", "load", "jams", "physics"}
+SHOWN = {"inserted", "sets", "against", "time", "contact", "load", "jams", "physics"}
 HEADINGS = {column.name: f"{column.name}, {column.unit}" for column in COLUMNS if column.name in SHOWN}
 HEADINGS["physics"] = "physics not trusted"
 

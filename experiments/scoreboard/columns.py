@@ -33,23 +33,24 @@ COLUMNS = (
     Column(
         "inserted",
         "95 %",
-        "trials that inserted, of all; below: Wilson's 95 % interval of the share",
+        "trials that inserted, of all; below: 95 % interval of the share for other sets of demonstrations (Wilson's,"
+        " with the effective number of trials; of a policy without sets, for other trials)",
         pandas="d.inserted.sum()",
         is_main=True,
         low_is_good=False,
     ),
     Column(
-        "over sets",
-        "95 %",
-        "sets of demonstrations; below: 95 % interval of the share by a bootstrap over the sets",
+        "sets",
+        "of demos",
+        "number of sets of demonstrations; 0: the policy has none",
         pandas="d.demonstration_set.nunique()",
         low_is_good=False,
     ),
     Column(
         "against",
         "+ / − pairs",
-        "paired with the reference: + only this policy inserted, − only the reference did; below: exact McNemar test,"
-        " Holm-corrected over the rows of the table",
+        "paired with the reference: + only this policy inserted, − only the reference did; below: sign-flip test of the"
+        " sets, Holm-corrected over the rows of the table; of fewer than six sets the difference + less − of each",
         is_main=True,
         low_is_good=False,
     ),
@@ -64,8 +65,8 @@ COLUMNS = (
     Column(
         "slower by",
         "s",
-        "mean paired difference in time from the reference, where a failure counts as the whole time limit; below:"
-        " sign-flip test, Holm-corrected over the rows of the table",
+        "mean over the sets of the paired difference in time from the reference, where a failure counts as the whole"
+        " time limit; below: as for the insertions",
         2,
         is_main=True,
     ),

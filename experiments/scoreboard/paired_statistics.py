@@ -1,37 +1,55 @@
-"""Intervals and paired tests of the benchmarks and of the scoreboard."""
+"""Intervals and paired tests of the benchmarks and of the scoreboard.
+
+What differs from one set of demonstrations to the next counts, not only what differs from trial to trial: another
+person teaches another skill. A test flips signs of means over the trials of a set (Gail, Mark, Carroll, Green and Pee,
+Statistics in Medicine 15, 1996); an interval takes the sets as the clusters of a sample of trials.
+"""
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import binomtest
+from scipy.stats import norm, t
 
 from skill.arrays import Array
 
 RESAMPLES, EXACT = 10_000, 14
+MIN_UNITS = 6
+"""Least number of units for which a flip of signs can reach 5 %: the least p of n differences is 2^(1-n)."""
+
 MAX_DRAWS = 4_000_000
 """Largest number of signs that are drawn at once; 32 MB."""
 
 
-def wilson(successes: int, n: int) -> tuple[float, float]:
+def wilson(successes: float, n: float) -> tuple[float, float]:
     """95 % confidence interval of a probability (Wilson, Journal of the American Statistical Association 22, 1927)."""
-    interval = binomtest(successes, n).proportion_ci(method="wilson")
-    return float(interval.low), float(interval.high)
+    share, z2n = successes / n, float(norm.ppf(0.975)) ** 2 / n
+    centre, half = share + z2n / 2.0, math.sqrt(z2n * (share * (1.0 - share) + z2n / 4.0))
+    return max(0.0, (centre - half) / (1.0 + z2n)), min(1.0, (centre + half) / (1.0 + z2n))
 
 
-def mcnemar(better: int, worse: int) -> float:
-    """p-value of the exact test that two policies insert equally often in the trials that both performed.
+def wilson_over_sets(successes: ArrayLike, trials: ArrayLike) -> tuple[float, float]:
+    """95 % confidence interval of a probability that differs from set to set.
 
-    Only the trials in which one of them fails count (McNemar, Psychometrika 12, 1947).
+    It is Wilson's for the effective number of trials: as many independent ones as would vary as the shares of the sets
+    do, reduced for the degrees of freedom of few sets (Korn and Graubard, Survey Methodology 24, 1998; with Wilson's
+    interval: Franco, Little, Louis and Slud, Journal of Survey Statistics and Methodology 7, 2019).
 
     Args:
-        better: number of trials in which only the one inserted.
-        worse: number of trials in which only the other inserted.
+        successes: shape (k,), of each set, at least two.
+        trials: shape (k,), of each set.
     """
-    return float(binomtest(better, better + worse).pvalue) if better + worse else 1.0
+    won, count = np.asarray(successes, dtype=float), np.asarray(trials, dtype=float)
+    k, n = len(won), float(count.sum())
+    share = float(won.sum()) / n
+    variance = k / (k - 1) * float(((won - share * count) ** 2).sum()) / n**2
+    effective = min(n, share * (1.0 - share) / variance) if variance > 0.0 else n
+    effective *= float(norm.ppf(0.975) / t.ppf(0.975, k - 1)) ** 2
+    return wilson(share * effective, effective)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -45,14 +63,6 @@ def holm(p_values: Sequence[float]) -> list[float]:
     corrected = np.empty(len(p))
     corrected[order] = np.minimum(1.0, np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1)))
     return [float(value) for value in corrected]
-
-
-def over_sets(shares: Sequence[float], *, seed: int = 0) -> tuple[float, float, float]:
-    """Mean of the shares of the sets, with the 95 % interval of a bootstrap over sets."""
-    found = np.asarray(shares, dtype=float)
-    means = np.random.default_rng(seed).choice(found, (RESAMPLES, len(found))).mean(axis=1)
-    lower, upper = np.quantile(means, [0.025, 0.975])
-    return float(found.mean()), float(lower), float(upper)
 
 
 def sign_flip_test(differences: ArrayLike, *, seed: int = 0) -> float:

@@ -37,9 +37,11 @@ def paired_command(board: Scoreboard, policy: str, cell: Cell) -> str:
     return (
         f"import pandas; d = {_read(board, policy, cell)}.merge({_read(board, board.reference, cell)}, on='trial');"
         " a, b = d.demonstration_set_x, d.demonstration_set_y; d = d[(a == b) | a.isna() | b.isna()];"
+        " u = d.demonstration_set_x.fillna(d.demonstration_set_y).fillna(-1 - d.trial);"
         " a, b = d.inserted_x, d.inserted_y;"
         " r = pandas.Series({'pairs': len(d), 'better': (a & ~b).sum(), 'worse': (b & ~a).sum(), 'slower':"
-        " (d.time_s_x.where(a, d.time_limit_s_x) - d.time_s_y.where(b, d.time_limit_s_y)).mean()}); print(r)"
+        " (d.time_s_x.where(a, d.time_limit_s_x) - d.time_s_y.where(b, d.time_limit_s_y)).groupby(u).mean().mean()});"
+        " print(r)"
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.scoreboard.columns import COLUMNS, Column
-from experiments.scoreboard.paired_statistics import holm, mcnemar, over_sets, sign_flip_test, wilson
+from experiments.scoreboard.paired_statistics import MIN_UNITS, holm, sign_flip_test, wilson, wilson_over_sets
 from experiments.scoreboard.result_store import Origin, Trials
 
 PRODUCT = "CA states + LWR"
@@ -76,8 +76,8 @@ class Summary:
         trials: their number.
         numbers: by the names of the `COLUMNS` that are computed from the trials; NaN: not recorded, or nothing to take
             a mean of.
-        interval: 95 % Wilson interval of the share of insertions.
-        over_sets: 95 % interval of the share by a bootstrap over the sets; None for fewer than two.
+        interval: 95 % interval of the share of insertions, for other sets; of a policy without sets, for other trials.
+            None for a single set, which tells nothing of others.
         faults: number of trials by the fault that ended them.
     """
 
@@ -85,8 +85,7 @@ class Summary:
     policy: str
     trials: int
     numbers: dict[str, float]
-    interval: tuple[float, float]
-    over_sets: tuple[float, float] | None
+    interval: tuple[float, float] | None
     faults: dict[str, int]
 
     @property
@@ -113,9 +112,14 @@ class Paired:
         pairs: number of pairs of trials.
         better: pairs in which only the policy inserted.
         worse: pairs in which only the reference inserted.
-        p: of the exact McNemar test, corrected by Holm's method for the rows of the table.
-        slower: mean difference in time, s, where a failure counts as the time limit; positive if the policy is slower.
+        p: of the sign-flip test of the units' shares of insertions, corrected by Holm's method for the rows of the
+            table; NaN for fewer than `MIN_UNITS`.
+        slower: mean over the units of the difference in time, s, where a failure counts as the time limit; positive if
+            the policy is slower.
         p_time: of the sign-flip test of these differences, corrected in the same way.
+        unit: what is compared, "sets" of demonstrations, or "trials" if neither policy has any.
+        gains: ``better`` less ``worse`` of each unit.
+        delays: ``slower`` of each unit, s.
     """
 
     pairs: int
@@ -124,6 +128,14 @@ class Paired:
     p: float
     slower: float
     p_time: float
+    unit: str
+    gains: tuple[int, ...]
+    delays: tuple[float, ...]
+
+    @property
+    def is_tested(self) -> bool:
+        """Whether there are enough units for a test."""
+        return len(self.gains) >= MIN_UNITS
 
 
 @dataclass(frozen=True)
@@ -146,12 +158,12 @@ class Row:
         s, key = self.summary, self.key(column)
         if column.name == "inserted" or (column.name == "physics" and s.untrusted):
             return f"{s.numbers[column.name]:.0f} of {s.trials}"
-        if math.isnan(key) or (column.name == "over sets" and key == 0):
+        if math.isnan(key):
             return "–"
         if column.name == "against" and self.paired is not None:
             return f"+{self.paired.better} −{self.paired.worse}"
         if column.name == "slower by":
-            return f"{key:+.2f}".replace("-", "−")
+            return _signed(key, 2)
         return f"{0.0 if abs(key) < 0.5 * 10**-column.digits else key:.{column.digits}f}"
 
     def note(self, column: Column) -> str:
@@ -159,13 +171,11 @@ class Row:
         s = self.summary
         match column.name:
             case "inserted":
-                return _share(s.interval)
-            case "over sets":
-                return "" if s.over_sets is None else _share(s.over_sets)
-            case "against":
-                return "" if self.paired is None else _p(self.paired.p)
-            case "slower by":
-                return "" if self.paired is None else _p(self.paired.p_time)
+                return "" if s.interval is None else f"{100 * s.interval[0]:.0f}–{100 * s.interval[1]:.0f} %"
+            case "against" if (pair := self.paired) is not None:
+                return _p(pair.p) if pair.is_tested else _each(pair.unit, pair.gains, 0)
+            case "slower by" if (pair := self.paired) is not None:
+                return _p(pair.p_time) if pair.is_tested else _each(pair.unit, pair.delays, 2)
             case "faults":
                 return ", ".join(f"{count} {name.split(':')[0]}" for name, count in s.faults.items())
             case "physics":
@@ -222,15 +232,19 @@ def make_scoreboard(found: Trials, against: str | None = None) -> Scoreboard:
 def summarise(cell: Cell, policy: str, rows: pd.DataFrame) -> Summary:
     """Summarises the trials of one policy in one cell; ``rows`` as in `Trials.table`, at least one."""
     numbers = {column.name: float(eval(column.pandas, {"d": rows})) for column in COLUMNS if column.pandas}
-    shares = rows.groupby("demonstration_set")["inserted"].mean()
+    sets = rows.groupby("demonstration_set")["inserted"].agg(["sum", "count"])
+    interval = None
+    if sets.empty:
+        interval = wilson(int(numbers["inserted"]), len(rows))
+    elif len(sets) > 1:
+        interval = wilson_over_sets(sets["sum"], sets["count"])
     faults = rows.loc[rows["fault"] != "", "fault"].value_counts()
     return Summary(
         cell=cell,
         policy=policy,
         trials=len(rows),
         numbers=numbers,
-        interval=wilson(int(numbers["inserted"]), len(rows)),
-        over_sets=over_sets(shares.to_list())[1:] if len(shares) > 1 else None,
+        interval=interval,
         faults={str(name): int(count) for name, count in faults.items() if count},
     )
 
@@ -239,8 +253,9 @@ def compare(rows: pd.DataFrame, other: pd.DataFrame) -> Paired | None:
     """Compares two policies in one cell; p-values are not corrected. None if they share no trial.
 
     Two trials are a pair if they have the same number and, where both policies learn, the same set of demonstrations.
-    The test of the insertions takes the pairs as independent. For that of the times, the differences of a trial are
-    averaged over the sets first.
+    The differences of the pairs of a set are averaged, and the signs of these means are flipped. So the conclusion is
+    about other sets; trials that all sets perform, and a policy without sets in them, are taken as given. If neither
+    policy has sets, each pair is a unit.
     """
     names = ["trial", "demonstration_set", "inserted", "time_s", "time_limit_s"]
     pairs = rows[names].merge(other[names], on="trial", suffixes=("", "_other"))
@@ -252,14 +267,21 @@ def compare(rows: pd.DataFrame, other: pd.DataFrame) -> Paired | None:
     better, worse = int((inserted & ~inserted_other).sum()), int((inserted_other & ~inserted).sum())
     taken = pairs["time_s"].where(inserted, pairs["time_limit_s"])
     differences = taken - pairs["time_s_other"].where(inserted_other, pairs["time_limit_s_other"])
-    of_trials = differences.groupby(pairs["trial"]).mean()
+    sets = pairs["demonstration_set"].fillna(pairs["demonstration_set_other"])
+    units = [sets, pairs["trial"].where(sets.isna())]
+    gains = (inserted.astype(int) - inserted_other.astype(int)).groupby(units, dropna=False)
+    delays = differences.groupby(units, dropna=False).mean()
+    is_tested = len(delays) >= MIN_UNITS
     return Paired(
         pairs=len(pairs),
         better=better,
         worse=worse,
-        p=mcnemar(better, worse),
-        slower=float(differences.mean()),
-        p_time=sign_flip_test(of_trials.to_numpy()),
+        p=sign_flip_test(gains.mean()) if is_tested else math.nan,
+        slower=float(delays.mean()),
+        p_time=sign_flip_test(delays) if is_tested else math.nan,
+        unit="sets" if sets.notna().any() else "trials",
+        gains=tuple(map(int, gains.sum())),
+        delays=tuple(map(float, delays)),
     )
 
 
@@ -279,9 +301,10 @@ def _table(cell: Cell, rows: pd.DataFrame, reference: str) -> Table:
     for name in by_policy if reference in by_policy else ():
         if name != reference and (pair := compare(by_policy[name], by_policy[reference])) is not None:
             paired[name] = pair
-    p, p_time = (holm([getattr(pair, key) for pair in paired.values()]) for key in ("p", "p_time"))
-    corrected = {name: replace(pair, p=p[k], p_time=p_time[k]) for k, (name, pair) in enumerate(paired.items())}
-    return Table(cell, [Row(summary, corrected.get(summary.policy)) for summary in summaries])
+    tested = {name: pair for name, pair in paired.items() if pair.is_tested}
+    p, p_time = (holm([getattr(pair, key) for pair in tested.values()]) for key in ("p", "p_time"))
+    paired |= {name: replace(pair, p=p[k], p_time=p_time[k]) for k, (name, pair) in enumerate(tested.items())}
+    return Table(cell, [Row(summary, paired.get(summary.policy)) for summary in summaries])
 
 
 def _reference(table: pd.DataFrame, against: str | None) -> str:
@@ -310,9 +333,14 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _share(interval: tuple[float, float]) -> str:
-    """An interval of a share as text."""
-    return f"{100 * interval[0]:.0f}–{100 * interval[1]:.0f} %"
+def _signed(value: float, digits: int) -> str:
+    """A number with its sign as text."""
+    return f"{value:+.{digits}f}".replace("-", "−")
+
+
+def _each(unit: str, values: Sequence[float], digits: int) -> str:
+    """The differences of few units as text."""
+    return f"{unit}: {' '.join(_signed(value, digits) for value in values)}"
 
 
 def _p(p: float) -> str:

@@ -63,7 +63,7 @@ class Quantity:
 
 
 QUANTITIES = (
-    Quantity("inserted (%), bars: 95 % Wilson interval", lambda s: 100 * s.share, has_interval=True),
+    Quantity("inserted (%), bars: 95 % interval", lambda s: 100 * s.share, has_interval=True),
     Quantity("median time of the insertions (s)", lambda s: s.numbers["time"]),
     Quantity("median peak load (N)", lambda s: s.numbers["load"]),
 )
@@ -159,7 +159,10 @@ def _draw(axes: Axes, curve: Curve, quantity: Quantity, styles: dict[str, Style]
         )
         axes.update_datalim(np.column_stack([curve.values, np.nan_to_num(values)]))
         if quantity.has_interval:
-            low, high = ([math.nan if s is None else 100 * s.interval[end] for s in summaries] for end in (0, 1))
+            low, high = (
+                [math.nan if s is None or s.interval is None else 100 * s.interval[end] for s in summaries]
+                for end in (0, 1)
+            )
             axes.vlines(curve.values, low, high, color=style.colour, linewidth=1.0, transform=place)
     axes.autoscale_view()
     axes.set_title(quantity.title, loc="left", fontsize=9, color=INK)

@@ -12,6 +12,7 @@ from pathlib import Path
 from urllib.parse import quote, unquote
 
 from experiments.scoreboard.columns import COLUMNS, Column
+from experiments.scoreboard.paired_statistics import MIN_UNITS
 from experiments.scoreboard.queries import cell_commands, sweep_commands
 from experiments.scoreboard.summary import Row, Scoreboard, Table, factor_name
 from experiments.sweeps.trial_files import partition
@@ -90,6 +91,15 @@ def warnings(board: Scoreboard) -> list[str]:
         found.append(
             f"{untrusted:,} of {board.trials:,} trials have physics that is not trusted: bodies overlap by more than a"
             " quarter of the clearance. Their forces say little about metal; the column “physics” counts them."
+        )
+    compared = [row.paired for table in board.tables for row in table.rows if row.paired is not None]
+    few = sum(not pair.is_tested for pair in compared)
+    if few:
+        found.append(
+            f"{few:,} of {len(compared):,} comparisons have fewer than {MIN_UNITS} sets of demonstrations (or trials,"
+            f" if neither policy has sets). A flip of signs cannot reach 5 % then: {MIN_UNITS - 1} sets that agree have"
+            f" p {2.0 ** (2 - MIN_UNITS):.2f}. So nothing is concluded about other sets; the differences of each are"
+            " shown."
         )
     if not board.sweeps:
         found.append("No specification of a sweep is stored with these trials, so that their command is not known.")

@@ -71,7 +71,7 @@ def draw(rng, count, share, **same):
     return rows
 
 
-def write_results(folder, *, count=40, frictions=(0.1, 0.2, 0.3), engines=("drake",)):
+def write_results(folder, *, count=40, frictions=(0.1, 0.2, 0.3), engines=("drake",), sets=4):
     """A folder with three policies, a factor with three values, and both arms; returns the folder."""
     rng = np.random.default_rng(7)
     write_sweep(folder)
@@ -85,6 +85,6 @@ def write_results(folder, *, count=40, frictions=(0.1, 0.2, 0.3), engines=("drak
                     rows += draw(rng, count, share - friction / 2, factors=factors, **learns)
                 rows += draw(rng, count, share - loss, **learns)
                 if learns:
-                    rows = [{**row, "demonstration_set": row["trial"] % 4} for row in rows]
+                    rows = [{**row, "demonstration_set": row["trial"] % sets} for row in rows]
                 write_trials(folder, rows, policy=policy, arm=arm, engine=engine)
     return folder

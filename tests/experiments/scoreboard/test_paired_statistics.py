@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from statsmodels.stats.contingency_tables import mcnemar as reference
+from statsmodels.stats.contingency_tables import mcnemar
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.proportion import proportion_confint
 
 from experiments.scoreboard import paired_statistics
-from experiments.scoreboard.paired_statistics import holm, mcnemar, over_sets, sign_flip_test, wilson
+from experiments.scoreboard.paired_statistics import holm, sign_flip_test, wilson, wilson_over_sets
 
 
 @pytest.mark.parametrize(("successes", "n"), [(0, 20), (1, 20), (13, 20), (20, 20), (99, 100)])
@@ -23,14 +23,19 @@ def test_signs_are_flipped_exactly_for_few_differences_and_by_draws_for_many():
     assert sign_flip_test([1, -1] * 15) > 0.8
 
 
-def test_equal_sets_have_no_spread():
-    assert over_sets([0.9] * 5) == (pytest.approx(0.9), pytest.approx(0.9), pytest.approx(0.9))
+def test_few_sets_and_sets_that_differ_count_as_fewer_trials():
+    """Two degrees of freedom have a quantile of 4.303 instead of 1.960."""
+    reduced = 60 * (1.959964 / 4.302653) ** 2
+    assert wilson_over_sets([20] * 3, [20] * 3) == pytest.approx(wilson(reduced, reduced), abs=1e-6)
+    # shares of 1, 0.9 and 0.5: the mean of three has the variance 0.07 / 3, as that of 6.86 trials with a share of 0.8
+    effective = 0.8 * 0.2 / (0.07 / 3) * (1.959964 / 4.302653) ** 2
+    assert wilson_over_sets([20, 18, 10], [20] * 3) == pytest.approx(wilson(0.8 * effective, effective), abs=1e-6)
+    assert wilson_over_sets([9, 9, 9, 0] * 500, [10] * 2000) == pytest.approx((0.675, 0.675), abs=0.02)
 
 
-def test_the_paired_test_is_the_exact_one_of_mcnemar():
-    assert mcnemar(5, 0) == pytest.approx(2 * 0.5**5)
-    assert mcnemar(0, 0) == mcnemar(3, 3) == 1.0
-    assert mcnemar(9, 2) == pytest.approx(reference([[20, 9], [2, 9]], exact=True).pvalue)
+def test_signs_of_zero_and_one_give_the_test_of_mcnemar():
+    found = sign_flip_test([1] * 9 + [-1] * 2 + [0] * 30)
+    assert found == pytest.approx(mcnemar([[20, 9], [2, 10]], exact=True).pvalue)
 
 
 def test_the_correction_is_holms():

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 from scipy.stats import permutation_test
-from statsmodels.stats.contingency_tables import mcnemar
 from statsmodels.stats.multitest import multipletests
 from statsmodels.stats.proportion import proportion_confint
 
+from experiments.scoreboard.paired_statistics import wilson_over_sets
 from experiments.scoreboard.result_store import read_trials
 from experiments.scoreboard.summary import compare, make_scoreboard, numeric_factors
 from tests.experiments.scoreboard.simulated_trials import FAILED, LAW, LEARNT, OTHER, write_results, write_trials
@@ -43,17 +43,25 @@ def test_a_summary_is_worked_by_hand(tmp_path):
     }
     assert {name: s.numbers[name] for name in expected} == pytest.approx(expected)
     assert s.interval == pytest.approx(proportion_confint(2, 4, method="wilson"), abs=1e-6)
-    assert (s.numbers["over sets"], s.over_sets) == (0, None)
+    assert s.numbers["sets"] == 0
     assert np.isnan([s.numbers[name] for name in ("training", "query", "shown")]).all()
 
 
-def test_the_interval_over_sets_is_that_of_their_shares(tmp_path):
-    """Shares of 1, 1/2, 1/2 and 0: a mean of four draws is below 1/8 with probability (1/4)^4 + 8 (1/4)^4 = 0.035."""
-    wins = [(0, 1), (0, 1), (1, 1), (1, 0), (2, 1), (2, 0), (3, 0), (3, 0)]
-    rows = [({} if won else FAILED) | {"demonstration_set": number} for number, won in wins]
+@pytest.mark.parametrize("wins", [[2, 1, 1, 0], [0, 2, 1], [2, 2]])
+def test_the_interval_is_that_over_the_sets(tmp_path, wins):
+    rows = [
+        ({} if k < won else FAILED) | {"trial": 2 * number + k, "demonstration_set": number}
+        for number, won in enumerate(wins)
+        for k in range(2)
+    ]
     s = only_row(write_trials(tmp_path, rows).parents[4]).summary
-    assert s.numbers["over sets"] == 4
-    assert s.over_sets == pytest.approx((0.125, 0.875), abs=1e-9)
+    assert s.numbers["sets"] == len(wins)
+    assert s.interval == pytest.approx(wilson_over_sets(wins, [2] * len(wins)))
+
+
+def test_a_single_set_has_no_interval_for_others(tmp_path):
+    write_trials(tmp_path, [{"demonstration_set": 5}, FAILED | {"demonstration_set": 5}])
+    assert only_row(tmp_path).summary.interval is None
 
 
 def test_a_policy_without_insertions_has_no_time(tmp_path):
@@ -75,26 +83,27 @@ def test_pairs_are_the_shared_trials_and_a_failure_takes_the_whole_limit(tmp_pat
     assert first.paired is None
     pair = second.paired
     assert (pair.pairs, pair.better, pair.worse) == (4, 0, 2)
-    assert pair.p == pytest.approx(0.5)
     assert pair.slower == pytest.approx((1.0 + 8.0 + 8.0 + 0.0) / 4)
-    assert pair.p_time == pytest.approx(0.25)  # three differences of the same sign: 2 / 2^3
+    assert (pair.unit, pair.gains, pair.delays) == ("trials", (0, -1, -1, 0), (1.0, 8.0, 8.0, 0.0))
+    assert np.isnan([pair.p, pair.p_time]).all()  # four units
 
 
-def test_sets_are_paired_with_themselves_and_a_law_with_all_of_them(tmp_path):
-    rows = [{"trial": k, "demonstration_set": s} for k in range(2) for s in range(3)]
+@pytest.mark.parametrize(("sets", "p"), [(6, 2 / 2**6), (8, 2 / 2**8), (5, None), (2, None)])
+def test_sets_are_paired_with_themselves_and_a_law_with_all_of_them(tmp_path, sets, p):
+    rows = [{"trial": k, "demonstration_set": s} for k in range(2) for s in range(sets)]
     write_trials(tmp_path, rows, policy=LEARNT)
     write_trials(tmp_path, [row | {"time_s": 3.0} for row in rows], policy=OTHER)
     write_trials(tmp_path, [{"trial": k, "time_s": 3.5} for k in range(2)], policy=LAW)
     table = read_trials(tmp_path).table
     learnt, other, law = (table[table["policy"] == name] for name in (LEARNT, OTHER, LAW))
-    assert compare(other, learnt).pairs == 6
-    assert compare(law, learnt).pairs == compare(learnt, law).pairs == 6
-    assert compare(law, learnt).p_time == pytest.approx(2 / 2**2)  # two trials, each averaged over the sets
+    for pair in (compare(other, learnt), compare(law, learnt), compare(learnt, law)):
+        assert (pair.pairs, pair.unit, len(pair.delays)) == (2 * sets, "sets", sets)
+        assert pair.p_time == (pytest.approx(p) if p else pytest.approx(np.nan, nan_ok=True))
     assert compare(law, learnt[learnt["trial"] > 1]) is None
 
 
-def test_p_values_are_those_of_the_exact_tests_corrected_over_the_rows(tmp_path):
-    write_results(tmp_path, count=60, frictions=())
+def test_p_values_flip_the_means_of_the_sets_and_are_corrected_over_the_rows(tmp_path):
+    write_results(tmp_path, count=60, frictions=(), sets=9)
     found = read_trials(tmp_path).table
     for table in make_scoreboard(read_trials(tmp_path)).tables:
         rows = found[found["arm"] == table.cell.arm]
@@ -104,15 +113,14 @@ def test_p_values_are_those_of_the_exact_tests_corrected_over_the_rows(tmp_path)
             other = by_policy[row.summary.policy]
             a, b = other["inserted"], mine["inserted"]
             assert (row.paired.better, row.paired.worse) == ((a & ~b).sum(), (b & ~a).sum())
-            p.append(mcnemar([[0, (a & ~b).sum()], [(b & ~a).sum(), 0]], exact=True).pvalue)
             times = [part["time_s"].where(part["inserted"], 10.0) for part in (other, mine)]
-            test = permutation_test(times, lambda x, y: np.mean(x - y), permutation_type="samples", rng=1)
-            p_time.append(test.pvalue)
-            assert row.paired.slower == pytest.approx((times[0] - times[1]).mean())
+            for list_of_p, one, two in ((p, a.astype(float), b.astype(float)), (p_time, *times)):
+                means = (one - two).groupby(mine["demonstration_set"]).mean()
+                test = permutation_test((means,), np.sum, permutation_type="samples", n_resamples=2**9)
+                list_of_p.append(test.pvalue)
+            assert row.paired.slower == pytest.approx(means.mean())
         assert [row.paired.p for row in table.rows[1:]] == pytest.approx(multipletests(p, method="holm")[1])
-        assert [row.paired.p_time for row in table.rows[1:]] == pytest.approx(
-            multipletests(p_time, method="holm")[1], abs=0.015
-        )
+        assert [row.paired.p_time for row in table.rows[1:]] == pytest.approx(multipletests(p_time, method="holm")[1])
 
 
 def test_the_reference_is_the_product_or_the_one_asked_for_or_the_best(tmp_path):

@@ -58,13 +58,13 @@ def test_cells_show_the_numbers_of_the_summary(tmp_path):
     worse = FAILED | {"outcome": "fault", "fault": "pitch stepper blocked or overloaded: steps lost", "trusted": False}
     write_trials(tmp_path, [worse, {}, {}, worse], policy=OTHER)
     page = page_of(tmp_path)
-    assert text_of(cells_of(page, "inserted")) == ["4", "of", "4", "51–100", "%"]
-    assert text_of(cells_of(page, "over sets")) == ["2", "100–100", "%"]
+    assert text_of(cells_of(page, "inserted")) == ["4", "of", "4", "2–100", "%"]
+    assert text_of(cells_of(page, "sets")) == ["2"]
     assert text_of(cells_of(page, "against")) == ["–"]
     assert text_of(cells_of(page, "shown")) == ["30"]
     assert text_of(cells_of(page, "training")) == ["12.2"]
-    assert text_of(cells_of(page, "against", row=1)) == ["+0", "−2", "p", "0.50"]
-    assert text_of(cells_of(page, "slower by", row=1)) == ["+3.75", "p", "0.50"]
+    assert text_of(cells_of(page, "against", row=1)) == ["+0", "−2", "sets:", "−1", "−1"]
+    assert text_of(cells_of(page, "slower by", row=1)) == ["+3.75", "sets:", "+3.75", "+3.75"]
     assert text_of(cells_of(page, "faults", row=1)) == ["2", "2", "pitch", "stepper", "blocked", "or", "overloaded"]
     assert text_of(cells_of(page, "physics", row=1)) == ["2", "of", "4", "not", "trusted"]
     assert "2 of 4 trials not trusted" in cells_of(page, "load", row=1)
@@ -225,3 +225,14 @@ def contrast(one, other):
         linear = np.where(channels <= 0.04045, channels / 12.92, ((channels + 0.055) / 1.055) ** 2.4)
         levels.append(float(linear @ [0.2126, 0.7152, 0.0722]) + 0.05)
     return max(levels) / min(levels)
+
+
+@pytest.mark.parametrize(("sets", "few"), [(2, True), (5, True), (6, False), (9, False)])
+def test_the_page_says_when_there_are_too_few_sets_for_a_test(tmp_path, sets, few):
+    rows = [{"trial": k, "demonstration_set": k} for k in range(sets)]
+    write_trials(tmp_path, rows, policy=LEARNT)
+    write_trials(tmp_path, [row | FAILED for row in rows], policy=OTHER)
+    page = page_of(tmp_path)
+    assert ("1 of 1 comparisons have fewer than 6 sets" in page) == few
+    note = ["sets:", *["−1"] * sets] if few else ["p", f"{2.0 ** (1 - sets):.3f}"]
+    assert text_of(cells_of(page, "against", row=1)) == ["+0", f"−{sets}", *note]
