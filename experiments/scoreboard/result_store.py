@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -212,13 +213,16 @@ def _check_columns(table: pa.Table, path: Path) -> None:
 
 
 def _check_numbers(rows: pd.DataFrame, path: Path) -> None:
-    """Checks that all numbers are finite and none is negative; in a column that is not required one may be missing."""
+    """Checks that all numbers are finite and, but for scores, not negative; one that is not required may be missing."""
     for name in NUMBERS:
         values = rows[name]
-        wrong = ~(np.isfinite(values) & (values >= 0.0)) & (values.notna() | (name in REQUIRED))
+        least = -math.inf if name == "field_score" else 0.0
+        wrong = ~(np.isfinite(values) & (values >= least)) & (values.notna() | (name in REQUIRED))
         if wrong.any():
             row = int(wrong.to_numpy().argmax())
-            raise ValueError(f"{path}: '{name}' in row {row} is {values[row]:g}, expected a finite number from 0 on")
+            raise ValueError(
+                f"{path}: '{name}' in row {row} is {values[row]:g}, expected a finite number from {least:g} on"
+            )
 
 
 def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:

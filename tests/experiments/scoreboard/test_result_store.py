@@ -130,6 +130,13 @@ def test_numbers_that_no_trial_has_are_named(tmp_path, name, value):
     refused(tmp_path, path, f"'{name}' in row 1 is {value:g}, expected a finite number from 0 on")
 
 
+def test_a_score_may_be_negative_but_not_infinite(tmp_path):
+    write_trials(tmp_path / "a", [{"field_score": -11.0}])
+    assert read_trials(tmp_path / "a").table["field_score"].tolist() == [-11.0]
+    path = write_trials(tmp_path / "b", [{"field_score": -math.inf}])
+    refused(tmp_path / "b", path, "'field_score' in row 0 is -inf, expected a finite number")
+
+
 def test_half_a_trial_is_named(tmp_path):
     path = write_trials(tmp_path, [{}])
     table = pq.read_table(path)
