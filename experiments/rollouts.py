@@ -19,13 +19,14 @@ from skill.data.rig_run import LOGGED_COLUMNS
 from skill.policy import RigPolicy
 from skill.skill_step import skill_numbers
 from systems.law import check_geometry
+from systems.plant.contact_plant import NominalBodies
 from systems.plant.exact_plant import Mechanics
 from systems.rollout import DIVERGED, FAILED, OUTCOMES, RigNumbers, roll_out
 from systems.steps.back_off import attempts_text
 from systems.steps.faults import Fault
 
-_last: list[tuple[tuple[Any, ...], Mechanics]] = []
-"""The last mechanics, which take long to compute, and what decides them."""
+_last: list[tuple[tuple[Any, ...], tuple[Mechanics, NominalBodies]]] = []
+"""The last mechanics and masses, which take long to compute, and what decides them."""
 
 
 def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTrial | None:
@@ -48,7 +49,7 @@ def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTr
     if skill is None:
         return None
     check_geometry(scenario, policy)
-    trace = roll_out(RigNumbers.of(scenario, _mechanics(scenario), skill.period), scenario, skill)
+    trace = roll_out(RigNumbers.of(scenario, *_mechanics(scenario), skill.period), scenario, skill)
     if trace.outcome in (DIVERGED, FAILED) or not math.isfinite(trace.depth):
         return None
     outcome, step = OUTCOMES[trace.outcome], scenario.contact.time_step
@@ -69,10 +70,10 @@ def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTr
     )
 
 
-def _mechanics(scenario: Scenario) -> Mechanics:
-    """Returns the mechanics of a scenario, up to the height of its pivot."""
+def _mechanics(scenario: Scenario) -> tuple[Mechanics, NominalBodies]:
+    """Returns the mechanics of a scenario, up to the height of its pivot, and its nominal masses."""
     rig = replace(scenario.rig, pivot_height=None)
     decides = scenario.geometry, rig, scenario.stepper, scenario.feed, scenario.sensor.height
     if not (_last and _last[0][0] == decides):
-        _last[:] = [(copy.deepcopy(decides), Mechanics.of(scenario))]
+        _last[:] = [(copy.deepcopy(decides), (Mechanics.of(scenario), NominalBodies.of(scenario)))]
     return _last[0][1]

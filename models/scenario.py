@@ -4,7 +4,6 @@ A scenario contains ranges. A seed *resolves* it into a concrete scenario, which
 any demonstration or rig trial can be repeated from its own record.
 """
 
-import copy
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -35,6 +34,7 @@ from models.validation import (
     TIME_LIMITS,
     Violation,
     check_document,
+    copied,
     is_multiple,
     limited,
     number_violations,
@@ -430,7 +430,7 @@ def resolve_scenario(scenario: Scenario, *, seed: int, stream: int, person: int 
         ValueError: If the resolved scenario is invalid; the message names ``seed``.
     """
     rng = np.random.default_rng([stream, seed])
-    resolved = copy.deepcopy(scenario)
+    resolved: Scenario = copied(scenario)
     resolved.seed = int(np.random.SeedSequence([stream, seed]).generate_state(1)[0] >> 1)
     start = resolved.start
     demonstrated = stream in (DEMONSTRATION_STREAM, LIVE_STREAM, CORRECTION_STREAM)

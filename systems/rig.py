@@ -20,7 +20,7 @@ from systems.hardware.depth_encoder import DepthEncoder
 from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor
 from systems.law import AddLaw, AddSensor, Law, check_geometry, check_start, connect_measurement, connect_monitors
-from systems.plant.contact_plant import AddRigPlant
+from systems.plant.contact_plant import AddRigPlant, NominalBodies
 from systems.plant.exact_plant import ExactPlant
 from systems.plant.rig_plant import RigPlant, stepper_axes
 from systems.recording.run_recorder import AddRunRecorder, RunRecorder
@@ -81,14 +81,15 @@ def WireRig(
     check_start(scenario)
     check_geometry(scenario, skill)
     angles = dict(zip(stepper_axes(scenario), start_angles(scenario), strict=True))
+    known = NominalBodies.of(scenario)  # not those of the plant, which no rig knows
     law = AddLaw(
         builder,
         scenario,
         skill,
-        stopping=StoppingModel.of(scenario, mass=plant.moving_mass, inertia=plant.turning_inertia),
+        stopping=StoppingModel.of(scenario, mass=known.mass, inertia=known.turning_inertia),
         steppers=tuple(angles),
     )
-    drives = _add_drives(builder, scenario, plant, angles=angles)
+    drives = _add_drives(builder, scenario, known, angles=angles)
     sensor = AddSensor(builder, scenario, plant.reaction_forces, weld=plant.sensor, weight=plant.weight)
     _connect_monitors(builder, plant, law, sensor, drives)
     _connect_motors(builder, plant, law, drives)
@@ -113,9 +114,11 @@ class _Drives:
     gimbal_angles: Demultiplexer  # their angles and rates
 
 
-def _add_drives(builder: DiagramBuilder, scenario: Scenario, plant: RigPlant, *, angles: dict[str, float]) -> _Drives:
+def _add_drives(
+    builder: DiagramBuilder, scenario: Scenario, known: NominalBodies, *, angles: dict[str, float]
+) -> _Drives:
     step, resolution = scenario.contact.time_step, scenario.rig.encoder_resolution
-    checks = check_limits(scenario, mass=plant.moving_mass, peg_weight=plant.weight)
+    checks = check_limits(scenario, mass=known.mass, peg_weight=known.peg_weight)
     return _Drives(
         encoder=builder.AddNamedSystem(
             "depth_encoder", DepthEncoder(home=scenario.sensor.height, resolution=resolution)

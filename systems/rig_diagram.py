@@ -56,9 +56,7 @@ class RigDiagram:
             ValueError: if the scenario differs in more than `resolve_scenario` draws.
         """
         _check_same_rig(self.scenario, trial)
-        stopping = self.plant.set_trial(context, trial)
-        guard = self.law.force_guard
-        guard.set_stopping(guard.GetMyMutableContextFromRoot(context), stopping)
+        self.plant.set_trial(context, trial)
         self.sensor.set_seed(self.sensor.GetMyMutableContextFromRoot(context), trial.seed)
         angles = start_angles(trial)
         for stepper, angle in zip(self.steppers, angles, strict=False):  # an arm has no steppers

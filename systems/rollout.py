@@ -24,7 +24,7 @@ from skill.skill_step import SkillNumbers, skill_step
 from systems.hardware.wrench_sensor import SENSOR_NOISE, drawn_bias
 from systems.math.noise import standard_normals
 from systems.plant.contact_forces import FORCE, JOINED_SIZE, MAX_JOINED, join_contacts, needs_contacts
-from systems.plant.contact_plant import DIVERGENCE_FORCE
+from systems.plant.contact_plant import DIVERGENCE_FORCE, NominalBodies
 from systems.plant.exact_contact import STEPS
 from systems.plant.exact_gaps import Bodies, deepest_overlap
 from systems.plant.exact_plant import FREEDOMS, Mechanics, advance_rig, tip_in_hole
@@ -98,18 +98,18 @@ class RigNumbers(NamedTuple):
     control: ControllerLimits
 
     @classmethod
-    def of(cls, scenario: Scenario, mechanics: Mechanics, policy_period: float) -> Self:
+    def of(cls, scenario: Scenario, mechanics: Mechanics, known: NominalBodies, policy_period: float) -> Self:
         """Returns the rig of a resolved scenario.
 
         Args:
             scenario: resolved.
             mechanics: of this scenario; `Mechanics.of` takes long, and a trial changes the pivot only.
+            known: of this scenario.
             policy_period: duration of an action, s.
         """
         step = scenario.contact.time_step
         m = mechanics._replace(pivot=float(scenario.rig.pivot_height or 0.0))
         angles = start_angles(scenario)
-        mass, weight = m.weight / m.gravity, m.peg_mass * m.gravity
         return cls(
             bodies=Bodies.of(scenario),
             mechanics=m,
@@ -121,16 +121,16 @@ class RigNumbers(NamedTuple):
             axis=Axis.of(scenario.stepper, period=step),
             steppers=len(angles),
             encoder_resolution=scenario.rig.encoder_resolution,
-            weight=weight,
+            weight=m.peg_mass * m.gravity,
             home=scenario.sensor.height,
             start=np.array([scenario.sensor.height + scenario.start.height, *angles, *[0.0] * (3 - len(angles))]),
             full_depth=scenario.full_depth,
             time_limit=scenario.trial.time_limit,
             guard=GuardLimits.of(scenario),
-            stopping=StoppingModel.of(scenario, mass=mass, inertia=m.turning_inertia()),
+            stopping=StoppingModel.of(scenario, mass=known.mass, inertia=known.turning_inertia),
             readings=sensor_limits(scenario),
             feed=drive_limits(scenario),
-            checks=check_limits(scenario, mass=mass, peg_weight=weight),
+            checks=check_limits(scenario, mass=known.mass, peg_weight=known.peg_weight),
             retract=retract_limits(scenario),
             control=ControllerLimits.of(scenario, policy_period),
         )

@@ -23,6 +23,7 @@ from benchmarks.command_line import JsonFile, finish, run
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console
 from models.scenario import ENGINES, TRIAL_STREAM, Scenario, resolve_scenario
+from systems.plant.contact_plant import NominalBodies
 from systems.rig import AddEngine
 
 TILT, PUSH = np.radians(3.0), 10.0  # rad and N
@@ -33,7 +34,7 @@ def cost(scenario: Scenario) -> tuple[float, float]:
     """Returns the CPU time of a simulated second, s, and the part of the time in contact, of a resolved scenario."""
     builder = DiagramBuilder()
     plant = AddEngine(builder, scenario)
-    weight = plant.moving_mass * 9.81
+    weight = NominalBodies.of(scenario).mass * 9.81
     force = builder.AddSystem(ConstantVectorSource([weight - PUSH]))
     angles = builder.AddSystem(ConstantVectorSource([TILT, 0.0, 0.0, 0.0]))
     builder.Connect(force.get_output_port(), plant.carriage_force)

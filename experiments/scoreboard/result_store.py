@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -160,6 +162,8 @@ def read_sweeps(folder: Path) -> list[Sweep]:
     """
     sweeps = []
     for path in sorted((folder / SWEEPS).glob("*.yaml")):
+        if not path.is_file():
+            raise ValueError(f"{path}: no regular file, expected the specification of a sweep; move it away")
         specification = read_document(read_text(path, str(path)), str(path))
         title = specification.get("title", path.stem) if isinstance(specification, dict) else None
         if not isinstance(title, str):
@@ -181,6 +185,7 @@ def _read_file(path: Path, root: Path) -> pd.DataFrame:
         table = pq.ParquetFile(path).read(columns=list(COLUMNS))
     _check_columns(table, path)
     rows = pd.DataFrame({name: table[name].cast(pa.float64()).to_numpy() for name in NUMBERS})
+    _check_numbers(rows, path)
     rows["inserted"] = rows["inserted"].astype(bool)
     rows["key"] = pd.util.hash_array(table["key"].to_numpy().astype(object))
     try:
@@ -205,6 +210,19 @@ def _check_columns(table: pa.Table, path: Path) -> None:
             raise ValueError(f"{path}: column '{name}' has type {found}, expected {expected}")
         if name in REQUIRED and table[name].null_count:
             raise ValueError(f"{path}: column '{name}' is empty in {table[name].null_count} rows, expected a value")
+
+
+def _check_numbers(rows: pd.DataFrame, path: Path) -> None:
+    """Checks that all numbers are finite and, but for scores, not negative; one that is not required may be missing."""
+    for name in NUMBERS:
+        values = rows[name]
+        least = -math.inf if name == "field_score" else 0.0
+        wrong = ~(np.isfinite(values) & (values >= least)) & (values.notna() | (name in REQUIRED))
+        if wrong.any():
+            row = int(wrong.to_numpy().argmax())
+            raise ValueError(
+                f"{path}: '{name}' in row {row} is {values[row]:g}, expected a finite number from {least:g} on"
+            )
 
 
 def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:

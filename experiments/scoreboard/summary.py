@@ -14,6 +14,7 @@ import pandas as pd
 from experiments.scoreboard.columns import COLUMNS, Column
 from experiments.scoreboard.paired_statistics import MIN_UNITS, holm, sign_flip_test, wilson, wilson_over_sets
 from experiments.scoreboard.result_store import Origin, Trials
+from skill.data.files import one_line, parse_object
 
 PRODUCT = "CA states + LWR"
 """The policy with which the others are compared by default, if it is there."""
@@ -322,11 +323,10 @@ def _reference(table: pd.DataFrame, against: str | None) -> str:
 
 def _check_factors(factors: str, folder: Path) -> None:
     try:
-        found = json.loads(factors)
-    except ValueError:
-        found = None
-    if not isinstance(found, dict):
-        raise ValueError(f"{folder}: 'factors' of a trial is {factors!r}, expected a JSON object such as {{}}")
+        parse_object(factors)
+    except ValueError as error:
+        found = f"'factors' of a trial is {factors!r:.60} ({one_line(error)})"
+        raise ValueError(f"{folder}: {found}, expected a JSON object such as {{}}") from None
 
 
 def _is_number(value: object) -> bool:

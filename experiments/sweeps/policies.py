@@ -7,7 +7,7 @@ import importlib
 import inspect
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import packages_distributions
@@ -246,19 +246,33 @@ def policy_digest(plan: PolicyPlan, made_from: Mapping[str, Any]) -> str:
         {
             **{"carried_over": plan.carried_over, "make": plan.make, "options": plan.options, "select": select},
             **{"from": dict(made_from), "versions": versions()},
-            "code": [code_digest(own_modules(plan)), named_packages(plan)],
+            "code": _named_code(tuple(_named_modules(plan))),
         }
     )
 
 
 def own_modules(plan: PolicyPlan) -> set[str]:
     """Returns the names of the modules that a plan names and of what they import, without installed packages."""
-    return modules_of(module for module in _named_modules(plan) if is_own(module.split(".")[0]))
+    return _own_modules(_named_modules(plan))
 
 
 def named_packages(plan: PolicyPlan) -> dict[str, str]:
     """Returns the versions of the installed distributions that hold what a plan names."""
-    tops = {module.split(".")[0] for module in _named_modules(plan)}
+    return _packages(_named_modules(plan))
+
+
+@cache
+def _named_code(modules: tuple[str, ...]) -> tuple[str, dict[str, str]]:
+    """A digest of the source of some modules and their imports, and the versions of packages."""
+    return code_digest(_own_modules(modules)), _packages(modules)
+
+
+def _own_modules(modules: Iterable[str]) -> set[str]:
+    return modules_of(module for module in modules if is_own(module.split(".")[0]))
+
+
+def _packages(modules: Iterable[str]) -> dict[str, str]:
+    tops = {module.split(".")[0] for module in modules}
     names = {name for top in tops if not is_own(top) for name in _distributions().get(top, ())}
     return {name: version_of(name) for name in sorted(names)}
 

@@ -16,7 +16,6 @@ For example:
 """
 
 # Without the future import of annotations: `check_document` reads the types of the fields.
-import copy
 import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, is_dataclass
@@ -30,9 +29,10 @@ from experiments.trial import Arm
 from models.clearance import numerics_of_clearance, start_of_clearance
 from models.document import brief, read_document, read_text
 from models.scenario import ENGINES, Scenario, load_scenario, validate_scenario
-from models.validation import Violation, check_document, raise_first, set_field
+from models.validation import Violation, check_document, copied, raise_first, set_field
 
 MAX_TRIALS = 1_000_000
+MAX_CURVES = 20_000  # combinations of cell, policy, set, arm and engine; planning takes a millisecond for each
 MAX_NAME = 80  # characters of the name of a policy
 MAX_FOLDER_NAME = 200  # bytes of it, percent-encoded; file systems allow 255 with what stands before it
 
@@ -331,10 +331,19 @@ def _check_cells(specification: Specification, where: str) -> None:
     varied = sorted({key for cell in specification.cells for key in cell.training_overrides()})
     if varied and not any(policy.demonstrations for policy in specification.policies):
         raise ValueError(f"{where}: training.{varied[0]} is varied, but no policy learns from demonstrations")
+    trials = curves = 0
     for cell in specification.cells:
         specification.scenario_with(cell.scenario_overrides(), where)
         for policy in specification.policies:
-            plan_in(policy, cell, where)
+            plan = plan_in(policy, cell, where)
+            sets = len(plan.sets) if plan else 1
+            own = len(specification.arms) * len(specification.engines)
+            curves += own * sets
+            trials += own * policy.trials * (1 if plan and plan.divided else sets)
+            for found, most, what in ((trials, MAX_TRIALS, "trials"), (curves, MAX_CURVES, "sets of trials")):
+                if found > most:
+                    product = "cells, policies, sets, arms and engines"
+                    raise ValueError(f"{where}: {product} make more than {most:,} {what}; use fewer of one")
 
 
 def plan_in(policy: PolicyPlan, cell: Cell, where: str) -> DemonstrationPlan | None:
@@ -355,7 +364,7 @@ def overridden(scenario: Scenario, overrides: Overrides, where: str) -> Scenario
     Raises:
         ValueError: naming ``where`` and the key that is unknown, or the value that is not allowed.
     """
-    chosen = copy.deepcopy(scenario)
+    chosen: Scenario = copied(scenario)
     for key, value in overrides.items():
         *groups, name = key.split(".")
         node: Any = chosen

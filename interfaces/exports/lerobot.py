@@ -227,7 +227,8 @@ def read_dataset(folder: Path) -> tuple[str, list[StoredRecording]]:
             f"{folder}: lacks {', '.join(missing)}; expected a data set that 'haptic-skill export lerobot' wrote"
             " (to discover contact states in another one: haptic-skill states FOLDER)"
         )
-    kind, names = about.get("kind"), features["recording"].get("names")
+    kind, recording = about.get("kind"), features["recording"]
+    names = recording.get("names") if isinstance(recording, dict) else None
     if about.get("format_version") != ABOUT_VERSION or kind not in HEADER_KEYS:
         raise ValueError(f"{folder / ABOUT}: version {about.get('format_version')!r:.20}, kind {kind!r:.40}; expected"
                          f" version {ABOUT_VERSION} and {' or '.join(HEADER_KEYS)}")  # fmt: skip
@@ -266,9 +267,9 @@ def _recordings(folder: Path, kind: str, names: list[str], headers: pd.DataFrame
     for number, name, text in zip(found, headers[NAME], headers[HEADER], strict=True):
         where = f"{folder}: episode {number}"
         rows = np.flatnonzero(numbers == number)
-        rows = rows[np.argsort(frames[rows], kind="stable")]
         if frames[rows].tolist() != list(range(len(rows))):
-            raise ValueError(f"{where}: frames are missing or occur twice; expected frame_index 0 to {len(rows) - 1}")
+            expected = f"expected frame_index 0 to {len(rows) - 1} in this order"
+            raise ValueError(f"{where}: frames are missing, occur twice or are out of order; {expected}")
         try:
             header = parse_object(str(text))
         except ValueError as error:
@@ -276,10 +277,17 @@ def _recordings(folder: Path, kind: str, names: list[str], headers: pd.DataFrame
         lacking = [key for key in HEADER_KEYS[kind] if key not in header]
         if lacking or not isinstance(header["metadata"], dict):
             raise ValueError(f"{where}: {HEADER} lacks {lacking or 'metadata'}; expected that of {kind}")
-        if not (isinstance(name, str) and name.endswith(".parquet") and Path(name).name == name and name not in seen):
+        if kind == DEMONSTRATIONS and not isinstance(header["outcome"], str):
+            raise ValueError(f"{where}: 'outcome' in {HEADER} is {header['outcome']!r:.60}, expected a text")
+        if not _is_file_name(name) or name in seen:
             raise ValueError(f"{where}: {NAME} is {name!r:.60}, expected the name of a file *.parquet, each once")
         seen.add(name)
         yield StoredRecording(name, pd.DataFrame(values[rows], columns=names), header, where)
+
+
+def _is_file_name(name: object) -> bool:
+    """Whether this is a printable name of a Parquet file, without a folder."""
+    return isinstance(name, str) and name.isprintable() and Path(name).suffix == ".parquet" and Path(name).name == name
 
 
 def _frames(folder: Path, width: int) -> tuple[Array, Array, Array]:
@@ -292,11 +300,21 @@ def _frames(folder: Path, width: int) -> tuple[Array, Array, Array]:
         kind = table.schema.field("recording").type
         if not pa.types.is_fixed_size_list(kind) or kind != pa.list_(pa.float64(), width):
             raise ValueError(f"{path}: 'recording' has type {kind}, expected {width} numbers of 64 bits")
+        if empty := table["recording"].null_count:
+            raise ValueError(f"{path}: 'recording' is empty in {empty} rows, expected {width} numbers in each")
+        _check_index(table, "frame_index", path)
+        _check_index(table, "episode_index", path)
     numbers, frames = (
         np.concatenate([table[name].to_numpy() for table in tables]) for name in ("episode_index", "frame_index")
     )
     values = np.concatenate([table["recording"].combine_chunks().flatten().to_numpy() for table in tables])
     return numbers, frames, values.reshape(-1, width)
+
+
+def _check_index(table: pa.Table, name: str, path: Path) -> None:
+    column = table[name]
+    if not pa.types.is_integer(column.type) or column.null_count:
+        raise ValueError(f"{path}: '{name}' has type {column.type}, expected a whole number in each row")
 
 
 def _episodes(path: Path) -> pd.DataFrame | None:
@@ -307,8 +325,9 @@ def _episodes(path: Path) -> pd.DataFrame | None:
         lacks.extend(name for name in (NAME, HEADER) if name not in schema.names)
         return ["episode_index", *(name for name in (NAME, HEADER) if name in schema.names)]
 
-    table: pd.DataFrame = read_columns(path, choose).to_pandas()
-    return None if lacks else table.astype({NAME: object, HEADER: object})
+    table = read_columns(path, choose)
+    _check_index(table, "episode_index", path)
+    return None if lacks else table.to_pandas().astype({NAME: object, HEADER: object})
 
 
 def _object(path: Path, expected: str) -> dict[str, Any]:

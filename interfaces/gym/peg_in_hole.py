@@ -197,6 +197,10 @@ class PegInHole(gymnasium.Env[Any, Any]):
         self._rig = self._episode = self._meshcat = self._picture = None
         self._over = True
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leaves out the episode, which a copy begins with `reset`: a diagram of Drake cannot be pickled."""
+        return {**vars(self), "_rig": None, "_episode": None, "_meshcat": None, "_picture": None, "_over": True}
+
     def _observe(self, episode: Episode) -> Observation:
         """Returns the present observation within the bounds, which a sound trial does not leave."""
         found = episode.observation()

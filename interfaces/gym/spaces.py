@@ -96,11 +96,15 @@ def checked_action(action: object, size: int, axes: int) -> Array:
         axes: number of the axes of the hole.
 
     Raises:
-        ValueError: if the shape is wrong, or a number is NaN or infinite.
+        ValueError: if the shape is wrong, or a number is NaN, infinite, or no real number.
     """
-    values = np.asarray(action, dtype=float)
-    if values.shape != (size,) or not np.isfinite(values).all():
+    try:
+        given = np.asarray(action)
+    except ValueError:  # lists of different lengths
+        given = np.empty(0)
+    if given.shape != (size,) or given.dtype.kind not in "iuf" or not np.isfinite(given).all():
         raise ValueError(f"action {action}: expected {size} finite numbers (turn rates, feed speed), shape ({size},)")
+    values = given.astype(float)
     turns, others = np.zeros(3), np.array([0.0, 1.0])
     turns[:axes], others[: size - axes] = values[:axes], values[axes:]
     return np.concatenate([turns, others])

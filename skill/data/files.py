@@ -77,14 +77,25 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
         OSError: if it cannot be read.
         ValueError: if it is not a regular file, or larger than ``max_bytes``.
     """
-    status = path.stat()
-    if not stat.S_ISREG(status.st_mode):
-        raise ValueError(f"a {'folder' if stat.S_ISDIR(status.st_mode) else 'device or pipe'}, expected a file")
+    size = check_regular(path)
     with path.open("rb") as stream:
         data = stream.read(max_bytes + 1)
     if len(data) > max_bytes:
-        raise ValueError(f"{max(status.st_size, len(data)) / 1e6:.0f} MB, expected at most {max_bytes / 1e6:.0f} MB")
+        raise ValueError(f"{max(size, len(data)) / 1e6:.0f} MB, expected at most {max_bytes / 1e6:.0f} MB")
     return data
+
+
+def check_regular(path: Path) -> int:
+    """Returns the size of a regular file; opening a pipe would wait for ever.
+
+    Raises:
+        FileNotFoundError: if there is no such file.
+        ValueError: if it is not a regular file.
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise ValueError(f"a {'folder' if stat.S_ISDIR(status.st_mode) else 'device or pipe'}, expected a file")
+    return status.st_size
 
 
 def no_access(error: FileNotFoundError | PermissionError, what: str = "file") -> str:

@@ -14,6 +14,7 @@ import pandas as pd
 from skill.data.files import (
     MAX_LENGTH,
     UNSEALED,
+    check_regular,
     check_seal,
     no_access,
     one_line,
@@ -210,6 +211,7 @@ def named_parquet_errors(path: Path, what: str = "file") -> Iterator[None]:
     import pyarrow as pa
 
     try:
+        check_regular(path)
         yield
     except (FileNotFoundError, PermissionError) as error:
         raise ValueError(f"{path}: {no_access(error, what)}") from None

@@ -35,14 +35,12 @@ class ArmPlant:
         bodies: of the arm.
         peg: on the compliance.
         servo: of the tip.
-        stopping: how the arm stops.
     """
 
     scenario: Scenario
     bodies: ArmBodies
     peg: HeldPeg
     servo: TipServo
-    stopping: StoppingModel
 
     def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
         """See `RigPlant`."""
@@ -57,10 +55,9 @@ class ArmPlant:
         bent = X_WP.rotation() @ (sag / self.peg.compliance.stiffness[3:])
         self.peg.set_start(context, RigidTransform(X_WP.rotation(), X_WP.translation() + bent))
 
-    def set_trial(self, context: Context, trial: Scenario) -> StoppingModel:
-        """See `RigPlant`: sets friction and place of the hole, of which the stop does not depend."""
+    def set_trial(self, context: Context, trial: Scenario) -> None:
+        """See `RigPlant`: sets friction and place of the hole."""
         self.peg.set_trial(context, trial)
-        return self.stopping
 
     def tip_height(self, context: Context) -> float:
         """See `RigPlant`: along the axis of the peg, from the mouth."""
@@ -158,7 +155,7 @@ def MakeArm(scenario: Scenario, policy: RigPolicy, *, meshcat: Meshcat | None = 
         period=scenario.controller.period,
         home=0.0,
     )
-    plant = ArmPlant(scenario, bodies, peg, servo, stopping)
+    plant = ArmPlant(scenario, bodies, peg, servo)
     diagram = builder.Build()
     diagram.set_name("arm")
     return RigDiagram(diagram, plant, recorder, law, sensor, steppers=(), scenario=scenario)

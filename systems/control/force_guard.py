@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from systems.steps.force_guard import (
@@ -48,8 +47,7 @@ class ForceGuard(LeafSystem):
 
     def __init__(self, *, limits: GuardLimits, stopping: StoppingModel) -> None:
         super().__init__()
-        self._limits = limits
-        self._stopping = self.DeclareAbstractParameter(Value[object](stopping))
+        self._limits, self._stopping = limits, stopping
         self._wrench = self.DeclareVectorInputPort("wrench", 6)
         self._inputs = [
             self.DeclareVectorInputPort(name, 1)
@@ -65,15 +63,6 @@ class ForceGuard(LeafSystem):
             ("feed_speed", FEED_SPEED),
         ):
             self.DeclareVectorOutputPort(name, 1, self._reader(index), state)
-
-    def stopping(self, context: Context) -> StoppingModel:
-        """Returns how the rig stops; ``context`` is this system's."""
-        model: StoppingModel = context.get_abstract_parameter(self._stopping).get_value()
-        return model
-
-    def set_stopping(self, context: Context, stopping: StoppingModel) -> None:
-        """Replaces how the rig stops in ``context``, which is this system's; the period must be the same."""
-        context.get_mutable_abstract_parameter(self._stopping).set_value(stopping)
 
     def peak_load(self, context: Context) -> float:
         """Returns the largest measured load so far, N; ``context`` is this system's."""
@@ -92,7 +81,7 @@ class ForceGuard(LeafSystem):
         state = np.array(context.get_discrete_state(self._state).value())
         found = force_guard_step(
             self._limits,
-            self.stopping(context),
+            self._stopping,
             state,
             self._wrench.Eval(context),
             depth,

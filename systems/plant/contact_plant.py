@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple, Self
 
 import numpy as np
 from pydrake.common import MemoryFile
@@ -52,7 +53,6 @@ from skill.arrays import Array
 from systems.plant.body_pose import BodyPose
 from systems.plant.contact_forces import Contact, hydroelastic_forces, single_contacts
 from systems.plant.rig_plant import stepper_axes
-from systems.steps.force_guard import StoppingModel
 
 DIVERGENCE_FORCE = 1e5  # in units of N; a larger contact force means that the simulation has diverged
 STEEL = 7850.0  # in units of kg/m^3
@@ -121,25 +121,11 @@ class HydroelasticRig(ContactPlant):
         """See `RigPlant`."""
         return float(self.peg.default_mass() * np.linalg.norm(self.plant.gravity_field().gravity_vector()))
 
-    @property
-    def moving_mass(self) -> float:
+    def set_trial(self, context: Context, trial: Scenario) -> None:
         """See `RigPlant`."""
-        models = {self.plant.GetModelInstanceByName(name) for name in ("feed", "mount")}
-        bodies = (self.plant.get_body(index) for model in models for index in self.plant.GetBodyIndices(model))
-        return float(sum(body.default_mass() for body in bodies))
-
-    @property
-    def turning_inertia(self) -> float:
-        """See `RigPlant`."""
-        return self._turning_inertia(self.plant.CreateDefaultContext())
-
-    def set_trial(self, context: Context, trial: Scenario) -> StoppingModel:
-        """See `RigPlant`."""
-        pivot = _pivot_pose(trial)
-        home = self.plant.CreateDefaultContext()
-        for own in (home, self.plant.GetMyMutableContextFromRoot(context)):
-            self.plant.GetFrameByName("pivot").SetPoseInParentFrame(own, pivot)
-            self.plant.GetFrameByName("mouth").SetPoseInParentFrame(own, pivot.inverse())
+        pivot, own = _pivot_pose(trial), self.plant.GetMyMutableContextFromRoot(context)
+        self.plant.GetFrameByName("pivot").SetPoseInParentFrame(own, pivot)
+        self.plant.GetFrameByName("mouth").SetPoseInParentFrame(own, pivot.inverse())
         scene = self.scene_graph.GetMyMutableContextFromRoot(context)
         source, inspector = self.plant.get_source_id(), self.scene_graph.model_inspector()
         for body in (self.peg, self.block):
@@ -147,11 +133,6 @@ class HydroelasticRig(ContactPlant):
                 properties = ProximityProperties(inspector.GetProximityProperties(geometry))
                 properties.UpdateProperty("material", "coulomb_friction", _friction(trial))
                 self.scene_graph.AssignRole(scene, source, geometry, properties, RoleAssign.kReplace)
-        return StoppingModel.of(trial, mass=self.moving_mass, inertia=self._turning_inertia(home))
-
-    def _turning_inertia(self, context: Context) -> float:
-        axis = self.plant.GetJointByName("pitch").velocity_start()
-        return float(self.plant.CalcMassMatrix(context)[axis, axis])
 
     def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
         """See `RigPlant`."""
@@ -265,6 +246,45 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
     if scenario.rig.pivot_height is None:
         raise ValueError("scenario.rig.pivot_height is missing: the scenario is not resolved; use resolve_scenario")
     plant, scene_graph = add_hydroelastic_plant(builder, scenario)
+    peg, block = _add_rig_bodies(plant, scenario)
+    finish_contact_plant(plant, scene_graph, scenario, peg, block)
+    centred = builder.AddNamedSystem("centred_mount", ConstantVectorSource(np.zeros(4)))
+    mount = plant.get_desired_state_input_port(plant.GetModelInstanceByName("mount"))
+    builder.Connect(centred.get_output_port(), mount)
+    return HydroelasticRig(plant, scene_graph, peg, block, scenario)
+
+
+class NominalBodies(NamedTuple):
+    """Masses of the rig as its builder knows them, with the axes of the gimbal in the plane of the mouth.
+
+    Attributes:
+        mass: of carriage, mount and peg, which the feed moves, kg.
+        peg_weight: N.
+        turning_inertia: of gimbal, block and rotor about the axis of pitch, where it is largest, kg m^2.
+    """
+
+    mass: float
+    peg_weight: float
+    turning_inertia: float
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> Self:
+        """Returns those of a scenario, whatever its pivot."""
+        plant = MultibodyPlant(scenario.contact.time_step)
+        peg, _ = _add_rig_bodies(plant, replace(scenario, rig=replace(scenario.rig, pivot_height=0.0)))
+        plant.Finalize()
+        models = {plant.GetModelInstanceByName(name) for name in ("feed", "mount")}
+        bodies = (plant.get_body(index) for model in models for index in plant.GetBodyIndices(model))
+        axis = plant.GetJointByName("pitch").velocity_start()
+        return cls(
+            mass=float(sum(body.default_mass() for body in bodies)),
+            peg_weight=float(peg.default_mass() * np.linalg.norm(plant.gravity_field().gravity_vector())),
+            turning_inertia=float(plant.CalcMassMatrix(plant.CreateDefaultContext())[axis, axis]),
+        )
+
+
+def _add_rig_bodies(plant: MultibodyPlant, scenario: Scenario) -> tuple[RigidBody, RigidBody]:
+    """Adds bodies, joints and drives of the rig to an empty plant; returns peg and block."""
     parser = Parser(plant)
     folder = Path(models.__file__).parent
     parser.package_map().AddPackageXml(str(folder / "package.xml"))
@@ -292,11 +312,7 @@ def AddRigPlant(builder: DiagramBuilder, scenario: Scenario) -> HydroelasticRig:
         plant.WeldFrames(mouth, block.body_frame())
 
     _add_drives(plant, scenario)
-    finish_contact_plant(plant, scene_graph, scenario, peg, block)
-    centred = builder.AddNamedSystem("centred_mount", ConstantVectorSource(np.zeros(4)))
-    mount = plant.get_desired_state_input_port(plant.GetModelInstanceByName("mount"))
-    builder.Connect(centred.get_output_port(), mount)
-    return HydroelasticRig(plant, scene_graph, peg, block, scenario)
+    return peg, block
 
 
 def _pivot_pose(scenario: Scenario) -> RigidTransform:

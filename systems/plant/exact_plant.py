@@ -26,7 +26,6 @@ from systems.plant.contact_plant import AddRigPlant
 from systems.plant.exact_contact import STEPS, match, solve_contacts, tangents
 from systems.plant.exact_gaps import MAX_CONTACTS, Bodies, Numbers, find_contacts
 from systems.plant.rig_plant import stepper_axes
-from systems.steps.force_guard import StoppingModel
 
 FREEDOMS = 6
 """Carriage, mount along x and y, pitch, yaw, and the clocking of the block, which is locked without its stage."""
@@ -120,10 +119,6 @@ class Mechanics(NamedTuple):
             clocking=float(moments["block"][2]) + stepper.reflected_inertia if rig.clocking_stage else math.inf,
             gravity=gravity,
         )
-
-    def turning_inertia(self) -> float:
-        """Returns the inertia about the axis of pitch where the bore is upright, kg m^2."""
-        return self.pitch_ring + self.across + self.block_mass * (self.block_centre - self.pivot) ** 2
 
 
 BODIES = ("carriage", "mount_x", "mount_y", "peg", "pitch_ring", "yaw_ring", "block")
@@ -339,8 +334,6 @@ class ExactPlant(LeafSystem):
         m = Mechanics.of(scenario)
         self._constants = self.DeclareAbstractParameter(Value[object]((Bodies.of(scenario), m)))
         self.weight = m.peg_mass * m.gravity
-        self.moving_mass = m.weight / m.gravity
-        self.turning_inertia = m.turning_inertia()
         self.carriage_force = self.DeclareVectorInputPort("carriage_force", 1)
         self._axes = axes = len(stepper_axes(scenario))
         self.gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 2 * axes)
@@ -367,14 +360,13 @@ class ExactPlant(LeafSystem):
         start[0], start[3 : 3 + len(angles)] = carriage, angles
         self.GetMyMutableContextFromRoot(context).SetDiscreteState(self._motion, start)
 
-    def set_trial(self, context: Context, trial: Scenario) -> StoppingModel:
+    def set_trial(self, context: Context, trial: Scenario) -> None:
         """See `RigPlant`."""
         own = self.GetMyMutableContextFromRoot(context)
         bodies, m = self._constants_in(own)
         bodies = bodies._replace(friction=trial.contact.friction)
         m = m._replace(pivot=float(trial.rig.pivot_height or 0.0))
         own.get_mutable_abstract_parameter(self._constants).set_value((bodies, m))
-        return StoppingModel.of(trial, mass=self.moving_mass, inertia=m.turning_inertia())
 
     def tip_height(self, context: Context) -> float:
         """See `RigPlant`."""

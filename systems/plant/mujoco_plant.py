@@ -21,7 +21,6 @@ from pydrake.systems.framework import (
 from models.scenario import Scenario
 from systems.plant.contact_forces import Contact, NormalForces, single_contacts
 from systems.plant.mujoco_model import STEPS, MujocoContact, forces_on_the_peg, rig_document
-from systems.steps.force_guard import StoppingModel
 
 KEPT = mujoco.mjtState.mjSTATE_PHYSICS | mujoco.mjtState.mjSTATE_WARMSTART
 """The parts of MuJoCo's state that, with the inputs, determine the next step."""
@@ -62,8 +61,6 @@ class MujocoPlant(LeafSystem):
         self._feed, self._gimbal = at["feed"], [at["pitch"], at["yaw"]]
         self._tip = -scenario.sensor.height
         self.weight = float(model.body("peg").mass[0] * np.linalg.norm(model.opt.gravity))
-        self.moving_mass = float(model.body("carriage").subtreemass[0])
-        self.turning_inertia = _inertia(model, "pitch")
         self.carriage_force = self.DeclareVectorInputPort("carriage_force", 1)
         self.gimbal_equilibrium = self.DeclareVectorInputPort("gimbal_equilibrium", 4)
         scratch = mujoco.MjData(model)
@@ -103,12 +100,11 @@ class MujocoPlant(LeafSystem):
         mujoco.mj_getState(model, data, kept, KEPT)
         own.SetDiscreteState(self._kept, kept)
 
-    def set_trial(self, context: Context, trial: Scenario) -> StoppingModel:
+    def set_trial(self, context: Context, trial: Scenario) -> None:
         """See `RigPlant`: another model of the same size is compiled."""
         model = mujoco.MjModel.from_xml_string(rig_document(trial, MujocoContact.of(trial)))
         own = self.GetMyMutableContextFromRoot(context)
         own.get_mutable_abstract_parameter(self._constants).set_value(model)
-        return StoppingModel.of(trial, mass=self.moving_mass, inertia=_inertia(model, "pitch"))
 
     def tip_height(self, context: Context) -> float:
         """See `RigPlant`."""
@@ -185,13 +181,3 @@ def _poses(data: mujoco.MjData) -> tuple[RigidTransform, RigidTransform]:
         for body in (data.body("block"), data.body("peg"))
     )
     return X_WH, X_WP
-
-
-def _inertia(model: mujoco.MjModel, joint: str) -> float:
-    """Returns the inertia about a joint with all joints at zero, with its rotor."""
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    axis = int(model.joint(joint).dofadr[0])
-    unit, product = np.eye(model.nv)[axis], np.zeros(model.nv)
-    mujoco.mj_mulM(model, data, product, unit)
-    return float(product[axis])

@@ -11,7 +11,6 @@ from pydrake.systems.framework import Context, InputPort, OutputPort
 from models.scenario import Scenario
 from skill.data.axes import AXES
 from systems.plant.contact_forces import Contact
-from systems.steps.force_guard import StoppingModel
 
 
 def stepper_axes(scenario: Scenario) -> tuple[str, ...]:
@@ -28,15 +27,12 @@ class PegCarrier(Protocol):
     def set_start(self, context: Context, *, carriage: float, angles: Sequence[float]) -> None:
         """Sets the position of the carriage (m) and the angles (n,) of the axes of the block (rad)."""
 
-    def set_trial(self, context: Context, trial: Scenario) -> StoppingModel:
+    def set_trial(self, context: Context, trial: Scenario) -> None:
         """Sets the height of the pivot and the friction of another resolved scenario.
 
         Args:
             context: of the diagram.
             trial: as the scenario of the plant, but for pivot and friction.
-
-        Returns:
-            How the rig stops with this pivot.
         """
 
     def tip_height(self, context: Context) -> float:
@@ -85,11 +81,3 @@ class RigPlant(PegCarrier, Protocol):
     @property
     def weight(self) -> float:
         """Weight of the peg, N."""
-
-    @property
-    def moving_mass(self) -> float:
-        """Mass of carriage, mount and peg, which the feed moves, kg."""
-
-    @property
-    def turning_inertia(self) -> float:
-        """Inertia of gimbal, block and rotor about the axis of pitch, where it is largest, kg m^2."""

@@ -148,7 +148,8 @@ def force_guard_step(
 
     The permitted turn rates are integrated to angles, within ``max_turn_rate`` and ``max_turn``. While ``unwinding``,
     the hole turns back to the angles at which the load was last at most F_soft, and the commanded rates do not count.
-    While ``blind``, the wrench is not known: the guard does not act on it, and permits a retraction only.
+    While ``blind``, the wrench is not known: the guard does not act on it, and permits a retraction only, like
+    after a measurement that is not finite. While a command is not finite, none is permitted.
 
     Args:
         p: limits.
@@ -165,7 +166,11 @@ def force_guard_step(
     """
     T, lever = stopping.period, p.lever
     fx, fy, fz, mx, my, mz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
-    if blind:
+    if not math.isfinite(pitch_rate + yaw_rate + clocking_rate + speed):
+        pitch_rate = yaw_rate = clocking_rate = speed = 0.0
+        unwinding = False
+    if blind or not math.isfinite(fx + fy + fz + mx + my + mz + depth):
+        depth = 0.0
         fx = fy = fz = mx = my = mz = 0.0
         pitch_rate = yaw_rate = clocking_rate = 0.0
         unwinding = False

@@ -13,6 +13,9 @@ from systems.steps.back_off import BackOffNumbers, BackOffState, back_off_step
 if TYPE_CHECKING:  # a scenario needs Drake
     from models.scenario import Scenario
 
+LARGEST = 1e6
+"""Turns of an action beyond this one are as good as infinite, rad."""
+
 
 class ControllerLimits(NamedTuple):
     """Gain and limits of the controller.
@@ -126,7 +129,7 @@ def policy_controller_step(
         turn: (2,), omega_x and omega_y.
         spin: omega_z.
         feed: u.
-        support: of the action, 0 to 1.
+        support: of the action; below 0 it counts as 0, above 1 as 1.
         wrench: (6,), measured wrench on the peg about its tip, in P, N and N m.
         depth: measured depth, m.
         known: whether the contact state is recognised.
@@ -134,6 +137,7 @@ def policy_controller_step(
         pitch: commanded angle of the hole, rad.
         yaw: likewise.
     """
+    support = min(max(support, 0.0), 1.0)
     fx, fy, fz, mx, my, mz = wrench[0], wrench[1], wrench[2], wrench[3], wrench[4], wrench[5]
     decision = back_off_step(
         p.back_off,
@@ -150,6 +154,7 @@ def policy_controller_step(
         math.hypot(fx, fy),
     )
     factor = -p.gain * decision.turning / p.policy_period
+    factor *= LARGEST / max(LARGEST, abs(turn[0]), abs(turn[1]))
     rate_x, rate_y = factor * turn[0], factor * turn[1]
     size = math.hypot(rate_x, rate_y)
     if size > p.max_turn_rate:

@@ -25,6 +25,7 @@ from models.scenario import (
     resolve_scenario,
     validate_scenario,
 )
+from models.validation import copied
 
 FILES = sorted(SCENARIO_FOLDER.glob("*.yaml"))
 
@@ -52,6 +53,20 @@ def write(tmp_path, text):
     path = tmp_path / "mine.yaml"
     path.write_text(text)
     return path
+
+
+def test_a_copy_is_equal_and_shares_nothing_that_changes():
+    for path in FILES:
+        scenario = load_scenario(path)
+        before, found = copy.deepcopy(scenario), copied(scenario)
+        assert found == before
+        for (name, value), (_, other) in zip(leaves(scenario), leaves(found), strict=True):
+            if isinstance(value, list):
+                assert value is not other, name
+        found.geometry.facets, found.controller.guard.force_limit = 7, 1.0
+        found.geometry.corners.append([0.0])
+        found.sensor.force_range[0] = 3.0
+        assert scenario == before
 
 
 # files

@@ -11,7 +11,6 @@ from experiments.trial import run_rig
 from models.scenario import FREE_FACETS, TRIAL_STREAM, load_scenario, resolve_scenario
 from skill.data.rig_run import LOGGED_COLUMNS
 from systems.rig import MakeRig
-from systems.steps.force_guard import StoppingModel
 from tests.diagrams import state_of, unconnected_inputs, unused_plant_inputs
 
 NOT_CONNECTED = unused_plant_inputs() | {
@@ -36,13 +35,6 @@ def started(rig):
 
 def test_every_input_is_connected_except_for_the_unused_ones_of_the_plant(resolved, skill):
     assert unconnected_inputs(MakeRig(resolved, skill).diagram) - NOT_CONNECTED == set()
-
-
-def test_the_force_guard_knows_the_masses_of_the_rig(resolved, skill):
-    rig = MakeRig(resolved, skill)
-    mass, inertia = rig.plant.moving_mass, rig.plant.turning_inertia
-    stopping = rig.law.force_guard.stopping(rig.law.force_guard.CreateDefaultContext())
-    assert stopping == StoppingModel.of(resolved, mass=mass, inertia=inertia)
 
 
 def test_an_unresolved_scenario_is_an_error(quick_scenario, skill):
@@ -189,18 +181,6 @@ def test_another_trial_in_the_same_diagram_is_that_of_a_new_diagram_bit_for_bit(
     pd.testing.assert_frame_equal(used.samples, fresh.samples, check_exact=True)
     assert used.result == fresh.result
     assert used.result.peak_load > 1.0
-
-
-def test_the_guard_and_the_stopping_model_follow_the_pivot_of_the_trial(resolved, skill):
-    other = copy.deepcopy(resolved)
-    other.rig.pivot_height = -0.004
-    rig = MakeRig(resolved, skill)
-    context = rig.diagram.CreateDefaultContext()
-    rig.set_trial(context, other)
-    expected = MakeRig(other, skill).law.force_guard
-    stopping = rig.law.force_guard.stopping(rig.law.force_guard.GetMyContextFromRoot(context))
-    assert stopping == expected.stopping(expected.CreateDefaultContext())
-    assert stopping != rig.law.force_guard.stopping(rig.law.force_guard.CreateDefaultContext())
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Reading a folder of results: what is read, what is left out, and what is refused in one line."""
 
+import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -113,6 +115,44 @@ def test_a_missing_an_empty_and_a_foreign_folder_are_named(tmp_path):
     refused(tmp_path, tmp_path, "no trials yet")
     (tmp_path / "file").write_text("x")
     refused(tmp_path / "file", "is a file")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("time_s", v) for v in (math.inf, -5.0, math.nan)),
+        *(("time_limit_s", -math.inf), ("trial", -3), ("demonstration_set", -1), ("lost_steps", -2)),
+        *(("peak_load_n", math.inf), ("wedged_s", -0.5)),
+    ],
+)
+def test_numbers_that_no_trial_has_are_named(tmp_path, name, value):
+    path = write_trials(tmp_path, [{}, {"trial": 1, name: value}])
+    refused(tmp_path, path, f"'{name}' in row 1 is {value:g}, expected a finite number from 0 on")
+
+
+def test_a_score_may_be_negative_but_not_infinite(tmp_path):
+    write_trials(tmp_path / "a", [{"field_score": -11.0}])
+    assert read_trials(tmp_path / "a").table["field_score"].tolist() == [-11.0]
+    path = write_trials(tmp_path / "b", [{"field_score": -math.inf}])
+    refused(tmp_path / "b", path, "'field_score' in row 0 is -inf, expected a finite number")
+
+
+def test_half_a_trial_is_named(tmp_path):
+    path = write_trials(tmp_path, [{}])
+    table = pq.read_table(path)
+    place = table.schema.get_field_index("trial")
+    pq.write_table(table.set_column(place, "trial", pa.array([0.5])), path)
+    refused(tmp_path, path, "column 'trial' has type double, expected int64")
+
+
+@pytest.mark.parametrize("kind", ["pipe", "folder", "link"])
+@pytest.mark.parametrize("place", ["trials", "sweeps"])
+def test_what_is_no_file_is_named_and_not_waited_for(tmp_path, kind, place):
+    path = write_trials(tmp_path, [{}]).with_name("y.parquet")
+    if place == "sweeps":
+        path = write_sweep(tmp_path, "b").with_name("y.yaml")
+    {"pipe": os.mkfifo, "folder": os.mkdir, "link": lambda p: p.symlink_to("nowhere")}[kind](path)
+    refused(tmp_path, path, "file")
 
 
 def test_a_file_without_rows_is_no_trial(tmp_path):

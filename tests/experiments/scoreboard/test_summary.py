@@ -161,8 +161,11 @@ def test_trials_are_compared_under_the_same_factors_only(tmp_path):
     assert tables[1].rows[1].paired is None  # trial 0 of one, trial 1 of the other
 
 
-@pytest.mark.parametrize("text", ["", "[]", "3", "mu=0.2"])
+NESTED, DIGITS = "[" * 3000 + "]" * 3000, "9" * 400
+
+
+@pytest.mark.parametrize("text", ["", "[]", "3", "mu=0.2", NESTED, f'{{"mu": {NESTED}}}', f'{{"mu": {DIGITS}}}'])
 def test_factors_that_are_no_object_are_refused(tmp_path, text):
     write_trials(tmp_path, [{"factors": text}])
-    with pytest.raises(ValueError, match="expected a JSON object"):
+    with pytest.raises(ValueError, match=r"^.{1,400}expected a JSON object.{1,20}$"):
         board_of(tmp_path)

@@ -1,6 +1,7 @@
 """Specifications of sweeps: what they ask for, and the messages about what is wrong in them."""
 
 import json
+import time
 from datetime import date
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.sweeps.assignments import assignments
 from experiments.sweeps.factors import make_cells
 from experiments.sweeps.specification import DemonstrationPlan, overridden, plan_in, read_specification
 from experiments.trial import Arm
@@ -186,6 +188,41 @@ def test_a_specification_that_is_wrong_is_one_line_that_names_the_file_and_the_k
         read(tmp_path, text)
     assert message in str(error.value)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ("trials: {number: 1000000}\narms: [default, stress]", "more than 1,000,000 trials"),
+        ("trials: {number: 1000}\ndesign: {random: 1000}\nvary: {contact.friction: {uniform: [0.1, 0.3]}}\n"
+         "engines: [exact, drake]", "more than 1,000,000 trials"),
+        (f"demonstrations: {{sets: {list(range(300))}}}\ntrials: {{number: 5000}}", "more than 1,000,000 trials"),
+        (f"demonstrations: {{sets: {list(range(300))}}}\ntrials: {{number: 1}}\ndesign: {{random: 100}}\n"
+         "vary: {contact.friction: {uniform: [0.1, 0.3]}}", "more than 20,000 sets of trials"),
+    ],
+)  # fmt: skip
+def test_a_design_that_is_too_large_is_named_at_once(tmp_path, changes, message):
+    before = time.process_time()
+    with pytest.raises(ValueError, match=f"^sweep .*cells, policies, sets, arms and engines make {message}"):
+        read(tmp_path, f"policies: {{skill: {{learn: {{}}}}}}\n{changes}\n")
+    assert time.process_time() - before < 5.0
+
+
+def test_a_thousand_cells_are_planned_in_seconds(tmp_path):
+    text = "policies: {push: {make: 'tests.experiments.sweeps.pushes:push'}}\ndesign: {random: 1000}\n"
+    assignments(
+        read(tmp_path, text + "vary: {start.height: {uniform: [0.001, 0.002]}}\n"), tmp_path, "sweep"
+    )  # imports
+    before = time.process_time()
+    specification = read(tmp_path, text + "vary: {contact.friction: {uniform: [0.1, 0.3]}}\n")
+    found = assignments(specification, tmp_path, "sweep")
+    assert time.process_time() - before < 8.0
+    assert len({one.source.digest() for one in found}) == len(found) == 1000
+
+
+def test_divided_sets_share_their_trials(tmp_path):
+    text = f"demonstrations: {{sets: {list(range(300))}, divided: true}}\ntrials: {{number: 1000000}}\n"
+    assert read(tmp_path, f"policies: {{skill: {{learn: {{}}}}}}\n{text}").policies[0].trials == 1_000_000
 
 
 def test_an_overridden_scenario_differs_in_these_keys_only():

@@ -192,6 +192,25 @@ def single_precision(folder):
     change_table(folder / DATA, change)
 
 
+def feature_of(value):
+    def change(folder):
+        info = json.loads((folder / "meta/info.json").read_text())
+        change_json(folder / "meta/info.json", features={**info["features"], "recording": value})
+
+    return change
+
+
+def empty(name, rows):
+    def change(table):
+        kept = np.zeros(len(table), dtype=bool)
+        kept[rows] = True
+        place, column = table.schema.get_field_index(name), table[name].combine_chunks()
+        values = [None if gone else value for value, gone in zip(column.to_pylist(), kept, strict=True)]
+        return table.set_column(place, name, pa.array(values, type=column.type))
+
+    return lambda folder: change_table(folder / DATA, change)
+
+
 REFUSED = {
     "no about": (lambda folder: (folder / ABOUT).unlink(), f"lacks the file {ABOUT}; expected a data set that"),
     "version": (lambda f: change_json(f / "meta/info.json", codebase_version="v2.1"), "version 'v2.1' of the format"),
@@ -207,6 +226,31 @@ REFUSED = {
     "header of another kind": (set_column(HEADER, ['{"metadata": {}}'] * 3), "lacks ['good', 'outcome']"),
     "path": (set_column(NAME, ["../a.parquet", "b.parquet", "c.parquet"]), "episode 0: haptic_skill/name is '../a"),
     "same name": (set_column(NAME, ["a.parquet"] * 3), "episode 1: haptic_skill/name is 'a.parquet'"),
+    "hidden name": (set_column(NAME, [".parquet", "b.parquet", "c.parquet"]), "haptic_skill/name is '.parquet'"),
+    "bell in a name": (set_column(NAME, ["a.parquet", "b\a.parquet", "c.parquet"]), "episode 1: haptic_skill/name is"),
+    "line in a name": (set_column(NAME, ["a.parquet", "b.parquet", "c\n.parquet"]), "episode 2: haptic_skill/name is"),
+    "outcome of a number": (
+        set_column(HEADER, ['{"good": true, "outcome": 3, "metadata": {}}'] * 3),
+        f"episode 0: 'outcome' in {HEADER} is 3, expected a text",
+    ),
+    "outcome of nothing": (
+        set_column(HEADER, ['{"good": true, "outcome": null, "metadata": {}}'] * 3),
+        f"episode 0: 'outcome' in {HEADER} is None, expected a text",
+    ),
+    "shuffled frames": (
+        lambda f: change_table(f / DATA, lambda t: t.take(np.r_[1, 0, 2 : len(t)])),
+        "episode 0: frames are missing, occur twice or are out of order",
+    ),
+    "reversed frames": (
+        lambda f: change_table(f / DATA, lambda t: t.take(np.arange(len(t))[::-1])),
+        "episode 0: frames are missing, occur twice or are out of order",
+    ),
+    "recording of a list": (feature_of([1, 2]), "the feature 'recording' has no names of columns"),
+    "recording of a text": (feature_of("x"), "the feature 'recording' has no names of columns"),
+    "empty recording": (empty("recording", slice(None)), "'recording' is empty in"),
+    "empty row": (empty("recording", slice(3, 4)), "'recording' is empty in 1 rows"),
+    "empty frame": (empty("frame_index", slice(0, 1)), "'frame_index' has type int64, expected a whole number in each"),
+    "episode of a text": (set_column("episode_index", ["0", "1", "2"]), "'episode_index' has type"),
     "precision": (single_precision, "'recording' has type fixed_size_list<"),
     "implausible": (
         set_column(HEADER, ['{"good": 1.5, "outcome": "inserted", "metadata": {}}'] * 3),

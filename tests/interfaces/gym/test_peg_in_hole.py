@@ -2,6 +2,7 @@
 
 import copy
 import gc
+import pickle
 import warnings
 import weakref
 
@@ -152,12 +153,32 @@ def test_a_wrong_choice_is_named(arguments, message):
         PegInHole(**arguments)
 
 
-@pytest.mark.parametrize("action", [np.zeros(4), np.array([0.0, np.nan, 0.0])])
+@pytest.mark.parametrize(
+    "action",
+    [
+        *(np.zeros(4), np.array([0.0, np.nan, 0.0]), None, [0.0, [0.0], 0.0]),
+        *(np.array([0.0, 1j, 0.0]), [0.0, 0.0, 1 + 0j], ["0", "0.1", "0"], np.array([b"0"] * 3), "0.0"),
+        *([True, False, True], [0.0, 10**400, 0.0], np.array([0, 0, 0], dtype="m8[s]")),
+    ],
+    ids=repr,
+)
 def test_a_wrong_action_is_named(make, action):
     env = make().unwrapped
     env.reset(seed=TRIAL)
     with pytest.raises(ValueError, match="expected 3 finite numbers"):
         env.step(action)
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_of_a_running_environment_begins_its_own_episode(make, duplicate):
+    env = make().unwrapped
+    first, _ = env.reset(seed=TRIAL)
+    again = duplicate(env)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        again.step(np.zeros(3))
+    found, _ = again.reset(seed=TRIAL)
+    assert {name: value.tolist() for name, value in found.items()} == {n: v.tolist() for n, v in first.items()}
+    env.step(np.zeros(3))  # the episode of the first goes on
 
 
 @pytest.mark.parametrize("options", [{"trial": -1}, {"trial": 1.5}, {"trial": True}, {"number": 3}])

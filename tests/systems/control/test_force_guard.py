@@ -63,6 +63,22 @@ def test_in_free_air_commands_pass():
     assert outputs(dut, context) == pytest.approx([0.03 * 0.01, -0.04 * 0.01, -0.02])
 
 
+@pytest.mark.parametrize("name", ["pitch_rate", "yaw_rate", "clocking_rate", "feed_speed"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_of_commands_that_are_not_finite_none_is_permitted(name, value):
+    dut, context = guard(**{"pitch_rate": [0.03], "feed_speed": [-0.02], "unwinding": [1.0], name: [value]})
+    update(dut, context, period=STOPPING.period, times=10)
+    assert outputs(dut, context) == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("broken", [{"depth": [math.nan]}, {"wrench": np.array([0.0, 0.0, 1.0, math.inf, 0.0, 0.0])}])
+@pytest.mark.parametrize("speed", [-0.02, 0.01])
+def test_on_a_measurement_that_is_not_finite_only_a_retraction_is_permitted(broken, speed):
+    dut, context = guard(pitch_rate=[0.03], yaw_rate=[-0.04], feed_speed=[speed], **broken)
+    update(dut, context, period=STOPPING.period, times=10)
+    assert outputs(dut, context) == [0.0, 0.0, max(speed, 0.0)]
+
+
 @pytest.mark.parametrize("load", [0.0, 5.0])
 def test_feed_and_turns_are_no_faster_than_a_contact_may_stop_them_at_the_limit(load):
     """A turn of 0.1 rad/s and a feed of 30 mm/s may have to stop with 20 N + 30 N, more than F_limit - F."""

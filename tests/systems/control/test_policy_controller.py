@@ -205,6 +205,30 @@ def test_low_support_reduces_the_feed_and_is_an_output(skill, measurements):
 
 
 @pytest.mark.parametrize(
+    "action",
+    [
+        Action(turn=np.array([1e308, -1e308]), feed=-1e308, spin=1e308),
+        Action(turn=np.array([1.7e308, 1.7e308]), feed=1.7e308, spin=-1.7e308),
+        Action(turn=np.array([0.0, 5e-324]), feed=-1e308, support=1e308),
+        Action(turn=np.array([0.0, 1e300]), feed=-1e-3, support=-1e308),
+    ],
+)
+def test_an_action_of_any_size_is_limited_and_keeps_its_direction(skill, measurements, action):
+    limits = ControllerParameters()
+    policy = FixedPolicy(skill, skill.act(measurements[0]))
+    dut, context, _ = controller(policy, measurements[0], limits)
+    policy.action = action
+    found = step(dut, context, limits)
+    assert dut.failure(context) == ""
+    turn = np.array([found["pitch_rate"], found["yaw_rate"]])
+    assert np.linalg.norm(turn) <= limits.max_turn_rate * (1 + 1e-12)
+    assert abs(found["feed_speed"]) <= limits.max_feed_speed
+    if np.abs(action.turn).max() > 1.0:
+        wanted = -action.turn / np.abs(action.turn).max()
+        np.testing.assert_allclose(turn, limits.max_turn_rate * wanted / np.linalg.norm(wanted), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
     ("failing", "message"),
     [
         (ArithmeticError("beyond\nme"), "ArithmeticError: beyond"),

@@ -1,19 +1,36 @@
-"""The controller receives the measured wrench and depth and its own commands: no true pose or angle reaches it."""
+"""What a rig cannot know does not reach its control: by ports, constructor arguments or parameters of the Context."""
 
-import numpy as np
+import copy
+import functools
+import importlib
+import inspect
+import pkgutil
+from dataclasses import replace
+
+import joblib
 import pytest
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder, EventStatus, LeafSystem, PortDataType
 
+import systems.control
 from models.scenario import TRIAL_STREAM, resolve_scenario
-from skill.data.rig_run import CONTEXT_COLUMNS
 from systems import law as law_module
 from systems import rig as rig_module
+from systems.hardware.dc_motor import DcMotor
 from systems.hardware.depth_encoder import DepthEncoder
+from systems.hardware.stepper_motor import StepperMotor
 from systems.hardware.wrench_sensor import WrenchSensor
-from systems.rig import MakeRig
+from systems.plant import contact_plant
+from systems.rig import AddEngine, MakeRig, WireRig
 
 SENSORS = {"wrench_sensor", "depth_encoder"}
-COMMANDED = [*CONTEXT_COLUMNS, "target_pitch", "target_yaw", "feed_speed", "back_off", "state", "known", "support"]
+MEASURED = (
+    (law_module, WrenchSensor, {"wrench": "_calc_wrench"}, ["wrench_sensor"]),
+    (rig_module, DepthEncoder, {"depth": "_calc"}, ["depth_encoder"]),
+    (rig_module, DcMotor, {"current": "_calc_current", "travel": "_calc_travel"}, ["dc_motor"]),
+    (rig_module, StepperMotor, {"shaft": "_calc_shaft"}, ["pitch_stepper", "yaw_stepper"]),
+)
+"""What a rig measures: the module that builds it, the kind of system, the methods of its ports, and its names."""
 
 
 @pytest.fixture
@@ -68,40 +85,143 @@ def test_every_path_to_the_controller_passes_through_the_two_sensors_or_its_own_
     assert {"plant", "dc_motor", "pitch_stepper"} <= everything
 
 
-def replaying(kind, port, readings, period):
-    """Returns a sensor class that replays recorded readings, one per period, independent of its inputs."""
+def control_systems(rig):
+    found = [s for s in rig.diagram.GetSystems() if type(s).__module__.startswith("systems.control.")]
+    assert len(found) == 7
+    return found
 
-    class Replaying(kind):
-        pass
 
-    def calc(self, context, output):
-        output.SetFromVector(np.atleast_1d(readings[min(int(context.get_time() / period + 0.5), len(readings) - 1)]))
+def outputs(systems, root):
+    """Returns the values of all outputs of some systems, by their names; of those that are no vectors, a digest."""
+    found = {}
+    for system in systems:
+        own = system.GetMyContextFromRoot(root)
+        for port in (system.get_output_port(k) for k in range(system.num_output_ports())):
+            vector, value = port.get_data_type() == PortDataType.kVectorValued, port.Eval(own)
+            found[system.get_name(), port.get_name()] = value.tolist() if vector else joblib.hash(value)
+    return found
 
-    setattr(Replaying, port, calc)
-    return Replaying
+
+def parameters(systems, root):
+    """Returns the parameters of some systems, by their names."""
+    found = {}
+    for system in systems:
+        own = system.GetMyContextFromRoot(root)
+        abstract = [own.get_abstract_parameter(k).get_value() for k in range(own.num_abstract_parameters())]
+        numeric = [own.get_numeric_parameter(k).value().tolist() for k in range(own.num_numeric_parameter_groups())]
+        found[system.get_name()] = numeric, [joblib.hash(value) for value in abstract]
+    return found
+
+
+def run(rig, trial, names):
+    """Returns the outputs of the named systems in every period of the sensor, and the parameters of the control."""
+    simulator, found = Simulator(rig.diagram), []
+    rig.set_trial(simulator.get_mutable_context(), trial)
+    systems = [rig.diagram.GetSubsystemByName(name) for name in names]
+
+    def monitor(context):
+        if context.get_time() > (len(found) - 0.5) * trial.sensor.period:
+            found.append(outputs(systems, context))
+        return EventStatus.DidNothing()
+
+    simulator.set_monitor(monitor)
+    simulator.AdvanceTo(0.3)
+    return found, parameters(control_systems(rig), simulator.get_context())
+
+
+def replay(readings, period, monkeypatch):
+    """Lets the rigs that are built from now on measure what was recorded, whatever happens."""
+    for module, kind, methods, _ in MEASURED:
+
+        def calc(self, context, output, *, port):
+            at = readings[min(int(context.get_time() / period + 0.5), len(readings) - 1)]
+            output.SetFromVector(at[self.get_name(), port])
+
+        replaying = {method: functools.partialmethod(calc, port=port) for port, method in methods.items()}
+        monkeypatch.setattr(module, kind.__name__, type(kind.__name__, (kind,), replaying))
+
+
+def hidden(scenario, share):
+    """Returns a scenario that differs in all that a trial draws and in the mount."""
+    other = resolve_scenario(scenario, seed=20 + round(10 * share), stream=TRIAL_STREAM)
+    other.rig.pivot_height, other.contact.friction = 0.003 * share, 0.2 + 0.1 * share
+    other.start.tilt = [0.04 - 0.02 * share, -0.03 + 0.02 * share]
+    other.rig.mount_stiffness *= 1.0 + 0.3 * share
+    other.rig.mount_damping *= 1.0 - 0.3 * share
+    return other
+
+
+def rig_with(scenario, skill, share, monkeypatch):
+    """Returns a rig that is built with other masses, friction and clearance than it was designed with."""
+    designed = hidden(scenario, share)
+    built, g = copy.deepcopy(designed), scenario.geometry
+    built.rig.carriage_friction *= 1.0 + 0.4 * share
+    built.geometry = replace(
+        g, hole_radius=g.hole_radius + 1e-5 * share, block_radius=g.block_radius * (1.0 + 0.02 * share)
+    )
+    builder = DiagramBuilder()
+    with monkeypatch.context() as patch:
+        for name in ("STEEL", "ALUMINIUM", "MOUNT_MASS"):
+            patch.setattr(contact_plant, name, getattr(contact_plant, name) * (1.0 + 0.02 * share))
+        plant = AddEngine(builder, built)
+    return WireRig(builder, designed, skill, plant)
+
+
+@pytest.fixture
+def arguments(monkeypatch):
+    """The constructor arguments of every system of control that is built from now on, as digests by their places."""
+    found = []
+    for module in pkgutil.iter_modules(systems.control.__path__, "systems.control."):
+        for _, kind in inspect.getmembers(importlib.import_module(module.name), inspect.isclass):
+            if issubclass(kind, LeafSystem) and kind.__module__ == module.name:
+                monkeypatch.setattr(kind, "__init__", noting(kind.__init__, found))
+    return found
+
+
+def noting(init, found):
+    signature = inspect.signature(init)
+
+    def noted(self, *args, **kwargs):
+        given = signature.bind(self, *args, **kwargs).arguments
+        found.append({name: joblib.hash(value) for name, value in given.items() if name != "self"})
+        init(self, *args, **kwargs)
+
+    return noted
+
+
+@pytest.mark.parametrize("engine", ["drake", "exact"])
+def test_the_control_is_built_from_nothing_that_is_hidden(scenario, skill, engine, arguments, monkeypatch):
+    scenario.contact.engine = engine
+    known = []
+    for share in (-1.0, 0.0, 0.6):
+        rig_with(scenario, skill, share, monkeypatch)
+        known.append(arguments.copy())
+        arguments.clear()
+    assert len(known[0]) == 7
+    assert known[1:] == known[:1] * 2
+    scenario.controller.guard.force_limit += 1.0  # which it knows: the digests can differ
+    rig_with(scenario, skill, 0.0, monkeypatch)
+    assert arguments != known[0]
 
 
 @pytest.mark.slow
-def test_equal_readings_give_bit_identical_commands_for_different_true_poses(scenario, skill, monkeypatch):
-    """Two rigs with opposite tilts and different heights receive the same recorded readings."""
-    first = MakeRig(resolved(scenario), skill)
-    period = scenario.controller.period
-
-    def run(rig):
-        simulator = Simulator(rig.diagram)
-        rig.set_start(simulator.get_mutable_context())
-        simulator.AdvanceTo(0.4)
-        return rig.recorder.samples(simulator.get_context())
-
-    recorded = run(first)
-    wrenches, depths = recorded[["fx", "fy", "fz", "mx", "my", "mz"]].to_numpy(), recorded["depth"].to_numpy()
-    monkeypatch.setattr(law_module, "WrenchSensor", replaying(WrenchSensor, "_calc_wrench", wrenches, period))
-    monkeypatch.setattr(rig_module, "DepthEncoder", replaying(DepthEncoder, "_calc", depths, period))
-    runs = []
-    for tilt, height in (([0.04, -0.03], 2e-4), ([-0.05, 0.02], 1.2e-3)):
-        scenario.start.tilt, scenario.start.height = tilt, height
-        runs.append(run(MakeRig(resolved(scenario), skill)))
+@pytest.mark.parametrize("engine", ["drake", "exact"])
+def test_equal_measurements_give_bit_identical_control_whatever_is_hidden(scenario, skill, engine, monkeypatch):
+    """The trials differ from what the diagrams were built of, too."""
+    scenario.contact.engine = engine
+    first = rig_with(scenario, skill, 0.0, monkeypatch)
+    control = [system.get_name() for system in control_systems(first)]
+    measured = [name for _, _, _, names in MEASURED for name in names]
+    recorded, _ = run(first, first.scenario, measured)
+    replay(recorded, scenario.sensor.period, monkeypatch)
+    runs, poses = [], []
+    for share in (-1.0, 0.6):
+        rig = rig_with(scenario, skill, share, monkeypatch)
+        trial = copy.deepcopy(rig.scenario)
+        trial.rig.pivot_height, trial.contact.friction = -0.8 * trial.rig.pivot_height, 0.25 - 0.1 * share
+        runs.append(run(rig, trial, control))
+        poses.append(run(rig, trial, ["gimbal_angles"])[0])
     one, other = runs
-    np.testing.assert_array_equal(one[COMMANDED], other[COMMANDED])
-    assert one["target_pitch"].abs().max() > 0
-    assert np.abs(one[["pitch", "yaw", "tip_z"]] - other[["pitch", "yaw", "tip_z"]]).to_numpy().min() > 1e-4
+    assert one == other
+    assert max(abs(at["force_guard", "target_pitch"][0]) for at in one[0]) > 0.0
+    assert poses[0] != poses[1]

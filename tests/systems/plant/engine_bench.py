@@ -5,7 +5,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
-from systems.plant.contact_plant import AddRigPlant
+from systems.plant.contact_plant import NominalBodies
 from systems.rig import AddEngine
 
 G = 9.81
@@ -46,7 +46,5 @@ class Bench:
 
 
 def hanging_weight(scenario):
-    """Weight of the bodies on the feed drive, N, from Drake's plant."""
-    plant = AddRigPlant(DiagramBuilder(), scenario).plant
-    names = ("carriage", "mount_x", "mount_y", "peg")
-    return G * sum(plant.GetBodyByName(name).default_mass() for name in names)
+    """Weight of the bodies on the feed drive, N."""
+    return G * NominalBodies.of(scenario).mass
