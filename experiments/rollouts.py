@@ -39,12 +39,14 @@ def rolled_out(scenario: Scenario, policy: RigPolicy, *, number: int) -> EndedTr
 
     Returns:
         The trial; None if only a diagram can perform it: by an arm, in another engine, with a policy that is no skill
-        that imitates, or because the simulation breaks down, for which the diagram gives the reason.
+        that imitates or does not receive the measured wrench, or because the simulation breaks down, for which the
+        diagram gives the reason.
 
     Raises:
         ValueError: if the policy was made for another peg or hole.
     """
     looped = scenario.carrier == RIG and scenario.contact.engine == "exact" and scenario.start.depth <= 0.0
+    looped = looped and scenario.controller.wrench == "true"
     skill = skill_numbers(policy) if looped else None
     if skill is None:
         return None

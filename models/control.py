@@ -5,6 +5,18 @@ from dataclasses import dataclass, field
 
 from models.validation import PERIODS, limited
 
+WRENCHES = ("true", "zero", "frozen", "shuffled")
+SCALED = "scaled:"
+"""What a policy may receive of the measured wrench: a name, or a factor after `SCALED`."""
+
+
+def wrench_factor(text: str) -> float:
+    """Returns the factor F of ``scaled:F``; NaN if the text is none."""
+    try:
+        return float(text.removeprefix(SCALED)) if text.startswith(SCALED) else math.nan
+    except ValueError:
+        return math.nan
+
 
 @dataclass
 class ForceGuardParameters:
@@ -59,6 +71,8 @@ class ControllerParameters:
     max_turn_rate: float = math.radians(12.0)  # in units of rad/s; impact loads limit it further (`ForceGuard`)
     max_turn: float = math.radians(8.0)  # in units of rad, on each axis, to either side of the start
     max_feed_speed: float = 0.030  # in units of m/s
+    # One of WRENCHES or scaled:FACTOR: what the policy receives of the measured wrench. What guards the peg has all.
+    wrench: str = "true"
     guard: ForceGuardParameters = field(default_factory=ForceGuardParameters)
     back_off: BackOffParameters = field(default_factory=BackOffParameters)
     drive_monitor: DriveMonitorParameters = field(default_factory=DriveMonitorParameters)

@@ -17,7 +17,7 @@ from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 from models.arm import CARRIERS, RIG, ArmParameters
 from models.contact_checks import facet_violations, softness_violations
 from models.contact_theory import largest_entry_tilt
-from models.control import ControllerParameters
+from models.control import SCALED, WRENCHES, ControllerParameters, wrench_factor
 from models.document import read_document, read_text
 from models.hardware import (
     DEVICE_PRESETS,
@@ -320,6 +320,9 @@ def _geometry_violations(g: Geometry) -> Iterator[Violation]:
 def _name_violations(scenario: Scenario) -> Iterator[Violation]:
     """Checks the fields that hold the name of a choice."""
     approximation, habit = scenario.contact.approximation, scenario.operator.habit
+    wrench = scenario.controller.wrench
+    if wrench not in WRENCHES and not math.isfinite(wrench_factor(wrench)):
+        yield Violation("controller.wrench", repr(wrench), f"one of {WRENCHES} or {SCALED}FACTOR, such as {SCALED}0.5")
     if scenario.contact.engine not in ENGINES:
         yield Violation("contact.engine", repr(scenario.contact.engine), f"one of {ENGINES}")
     if scenario.contact.engine == "mujoco" and not scenario.geometry.is_round:

@@ -142,7 +142,8 @@ def check_document(document: Any, schema: type, where: str, path: str = "") -> N
         if isinstance(kind, type) and is_dataclass(kind):
             check_document(value, kind, where, name)
         elif not _has_type(value, kind):
-            raise ValueError(f"{where}: {name} is {brief(value)}, expected {TYPE_NAMES[kind]}")
+            quoted = " in quotes" if kind is str and isinstance(value, bool) else ""
+            raise ValueError(f"{where}: {name} is {brief(value)}, expected {TYPE_NAMES[kind]}{quoted}")
 
 
 def _has_type(value: Any, kind: Any) -> bool:

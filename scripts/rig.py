@@ -43,6 +43,14 @@ def main(
         float | None,
         typer.Option(min=0.0, help="Coulomb friction coefficient of peg and hole.", show_default="from the scenario"),
     ] = None,
+    wrench: Annotated[
+        str | None,
+        typer.Option(
+            metavar="[true|zero|frozen|shuffled|scaled:FACTOR]",
+            help="What the policy receives of the measured wrench; monitors, back-off and force guard have all of it.",
+            show_default="from the scenario",
+        ),
+    ] = None,
     arm: Annotated[
         Literal["default", "stress"],
         typer.Option(help="Which trials: all that the scenario contains, or only the hard ones."),
@@ -91,6 +99,8 @@ def main(
         chosen.start.tilt_range = math.radians(tilt_deg)
     if friction is not None:
         chosen.contact.friction, chosen.contact.friction_spread = friction, 0.0
+    if wrench is not None:
+        chosen.controller.wrench = wrench
     validate_scenario(chosen, "command line")
     request = {
         **{"trials": trials, "seed": seed, "scenario": dump_scenario(chosen), "versions": versions()},

@@ -29,6 +29,9 @@ class Column:
     low_is_good: bool = True
 
 
+LOAD_LIMITS = (10, 20, 40)
+"""Limits of the load under which insertions are counted, N: where the guard begins to act, yields, and backs off."""
+
 COLUMNS = (
     Column(
         "inserted",
@@ -92,6 +95,16 @@ COLUMNS = (
         1,
         pandas="d.peak_load_n.median()",
         is_main=True,
+    ),
+    *(
+        Column(
+            f"within {limit} N",
+            "trials",
+            f"trials that inserted while the load stayed below {limit} N",
+            pandas=f"(d.inserted & (d.peak_load_n < {limit})).sum()",
+            low_is_good=False,
+        )
+        for limit in LOAD_LIMITS
     ),
     Column(
         "mean load",

@@ -99,6 +99,16 @@ class Summary:
         """Share of the trials that inserted."""
         return self.inserted / self.trials
 
+    def within(self, limit: int) -> Summary:
+        """Returns the summary in which only insertions below a load of `LOAD_LIMITS` (N) count as such."""
+        inserted = self.numbers[f"within {limit} N"]
+        return replace(
+            self,
+            numbers={**self.numbers, "inserted": inserted},
+            interval=wilson(int(inserted), self.trials),
+            over_sets=None,
+        )
+
     @property
     def untrusted(self) -> int:
         """Number of trials whose physics is not trusted."""

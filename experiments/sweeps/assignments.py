@@ -123,7 +123,9 @@ def assignments(specification: Specification, results: Path, where: str) -> list
             given = skills.get(plan.name)
             for arm, engine in itertools.product(specification.arms, specification.engines):
                 own = replace(scenario, contact=replace(scenario.contact, engine=engine))
-                for policy, numbers in _policies(specification, plan, given, cell, own, arm, where):
+                # Policies are tuned and practise with the wrench that is measured, whatever they receive in the trials.
+                made_in = replace(own, controller=replace(own.controller, wrench="true"))
+                for policy, numbers in _policies(specification, plan, given, cell, made_in, arm, where):
                     source = TrialSource(own, arm, policy.digest, plan.name, cell.label)
                     folders = {"policy": plan.name, "arm": arm.value, "engine": engine}
                     blocks = blocks_of(results, source.digest(), numbers, **folders)

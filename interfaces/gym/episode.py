@@ -70,7 +70,8 @@ class Episode:
         """
         rig = self._rig
         context = rig.law.controller.GetMyContextFromRoot(self._context)
-        found = {name: np.array(rig.law.controller.GetInputPort(name).Eval(context)) for name in ("wrench", "depth")}
+        inputs = {"wrench": "policy_wrench", "depth": "depth"}
+        found = {name: np.array(rig.law.controller.GetInputPort(port).Eval(context)) for name, port in inputs.items()}
         estimate: Estimate = rig.law.controller.GetInputPort("estimate").Eval(context)
         found |= {"probabilities": estimate.states, "contexts": estimate.contexts}
         modes = [rig.law.controller.GetOutputPort(name).Eval(context)[0] for name in ("turning", "back_off")]
@@ -78,6 +79,11 @@ class Episode:
         commands = [f"target_{axis}" for axis in stepper_axes(self._scenario)]
         *targets, feed = (rig.law.force_guard.GetOutputPort(name).Eval(guard)[0] for name in (*commands, "feed_speed"))
         return {**found, "angles": np.array(targets), "feed": np.array([feed]), "control": np.array(modes)}
+
+    def measured_wrench(self) -> Array:
+        """Returns the wrench (6,) that the rig measures, N and N m, whatever its policy receives."""
+        own = self._rig.law.controller.GetMyContextFromRoot(self._context)
+        return np.array(self._rig.law.controller.GetInputPort("wrench").Eval(own))
 
     def contact_label(self) -> ContactLabel | None:
         """Returns the exact contact state of the true pose, or None where it is not defined.

@@ -115,6 +115,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         self._episode: Episode | None = None
         self._number = 0
         self._last: Observation = {}
+        self._wrench = np.zeros(6)  # measured with the last observation, N and N m
         self._over = True
 
     @property
@@ -142,7 +143,7 @@ class PegInHole(gymnasium.Env[Any, Any]):
         self._rig = self._rig or MakeRig(scenario, self._policy, meshcat=self._meshcat)
         self._episode = Episode(self._rig, scenario, number, realtime=self._meshcat is not None)
         self._number, self._over = number, False
-        self._last = self._observe(self._episode)
+        self._last, self._wrench = self._observe(self._episode), self._episode.measured_wrench()
         return self._shown(self._last), self._info(self._episode)
 
     def step(self, action: Array) -> tuple[Observation | Array, float, bool, bool, dict[str, Any]]:
@@ -162,12 +163,12 @@ class PegInHole(gymnasium.Env[Any, Any]):
         truncated = not terminated and episode.time_is_over
         self._over = terminated or truncated
         if episode.outcome not in UNPHYSICAL:  # a broken simulation shows nothing more
-            self._last = self._observe(episode)
+            self._last, self._wrench = self._observe(episode), episode.measured_wrench()
         reward = self._reward(
             Transition(
                 depth_before=float(before["depth"][0]),
                 depth=float(self._last["depth"][0]),
-                load=contact_load(self._last["wrench"], self._lever),
+                load=contact_load(self._wrench, self._lever),
                 duration=episode.time - began,
                 remaining=max(0.0, self._scenario.trial.time_limit - episode.time),
                 outcome=episode.outcome if terminated else None,

@@ -12,7 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import ScaledTranslation
 
+from experiments.scoreboard.columns import LOAD_LIMITS
 from experiments.scoreboard.summary import Cell, Scoreboard, Summary, Table, factor_name, numeric_factors
+
+MAX_TABLES = 12
+"""Largest number of tables of which each has a curve over the limits of the load."""
 
 MIN_VALUES = 3
 """Smallest number of values of a factor that makes a curve."""
@@ -28,23 +32,6 @@ COLOURS = ("#0072b2", "#c04a00", "#00795a", "#9b3a78", "#7a5c00", "#3a3f44")
 DASHES = ("-", "--", ":", "-.")
 MARKERS = {"o": "●", "s": "■", "^": "▲", "D": "◆", "v": "▼", "P": "✚", "p": "⬟"}
 """Markers of Matplotlib, and the character that shows each in the key of a page."""
-
-
-@dataclass(frozen=True)
-class Curve:
-    """What changes with one factor while all else stays the same.
-
-    Attributes:
-        factor: its name.
-        title: the conditions that stay the same.
-        values: of the factor, increasing.
-        summaries: of each policy, one for each value; None where there is none.
-    """
-
-    factor: str
-    title: str
-    values: list[float]
-    summaries: dict[str, list[Summary | None]]
 
 
 @dataclass(frozen=True)
@@ -67,6 +54,25 @@ QUANTITIES = (
     Quantity("median time of the insertions (s)", lambda s: s.numbers["time"]),
     Quantity("median peak load (N)", lambda s: s.numbers["load"]),
 )
+
+
+@dataclass(frozen=True)
+class Curve:
+    """What changes with one factor while all else stays the same.
+
+    Attributes:
+        factor: its name.
+        title: the conditions that stay the same.
+        values: of the factor, increasing.
+        summaries: of each policy, one for each value; None where there is none.
+        quantities: that are drawn.
+    """
+
+    factor: str
+    title: str
+    values: list[float]
+    summaries: dict[str, list[Summary | None]]
+    quantities: tuple[Quantity, ...] = QUANTITIES
 
 
 @dataclass(frozen=True)
@@ -103,6 +109,21 @@ def curves_of(board: Scoreboard) -> list[Curve]:
     return found
 
 
+def limit_curves(board: Scoreboard) -> list[Curve]:
+    """Returns the curve of each table over the limits of the load; none for more than `MAX_TABLES`."""
+    tables = board.tables if len(board.tables) <= MAX_TABLES else []
+    return [
+        Curve(
+            factor="limit of the load (N)",
+            title=f"{table.cell.title}: an insertion counts if the load stayed below the limit",
+            values=[float(limit) for limit in LOAD_LIMITS],
+            summaries={row.summary.policy: [row.summary.within(limit) for limit in LOAD_LIMITS] for row in table.rows},
+            quantities=QUANTITIES[:1],
+        )
+        for table in tables
+    ]
+
+
 def _curve(factor: str, title: str, tables: Sequence[Table]) -> Curve:
     ordered = sorted(tables, key=lambda table: float(table.cell.values[factor]))
     rows = [{row.summary.policy: row.summary for row in table.rows} for table in ordered]
@@ -118,7 +139,7 @@ def _curve(factor: str, title: str, tables: Sequence[Table]) -> Curve:
 def panel_figures(curve: Curve, styles: dict[str, Style]) -> list[Figure]:
     """Returns a figure for each of the `QUANTITIES`; ``styles`` are those of all policies of the page."""
     figures = []
-    for quantity in QUANTITIES:
+    for quantity in curve.quantities:
         figure = Figure(figsize=PANEL_SIZE, layout="constrained")
         _draw(figure.subplots(), curve, quantity, styles)
         figures.append(figure)
@@ -128,9 +149,9 @@ def panel_figures(curve: Curve, styles: dict[str, Style]) -> list[Figure]:
 def curve_figure(curve: Curve, styles: dict[str, Style]) -> Figure:
     """Returns one figure with all panels side by side, a heading and a key."""
     width, height = PANEL_SIZE
-    figure = Figure(figsize=(width * len(QUANTITIES), height + 0.8), layout="constrained")
-    panels = figure.subplots(1, len(QUANTITIES))
-    for axes, quantity in zip(panels, QUANTITIES, strict=True):
+    figure = Figure(figsize=(width * len(curve.quantities), height + 0.8), layout="constrained")
+    panels = figure.subplots(1, len(curve.quantities), squeeze=False)[0]
+    for axes, quantity in zip(panels, curve.quantities, strict=True):
         _draw(axes, curve, quantity, styles)
     figure.suptitle(f"{factor_name(curve.factor)}; {curve.title}", color=INK, fontsize=11, parse_math=False)
     lines, labels = panels[-1].get_legend_handles_labels()

@@ -17,7 +17,15 @@ from experiments.scoreboard.queries import cell_commands, sweep_commands
 from experiments.scoreboard.summary import Row, Scoreboard, Table, factor_name
 from experiments.sweeps.trial_files import partition
 from interfaces.reports.page_template import fill_page, svg_element
-from interfaces.reports.scoreboard_curves import MARKERS, Curve, Style, curves_of, panel_figures, styles_of
+from interfaces.reports.scoreboard_curves import (
+    MARKERS,
+    Curve,
+    Style,
+    curves_of,
+    limit_curves,
+    panel_figures,
+    styles_of,
+)
 
 FORCES = ("contact", "load", "mean load", "above 20 N")
 """Columns that say little where the physics is not trusted."""
@@ -35,7 +43,7 @@ def scoreboard_page(board: Scoreboard, out: Path) -> str:
         about=html.escape(about(board)),
         warnings="".join(f'<p class="warning">{html.escape(text)}</p>' for text in warnings(board)),
         contents=_contents(board.tables),
-        curves="".join(_curve(curve, styles) for curve in curves_of(board)),
+        curves="".join(_curve(curve, styles) for curve in (*curves_of(board), *limit_curves(board))),
         tables="\n".join(_table(number, table, board, out) for number, table in enumerate(board.tables)),
         reference=html.escape(board.reference),
         columns="".join(

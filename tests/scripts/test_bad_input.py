@@ -27,6 +27,14 @@ def test_a_bad_scenario_stops_a_recording_before_it_starts(tmp_path, text, expec
     [
         (("--tilt-deg", "1e20"), "start.tilt_range is 1.7453292519943296e+18, expected between 0 and 1.5708"),
         (("--friction", "1e13"), "contact.friction is 10000000000000.0, expected between 0 and 1e+12"),
+        *(
+            (
+                ("--wrench", wrong),
+                f"controller.wrench is '{wrong}', expected one of ('true', 'zero', 'frozen', 'shuffled') or"
+                " scaled:FACTOR, such as scaled:0.5",
+            )
+            for wrong in ("none", "scaled", "scaled:", "scaled:half", "scaled:nan", "0.5", "")
+        ),
     ],
 )
 def test_an_option_that_replaces_a_value_is_checked_like_the_scenario(tmp_path, skill_file, option, message):

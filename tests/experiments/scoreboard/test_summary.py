@@ -38,6 +38,7 @@ def test_a_summary_is_worked_by_hand(tmp_path):
     assert s.faults == {"motor stalled": 1}
     expected = {
         **{"time": 3.0, "load": 15.0, "contact": 15.0, "above 20 N": 0.125},  # the time without the failures
+        **{"within 10 N": 0, "within 20 N": 2, "within 40 N": 2},  # 10 N is not below 10 N, and the jam did not insert
         **{"lost steps": 4, "back-offs": 6, "jams": 1, "wedges": 1, "faults": 1},
         **{"score": (98 + 99 + 45 + 45) / 4, "trial": 2.5},
     }

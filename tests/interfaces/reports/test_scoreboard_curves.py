@@ -8,7 +8,14 @@ import pytest
 from experiments.scoreboard.result_store import read_trials
 from experiments.scoreboard.summary import make_scoreboard
 from interfaces.reports.page_template import svg_element
-from interfaces.reports.scoreboard_curves import curve_figure, curves_of, panel_figures, styles_of
+from interfaces.reports.scoreboard_curves import (
+    MAX_TABLES,
+    curve_figure,
+    curves_of,
+    limit_curves,
+    panel_figures,
+    styles_of,
+)
 from tests.experiments.scoreboard.simulated_trials import FAILED, LEARNT, OTHER, write_trials
 
 
@@ -35,6 +42,26 @@ def test_three_numbers_make_a_curve_two_or_texts_do_not(tmp_path):
     write_trials(tmp_path, rows([0.3]), block="0001")
     (curve,) = curves(tmp_path)
     assert (curve.factor, curve.title, curve.values) == ("mu", "default arm, drake", [0.1, 0.2, 0.3])
+
+
+def test_insertions_under_limits_of_the_load_are_counted_by_hand(tmp_path):
+    loads = [9.9, 10.0, 19.0, 20.0, 39.9, 40.0]
+    write_trials(tmp_path, [{"trial": k, "peak_load_n": load} for k, load in enumerate(loads)])
+    write_trials(tmp_path, [FAILED | {"trial": k, "peak_load_n": 1.0} for k in range(2)], policy=OTHER)
+    (curve,) = limit_curves(make_scoreboard(read_trials(tmp_path)))
+    (inserted,) = panels(curve)
+    learnt, other = (line.get_ydata() for line in sorted(inserted.lines, key=lambda line: -line.get_ydata()[-1]))
+    np.testing.assert_allclose(learnt, [100 / 6, 50, 500 / 6])
+    np.testing.assert_array_equal(other, [0, 0, 0])
+    np.testing.assert_array_equal(inserted.lines[0].get_xdata(), [10, 20, 40])
+    assert curve_figure(curve, styles_of(list(curve.summaries))).axes[0].get_xlabel() == "limit of the load (N)"
+
+
+def test_a_page_of_many_tables_has_no_curves_over_the_limits(tmp_path):
+    write_trials(tmp_path, rows(range(MAX_TABLES)))
+    assert len(limit_curves(make_scoreboard(read_trials(tmp_path)))) == MAX_TABLES
+    write_trials(tmp_path, rows([MAX_TABLES]), block="0001")
+    assert limit_curves(make_scoreboard(read_trials(tmp_path))) == []
 
 
 def test_other_factors_arms_and_engines_have_curves_of_their_own(tmp_path):
