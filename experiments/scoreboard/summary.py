@@ -100,14 +100,9 @@ class Summary:
         return self.inserted / self.trials
 
     def within(self, limit: int) -> Summary:
-        """Returns the summary in which only insertions below a load of `LOAD_LIMITS` (N) count as such."""
+        """Returns the summary, without interval, in which only insertions below a load of `LOAD_LIMITS` (N) count."""
         inserted = self.numbers[f"within {limit} N"]
-        return replace(
-            self,
-            numbers={**self.numbers, "inserted": inserted},
-            interval=wilson(int(inserted), self.trials),
-            over_sets=None,
-        )
+        return replace(self, numbers={**self.numbers, "inserted": inserted}, interval=None)
 
     @property
     def untrusted(self) -> int:
