@@ -118,7 +118,7 @@ def limit_curves(board: Scoreboard) -> list[Curve]:
             title=f"{table.cell.title}: an insertion counts if the load stayed below the limit",
             values=[float(limit) for limit in LOAD_LIMITS],
             summaries={row.summary.policy: [row.summary.within(limit) for limit in LOAD_LIMITS] for row in table.rows},
-            quantities=QUANTITIES[:1],
+            quantities=(Quantity("inserted (%)", lambda s: 100 * s.share),),
         )
         for table in tables
     ]
