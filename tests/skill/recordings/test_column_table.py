@@ -31,7 +31,7 @@ NO_TRIALS = {
 @pytest.fixture(params=WRITERS)
 def write(request, tmp_path):
     def write_file(column, values):
-        table = pd.DataFrame({"time": ROWS / 100, "fx": ROWS, "fy": 1.0, "fz": 2.0, column: values})
+        table = pd.DataFrame({"time_s": ROWS / 100, "fx": ROWS, "fy": 1.0, "fz": 2.0, column: values})
         path = tmp_path / f"a{request.param}"
         WRITERS[request.param](table, path)
         return path
