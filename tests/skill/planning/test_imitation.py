@@ -54,7 +54,7 @@ def sloping():
     """Turns that fall towards zero with x among 0..1, so that a line reverses them beyond x = 2; feeds as well."""
     x = np.linspace(0.0, 1.0, 101)[:, None]
     Y = np.column_stack([0.2 - 0.1 * x, -0.2 + 0.1 * x, -0.2 + 0.1 * x])
-    return imitation(LWRegressor(bandwidth=5.0, ridge=1e-3), x, Y, memberships=np.ones((101, 1)))
+    return imitation(LWRegressor(bandwidth=5.0, ridge=1e-3, feature_scale=None), x, Y, memberships=np.ones((101, 1)))
 
 
 def test_a_turn_is_not_extrapolated(sloping):
@@ -158,7 +158,7 @@ def imitation_of_three_contexts(min_log_support):
     size = np.where(x < 50.0, np.array([2.0, -1.0, 1.0])[number // 2], 3.0) + rng.normal(0.0, 0.02, 240)
     Y = np.column_stack([size, -size, np.ones(240)])
     P = np.eye(3)[number // 2]
-    regressor = LWRegressor(bandwidth=1.0, degree=0).fit(x[:, None], Y, memberships=P)
+    regressor = LWRegressor(bandwidth=1.0, degree=0, feature_scale=None).fit(x[:, None], Y, memberships=P)
     return Imitation(regressor, np.column_stack([number, x]), three_contexts(), min_log_support)
 
 

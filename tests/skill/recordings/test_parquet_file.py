@@ -203,7 +203,7 @@ def test_a_file_that_may_not_be_read_is_refused(tmp_path):
     paths = sorted(tmp_path.iterdir())
     for file in paths:
         file.chmod(0)
-    for folder in (tmp_path, *tmp_path.parents[:2]):
+    for folder in (tmp_path, *tmp_path.parents[:3]):
         folder.chmod(0o755)
     done = run_python("-c", code, *paths)
     assert done.stdout.splitlines() == [f"{file}: no permission to read this file" for file in paths], done.stderr
