@@ -78,9 +78,8 @@ def change_points(_: Samples, test: Samples, __: int, told: int | None) -> Found
         signal = test.Z[rows]
         if told is None:
             penalty = (signal.shape[1] + 1) * np.log(len(signal)) * float(np.median(signal.var(axis=0)))
-            ends = ruptures.KernelCPD("linear").fit_predict(
-                signal, pen=penalty
-            )  # compiled PELT; "l2" in the input space
+            # PELT, compiled; the linear kernel is "l2" of the signal.
+            ends = ruptures.KernelCPD("linear").fit_predict(signal, pen=penalty)
         else:
             ends = ruptures.Dynp("l2", jump=5).fit_predict(signal, told - 1)
         segments[rows] = np.searchsorted(ends, np.arange(len(rows)), side="right")

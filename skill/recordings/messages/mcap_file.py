@@ -10,9 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from skill.data.files import no_access, one_line
-from skill.recordings.messages.bag_metadata import BagMetadata
-from skill.recordings.messages.wrench_topics import TakeMessage, WrenchTopics, check_file
+from skill.recordings.messages.wrench_topics import TakeMessage, WrenchTopics, check_file, read_parts
 from skill.recordings.recording import Recording
 
 if TYPE_CHECKING:
@@ -31,20 +29,10 @@ def read_mcap_file(path: Path, *, topic: str | None = None, columns: Sequence[st
         ValueError: if the package ``mcap`` is missing, and as `skill.recordings.reading.read_recordings`.
     """
     _require_mcap(path)
-    metadata = BagMetadata.find(path)
-    paths = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
-    if metadata is not None:
-        metadata.check_parts(paths)
-    topics = WrenchTopics(topic, columns)
-    for part in paths:
-        try:
-            _read_part(part, topics)
-        except (FileNotFoundError, PermissionError) as error:
-            raise ValueError(f"{part}: {no_access(error)}") from None
-        except _errors() as error:
-            reason = f"({one_line(error)}); 'mcap recover' makes one of what is there"
-            raise ValueError(f"{part}: not a complete MCAP file {reason}") from error
-    return topics.recordings(path, metadata)
+    remedy = "; 'mcap recover' makes one of what is there"
+    return read_parts(
+        path, _read_part, _errors(), suffix=".mcap", kind="MCAP file", remedy=remedy, topic=topic, columns=columns
+    )
 
 
 def _require_mcap(path: Path) -> None:

@@ -9,9 +9,7 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from skill.data.files import no_access, one_line
-from skill.recordings.messages.bag_metadata import BagMetadata
-from skill.recordings.messages.wrench_topics import WrenchTopics, check_file
+from skill.recordings.messages.wrench_topics import WrenchTopics, check_file, read_parts
 from skill.recordings.recording import Recording
 
 MAX_MESSAGE = 1_000_000
@@ -30,19 +28,9 @@ def read_sqlite_bag(path: Path, *, topic: str | None = None, columns: Sequence[s
 
     Samples, times and channels are those of `WrenchTopics.recordings`.
     """
-    metadata = BagMetadata.find(path)
-    parts = sorted(path.glob("*.db3")) if path.is_dir() else [path]
-    if metadata is not None:
-        metadata.check_parts(parts)
-    topics = WrenchTopics(topic, columns)
-    for part in parts:
-        try:
-            _read_part(part, topics)
-        except (FileNotFoundError, PermissionError) as error:
-            raise ValueError(f"{part}: {no_access(error)}") from None
-        except (OSError, ValueError, sqlite3.Error, MemoryError, OverflowError) as error:
-            raise ValueError(f"{part}: not a complete file of a rosbag2 ({one_line(error)})") from error
-    return topics.recordings(path, metadata)
+    damaged = (OSError, ValueError, sqlite3.Error, MemoryError, OverflowError)
+    kind = "file of a rosbag2"
+    return read_parts(path, _read_part, damaged, suffix=".db3", kind=kind, topic=topic, columns=columns)
 
 
 def _read_part(path: Path, topics: WrenchTopics) -> None:

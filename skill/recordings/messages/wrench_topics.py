@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import stat
 import warnings
 from array import array
 from collections.abc import Callable, Sequence
@@ -15,6 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from skill.data.files import check_regular, no_access, one_line
 from skill.recordings.column_table import ColumnChoice, check_length, select_columns, table_recordings
 from skill.recordings.columns import FORCES, MOMENTS, listed
 from skill.recordings.messages.bag_metadata import BagMetadata
@@ -54,9 +54,9 @@ def check_file(path: Path) -> None:
         PermissionError: if the user may not read it.
         ValueError: if it is no regular file or has more than `MAX_BYTES`.
     """
-    status = path.stat()
-    if not stat.S_ISREG(status.st_mode) or status.st_size > MAX_BYTES:
-        raise ValueError(f"{status.st_size / 1e6:.0f} MB, expected a file of at most {MAX_BYTES / 1e6:.0f} MB")
+    size = check_regular(path)
+    if size > MAX_BYTES:
+        raise ValueError(f"{size / 1e6:.0f} MB, expected a file of at most {MAX_BYTES / 1e6:.0f} MB")
     path.open("rb").close()
 
 
@@ -165,6 +165,47 @@ class WrenchTopics:
         if (logged["min"].to_numpy()[1:] < np.maximum.accumulate(logged["max"].to_numpy())[:-1]).any():
             names = sorted({publisher for publisher, _ in used})
             raise ValueError(f"{where} has messages of {listed(names)} at the same time, expected one publisher")
+
+
+def read_parts(
+    path: Path,
+    read_part: Callable[[Path, WrenchTopics], None],
+    damaged: tuple[type[Exception], ...],
+    *,
+    suffix: str,
+    kind: str,
+    remedy: str = "",
+    topic: str | None = None,
+    columns: Sequence[str] = (),
+) -> list[Recording]:
+    """Reads the recording of a wrench topic from a file, or from a folder of the parts of one recording.
+
+    Args:
+        path: the file or folder.
+        read_part: reads the messages of all wrench topics of a file.
+        damaged: what it may raise for a damaged file.
+        suffix: of the parts of a folder.
+        kind: what a file is, for messages.
+        remedy: what the message of a damaged file ends with.
+        topic: see `WrenchTopics`.
+        columns: likewise.
+
+    Raises:
+        ValueError: if a file cannot be read, and as `WrenchTopics.recordings`.
+    """
+    metadata = BagMetadata.find(path)
+    parts = sorted(path.glob(f"*{suffix}")) if path.is_dir() else [path]
+    if metadata is not None:
+        metadata.check_parts(parts)
+    topics = WrenchTopics(topic, columns)
+    for part in parts:
+        try:
+            read_part(part, topics)
+        except (FileNotFoundError, PermissionError) as error:
+            raise ValueError(f"{part}: {no_access(error)}") from None
+        except damaged as error:
+            raise ValueError(f"{part}: not a complete {kind} ({one_line(error)}){remedy}") from error
+    return topics.recordings(path, metadata)
 
 
 def _without(table: pd.DataFrame, out: NDArray[np.bool_], why: str, where: str) -> pd.DataFrame:
