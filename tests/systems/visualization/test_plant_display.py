@@ -60,28 +60,29 @@ def test_the_demonstrated_peg_is_drawn_where_it_is(quick_scenario, engine):
 @pytest.mark.slow
 @pytest.mark.parametrize("engine", ["drake", "exact"])
 def test_recording_and_replay_show_the_force_of_one_moment_in_the_same_direction(quick_scenario, skill, engine):
-    """The recording publishes what the mount holds, the replay shows what the sensor has measured."""
+    """The recording publishes what the mount holds, the replay shows what the sensor has measured.
+
+    The trial is one in which the peg does not bounce between the walls: the contact of a moment would say nothing.
+    """
     quick_scenario.contact.engine = engine
-    scenario = trial_scenario(quick_scenario, number=1)
+    scenario = trial_scenario(quick_scenario, number=2)
     scenario.trial.time_limit = 1.2
     canvas = Canvas()
     rig = MakeRig(scenario, skill, meshcat=canvas)
-    run = TrialRun(rig, scenario, number=1)
+    run = TrialRun(rig, scenario, number=2)
     run.advance(scenario.trial.time_limit)
     motion = motion_of_run(run.ended().record(skill))
     replayed = drawn_arrows(decoded(motion), "force")
-    alike = []  # the contact may change within the period of a replay
+    compared = 0
     for (path, time), X in canvas.transforms_at.items():
         k = int(np.argmin(np.abs(motion.time - time)))
         if path != ARROW or np.linalg.norm(motion.force[k]) < 3.0:
             continue
         recorded = X.rotation().matrix()[:, 2]
-        alike.append(
-            recorded @ replayed[k] > 0.8 * np.linalg.norm(replayed[k])
-            and recorded @ motion.contact_forces[k].sum(axis=0) > 0.0
-        )
-    assert len(alike) > 5
-    assert np.mean(alike) > 0.9
+        compared += 1
+        assert recorded @ replayed[k] > 0.8 * np.linalg.norm(replayed[k])
+        assert recorded @ motion.contact_forces[k].sum(axis=0) > 0.0
+    assert compared > 5
 
 
 def test_the_colour_is_that_of_the_replay():
