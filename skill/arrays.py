@@ -47,8 +47,12 @@ def resolution(X: Array) -> Array:
     return np.where(np.isfinite(smallest), smallest, 0.0)
 
 
-def limited_variance(X: Array, weights: Array | None = None) -> Array:
-    """Returns the variance (d,) of each channel, in which an outlier counts as a sample at its limit.
+def standard_scale(X: Array, weights: Array | None = None) -> Array:
+    """Returns the standard deviation of each channel; one for a channel that is constant up to round-off, (d,).
+
+    An outlier counts as a sample at its limit (`outlier_limits`): one wild sample does not change the scale of a
+    channel. The range of a constant channel is exact for any number of samples. Its standard deviation is not: the
+    error of the mean grows with the number of samples.
 
     Args:
         X: samples, shape (N, d).
@@ -56,18 +60,9 @@ def limited_variance(X: Array, weights: Array | None = None) -> Array:
     """
     limited = np.clip(X, *outlier_limits(X, weights))
     if weights is None:
-        return np.asarray(limited.var(axis=0))
-    return np.asarray(np.average((limited - np.average(limited, axis=0, weights=weights)) ** 2, 0, weights))
-
-
-def standard_scale(X: Array, weights: Array | None = None) -> Array:
-    """Returns the standard deviation of each channel; one for a channel that is constant up to round-off, (d,).
-
-    It is the root of `limited_variance`: one wild sample does not change the scale of a channel. The range of a
-    constant channel is exact for any number of samples. Its standard deviation is not: the error of the mean grows with
-    the number of samples. The arguments are those of `limited_variance`.
-    """
-    spread = np.sqrt(limited_variance(X, weights))
+        spread: Array = limited.std(axis=0)
+    else:
+        spread = np.sqrt(np.average((limited - np.average(limited, axis=0, weights=weights)) ** 2, 0, weights))
     round_off = ROUND_OFF * np.abs(X).max(axis=0)
     varies = (np.ptp(X, axis=0) > 2.0 * round_off) & (spread > round_off)
     return np.where(varies, spread, 1.0)

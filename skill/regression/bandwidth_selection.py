@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from sklearn.base import clone
 from sklearn.model_selection import GroupKFold
 
-from skill.arrays import Array, limited_variance
+from skill.arrays import Array
 from skill.regression.leave_one_out import candidate_bandwidths, searched
 from skill.regression.locally_weighted_regression import LWRegressor
 from skill.regression.neighbourhood import Kernel
@@ -203,7 +203,7 @@ class GroupedSamples:
             )
         folds = list(GroupKFold(min(FOLDS, n_groups)).split(samples, groups=names))
         P = None if memberships is None else np.asarray(memberships, float)
-        return cls(samples, outputs, P, folds, limited_variance(outputs))
+        return cls(samples, outputs, P, folds, outputs.var(axis=0))
 
     def thinned(self, n_queries: int, seed: int) -> GroupedSamples:
         """Keeps ``n_queries`` of the left-out samples, drawn at random, and all training samples."""

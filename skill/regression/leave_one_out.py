@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from skill.arrays import Array, limited_variance
+from skill.arrays import Array
 from skill.regression.local_model import equivalent_kernels, normalised_weights
 from skill.regression.neighbourhood import Kernel, KernelNeighbourhood
 
@@ -82,7 +82,7 @@ class StoredSamples:
             ridge: penalty of the squared slope.
             degree: 0 or 1.
         """
-        variance = limited_variance(self.y)
+        variance = self.y.var(axis=0)
         varies = variance > 0
         if not varies.any():
             return kernel.bandwidth

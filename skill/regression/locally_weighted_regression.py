@@ -16,7 +16,7 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils._param_validation import Interval, StrOptions
 from sklearn.utils.validation import _check_sample_weight, check_is_fitted, validate_data
 
-from skill.arrays import Array, limited_variance, standard_scale
+from skill.arrays import Array, standard_scale
 from skill.compiled import compiled
 from skill.data.array_schema import MIN_POSITIVE, ArrayRule, check_arrays
 from skill.regression.leave_one_out import StoredSamples
@@ -323,7 +323,7 @@ class LWRegressor(RegressorMixin, BaseEstimator):
 
     def _build(self) -> None:
         """Computes what follows from the stored samples."""
-        self.marginal_variance_ = limited_variance(self.y_)
+        self.marginal_variance_ = self.y_.var(axis=0)
         self._neighbourhood = KernelNeighbourhood(self.X_, self.memberships_, self.sample_weight_)
         self._stored = StoredSamples(self.X_, self.y_, self.memberships_, self.sample_weight_, self._neighbourhood)
 

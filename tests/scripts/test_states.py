@@ -169,6 +169,17 @@ def test_two_recordings_are_few(tmp_path, result):
     assert "two recordings hide" not in result[1]
 
 
+def test_files_agree_about_orientations_beside_the_boundary_of_one_file(tmp_path):
+    """By itself, a file tells a turn of 150 degrees about -z as it is, and one of 152 as 208 about +z."""
+    paths = write_files(tmp_path, 3)
+    for path, degrees in zip(paths, (150.0, 152.0, 150.0), strict=True):
+        turn = np.radians(degrees) + 0.002 * np.random.default_rng(0).normal(size=len(pd.read_csv(path)))
+        pd.read_csv(path).assign(rx=0.0, ry=0.0, rz=-turn).to_csv(path, index=False)
+    states(*paths, "--out", tmp_path / "states.html")
+    turns = [trial["values"][-1] for trial in data_of(tmp_path / "states.html")["trials"]]
+    assert len({np.sign(np.median(values)) for values in turns}) == 1
+
+
 def test_a_single_recording_is_one_error(tmp_path):
     (path,) = write_files(tmp_path, 1)
     line = refused(tmp_path, path, "--out", tmp_path / "states.html")

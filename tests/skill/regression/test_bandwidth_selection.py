@@ -191,3 +191,13 @@ def test_queries_are_drawn_and_training_samples_are_kept():
 def test_two_groups_are_enough_and_the_folds_are_at_most_the_groups():
     X, y, groups = demonstrations(n_groups=2, length=10)
     assert len(GroupedSamples.checked(X, y, groups, None).folds) == 2
+
+
+def test_the_selected_bandwidth_may_lie_beyond_the_candidates():
+    rng = np.random.default_rng(0)
+    X = rng.uniform(0.0, 10.0, (150, 1))
+    y = np.sin(X[:, 0]) + 0.05 * rng.normal(size=150)
+    chosen = select_bandwidth(LWRegressor(), X, y, np.arange(150) % 10)
+    initial = default_bandwidths(LWRegressor(bandwidth=1.0).fit(X, y))
+    assert chosen.bandwidth < 0.5 * initial[0]
+    assert 0 < chosen.errors.argmin() < len(chosen.errors) - 1

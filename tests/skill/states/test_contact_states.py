@@ -94,6 +94,23 @@ def test_one_wild_sample_changes_nothing(fitted, spike):
     assert (dut.labels_ == fitted.labels_).mean() > 0.995
 
 
+def test_wild_samples_hide_no_valley(fitted):
+    X, groups, _ = recordings()
+    rng = np.random.default_rng(1)
+    rows = rng.choice(len(X), 10, replace=False)
+    X[rows, rng.integers(3, size=10)] = rng.choice([-1.0, 1.0], 10) * 10.0 ** rng.uniform(1.5, 4.0, 10)
+    dut = ContactStates(random_state=0).fit(X, groups=groups)
+    assert dut.n_clusters_ == 3
+    assert (dut.labels_ == fitted.labels_).mean() > 0.99
+
+
+def test_a_wild_sample_is_told_like_one_at_its_limit(fitted):
+    X, groups, _ = recordings(seed=3)
+    X[100:900:100, 2] = -1e6
+    limited = np.clip(X, *fitted.limits_)
+    np.testing.assert_array_equal(fitted.predict_proba(X, groups), fitted.predict_proba(limited, groups))
+
+
 def test_recordings_of_a_simulator_have_no_noise():
     _, groups, phases = recordings()
     dut = ContactStates(random_state=0).fit(FORCES[phases], groups=groups)
