@@ -4,10 +4,10 @@
                                            [--scenario nominal] [--json FILE] [--figure FILE]
 
 Soft actor-critic of Stable-Baselines3 (extra [rl]) learns from nothing in ``interfaces.gym:PegInHole-v0``, with the
-dense reward and one thread. It sees the observation and commands turns and feed; it gets neither demonstrations nor the
-states of the skill. Its training trials are drawn (`FIRST_DRAWN` and above). Before the first step and after every
-``--every`` steps it performs ``--trials`` trials of the default arm from `FIRST_TRIAL` on without exploring. So do the
-skill and a law that pushes straight on with 10 mm/s. No setting was tuned on these trials.
+dense reward and one thread. It sees the measured wrench and depth, as the skill does, and commands turns and feed; it
+gets neither demonstrations nor contact states. Its training trials are drawn (`FIRST_DRAWN` and above). Before the
+first step and after every ``--every`` steps it performs ``--trials`` trials of the default arm from `FIRST_TRIAL` on
+without exploring. So do the skill and a law that pushes straight on with 10 mm/s. No setting was tuned on these trials.
 
 Columns: steps of training (a step is 20 ms), inserted trials, mean reward of an episode, and medians of the depth at
 the end of a trial (mm) and of its largest measured load (N).
@@ -29,23 +29,29 @@ import numpy as np
 import typer
 from gymnasium import spaces
 from gymnasium.wrappers import RescaleAction, TransformObservation
+from numpy.typing import ArrayLike
 
 from benchmarks.command_line import JsonFile, SkillFile, finish, run
 from benchmarks.rig.control_laws import StraightPush
-from interfaces.gym.agents import Agent, PolicyAgent, run_episode
+from experiments.sweeps.policies import TrainingContext
+from experiments.trial import Arm
+from interfaces.gym.agents import PolicyAgent, run_episode
 from interfaces.reports.result_tables import plain_table
 from interfaces.terminal import console, progress, write_json
 from models.scenario import Scenario
 from scripts.command_line import ScenarioName
 from skill.arrays import Array
+from skill.features.measurement import measurement
 from skill.manipulation_skill import ManipulationSkill
-from skill.policy import RigPolicy
+from skill.policy import Action, RigPolicy
+from skill.states.estimate import Estimate
+from systems.control.control_law import ControlLaw
 
 ENVIRONMENT = "interfaces.gym:PegInHole-v0"
 FIRST_TRIAL = 89000
 PUSH = 0.010  # in units of m/s
-SCALES = {"wrench": (10.0,) * 3 + (0.1,) * 3, "depth": (0.01,), "angles": (0.06,) * 2, "feed": (0.03,)}
-"""Sizes (N, N m, m, rad, m/s) by which observations are divided for the networks."""
+SCALES = np.array([10.0, 10.0, 10.0, 0.1, 0.1, 0.1, 0.01])
+"""Sizes (N, N m, m) by which a measurement (7,) is divided for the networks."""
 
 SETTINGS: dict[str, Any] = {
     "batch_size": 128,
@@ -57,40 +63,51 @@ SETTINGS: dict[str, Any] = {
 }
 
 
-def learning_environment(scenario: str | Scenario) -> gymnasium.Env[Any, Any]:
-    """Returns the environment as the networks need it: scaled flat observations, actions within 1."""
-    env = gymnasium.make(ENVIRONMENT, scenario=scenario, labels=False)
-    parts = env.observation_space
-    assert isinstance(parts, spaces.Dict)
-    scales = np.concatenate([SCALES.get(name, (1.0,) * spaces.flatdim(box)) for name, box in parts.items()])
-
-    def scaled(observation: Any) -> Array:
-        numbers: Array = spaces.flatten(parts, observation) / scales
-        return numbers.astype(np.float32)
-
-    flat = spaces.flatten_space(parts)
-    assert isinstance(flat, spaces.Box)
-    space = spaces.Box((flat.low / scales).astype(np.float32), (flat.high / scales).astype(np.float32))
-    return RescaleAction(TransformObservation(env, scaled, space), np.float64(-1.0), np.float64(1.0))
+def learning_environment(scenario: str | Scenario, arm: Arm = Arm.DEFAULT) -> gymnasium.Env[Any, Any]:
+    """Returns the environment as the networks need it: a scaled measurement, actions within 1."""
+    env = gymnasium.make(ENVIRONMENT, scenario=scenario, labels=False, arm=arm)
+    space = spaces.Box(-np.inf, np.inf, SCALES.shape, np.float32)
+    env = TransformObservation(env, lambda seen: scaled(measurement(seen["wrench"], seen["depth"][0])), space)
+    return RescaleAction(env, np.float64(-1.0), np.float64(1.0))
 
 
-class Learnt:
-    """The learnt policy as an `Agent`, without exploration."""
-
-    def __init__(self, model: Any) -> None:
-        self._model = model
-
-    def act(self, observation: Any) -> Array:
-        """Returns the action for a scaled observation."""
-        action, _ = self._model.predict(observation, deterministic=True)
-        return np.asarray(action)
+def scaled(measured: ArrayLike) -> Array:
+    """Returns a measurement (7,) in the sizes that the networks need."""
+    shares: Array = (np.asarray(measured) / SCALES).astype(np.float32)
+    return shares
 
 
-def evaluate(env: gymnasium.Env[Any, Any], agent: Agent, trials: int) -> dict[str, Any]:
-    """Performs the trials and returns a row; see the module."""
+class LearntLaw(ControlLaw):
+    """A learnt policy on the rig, without exploration.
+
+    Args:
+        networks: of Stable-Baselines3, whose actions are within 1.
+        largest: (3,), the largest turn rates (rad/s) and feed speed (m/s).
+    """
+
+    def __init__(self, networks: Any, largest: Array) -> None:
+        self._networks, self._largest = networks, largest
+
+    def act(self, measured: ArrayLike, estimate: Estimate) -> Action:
+        """See `ControlLaw`."""
+        shares, _ = self._networks.predict(scaled(measured), deterministic=True)
+        turn_x, turn_y, feed = (self.period_ * self._largest * shares).tolist()
+        return Action(np.array([turn_x, turn_y]), feed)
+
+
+def soft_actor_critic(training_context: TrainingContext, steps: int = 100_000, seed: int = 0) -> LearntLaw:
+    """A policy for sweeps that soft actor-critic learns from nothing, in trials of the arm, or else in usual ones."""
+    arm = training_context.arm or Arm.DEFAULT
+    *_, (law, _, _) = learn(training_context.scenario, arm, steps=steps, every=steps, seed=seed)
+    return law
+
+
+def evaluate(scenario: str | Scenario, policy: RigPolicy, trials: int) -> dict[str, Any]:
+    """Performs the trials with a policy of the rig and returns a row; see the module."""
+    env = gymnasium.make(ENVIRONMENT, scenario=scenario, labels=False, policy=policy)
     rewards, records = [], []
     for number in range(FIRST_TRIAL, FIRST_TRIAL + trials):
-        reward, info = run_episode(env, agent, trial=number)
+        reward, info = run_episode(env, PolicyAgent(policy), trial=number)
         rewards.append(reward)
         records.append(info["trial"])
     return {
@@ -103,33 +120,30 @@ def evaluate(env: gymnasium.Env[Any, Any], agent: Agent, trials: int) -> dict[st
     }
 
 
-def reference(scenario: str | Scenario, policy: RigPolicy, trials: int) -> dict[str, Any]:
-    """Evaluates a policy of the rig."""
-    env = gymnasium.make(ENVIRONMENT, scenario=scenario, labels=False, policy=policy)
-    return evaluate(env, PolicyAgent(policy), trials)
-
-
-def learn(scenario: str | Scenario, *, steps: int, every: int, trials: int, seed: int) -> Iterator[dict[str, Any]]:
-    """Trains, and yields the rows of the learning curve; ``train_cpu_s`` is the CPU time of the training so far."""
+def learn(
+    scenario: str | Scenario, arm: Arm = Arm.DEFAULT, *, steps: int, every: int, seed: int
+) -> Iterator[tuple[LearntLaw, int, float]]:
+    """Trains; yields law, steps and CPU time (s) of the training, at its beginning and after every so many steps."""
     import torch
     from stable_baselines3 import SAC
 
     torch.set_num_threads(1)
-    env, judged = learning_environment(scenario), learning_environment(scenario)
+    env = learning_environment(scenario, arm)
+    space = env.unwrapped.action_space
+    assert isinstance(space, spaces.Box)
     model = SAC("MlpPolicy", env, seed=seed, device="cpu", **SETTINGS)
-    done, cpu = 0, 0.0
+    cpu = 0.0
     with progress("reinforcement", steps) as advance:
         while True:
-            row = {"steps": done, "train_cpu_s": cpu, **evaluate(judged, Learnt(model), trials)}
-            yield row
+            done = int(model.num_timesteps)
+            yield LearntLaw(model.policy, space.high), done, cpu
             if done >= steps:
                 return
             began = time.process_time()
             model.learn(every, reset_num_timesteps=False)
             cpu += time.process_time() - began
             for _ in range(model.num_timesteps - done):
-                advance(f"{row['inserted']} of {trials} inserted")
-            done = int(model.num_timesteps)
+                advance("")
 
 
 def show(curve: Sequence[Mapping[str, Any]], references: Mapping[str, Mapping[str, Any]]) -> None:
@@ -173,16 +187,15 @@ def main(
     figure: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the learning curve into this file.")] = None,
     json: JsonFile = None,
 ) -> None:
-    demonstrated = ManipulationSkill.load(skill)
     references = {
-        "skill": reference(scenario, demonstrated, trials),
-        "straight push": reference(scenario, StraightPush(PUSH), trials),
+        "skill": evaluate(scenario, ManipulationSkill.load(skill), trials),
+        "straight push": evaluate(scenario, StraightPush(PUSH), trials),
     }
     settings = {"algorithm": "SAC", "seed": seed, "first_trial": FIRST_TRIAL, **SETTINGS}
     results: dict[str, Any] = {"curve": [], "references": references, "settings": settings}
     curve = results["curve"]
-    for row in learn(scenario, steps=steps, every=every, trials=trials, seed=seed):
-        curve.append(row)
+    for law, done, cpu in learn(scenario, steps=steps, every=every, seed=seed):
+        curve.append({"steps": done, "train_cpu_s": cpu, **evaluate(scenario, law, trials)})
         if json is not None:
             write_json(json, results)
     show(curve, references)
