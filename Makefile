@@ -74,12 +74,13 @@ sweeps: environment
 RELEASE := out/release/files
 NAME = haptic-skill-$(shell "$(VENV)/bin/python" -c 'from importlib.metadata import version; print(version("haptic-skill"))')
 
-# Wheel and sources with the skill of the checkout, the skill and demonstrations of a new demo, and checksums.
+# Wheel and sources with the skill of the checkout, the skill and demonstrations of a new demo, paper, and checksums.
 release: environment
 	rm -rf out/release && mkdir -p $(RELEASE)
 	"$(VENV)/bin/haptic-skill" demo --out out/release/demo
-	$(RUN) pip install --quiet build
+	$(RUN) pip install --quiet build pypandoc_binary typst
 	$(RUN) build --outdir $(RELEASE) . > out/release/build.log 2>&1 || { tail out/release/build.log; exit 1; }
+	"$(VENV)/bin/python" docs/_tools/paper_pdf.py $(RELEASE)/$(NAME)-paper.pdf
 	cp out/release/demo/skill.npz $(RELEASE)/$(NAME)-skill.npz
 	tar -C out/release/demo -czf $(RELEASE)/$(NAME)-demonstrations.tar.gz demonstrations corrections
 	cd $(RELEASE) && sha256sum -- * > SHA256SUMS && cat SHA256SUMS
