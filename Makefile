@@ -18,7 +18,7 @@ FAST := not slow and not browser and not nightly
 # Types are checked with one set of stubs: those of NumPy 2.5, for newer Pythons, report errors in correct calls.
 MYPY := $(if $(filter 3.11,$(VERSION)),$(RUN) mypy,@echo "types: checked with Python 3.11 only")
 
-.PHONY: demo test test-fast test-nightly lint mutants fuzz campaign bench sweeps docs release clean environment .venv system-packages
+.PHONY: demo test test-fast test-nightly lint figures-check mutants fuzz campaign bench sweeps docs release clean environment .venv system-packages
 
 demo: environment
 	$(RUN) haptic_skill demo $(ARGS)
@@ -40,6 +40,10 @@ lint: environment
 	$(RUN) ruff format --check .
 	$(RUN) codespell_lib
 	$(MYPY)
+
+# Are the figures of README and docs those of the published rows? A test of `make test` asks too.
+figures-check: environment
+	$(RUN) docs._tools.figures_check
 
 # 200 small faults, one at a time: how many does a test of `make test` notice?
 mutants: environment

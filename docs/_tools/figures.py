@@ -1,0 +1,467 @@
+"""Where the figures of the pages come from: `docs/_tools/figures_check.py` compares them.
+
+``ROWS`` has, for each page, texts with a ``{}`` for each figure, and the figures, computed from the published rows. Of a
+DataFrame each row is a text of its own: the index, and the columns. ``ELSEWHERE`` has the figures that are computed by
+a command which the page names: where they stand (a text, or all below a heading), and the command.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from docs._tools.published_rows import ROOT, above_limit, against, both, inserted, published, summary, word
+
+NAMES = ("arms", "clocking", "curves", "engines", "fresh", "ladder", "learning", "scoreboard", "sections", "sets")
+arms, clocking, curves, engines, all_fresh, ladder, learning, scoreboard, sections, sets = map(published, NAMES)
+protocol = pd.read_csv(ROOT / "docs" / "protocol.csv")
+
+fresh = all_fresh.query("factor == ''")
+alone, corrected = fresh.query("policy == 'skill'"), fresh.query("policy == 'skill with corrections'")
+alone_exact, alone_drake = (alone[alone.engine == name] for name in ("exact", "drake"))
+corrected_exact = corrected.query("engine == 'exact'")
+shown_exact = fresh.query("policy == 'skill shown in exact'")
+corrected_shown_exact = fresh.query("policy == 'skill shown in exact, with corrections'")
+with_contexts = fresh[fresh.policy.str.contains("contexts")]
+better = {name: against("fresh", "skill", "skill with corrections", name) for name in ("exact", "drake")}
+contexts = pd.concat(
+    [
+        against("fresh", "skill", "skill with contexts"),
+        against("fresh", "skill shown in exact", "skill shown in exact, with contexts"),
+    ]
+)
+
+learnt, stateless = learning.query("policy == 'skill'"), learning.query("policy == 'LWR without states'")
+sets_below_90 = (
+    learnt.groupby(["value", "arm", "demonstration_set"]).inserted.mean().lt(0.9).groupby(["value", "arm"]).sum()
+)
+states_pay = against("learning", "LWR without states", "skill").groupby("arm")[["better", "worse"]].sum()
+
+asked, unasked = (sets[sets.policy.eq(name) & sets.value.gt(0)] for name in ("skill with corrections", "skill"))
+asked_pairs = against("sets", "skill", "skill with corrections").query("value == 20").sort_values("arm")
+
+taught = sections[~sections.policy.str.startswith("taught with a ")]
+other_part = sections[sections.policy.str.startswith("taught with a ")]
+other_part = other_part.assign(taught=other_part.policy.str.split().str[-1], value=other_part.value.replace("d", "D"))
+sections_corrected = sections.query("policy == 'skill with corrections'")
+least = against("sections", "skill", "skill with corrections").nsmallest(1, "p").iloc[0]
+
+sixty = scoreboard[scoreboard.trial < 78060]
+undone = [
+    *("CA states, contexts + LWR", "turns neither pooled nor limited", "contexts + LWR", "CA states + LWR"),
+    *("bad left out", "states by literal CA", "LWR without states", "raw features", "normalised features"),
+    *("bad imitated", "free demonstrations"),
+]
+by_policy = scoreboard.groupby(["policy", "arm"])
+times = scoreboard[scoreboard.inserted].groupby(["policy", "arm"]).time_s.median()
+with_states = pd.concat(
+    [
+        against("scoreboard", "LWR without states", name)
+        for name in ("CA states + LWR", "contexts + LWR", "CA states, contexts + LWR")
+    ]
+).groupby("arm")
+stateless_sets = scoreboard.query("policy == 'LWR without states' and not inserted")
+contexts_too = against("scoreboard", "CA states + LWR", "CA states, contexts + LWR").query("arm == 'stress'").iloc[0]
+loads = by_policy[["mean_load_n", "peak_load_n"]].median()
+
+rungs = ladder.replace({"policy": {"taught there": "skill, taught there", "taught at 0.005": "skill, carried over"}})
+rung_table = pd.concat(
+    [
+        inserted(rungs, "policy", "arm", "value").unstack(),
+        rungs[rungs.inserted].groupby(["policy", "arm", "value"]).time_s.median().unstack(),
+    ],
+    axis=1,
+)
+rung = inserted(rungs, "value", "arm", "policy")
+untrusted = ladder[~ladder.trusted].groupby(["value", "arm", "policy"]).size()
+loose = rungs.query("value > 0.03 and policy == 'moment compliance, tuned there'")
+
+point = curves[(curves.engine == "exact") | (curves.factor == "training.size")]
+exact_curve = curves.query("engine == 'exact' and policy == 'skill'")
+mixture_curve = curves.query("engine == 'exact' and policy == 'Gaussian mixture regression'")
+exact_curve, mixture_curve = (
+    rows.assign(place=rows.groupby("factor").value.rank("dense").astype(int)) for rows in (exact_curve, mixture_curve)
+)
+curve_table = pd.concat(
+    [
+        exact_curve.groupby(["factor", "place"]).apply(summary, include_groups=False).unstack(),
+        inserted(mixture_curve, "factor", "place").unstack(),
+    ],
+    axis=1,
+)
+curve_pairs = against("curves", "Gaussian mixture regression", "skill", "exact")
+most_noise = curve_pairs.query("factor == 'noise' and value == 64").iloc[0]
+other_pairs = curve_pairs.drop(most_noise.name)
+curve = inserted(exact_curve, "factor", "value")
+over = exact_curve.groupby(["factor", "value"]).apply(above_limit, include_groups=False)
+largest = exact_curve.groupby(["factor", "value"]).peak_measured_load_n.max()
+drake_curve = inserted(curves.query("engine == 'drake' and factor != 'training.size'"), "policy", "factor", "value")
+
+planned = sets.query("factor == '' and arm == 'stress' and trial < 83020 and policy != 'skill with corrections'")
+planned = planned.replace(
+    {
+        "policy": {
+            "skill": "imitate (default)",
+            "planning": "plan",
+            "skill without contexts": "imitate, no contexts",
+            "skill without contact states": "imitate, one contact state",
+            "planning without contact states": "plan, one contact state",
+        }
+    }
+)
+plan = against("sets", "skill", "planning").iloc[0]
+plan_states = against("sets", "planning", "planning without contact states").iloc[0]
+imitate_states = against("sets", "skill", "skill without contact states").iloc[0]
+no_contexts = against("sets", "skill", "skill without contexts").iloc[0]
+other_delays = sorted(plan.delays)[:-1]
+
+mujoco = engines.query("engine == 'mujoco' and value == 0.002")
+three = pd.concat([alone, mujoco])
+three_medians = three.groupby(["engine", "arm"]).median(numeric_only=True)
+first_five = pd.concat([alone[alone.trial < 94005], mujoco])
+half = pd.concat([all_fresh, engines]).query("policy == 'skill' and value == 0.001")
+whole = pd.concat([all_fresh, engines]).query("policy == 'skill' and value == 0.002")
+half_first = half[half.trial < 94005]
+laws = engines.query("factor == ''")
+laws_differ = [
+    sum(both(*(laws[laws.policy.eq(name) & laws.engine.eq(engine)] for engine in ("exact", "drake")))[1:])
+    for name in ("Gaussian mixture regression", "LWR without states", "moment compliance, tuned", "skill")
+]
+stuck = mujoco[~mujoco.inserted]
+
+few = [("noise", 64.0), ("rig.pivot_range", 0.012), ("rig.mount_stiffness", 400_000.0)]
+loaded = [("noise", 1.0), ("friction", 0.4), ("rig.pivot_range", 0.012)]
+compared = [name for name in times.index.unique("policy") if (scoreboard.policy == name).sum() == 200]
+sixty_times = sixty[sixty.inserted].groupby(["policy", "arm"]).time_s.median()
+round_exact = pd.concat([all_fresh, learning, curves, engines, arms]).query("engine == 'exact'")
+both_steps = both(half.query("engine == 'exact'"), whole.query("engine == 'exact'"))
+contexts_harder = contexts.query("arm == 'stress'")[["better", "worse"]]
+planned_table = planned.groupby("policy").apply(summary, include_groups=False)
+planned_table["back_offs"] = planned.groupby("policy").back_offs.sum()
+planned_table["load"] = planned.groupby("policy").peak_measured_load_n.max()
+planned_table["trusted"] = planned.groupby("policy").trusted.sum()
+planned_table["share"] = planned_table.inserted / 2
+known_hole, beside = arms.query("value == 0"), arms.query("value > 0")
+per_skill = inserted(protocol, "skill")
+
+Figures = dict[str, list[tuple[str, Any]]]  # A figure is two lines: its text, and what the rows say.
+# fmt: off
+ROWS: dict[str, list[tuple[str, Any]]] = {
+    "README.md": [
+        ("| {} of 400 | {} of 400 | `haptic-skill scoreboard docs/fresh` |",
+         inserted(alone_exact)),
+        ("that the skill asked for | {} of 400 | {} of 400 | the same |",
+         inserted(corrected_exact)),
+        ("up to {} demonstrations that the skill asked for",
+         word(corrected.demonstrations.max() - 30)),
+        ("with those it asked for | {}, {} of 250 | {}, {} of 250 |",
+         inserted(fresh.query("engine == 'drake'"), "arm", "policy")),
+        ("| {} of 1,000 ({}) | {} of 1,000 ({}) | `haptic-skill scoreboard docs/learning` |",
+         inserted(learnt.query("value in [10, 30]"), "arm", "value")),
+        ("| {:,} of 2,000 | {:,} of 2,000 | `haptic-skill scoreboard docs/sections` |",
+         inserted(sections_corrected)),
+        ("| {}, {}, {} of 100 | {}, {}, {} of 100 | `haptic-skill scoreboard docs/scoreboard` |",
+         inserted(scoreboard.query("policy in ['CA states + LWR', 'Gaussian mixture regression', 'moment compliance, tuned']"), "arm", "policy")),
+        ("Failures have pivots {:.0f} to {:.0f} mm",
+         fresh[~fresh.inserted].pivot_mm.abs().agg(["min", "max"])),
+        ("without any, the last row has {} and {}.",
+         inserted(scoreboard.query("policy == 'LWR without states'"))),
+    ],
+    "docs/results.md": [
+        ("| {} | {}, {} | {}, {} | {}, {} | {}, {} |",
+         inserted(pd.concat([alone, corrected]), "demonstration_set", "policy", "engine", "arm") .unstack([1, 2, 3]) .sort_index(axis=1, ascending=[True, False, True])),
+        ("| all | {}, {} of 400 | {}, {} of 250 | {}, {} of 400 | {}, {} of 250 |",
+         inserted(pd.concat([alone, corrected]), "policy", "engine", "arm").sort_index(ascending=[True, False, True])),
+        ("With corrections, {2:.0f} % of the usual and {3:.1f} % of the harder trials are inserted on rigid bodies, {0:.0f} and {1:.1f} % in Drake**",
+         list(100 * corrected.groupby(["engine", "arm"]).inserted.mean())),
+        ("and {:.0f} % or more with every set. The skills asked for",
+         100 * corrected.groupby(["engine", "arm", "demonstration_set"]).inserted.mean().min()),
+        ("The skills asked for {} to {}.",
+         corrected.demonstrations.agg(["min", "max"]) - 30),
+        ("As demonstrated it is {2:.1f} and {3:.1f} %, in Drake {0:.1f} and {1:.1f} %",
+         list(100 * alone.groupby(["engine", "arm"]).inserted.mean())),
+        ("all within {:.1f} and {:.1f} %)",
+         alone.groupby(["engine", "arm"]).apply(summary, include_groups=False).agg({"low": "min", "high": "max"})),
+        ("%), {:.0f} % or more with every set.",
+         alone.groupby(["engine", "arm"]).apply(summary, include_groups=False).worst.min()),
+        ("skills that insert {} and {} of 400 there, with corrections {} and {}.",
+         [*inserted(shown_exact), *inserted(corrected_shown_exact)]),
+        ("of {} trials that both performed, {} are inserted in the exact engine only and {} in Drake only.",
+         both(alone_exact, alone_drake)),
+        ("at pivots of {:.1f} mm or more below or above it",
+         pd.concat([alone, corrected, shown_exact, corrected_shown_exact]) .query("not inserted") .pivot_mm.abs() .min()),
+        ("{} of the {} failures of skills shown in the exact engine are of one set, 970.",
+         [(shown_exact[~shown_exact.inserted].demonstration_set == 970).sum(), (~shown_exact.inserted).sum()]),
+        ("{:.2f} s of a usual trial and {:.2f} s of a harder one (p {:.3f}, {:.3f};",
+         [*-better["drake"].slower, *better["drake"].p_time]),
+        ("In the exact engine {:.2f} and {:.2f} s are not certain (p {:.2f}, {:.2f})",
+         [*-better["exact"].slower, *better["exact"].p_time]),
+        ("nor are more insertions in either (p {:.2f}).",
+         min(frame.p.min() for frame in better.values())),
+        ("Of {} back-offs {} are saved there.",
+         [alone_exact.back_offs.sum(), alone_exact.back_offs.sum() - corrected_exact.back_offs.sum()]),
+        ("in {} of 800 trials as demonstrated, by {:.1f} N at most, and in {} with corrections ({:.1f} N); in Drake it is at most {:.1f} N.",
+         [*(above_limit(alone_exact), alone_exact.peak_measured_load_n.max() - 40), *(above_limit(corrected_exact), corrected_exact.peak_measured_load_n.max()), fresh.query("engine == 'drake'").peak_measured_load_n.max()]),
+        ("the sets shown in Drake insert {2} and {3} of 400 there, those shown in the exact engine {0} and {1}.",
+         list(inserted(with_contexts, "policy", "arm"))),
+        ("| {0:.0f} | {1:.0f} of 1,000 | {3:.0f}-{5:.0f} % | {7:.0f} % | {9:.1f} s | {11} of 200 | {2:.0f} of 1,000 | {4:.0f}-{6:.0f} % | {8:.0f} % | {10:.1f} s | {12} of 200 |",
+         pd.concat([learnt.groupby(["value", "arm"]).apply(summary, include_groups=False).unstack(), inserted(stateless, "value", "arm").unstack()], axis=1)),
+        ("Thirty demonstrations insert {2} and {3} of 1,000**, and with every set but {0} at least 90 % of the harder trials; sixty {4} and {5}.",
+         [word(sets_below_90[30, "stress"]), 0, *inserted(learnt.query("value >= 30"), "value", "arm")]),
+        ("Ten insert {} usual trials and {} harder ones, twenty {} and {}.",
+         inserted(learnt.query("value in [10, 20]"), "value", "arm")),
+        ("from ten, {} of twenty sets insert less than 90 % of the usual trials, and {} less than 90 % of the harder ones.",
+         sets_below_90[10].map(word)),
+        ("(p over the sets {:.2f} or more)",
+         against("learning", "LWR without states", "skill").p.min()),
+        ("{} usual and {} harder ones are inserted only with states, {} and {} only without",
+         [*states_pay.better, *states_pay.worse]),
+        ("ten insert {} and {} of 60 trials, thirty {} and {} ([table](curves.md)).",
+         inserted(curves.query("policy == 'demonstrations' and value in [10, 30]"), "value", "arm")),
+        ("| {0:.0f} | {1:.1f} | {2:.0f} of 60 | {4:.0f}-{6:.0f} % | {8:.0f} % | {10:.1f} s | {12} | {3:.0f} of 60 | {5:.0f}-{7:.0f} % | {9:.0f} % | {11:.1f} s | {13} |",
+         pd.concat([asked.groupby("value").demonstrations.mean(), asked.groupby(["value", "arm"]).apply(summary, include_groups=False).unstack(), inserted(unasked, "value", "arm").unstack()], axis=1)),
+        ("insert {} of 60 in each arm**",
+         inserted(asked[asked.value == 20]).unique()[0]),
+        ("{} of the harder trials are better and {} worse ({} of the {} with one set), {} usual ones better and none worse",
+         [*asked_pairs.iloc[1][["better", "worse"]], max(asked_pairs.iloc[1].gains), *asked_pairs.better[::-1]]),
+        ("Ten are still too few: {} and {} (the difference to {} and {} may be chance).",
+         [*inserted(asked[asked.value == 10]), *inserted(unasked[unasked.value == 10])]),
+        ("| {0} | {7}, {8} | {1}, {2} | {5}, {6} | {9}, {10} | {11:.0f} N | {3}, {4} |",
+         pd.concat([inserted(taught, "value", "policy", "engine", "arm").unstack([1, 2, 3]).sort_index(axis=1), sections_corrected.query("arm == 'default'").groupby("value").peak_load_n.median()], axis=1).rename({"d": "D"})),
+        ("| all | {6:.0f}, {7:.0f} % | {0:.0f}, {1:.0f} % | {4:.0f}, {5:.0f} % | {8:.0f}, {9:.0f} % | | {2:.0f}, {3:.0f} % |",
+         list(100 * taught.groupby(["policy", "engine", "arm"]).inserted.mean())),
+        ("the least p of ten tables is {:.3f} (harder hexagons, {} better, none worse;",
+         [least.p, least.better]),
+        ("Rectangle ({3:.0f} % usual) and D ({0:.2f} % usual) miss it.",
+         list(100 * sections_corrected.query("arm == 'default'").groupby("value").inserted.mean())),
+        ("{} of its trials of all policies end with a fault",
+         (sections[sections.value == "rectangle"].fault != "").sum()),
+        ("passes it in {0} of 2,000 usual and {1} of 2,000 harder trials, up to {2:.0f} and {3:.0f} N.",
+         [*sections_corrected.groupby("arm").apply(above_limit, include_groups=False), *sections_corrected.groupby("arm").peak_measured_load_n.max()]),
+        ("In Drake {} of 200 usual and {} of 200 harder trials are trusted**",
+         sections.query("engine == 'drake'").groupby("arm").trusted.sum()),
+        ("in the exact engine all but {} of {:,}:",
+         [(~sections.query("engine == 'exact'").trusted).sum(), (sections.engine == "exact").sum()]),
+        ("| {0} | {9}, {10} | {3}, {4} | {7}, {8} | {5}, {6} | {1}, {2} | {11}, {12} |",
+         pd.concat([inserted(other_part, "taught", "value", "arm").unstack([1, 2]).sort_index(axis=1), inserted(other_part, "taught", "arm").unstack()], axis=1)),
+        ("| {} | {}, {} | {}, {} |",
+         inserted(clocking, "value", "policy", "arm").unstack([1, 2]).sort_index(axis=1)),
+    ],
+    "docs/comparisons.md": [
+        ("| {} | {} | {} | {:.2f} | {:.2f} |",
+         pd.concat([inserted(scoreboard, "policy", "arm").unstack(), times.unstack()], axis=1).loc[compared]),
+        ("| no correction | {} | {} | – | – |",
+         inserted(scoreboard.query("policy == 'no correction'"))),
+        ("LWR without states inserts {} of 100 usual trials;",
+         inserted(scoreboard.query("policy == 'LWR without states'")).default),
+        ("contact states alone, contexts alone and both insert {0:.0f} ({2} better, none worse), in {4:.1f} to {6:.1f} s less. Of the harder ones it is {8:.0f} and three times {1:.0f} ({3} better, {9} worse), in {5:.1f} to {7:.1f} s less.",
+         [*inserted(scoreboard.query("policy == 'CA states + LWR'")), *with_states.better.max(), *-with_states.slower.max(), *-with_states.slower.min(), inserted(scoreboard.query("policy == 'LWR without states'")).stress, with_states.worse.max().stress]),
+        ("all {:.0f} failures without states under stress are of set {:.0f}",
+         stateless_sets.query("arm == 'stress'").demonstration_set.agg(["size", "max"])),
+        ("by default {}, {}, {} and {} of the four sets.",
+         [*stateless_sets.query("arm == 'default'").demonstration_set.value_counts(), 0]),
+        ("contexts add {:.1f} s that are saved under stress ({:.1f} to {:.1f} s with three sets, nothing with one)",
+         [-contexts_too.slower, *-pd.Series(sorted(contexts_too.delays)[2::-2])]),
+        ("GMM-BIC has {} to {} components where CA has {} or {} states",
+         [*scoreboard[scoreboard.policy == "GMM-BIC states + LWR"].states.agg(["min", "max"]), *scoreboard[scoreboard.policy == "CA states + LWR"].states.agg(["min", "max"])]),
+        ("under stress: {} with Gaussian mixture regression, {} with a neural network, {} with k nearest neighbours, {} with a Gaussian process.",
+         inserted(scoreboard.query("arm == 'stress'"), "policy")[["Gaussian mixture regression", "neural network (MLP)", "k nearest neighbours", "Gaussian process"]]),
+        ("Turns of random sign insert {0} of 100 usual trials, shuffled actions {2}, one mean action {4}; under stress {1}, {3} and {5}.",
+         list(inserted(scoreboard, "policy", "arm")[["random sign of the turns", "shuffled actions", "mean action"]])),
+        ("{0:.1f} N in contact where the skill has {2:.1f} N, its largest load is {1:.0f} N where the skill has {3:.0f} N (medians).",
+         [*loads.loc["moment compliance, tuned", "default"], *loads.loc["CA states + LWR", "default"]]),
+        ("It inserts {0}, in {2:.1f} s where the skill takes {4:.1f} s; under stress {1}, in {3:.1f} s where it takes {5:.1f} s, with {6:.0f} N where it has {7:.0f} N.",
+         [*inserted(scoreboard.query("policy == 'moment compliance, tuned'")), *times["moment compliance, tuned"], *times["CA states + LWR"], *(loads.peak_load_n[name, "stress"] for name in ("moment compliance, tuned", "CA states + LWR"))]),
+        ("The largest measured load of any row is {:.0f} N** ({})",
+         [scoreboard.peak_measured_load_n.max(), scoreboard.policy[scoreboard.peak_measured_load_n.idxmax()]]),
+        *(("| {0} | {5} ({10:.1f}) | {4} ({9:.1f}) | {3} ({8:.1f}) | {2} ({7:.1f}) | {1} ({6:.1f}) |", rung_table.xs(arm, level="arm")) for arm in ("default", "stress")),
+        ("At c = 0.14 and 0.038 tuned compliance inserts all {} trials and is faster",
+         loose.inserted.sum()),
+        ("at 0.005 {2} and {3} where the skill inserts {0} and {1}, fewer beside each set.",
+         [*(rung[0.005, arm, name] for name in ("skill, taught there", "moment compliance, tuned there") for arm in ("default", "stress"))]),
+        ("{} in all against {}, under stress {} against {}.",
+         [rung[0.14, arm, name] for arm in ("default", "stress") for name in ("skill, taught there", "skill, carried over")]),
+        ("the skill inserts at least {} of 200 at every clearance tried**",
+         rung.xs("skill, carried over", level="policy").min()),
+        ("at 0.038 its mean load is {:.0f} N, {:.0f} N if it is taught there.",
+         rungs.query("value == 0.038 and arm == 'default' and policy.str.startswith('skill')") .groupby("policy") .mean_load_n.median()),
+        ("at 0.038 the skill of one of the four sets inserts {} and {} of 50.",
+         inserted(ladder.query("value == 0.038 and demonstration_set == 768 and policy.str.startswith('Gaussian')"))),
+        ("the skill taught there {} under stress, {} of its {} failures with one of the four sets.",
+         [rung[0.0025, "stress", "skill, taught there"], 50 - inserted(ladder.query("value == 0.0025 and arm == 'stress' and policy == 'taught there'"), "demonstration_set").min(), 200 - rung[0.0025, "stress", "skill, taught there"]]),
+        ("{} to {} of 200 usual and {} to {} harder trials overlap by more than a quarter of the clearance; at 0.005 it is {} to {} and {} to {}.",
+         list(untrusted.groupby(["value", "arm"]).agg(["min", "max"]).stack())),
+        ("| | {1:,.0f} ({6:.1f}-{11:.1f} %) / {26} | {2:,.0f} ({7:.1f}-{12:.1f} %) / {27} | {3:,.0f} ({8:.1f}-{13:.1f} %) / {28} | {4:,.0f} ({9:.1f}-{14:.1f} %) / {29} | {5:,.0f} ({10:.1f}-{15:.1f} %) / {30} |",
+         curve_table),
+        ("at most {} of the 100 trials a point that both perform are inserted by the skill only, and at most {} by the regression only",
+         [word(other_pairs.better.max()), word(other_pairs.worse.max())]),
+        ("A straight push inserts {} of {}.",
+         curves.query("policy == 'straight push' and engine == 'exact'").inserted.agg(["sum", "size"])),
+        ("{}, and at 64 times {}, where the regression inserts {} of 100 (p < {}).",
+         [curve["noise", 16], curve["noise", 64], inserted(mixture_curve, "factor", "value")["noise", 64], max(0.001, most_noise.p)]),
+        ("without support for {:.1f} s of a trial (median), at the nominal noise for {:.2f} s",
+         exact_curve[exact_curve.factor == "noise"].groupby("value").unsupported_s.median()[[64, 1]]),
+        ("{} of 1,000 at up to 6 mm and {} at up to 12 mm.",
+         [curve["rig.pivot_range", 0.006], curve["rig.pivot_range", 0.012]]),
+        ("{:.0f} or {:.0f} are inserted everywhere but at 64 times the noise ({:.0f}), with pivots up to 12 mm ({:.0f}) and at 400 kN/m ({:.0f}).",
+         [*drake_curve["skill"].drop(few).agg(["min", "max"]), *drake_curve["skill"][few]]),
+        ("The regression inserts {} to {} of 40, and {} at the largest noise.",
+         [*drake_curve["Gaussian mixture regression"].drop(few[0]).agg(["min", "max"]), drake_curve["Gaussian mixture regression"][few[0]]]),
+        ("in {0} of the 1,000 nominal trials ({3:.0f} N at most), in {1} at a friction of 0.4 ({4:.0f} N), in {2} with pivots up to 12 mm ({5:.0f} N)",
+         [*over[loaded], *largest[loaded]]),
+        ("in {} with 64 times the noise ({:.0f} N)",
+         [over["noise", 64], largest["noise", 64]]),
+        ("| {} | {} | {} |",
+         inserted(sixty, "policy", "arm").unstack().loc[undone]),
+        ("Without them {0} and {1} of 60 harder trials are inserted, with them {2};",
+         inserted(sixty.query("arm == 'stress'"), "policy")[["raw features", "normalised features", "CA states + LWR"]]),
+        ("then {} of 60 are inserted under stress",
+         inserted(sixty.query("arm == 'stress'"), "policy")["bad imitated"]),
+        ("From demonstrations with a free peg the skill inserts {1} and {0} of 60, in {2:.1f} and {3:.1f} s where it takes {4:.1f} and {5:.1f} s.",
+         [*inserted(sixty, "policy", "arm")["free demonstrations"][::-1], *sixty_times["free demonstrations"], *sixty_times["CA states + LWR"]]),
+        ("({} under stress; it collapses to one or two states), no contact states ({}), no contexts ({}), turns that are neither pooled nor limited ({}).",
+         inserted(sixty.query("arm == 'stress'"), "policy")[["states by literal CA", "contexts + LWR", "CA states + LWR", "turns neither pooled nor limited"]]),
+        ("Without either kind of state the skill inserts {} in each arm.",
+         inserted(sixty.query("policy == 'LWR without states'")).unique()[0]),
+    ],
+    "docs/limits.md": [
+        ("In Drake, in {:.0f} % of the usual and {:.0f} % of the harder trials of [ten sets]",
+         100 - 100 * alone_drake.groupby("arm").trusted.mean()),
+        ("In the exact engine {} trials of the round peg are trusted.",
+         "all" if round_exact.trusted.all() else "not all"),
+    ],
+    "docs/physics.md": [
+        ("{:.0f} % of [Drake's trials](#trials-in-three-engines) exceed 12.5 µm.",
+         100 * (alone_drake.penetration_um > 12.5).mean()),
+        ("| inserted | {2}, {3} of 400 | {0}, {1} of 250 | {4}, {5} of 50 |",
+         list(inserted(three, "engine", "arm"))),
+        ("| time | {2:.2f}, {3:.2f} s | {0:.2f}, {1:.2f} s | {4:.2f}, {5:.2f} s |",
+         list(three[three.inserted].groupby(["engine", "arm"]).time_s.median())),
+        ("| mean load | {2:.1f}, {3:.1f} N | {0:.1f}, {1:.1f} N | {4:.1f}, {5:.1f} N |",
+         list(three_medians.mean_load_n)),
+        ("| largest load | {2:.1f}, {3:.1f} N | {0:.1f}, {1:.1f} N | {4:.1f}, {5:.1f} N |",
+         list(three_medians.peak_load_n)),
+        ("| largest force of a single contact | {2:.1f}, {3:.1f} N | {0:.1f}, {1:.1f} N | {4:.1f}, {5:.1f} N |",
+         list(three_medians.peak_contact_n)),
+        ("| overlap | {2:.1f}, {3:.1f} µm | {0:.1f}, {1:.1f} µm | {4:.1f}, {5:.1f} µm |",
+         list(three_medians.penetration_um)),
+        ("| physics trusted | {2:.0f}, {3:.0f} % | {0:.0f}, {1:.0f} % | {4:.0f}, {5:.0f} % |",
+         list(100 * three.groupby(["engine", "arm"]).trusted.mean())),
+        ("| these 50 and 50 trials: inserted | {2}, {3} | {0}, {1} | {4}, {5} |",
+         list(inserted(first_five, "engine", "arm"))),
+        ("| at half the step | {2}, {3} | {0}, {1} | {4}, {5} |",
+         list(inserted(half_first, "engine", "arm"))),
+        ("Of {} trials that both performed, {} are inserted in the exact engine only and {} in Drake only.",
+         both(alone_exact, alone_drake)),
+        ("shown in Drake it inserts {} and {} of 400, shown in the exact engine {} and {}",
+         [*inserted(alone_exact), *inserted(shown_exact)]),
+        ("({} of the {} failures with set 970, at pivots {:.0f} to {:.0f} mm above the mouth), with corrections {} and {} each.",
+         [*((shown_exact[~shown_exact.inserted].demonstration_set == 970).sum(), (~shown_exact.inserted).sum()), *shown_exact[~shown_exact.inserted].pivot_mm.agg(["min", "max"]), *inserted(corrected_exact)]),
+        ("At half the step the exact engine inserts the same {} of {} trials",
+         [both_steps[0] - sum(both_steps[1:]), both_steps[0]]),
+        ("largest loads have medians of {:.1f} and {:.1f} N instead of {:.1f} and {:.1f} N, single contacts {:.1f} and {:.1f} N instead of {:.1f} and {:.1f} N.",
+         [value for column in ("peak_load_n", "peak_contact_n") for rows in (half, whole) for value in rows.query("engine == 'exact'").groupby("arm")[column].median()]),
+        ("a single contact has twice the force of Drake's, {:.0f} and {:.0f} N.",
+         [three_medians.peak_contact_n[name, "stress"] for name in ("exact", "drake")]),
+        ("In the first five trials of each set it does not, {1:.0f} and {0:.0f} N.",
+         list(first_five[first_five.engine != "mujoco"] .query("arm == 'stress'") .groupby("engine") .peak_contact_n.median())),
+        ("Gaussian mixture regression inserts {2} and {3} in the exact engine and {0} and {1} in Drake, regression without states {6} and {7}, and {4} and {5}, tuned moment compliance {10} and {11}, and {8} and {9}, the skill {14} and {15}, and {12} and {13}.",
+         list(inserted(laws, "policy", "engine", "arm"))),
+        ("Of 200 pairs, {}, {}, {} and {} differ.",
+         laws_differ),
+        ("{:.0f} % of its harder trials are not trusted",
+         100 - 100 * alone_drake.groupby("arm").trusted.mean().stress),
+        ("inserts {} of {} trials of which the others insert {} and {}, at half the step {}; {} pairs differ between the two steps.",
+         [*mujoco.inserted.agg(["sum", "size"]), *inserted(first_five, "engine")[["drake", "exact"]], half.query("engine == 'mujoco'").inserted.sum(), sum(both(mujoco, half.query("engine == 'mujoco'"))[1:])]),
+        ("at pivots {:.1f} to {:.1f} mm below it",
+         (-stuck.pivot_mm).agg(["min", "max"])),
+    ],
+    "docs/rig.md": [
+        ("none of the {:,.0f} trials in Drake passes 40 N ({:.1f} N)",
+         [*fresh.query("engine == 'drake'").peak_measured_load_n.agg(["size", "max"])]),
+        ("in the exact engine {} of the {} with corrections ({:.1f} N) and {} of the {} as demonstrated ({:.1f} N).",
+         [value for rows in (corrected_exact, alone_exact) for value in (above_limit(rows), len(rows), rows.peak_measured_load_n.max())]),
+    ],
+    "docs/practice.md": [
+        ("it then inserts in [{} of {} trials]",
+         corrected.inserted.agg(["sum", "size"])),
+    ],
+    "docs/contexts.md": [
+        ("| Drake | exact | {}, {} of 400 | {}, {} of 400 | {}, {} |",
+         [*inserted(with_contexts.query("policy == 'skill with contexts'")), *inserted(alone_exact), *contexts_harder.iloc[0]]),
+        ("| exact | exact | {}, {} of 400 | {}, {} of 400 | {}, {} (nine",
+         [*inserted(with_contexts.query("policy != 'skill with contexts'")), *inserted(shown_exact), *contexts_harder.iloc[1]]),
+        ("({} of the {} with set 970)",
+         [word(contexts.iloc[-1].gains[0]), contexts_harder.iloc[1].better]),
+        ("neither in insertions (p {0:.2f}) nor in time ({3:.2f} to {2:.2f} s less on average, p {1:.2f} or more;",
+         [contexts.p.min(), contexts.p_time.min(), *-contexts.slower.agg(["min", "max"])]),
+    ],
+    "docs/planning.md": [
+        ("| {0} | {1:.0f} of 200 | {9:.0f} % ({2:.0f} to {3:.0f}) | {4:.0f} % | {5:.2f} s | {6} | {7:.1f} N | {8} |",
+         planned_table),
+        ("{} trials better, {} worse (p {:.2f}), {:.1f} s slower on average (p {:.2f}).",
+         plan[["better", "worse", "p", "slower", "p_time"]]),
+        ("Set 759 decides both: {} more failures and {:.1f} s; with the others it is {:.1f} s faster to {:.1f} s slower.",
+         [word(-min(plan.gains)), max(plan.delays), -other_delays[0], other_delays[-1]]),
+        ("({} trials better, {} worse than with one contact state)",
+         plan_states[["worse", "better"]]),
+        ("nor where it imitates ({} better, {} worse).",
+         imitate_states[["worse", "better"]]),
+        ("{} trials better, {} worse (p {:.2f}), {:.1f} s faster on average (p {:.2f})",
+         no_contexts[["worse", "better", "p", "slower", "p_time"]]),
+        ("and {} back-offs where there are {} without.",
+         planned.groupby("policy").back_offs.sum()[["imitate (default)", "imitate, no contexts"]]),
+    ],
+    "docs/arm.md": [
+        ("| none | {0} of 40 | {1} of 40 | {2:.0f}, {3:.0f} N | {4} of 80, {5:.0f} N |",
+         [*inserted(known_hole), *known_hole.groupby("arm").peak_load_n.median(), above_limit(known_hole), known_hole.peak_measured_load_n.max()]),
+        ("| up to 0.5 mm | {0} of 40 | {1} of 12, {2} sets | {3:.0f}, {4:.0f} N | {5} of 52 |",
+         [*inserted(beside), word(beside.query("arm == 'stress'").demonstration_set.nunique()), *beside.groupby("arm").peak_load_n.median(), above_limit(beside)]),
+        ("Of {} failures {} run out of time (10 s), {} are jammed;",
+         [(~arms.inserted).sum(), *arms[~arms.inserted].outcome.value_counts()[["time over", "jammed"]].map(word)]),
+        ("one set (2015) inserts {} of 4 and the others {} of 36.",
+         inserted(beside.query("arm == 'default'").assign(other=lambda rows: rows.demonstration_set != 2015), "other")),
+        ("median clock of the arm {:.2f} of real time",
+         protocol.clock.median()),
+        ("the pivot up to 3 mm off | {} of 400 |",
+         inserted(alone_exact).default),
+        ("| arm, one diagram, other trials, 10 s (above) | {} of 40 | {:.1f} s | {:.0f} N | none |",
+         [inserted(beside).default, beside.query("arm == 'default'").taken.median(), beside.query("arm == 'default'").peak_load_n.median()]),
+        ("| {} of {} | {:.1f} s | {:.0f} N | {}, up to {:.0f} N |",
+         [*protocol.inserted.agg(["sum", "size"]), protocol.time_s.median(), protocol.measured_load_n.median(), (protocol.measured_load_n > 40).sum(), protocol.measured_load_n.max()]),
+        ("{} skills insert 20 of 20, the others {} and {};",
+         [word((per_skill == 20).sum()).capitalize(), *sorted(per_skill)[:2]]),
+        ("{} insertions take no more than 10 s.",
+         (protocol.inserted & (protocol.time_s <= 10)).sum()),
+        ("All {} failures give up {:.0f} to {:.0f} mm deep",
+         [word((~protocol.inserted).sum()), *protocol[~protocol.inserted].true_depth_mm.agg(["min", "max"])]),
+    ],
+}
+# fmt: on
+
+ELSEWHERE: dict[str, dict[str, str]] = {
+    "docs/comparisons.md": {
+        "| friction | 0.05 | 0.1 | 0.2 | 0.3 | 0.4 |": "make sweeps",
+        "| sensor noise, times the nominal one | 0 | 1 | 4 | 16 | 64 |": "make sweeps",
+        "| pivot, up to so many mm from the mouth | 0 | 1.5 | 3 | 6 | 12 |": "make sweeps",
+        "| stiffness of the mount, kN/m | 25 | 50 | 100 | 200 | 400 |": "make sweeps",
+    },
+    "docs/competitive_agglomeration.md": {
+        "## Comparison with other learners": "python -m benchmarks.learners.clustering",
+        "## Heavy tails": "python -m benchmarks.learners.clustering",
+    },
+    "docs/exports.md": {"### An imitation policy of LeRobot on the rig": "sweep"},
+    "docs/gymnasium.md": {
+        "## Reinforcement learning beside the skill": "python -m benchmarks.rig.reinforcement --steps 12000"
+    },
+    "docs/physics.md": {
+        "insert 1964 and 1925 of 2000 trials in the exact engine": "benchmarks/sweeps/random_contact.yaml"
+    },
+    "docs/practice.md": {
+        "show me: 1 of 3": "haptic-skill correct --live",
+        "| inserted | 400 of 400 | 400 of 400 | | |": "haptic-skill practise --engine exact",
+    },
+    "docs/results.md": {"10 of 10 inserted; median": "haptic-skill demo"},
+    "docs/rig.md": {"Together 302 of 340 named": "python -m benchmarks.faults --seeds 10"},
+}
