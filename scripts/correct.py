@@ -347,6 +347,7 @@ def correct_live(
 
     from experiments.corrections import begins_in, correct
     from experiments.outputs.output_set import find_recordings, open_live_folder
+    from experiments.self_test import hold_pace
     from interfaces.live.correction_session import CorrectionSession, PersonLeftError
     from interfaces.terminal import say
     from models.scenario import load_scenario
@@ -359,6 +360,8 @@ def correct_live(
     shown_in = load_scenario("device" if driver else "live", defaults=chosen)
     margins = live_margins(shown_in, driver)
     check_geometry(chosen, learnt)
+    pace = hold_pace(shown_in)
+    shown_in = pace.scenario
     learnt_from = 0  # number of the corrections kept in this session that the last training had
 
     def recorded() -> list[Demonstration]:
@@ -404,7 +407,7 @@ def correct_live(
         if earlier:
             good = sum(d.good for d in earlier)
             say(f"{corrections} holds {len(earlier)} corrections, {good} good; the skill learns from them too")
-        with announced_page(margins, host=host, port=port, verbose=verbose) as page:
+        with announced_page(margins, pace, host=host, port=port, verbose=verbose) as page:
             session = CorrectionSession(
                 scenario=shown_in, seed=plan.seed, out=corrections, page=page, announce=say, driver=driver
             )

@@ -26,6 +26,7 @@ from scripts.command_line import (
 )
 
 if TYPE_CHECKING:
+    from experiments.self_test import HeldPace
     from interfaces.live.page import LivePage
     from models.scenario import Scenario
     from systems.haptics.coupling_margins import Margin
@@ -193,6 +194,7 @@ def record_live(
     """
     from math import isclose
 
+    from experiments.self_test import hold_pace
     from interfaces.live.session import LiveSession, asked_scenario, live_scenario
     from interfaces.terminal import say
     from models.clearance import load_scenario_of_clearance
@@ -219,7 +221,9 @@ def record_live(
 
     for number in range(max(1, len(query_states))):  # all are checked before the page opens
         start_of(number)
-    with announced_page(margins, host=host, port=port, verbose=verbose) as page:
+    pace = hold_pace(chosen)
+    chosen = pace.scenario
+    with announced_page(margins, pace, host=host, port=port, verbose=verbose) as page:
         kept = LiveSession(start_of=start_of, out=out, page=page, announce=say, driver=driver, policy=skill).run()
     say(f"{len(kept)} demonstrations kept in {out}")
     return kept
@@ -243,8 +247,10 @@ def live_margins(scenario: Scenario, driver: str | None) -> list[Margin]:
 
 
 @contextmanager
-def announced_page(margins: list[Margin], *, host: str | None, port: int | None, verbose: bool) -> Iterator[LivePage]:
-    """Opens the page of a live session, prints the margins and its address, and shows it in the desktop's browser.
+def announced_page(
+    margins: list[Margin], pace: HeldPace, *, host: str | None, port: int | None, verbose: bool
+) -> Iterator[LivePage]:
+    """Opens the page of a live session, prints margins, pace and address, and shows it in the desktop's browser.
 
     Raises:
         OSError: if the page cannot listen at ``host`` and ``port``.
@@ -260,7 +266,8 @@ def announced_page(margins: list[Margin], *, host: str | None, port: int | None,
     page = open_live_page(host=host or LOCAL_HOST, port=port)
     try:
         print_margins(margins, verbose=verbose)
-        for line in page.announcement():
+        page.show(pace=pace.rate)
+        for line in (pace.note, *page.announcement()):
             say(line)
         if sys.platform != "linux" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
             webbrowser.open(page.address)  # without a desktop this could start a text browser in the terminal
