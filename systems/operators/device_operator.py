@@ -22,15 +22,21 @@ from pydrake.common.value import Value
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, EventStatus, LeafSystem, State
 
+from models.scenario import Scenario
 from systems.math.rotation import from_rotation_vector, rotation_vector
 
 GROUP = "haptic_skill.devices"
-SPACE_MOUSE, LOOPBACK = "spacemouse", "loopback"
+SPACE_MOUSE, LOOPBACK, INVERSE3 = "spacemouse", "loopback", "inverse3"
 PROVIDED = {
+    INVERSE3: "systems.operators.inverse3:Inverse3",
     LOOPBACK: "systems.operators.loopback_device:LoopbackDevice",
     SPACE_MOUSE: "systems.operators.space_mouse:SpaceMouse",
 }
 """Import paths of the drivers of this project, by their names."""
+
+DEVICE_SCENARIO = "device"
+PRESETS = {INVERSE3: "inverse3"}
+"""Presets of the devices of drivers, where the margins depend on them. A scenario with the same name has the preset."""
 
 
 class LiveDevice(Protocol):
@@ -70,6 +76,25 @@ def find_device(name: str) -> Callable[[], LiveDevice]:
         )
     factory: Callable[[], LiveDevice] = drivers[name].load()
     return factory
+
+
+def default_scenario(driver: str) -> str:
+    """Returns the name of the scenario for a driver."""
+    return PRESETS.get(driver, DEVICE_SCENARIO)
+
+
+def check_preset(driver: str, scenario: Scenario) -> None:
+    """Checks that a scenario has the preset of a driver's device.
+
+    Raises:
+        ValueError: If it has another one.
+    """
+    preset = PRESETS.get(driver, scenario.device)
+    if scenario.device != preset:
+        raise ValueError(
+            f"scenario.device is '{scenario.device}', expected '{preset}' with --driver {driver}:"
+            f" use --scenario {preset}, or one with 'device: {preset}'"
+        )
 
 
 def _imported(path: str) -> Callable[[], LiveDevice]:
@@ -130,7 +155,9 @@ class DeviceOperator(LeafSystem):
         moved = self._device.read_pose()
         turn = rotation_vector(moved.rotation() @ self._R_start)
         position = self._p_start + moved.translation()
-        state.get_mutable_discrete_state().get_mutable_vector(self._pose).SetFromVector(np.concatenate([position, turn]))
+        state.get_mutable_discrete_state().get_mutable_vector(self._pose).SetFromVector(
+            np.concatenate([position, turn])
+        )
         return EventStatus.Succeeded()
 
     def _write(self, context: Context) -> EventStatus:

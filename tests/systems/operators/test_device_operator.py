@@ -66,7 +66,8 @@ def test_a_device_is_found_by_an_import_path(installed):
 
 def test_the_error_for_an_unknown_device_lists_the_known_ones(installed):
     with pytest.raises(
-        ValueError, match=r"'joystick' is not installed; found \['loopback', 'mine', 'spacemouse'\].*" + GROUP
+        ValueError,
+        match=r"'joystick' is not installed; found \['inverse3', 'loopback', 'mine', 'spacemouse'\].*" + GROUP,
     ):
         find_device("joystick")
 
