@@ -26,10 +26,10 @@ def test_demonstrations_with_an_inverse3_are_kept_and_a_lost_service_is_one_line
     service.clock = time.monotonic
 
     def path(t):
-        """Inserts once the servo ticks."""
+        """Inserts once the servo ticks, and rests then."""
         if not began and len(service.forces) > 40:
             began.append(t)
-        return insertion(t - began[0] if began else 0.0)
+        return insertion(min(t - began[0], 0.9) if began else 0.0)
 
     service.path = path
     with (
