@@ -356,6 +356,9 @@ def _limit_violations(scenario: Scenario) -> Iterator[Violation]:
     if not guard.soft_force < guard.hold_force < guard.force_limit:
         bound = f"above soft_force {guard.soft_force} N and below force_limit {guard.force_limit} N"
         yield Violation("controller.guard.hold_force", f"{guard.hold_force} N", bound)
+    if scenario.coupling.torque_scale > 0.0 and DEVICE_PRESETS[scenario.device].peak_torque == 0.0:
+        bound = f"0: the device '{scenario.device}' renders no torque"
+        yield Violation("coupling.torque_scale", scenario.coupling.torque_scale, bound)
     if operator.correction_time > operator.correction_period:
         bound = f"above 0 and at most operator.correction_period {operator.correction_period} s"
         yield Violation("operator.correction_time", f"{operator.correction_time} s", bound)

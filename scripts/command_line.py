@@ -102,7 +102,7 @@ Overwrite = Annotated[
 ]
 Trials = Annotated[int, typer.Option("--trials", min=1, max=MAX_TRIALS, help="Number of insertions on the rig.")]
 Driver = Annotated[
-    str | None, typer.Option(help="With --live: name of your device driver, or 'spacemouse' (see docs/haptics.md).")
+    str | None, typer.Option(help="With --live: 'inverse3', 'spacemouse' or your device driver (see docs/haptics.md).")
 ]
 Host = Annotated[
     str | None,

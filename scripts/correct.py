@@ -355,9 +355,10 @@ def correct_live(
     from skill.data.demonstration import read_demonstration
     from skill.data.geometry import common_geometry
     from systems.law import check_geometry
+    from systems.operators.device_operator import default_scenario
 
     chosen, learnt, train = begin(skill, demonstrations, corrections, out, plan, scenario)
-    shown_in = load_scenario("device" if driver else "live", defaults=chosen)
+    shown_in = load_scenario(default_scenario(driver) if driver else "live", defaults=chosen)
     margins = live_margins(shown_in, driver)
     check_geometry(chosen, learnt)
     pace = hold_pace(shown_in)

@@ -84,13 +84,14 @@ def main(
         raise typer.BadParameter("--engine is not for --live: what the hand feels comes from Drake's contact")
     if live:
         from experiments.outputs.output_set import open_live_folder
+        from systems.operators.device_operator import default_scenario
 
         folder = out or Path("out/live")
         with open_live_folder(folder):
             record_live(
                 out=folder,
                 seed=seed,
-                scenario=scenario or ("device" if driver else "live"),
+                scenario=scenario or (default_scenario(driver) if driver else "live"),
                 driver=driver,
                 host=host,
                 port=port,
@@ -233,16 +234,17 @@ def live_margins(scenario: Scenario, driver: str | None) -> list[Margin]:
     """Returns the margins of stability of a live session.
 
     Raises:
-        ValueError: if the scenario is not stable or names another engine than Drake, or no device driver has the name
-            ``driver``.
+        ValueError: if the scenario is not stable, or names another engine than Drake or another device than the
+            driver's, or no device driver has the name ``driver``.
     """
-    from systems.operators.device_operator import find_device
+    from systems.operators.device_operator import check_preset, find_device
     from systems.servo.multirate_margins import require_multirate_margins
 
     if scenario.contact.engine != "drake":
         raise ValueError(f"contact.engine is {scenario.contact.engine}; expected drake with --live")
     if driver is not None:
         find_device(driver)
+        check_preset(driver, scenario)
     return require_multirate_margins(scenario)
 
 
