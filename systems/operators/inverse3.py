@@ -18,6 +18,7 @@ import http.client
 import json
 import math
 import os
+import socket
 from contextlib import suppress
 from typing import Any
 
@@ -25,11 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
+from websocket import WebSocketException, WebSocketTimeoutException, create_connection
 
 from models.document import brief
 from models.hardware import DEVICE_PRESETS
 from systems.operators.person_frame import R_HV
-from systems.operators.websocket_client import WebSocketClient
 
 VARIABLE, ADDRESS = "INVERSE_SERVICE", "localhost:10001"
 """Environment variable with the address of the service, and the address without it."""
@@ -62,8 +63,14 @@ class Inverse3:
         self._is_closed = False
         try:
             _check_version(_version(host, int(port)))
-            self._client = WebSocketClient(host, int(port), timeout=ANSWER_TIME)
-        except OSError as error:
+            self._client = create_connection(
+                f"ws://{self._address}/",
+                timeout=ANSWER_TIME,
+                http_no_proxy=[host],
+                sockopt=[(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)],
+                skip_utf8_validation=True,  # it is slow in Python
+            )
+        except (OSError, WebSocketException) as error:
             raise self._lost(error, remedy=f"is it running? Another address: {VARIABLE}=host:port") from error
         try:
             inventory = self._receive()
@@ -95,7 +102,8 @@ class Inverse3:
         if self._device_id:
             with suppress(OSError):
                 self._send()
-        self._client.close()
+        self._client.abort()  # what wakes a thread that waits for an answer
+        self._client.shutdown()
 
     def _send(self, **session: Any) -> None:
         """Sends the force; the service applies it until the next message."""
@@ -103,7 +111,7 @@ class Inverse3:
         command = {"device_id": self._device_id, "commands": {"set_cursor_force": {"vector": vector}}}
         try:
             self._client.send(json.dumps({**session, "inverse3": [command]}))
-        except OSError as error:
+        except (OSError, WebSocketException) as error:
             raise self._lost(error) from error
         self._unread += 1
 
@@ -111,16 +119,18 @@ class Inverse3:
         """Returns the newest message of the service."""
         try:
             while self._unread > 1:
-                self._client.receive()
+                self._client.recv()
                 self._unread -= 1
-            text = self._client.receive()
+            text = self._client.recv()
             self._unread = 0
-            message = json.loads(text)
-        except OSError as error:
-            late = self._is_closed or isinstance(error, TimeoutError)
+            message = json.loads(text) if text else None  # no text: the service closes the connection
+        except (OSError, WebSocketException) as error:
+            late = self._is_closed or isinstance(error, TimeoutError | WebSocketTimeoutException)
             raise self._lost("it did not answer in time" if late else error) from error
         except ValueError as error:
             raise self._misunderstood(text) from error
+        if not text:
+            raise self._lost("it closed the connection")
         if not isinstance(message, dict):
             raise self._misunderstood(message)
         return message

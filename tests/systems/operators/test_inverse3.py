@@ -1,10 +1,6 @@
 """The driver of the Inverse3, against a stand-in for the maker's service."""
 
-import base64
-import hashlib
-import json
 import math
-import os
 import re
 import socket
 import threading
@@ -20,7 +16,6 @@ from systems.math.rotation import rotation_vector
 from systems.operators.device_operator import DeviceOperator, check_preset, default_scenario, find_device
 from systems.operators.inverse3 import Inverse3
 from systems.operators.person_frame import R_HV
-from systems.operators.websocket_client import WebSocketClient
 from systems.servo.served_environment import MakeServedEnvironment
 from systems.servo.servo_diagram import MakeServo
 from systems.virtual_environment import start_pose
@@ -320,79 +315,19 @@ def test_a_hundred_times_the_delay_is_not_passive(service):
     assert service.generated > 1e-3
 
 
-# the WebSocket
-
-
-def answered(script):
-    """A client of a server that sends some bytes after the handshake; `script` gets the socket of the server."""
+@pytest.mark.parametrize("answer", [b"HTTP/1.1 200 OK\r\n\r\n", b"SSH-2.0\r\n", b"HTTP/1.1 101 X\r\n\r\n"])
+def test_a_server_of_another_kind_is_one_line(monkeypatch, answer):
     listener = socket.create_server(("127.0.0.1", 0))
+    monkeypatch.setenv("INVERSE_SERVICE", "{}:{}".format(*listener.getsockname()))
 
     def serve():
         connection, _ = listener.accept()
         with connection:
-            head = b""
-            while b"\r\n\r\n" not in head:
-                head += connection.recv(4096)
-            script(connection, head)
-            connection.settimeout(5.0)
-            while connection.recv(4096):
-                pass
+            connection.recv(4096)
+            connection.sendall(answer)
 
     threading.Thread(target=serve, daemon=True).start()
-    return WebSocketClient(*listener.getsockname(), timeout=2.0)
-
-
-def accept(head):
-    key = re.search(rb"Sec-WebSocket-Key: (\S+)", head).group(1)
-    digest = hashlib.sha1(key + b"258EAFA5-E914-47DA-95CA-C5AB0DC85B11").digest()
-    return b"HTTP/1.1 101 Switching\r\nSec-WebSocket-Accept: " + base64.b64encode(digest) + b"\r\n\r\n"
-
-
-def test_a_message_in_parts_with_a_ping_between_them_is_one_message():
-    frames = (
-        b"\x01\x03abc"
-        + b"\x89\x02hi"
-        + b"\x8a\x00"
-        + b"\x00\x7e"
-        + (300).to_bytes(2, "big")
-        + b"d" * 300
-        + b"\x80\x01e"
-    )
-    client = answered(lambda connection, head: connection.sendall(accept(head) + frames))
-    assert client.receive() == "abc" + "d" * 300 + "e"
-    client.close()
-
-
-@pytest.mark.parametrize("length", [0, 5, 125, 126, 4000])
-def test_messages_of_any_length_reach_a_server_and_come_back(service, length):
-    text = json.dumps({"session": "ä" + length * "x"})
-    service.mangle = lambda answer: "y" * length
-    host, port = os.environ["INVERSE_SERVICE"].split(":")
-    client = WebSocketClient(host, int(port), timeout=2.0)
-    client.receive()
-    client.send(text)
-    assert client.receive() == "y" * length
-    assert service.sessions == ["ä" + length * "x"]
-    client.close()
-
-
-@pytest.mark.parametrize(
-    ("frames", "message"),
-    [
-        (b"\x81\x83abcdefg", "masked or too large"),
-        (b"\x81\x7f" + (1 << 40).to_bytes(8, "big"), "masked or too large"),
-        (b"\x88\x02\x03\xe8", "it closed the connection"),
-        (b"\x81\x05ab", "timed out"),
-    ],
-)
-def test_frames_that_are_not_understood_are_errors(frames, message):
-    client = answered(lambda connection, head: connection.sendall(accept(head) + frames))
-    with pytest.raises(OSError, match=message):
-        client.receive()
-    client.close()
-
-
-@pytest.mark.parametrize("answer", [b"HTTP/1.1 200 OK\r\n\r\n", b"SSH-2.0\r\n", b"HTTP/1.1 101 X\r\n\r\n"])
-def test_a_server_of_another_kind_is_an_error(answer):
-    with pytest.raises(OSError, match="it is no WebSocket server"):
-        answered(lambda connection, head: connection.sendall(answer))
+    monkeypatch.setattr("systems.operators.inverse3._version", lambda *address: "3.5.0.0")
+    with pytest.raises(OSError, match=r"^Haply Inverse Service at 127") as raised:
+        Inverse3()
+    assert "\n" not in str(raised.value)
