@@ -63,7 +63,7 @@ class Inverse3:
         self._is_closed = False
         try:
             _check_version(_version(host, int(port)))
-            self._client = create_connection(
+            self._client: Any = create_connection(
                 f"ws://{self._address}/",
                 timeout=ANSWER_TIME,
                 http_no_proxy=[host],
