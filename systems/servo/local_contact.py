@@ -1,7 +1,8 @@
 """The local model of the contact: what the simulation tells the servo after each of its steps.
 
 It is an intermediate representation (Adachi et al. 1995, Mark et al. 1996): the motion of the peg, and one-sided
-springs that stand for the faces of the contact surfaces. Between two messages the servo simulates the peg against it.
+springs that stand for the contacts of rigid bodies or for the faces of contact surfaces. Between two messages the servo
+simulates the peg against it.
 """
 
 from __future__ import annotations
