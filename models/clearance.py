@@ -32,6 +32,7 @@ from __future__ import annotations
 
 import copy
 import math
+from dataclasses import replace
 from pathlib import Path
 
 from models.contact_checks import expected_overlap, softest_modulus
@@ -80,7 +81,9 @@ def numerics_of_clearance(scenario: Scenario) -> Scenario:
     return chosen
 
 
-def load_scenario_of_clearance(name: str | Path = "nominal", engine: str | None = None) -> Scenario:
+def load_scenario_of_clearance(
+    name: str | Path = "nominal", engine: str | None = None, *, defaults: Scenario | None = None
+) -> Scenario:
     """Reads a scenario as `load_scenario` does; its clearance decides the numerics that the file does not state.
 
     These are ``geometry.facets``, ``contact.modulus`` and ``contact.time_step`` (see `numerics_of_clearance`). A file
@@ -89,20 +92,21 @@ def load_scenario_of_clearance(name: str | Path = "nominal", engine: str | None 
     Args:
         name: of a scenario, or path of a file.
         engine: of `models.scenario.ENGINES`, in place of the scenario's; None keeps that.
+        defaults: see `load_scenario`; the numerics of another clearance come before them.
 
     Raises:
         ValueError: see `load_scenario`.
         OSError: if the file cannot be read.
     """
-    scenario = _scenario_of_clearance(name)
+    scenario = _scenario_of_clearance(name, defaults)
     scenario.contact.engine = engine or scenario.contact.engine
     return scenario
 
 
-def _scenario_of_clearance(name: str | Path) -> Scenario:
+def _scenario_of_clearance(name: str | Path, defaults: Scenario | None) -> Scenario:
     path = Path(name)
     if path.suffix != ".yaml" or not path.is_file():
-        return load_scenario(name)
+        return load_scenario(name, defaults=defaults)
     where = f"scenario {path}"
     document = read_document(read_text(path, where), where) or {}
     check_document(document, Scenario, where)
@@ -110,8 +114,11 @@ def _scenario_of_clearance(name: str | Path) -> Scenario:
     clearance = Geometry(**geometry).clearance
     stated = "facets" in geometry or {"modulus", "time_step"} & set(contact)
     if stated or not clearance > 0.0 or math.isclose(clearance, NOMINAL.geometry.clearance, rel_tol=TOLERANCE):
-        return load_scenario(path)
-    known = Scenario(geometry=Geometry(**geometry), fixture=document.get("fixture", NOMINAL.fixture))
+        if defaults is not None and document.get("fixture") == FREE_FIXTURE:
+            defaults = replace(defaults, geometry=Geometry(facets=FREE_FACETS))
+        return load_scenario(path, defaults=defaults)
+    known = copy.deepcopy(defaults or NOMINAL)
+    known.geometry, known.fixture = Geometry(**geometry), document.get("fixture", NOMINAL.fixture)
     guard = document.get("controller", {}).get("guard", {})
     known.controller.guard.force_limit = guard.get("force_limit", NOMINAL.controller.guard.force_limit)
     return load_scenario(path, defaults=numerics_of_clearance(known))

@@ -80,18 +80,16 @@ def main(
         raise typer.BadParameter("--overwrite is not for --live: live recordings are never deleted")
     if not live and {driver, host, port, asked, observer} != {None}:
         raise typer.BadParameter("--driver, --host, --port, --asked and --observer need --live")
-    if live and engine is not None:
-        raise typer.BadParameter("--engine is not for --live: what the hand feels comes from Drake's contact")
     if live:
         from experiments.outputs.output_set import open_live_folder
-        from systems.operators.device_operator import default_scenario
 
         folder = out or Path("out/live")
         with open_live_folder(folder):
             record_live(
                 out=folder,
                 seed=seed,
-                scenario=scenario or (default_scenario(driver) if driver else "live"),
+                scenario=scenario or live_scenario_name(driver, engine),
+                engine=engine,
                 driver=driver,
                 host=host,
                 port=port,
@@ -179,14 +177,16 @@ def record_live(
     driver: str | None,
     port: int | None,
     host: str | None = None,
+    engine: str | None = None,
     asked: Path | None = None,
     observer: Path | None = None,
     verbose: bool = False,
 ) -> list[Path]:
     """Runs a session in the browser with a person at the controls, and returns the recordings that they kept.
 
-    With ``asked``, a file of query states, each demonstration begins in one of them. A skill as ``observer`` names the
-    contact states on the page, and shows what it would do.
+    Keys that the scenario does not state have the values of ``device``. With ``asked``, a file of query states, each
+    demonstration begins in one of them. A skill as ``observer`` names the contact states on the page, and shows what
+    it would do.
 
     Raises:
         ValueError: if the scenario is not valid or not stable, no device driver has the name ``driver``, the file
@@ -199,11 +199,12 @@ def record_live(
     from interfaces.live.session import LiveSession, asked_scenario, live_scenario
     from interfaces.terminal import say
     from models.clearance import load_scenario_of_clearance
+    from models.scenario import load_scenario
     from skill.manipulation_skill import ManipulationSkill
     from skill.practice.query_state import read_query_states
     from systems.law import check_geometry
 
-    chosen = load_scenario_of_clearance(scenario)
+    chosen = load_scenario_of_clearance(scenario, engine, defaults=load_scenario("device"))
     margins = live_margins(chosen, driver)
     query_states = read_query_states(asked) if asked is not None else []
     skill = None
@@ -230,18 +231,25 @@ def record_live(
     return kept
 
 
+def live_scenario_name(driver: str | None, engine: str | None) -> str:
+    """Returns the scenario of a session: Drake's contact is too slow for the steps of ``device`` beside a browser."""
+    from systems.operators.device_operator import DEVICE_SCENARIO, default_scenario
+
+    if driver is not None:
+        return default_scenario(driver)
+    return DEVICE_SCENARIO if engine == "exact" else "live"
+
+
 def live_margins(scenario: Scenario, driver: str | None) -> list[Margin]:
     """Returns the margins of stability of a live session.
 
     Raises:
-        ValueError: if the scenario is not stable, or names another engine than Drake or another device than the
-            driver's, or no device driver has the name ``driver``.
+        ValueError: if the scenario is not stable or names another device than the driver's, or no device driver has
+            the name ``driver``.
     """
     from systems.operators.device_operator import check_preset, find_device
     from systems.servo.multirate_margins import require_multirate_margins
 
-    if scenario.contact.engine != "drake":
-        raise ValueError(f"contact.engine is {scenario.contact.engine}; expected drake with --live")
     if driver is not None:
         find_device(driver)
         check_preset(driver, scenario)

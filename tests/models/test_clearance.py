@@ -23,6 +23,7 @@ from models.meshes import MAX_FACETS, facet_sagitta, minimum_clearance
 from models.scenario import (
     FIXTURES,
     FREE_FACETS,
+    Geometry,
     Scenario,
     dump_scenario,
     load_scenario,
@@ -234,3 +235,21 @@ def test_a_file_with_another_clearance_gets_its_numerics_where_it_states_none(tm
     path.write_text(path.read_text() + "\ncontact: {time_step: 0.001}")
     assert load_scenario_of_clearance(path) == load_scenario(path)
     assert load_scenario_of_clearance() == load_scenario()
+
+
+@pytest.mark.parametrize(
+    ("text", "facets", "step"),
+    [
+        ("geometry: {section: square}", Geometry.facets, 0.002),
+        ("fixture: free", FREE_FACETS, 0.002),
+        ("contact: {time_step: 0.004}", Geometry.facets, 0.004),
+        ("geometry: {hole_radius: 0.010025}", 48, 0.001),
+    ],
+)
+def test_a_file_takes_the_defaults_for_what_neither_it_nor_its_clearance_states(tmp_path, text, facets, step):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    found = load_scenario_of_clearance(path, "exact", defaults=load_scenario("device"))
+    assert found.recorder.time_limit == load_scenario("device").recorder.time_limit != Scenario().recorder.time_limit
+    assert (found.geometry.facets, found.contact.time_step, found.contact.engine) == (facets, step, "exact")
+    assert load_scenario("device").contact.engine == "drake"  # the defaults are not changed
