@@ -462,7 +462,7 @@ ELSEWHERE: dict[str, dict[str, str]] = {
     },
     "docs/exports.md": {"### An imitation policy of LeRobot on the rig": "sweep"},
     "docs/gymnasium.md": {
-        "## Reinforcement learning beside the skill": "python -m benchmarks.rig.reinforcement --steps 12000"
+        "## Reinforcement learning beside the skill": "python -m benchmarks.rig.reinforcement --skill"
     },
     "docs/physics.md": {
         "insert 1964 and 1925 of 2000 trials in the exact engine": "benchmarks/sweeps/random_contact.yaml"

@@ -89,8 +89,8 @@ COMMANDS: dict[str, Callable[[], str]] = {
     **dict.fromkeys(("virtual_environment.svg", "rig.svg"), lambda: DIAGRAMS),
     **dict.fromkeys(("live.webp", "live.png", "live_skill.png"), lambda: LIVE),
     "reinforcement.svg": lambda: (
-        f"{PYTHON} -m benchmarks.rig.reinforcement --steps 100000 --every 10000 --trials 10"
-        " --figure docs/pictures/reinforcement.svg"
+        f"{PYTHON} -m benchmarks.rig.reinforcement --skill skill/default_skill.npz --steps 50000 --every 10000"
+        " --trials 10 --figure docs/pictures/reinforcement.svg"
     ),
 }
 """Pictures by name, and what tells their commands."""
