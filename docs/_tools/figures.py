@@ -13,8 +13,13 @@ import pandas as pd
 
 from docs._tools.published_rows import ROOT, above_limit, against, both, inserted, published, summary, word
 
-NAMES = ("arms", "clocking", "curves", "engines", "fresh", "ladder", "learning", "scoreboard", "sections", "sets")
-arms, clocking, curves, engines, all_fresh, ladder, learning, scoreboard, sections, sets = map(published, NAMES)
+NAMES = (
+    *("arms", "clocking", "curves", "engines", "force_use"),
+    *("fresh", "ladder", "learning", "scoreboard", "sections", "sets"),
+)
+arms, clocking, curves, engines, force_use, all_fresh, ladder, learning, scoreboard, sections, sets = map(
+    published, NAMES
+)
 protocol = pd.read_csv(ROOT / "docs" / "protocol.csv")
 
 fresh = all_fresh.query("factor == ''")
@@ -142,6 +147,15 @@ planned_table["back_offs"] = planned.groupby("policy").back_offs.sum()
 planned_table["load"] = planned.groupby("policy").peak_measured_load_n.max()
 planned_table["trusted"] = planned.groupby("policy").trusted.sum()
 planned_table["share"] = planned_table.inserted / 2
+given = ["true", "scaled:0.5", "shuffled", "frozen", "zero"]
+gentle = force_use.assign(gentle=force_use.inserted & (force_use.peak_load_n < 20)).groupby(["policy", "value"])
+by_wrench = (
+    gentle[["inserted", "gentle"]]
+    .sum()
+    .unstack()
+    .swaplevel(axis=1)[[(w, k) for w in given for k in ("inserted", "gentle")]]
+)
+wrench_loads = force_use.query("policy == 'skill'").groupby("value").peak_load_n.median()
 arm_skill = arms.query("policy == 'skill'")
 per_skill = inserted(protocol, "skill")
 
@@ -257,6 +271,12 @@ ROWS: dict[str, list[tuple[str, Any]]] = {
          inserted(clocking, "value", "policy", "arm").unstack([1, 2]).sort_index(axis=1)),
     ],
     "docs/comparisons.md": [
+        ("| {} | {} ({}) | {} ({}) | {} ({}) | {} ({}) | {} ({}) |",
+         by_wrench),
+        ("the skill in {} of 20;",
+         20 - by_wrench.loc["skill", ("zero", "inserted")]),
+        ("touch is enough for {} insertions; an earlier one, drawn anew each time, for {}, but with a load of {:.0f} N in place of {:.0f} N (medians).",
+         [*by_wrench.loc["skill", [("frozen", "inserted"), ("shuffled", "inserted")]], *wrench_loads[["shuffled", "true"]]]),
         ("| {} | {} | {} | {:.2f} | {:.2f} |",
          pd.concat([inserted(scoreboard, "policy", "arm").unstack(), times.unstack()], axis=1).loc[compared]),
         ("| no correction | {} | {} | – | – |",
