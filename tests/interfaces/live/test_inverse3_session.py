@@ -21,6 +21,7 @@ SCENARIO = {
 
 
 @pytest.mark.slow
+@pytest.mark.nightly  # its second demonstration may insert before the service is stopped
 def test_demonstrations_with_an_inverse3_are_kept_and_a_lost_service_is_one_line(tmp_path, monkeypatch):
     service, began = Service(), []
     service.clock = time.monotonic
