@@ -19,6 +19,7 @@ import json
 import math
 import os
 import socket
+import time
 from contextlib import suppress
 from typing import Any
 
@@ -26,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.math import RigidTransform, RotationMatrix
-from websocket import WebSocketException, WebSocketTimeoutException, create_connection
+from websocket import ABNF, WebSocketException, WebSocketTimeoutException, create_connection
 
 from models.document import brief
 from models.hardware import DEVICE_PRESETS
@@ -119,21 +120,30 @@ class Inverse3:
         """Returns the newest message of the service."""
         try:
             while self._unread > 1:
-                self._client.recv()
+                self._answer()
                 self._unread -= 1
-            text = self._client.recv()
+            text = self._answer()
             self._unread = 0
-            message = json.loads(text) if text else None  # no text: the service closes the connection
+            message = json.loads(text)
         except (OSError, WebSocketException) as error:
             late = self._is_closed or isinstance(error, TimeoutError | WebSocketTimeoutException)
             raise self._lost("it did not answer in time" if late else error) from error
         except ValueError as error:
             raise self._misunderstood(text) from error
-        if not text:
-            raise self._lost("it closed the connection")
         if not isinstance(message, dict):
             raise self._misunderstood(message)
         return message
+
+    def _answer(self) -> str:
+        """Waits for the next message; the service says by pings that it lives, which are no answers."""
+        end = time.monotonic() + ANSWER_TIME
+        while time.monotonic() < end:
+            kind, content = self._client.recv_data(control_frame=True)
+            if kind == ABNF.OPCODE_CLOSE:
+                raise ConnectionError("it closed the connection")
+            if kind not in (ABNF.OPCODE_PING, ABNF.OPCODE_PONG):
+                return str(content.decode(errors="replace"))
+        raise TimeoutError
 
     def _read(self, **session: Any) -> RigidTransform:
         """Returns the pose of the handle in V: its position (m) and the orientation of the grip."""
