@@ -7,7 +7,6 @@ browser, and the contacts that take longer than those of the test.
 
 from __future__ import annotations
 
-import copy
 import math
 import time
 from collections.abc import Callable
@@ -19,6 +18,7 @@ from pydrake.math import RigidTransform
 from experiments.demonstration_run import DemonstrationRun
 from models.hardware import DEVICE_PRESETS
 from models.scenario import LIVE_STREAM, Scenario, resolve_scenario
+from models.validation import copied, is_multiple
 from systems.math.rotation import from_rotation_vector
 from systems.operators.device_operator import DeviceOperator
 from systems.operators.loopback_device import LoopbackDevice
@@ -84,16 +84,16 @@ def hold_pace(scenario: Scenario, rate_of: Callable[[Scenario], float] | None = 
 
 
 def with_long_step(scenario: Scenario) -> Scenario | None:
-    """Returns the scenario with `LONG_STEP`, or None if its step is as long, or its coupling is not stable then."""
-    slower = copy.deepcopy(scenario)
+    """Returns the scenario with `LONG_STEP`; None if its step is as long, or coupling or sampling do not permit it."""
+    if scenario.contact.time_step >= LONG_STEP or not is_multiple(scenario.recorder.period, LONG_STEP):
+        return None
+    slower: Scenario = copied(scenario)
     slower.contact.time_step = LONG_STEP
-    samples = scenario.recorder.period / LONG_STEP
-    fits = scenario.contact.time_step < LONG_STEP and math.isclose(samples, round(samples))
     try:
         require_multirate_margins(slower)
     except ValueError:
         return None
-    return slower if fits else None
+    return slower
 
 
 def real_time_rate(scenario: Scenario) -> float:
@@ -110,11 +110,12 @@ def real_time_rate(scenario: Scenario) -> float:
     none = np.zeros(6)
     environment.set_probe(context, Probe(0.0, pressed, none, none, load=0, energy=0, min_energy=0, gain=1, age=0))
     run.advance(SETTLING)
-    contact, steps, began = environment.local_contact(context, SETTLING), 0, time.monotonic()
+    steps, began = 0, time.monotonic()
     while time.monotonic() - began < DURATION:
         steps += 1
-        run.advance(SETTLING + steps * step)
-        contact = environment.local_contact(context, SETTLING + steps * step)
+        end = SETTLING + steps * step
+        run.advance(end)
+        contact = environment.local_contact(context, end)
     of_steps = steps * step / (time.monotonic() - began)
 
     period = DEVICE_PRESETS[resolved.device].servo_period
