@@ -1,9 +1,8 @@
-"""Makes the pictures of the documentation, each by one command, from what `make demo` leaves in out/.
+"""Makes pictures of the documentation, each by one command, from what `make demo` leaves in out/.
 
-    python -m docs._tools.pictures                        # lists them, with their commands
-    python -m docs._tools.pictures wedge.webp jam.webp    # makes these
+    python -m docs._tools.pictures wedge.webp jam.webp
 
-A film shows the first recording of the demo with what it is to show. Look at a picture before you commit it.
+A film shows the first recording with what it is to show. Look at a picture before you commit it.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ import json
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,90 +21,102 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.command_line import run  # noqa: E402
-from interfaces.terminal import console  # noqa: E402
 from skill.data.demonstration import read_demonstration  # noqa: E402
 
 PYTHON = shlex.quote(sys.executable)
-PICTURES = ROOT / "docs" / "pictures"
 OUT = ROOT / "out"
 
 
-def trial(folder: str, chosen: Callable[[dict[str, Any]], Any]) -> Path:
-    """Returns the first run in ``out/FOLDER`` whose result is chosen.
+def trial(arm: str, chosen: Callable[[dict[str, Any]], Any]) -> Path:
+    """Returns the first chosen trial of the demo, or of the arm "stress", whose trials are performed if need be.
 
     Raises:
         ValueError: if there is none.
     """
-    for number, result in enumerate(json.loads((OUT / folder / "results.json").read_text())):
+    folder = OUT / ("rig" if arm == "default" else arm)
+    if not folder.exists() and arm == "stress":
+        shell(f"{PYTHON} -m haptic_skill rig --trials 20 --arm stress --out {shlex.quote(str(folder))}")
+    for number, result in enumerate(json.loads((folder / "results.json").read_text())):
         if chosen(result):
-            return OUT / folder / f"run_{number:04d}.parquet"
-    raise ValueError(f"{OUT / folder}: no such trial")
+            return folder / f"run_{number:04d}.parquet"
+    raise ValueError(f"{folder}: no such trial")
 
 
 def usual() -> Path:
-    """A trial without a wedge and a back-off."""
-    return trial("rig", lambda result: result["inserted"] and not result["wedged_s"] and not result["back_offs"])
+    """A trial without a back-off."""
+    return trial("default", lambda result: result["inserted"] and not result["back_offs"])
 
 
 def jammed() -> Path:
     """The first demonstration that ends jammed."""
-    paths: Iterator[Path] = iter(sorted((OUT / "demonstrations").glob("*.parquet")))
+    paths = sorted((OUT / "demonstrations").glob("*.parquet"))
     return next(path for path in paths if read_demonstration(path).outcome == "jammed")
 
 
-def film(name: str, recordings: str, options: str = "") -> str:
-    """The command of a film."""
-    return f"{PYTHON} -m docs._tools.moving_picture {recordings} --name {name} {options}".strip()
+def wedged() -> Path:
+    """A harder trial in which friction alone could hold the peg for over a second."""
+    return trial("stress", lambda result: result["wedged_s"] > 1.0)
 
 
-def curves(name: str, results: str, *factors: str, options: str = "") -> str:
+def harder() -> Path:
+    """A harder trial without a back-off."""
+    return trial("stress", lambda result: result["inserted"] and not result["back_offs"])
+
+
+def asked() -> Path:
+    """The first correction."""
+    return min((OUT / "corrections").rglob("*.parquet"))
+
+
+def film(name: str, shown: dict[str, Path], options: str = "") -> str:
+    """The command of a film of recordings, by their titles."""
+    recordings, titles = shlex.join(map(str, shown.values())), shlex.join(f"--title={title}" for title in shown)
+    return f"{PYTHON} -m docs._tools.moving_picture {recordings} --name {name} {titles} {options}"
+
+
+def curves(name: str, *factors: str, results: str, options: str = "") -> str:
     """The command of a picture of curves."""
     chosen = " ".join(f"--factor {factor}" for factor in factors)
-    return f"{PYTHON} docs/_tools/curve_picture.py docs/{results} {name} {chosen} {options}".strip()
+    return f"{PYTHON} docs/_tools/curve_picture.py docs/{results} {name}.png {chosen} {options}"
 
 
+def shell(command: str) -> None:
+    """Performs a command in the folder of the project."""
+    subprocess.run(command, shell=True, cwd=ROOT, check=True)
+
+
+STATES = "--skill out/skill.npz"
+VARIED = ("friction", "noise", "rig.pivot_range", "rig.mount_stiffness")
 THEORY = f"{PYTHON} -m benchmarks.physics.theory --friction 0.1 --friction 0.2 --friction 0.3 --pictures docs/pictures"
 DIAGRAMS = f"{PYTHON} -m haptic_skill diagram --out docs/pictures"
 LIVE = f"{PYTHON} docs/_tools/live_picture.py --observer out/skill.npz"
-STRESS = f"{PYTHON} -m haptic_skill rig --trials 4 --arm stress --out out/stress --overwrite"
-TITLES = "--title 'usual trial' --title 'harder trial'"
+LEARNT = (
+    f"{PYTHON} -m benchmarks.rig.reinforcement --skill skill/default_skill.npz --steps 50000 --every 10000 --trials 10"
+)
 
 COMMANDS: dict[str, Callable[[], str]] = {
-    "insertion.webp": lambda: film("insertion", str(usual())),
-    "jam.webp": lambda: film("jam", str(jammed()), "--skill out/skill.npz"),
-    "wedge.webp": lambda: film("wedge", str(trial("stress", lambda result: result["wedged_s"] > 0.1))),
-    "stress.webp": lambda: film("stress", f"{usual()} {trial('stress', lambda result: result['inserted'])}", TITLES),
-    "correction.webp": lambda: film(
-        "correction", str(min((OUT / "corrections").rglob("*.parquet"))), "--skill out/skill.npz"
-    ),
+    "insertion.webp": lambda: film("insertion", {"insertion": usual()}),
+    "jam.webp": lambda: film("jam", {"a jam: pushed without levelling": jammed()}, f"{STATES} --end 1.8"),
+    "wedge.webp": lambda: film("wedge", {"a wedge: two contacts squeeze the peg": wedged()}, "--end 2.4"),
+    "stress.webp": lambda: film("stress", {"a usual trial": usual(), "a harder trial": harder()}),
+    "correction.webp": lambda: film("correction", {"a correction: shown where the skill was stuck": asked()}, STATES),
     "insertion.png": lambda: "cp out/fig5_insertion.png docs/pictures/insertion.png",
     "demonstrations.png": lambda: "cp out/demonstrations/demonstrations.png docs/pictures/demonstrations.png",
-    "learning_curve.png": lambda: curves("learning_curve.png", "learning", "number of demonstrations"),
-    "ladder.png": lambda: curves("ladder.png", "ladder", "clearance", options="--engine drake"),
-    "curves.png": lambda: curves(
-        "curves.png", "curves", "friction", "noise", "pivot range", "mount stiffness", options="--engine exact"
-    ),
+    "learning_curve.png": lambda: curves("learning_curve", "training.size", results="learning"),
+    "ladder.png": lambda: curves("ladder", "clearance", results="ladder", options="--engine drake"),
+    "curves.png": lambda: curves("curves", *VARIED, results="curves", options="--engine exact"),
     **dict.fromkeys(("two_point_depth.svg", "jamming.svg", "wedging.svg", "force_balance.svg"), lambda: THEORY),
     **dict.fromkeys(("virtual_environment.svg", "rig.svg"), lambda: DIAGRAMS),
     **dict.fromkeys(("live.webp", "live.png", "live_skill.png"), lambda: LIVE),
-    "reinforcement.svg": lambda: (
-        f"{PYTHON} -m benchmarks.rig.reinforcement --skill skill/default_skill.npz --steps 50000 --every 10000"
-        " --trials 10 --figure docs/pictures/reinforcement.svg"
-    ),
+    "reinforcement.svg": lambda: f"{LEARNT} --trials 10 --figure docs/pictures/reinforcement.svg",
 }
 """Pictures by name, and what tells their commands."""
 
 
-def main(names: Annotated[list[str] | None, typer.Argument(help="Of pictures; without any: a list.")] = None) -> None:
-    """Makes the pictures, or lists them with their commands."""
-    if not (OUT / "rig" / "results.json").is_file():
-        raise ValueError("out/rig/results.json: no such file; run make demo first")
-    if not (OUT / "stress" / "results.json").is_file():
-        subprocess.run(STRESS, shell=True, cwd=ROOT, check=True)
-    for command in dict.fromkeys(COMMANDS[name]() for name in names or ()):
-        subprocess.run(command, shell=True, cwd=ROOT, check=True)
-    for name in COMMANDS if not names else ():
-        console.print(f"{name}: {COMMANDS[name]()}".replace(f"{ROOT}/", "").replace(PYTHON, "python"), highlight=False)
+def main(names: Annotated[list[str], typer.Argument(help=f"Of {', '.join(COMMANDS)}.")]) -> None:
+    """Makes the pictures."""
+    for command in dict.fromkeys(COMMANDS[name]() for name in names):
+        shell(command)
 
 
 if __name__ == "__main__":
