@@ -46,12 +46,13 @@ def read_parquet_file(path: Path, choice: ColumnChoice = NO_CHOICE) -> list[Reco
     def choose(schema: pa.Schema) -> Sequence[str]:
         own = any(kind in (schema.metadata or {}) for kind in _OWN_KINDS)
         named = {text.partition("=")[2].strip().partition(":")[0] for text in choice.columns}
-        names = [name for name in schema.names if not (own and name in ACTIONS and name not in named)]
-        chosen.append(select_columns(names, str(path), choice))
+        names = dict.fromkeys(name for name in schema.names if not (own and name in ACTIONS and name not in named))
+        chosen.append(select_columns(list(names), str(path), choice))
         time, *_ = chosen[0].columns
         for name in chosen[0].names:
-            if not (name == time.name and _is_time(schema.field(name).type)):
-                _check_chosen(schema.field(name), str(path), chosen[0])
+            field = schema.field(schema.names.index(name))
+            if not (name == time.name and _is_time(field.type)):
+                _check_chosen(field, str(path), chosen[0])
         return chosen[0].names
 
     rows = read_columns(path, choose)
@@ -86,7 +87,7 @@ def read_columns(path: Path, choose: Callable[[pa.Schema], Sequence[str]], *, wi
         raise ValueError(f"{path}: no column {listed(missing)}; columns are {listed(schema.names)}")
     twice = [name for name in names if schema.names.count(name) > 1]
     if twice:
-        raise ValueError(f"{path}: columns {listed(twice)} occur more than once")
+        raise ValueError(f"{path}: columns {listed(twice)} occur more than once; rename all but one")
     size, counts = 0, Counter[str]()
     for chunk in chunks:
         # PyArrow reads "a.b" too where "a" is asked for.

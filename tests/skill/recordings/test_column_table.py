@@ -65,10 +65,12 @@ def test_a_column_of_trials_divides_the_rows(write, values):
     assert [r.values[0, 0] for r in found] == [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1)]
 
 
+@pytest.mark.parametrize("columns", [[], ["fz=fz"]])
 @pytest.mark.parametrize("twice", ["fz", "trial"])
-def test_a_column_that_is_read_is_there_once(tmp_path, twice):
-    columns = {"time_s": ROWS / 100, "fx": ROWS, "fy": ROWS, "fz": ROWS, "trial": ROWS // 20}
+def test_a_column_that_is_read_is_there_once(tmp_path, twice, columns):
+    table = {"time_s": ROWS / 100, "fx": ROWS, "fy": ROWS, "fz": ROWS, "trial": ROWS // 20}
     path = tmp_path / "a.parquet"
-    pq.write_table(pa.table([*columns.values(), ROWS // 20], names=[*columns, twice]), path)
-    with pytest.raises(ValueError, match=rf"^{re.escape(str(path))}: columns \['{twice}'\] occur more than once"):
-        read_recordings(path, columns=["fz=fz"], trial_column="trial")
+    pq.write_table(pa.table([*table.values(), ROWS // 20], names=[*table, twice]), path)
+    message = rf"^{re.escape(str(path))}: columns \['{twice}'\] occur more than once; rename all but one$"
+    with pytest.raises(ValueError, match=message):
+        read_recordings(path, columns=columns, trial_column="trial")
