@@ -121,14 +121,14 @@ def test_normals_are_the_slopes_of_gaps_and_do_not_jump_where_bodies_touch():
     rng = np.random.default_rng(2)
     crossings, errors, turns = 0, [], []
     step = np.array([0.0, 0.0, 2e-7])
-    for _ in range(300):
-        R = rotations_of_vectors([[*rng.uniform(-0.04, 0.04, 2), 0.0]])[0]
-        sides, low, high = rng.uniform(-3e-4, 3e-4, 2), -0.02, 0.001
-        for _ in range(60):  # down to the height at which the bodies touch
-            middle = 0.5 * (low + high)
-            touches = GEOMETRY.gap([[*sides, middle]], [R])[0] < 0.0
-            low, high = (middle, high) if touches else (low, middle)
-        p = np.array([*sides, high])
+    drawn = rng.uniform([-0.04, -0.04, -3e-4, -3e-4], [0.04, 0.04, 3e-4, 3e-4], (300, 4))
+    rotations, sides = rotations_of_vectors(np.column_stack([drawn[:, :2], np.zeros(300)])), drawn[:, 2:]
+    low, high = np.full(300, -0.02), np.full(300, 0.001)
+    for _ in range(60):  # down to the height at which the bodies touch
+        middle = 0.5 * (low + high)
+        touches = GEOMETRY.gap(np.column_stack([sides, middle]), rotations) < 0.0
+        low, high = np.where(touches, middle, low), np.where(touches, high, middle)
+    for R, p in zip(rotations, np.column_stack([sides, high]), strict=True):
         (gap, normal, surface), (lower_gap, lower_normal, _) = contacts_at(p + step, R), contacts_at(p - step, R)
         assert len(gap) == len(lower_gap) > 0
         errors.append(np.abs(lower_gap - gap + step[2] * (normal + lower_normal)[:, 2]).max())
