@@ -46,8 +46,8 @@ class Session:
     def address(self):
         return self.wait_for(r"open (http\S+) in a browser").group(1)
 
-    def page(self):
-        return open_page(self.address(), size=SIZE, flags=())
+    def page(self, size=SIZE):
+        return open_page(self.address(), size=size, flags=())
 
 
 @contextmanager
@@ -60,8 +60,8 @@ def live(tmp_path, scenario=QUICK, file_size=resource.RLIM_INFINITY, options=())
 
 
 @contextmanager
-def served(tmp_path, *command, file_size=resource.RLIM_INFINITY):
-    """Runs a command that opens a live page; its output is in the folder."""
+def served(tmp_path, *command, file_size=resource.RLIM_INFINITY, cwd=ROOT):
+    """Runs a command that opens a live page; its output is in the folder ``tmp_path``."""
     log = tmp_path / "log.txt"
     browser = tmp_path / "browser.sh"  # stands for the desktop's
     browser.write_text(f'#!/bin/sh\necho "$1" > {tmp_path / "opened.txt"}\n')
@@ -69,7 +69,7 @@ def served(tmp_path, *command, file_size=resource.RLIM_INFINITY):
     with log.open("w") as stream:
         process = subprocess.Popen(
             [sys.executable, "-m", *map(str, command)],
-            cwd=ROOT,
+            cwd=cwd,
             stdout=stream,
             stderr=subprocess.STDOUT,
             env={**os.environ, "COLUMNS": "200", "PYTHONUNBUFFERED": "1", "DISPLAY": ":9", "BROWSER": f"{browser} %s"},

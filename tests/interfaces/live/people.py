@@ -23,8 +23,11 @@ def tilt(page):
     return float(shown[0]) / 10.0, -float(shown[1]) / 10.0
 
 
-def insert(page):
-    """Starts a demonstration, draws the peg back a little, levels it, and feeds it to the floor."""
+def insert(page, watch=lambda: None):
+    """Starts a demonstration, draws the peg back a little, levels it, and feeds it to the floor.
+
+    It calls `watch` all the time.
+    """
     right, away = tilt(page)
     tap(page, " ")
     wait_for_text(page, "status", "recording")
@@ -34,8 +37,23 @@ def insert(page):
         assert time.monotonic() < end, text_of(page, "status")
         for angle, less, more in ((right, Keys.ARROW_RIGHT, Keys.ARROW_LEFT), (away, Keys.ARROW_UP, Keys.ARROW_DOWN)):
             tap(page, (less if angle < 0 else more) * round(abs(angle) / STEP))
-        time.sleep(0.6)  # the hand follows at 8 degrees a second
+        pause = time.monotonic() + 0.6  # the hand follows at 8 degrees a second
+        while time.monotonic() < pause:
+            watch()
+            time.sleep(0.05)
         right, away = tilt(page)
         if max(abs(right), abs(away)) < UPRIGHT:
             right = away = 0.0
             tap(page, "w" * 6)
+
+
+def push(page, load, watch=lambda: None):
+    """Starts a demonstration and feeds the peg as it is, until the contact load (N) is shown."""
+    tap(page, " ")
+    wait_for_text(page, "status", "recording")
+    end = time.monotonic() + DEADLINE
+    while float(text_of(page, "contact-peak").removesuffix(" N")) < load and "recording" in text_of(page, "status"):
+        assert time.monotonic() < end, text_of(page, "contact-load")
+        tap(page, "w")
+        watch()
+        time.sleep(0.05)
