@@ -78,8 +78,8 @@ sweeps: environment
 RELEASE := out/release/files
 NAME = haptic-skill-$(shell "$(VENV)/bin/python" -c 'from importlib.metadata import version; print(version("haptic-skill"))')
 
-# Wheel and sources with the skill of the checkout, the skill and demonstrations of a new demo, paper, and checksums.
-release: environment
+# Wheel and sources with the skill of the checkout, the skill and demonstrations of a new demo, paper, site, checksums.
+release: environment docs
 	rm -rf out/release && mkdir -p $(RELEASE)
 	"$(VENV)/bin/haptic-skill" demo --out out/release/demo
 	$(RUN) pip install --quiet build pypandoc_binary typst
@@ -87,6 +87,7 @@ release: environment
 	"$(VENV)/bin/python" docs/_tools/paper_pdf.py $(RELEASE)/$(NAME)-paper.pdf
 	cp out/release/demo/skill.npz $(RELEASE)/$(NAME)-skill.npz
 	tar -C out/release/demo -czf $(RELEASE)/$(NAME)-demonstrations.tar.gz demonstrations corrections
+	tar -C out -czf $(RELEASE)/$(NAME)-site.tar.gz --transform 's,^docs,site,' docs
 	cd $(RELEASE) && sha256sum -- * > SHA256SUMS && cat SHA256SUMS
 
 # The site, in out/docs; runs the tutorials and the notebooks. Five minutes on a quiet core.
