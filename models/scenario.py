@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yaml
@@ -86,7 +86,7 @@ class Geometry:
     hole_radius: float = limited(0.01005, low=1e-4, high=1.0)  # in units of m; likewise
     hole_depth: float = limited(0.025, low=1e-4, high=10.0)  # in units of m
     chamfer: float = limited(0.0005, low=0.0)  # in units of m, at 45 degrees
-    # Of the bore and of the peg; a file with the fixture `free` has FREE_FACETS by default.
+    # Of the bore and of the peg; this and much else follows the geometry in a file (models.clearance).
     facets: int = limited(32, low=3, high=MAX_FACETS)
     block_radius: float = limited(0.030, low=1e-4, high=10.0)  # in units of m
     floor: float = limited(0.010, low=1e-4, high=10.0)  # in units of m, below the bore
@@ -219,12 +219,16 @@ class Scenario:
         return self.geometry.hole_depth - self.trial.full_depth_margin
 
 
-def load_scenario(name: str | Path = "nominal", *, defaults: Scenario | None = None) -> Scenario:
+def load_scenario(
+    name: str | Path = "nominal", engine: str | None = None, *, defaults: Scenario | None = None
+) -> Scenario:
     """Reads a scenario from a file.
 
     Args:
         name: Name of a scenario in ``models/scenarios``, or path of a YAML file.
-        defaults: Values of the keys that are missing in the file; it is not changed. None: those of `Scenario`.
+        engine: One of `ENGINES`, in place of the scenario's; None keeps that.
+        defaults: Values of the keys that are missing in the file; it is not changed. None: those of `Scenario`, or what
+            follows from the geometry (see `models.clearance`).
 
     Raises:
         ValueError: Naming the file and the problem, e.g. an unknown key, a wrong type or an impossible geometry.
@@ -237,7 +241,7 @@ def load_scenario(name: str | Path = "nominal", *, defaults: Scenario | None = N
         known = sorted(p.stem for p in SCENARIO_FOLDER.glob("*.yaml"))
         raise ValueError(f"scenario {path}: no such file; expected a YAML file or one of {known}")
     where = f"scenario {path}"
-    return parse_scenario(read_text(path, where), where, defaults=defaults)
+    return parse_scenario(read_text(path, where), where, engine=engine, defaults=defaults)
 
 
 def dump_scenario(scenario: Scenario) -> str:
@@ -245,29 +249,43 @@ def dump_scenario(scenario: Scenario) -> str:
     return str(yaml_dump_typed(scenario, schema=Scenario))
 
 
-def parse_scenario(text: str, where: str, *, defaults: Scenario | None = None) -> Scenario:
+def parse_scenario(text: str, where: str, *, engine: str | None = None, defaults: Scenario | None = None) -> Scenario:
     """Reads a scenario from YAML text; keys that are missing keep their defaults.
 
     Args:
         text: YAML text.
         where: Name of the source in error messages.
+        engine: See `load_scenario`.
         defaults: See `load_scenario`.
 
     Raises:
         ValueError: Naming ``where`` and the problem.
     """
+    from models.clearance import following  # it imports this module
+
     document = read_document(text, where)
     document = {} if document is None else document
     check_document(document, Scenario, where)
-    # Drake gets the values as they were read, not the text: it takes 1e10 for a string.
-    facets = FREE_FACETS if document.get("fixture") == FREE_FIXTURE else Geometry.facets
-    defaults = defaults or Scenario(geometry=Geometry(facets=facets))
-    try:
-        scenario: Scenario = yaml_load_typed(schema=Scenario, data=yaml.safe_dump(document), defaults=defaults)
-    except OverflowError as error:
-        raise ValueError(f"{where}: a whole number has hundreds of digits; expected numbers in SI units") from error
+    if engine is not None:
+        document.setdefault("contact", {})["engine"] = engine
+    if defaults is None:
+        known = _loaded(document, Scenario(), where)
+        raise_first(number_violations(known), where)
+        resolved = known.geometry.clearance >= minimum_clearance(known.geometry.hole_radius)
+        defaults = following(known) if resolved else known
+    scenario = _loaded(document, defaults, where)
     validate_scenario(scenario, where)
     return scenario
+
+
+def _loaded(document: dict[str, Any], defaults: Scenario, where: str) -> Scenario:
+    """Returns the scenario of a checked document, which may not be valid."""
+    try:
+        # Drake gets the values as they were read, not the text: it takes 1e10 for a string.
+        loaded: Scenario = yaml_load_typed(schema=Scenario, data=yaml.safe_dump(document), defaults=defaults)
+    except OverflowError as error:
+        raise ValueError(f"{where}: a whole number has hundreds of digits; expected numbers in SI units") from error
+    return loaded
 
 
 def validate_scenario(scenario: Scenario, where: str = "scenario") -> None:
@@ -352,6 +370,11 @@ def _limit_violations(scenario: Scenario) -> Iterator[Violation]:
     if margin > 0.5 * g.hole_depth:
         bound = f"at most half of geometry.hole_depth {g.hole_depth} m"
         yield Violation("trial.full_depth_margin", f"{margin} m", bound)
+    reach = DEVICE_PRESETS[scenario.device].workspace_radius
+    if scenario.start.tip_height + scenario.full_depth >= reach:
+        start, most = f"from {1e3 * scenario.start.tip_height:.3g} mm above the mouth", f"{1e3 * reach:.3g} mm"
+        bound = f"a bottom within the {most} that device {scenario.device!r} moves {start}; start.depth begins lower"
+        yield Violation("geometry.hole_depth", f"{g.hole_depth} m", bound)
     yield from softness_violations(modulus=scenario.contact.modulus, clearance=g.clearance, peg_radius=g.peg_radius)
     if not guard.soft_force < guard.hold_force < guard.force_limit:
         bound = f"above soft_force {guard.soft_force} N and below force_limit {guard.force_limit} N"
