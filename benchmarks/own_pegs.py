@@ -26,6 +26,8 @@ from __future__ import annotations
 import itertools
 import time
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -155,9 +157,11 @@ def main(
     design = corners() if at_corners else sizes_of(seed, number)
     done = set(pd.read_csv(out)["number"]) if out.exists() else set()
     missing = [k for k in range(len(design)) if k not in done]
-    with progress("own pegs", len(missing)) as advance:
+    # A process for each scenario: Drake keeps the memory of its diagrams.
+    workers = ProcessPoolExecutor(1, mp_context=get_context("spawn"), max_tasks_per_child=1)
+    with progress("own pegs", len(missing)) as advance, workers:
         for k in missing:
-            row = {"number": k, **measure(design[k], good, trials, RUN * seed + k)}
+            row = {"number": k, **workers.submit(measure, design[k], good, trials, RUN * seed + k).result()}
             pd.DataFrame([row]).reindex(columns=COLUMNS).to_csv(out, mode="a", header=not out.exists(), index=False)
             advance(f"r {1e3 * row['radius']:.2f} mm, C/r {row['ratio']:.4f}")
     say(summary(pd.read_csv(out), trials))

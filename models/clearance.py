@@ -13,13 +13,14 @@
 - Likewise the coupling to the hand: the angular stiffness and damping are proportional to r, ``torque_scale`` to 1/r,
   so that a load turns the peg as far, and feels as large. The guide of the fixture has the lever l = depth + pivot;
   ``peg_inertia`` follows the damping 2 B + B_g l^2 about the tip, so that B dt/I keeps its margin
-  (`systems.haptics.coupling_margins`). A tilted peg that enters at the speed v must turn at about v/r, which takes the
-  impulse I v / r^2.
+  (`systems.haptics.coupling_margins`).
+- A tilted peg that enters a narrow hole at the speed v must turn at about v/r, which takes the impulse I v / r^2. The
+  operator's ``insertion_speed`` is lower where this would be more than nominal.
 - A loose peg may reach the floor with the tilt theta of two-point contact, or of its start if that is smaller; its rim
   then touches at r sin(theta). This and 0.1 mm are the ``full_depth_margin``, where that is more than the nominal one.
 - The ranges of the tilt keep their part of the largest tilt that enters (`start_of_clearance`).
 
-Hardware and people stay: sensor, feed, mount, pivot, speeds, force limits, operator; so does the chamfer, which must
+Hardware stays: sensor, feed, mount, pivot, force limits; so do the other habits of people, and the chamfer, which must
 take the offset of a tip that turns about the pivot, whatever its radius.
 
 **Numerics** follow the clearance C = R - r. The exact engine keeps the nominal step: its bodies are rigid, and it
@@ -61,7 +62,7 @@ import math
 from models.contact_checks import expected_overlap, softest_modulus
 from models.contact_theory import largest_entry_tilt, two_point_tilt
 from models.meshes import facet_sagitta, minimum_facets
-from models.scenario import FREE_FACETS, FREE_FIXTURE, MIN_TIME_STEP, Scenario
+from models.scenario_tree import FREE_FACETS, FREE_FIXTURE, MIN_TIME_STEP, Scenario
 from models.validation import copied, is_multiple, leaves
 
 NOMINAL = Scenario()
@@ -115,7 +116,7 @@ FOLLOWERS = (
     *("start.tilt_range", "start.demonstrated_tilt_range", "trial.full_depth_margin"),
     *("recorder.time_limit", "trial.time_limit"),
     *("stepper.holding_torque", "stepper.damping", "coupling.angular_stiffness", "coupling.angular_damping"),
-    *("coupling.torque_scale", "coupling.peg_inertia"),
+    *("coupling.torque_scale", "coupling.peg_inertia", "operator.insertion_speed"),
 )
 """Keys of a scenario that follow its geometry."""
 
@@ -147,7 +148,9 @@ def following(scenario: Scenario) -> Scenario:
     chosen.coupling.angular_stiffness *= size
     chosen.coupling.angular_damping *= size
     chosen.coupling.torque_scale /= size
-    chosen.coupling.peg_inertia *= _guided_damping(chosen) / _guided_damping(nominal)
+    heavier = _guided_damping(chosen) / _guided_damping(nominal)
+    chosen.coupling.peg_inertia *= heavier
+    chosen.operator.insertion_speed *= min(1.0, size**2 / heavier)
     chosen.trial.full_depth_margin = max(chosen.trial.full_depth_margin, seating_error(scenario) + MARGIN)
     return chosen
 

@@ -283,6 +283,7 @@ def test_what_states_the_nominal_sizes_is_nominal(engine):
                 "coupling.angular_damping": 0.72,
                 "coupling.torque_scale": 0.02 / 0.3,
                 "coupling.peg_inertia": 2e-2 * 1.45215 / 5.2704,
+                "operator.insertion_speed": 0.02 * 0.3**2 * 5.2704 / 1.45215,
             },
         ),
         # As deep as nominal, three times as wide: the wall of 19.95 mm stays.
@@ -312,6 +313,7 @@ def test_what_states_the_nominal_sizes_is_nominal(engine):
                 "recorder.time_limit": 8.0 * 53 / 28,
                 "trial.time_limit": 10.0 * 53 / 28,
                 "coupling.peg_inertia": 2e-2 * 6.4854 / 5.2704,
+                "operator.insertion_speed": 0.02 * 5.2704 / 6.4854,
             },
         ),
         # So loose that not the play, but the tilt of the start bounds how the peg rests: 10 mm * sin(sqrt(2) * 4 deg).
