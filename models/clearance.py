@@ -268,10 +268,18 @@ def relative_entry_tilt(scenario: Scenario) -> float:
     return own / nominal
 
 
+TRIED = {"peg_radius (m)": (0.003, 0.030), "C/r": (0.002, 0.2), "hole_depth/r": (0.5, 5.0)}
+"""Sizes of the pegs of `benchmarks.own_pegs`."""
+
+
 def doubts(scenario: Scenario) -> list[str]:
     """Returns why the skill may not insert this part, in words; nothing where no reason is known."""
     g = scenario.geometry
     found = []
+    sizes = (g.peg_radius, g.clearance / g.peg_radius, g.hole_depth / g.peg_radius)
+    for (name, (least, most)), value in zip(TRIED.items(), sizes, strict=True):
+        if not least * (1.0 - TOLERANCE) <= value <= most * (1.0 + TOLERANCE):
+            found.append(f"{name} {value:.3g} was not tried, {least:g} to {most:g} were")
     offset = scenario.rig.demonstrated_pivot_range * math.sin(largest_start_tilt(scenario))
     if g.chamfer + g.clearance < offset:
         found.append(

@@ -23,3 +23,21 @@ def test_what_follows_the_geometry_and_what_may_fail_are_a_line_each(tmp_path, c
     assert doubt == (
         "this peg may not be inserted: its tip starts up to 0.49 mm off the axis, chamfer and clearance take 0.3 mm"
     )
+
+
+@pytest.mark.parametrize(
+    ("sizes", "doubt"),
+    [
+        (
+            "peg_radius: 0.002, hole_radius: 0.00202, hole_depth: 0.005",
+            "peg_radius (m) 0.002 was not tried, 0.003 to 0.03 were",
+        ),
+        ("peg_radius: 0.01, hole_radius: 0.010015", "C/r 0.0015 was not tried, 0.002 to 0.2 were"),
+        ("peg_radius: 0.01, hole_radius: 0.0101, hole_depth: 0.06", "hole_depth/r 6 was not tried, 0.5 to 5 were"),
+    ],
+)
+def test_a_size_that_was_not_tried_is_said(sizes, doubt, tmp_path, capsys):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"geometry: {{{sizes}}}")
+    read_scenario(str(path))
+    assert capsys.readouterr().out.splitlines()[1:] == [f"this peg may not be inserted: {doubt}"]
