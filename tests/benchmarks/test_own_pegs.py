@@ -21,8 +21,10 @@ def test_the_design_fills_its_range_and_is_that_of_its_seed():
 @pytest.mark.parametrize("sizes", [(0.003, 0.002, 5.0), (0.03, 0.002, 0.5)])
 def test_the_laws_hold_at_unusual_sizes(sizes):
     found = laws(scenario_of(*sizes), 0)
-    assert found["laws"]
-    assert not np.isnan([found[name] for name in ("depth", "slide", "jam", "wedge")]).any()
+    assert abs(found["depth"]) < 0.02
+    assert abs(found["slide"]) < 0.06
+    assert abs(found["wedge"]) < 0.02
+    assert found["jam"] > 0.85  # 17 of at most 20 loads
 
 
 def test_an_unusual_peg_is_taught_and_tried():
